@@ -1,0 +1,73 @@
+"""Geodesics of mechanical systems, and human motion seen as sequences of them."""
+
+from importlib.metadata import version as _version
+
+from geodesic_ocp.analysis import Analysis, analyse
+from geodesic_ocp.errors import (
+    GeodesicOcpError,
+    IntegrationFailed,
+    NotConverged,
+    RecordingError,
+)
+from geodesic_ocp.manifold.exponential import exp
+from geodesic_ocp.manifold.metric import Euclidean, KineticEnergy, Metric
+from geodesic_ocp.manifold.transport import parallel_transport
+from geodesic_ocp.model.human import human_arm
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.motion.archive import load_synergies, save_synergies
+from geodesic_ocp.motion.baselines import track_hand
+from geodesic_ocp.motion.evaluation import Errors, evaluate
+from geodesic_ocp.motion.motion import Motion, Subject
+from geodesic_ocp.motion.readers import read_motion
+from geodesic_ocp.motion.segmentation import segment, segment_zero_velocity
+from geodesic_ocp.motion.synergies import Reconstruction, Synergy, reconstruct
+from geodesic_ocp.ocp.grid import Grid
+from geodesic_ocp.ocp.logarithm import distance, geodesic, log
+from geodesic_ocp.ocp.path import Path
+from geodesic_ocp.ocp.problem import PointToPoint, Problem
+from geodesic_ocp.ocp.solution import Solution, Stats
+from geodesic_ocp.ocp.solve import solve
+from geodesic_ocp.ocp.timing import TimeLaw, time_law
+
+__version__ = _version("geodesic_ocp")
+
+__all__ = [
+    "Analysis",
+    "Errors",
+    "Euclidean",
+    "GeodesicOcpError",
+    "Grid",
+    "IntegrationFailed",
+    "KineticEnergy",
+    "Metric",
+    "Model",
+    "Motion",
+    "NotConverged",
+    "Path",
+    "PointToPoint",
+    "Problem",
+    "Reconstruction",
+    "RecordingError",
+    "Solution",
+    "Stats",
+    "Subject",
+    "Synergy",
+    "TimeLaw",
+    "analyse",
+    "distance",
+    "evaluate",
+    "exp",
+    "geodesic",
+    "human_arm",
+    "load_synergies",
+    "log",
+    "parallel_transport",
+    "read_motion",
+    "reconstruct",
+    "save_synergies",
+    "segment",
+    "segment_zero_velocity",
+    "solve",
+    "time_law",
+    "track_hand",
+]

@@ -1,0 +1,195 @@
+"""The main job: from a recording to geodesic synergies, and how well they explain it."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from geodesic_ocp import plot
+from geodesic_ocp.manifold.metric import Euclidean, KineticEnergy
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.motion.archive import save_synergies
+from geodesic_ocp.motion.baselines import track_hand
+from geodesic_ocp.motion.evaluation import Errors, evaluate
+from geodesic_ocp.motion.motion import Motion
+from geodesic_ocp.motion.segmentation import segment, segment_zero_velocity
+from geodesic_ocp.motion.synergies import Reconstruction, Synergy, reconstruct
+from geodesic_ocp.table import Table
+
+_METHODS = {
+    "riemannian": "geodesics (Riemannian)",
+    "euclidean": "straight lines, zero-velocity segments",
+    "euclidean_same_segments": "straight lines, same segments",
+    "ik": "inverse kinematics of the hand",
+}
+Progress = Callable[[str, int, int], object]
+
+
+def _no_progress(label: str, done: int, total: int) -> None:
+    del label, done, total
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis:
+    """A recording, its geodesic synergies, and the baselines.
+
+    Attributes:
+        model: the arm.
+        motion: the observed motion, filtered.
+        threshold: of the segmentation [rad].
+        segments: (start, stop) sample indices of the geodesic segmentation.
+        synergies: one for each segment.
+        predicted: the motion that the synergies predict.
+        segment_counts: number of segments by method, of those methods that have segments.
+        predictions: predicted motion by method.
+        errors: mean errors by method: "riemannian"; "euclidean", straight lines on zero-velocity
+            segments (the paper's comparison); "euclidean_same_segments", straight lines on the
+            geodesic segments (the fair one); "ik", inverse kinematics of the hand.
+    """
+
+    model: Model
+    motion: Motion
+    threshold: float
+    segments: tuple[tuple[int, int], ...]
+    synergies: tuple[Synergy, ...]
+    predicted: Motion
+    segment_counts: Mapping[str, int]
+    predictions: Mapping[str, Motion]
+    errors: Mapping[str, Errors]
+
+    def table(self) -> Table:
+        """Numbers of segments and mean errors of all methods."""
+        header = ("method", "segments", "joints [rad]", "hand [m]", "hand [rad]")
+        rows = []
+        for method, name in _METHODS.items():
+            errors = self.errors[method]
+            count = self.segment_counts.get(method, "-")
+            rows.append((name, count, errors.joint, errors.position, errors.orientation))
+        return Table(header, tuple(rows))
+
+    def plot(self) -> Figure:
+        """Hand and three joints over time, observed and predicted, and the hand's path."""
+        figure = Figure(figsize=(11.0, 7.5), layout="constrained")
+        grid = figure.add_gridspec(5, 2, width_ratios=(1.5, 1.0))
+        time = self.motion.time - self.motion.time[0]
+        hands = [self.model.hand_pose(motion.q)[1] for motion in (self.motion, self.predicted)]
+        axes_shown = plot.widest_columns(hands[0], 2)
+        rows = [
+            (f"hand {'xyz'[axis]}\n[m]", *(hand[:, axis] for hand in hands)) for axis in axes_shown
+        ]
+        for joint in self._shown_joints():
+            name = self.model.joint_names[joint].removesuffix("_joint")
+            rows.append((f"{name}\n[rad]", self.motion.q[:, joint], self.predicted.q[:, joint]))
+        panels: list[Axes] = []
+        for row, (label, observed, predicted) in enumerate(rows):
+            axes = figure.add_subplot(grid[row, 0], sharex=panels[0] if panels else None)
+            plot.shade_segments(axes, time, self.segments)
+            plot.draw_over_time(axes, time, observed, predicted, label)
+            axes.label_outer()
+            panels.append(axes)
+        panels[-1].set_xlabel("time [s]")
+        figure.align_ylabels(panels)
+
+        path = figure.add_subplot(grid[:, 1])
+        names = tuple("xyz"[axis] for axis in axes_shown)
+        observed, predicted = (hand[:, axes_shown] for hand in hands)
+        plot.draw_hand_path(path, observed, predicted, self.segments, (names[0], names[1]))
+        path.legend(loc="upper center", bbox_to_anchor=(0.5, 1.12), ncols=3, frameon=False)
+        figure.suptitle(
+            f"{self.model.name}: {len(self.segments)} geodesic synergies "
+            f"(threshold {self.threshold:g} rad)"
+        )
+        return figure
+
+    def _shown_joints(self) -> list[int]:
+        """The joint that moves most in each third of the chain: shoulder, elbow, wrist."""
+        thirds = [third for third in np.array_split(np.arange(self.model.dof), 3) if len(third)]
+        widest = [plot.widest_columns(self.motion.q[:, third], 1)[0] for third in thirds]
+        return [int(third[index]) for third, index in zip(thirds, widest, strict=True)]
+
+    def save(self, folder: str | FilePath) -> list[FilePath]:
+        """Write table.csv, table.md, figure.png, figure.pdf and synergies.json to the folder.
+
+        All are written elsewhere first and moved in together; `load_synergies` reads the last.
+
+        Returns:
+            The files' paths.
+
+        Raises:
+            OSError: the folder cannot be made or written to.
+        """
+        target = FilePath(folder)
+        target.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=target, prefix=".writing-") as temporary:
+            made = FilePath(temporary)
+            table, figure = self.table(), self.plot()
+            (made / "table.csv").write_text(table.csv(), encoding="utf-8")
+            (made / "table.md").write_text(table.markdown(), encoding="utf-8")
+            figure.savefig(made / "figure.png", dpi=150)
+            figure.savefig(made / "figure.pdf")
+            save_synergies(made / "synergies.json", self.synergies, self.motion.joint_names)
+            files = [FilePath(shutil.move(file, target / file.name)) for file in made.iterdir()]
+        return sorted(files)
+
+
+def analyse(
+    model: Model, motion: Motion, threshold: float = 0.6, *, progress: Progress | None = None
+) -> Analysis:
+    """Cut a recorded motion into geodesic synergies, plan each, and compare with the baselines.
+
+    Args:
+        model: the arm; its joints are picked from the motion by name.
+        motion: the recording; filtered here (`Motion.filtered`) if it has no velocities.
+        threshold: of the segmentation [rad], see `segment`.
+        progress: called with what is being done, how much is done and how much there is.
+
+    Raises:
+        ValueError: a joint is missing, the motion never moves or is too short to filter, or the
+            threshold is out of range.
+        NotConverged: no geodesic was found for a segment.
+    """
+    report = progress or _no_progress
+    motion = motion.select(model.joint_names)
+    if motion.velocity is None:
+        motion = motion.filtered()
+    metric, flat = KineticEnergy(model), Euclidean(model.dof)
+    report("cutting into segments", 0, 1)
+    segments = segment(metric, motion, threshold)
+    by_velocity = segment_zero_velocity(motion)
+    total = 2 * len(segments) + len(by_velocity) + 1
+
+    before = 0
+    found: dict[str, Reconstruction] = {}
+    for method, its_metric, its_segments, label in (
+        ("riemannian", metric, segments, "planning geodesics"),
+        ("euclidean_same_segments", flat, segments, "planning straight lines"),
+        ("euclidean", flat, by_velocity, "planning straight lines"),
+    ):
+
+        def advance(done: int, label: str = label, before: int = before) -> None:
+            report(label, before + done, total)
+
+        found[method] = reconstruct(its_metric, motion, its_segments, progress=advance)
+        before += len(its_segments)
+    report("following the hand", before, total)
+    predictions = {method: found[method].predicted for method in found}
+    predictions["ik"] = track_hand(model, motion)
+    report("done", total, total)
+    return Analysis(
+        model=model,
+        motion=motion,
+        threshold=float(threshold),
+        segments=tuple(segments),
+        synergies=found["riemannian"].synergies,
+        predicted=found["riemannian"].predicted,
+        segment_counts={method: len(found[method].synergies) for method in found},
+        predictions=predictions,
+        errors={method: evaluate(model, motion, predictions[method]) for method in _METHODS},
+    )

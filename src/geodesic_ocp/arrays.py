@@ -1,0 +1,49 @@
+"""The border between NumPy and CasADi: numeric calls take and give NumPy, symbolic ones CasADi."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array: TypeAlias = NDArray[np.float64]
+Symbolic: TypeAlias = ca.SX | ca.MX
+
+
+def is_symbolic(*values: object) -> bool:
+    """Whether any of the values is a CasADi expression."""
+    return any(isinstance(value, (ca.SX, ca.MX)) for value in values)
+
+
+def as_vector(name: str, value: ArrayLike, size: int) -> Array:
+    """The value as a finite 1-d array of `size` floats; ValueError names the argument if not."""
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be {size} numbers, got {value!r}") from None
+    if array.shape != (size,):
+        raise ValueError(f"{name} must have shape ({size},), got {array.shape}")
+    if not np.all(np.isfinite(array)):
+        raise ValueError(f"{name} must be finite, got {array}")
+    return array
+
+
+def as_positive(name: str, value: float, unit: str = "") -> float:
+    """The value as a finite float above zero; ValueError names the argument if not."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be a number, got {value!r}") from None
+    if not np.isfinite(number) or number <= 0.0:
+        raise ValueError(f"{name} must be positive{f' [{unit}]' if unit else ''}, got {value}")
+    return number
+
+
+def evaluate(function: ca.Function, *arguments: Any) -> Any:
+    """Call a CasADi function: CasADi in, CasADi out; NumPy in, NumPy out (columns as 1-d)."""
+    outputs = function.call(list(arguments))
+    if not is_symbolic(*arguments):
+        outputs = [out.full()[:, 0] if out.shape[1] == 1 else out.full() for out in outputs]
+    return outputs[0] if len(outputs) == 1 else tuple(outputs)

@@ -1,0 +1,180 @@
+"""The command line: geodesic-ocp analyse | demo | models."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import closing
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import get_args
+
+from tqdm import tqdm
+
+from geodesic_ocp.analysis import Analysis, analyse
+from geodesic_ocp.errors import GeodesicOcpError
+from geodesic_ocp.model.human import Side, human_arm
+from geodesic_ocp.model.rigid_body import available_backends, choose_backend
+from geodesic_ocp.motion.motion import Motion
+from geodesic_ocp.motion.readers import read_motion
+
+_DEFAULT_HEIGHT, _DEFAULT_MASS = 1.75, 70.0  # [m], [kg]
+_EXIT = """exit codes: 0 done; 2 wrong input, named in one line; 3 a solver or integration failed;
+130 interrupted"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command; returns the exit code."""
+    options = _parser().parse_args(arguments)
+    try:
+        options.run(options)
+    except (ValueError, OSError) as error:
+        return _failed(error, 2)
+    except GeodesicOcpError as error:
+        return _failed(error, 3)
+    except KeyboardInterrupt:
+        return _failed("interrupted", 130)
+    return 0
+
+
+def _failed(reason: object, code: int) -> int:
+    print("geodesic-ocp: error:", " ".join(str(reason).split()), file=sys.stderr)
+    return code
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="geodesic-ocp",
+        description="Human arm motion as sequences of geodesic synergies.",
+        epilog=_EXIT,
+    )
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    command = commands.add_parser(
+        "analyse",
+        help="cut a recording into geodesic synergies and compare with the baselines",
+        epilog=_EXIT,
+    )
+    command.add_argument("file", type=Path, help="MMM motion (.xml) or table (.csv)")
+    command.add_argument("--side", choices=("right", "left"), default="right", help="the arm")
+    command.add_argument("--height", type=float, help="of the person [m]; default: the recording's")
+    command.add_argument("--mass", type=float, help="of the person [kg]; default: the recording's")
+    _add_analysis_options(command)
+    command.set_defaults(run=_analyse)
+
+    command = commands.add_parser("demo", help="analyse the bundled recording", epilog=_EXIT)
+    _add_analysis_options(command)
+    command.set_defaults(run=_demo)
+
+    command = commands.add_parser("models", help="say which models and back ends there are")
+    command.set_defaults(run=_models)
+    return parser
+
+
+def _add_analysis_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--threshold",
+        type=float,
+        default=0.6,
+        help="angle at which a new synergy begins [rad] (default: %(default)s)",
+    )
+    command.add_argument("--out", type=Path, help="folder for table, figure and synergies")
+
+
+def _analyse(options: argparse.Namespace) -> None:
+    _check_folder(options.out)
+    names = human_arm(options.side).joint_names
+    motion = read_motion(options.file, names)
+    _run(motion, options.side, options.height, options.mass, options)
+
+
+def _demo(options: argparse.Namespace) -> None:
+    options.out = options.out or Path("geodesic_ocp_demo")
+    _check_folder(options.out)
+    print("A person steps up and reaches with the left hand (motion capture, 4.4 s).")
+    with as_file(files("geodesic_ocp") / "data" / "reach.csv") as file:
+        motion = read_motion(file, human_arm("left").joint_names)
+    _run(motion, "left", None, None, options)
+
+
+def _check_folder(folder: Path | None) -> None:
+    if folder is not None and folder.exists() and not folder.is_dir():
+        raise ValueError(f"--out {folder} is a file, not a folder")
+
+
+def _run(
+    motion: Motion,
+    side: Side,
+    height: float | None,
+    mass: float | None,
+    options: argparse.Namespace,
+) -> None:
+    assumed = []
+    if height is None and (height := motion.subject.height) is None:
+        height = _DEFAULT_HEIGHT
+        assumed.append(f"height {height} m")
+    if mass is None and (mass := motion.subject.mass) is None:
+        mass = _DEFAULT_MASS
+        assumed.append(f"mass {mass} kg")
+    arm = human_arm(side, height, mass)
+    start = time.perf_counter()
+    with closing(_Bar()) as bar:
+        analysis = analyse(arm, motion, options.threshold, progress=bar)
+    _summarise(analysis, height, mass, assumed, time.perf_counter() - start)
+    if options.out is not None:
+        print()
+        for file in analysis.save(options.out):
+            print(f"wrote {file}")
+
+
+class _Bar:
+    """A progress bar on standard error, made when the amount of work is known."""
+
+    def __init__(self) -> None:
+        self._bar: tqdm | None = None
+
+    def __call__(self, label: str, done: int, total: int) -> None:
+        if self._bar is None:
+            self._bar = tqdm(
+                total=total, leave=False, bar_format="{desc}: {percentage:3.0f}% |{bar}|"
+            )
+        self._bar.total = total
+        self._bar.set_description(label, refresh=False)
+        self._bar.update(done - self._bar.n)
+        self._bar.refresh()
+
+    def close(self) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+
+def _summarise(
+    analysis: Analysis, height: float, mass: float, assumed: Sequence[str], seconds: float
+) -> None:
+    motion = analysis.motion
+    who = f" of {motion.subject.name}" if motion.subject.name else ""
+    print(
+        f"{analysis.model.name}{who}, height {height:g} m, mass {mass:g} kg: "
+        f"{len(motion)} samples, {motion.duration:.2f} s at {motion.rate:.0f} Hz"
+    )
+    if assumed:
+        print(f"assumed, as the recording does not say: {', '.join(assumed)}")
+    errors = analysis.errors["riemannian"]
+    print(
+        f"{len(analysis.synergies)} geodesic synergies at a threshold of "
+        f"{analysis.threshold:g} rad explain the joints to {errors.joint:.3f} rad and the hand to "
+        f"{1000 * errors.position:.0f} mm on average (found in {seconds:.1f} s)"
+    )
+    print(f"\nmean errors against the recording\n\n{analysis.table()}")
+
+
+def _models(options: argparse.Namespace) -> None:
+    del options
+    print("models: human arm, right and left: human_arm(side, height, mass)")
+    for side in get_args(Side):
+        arm = human_arm(side, _DEFAULT_HEIGHT, _DEFAULT_MASS)
+        print(f"  {arm.name}: {arm.dof} degrees of freedom: {', '.join(arm.joint_names)}")
+    print(f"symbolic rigid-body back ends here: {', '.join(available_backends())}")
+    print(f"in use: {choose_backend()} (the environment variable GEODESIC_OCP_BACKEND overrides)")

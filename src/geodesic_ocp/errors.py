@@ -1,0 +1,26 @@
+"""Every exception of the package that is not a ValueError about an argument."""
+
+
+class GeodesicOcpError(Exception):
+    """Base of the package's exceptions."""
+
+
+class IntegrationFailed(GeodesicOcpError):
+    """An integration stopped before its end: the message says where and why."""
+
+
+class NotConverged(GeodesicOcpError):
+    """A solver stopped elsewhere than at a solution.
+
+    Attributes:
+        solution: the record of the attempt (last iterate, status, residuals), or None where the
+            attempt ended before there was an iterate.
+    """
+
+    def __init__(self, message: str, solution: object = None) -> None:
+        super().__init__(message)
+        self.solution = solution
+
+
+class RecordingError(GeodesicOcpError, ValueError):
+    """A recording cannot be read: names the file, the line or element, and what was expected."""

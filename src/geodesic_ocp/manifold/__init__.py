@@ -1,0 +1,1 @@
+"""What follows from the metric tensor by differentiation and integration."""

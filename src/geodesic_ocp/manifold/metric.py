@@ -1,0 +1,233 @@
+"""Riemannian metrics: everything is derived from the metric tensor G(q).
+
+The equations are in the convention of Klein, Jaquier, Meixner, Asfour, "A Riemannian Take on Human
+Motion Analysis and Retargeting" (IROS 2022), section III, with Christoffel symbols of the first
+kind,
+
+    Gamma_ijk = 1/2 (d g_ij / d q_k + d g_ik / d q_j - d g_jk / d q_i).
+"""
+
+from __future__ import annotations
+
+import functools
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from geodesic_ocp.arrays import Array, as_vector, evaluate, is_symbolic
+from geodesic_ocp.manifold.integration import Integrator
+from geodesic_ocp.model.model import Model
+
+
+def _also_numeric(matrix: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """A subclass's symbolic matrix(q), which also takes and gives NumPy."""
+
+    @functools.wraps(matrix)
+    def wrapped(self: Metric, q: Any) -> Any:
+        if is_symbolic(q):
+            return matrix(self, q)
+        return evaluate(self._matrix_function, as_vector("q", q, self.dim))
+
+    return wrapped
+
+
+class Metric(ABC):
+    """A Riemannian metric on R^n given by its tensor G(q).
+
+    A subclass gives `dim` and `matrix(q)` in CasADi operations; the rest follows from these, and
+    `matrix` then also takes and gives NumPy arrays. Metrics are values: they do not change after
+    they were made.
+    """
+
+    dim: int
+
+    @abstractmethod
+    def matrix(self, q: Any) -> Any:
+        """Metric tensor G(q), (n, n), symmetric and positive definite."""
+
+    def __init_subclass__(cls, **keywords: Any) -> None:
+        super().__init_subclass__(**keywords)
+        if "matrix" in cls.__dict__:
+            cls.matrix = _also_numeric(cls.__dict__["matrix"])  # type: ignore[method-assign,assignment]
+
+    # -- functions of symbols, built once ------------------------------------------------------
+
+    @cached_property
+    def _matrix_function(self) -> ca.Function:
+        q = ca.SX.sym("q", self.dim)
+        matrix = ca.SX(self.matrix(q))
+        if matrix.shape != (self.dim, self.dim):
+            raise ValueError(
+                f"{type(self).__name__}.matrix(q) must have shape ({self.dim}, {self.dim}), "
+                f"got {matrix.shape}"
+            )
+        return ca.Function("G", [q], [ca.densify(matrix)], ["q"], ["G"])
+
+    @cached_property
+    def _matrix_derivative(self) -> ca.Function:
+        """Q -> (n^2, n): derivatives of the entries of G, columns first, by each coordinate."""
+        q = ca.SX.sym("q", self.dim)
+        derivative = ca.jacobian(ca.vec(self._matrix_function(q)), q)
+        return ca.Function("dG", [q], [ca.densify(ca.cse(derivative))])
+
+    def _christoffel_force(self, q: ca.SX, u: ca.SX, v: ca.SX) -> ca.SX:
+        """sum_jk Gamma_ijk u_j v_k, (n, 1)."""
+        tensor = self._matrix_function(q)
+        momentum_u, momentum_v = tensor @ u, tensor @ v
+        return 0.5 * (
+            ca.jtimes(momentum_u, q, v)
+            + ca.jtimes(momentum_v, q, u)
+            - ca.gradient(ca.dot(u, momentum_v), q)
+        )
+
+    def _transport_rate(self, q: ca.SX, u: ca.SX, v: ca.SX) -> ca.SX:
+        """Rate of v carried in parallel along u: -G^-1 sum_jk Gamma_ijk u_j v_k, (n, 1)."""
+        # L D L' without pivoting: G is positive definite, and the graph stays small.
+        factors, upper, permutation = ca.ldl(self._matrix_function(q), False)
+        force = self._christoffel_force(q, u, v)
+        return ca.densify(ca.cse(-ca.ldl_solve(force, factors, upper, permutation)))
+
+    @cached_property
+    def geodesic_equation(self) -> ca.Function:
+        """First-order form of the geodesic equation: y = (q, v), (2n,) -> y' = (v, v')."""
+        q, v = ca.SX.sym("q", self.dim), ca.SX.sym("v", self.dim)
+        rate = ca.vertcat(v, self._transport_rate(q, v, v))
+        return ca.Function("geodesic", [ca.vertcat(q, v)], [rate], ["y"], ["dy"])
+
+    @cached_property
+    def transport_equation(self) -> ca.Function:
+        """Parallel transport: w (n,), p = (q, q') (2n,) of the curve -> w' (n,)."""
+        w, q, v = (ca.SX.sym(name, self.dim) for name in ("w", "q", "v"))
+        rate = self._transport_rate(q, v, w)
+        return ca.Function("transport", [w, ca.vertcat(q, v)], [rate], ["w", "p"], ["dw"])
+
+    @cached_property
+    def speed(self) -> ca.Function:
+        """(q, v) -> |v|_q."""
+        q, v = ca.SX.sym("q", self.dim), ca.SX.sym("v", self.dim)
+        return ca.Function("speed", [q, v], [ca.sqrt(self.inner(q, v, v))], ["q", "v"], ["speed"])
+
+    @cached_property
+    def geodesic_integrator(self) -> Integrator:
+        """Integrator of `geodesic_equation`."""
+        return Integrator(self.geodesic_equation)
+
+    @cached_property
+    def transport_integrator(self) -> Integrator:
+        """Integrator of `transport_equation`."""
+        return Integrator(self.transport_equation)
+
+    def _checked(self, **vectors: Any) -> list[Any]:
+        if is_symbolic(*vectors.values()):
+            return list(vectors.values())
+        return [as_vector(name, value, self.dim) for name, value in vectors.items()]
+
+    # -- the geometry --------------------------------------------------------------------------
+
+    def inner(self, q: Any, u: Any, v: Any) -> Any:
+        """Inner product <u, v>_q = u' G(q) v of two tangent vectors (n,) at q."""
+        q, u, v = self._checked(q=q, u=u, v=v)
+        if is_symbolic(q, u, v):
+            return ca.dot(u, self._matrix_function(q) @ v)
+        return float(u @ self.matrix(q) @ v)
+
+    def norm(self, q: Any, v: Any) -> Any:
+        """Norm |v|_q = sqrt(<v, v>_q)."""
+        squared = self.inner(q, v, v)
+        return ca.sqrt(squared) if is_symbolic(squared) else float(np.sqrt(max(squared, 0.0)))
+
+    def angle(self, q: Any, u: Any, v: Any) -> float:
+        """Angle between two tangent vectors (n,) at q, in [0, pi] [rad].
+
+        Computed from the sum and the difference of the unit vectors, which keeps its accuracy for
+        small angles (Kahan, "How Futile are Mindless Assessments of Roundoff", 2006).
+
+        Raises:
+            ValueError: one of the vectors is zero.
+        """
+        q, u, v = self._checked(q=q, u=u, v=v)
+        tensor = self.matrix(q)
+
+        def norm(w: Array) -> float:
+            return float(np.sqrt(max(w @ tensor @ w, 0.0)))
+
+        lengths = norm(u), norm(v)
+        if min(lengths) == 0.0:
+            raise ValueError("the angle to a zero vector is not defined")
+        unit_u, unit_v = u / lengths[0], v / lengths[1]
+        return float(2.0 * np.arctan2(norm(unit_u - unit_v), norm(unit_u + unit_v)))
+
+    def christoffel(self, q: Any) -> Any:
+        """Christoffel symbols of the first kind, (n, n, n): entry [i, j, k] is Gamma_ijk.
+
+        For symbolic q a list of n CasADi matrices, the i-th with entries [j, k].
+        """
+        (q,) = self._checked(q=q)
+        derivative = evaluate(self._matrix_derivative, q)
+        if is_symbolic(q):
+            n = self.dim
+            return [
+                ca.blockcat(
+                    [
+                        [
+                            (
+                                derivative[i + n * j, k]
+                                + derivative[i + n * k, j]
+                                - derivative[j + n * k, i]
+                            )
+                            / 2
+                            for k in range(n)
+                        ]
+                        for j in range(n)
+                    ]
+                )
+                for i in range(n)
+            ]
+        slope = np.asarray(derivative).reshape(self.dim, self.dim, self.dim)  # [j, i, k]: G' = G
+        return 0.5 * (slope + slope.transpose(0, 2, 1) - slope.transpose(2, 0, 1))
+
+    def acceleration(self, q: Any, v: Any) -> Any:
+        """Acceleration q'' (n,) of the geodesic through q with velocity v (n,).
+
+        sum_j g_ij q''_j + sum_jk Gamma_ijk v_j v_k = 0.
+        """
+        q, v = self._checked(q=q, v=v)
+        if is_symbolic(q, v):
+            return self.geodesic_equation(ca.vertcat(q, v))[self.dim :]
+        return evaluate(self.geodesic_equation, np.concatenate([q, v]))[self.dim :]
+
+
+@dataclass(frozen=True)
+class KineticEnergy(Metric):
+    """The mass-inertia matrix of a model: |v|^2 / 2 is its kinetic energy [J]."""
+
+    model: Model
+
+    @property
+    def dim(self) -> int:  # type: ignore[override]
+        """Degrees of freedom of the model."""
+        return self.model.dof
+
+    def matrix(self, q: Any) -> Any:
+        """Mass-inertia matrix G(q), (n, n)."""
+        return self.model.mass_matrix(q)
+
+
+@dataclass(frozen=True)
+class Euclidean(Metric):
+    """The flat metric of R^n: geodesics are straight lines."""
+
+    dim: int
+
+    def __post_init__(self) -> None:
+        if self.dim < 1:
+            raise ValueError(f"dim must be at least 1, got {self.dim}")
+
+    def matrix(self, q: Any) -> Any:
+        """The identity (n, n)."""
+        return type(q).eye(self.dim)

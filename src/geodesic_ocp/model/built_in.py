@@ -1,0 +1,141 @@
+"""Symbolic rigid-body algorithms on CasADi SX, every figure read from a pin.Model.
+
+Composite-rigid-body algorithm and forward kinematics for trees of one-degree-of-freedom joints
+(revolute, prismatic, helical; any axis), in body coordinates: Featherstone, *Rigid Body Dynamics
+Algorithms* (2008), table 6.2. Spatial vectors are ordered (linear, angular), as in Pinocchio.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.model.joints import motion_subspace
+
+# Figures below this are rounding noise of a placement's rotation; exact zeros keep the graph small.
+_ROUNDING = 1e-15
+
+
+@dataclass(frozen=True)
+class _Placement:
+    """Rotation (3, 3) and translation (3, 1) of a frame in its parent's."""
+
+    rotation: ca.SX
+    translation: ca.SX
+
+    def __matmul__(self, other: _Placement) -> _Placement:
+        return _Placement(
+            self.rotation @ other.rotation, self.rotation @ other.translation + self.translation
+        )
+
+
+@dataclass(frozen=True)
+class _Inertia:
+    """Mass, first moment (3, 1) and second moment (3, 3) about the frame's origin."""
+
+    mass: ca.SX
+    first: ca.SX
+    second: ca.SX
+
+    def __add__(self, other: _Inertia) -> _Inertia:
+        return _Inertia(
+            self.mass + other.mass, self.first + other.first, self.second + other.second
+        )
+
+    def moved(self, placement: _Placement) -> _Inertia:
+        """The same inertia in the parent's frame: second moment about the parent's origin."""
+        first = placement.rotation @ self.first
+        arm, moment = ca.skew(placement.translation), ca.skew(first)
+        second = placement.rotation @ self.second @ placement.rotation.T
+        second -= arm @ moment + moment @ arm + self.mass * (arm @ arm)
+        return _Inertia(self.mass, first + self.mass * placement.translation, second)
+
+
+def _constant(matrix: Array) -> ca.SX:
+    matrix = np.array(matrix, dtype=float)
+    matrix[np.abs(matrix) < _ROUNDING] = 0.0
+    return ca.SX(matrix)
+
+
+def _fixed(placement: pin.SE3) -> _Placement:
+    return _Placement(_constant(placement.rotation), _constant(placement.translation))
+
+
+def _moved_along(subspace: Array, q: ca.SX) -> _Placement:
+    """exp(S q) of a constant twist S = (linear, angular): a rotation, translation or screw."""
+    linear, angular = subspace[:3], subspace[3:]
+    speed = float(np.linalg.norm(angular))
+    if speed == 0.0:
+        return _Placement(ca.SX.eye(3), _constant(linear) * q)
+    axis, angle = angular / speed, speed * q
+    cos, sin = ca.cos(angle), ca.sin(angle)
+    along = np.outer(axis, axis)
+    cross = np.array(ca.DM(ca.skew(ca.DM(axis))))
+    # R = a a' + cos (1 - a a') + sin [a]: exact zeros and ones where the axis is a coordinate's.
+    rotation = _constant(along) + cos * _constant(np.eye(3) - along) + sin * _constant(cross)
+    slide = linear / speed
+    translation = (
+        angle * _constant(along @ slide)
+        + sin * _constant((np.eye(3) - along) @ slide)
+        + (1 - cos) * _constant(cross @ slide)
+    )
+    return _Placement(rotation, translation)
+
+
+def _joint_placements(model: pin.Model, q: ca.SX) -> list[_Placement]:
+    """Placement of every joint in its parent's frame; index 0 is the universe."""
+    placements = [_fixed(pin.SE3.Identity())]
+    for index in range(1, model.njoints):
+        moved = _moved_along(motion_subspace(model, index), q[model.joints[index].idx_v])
+        placements.append(_fixed(model.jointPlacements[index]) @ moved)
+    return placements
+
+
+def _body_inertia(inertia: pin.Inertia) -> _Inertia:
+    lever = ca.skew(ca.DM(inertia.lever))
+    about_origin = inertia.inertia - inertia.mass * np.array(ca.DM(lever @ lever))
+    return _Inertia(
+        ca.SX(inertia.mass), _constant(inertia.mass * inertia.lever), _constant(about_origin)
+    )
+
+
+def mass_matrix(model: pin.Model, q: ca.SX) -> ca.SX:
+    """Joint-space mass-inertia matrix (nv, nv) at the joint coordinates q (nv, 1)."""
+    placements = _joint_placements(model, q)
+    subspaces = [np.zeros(6)] + [motion_subspace(model, i) for i in range(1, model.njoints)]
+    composite = [_body_inertia(inertia) for inertia in model.inertias]
+    matrix = ca.SX(model.nv, model.nv)
+    for index in range(model.njoints - 1, 0, -1):
+        body, row = composite[index], model.joints[index].idx_v
+        linear, angular = (_constant(part) for part in np.split(subspaces[index], 2))
+        force = body.mass * linear + ca.cross(angular, body.first)
+        torque = ca.cross(body.first, linear) + body.second @ angular
+        matrix[row, row] = ca.dot(linear, force) + ca.dot(angular, torque) + model.armature[row]
+        ancestor = index
+        while model.parents[ancestor] > 0:
+            placement = placements[ancestor]
+            force = placement.rotation @ force
+            torque = placement.rotation @ torque + ca.cross(placement.translation, force)
+            ancestor = model.parents[ancestor]
+            linear, angular = (_constant(part) for part in np.split(subspaces[ancestor], 2))
+            column = model.joints[ancestor].idx_v
+            matrix[row, column] = ca.dot(linear, force) + ca.dot(angular, torque)
+            matrix[column, row] = matrix[row, column]
+        parent = model.parents[index]
+        composite[parent] = composite[parent] + body.moved(placements[index])
+    return ca.cse(ca.densify(matrix))
+
+
+def frame_pose(model: pin.Model, q: ca.SX, frame: int) -> tuple[ca.SX, ca.SX]:
+    """Rotation (3, 3) and position (3, 1) [m] of a frame of the model in the base frame."""
+    placements = _joint_placements(model, q)
+    pose = _fixed(model.frames[frame].placement)
+    joint = model.frames[frame].parentJoint
+    while joint > 0:
+        pose = placements[joint] @ pose
+        joint = model.parents[joint]
+    return ca.densify(pose.rotation), ca.densify(pose.translation)

@@ -1,0 +1,41 @@
+"""Joints with one degree of freedom: their motion subspace and their coordinates."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+
+from geodesic_ocp.arrays import Array, is_symbolic
+
+
+def motion_subspace(model: pin.Model, index: int) -> Array:
+    """Twist (6,) of the joint per unit of its coordinate, (linear, angular) in the joint's frame.
+
+    Raises:
+        ValueError: the joint has not one degree of freedom, or not one of its own.
+    """
+    joint = model.joints[index]
+    if joint.nv != 1 or joint.shortname() == "JointModelMimic":
+        raise ValueError(
+            f"joint {model.names[index]!r} is a {joint.shortname()}; "
+            "only joints with one degree of freedom of their own can be used"
+        )
+    data = joint.createData()
+    joint.calc(data, pin.neutral(model))
+    return np.array(data.S, dtype=float).reshape(6)
+
+
+def configuration(model: pin.Model, q: Any) -> Any:
+    """Pinocchio's configuration vector (nq) for the joint coordinates q (nv).
+
+    The two differ for continuous joints, which Pinocchio stores as (cos, sin) of the angle.
+    """
+    entries: list[Any] = []
+    cos, sin = (ca.cos, ca.sin) if is_symbolic(q) else (np.cos, np.sin)
+    for joint in list(model.joints)[1:]:
+        coordinate = q[joint.idx_v]
+        entries += [coordinate] if joint.nq == 1 else [cos(coordinate), sin(coordinate)]
+    return ca.vertcat(*entries) if is_symbolic(q) else np.array(entries, dtype=float)

@@ -1,0 +1,133 @@
+"""Model: a pin.Model with a hand frame and limits, as CasADi functions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+
+from geodesic_ocp.arrays import Array, as_vector, evaluate, is_symbolic
+from geodesic_ocp.model.joints import motion_subspace
+from geodesic_ocp.model.rigid_body import choose_backend, rigid_body
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A mechanical system of one-degree-of-freedom joints with a hand.
+
+    Attributes:
+        pin: the Pinocchio model (a private copy is kept).
+        hand: name of the hand's frame in `pin`.
+        backend: "pinocchio.casadi" or "built-in"; None takes the first that is available.
+
+    Configurations are 1-d arrays [rad or m] in the order of `joint_names`. Two models are equal
+    only if they are the same object.
+
+    Raises:
+        ValueError: a joint has not one degree of freedom, or there is no frame `hand`.
+    """
+
+    pin: pin.Model
+    hand: str
+    backend: str | None = None
+    _hand_id: int = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if not self.pin.existFrame(self.hand):
+            known = ", ".join(frame.name for frame in self.pin.frames)
+            raise ValueError(f"the model has no frame {self.hand!r}; its frames are {known}")
+        for index in range(1, self.pin.njoints):
+            motion_subspace(self.pin, index)
+        object.__setattr__(self, "pin", self.pin.copy())
+        object.__setattr__(self, "backend", choose_backend(self.backend))
+        object.__setattr__(self, "_hand_id", self.pin.getFrameId(self.hand))
+
+    @property
+    def name(self) -> str:
+        """Name of the Pinocchio model."""
+        return str(self.pin.name)
+
+    @property
+    def dof(self) -> int:
+        """Number n of degrees of freedom."""
+        return int(self.pin.nv)
+
+    @cached_property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, in the order of the configuration's entries."""
+        joints = list(zip(self.pin.names, self.pin.joints, strict=True))[1:]
+        return tuple(name for name, joint in sorted(joints, key=lambda pair: pair[1].idx_v))
+
+    @cached_property
+    def lower(self) -> Array:
+        """Lower limits (n,) [rad or m]; -inf where there is none."""
+        return self._limits(np.array(self.pin.lowerPositionLimit), -np.inf)
+
+    @cached_property
+    def upper(self) -> Array:
+        """Upper limits (n,) [rad or m]; inf where there is none."""
+        return self._limits(np.array(self.pin.upperPositionLimit), np.inf)
+
+    def _limits(self, stored: Array, unlimited: float) -> Array:
+        limits = np.full(self.dof, unlimited)
+        for joint in list(self.pin.joints)[1:]:
+            if joint.nq == 1:  # continuous joints are stored as (cos, sin) and have no limits
+                limits[joint.idx_v] = stored[joint.idx_q]
+        limits[np.abs(limits) >= np.finfo(float).max] = unlimited
+        limits.flags.writeable = False
+        return limits
+
+    @cached_property
+    def _mass_matrix(self) -> ca.Function:
+        q = ca.SX.sym("q", self.dof)
+        return ca.Function("mass_matrix", [q], [self._symbolic_mass_matrix(q)], ["q"], ["G"])
+
+    def _symbolic_mass_matrix(self, q: ca.SX) -> ca.SX:
+        assert self.backend is not None
+        return rigid_body(self.backend).mass_matrix(self.pin, q)
+
+    @cached_property
+    def _hand_pose(self) -> ca.Function:
+        assert self.backend is not None
+        q = ca.SX.sym("q", self.dof)
+        rotation, position = rigid_body(self.backend).frame_pose(self.pin, q, self._hand_id)
+        return ca.Function("hand_pose", [q], [rotation, position], ["q"], ["R", "p"])
+
+    @cached_property
+    def _hand_jacobian(self) -> ca.Function:
+        q = ca.SX.sym("q", self.dof)
+        rotation, position = self._hand_pose(q)
+        columns = [
+            ca.inv_skew(ca.reshape(ca.jacobian(rotation, q[i]), 3, 3) @ rotation.T)
+            for i in range(self.dof)
+        ]
+        jacobian = ca.vertcat(ca.jacobian(position, q), ca.horzcat(*columns))
+        return ca.Function("hand_jacobian", [q], [ca.densify(ca.cse(jacobian))], ["q"], ["J"])
+
+    def _checked(self, q: Any) -> Any:
+        return q if is_symbolic(q) else as_vector("q", q, self.dof)
+
+    def mass_matrix(self, q: Any) -> Any:
+        """Mass-inertia matrix G(q), (n, n) [kg m^2 for angles, kg for slides]."""
+        return evaluate(self._mass_matrix, self._checked(q))
+
+    def hand_pose(self, q: Any) -> Any:
+        """Rotation (3, 3) and position (3,) [m] of the hand's frame in the base frame.
+
+        For k configurations (k, n): rotations (k, 3, 3) and positions (k, 3).
+        """
+        if is_symbolic(q) or np.ndim(q) < 2:
+            return evaluate(self._hand_pose, self._checked(q))
+        many = np.asarray(q, dtype=float)
+        if many.ndim != 2 or many.shape[1] != self.dof or not np.all(np.isfinite(many)):
+            raise ValueError(f"q must be finite, of shape (k, {self.dof}), got {many.shape}")
+        rotations, positions = evaluate(self._hand_pose.map(len(many)), many.T)
+        return rotations.reshape(3, -1, 3).transpose(1, 0, 2), positions.reshape(3, -1).T
+
+    def hand_jacobian(self, q: Any) -> Any:
+        """Jacobian (6, n) to the hand's linear [m] and angular velocity, base frame's axes."""
+        return evaluate(self._hand_jacobian, self._checked(q))

@@ -1,0 +1,90 @@
+"""Symbolic mass matrix and frame poses of a pin.Model, from one of two back ends.
+
+`pinocchio.casadi` (Pinocchio's own algorithms on CasADi scalars) where it can be imported,
+otherwise the package's built-in algorithms, which read the same pin.Model. They compute the same
+functions; the choice can be made by an argument or by the environment variable
+GEODESIC_OCP_BACKEND.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+from functools import lru_cache
+from types import ModuleType
+from typing import Protocol
+
+import casadi as ca
+import pinocchio as pin
+
+from geodesic_ocp.model import built_in
+from geodesic_ocp.model.joints import configuration, motion_subspace
+
+BACKENDS = ("pinocchio.casadi", "built-in")
+ENVIRONMENT_VARIABLE = "GEODESIC_OCP_BACKEND"
+
+
+class RigidBody(Protocol):
+    """What the rest of the package asks of a back end."""
+
+    def mass_matrix(self, model: pin.Model, q: ca.SX) -> ca.SX:
+        """Joint-space mass-inertia matrix (nv, nv), both triangles filled."""
+
+    def frame_pose(self, model: pin.Model, q: ca.SX, frame: int) -> tuple[ca.SX, ca.SX]:
+        """Rotation (3, 3) and position (3, 1) [m] of a frame in the base frame."""
+
+
+class _PinocchioCasadi:
+    """Pinocchio's algorithms instantiated on casadi.SX."""
+
+    def __init__(self, module: ModuleType) -> None:
+        self._cpin = module
+
+    def mass_matrix(self, model: pin.Model, q: ca.SX) -> ca.SX:
+        for index in range(1, model.njoints):
+            motion_subspace(model, index)  # refuses the same joints as the built-in back end
+        symbolic = self._cpin.Model(model)
+        matrix = self._cpin.crba(symbolic, symbolic.createData(), configuration(model, q))
+        return ca.SX(
+            ca.densify(ca.triu2symm(ca.triu(matrix)))
+        )  # crba fills the upper triangle only
+
+    def frame_pose(self, model: pin.Model, q: ca.SX, frame: int) -> tuple[ca.SX, ca.SX]:
+        symbolic = self._cpin.Model(model)
+        data = symbolic.createData()
+        self._cpin.framesForwardKinematics(symbolic, data, configuration(model, q))
+        pose = data.oMf[frame]
+        return ca.densify(ca.SX(pose.rotation)), ca.densify(ca.SX(pose.translation))
+
+
+@lru_cache(maxsize=1)
+def _pinocchio_casadi() -> ModuleType | None:
+    try:
+        return importlib.import_module("pinocchio.casadi")
+    except ImportError:
+        return None
+
+
+def available_backends() -> tuple[str, ...]:
+    """Names of the back ends that can be used here, the default first."""
+    return BACKENDS if _pinocchio_casadi() is not None else BACKENDS[1:]
+
+
+def choose_backend(name: str | None = None) -> str:
+    """The back end's name: the argument, the environment's, or the first that is available.
+
+    Raises:
+        ValueError: the name is unknown, or that back end cannot be imported here.
+    """
+    name = name or os.environ.get(ENVIRONMENT_VARIABLE) or available_backends()[0]
+    if name not in BACKENDS:
+        raise ValueError(f"backend must be one of {', '.join(BACKENDS)}, got {name!r}")
+    if name not in available_backends():
+        raise ValueError(f"backend {name!r} cannot be imported here; the pin wheels lack it")
+    return name
+
+
+def rigid_body(backend: str) -> RigidBody:
+    """The back end of that name, as `choose_backend` returned it."""
+    module = _pinocchio_casadi() if backend == "pinocchio.casadi" else None
+    return _PinocchioCasadi(module) if module is not None else built_in

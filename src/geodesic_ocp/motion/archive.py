@@ -1,0 +1,95 @@
+"""Synergies in JSON files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.motion.synergies import Synergy
+from geodesic_ocp.ocp.grid import Grid
+from geodesic_ocp.ocp.path import Path
+from geodesic_ocp.ocp.timing import TimeLaw
+
+_FORMAT = "geodesic_ocp synergies"
+_VERSION = 1
+
+
+def save_synergies(
+    file: str | FilePath, synergies: Sequence[Synergy], joint_names: Sequence[str]
+) -> None:
+    """Write segments, paths and time laws of synergies, in SI units, with all digits."""
+    record = {
+        "format": _FORMAT,
+        "version": _VERSION,
+        "units": {"q": "rad or m", "time": "s", "length": "of the metric: sqrt(kg) m"},
+        "joint_names": list(joint_names),
+        "segments": [[synergy.start, synergy.stop] for synergy in synergies],
+        "synergies": [_record(synergy) for synergy in synergies],
+    }
+    FilePath(file).write_text(json.dumps(record, indent=1), encoding="utf-8")
+
+
+def _record(synergy: Synergy) -> dict[str, Any]:
+    grid, law = synergy.path.grid, synergy.law
+    return {
+        "start": synergy.start,
+        "stop": synergy.stop,
+        "start_time": synergy.start_time,
+        "duration": synergy.duration,
+        "length": synergy.length,
+        "path": {
+            "segments": grid.segments,
+            "degree": grid.degree,
+            "nodes": synergy.path.nodes.tolist(),
+        },
+        "law": {
+            "knots": law.knots.tolist(),
+            "positions": law.positions.tolist(),
+            "speeds": law.speeds.tolist(),
+        },
+    }
+
+
+def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
+    """Read synergies that `save_synergies` wrote.
+
+    Args:
+        file: the JSON file.
+        metric: in which the paths were planned; the file holds the paths, not the metric.
+
+    Raises:
+        RecordingError: the file is missing, is not such a file, or does not fit the metric.
+    """
+    path = FilePath(file)
+    if not path.is_file():
+        raise RecordingError(f"{path}: there is no such file")
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as failure:
+        raise RecordingError(f"{path}: is not JSON: {failure}") from None
+    if not isinstance(record, dict) or record.get("format") != _FORMAT:
+        raise RecordingError(f"{path}: is not a file of synergies")
+    if record.get("version") != _VERSION:
+        raise RecordingError(f"{path}: has version {record.get('version')}, expected {_VERSION}")
+    try:
+        return tuple(_synergy(entry, metric) for entry in record["synergies"])
+    except (KeyError, TypeError, ValueError) as failure:
+        reason = f"{failure} is missing" if isinstance(failure, KeyError) else str(failure)
+        raise RecordingError(f"{path}: {reason}") from None
+
+
+def _synergy(entry: dict[str, Any], metric: Metric) -> Synergy:
+    path, law = entry["path"], entry["law"]
+    return Synergy(
+        int(entry["start"]),
+        int(entry["stop"]),
+        float(entry["start_time"]),
+        Path(metric, Grid(path["segments"], path["degree"]), np.array(path["nodes"])),
+        TimeLaw(*(np.array(law[name], dtype=float) for name in ("knots", "positions", "speeds"))),
+    )

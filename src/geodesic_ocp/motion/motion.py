@@ -1,0 +1,171 @@
+"""Motion: joint coordinates sampled over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
+from scipy.signal import savgol_filter
+
+from geodesic_ocp.arrays import Array, as_positive
+
+# Sampling steps may differ by this share of their mean: recordings round their time stamps.
+_UNEVEN = 0.02
+
+
+@dataclass(frozen=True)
+class Subject:
+    """Whose motion it is: height [m], mass [kg] and name, as far as the recording tells."""
+
+    height: float | None = None
+    mass: float | None = None
+    name: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Joint coordinates over time, and their velocities once they were filtered.
+
+    Attributes:
+        time: increasing instants (k,) [s], at least two.
+        q: joint coordinates (k, n) [rad or m].
+        joint_names: of the n columns.
+        velocity: (k, n) [rad/s or m/s], or None before filtering.
+        subject: whose motion it is.
+
+    Raises:
+        ValueError: shapes that do not fit, values that are not finite, or time that does not
+            increase; names the first sample where that is so.
+    """
+
+    time: Array
+    q: Array
+    joint_names: tuple[str, ...]
+    velocity: Array | None = None
+    subject: Subject = Subject()
+
+    def __post_init__(self) -> None:
+        time, q = np.array(self.time, dtype=float), np.array(self.q, dtype=float)
+        names = tuple(self.joint_names)
+        if time.ndim != 1 or q.shape != (time.size, len(names)):
+            raise ValueError(
+                f"time (k,) and q (k, {len(names)}) must fit together and the {len(names)} joint "
+                f"names, got shapes {time.shape} and {q.shape}"
+            )
+        if time.size < 2:
+            raise ValueError(f"a motion needs at least two samples, got {time.size}")
+        if len(set(names)) < len(names):
+            raise ValueError(f"joint names must differ, got {', '.join(names)}")
+        arrays = {"time": time[:, None], "q": q}
+        if self.velocity is not None:
+            arrays["velocity"] = np.array(self.velocity, dtype=float)
+            if arrays["velocity"].shape != q.shape:
+                raise ValueError(f"velocity must have the shape {q.shape} of q")
+        for name, array in arrays.items():
+            bad = np.argwhere(~np.isfinite(array))
+            if len(bad):
+                row, column = bad[0]
+                which = "" if name == "time" else f" of {names[column]}"
+                raise ValueError(f"{name}{which} is {array[row, column]} at sample {row}")
+        steps = np.diff(time)
+        if np.any(steps <= 0.0):
+            row = int(np.argmax(steps <= 0.0)) + 1
+            raise ValueError(
+                f"time must increase: sample {row} is at {time[row]:.6g} s, the one before at "
+                f"{time[row - 1]:.6g} s"
+            )
+        for array in arrays.values():
+            array.flags.writeable = False
+        time.flags.writeable = False
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "q", q)
+        object.__setattr__(self, "joint_names", names)
+        object.__setattr__(self, "velocity", arrays.get("velocity"))
+
+    def __len__(self) -> int:
+        return int(self.time.size)
+
+    @property
+    def duration(self) -> float:
+        """[s]"""
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def rate(self) -> float:
+        """Mean sampling rate [Hz]."""
+        return (len(self) - 1) / self.duration
+
+    # -- as a curve, for parallel transport ----------------------------------------------------
+
+    @cached_property
+    def _spline(self) -> CubicSpline:
+        return CubicSpline(self.time, self.q)
+
+    @property
+    def breakpoints(self) -> Array:
+        """The instants of the samples [s]."""
+        return self.time
+
+    def __call__(self, s: ArrayLike, order: int = 0) -> Array:
+        """Coordinates at times s [s], or a derivative: the cubic spline through the samples."""
+        result: Array = np.asarray(self._spline(np.asarray(s, dtype=float), order))
+        return result
+
+    # -- other motions from this one -----------------------------------------------------------
+
+    def select(self, joints: Sequence[str]) -> Motion:
+        """The motion of these joints, in this order.
+
+        Raises:
+            ValueError: a joint is not there.
+        """
+        missing = [name for name in joints if name not in self.joint_names]
+        if missing:
+            raise ValueError(
+                f"there is no joint {', '.join(missing)}; there are {', '.join(self.joint_names)}"
+            )
+        columns = [self.joint_names.index(name) for name in joints]
+        velocity = None if self.velocity is None else self.velocity[:, columns]
+        return replace(self, q=self.q[:, columns], joint_names=tuple(joints), velocity=velocity)
+
+    def resampled(self, rate: float) -> Motion:
+        """The motion at evenly spaced instants, `rate` samples a second [Hz], by cubic spline."""
+        step = 1.0 / as_positive("rate", rate, "Hz")
+        count = int(np.floor(self.duration / step * (1.0 + 1e-12))) + 1
+        time = self.time[0] + step * np.arange(count)
+        return replace(self, time=time, q=self(time), velocity=None)
+
+    def filtered(self, window: int = 21, order: int = 2) -> Motion:
+        """Positions and velocities by a Savitzky-Golay filter of `window` samples.
+
+        Savitzky and Golay, Analytical Chemistry 36 (1964): a polynomial of that order is fitted
+        around every sample.
+
+        Raises:
+            ValueError: the samples are not evenly spaced, there are fewer than `window`, or window
+                and order do not fit (window odd and above order, order at least 1).
+        """
+        if window % 2 == 0 or order < 1 or window <= order:
+            raise ValueError(
+                f"window must be odd and above order, order at least 1, got {window} and {order}"
+            )
+        if len(self) < window:
+            raise ValueError(
+                f"filtering with window {window} needs as many samples, not {len(self)}"
+            )
+        steps = np.diff(self.time)
+        step = self.duration / (len(self) - 1)
+        uneven = np.abs(steps - step) > _UNEVEN * step
+        if np.any(uneven):
+            row = int(np.argmax(uneven))
+            raise ValueError(
+                f"filtering needs evenly spaced samples: the step after sample {row} is "
+                f"{steps[row]:.6g} s, the mean {step:.6g} s; use motion.resampled(rate)"
+            )
+        position = savgol_filter(self.q, window, order, axis=0)
+        velocity = savgol_filter(self.q, window, order, deriv=1, delta=step, axis=0)
+        return replace(self, q=position, velocity=velocity)

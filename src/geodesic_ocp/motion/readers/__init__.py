@@ -1,0 +1,38 @@
+"""Recordings from files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.motion.motion import Motion
+from geodesic_ocp.motion.readers.mmm import read_mmm
+from geodesic_ocp.motion.readers.table import read_table
+
+_READERS = {".xml": read_mmm, ".csv": read_table}
+
+
+def read_motion(path: str | Path, joints: Sequence[str] | None = None) -> Motion:
+    """The motion in a file: MMM (.xml, both layouts) or a table (.csv).
+
+    Args:
+        path: of the file.
+        joints: names of the joints wanted, in the order wanted; all by default.
+
+    Raises:
+        RecordingError: the file is missing, is of no known kind, or cannot be read; names the
+            file, the place in it, and what was expected there.
+    """
+    file = Path(path)
+    if not file.is_file():
+        raise RecordingError(f"{file}: there is no such file")
+    reader = _READERS.get(file.suffix.lower())
+    if reader is None:
+        raise RecordingError(f"{file}: a recording ends in .xml (MMM) or .csv, not {file.suffix!r}")
+    try:
+        return reader(file, joints)
+    except OSError as failure:
+        raise RecordingError(f"{file}: cannot be read: {failure.strerror}") from None
+    except UnicodeDecodeError as failure:
+        raise RecordingError(f"{file}: is not text in UTF-8 (byte {failure.start})") from None

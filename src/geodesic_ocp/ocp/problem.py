@@ -1,0 +1,103 @@
+"""Problems: which path is sought, written as a class; and the ones that come with the package."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import casadi as ca
+
+from geodesic_ocp.arrays import Array, as_vector
+from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.ocp.grid import Grid
+
+# (expression, value) or (expression, value, name)
+Equality: TypeAlias = tuple[Any, Any] | tuple[Any, Any, str]
+# (lower, expression, upper) or (lower, expression, upper, name)
+Inequality: TypeAlias = tuple[Any, Any, Any] | tuple[Any, Any, Any, str]
+
+
+class Problem(ABC):
+    """A path of least energy 1/2 int |q'(s)|_G^2 ds, s in [0, 1], under boundary conditions.
+
+    A subclass, usually a frozen dataclass whose fields all have defaults, gives `metric` and
+    `boundary`, and where it needs them `constraints`, `guess` and the closed form. Expressions are
+    built from CasADi SX symbols; a bare coordinate, such as `q0` or `q[2]`, becomes a bound.
+    """
+
+    metric: Metric
+
+    @abstractmethod
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Equality]:
+        """Equalities (expression, value[, name]) in the path's ends q0 and q1, (n, 1) each."""
+
+    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Inequality]:
+        """Bounds (lower, expression, upper[, name]) along the path in q and v = q'(s)."""
+        return ()
+
+    def guess(self, s: Array) -> Array | None:
+        """Positions (len(s), n) to start from; None is the straight line between the fixed ends.
+
+        Coordinates that are fixed at one end only stay constant, free ones start at zero.
+        """
+        return None
+
+    @property
+    def grid(self) -> Grid:
+        """Grid to solve on unless another is asked for.
+
+        Smooth paths are best served by one polynomial of high degree, paths with constraints by
+        segments of low degree.
+        """
+        symbols = (ca.SX.sym(name, self.metric.dim) for name in "qv")
+        return Grid(16, 4) if len(self.constraints(*symbols)) else Grid(1, 20)
+
+    @property
+    def structure(self) -> Hashable | None:
+        """Problems of one class and equal structure differ in values and bounds alone.
+
+        They share one NLP, built once. None: the NLP is built anew for every solve.
+        """
+        return None
+
+    def exact(self, s: Array) -> Array | None:
+        """The solution in closed form at s, (len(s), n), where it is known."""
+        return None
+
+    @property
+    def exact_length(self) -> float | None:
+        """The solution's length in closed form, where it is known."""
+        return None
+
+
+@dataclass(frozen=True)
+class PointToPoint(Problem):
+    """The geodesic between two configurations.
+
+    Attributes:
+        metric: of the manifold.
+        q0, q1: start and goal (n,) [rad or m].
+
+    Raises:
+        ValueError: wrong shapes, or numbers that are not finite.
+    """
+
+    metric: Metric
+    q0: tuple[float, ...]
+    q1: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        for name in ("q0", "q1"):
+            vector = as_vector(name, getattr(self, name), self.metric.dim)
+            object.__setattr__(self, name, tuple(vector.tolist()))
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Equality]:
+        """Both ends."""
+        return [(q0, self.q0, "start"), (q1, self.q1, "goal")]
+
+    @property
+    def structure(self) -> Hashable:
+        """The metric."""
+        return self.metric

@@ -1,0 +1,56 @@
+"""Solution: what a solver found, and how."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.ocp.path import Path
+from geodesic_ocp.ocp.problem import Problem
+
+
+@dataclass(frozen=True)
+class Stats:
+    """Figures of one solve.
+
+    Attributes:
+        success: whether the path is a local solution, to Ipopt's tolerance.
+        status: how the solver stopped, a sentence.
+        iterations: of Ipopt.
+        seconds: wall time of the solver.
+        variables, constraints: sizes of the NLP, bounds not counted.
+        energy: of the path on its grid, 1/2 int |q'|_G^2 ds.
+        violation: largest violation of any condition at the nodes, in the condition's unit.
+        worst: name of the condition with that violation.
+    """
+
+    success: bool
+    status: str
+    iterations: int
+    seconds: float
+    variables: int
+    constraints: int
+    energy: float
+    violation: float
+    worst: str
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A path of least energy under a problem's conditions, or the last iterate towards one.
+
+    Attributes:
+        problem: what was solved.
+        path: the path found.
+        stats: figures of the solve; `stats.success` tells a solution from an iterate.
+        multipliers: by condition's name, derivatives of the least energy by the condition's value
+            with the sign of Ipopt (positive where an upper bound holds the path back): (m,) at an
+            end, (nodes, m) along the path; conditions in q and v at both sides of each segment's
+            end, (segments * (degree + 1), m).
+    """
+
+    problem: Problem
+    path: Path
+    stats: Stats
+    multipliers: Mapping[str, Array]

@@ -1,0 +1,242 @@
+"""Problem -> NLP -> Ipopt -> Solution: the only place that calls nlpsol and reads its success."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.ocp.grid import Grid
+from geodesic_ocp.ocp.nodal import NodeBounds
+from geodesic_ocp.ocp.path import Path
+from geodesic_ocp.ocp.problem import Problem
+from geodesic_ocp.ocp.solution import Solution, Stats
+from geodesic_ocp.ocp.terms import Conditions, conditions
+from geodesic_ocp.ocp.transcription import Transcription, Units, transcribe
+
+# The objective is scaled to be of the order of one, so these are relative to the path's energy.
+_IPOPT = {"tol": 1e-10, "max_iter": 300, "print_level": 0, "sb": "yes"}
+_SENTENCES = {
+    "Solve_Succeeded": "Ipopt found a local solution",
+    "Solved_To_Acceptable_Level": "Ipopt could not reach its tolerance, only its acceptable level",
+    "Infeasible_Problem_Detected": "no path near the guess meets all conditions",
+    "Maximum_Iterations_Exceeded": "Ipopt used up its iterations (raise ipopt={'max_iter': ...})",
+    "Maximum_CpuTime_Exceeded": "Ipopt used up its time",
+    "Restoration_Failed": "Ipopt could not return to paths that meet the conditions",
+    "Invalid_Number_Detected": "the metric or a condition is not finite on the way",
+    "Search_Direction_Becomes_Too_Small": "Ipopt's steps became too small",
+    "Diverging_Iterates": "the iterates run away to infinity",
+    "Error_In_Step_Computation": "the linear system of a step could not be solved",
+    "Not_Enough_Degrees_Of_Freedom": "there are more equalities than variables",
+}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What Ipopt returned: success, a sentence, iterations, wall time and the last iterate."""
+
+    success: bool
+    status: str
+    iterations: int
+    seconds: float
+    x: Array
+    g: Array
+    lam_x: Array
+    lam_g: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Ipopt:
+    """An NLP and Ipopt, ready to be called with values.
+
+    Args:
+        nlp: CasADi's dictionary of expressions or a function; x, p -> f, g.
+        derivatives: functions for nlpsol's options grad_f, hess_lag; CasADi's own where missing.
+        options: Ipopt's own, by name, over the package's.
+    """
+
+    nlp: Any
+    derivatives: Mapping[str, ca.Function] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        options: dict[str, Any] = {
+            "print_time": False,
+            "error_on_fail": False,
+            "show_eval_warnings": False,
+            "ipopt": {**_IPOPT, **self.options},
+            **self.derivatives,
+        }
+        object.__setattr__(self, "_solver", ca.nlpsol("nlp", "ipopt", self.nlp, options))
+
+    def __call__(self, **values: Any) -> Outcome:
+        """Solve with nlpsol's x0, p, lbx, ubx, lbg, ubg."""
+        solver: ca.Function = self._solver  # type: ignore[attr-defined]
+        start = time.perf_counter()
+        result = solver(**values)
+        seconds = time.perf_counter() - start
+        stats = solver.stats()
+        word = stats["return_status"]
+        status = _SENTENCES.get(word, f"Ipopt stopped: {word.replace('_', ' ').lower()}")
+        arrays = [result[name].full()[:, 0] for name in ("x", "g", "lam_x", "lam_g")]
+        success = bool(stats["success"]) and word == "Solve_Succeeded"
+        success = success and all(np.all(np.isfinite(array)) for array in arrays)
+        return Outcome(success, status, int(stats["iter_count"]), seconds, *arrays)
+
+
+def solve(
+    problem: Problem,
+    *,
+    grid: Grid | None = None,
+    guess: Path | None = None,
+    throw: bool = True,
+    ipopt: Mapping[str, Any] | None = None,
+) -> Solution:
+    """The path of least energy under the problem's conditions, found from one start.
+
+    min 1/2 int |q'(s)|_G^2 ds over the positions at the grid's nodes.
+
+    Args:
+        problem: an instance of a subclass of Problem.
+        grid: nodes of the path; the problem's own choice by default.
+        guess: a path to start from, by default the problem's guess, or the straight line.
+        throw: raise NotConverged where there is no solution; otherwise the record of the attempt
+            is returned, with stats.success False.
+        ipopt: options for Ipopt, by its names.
+
+    Raises:
+        ValueError: the problem is malformed, or its fixed ends violate its own bounds.
+        NotConverged: Ipopt stopped elsewhere than at a solution; carries the record.
+    """
+    if not isinstance(problem, Problem):
+        raise ValueError(f"problem must be an instance of a Problem class, got {problem!r}")
+    grid = problem.grid if grid is None else grid
+    terms = conditions(problem)
+    bounds = NodeBounds.of(terms, grid)
+    transcription, solver = _prepared(problem, terms, grid, tuple(sorted((ipopt or {}).items())))
+    nodes = _initial(problem, grid, bounds, guess)
+    units = _units(problem, transcription, nodes)
+    outcome = solver(
+        x0=units.scaled(nodes).ravel(),
+        p=units.parameters,
+        lbx=units.scaled(bounds.lower).ravel(),
+        ubx=units.scaled(bounds.upper).ravel(),
+        lbg=bounds.lower_g,
+        ubg=bounds.upper_g,
+    )
+    solution = _solution(problem, grid, transcription, bounds, outcome, units)
+    if throw and not solution.stats.success:
+        raise NotConverged(_explanation(problem, solution.stats), solution)
+    return solution
+
+
+@dataclass(frozen=True)
+class _Structure:
+    """What an NLP depends on, and the conditions and metric to build it from."""
+
+    key: Hashable
+    metric: Metric = field(compare=False)
+    terms: Conditions = field(compare=False)
+
+
+def transcription_of(solution: Solution) -> Transcription:
+    """The NLP that the solution solves."""
+    return _prepared(solution.problem, conditions(solution.problem), solution.path.grid, ())[0]
+
+
+def _prepared(
+    problem: Problem, terms: Conditions, grid: Grid, options: tuple[tuple[str, Any], ...]
+) -> tuple[Transcription, Ipopt]:
+    structure = _Structure((type(problem), problem.structure), problem.metric, terms)
+    if problem.structure is None:
+        return _built(structure, grid, options)
+    return _shared(structure, grid, options)
+
+
+def _built(
+    structure: _Structure, grid: Grid, options: tuple[tuple[str, Any], ...]
+) -> tuple[Transcription, Ipopt]:
+    transcription = transcribe(structure.metric, structure.terms, grid)
+    x = ca.MX.sym("x", transcription.dim * grid.size)
+    p = ca.MX.sym("p", transcription.dim + 2)
+    f, _ = transcription.objective(x, p)
+    nlp = {"x": x, "p": p, "f": f, "g": transcription.constraints(x, p)}
+    derivatives = {"grad_f": transcription.objective, "hess_lag": transcription.hessian}
+    return transcription, Ipopt(nlp, derivatives, dict(options))
+
+
+_shared = lru_cache(maxsize=32)(_built)
+
+
+def _initial(problem: Problem, grid: Grid, bounds: NodeBounds, guess: Path | None) -> Array:
+    """Positions (size, n) to start from, with the fixed coordinates at their values."""
+    given = guess(grid.nodes) if guess is not None else problem.guess(grid.nodes)
+    if given is None:
+        start, end = bounds.ends
+        start, end = np.where(np.isnan(start), end, start), np.where(np.isnan(end), start, end)
+        s = grid.nodes[:, None]
+        given = np.nan_to_num((1.0 - s) * start + s * end)
+    nodes = np.array(given, dtype=float)
+    if nodes.shape != (grid.size, problem.metric.dim) or not np.all(np.isfinite(nodes)):
+        raise ValueError(
+            f"guess(s) must give finite positions of shape {(grid.size, problem.metric.dim)} for "
+            f"s of shape ({grid.size},), got shape {nodes.shape}"
+        )
+    return np.asarray(np.clip(nodes, bounds.lower, bounds.upper))
+
+
+def _units(problem: Problem, transcription: Transcription, nodes: Array) -> Units:
+    """The guess's extent and energy, or one and the metric's size where the guess does not move."""
+    extent = float(np.ptp(nodes, axis=0).max())
+    size = float(np.trace(problem.metric.matrix(nodes[0]))) / problem.metric.dim
+    energy = transcription.energy(nodes)
+    if not np.isfinite(energy) or not np.isfinite(size) or size <= 0.0:
+        raise ValueError("the metric is not finite and positive along the guess")
+    if extent <= 0.0 or energy <= 0.0:
+        return Units(nodes[0], 1.0, size)
+    return Units(nodes[0], extent, energy)
+
+
+def _solution(
+    problem: Problem,
+    grid: Grid,
+    transcription: Transcription,
+    bounds: NodeBounds,
+    outcome: Outcome,
+    units: Units,
+) -> Solution:
+    x = units.positions(np.nan_to_num(outcome.x).reshape(grid.size, problem.metric.dim))
+    # Fixed coordinates come back exactly, not by way of their scaled values.
+    x = np.where(bounds.lower == bounds.upper, bounds.lower, x)
+    violation, worst = bounds.worst(x, outcome.g)
+    stats = Stats(
+        success=outcome.success,
+        status=outcome.status,
+        iterations=outcome.iterations,
+        seconds=outcome.seconds,
+        variables=outcome.x.size,
+        constraints=outcome.g.size,
+        energy=transcription.energy(x),
+        violation=violation,
+        worst=worst,
+    )
+    lam_x = units.scale / units.length * outcome.lam_x.reshape(x.shape)
+    multipliers = bounds.multipliers(lam_x, units.scale * outcome.lam_g)
+    return Solution(problem, Path(problem.metric, grid, x), stats, multipliers)
+
+
+def _explanation(problem: Problem, stats: Stats) -> str:
+    where = f"; worst condition: {stats.worst}, off by {stats.violation:.3g}" if stats.worst else ""
+    return (
+        f"{type(problem).__name__} was not solved: {stats.status}, after {stats.iterations} "
+        f"iterations{where}. Try another guess (guess(s) or solve(..., guess=path)) or a "
+        "finer grid."
+    )

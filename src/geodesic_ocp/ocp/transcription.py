@@ -1,0 +1,257 @@
+"""Transcription: a problem on a grid as a nonlinear program.
+
+Variables are the positions at the grid's nodes; velocities at the nodes follow from the
+differentiation matrix, the energy from Gauss-Lobatto quadrature on the same nodes (a high-order
+variational integrator: Marsden and West, Acta Numerica 2001; Ober-Bloebaum, Junge, Marsden, ESAIM
+COCV 2011). Gradient and Hessian of the Lagrangian are assembled from those of one node, which
+CasADi differentiates once: with E the selection of a segment's nodes and D its differentiation,
+
+    H = sum_k w_k [E_k; D_k]' (d^2 l / d(q, v)^2)_k [E_k; D_k].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.ocp.grid import Grid
+from geodesic_ocp.ocp.terms import Conditions, stacked
+
+
+@dataclass(frozen=True)
+class Units:
+    """Origin (n,) and unit of the NLP's coordinates, and its unit of energy.
+
+    The NLP sees y = (q - origin) / length and the energy / scale, so that Ipopt's tolerances mean
+    the same for a twitch and a swing, a child's arm and a crane, and velocities, formed from y,
+    keep their digits where the path is short.
+    """
+
+    origin: Array
+    length: float
+    scale: float
+
+    @property
+    def parameters(self) -> Array:
+        """The NLP's parameters p, (n + 2,)."""
+        return np.array([self.scale, self.length, *self.origin])
+
+    def scaled(self, q: Array) -> Array:
+        """Y for positions (k, n)."""
+        return np.asarray((q - self.origin) / self.length)
+
+    def positions(self, y: Array) -> Array:
+        """Positions (k, n) for y."""
+        return np.asarray(self.origin + self.length * y)
+
+
+@dataclass(frozen=True)
+class Transcription:
+    """The NLP in x = scaled positions at the nodes, one after the other, and p of `Units`.
+
+    Attributes:
+        grid: of the nodes.
+        dim: number n of coordinates.
+        objective: (x, p) -> (f, gradient); f is the energy in its unit.
+        constraints: (x, p) -> g: at the ends; in q at one node after the other; in q and v at one
+            node after the other of one segment after the other (`Conditions`, in its order).
+        hessian: (x, p, lam_f, lam_g) -> upper triangle of the Lagrangian's Hessian.
+    """
+
+    grid: Grid
+    dim: int
+    objective: ca.Function
+    constraints: ca.Function
+    hessian: ca.Function
+
+    def energy(self, nodes: Array) -> float:
+        """Energy of the path through nodes (size, n)."""
+        units = Units(nodes[0], 1.0, 1.0)
+        return float(self.objective(units.scaled(nodes).ravel(), units.parameters)[0])
+
+    @cached_property
+    def momentum(self) -> ca.Function:
+        """(x, p) -> p0 = -dE/dq0 (n,) at the first node, and its derivative (n, n) by the last.
+
+        The inner nodes follow the ends so that dE/dq_inner stays zero: with the blocks of E's
+        Hessian, dp0/dq1 = H_0i H_ii^-1 H_i1 - H_01.
+        """
+        n, last = self.dim, self.dim * (self.grid.size - 1)
+        x, p = ca.MX.sym("x", n * self.grid.size), ca.MX.sym("p", n + 2)
+        scale, length = p[0], p[1]
+        _, gradient = self.objective(x, p)
+        upper = self.hessian(x, p, 1.0, ca.MX(self.constraints.size1_out(0), 1))
+        hessian = ca.triu2symm(upper)
+        inner = ca.solve(hessian[n:last, n:last], hessian[n:last, last:], "ldl")
+        by_goal = ca.densify(hessian[:n, n:last] @ inner - hessian[:n, last:])
+        outputs = [-gradient[:n] * scale / length, by_goal * scale / length**2]
+        return ca.Function("momentum", [x, p], outputs)
+
+
+def transcribe(metric: Metric, terms: Conditions, grid: Grid) -> Transcription:
+    """The NLP of least energy in the metric under these conditions, on the grid."""
+    n = metric.dim
+    q, v = terms.q, terms.v
+    at_ends = _Block("ends", ca.vertcat(terms.q0, terms.q1), stacked(terms.ends))
+    at_nodes = _Block("node", q, stacked(terms.still))
+    in_segments = _Block("moving", ca.vertcat(q, v), stacked(terms.moving))
+    kinetic = metric.inner(q, v, v) / 2
+    lagrangian = _Block("energy", ca.vertcat(q, v), ca.vertcat(kinetic, stacked(terms.moving)))
+
+    x, p = ca.MX.sym("x", n * grid.size), ca.MX.sym("p", n + 2)
+    scale, length, origin = p[0], p[1], p[2:]
+    scaled = ca.reshape(x, n, grid.size)
+    positions = ca.repmat(origin, 1, grid.size) + length * scaled
+    ends = ca.vertcat(positions[:, 0], positions[:, -1])
+    select, differentiate = _segment_matrices(grid)
+    states = ca.vertcat(positions @ select.T, length * (scaled @ differentiate.T))
+    weights = ca.DM(np.tile(grid.weights, grid.segments)).T
+
+    density, slope = lagrangian.first(states)
+    f = ca.dot(weights, density) / scale
+    slope = slope * ca.repmat(weights, 2 * n, 1)
+    gradient = ca.vec(slope[:n, :] @ select + slope[n:, :] @ differentiate) * (length / scale)
+    g = ca.vertcat(
+        at_ends.value(ends),
+        ca.vec(at_nodes.value(positions)),
+        ca.vec(in_segments.value(states)),
+    )
+
+    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.shape[0])
+    first, second = at_ends.size, at_ends.size + at_nodes.size * grid.size
+    lam_nodes = ca.reshape(lam_g[first:second], at_nodes.size, grid.size)
+    lam_moving = ca.reshape(lam_g[second:], in_segments.size, grid.collocations)
+    factors = ca.vertcat(weights * lam_f / scale, lam_moving)
+    hessian = _assemble(lagrangian.second(states, factors), grid, n)
+    if at_nodes.size:
+        hessian += _on_diagonal(at_nodes.second(positions, lam_nodes), grid, n)
+    if at_ends.size:
+        hessian += _on_ends(at_ends.second(ends, lam_g[:first]), grid, n)
+
+    return Transcription(
+        grid,
+        n,
+        ca.Function("nlp_grad_f", [x, p], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
+        ca.Function("nlp_g", [x, p], [g], ["x", "p"], ["g"]),
+        ca.Function(
+            "nlp_hess_l",
+            [x, p, lam_f, lam_g],
+            [ca.triu(hessian) * length**2],
+            ["x", "p", "lam_f", "lam_g"],
+            ["triu_hess_gamma_x_x"],
+        ),
+    )
+
+
+class _Block:
+    """Functions of one node's (or both ends') symbols, evaluated at many columns at once."""
+
+    def __init__(self, name: str, symbols: ca.SX, outputs: ca.SX) -> None:
+        self._name, self._symbols, self._outputs = name, symbols, ca.densify(outputs)
+        self.size = int(outputs.shape[0])
+
+    def value(self, columns: ca.MX) -> ca.MX:
+        """All outputs, (size, columns)."""
+        if not self.size:
+            return ca.MX(0, columns.shape[1])
+        function = ca.Function(self._name, [self._symbols], [self._outputs])
+        return function.map(columns.shape[1])(columns)
+
+    def first(self, columns: ca.MX) -> tuple[ca.MX, ca.MX]:
+        """The first output (1, columns) and its gradient (symbols, columns)."""
+        gradient = ca.densify(ca.cse(ca.gradient(self._outputs[0], self._symbols)))
+        outputs = [self._outputs[0], gradient]
+        function = ca.Function(f"{self._name}_gradient", [self._symbols], outputs)
+        value, slope = function.map(columns.shape[1])(columns)
+        return value, slope
+
+    def second(self, columns: ca.MX, factors: ca.MX) -> ca.MX:
+        """Hessian of factors' * outputs, (symbols^2, columns)."""
+        weights = ca.SX.sym("factors", self.size)
+        hessian, _ = ca.hessian(ca.dot(weights, self._outputs), self._symbols)
+        output = ca.vec(ca.densify(ca.cse(hessian)))
+        function = ca.Function(f"{self._name}_hessian", [self._symbols, weights], [output])
+        return function.map(columns.shape[1])(columns, factors)
+
+
+def _segment_matrices(grid: Grid) -> tuple[ca.DM, ca.DM]:
+    """E and D, sparse (collocations, nodes): values and slopes at each segment's own nodes."""
+    width = grid.degree + 1
+    select, differentiate = (ca.DM(grid.collocations, grid.size) for _ in range(2))
+    for segment in range(grid.segments):
+        rows = slice(segment * width, (segment + 1) * width)
+        columns = slice(segment * grid.degree, segment * grid.degree + width)
+        select[rows, columns] = ca.DM.eye(width)
+        differentiate[rows, columns] = ca.DM(grid.differentiation)
+    return select, differentiate
+
+
+def _assemble(blocks: ca.MX, grid: Grid, n: int) -> ca.MX:
+    """Upper triangle of sum_k [E_k; D_k]' H_k [E_k; D_k] from vec(H_k), (4 n^2, collocations)."""
+    width = grid.degree + 1
+    slope = grid.differentiation
+    first, second = np.triu_indices(width)  # the pairs (a, b) of a segment's nodes with a <= b
+    nodes = np.arange(width)[:, None]
+    at_first, at_second = (nodes == first).astype(float), (nodes == second).astype(float)
+    along_first, along_second = slope[:, first], slope[:, second]
+    products = [
+        at_first * at_second,  # q q
+        along_first * at_second,  # v q
+        at_first * along_second,  # q v
+        along_first * along_second,  # v v
+    ]
+    # Rows of vec(H_k) by the four quarters of H_k, in the order of the products.
+    place = np.arange(4 * n * n).reshape(2 * n, 2 * n, order="F")
+    quarters = [place[:n, :n], place[n:, :n], place[:n, n:], place[n:, n:]]
+
+    # Entry (a, i), (b, j) of the segment's matrix lies in row (i, j), column (a, b) of the sum.
+    row = (n * first)[None, None, :] + np.arange(n)[:, None, None]
+    column = (n * second)[None, None, :] + np.arange(n)[None, :, None]
+    row, column = np.broadcast_arrays(row, column)
+    entry = np.arange(n * n)[:, None] + n * n * np.arange(first.size)
+    entry = entry.reshape(n, n, first.size, order="F")
+    upper = row <= column
+    total = ca.MX(n * grid.size, n * grid.size)
+    for segment in range(grid.segments):
+        here = blocks[:, segment * width : (segment + 1) * width]
+        sums = sum(
+            here[quarter.ravel(order="F").tolist(), :] @ ca.sparsify(ca.DM(product))
+            for quarter, product in zip(quarters, products, strict=True)
+        )
+        shift = segment * grid.degree * n
+        sparsity, mapping = _triplets(
+            row[upper] + shift, column[upper] + shift, n * grid.size, entry[upper]
+        )
+        total += ca.MX(sparsity, ca.vec(ca.densify(sums))[mapping])
+    return total
+
+
+def _triplets(
+    rows: np.ndarray, columns: np.ndarray, size: int, entries: np.ndarray
+) -> tuple[ca.Sparsity, list[int]]:
+    """The sparsity of these places, and the entries in its order (columns first)."""
+    order = np.lexsort((rows, columns))
+    sparsity = ca.Sparsity.triplet(size, size, rows[order].tolist(), columns[order].tolist())
+    return sparsity, entries[order].tolist()
+
+
+def _on_diagonal(blocks: ca.MX, grid: Grid, n: int) -> ca.MX:
+    """Block-diagonal matrix of vec(H_k), (n^2, nodes)."""
+    return ca.diagcat(*(ca.reshape(blocks[:, k], n, n) for k in range(grid.size)))
+
+
+def _on_ends(block: ca.MX, grid: Grid, n: int) -> ca.MX:
+    """vec(H), (4 n^2, 1), of both ends' coordinates at its place in the matrix of all."""
+    last = n * (grid.size - 1)
+    index = np.concatenate([np.arange(n), last + np.arange(n)])
+    columns, rows = np.meshgrid(index, index)
+    size = n * grid.size
+    sparsity, mapping = _triplets(
+        rows.ravel(order="F"), columns.ravel(order="F"), size, np.arange(4 * n * n)
+    )
+    return ca.MX(sparsity, block[mapping])

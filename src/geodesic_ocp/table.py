@@ -1,0 +1,51 @@
+"""Table: named columns of text and numbers, for people, for papers and for programs."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under a header; the first column is text.
+
+    Attributes:
+        header: names of the columns, with units.
+        rows: entries; numbers are shown with three significant digits, kept in full in CSV.
+    """
+
+    header: tuple[str, ...]
+    rows: tuple[tuple[str | int | float, ...], ...]
+
+    def _shown(self) -> list[list[str]]:
+        rows = [[f"{e:#.3g}" if isinstance(e, float) else str(e) for e in row] for row in self.rows]
+        return [list(self.header), *rows]
+
+    def __str__(self) -> str:
+        rows = self._shown()
+        widths = [max(len(row[column]) for row in rows) for column in range(len(self.header))]
+        lines = [
+            "  ".join(
+                entry.ljust(width) if column == 0 else entry.rjust(width)
+                for column, (entry, width) in enumerate(zip(row, widths, strict=True))
+            ).rstrip()
+            for row in rows
+        ]
+        return "\n".join([lines[0], "-" * len(lines[0]), *lines[1:]])
+
+    def markdown(self) -> str:
+        """As a Markdown table."""
+        header, *rows = ("| " + " | ".join(row) + " |" for row in self._shown())
+        rule = "| --- |" + " ---: |" * (len(self.header) - 1)
+        return "\n".join([header, rule, *rows]) + "\n"
+
+    def csv(self) -> str:
+        """As comma-separated values, numbers in full."""
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerows([self.header, *self.rows])
+        return text.getvalue()
+
+    def _repr_markdown_(self) -> str:
+        return self.markdown()
