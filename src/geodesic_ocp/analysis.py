@@ -101,7 +101,7 @@ class Analysis:
         names = tuple("xyz"[axis] for axis in axes_shown)
         observed, predicted = (hand[:, axes_shown] for hand in hands)
         plot.draw_hand_path(path, observed, predicted, self.segments, (names[0], names[1]))
-        path.legend(loc="upper center", bbox_to_anchor=(0.5, 1.12), ncols=3, frameon=False)
+        figure.legend(*path.get_legend_handles_labels(), loc="outside lower center", ncols=3)
         figure.suptitle(
             f"{self.model.name}: {len(self.segments)} geodesic synergies "
             f"(threshold {self.threshold:g} rad)"

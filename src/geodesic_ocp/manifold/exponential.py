@@ -12,7 +12,7 @@ from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.manifold.metric import Metric
 
 # The error of each step is held this much below the tolerance that is asked of the end point.
-_STEP_SHARE = 0.1
+_STEP_SHARE = 0.02
 
 
 def exp(metric: Metric, q: Any, v: Any, *, tolerance: float = 1e-9) -> Array:

@@ -16,7 +16,7 @@ import pinocchio as pin
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.joints import motion_subspace
 
-# Figures below this are rounding noise of a placement's rotation; exact zeros keep the graph small.
+# Entries of rotations below this are rounding noise; exact zeros keep the graph small.
 _ROUNDING = 1e-15
 
 
@@ -56,13 +56,12 @@ class _Inertia:
 
 
 def _constant(matrix: Array) -> ca.SX:
-    matrix = np.array(matrix, dtype=float)
-    matrix[np.abs(matrix) < _ROUNDING] = 0.0
-    return ca.SX(matrix)
+    return ca.SX(np.asarray(matrix, dtype=float))
 
 
 def _fixed(placement: pin.SE3) -> _Placement:
-    return _Placement(_constant(placement.rotation), _constant(placement.translation))
+    rotation = np.where(np.abs(placement.rotation) < _ROUNDING, 0.0, placement.rotation)
+    return _Placement(_constant(rotation), _constant(placement.translation))
 
 
 def _moved_along(subspace: Array, q: ca.SX) -> _Placement:

@@ -29,8 +29,9 @@ class _Segment:
     inertia: tuple[float, float, float]  # about the centre of mass [body mass * height^2]
 
 
-# Offset of every centre of mass from its segment's axis, in x and y [height].
-_CENTRE_OFFSET = (2.03848e-5, 3.81383e-8)
+# Offset of every centre of mass from its segment's axis, in x and y [height]. The source's left
+# arm has none in x but rounding noise of 1e-14.
+_CENTRE_OFFSET = {"right": (2.03848e-5, 3.81383e-8), "left": (0.0, 3.81383e-8)}
 _UPPER_ARM_LENGTH = 0.188  # [height]
 _FOREARM_LENGTH = 0.145  # [height]
 _UPPER_ARM = _Segment(0.027, -0.082, (5.90063e-5, 5.90086e-5, 3.96211e-6))
@@ -103,7 +104,7 @@ def human_arm(
         name = f"{side[0].upper()}{joint}_joint"
         parent = arm.addJoint(parent, kind, placement, name, unlimited, unlimited, lower, upper)
         if segment is not None:
-            centre = height * np.array([*_CENTRE_OFFSET, segment.centre])
+            centre = height * np.array([*_CENTRE_OFFSET[side], segment.centre])
             inertia = mass * height**2 * np.diag(segment.inertia)
             body = pin.Inertia(mass * segment.mass, centre, inertia)
             arm.appendBodyToJoint(parent, body, pin.SE3.Identity())

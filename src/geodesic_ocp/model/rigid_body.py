@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import warnings
 from functools import lru_cache
 from types import ModuleType
 from typing import Protocol
@@ -44,10 +45,24 @@ class _PinocchioCasadi:
         for index in range(1, model.njoints):
             motion_subspace(model, index)  # refuses the same joints as the built-in back end
         symbolic = self._cpin.Model(model)
+        if not _numbered_depth_first(model):
+            return self._by_columns(model, q)
         matrix = self._cpin.crba(symbolic, symbolic.createData(), configuration(model, q))
         return ca.SX(
             ca.densify(ca.triu2symm(ca.triu(matrix)))
         )  # crba fills the upper triangle only
+
+    def _by_columns(self, model: pin.Model, q: ca.SX) -> ca.SX:
+        """The mass matrix as the torques of unit accelerations, without gravity."""
+        weightless = model.copy()
+        weightless.gravity = pin.Motion.Zero()
+        symbolic = self._cpin.Model(weightless)
+        data, still = symbolic.createData(), ca.SX.zeros(model.nv)
+        columns = [
+            ca.SX(self._cpin.rnea(symbolic, data, configuration(model, q), still, unit))
+            for unit in ca.horzsplit(ca.SX.eye(model.nv))
+        ]
+        return ca.SX(ca.densify(ca.horzcat(*columns)))
 
     def frame_pose(self, model: pin.Model, q: ca.SX, frame: int) -> tuple[ca.SX, ca.SX]:
         symbolic = self._cpin.Model(model)
@@ -57,12 +72,25 @@ class _PinocchioCasadi:
         return ca.densify(ca.SX(pose.rotation)), ca.densify(ca.SX(pose.translation))
 
 
+def _numbered_depth_first(model: pin.Model) -> bool:
+    """Whether every subtree's joints are numbered without gaps, which Pinocchio's crba relies on.
+
+    Models from files are; a branch that was added to by hand after another may not be, and crba
+    then leaves entries of the matrix out.
+    """
+    subtrees = [list(subtree) for subtree in model.subtrees]
+    return all(subtree[-1] - subtree[0] == len(subtree) - 1 for subtree in subtrees[1:])
+
+
 @lru_cache(maxsize=1)
 def _pinocchio_casadi() -> ModuleType | None:
-    try:
-        return importlib.import_module("pinocchio.casadi")
-    except ImportError:
-        return None
+    with warnings.catch_warnings():
+        # Both of Pinocchio's modules register the same converter; Boost.Python says so once.
+        warnings.filterwarnings("ignore", "to-Python converter", RuntimeWarning)
+        try:
+            return importlib.import_module("pinocchio.casadi")
+        except ImportError:
+            return None
 
 
 def available_backends() -> tuple[str, ...]:

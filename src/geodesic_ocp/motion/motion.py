@@ -159,9 +159,8 @@ class Motion:
             )
         steps = np.diff(self.time)
         step = self.duration / (len(self) - 1)
-        uneven = np.abs(steps - step) > _UNEVEN * step
-        if np.any(uneven):
-            row = int(np.argmax(uneven))
+        row = int(np.argmax(np.abs(steps - step)))
+        if abs(steps[row] - step) > _UNEVEN * step:
             raise ValueError(
                 f"filtering needs evenly spaced samples: the step after sample {row} is "
                 f"{steps[row]:.6g} s, the mean {step:.6g} s; use motion.resampled(rate)"

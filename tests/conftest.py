@@ -1,0 +1,55 @@
+"""Fixtures that several tests share."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import hypothesis
+import numpy as np
+import pytest
+
+import geodesic_ocp as go
+
+# One numerical example can take tens of milliseconds on a busy machine: no deadline, few examples.
+hypothesis.settings.register_profile("package", deadline=None, max_examples=25, derandomize=True)
+hypothesis.settings.load_profile("package")
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """The folder of recordings and reference values that are not the project's own."""
+    folder = ROOT.parent / "shared"
+    if not (folder / "data").is_dir():
+        pytest.skip(f"needs the recordings and reference values beside the project, in {folder}")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def known_geodesics(shared: Path) -> dict[str, Any]:
+    """Reference geodesics of an independent implementation."""
+    return json.loads((shared / "known_geodesics.json").read_text())
+
+
+@pytest.fixture(scope="session")
+def arm() -> go.Model:
+    return go.human_arm("right", 1.75, 70.0)
+
+
+@pytest.fixture(scope="session")
+def arm_metric(arm: go.Model) -> go.KineticEnergy:
+    return go.KineticEnergy(arm)
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(20221)
+
+
+@pytest.fixture(scope="session")
+def reach_file() -> Path:
+    """The bundled recording."""
+    return ROOT / "src" / "geodesic_ocp" / "data" / "reach.csv"

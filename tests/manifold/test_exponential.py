@@ -1,0 +1,195 @@
+"""The exponential map on known geodesics."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from known_metrics import HalfPlane, PolarPlane, Sphere, in_plane, on_sphere
+from known_models import free_rotor, planar_arm
+
+import geodesic_ocp as go
+from geodesic_ocp.manifold.exponential import trajectory
+
+DIRECTION = st.floats(-np.pi, np.pi)
+# A geodesic through a pole of the chart is not the chart's to compute.
+COLATITUDE = st.floats(0.5, np.pi - 0.5)
+
+
+@given(colatitude=COLATITUDE, heading=st.floats(0.3, np.pi - 0.3), angle=st.floats(0.01, 3.0))
+def test_great_circles(colatitude: float, heading: float, angle: float) -> None:
+    """exp follows x cos a + e sin a; it is checked in R^3."""
+    q = np.array([colatitude, 0.4])
+    v = angle * np.array([np.cos(heading), np.sin(heading) / np.sin(colatitude)])
+    t, p = q
+    south = np.array([np.cos(t) * np.cos(p), np.cos(t) * np.sin(p), -np.sin(t)])
+    east = np.array([-np.sin(p), np.cos(p), 0.0])
+    direction = np.cos(heading) * south + np.sin(heading) * east
+    expected = np.cos(angle) * on_sphere(q) + np.sin(angle) * direction
+    assert on_sphere(go.exp(Sphere(), q, v)) == pytest.approx(expected, abs=1e-9)
+
+
+@given(heading=st.floats(-1.4, 1.4), length=st.floats(0.01, 3.0), height=st.floats(0.2, 5.0))
+def test_half_plane_circles(heading: float, length: float, height: float) -> None:
+    """Geodesics are circles about points of the axis y = 0, at constant speed."""
+    v = length * height * np.array([np.cos(heading), np.sin(heading)])
+    positions, velocities = trajectory(HalfPlane(), [0.0, height], v, np.linspace(0, 1, 9))
+    centre = height * np.tan(heading)
+    radius = height / np.cos(heading)
+    distance = np.hypot(positions[:, 0] - centre, positions[:, 1])
+    assert distance == pytest.approx(np.full(9, radius), rel=1e-8)
+    speeds = np.linalg.norm(velocities, axis=1) / positions[:, 1]
+    assert speeds == pytest.approx(np.full(9, length), rel=1e-8)
+
+
+@given(radius=st.floats(0.5, 3.0), heading=DIRECTION, length=st.floats(0.01, 5.0))
+def test_straight_lines_in_polar_coordinates(radius: float, heading: float, length: float) -> None:
+    if radius * abs(np.sin(heading)) < 0.1 and np.cos(heading) < 0:
+        return  # passes too near to the origin, where the chart is singular
+    v = length * np.array([np.cos(heading), np.sin(heading) / radius])
+    expected = np.array([radius + length * np.cos(heading), length * np.sin(heading)])
+    assert in_plane(go.exp(PolarPlane(), [radius, 0.0], v)) == pytest.approx(expected, abs=1e-8)
+
+
+def test_tip_mass_moves_straight_at_constant_speed() -> None:
+    """Two massless links with a point mass at the tip: the arm is the plane in disguise."""
+    arm = planar_arm((1.0, 0.8), (0.0, 2.0), (0.0, 0.8), (0.0, 0.0))
+    metric = go.KineticEnergy(arm)
+    times = np.linspace(0.0, 1.0, 11)
+    positions, _ = trajectory(metric, [0.3, 0.9], [-0.2, 0.4], times)
+    tips = arm.hand_pose(positions)[1]
+    straight = tips[0] + times[:, None] * (tips[-1] - tips[0])
+    assert tips == pytest.approx(straight, abs=1e-9)
+
+
+def test_balanced_second_link_is_flat() -> None:
+    """Its inertia does not depend on its angle: geodesics are straight lines in the angles."""
+    arm = planar_arm((1.0, 0.6), (1.3, 0.7), (0.4, 0.0), (0.2, 0.1))
+    q, v = np.array([0.2, -0.4]), np.array([1.5, -2.0])
+    assert go.exp(go.KineticEnergy(arm), q, v) == pytest.approx(q + v, abs=1e-12)
+
+
+def test_free_rotor_keeps_its_angular_momentum() -> None:
+    """The three components in space: L = R I w, checked along a tumbling motion."""
+    moments = (1.0, 2.0, 3.5)
+    rotor = free_rotor(moments)
+    positions, velocities = trajectory(
+        go.KineticEnergy(rotor), [0.3, 1.1, -0.2], [1.0, 0.8, 2.0], np.linspace(0.0, 1.0, 7)
+    )
+    momenta = []
+    for q, v in zip(positions, velocities, strict=True):
+        rotation = rotor.hand_pose(q)[0]
+        spin = rotor.hand_jacobian(q)[3:] @ v
+        momenta.append(rotation @ np.diag(moments) @ rotation.T @ spin)
+    assert np.array(momenta) == pytest.approx(np.tile(momenta[0], (7, 1)), abs=1e-8)
+
+
+def test_first_joints_momentum_is_conserved(arm_metric: go.KineticEnergy) -> None:
+    """G does not depend on the angle of the first joint."""
+    q = np.array([0.3, 0.2, -0.9, 1.2, 0.3, -0.1, 0.2])
+    v = np.array([1.2, -0.4, 0.8, 1.1, -1.0, 0.6, 0.9])
+    positions, velocities = trajectory(arm_metric, q, v, np.linspace(0.0, 1.0, 5))
+    momenta = [(arm_metric.matrix(a) @ b)[0] for a, b in zip(positions, velocities, strict=True)]
+    assert momenta == pytest.approx([momenta[0]] * 5, rel=1e-8)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_energy_is_conserved(seed: int) -> None:
+    metric, rng = go.KineticEnergy(go.human_arm()), np.random.default_rng(seed)
+    q, v = rng.uniform(-0.8, 0.8, 7), rng.normal(size=7)
+    positions, velocities = trajectory(metric, q, v, [0.0, 0.5, 1.0])
+    speeds = [metric.norm(a, b) for a, b in zip(positions, velocities, strict=True)]
+    assert speeds == pytest.approx([speeds[0]] * 3, rel=1e-8)
+
+
+@given(share=st.floats(0.0, 1.0), seed=st.integers(0, 2**32 - 1))
+def test_geodesics_are_one_curve(share: float, seed: int) -> None:
+    """exp(t v), then the rest from there, ends where exp(v) ends."""
+    metric, rng = Sphere(), np.random.default_rng(seed)
+    q, v = np.array([1.3, 0.0]), rng.uniform(-0.5, 0.5, 2)
+    middle = go.exp(metric, q, share * v)
+    positions, velocities = trajectory(metric, q, v, [0.0, 0.5, 1.0])
+    assert go.exp(metric, positions[1], 0.5 * velocities[1]) == pytest.approx(
+        positions[2], abs=1e-9
+    )
+    assert np.all(np.isfinite(middle))
+
+
+@given(mass=st.floats(0.01, 1000.0), height=st.floats(0.5, 2.5))
+def test_mass_and_height_leave_geodesics_alone(mass: float, height: float) -> None:
+    """All masses times c: the same geodesics, lengths times sqrt(c). Height: the same."""
+    q = np.array([0.4, 0.1, -0.7, 1.1, 0.2, 0.0, -0.3])
+    v = np.array([0.5, -0.3, 0.4, 0.8, -0.6, 0.2, 0.7])
+    unit = go.KineticEnergy(go.human_arm("right", 1.0, 1.0))
+    scaled = go.KineticEnergy(go.human_arm("right", height, mass))
+    assert go.exp(scaled, q, v) == pytest.approx(go.exp(unit, q, v), abs=1e-9)
+    ratio = scaled.norm(q, v) / unit.norm(q, v)
+    assert ratio == pytest.approx(np.sqrt(mass) * height, rel=1e-12)
+
+
+def test_two_link_arm_of_an_independent_implementation(known_geodesics: dict[str, Any]) -> None:
+    known = known_geodesics["two_link_exp"]
+    metric = go.KineticEnergy(planar_arm((1.0, 1.0), (1.0, 1.0), (0.5, 0.5), (1.0, 1.0)))
+    q0, v0 = known["q0"], known["v0"]
+    assert metric.matrix(q0) == pytest.approx(np.array(known["mass_matrix"]), abs=1e-7)
+    assert metric.acceleration(q0, v0) == pytest.approx(np.array(known["acceleration"]), abs=1e-8)
+    positions, velocities = trajectory(metric, q0, v0, [0.0, 1.0])
+    assert positions[-1] == pytest.approx(np.array(known["exp"]), abs=1e-8)
+    assert velocities[-1] == pytest.approx(np.array(known["velocity_at_1"]), abs=1e-8)
+    assert metric.norm(q0, v0) == pytest.approx(known["length"], abs=1e-9)
+
+
+def test_human_arm_of_an_independent_implementation(known_geodesics: dict[str, Any]) -> None:
+    metric = go.KineticEnergy(go.human_arm("right", 1.0, 1.0))
+    for known in known_geodesics["human_arm_right"]["geodesics"]:
+        found = go.exp(metric, known["q0"], known["v0"])
+        assert found == pytest.approx(np.array(known["q1"]), abs=1e-9)
+        assert metric.norm(known["q0"], known["v0"]) == pytest.approx(known["length"], rel=1e-12)
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9, 1e-12])
+def test_tolerance_is_kept(tolerance: float, arm_metric: go.KineticEnergy) -> None:
+    q = np.array([0.4, 0.1, -0.7, 1.1, 0.2, 0.0, -0.3])
+    v = 2.0 * np.array([0.5, -0.3, 0.4, 0.8, -0.6, 0.2, 0.7])
+    best = go.exp(arm_metric, q, v, tolerance=1e-13)
+    found = go.exp(arm_metric, q, v, tolerance=tolerance)
+    assert np.abs(found - best).max() <= tolerance
+
+
+def test_resting_stays(arm_metric: go.KineticEnergy) -> None:
+    q = np.full(7, 0.1)
+    assert np.array_equal(go.exp(arm_metric, q, np.zeros(7)), q)
+
+
+def test_singular_metric_says_where_it_stopped() -> None:
+    """In ds^2 = y (dx^2 + dy^2), y^(3/2) = 1 - 3 t along this geodesic: the edge is at t = 1/3."""
+
+    class Wedge(go.Metric):
+        dim = 2
+
+        def matrix(self, q: Any) -> Any:
+            return type(q).eye(2) * q[1]
+
+    with pytest.raises(
+        go.IntegrationFailed, match=r"exp from q = .*stopped at 0\.333333 of 0 to 1"
+    ):
+        go.exp(Wedge(), [0.0, 1.0], [0.0, -2.0])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (([1.0], [1.0, 0.0]), r"q must have shape \(2,\)"),
+        (([1.0, 0.0], [1.0, np.inf]), "v must be finite"),
+    ],
+)
+def test_bad_arguments_are_named(arguments: tuple[object, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        go.exp(Sphere(), *arguments)
+    with pytest.raises(ValueError, match="tolerance must be positive"):
+        go.exp(Sphere(), [1.0, 0.0], [0.1, 0.1], tolerance=0.0)
+    with pytest.raises(ValueError, match="two increasing numbers"):
+        trajectory(Sphere(), [1.0, 0.0], [0.1, 0.1], [0.0, 0.0])

@@ -1,0 +1,131 @@
+"""Metrics: inner products, angles, Christoffel symbols and accelerations."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from known_metrics import HalfPlane, PolarPlane, Sphere
+
+import geodesic_ocp as go
+
+CURVED = [Sphere(), HalfPlane(), PolarPlane(), go.KineticEnergy(go.human_arm())]
+EVERY = [*CURVED, go.Euclidean(3)]
+
+
+def point(metric: go.Metric, rng: np.random.Generator) -> np.ndarray:
+    """Away from the poles, the boundary and the origin, and from the arm's gimbal lock."""
+    return rng.uniform(0.3, 1.2, metric.dim)
+
+
+@pytest.mark.parametrize("metric", EVERY, ids=lambda metric: type(metric).__name__)
+def test_inner_product(metric: go.Metric, rng: np.random.Generator) -> None:
+    q, (u, v) = point(metric, rng), rng.normal(size=(2, metric.dim))
+    G = metric.matrix(q)
+    assert pytest.approx(G.T, abs=1e-15) == G
+    assert np.linalg.eigvalsh(G).min() > 0
+    assert metric.inner(q, u, v) == pytest.approx(u @ G @ v, rel=1e-12)
+    assert metric.norm(q, u) ** 2 == pytest.approx(metric.inner(q, u, u), rel=1e-12)
+    cosine = metric.inner(q, u, v) / metric.norm(q, u) / metric.norm(q, v)
+    assert metric.angle(q, u, v) == pytest.approx(np.arccos(cosine), abs=1e-9)
+
+
+@given(exponent=st.floats(-12.0, 0.0))
+def test_small_angles_keep_their_digits(exponent: float) -> None:
+    angle = 10.0**exponent
+    found = go.Euclidean(2).angle([0, 0], [1, 0], [np.cos(angle), np.sin(angle)])
+    assert found == pytest.approx(angle, rel=1e-3 if angle < 1e-11 else 1e-5)
+    opposite = go.Euclidean(2).angle([0, 0], [1, 0], [-np.cos(angle), np.sin(angle)])
+    assert opposite == pytest.approx(np.pi - angle, abs=1e-15)
+
+
+def test_angle_to_nothing_is_refused() -> None:
+    with pytest.raises(ValueError, match="angle to a zero vector"):
+        go.Euclidean(2).angle([0, 0], [1, 0], [0, 0])
+
+
+@pytest.mark.parametrize("metric", EVERY, ids=lambda metric: type(metric).__name__)
+def test_christoffel_symbols(metric: go.Metric, rng: np.random.Generator) -> None:
+    """Symmetric in the last two; dG/dq_k = Gamma_ijk + Gamma_jik (metric compatibility)."""
+    q = point(metric, rng)
+    gamma = metric.christoffel(q)
+    assert gamma == pytest.approx(gamma.transpose(0, 2, 1), abs=1e-14)
+    h = 1e-6
+    for k, unit in enumerate(np.eye(metric.dim)):
+        slope = (metric.matrix(q + h * unit) - metric.matrix(q - h * unit)) / (2 * h)
+        # Central differences are right to h^2 and to rounding over h.
+        assert gamma[:, :, k] + gamma[:, :, k].T == pytest.approx(slope, abs=1e-8)
+
+
+def test_christoffel_symbols_of_the_sphere() -> None:
+    t = 0.7
+    expected = np.zeros((2, 2, 2))
+    expected[0, 1, 1] = -np.sin(t) * np.cos(t)
+    expected[1, 0, 1] = expected[1, 1, 0] = np.sin(t) * np.cos(t)
+    assert Sphere().christoffel([t, 0.3]) == pytest.approx(expected, abs=1e-15)
+
+
+@pytest.mark.parametrize("metric", EVERY, ids=lambda metric: type(metric).__name__)
+def test_symbolic_equals_numeric(metric: go.Metric, rng: np.random.Generator) -> None:
+    q, u, v = point(metric, rng), *rng.normal(size=(2, metric.dim))
+    for kind in (ca.SX, ca.MX):
+        symbols = [kind.sym(name, metric.dim) for name in "quv"]
+        function = ca.Function(
+            "f",
+            symbols,
+            [
+                metric.matrix(symbols[0]) if kind is ca.SX else metric.inner(*symbols),
+                metric.inner(*symbols),
+                metric.norm(symbols[0], symbols[1]),
+                metric.acceleration(symbols[0], symbols[2]),
+                ca.vertcat(*(ca.vec(part.T) for part in metric.christoffel(symbols[0]))),
+            ],
+        )
+        _, inner, norm, acceleration, gamma = (out.full() for out in function(q, u, v))
+        assert inner.item() == pytest.approx(metric.inner(q, u, v), rel=1e-12)
+        assert norm.item() == pytest.approx(metric.norm(q, u), rel=1e-12)
+        assert acceleration[:, 0] == pytest.approx(metric.acceleration(q, v), rel=1e-9, abs=1e-12)
+        assert gamma.ravel() == pytest.approx(metric.christoffel(q).ravel(), abs=1e-12)
+
+
+@pytest.mark.parametrize("metric", CURVED, ids=lambda metric: type(metric).__name__)
+def test_acceleration_solves_the_geodesic_equation(
+    metric: go.Metric, rng: np.random.Generator
+) -> None:
+    q, v = point(metric, rng), rng.normal(size=metric.dim)
+    force = np.einsum("ijk,j,k->i", metric.christoffel(q), v, v)
+    residual = metric.matrix(q) @ metric.acceleration(q, v) + force
+    assert np.abs(residual).max() < 1e-12 * max(1.0, np.abs(force).max())
+
+
+def test_a_metric_of_ones_own() -> None:
+    class Cylinder(go.Metric):
+        dim = 2
+
+        def __init__(self, radius: float) -> None:
+            self.radius = radius
+
+        def matrix(self, q: Any) -> Any:
+            return ca.diag(ca.vertcat(self.radius**2, 1.0))
+
+    assert Cylinder(2.0).matrix([0.0, 0.0]).tolist() == [[4.0, 0.0], [0.0, 1.0]]
+    assert go.distance(Cylinder(2.0), [0.0, 0.0], [1.5, 4.0]) == pytest.approx(5.0, abs=1e-12)
+
+
+def test_wrong_metrics_and_vectors_are_named() -> None:
+    class Flat(go.Metric):
+        dim = 3
+
+        def matrix(self, q: Any) -> Any:
+            return ca.SX.eye(2)
+
+    with pytest.raises(ValueError, match=r"Flat.matrix\(q\) must have shape \(3, 3\)"):
+        Flat().matrix(np.zeros(3))
+    with pytest.raises(ValueError, match=r"u must have shape \(2,\), got \(3,\)"):
+        Sphere().norm([1.0, 0.0], [1.0, 0.0, 0.0])
+    with pytest.raises(ValueError, match="dim must be at least 1"):
+        go.Euclidean(0)

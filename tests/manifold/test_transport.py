@@ -1,0 +1,99 @@
+"""Parallel transport along paths and along samples."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from known_metrics import PolarPlane, Sphere
+
+import geodesic_ocp as go
+from geodesic_ocp.manifold.exponential import trajectory
+
+
+def circle_of_latitude(colatitude: float, samples: int) -> go.Motion:
+    """Once around the sphere, as a motion of one second."""
+    time = np.linspace(0.0, 1.0, samples)
+    q = np.column_stack([np.full(samples, colatitude), 2 * np.pi * time])
+    return go.Motion(time, q, ("colatitude", "longitude"))
+
+
+@pytest.mark.parametrize("colatitude", [0.4, 1.0, np.pi / 2])
+def test_holonomy_of_a_circle_of_latitude(colatitude: float) -> None:
+    """Around the cap of area 2 pi (1 - cos t) a vector turns by that area."""
+    v = np.array([1.0, 0.0])
+    carried = go.parallel_transport(Sphere(), circle_of_latitude(colatitude, 50), v)
+    frame = np.array([1.0, np.sin(colatitude)])  # lengths of the coordinate directions
+    turned = np.arctan2(*(carried * frame)[::-1])
+    expected = -2 * np.pi * np.cos(colatitude)  # the area less a full turn of the chart's frame
+    assert np.exp(1j * turned) == pytest.approx(np.exp(1j * expected), abs=1e-8)
+
+
+def test_holonomy_of_a_triangle() -> None:
+    """Around a geodesic triangle a vector turns by the triangle's area, its angles' excess."""
+    sphere = Sphere()
+    corners = np.array([[0.8, 0.0], [1.4, 0.3], [1.1, 1.2]])
+    start = np.array([0.3, -0.5])
+    v, excess = start, -np.pi
+    for a, b, c in zip(corners, np.roll(corners, -1, 0), np.roll(corners, 1, 0), strict=True):
+        excess += sphere.angle(a, go.log(sphere, a, b), go.log(sphere, a, c))
+        v = go.parallel_transport(sphere, go.geodesic(sphere, a, b), v)
+    assert excess > 0.1
+    assert sphere.angle(corners[0], start, v) == pytest.approx(excess, abs=1e-8)
+    assert sphere.norm(corners[0], v) == pytest.approx(sphere.norm(corners[0], start), rel=1e-9)
+
+
+def test_geodesics_carry_their_own_velocity(arm_metric: go.KineticEnergy) -> None:
+    q0 = np.array([0.2, 0.1, -0.8, 0.9, 0.3, -0.1, 0.2])
+    q1 = np.array([0.9, -0.2, -1.1, 1.4, -0.1, 0.1, -0.3])
+    path = go.geodesic(arm_metric, q0, q1)
+    carried = go.parallel_transport(arm_metric, path, path(0.0, 1))
+    assert carried == pytest.approx(path(1.0, 1), abs=1e-5)
+
+
+def test_flat_plane_in_polar_coordinates_has_no_holonomy() -> None:
+    time = np.linspace(0.0, 1.0, 100)
+    q = np.column_stack([1.5 + 0.5 * np.cos(2 * np.pi * time), 0.8 * np.sin(2 * np.pi * time)])
+    v = np.array([0.3, -0.7])
+    carried = go.parallel_transport(PolarPlane(), go.Motion(time, q, ("r", "p")), v)
+    assert carried == pytest.approx(v, abs=1e-8)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_inner_products_stay(seed: int) -> None:
+    """Along noisy samples too: norms and angles are those of the start."""
+    metric, rng = go.KineticEnergy(go.human_arm()), np.random.default_rng(seed)
+    time = np.linspace(0.0, 1.0, 12)
+    smooth = np.sin(time[:, None] * rng.uniform(1.0, 4.0, 7) + rng.uniform(0, 6, 7))
+    q = 0.4 * smooth + 0.02 * rng.normal(size=smooth.shape)
+    motion = go.Motion(time, q, tuple("abcdefg"))
+    u, v = rng.normal(size=(2, 7))
+    after = [go.parallel_transport(metric, motion, w) for w in (u, v)]
+    for a, b, x, y in ((u, u, 0, 0), (u, v, 0, 1), (v, v, 1, 1)):
+        scale = metric.norm(q[0], u) * metric.norm(q[0], v)
+        before = metric.inner(q[0], a, b)
+        assert metric.inner(q[-1], after[x], after[y]) == pytest.approx(before, abs=1e-8 * scale)
+
+
+def test_samples_converge_with_the_fourth_order() -> None:
+    """The spline through samples of a geodesic carries its velocity ever better: by slope."""
+    sphere = Sphere()
+    errors, steps = [], np.array([8, 16, 32, 64])
+    for count in steps:
+        time = np.linspace(0.0, 1.0, count + 1)
+        positions, velocities = trajectory(sphere, [1.0, 0.0], [0.7, 1.5], time, tolerance=1e-12)
+        motion = go.Motion(time, positions, ("t", "p"))
+        carried = go.parallel_transport(sphere, motion, velocities[0], tolerance=1e-12)
+        errors.append(np.abs(carried - velocities[-1]).max())
+    slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
+    assert slope < -3.5
+
+
+def test_zero_vector_and_bad_arguments() -> None:
+    motion = circle_of_latitude(1.0, 10)
+    assert not go.parallel_transport(Sphere(), motion, [0.0, 0.0]).any()
+    with pytest.raises(ValueError, match=r"v must have shape \(2,\)"):
+        go.parallel_transport(Sphere(), motion, [1.0, 0.0, 0.0])
+    with pytest.raises(ValueError, match="tolerance must be positive"):
+        go.parallel_transport(Sphere(), motion, [1.0, 0.0], tolerance=-1.0)

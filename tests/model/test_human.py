@@ -1,0 +1,124 @@
+"""The human arm against the reference model it is made from."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+import geodesic_ocp as go
+
+CHAIN = ("Sx", "Sz", "Sy", "Ex", "Ez", "Wx", "Wy")
+
+
+def numbers(node: ElementTree.Element, *names: str) -> np.ndarray:
+    return np.array([float(node.get(name, "nan")) for name in names])
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_figures_agree_with_the_reference_model(side: str, shared: Path) -> None:
+    letter = side[0].upper()
+    root = ElementTree.parse(shared / "data" / "models" / "mmm.xml").getroot()
+    nodes = {node.get("name"): node for node in root.findall("RobotNode")}
+    arm = go.human_arm(side, 1.0, 1.0)
+
+    # Joints: order, axes and limits.
+    assert arm.joint_names == tuple(f"{letter}{name}_joint" for name in CHAIN)
+    children = {name: [c.get("name") for c in n.findall("Child")] for name, n in nodes.items()}
+    for before, after in pairwise(CHAIN):
+        below = children[f"{letter}{before}_joint"]
+        segment = f"{letter}{after[0]}segment_joint"
+        below = below + (children[segment] if segment in below else [])
+        assert f"{letter}{after}_joint" in below
+    for index, name in enumerate(arm.joint_names):
+        joint = nodes[name].find("Joint")
+        axis = numbers(joint.find("axis"), "x", "y", "z")
+        data = arm.pin.joints[index + 1].createData()
+        arm.pin.joints[index + 1].calc(data, np.zeros(7))
+        assert np.array_equal(np.asarray(data.S).ravel()[3:], axis)
+        limits = numbers(joint.find("limits"), "lo", "hi")
+        assert np.array_equal([arm.lower[index], arm.upper[index]], limits)
+
+    # Lengths: the segments' own joints shift along -z [mm for a height of 1 m].
+    for joint, segment in ((4, "E"), (6, "W")):
+        row = nodes[f"{letter}{segment}segment_joint"].find(".//row3")
+        shift = float(row.get("c4")) / 1000.0
+        assert arm.pin.jointPlacements[joint].translation[2] == pytest.approx(shift, abs=1e-15)
+
+    # Bodies: mass, centre of mass and inertia. The upper arm and the forearm are stored at their
+    # distal ends.
+    bodies = {
+        3: (f"{letter}Esegment_joint", -0.188),
+        5: (f"{letter}Wsegment_joint", -0.145),
+        7: (f"Hand {letter} Palm", 0.0),
+    }
+    for joint, (name, offset) in bodies.items():
+        physics = nodes[name].find("Physics")
+        body = arm.pin.inertias[joint]
+        assert body.mass == pytest.approx(float(physics.find("Mass").get("value")), rel=1e-12)
+        centre = numbers(physics.find("CoM"), "x", "y", "z") / 1000.0
+        assert body.lever == pytest.approx(centre + np.array([0, 0, offset]), abs=1e-12)
+        inertia = [
+            numbers(physics.find(f"InertiaMatrix/{row}"), "c1", "c2", "c3")
+            for row in ("row1", "row2", "row3")
+        ]
+        assert body.inertia == pytest.approx(np.array(inertia), abs=1e-18)
+
+    # Tool centre point.
+    transform = nodes[f"Hand {letter} TCP"].find("Transform")
+    position = numbers(transform.find("Translation"), "x", "y", "z") / 1000.0
+    frame = arm.pin.frames[arm.pin.getFrameId("hand")].placement
+    assert frame.translation == pytest.approx(position, abs=1e-15)
+    angles = transform.find("rollpitchyaw")
+    assert [angles.get(name) for name in ("roll", "pitch", "yaw")] == ["180", "0", "0"]
+    assert frame.rotation == pytest.approx(np.diag([1.0, -1.0, -1.0]), abs=1e-15)
+
+
+def test_sizes_scale(rng: np.random.Generator) -> None:
+    small, large = go.human_arm("left", 1.0, 1.0), go.human_arm("left", 1.5, 60.0)
+    q = rng.uniform(small.lower, small.upper)
+    assert large.mass_matrix(q) == pytest.approx(60 * 1.5**2 * small.mass_matrix(q), rel=1e-12)
+    rotation, position = small.hand_pose(q)
+    assert large.hand_pose(q)[0] == pytest.approx(rotation, abs=1e-14)
+    assert large.hand_pose(q)[1] == pytest.approx(1.5 * position, abs=1e-14)
+
+
+def test_posture_at_zero_and_signs() -> None:
+    arm = go.human_arm("right", 2.0, 70.0)
+    reach = 2.0 * (0.188 + 0.145 + 0.037)
+    assert arm.hand_pose(np.zeros(7))[1] == pytest.approx([-0.03, 0.0, -reach], abs=1e-12)
+    forward = arm.hand_pose([math.pi / 2, 0, 0, 0, 0, 0, 0])[1]
+    assert forward == pytest.approx([-0.03, reach, 0.0], abs=1e-12)
+    elbow = arm.hand_pose([0, 0, 0, math.pi / 2, 0, 0, 0])[1]
+    assert elbow == pytest.approx([-0.03, 2 * (0.145 + 0.037), -2 * 0.188], abs=1e-12)
+
+
+def test_mirrored_arms_move_alike(rng: np.random.Generator) -> None:
+    """Left and right are mirror images in y-z, up to the hands' own slightly different inertia."""
+    right, left = go.human_arm("right"), go.human_arm("left")
+    flip = np.array([1, -1, -1, 1, -1, 1, -1])
+    q = rng.uniform(right.lower, right.upper)
+    mirror = np.diag([-1.0, 1.0, 1.0])
+    assert left.hand_pose(flip * q)[1] == pytest.approx(mirror @ right.hand_pose(q)[1], abs=1e-12)
+    signs = np.outer(flip, flip)
+    difference = left.mass_matrix(flip * q) - signs * right.mass_matrix(q)
+    assert np.abs(difference).max() < 2e-3 * np.abs(right.mass_matrix(q)).max()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"side": "up"}, "side must be 'right' or 'left', got 'up'"),
+        ({"height": 0.0}, r"height must be positive \[m\], got 0.0"),
+        ({"height": float("nan")}, "height must be positive"),
+        ({"mass": -70.0}, r"mass must be positive \[kg\], got -70.0"),
+        ({"mass": "heavy"}, "mass must be a number, got 'heavy'"),
+    ],
+)
+def test_impossible_people_are_refused(arguments: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        go.human_arm(**arguments)

@@ -1,0 +1,132 @@
+"""The symbolic back ends against numeric Pinocchio."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+import pytest
+from known_models import random_tree
+
+import geodesic_ocp as go
+from geodesic_ocp.model import rigid_body
+from geodesic_ocp.model.joints import configuration
+
+# Both sides round differently over a few hundred operations.
+RELATIVE = 1e-12
+
+
+@pytest.fixture(params=rigid_body.BACKENDS)
+def backend(request: pytest.FixtureRequest) -> str:
+    if request.param not in rigid_body.available_backends():
+        pytest.skip(f"{request.param} cannot be imported here (the pin wheels lack it)")
+    return request.param
+
+
+def systems() -> dict[str, tuple[pin.Model, str]]:
+    rng = np.random.default_rng(7)
+    arms = {side: (go.human_arm(side).pin, "hand") for side in ("right", "left")}
+    return arms | {f"tree {index}": (random_tree(rng), "tool") for index in range(6)}
+
+
+def close(found: np.ndarray, expected: np.ndarray) -> bool:
+    return bool(np.abs(found - expected).max() <= RELATIVE * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", systems())
+def test_mass_matrix_and_pose(name: str, backend: str, rng: np.random.Generator) -> None:
+    native, hand = systems()[name]
+    model = go.Model(native, hand, backend)
+    data = native.createData()
+    for _ in range(20):
+        q = rng.uniform(-3.0, 3.0, model.dof)
+        full = configuration(native, q)
+        upper = np.triu(pin.crba(native, data, full))
+        assert close(model.mass_matrix(q), upper + np.triu(upper, 1).T)
+        pin.framesForwardKinematics(native, data, full)
+        pose = data.oMf[native.getFrameId(hand)]
+        rotation, position = model.hand_pose(q)
+        assert close(rotation, pose.rotation)
+        assert close(position, pose.translation)
+        jacobian = pin.computeFrameJacobian(
+            native, data, full, native.getFrameId(hand), pin.LOCAL_WORLD_ALIGNED
+        )
+        assert close(model.hand_jacobian(q), jacobian)
+
+
+@pytest.mark.parametrize("name", systems())
+def test_coriolis_terms(name: str, backend: str, rng: np.random.Generator) -> None:
+    native, hand = systems()[name]
+    metric = go.KineticEnergy(go.Model(native, hand, backend))
+    weightless = native.copy()
+    weightless.gravity = pin.Motion.Zero()
+    data = weightless.createData()
+    for _ in range(20):
+        q, v = rng.uniform(-3.0, 3.0, (2, metric.dim))
+        expected = pin.rnea(weightless, data, configuration(native, q), v, np.zeros(metric.dim))
+        found = np.einsum("ijk,j,k->i", metric.christoffel(q), v, v)
+        # The sum cancels: rounding is relative to its terms, not to what is left of them.
+        terms = np.einsum("ijk,j,k->i", np.abs(metric.christoffel(q)), np.abs(v), np.abs(v))
+        assert np.abs(found - expected).max() <= RELATIVE * terms.max()
+
+
+def test_trees_that_are_not_numbered_depth_first(backend: str, rng: np.random.Generator) -> None:
+    """There numeric crba itself leaves entries out: the torques of unit accelerations do not."""
+    native = random_tree(rng, depth_first=False)
+    model = go.Model(native, "tool", backend)
+    native.gravity = pin.Motion.Zero()
+    data, q, still = native.createData(), rng.uniform(-3.0, 3.0, model.dof), np.zeros(model.dof)
+    full = configuration(native, q)
+    columns = [pin.rnea(native, data, full, still, unit) for unit in np.eye(model.dof)]
+    assert not close(np.triu(pin.crba(native, data, full)), np.triu(np.array(columns)))
+    assert close(model.mass_matrix(q), np.array(columns))
+
+
+def test_armature_adds_to_the_diagonal(backend: str, rng: np.random.Generator) -> None:
+    native = random_tree(rng)
+    native.armature = rng.uniform(0.1, 1.0, native.nv)
+    model = go.Model(native, "tool", backend)
+    q = rng.uniform(-1.0, 1.0, model.dof)
+    upper = np.triu(pin.crba(native, native.createData(), configuration(native, q)))
+    assert close(model.mass_matrix(q), upper + np.triu(upper, 1).T)
+
+
+def test_backends_agree(arm: go.Model, rng: np.random.Generator) -> None:
+    if len(rigid_body.available_backends()) < 2:
+        pytest.skip("pinocchio.casadi cannot be imported here (the pin wheels lack it)")
+    models = [go.human_arm("right", backend=name) for name in rigid_body.BACKENDS]
+    q = rng.uniform(-3.0, 3.0, arm.dof)
+    assert close(models[0].mass_matrix(q), models[1].mass_matrix(q))
+
+
+def test_backend_is_chosen_by_argument_then_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(rigid_body.ENVIRONMENT_VARIABLE, "built-in")
+    assert go.human_arm().backend == "built-in"
+    monkeypatch.setenv(rigid_body.ENVIRONMENT_VARIABLE, "abacus")
+    with pytest.raises(ValueError, match=r"backend must be one of.*'abacus'"):
+        go.human_arm()
+    assert go.human_arm(backend="built-in").backend == "built-in"
+
+
+def test_missing_backend_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rigid_body, "available_backends", lambda: ("built-in",))
+    with pytest.raises(ValueError, match=r"'pinocchio\.casadi' cannot be imported"):
+        go.human_arm(backend="pinocchio.casadi")
+
+
+@pytest.mark.parametrize(
+    "joint", [pin.JointModelSpherical(), pin.JointModelFreeFlyer(), pin.JointModelPlanar()]
+)
+def test_joints_of_several_freedoms_are_refused_by_name(joint: pin.JointModel) -> None:
+    native = pin.Model()
+    index = native.addJoint(0, joint, pin.SE3.Identity(), "hip")
+    native.addFrame(pin.Frame("foot", index, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    with pytest.raises(ValueError, match=f"joint 'hip' is a {joint.shortname()}"):
+        go.Model(native, "foot")
+
+
+def test_symbols_in_symbols_out(arm: go.Model) -> None:
+    for kind in (ca.SX, ca.MX):
+        q = kind.sym("q", arm.dof)
+        assert isinstance(arm.mass_matrix(q), kind)
+        assert all(isinstance(part, kind) for part in arm.hand_pose(q))

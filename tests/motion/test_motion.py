@@ -1,0 +1,102 @@
+"""Motion: what it refuses, filtering, resampling."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import geodesic_ocp as go
+
+TIME = np.arange(60) / 100.0
+
+
+def parabola() -> go.Motion:
+    """Two joints on parabolas, which a filter of order 2 leaves as they are."""
+    q = np.column_stack([1.0 + 2.0 * TIME - 3.0 * TIME**2, -TIME + TIME**2])
+    return go.Motion(TIME, q, ("a", "b"))
+
+
+def test_filter_keeps_parabolas_and_knows_their_velocity() -> None:
+    motion = parabola().filtered()
+    assert motion.q == pytest.approx(parabola().q, abs=1e-12)
+    expected = np.column_stack([2.0 - 6.0 * TIME, -1.0 + 2.0 * TIME])
+    assert motion.velocity == pytest.approx(expected, abs=1e-10)
+
+
+def test_filter_reduces_noise(rng: np.random.Generator) -> None:
+    noise = 0.005 * rng.normal(size=(60, 2))
+    noisy = go.Motion(TIME, parabola().q + noise, ("a", "b")).filtered()
+    # 21 samples, order 2: the variance falls to 9/84 or so in the middle.
+    assert np.std((noisy.q - parabola().q)[10:-10]) < 0.5 * np.std(noise)
+
+
+def test_motion_is_frozen_and_private() -> None:
+    q = parabola().q.copy()
+    motion = go.Motion(TIME, q, ("a", "b"))
+    q[:] = 0.0
+    assert motion.q[0, 0] == 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        motion.q[0, 0] = 5.0
+    with pytest.raises(AttributeError):
+        motion.q = q
+
+
+def test_select_and_resample() -> None:
+    motion = parabola().filtered()
+    swapped = motion.select(["b", "a"])
+    assert np.array_equal(swapped.q, motion.q[:, ::-1])
+    assert np.array_equal(swapped.velocity, motion.velocity[:, ::-1])
+    with pytest.raises(ValueError, match="there is no joint c; there are a, b"):
+        motion.select(["a", "c"])
+    dense = motion.resampled(250.0)
+    assert len(dense) == 148
+    assert dense.rate == pytest.approx(250.0)
+    expected = 1.0 + 2.0 * dense.time - 3.0 * dense.time**2
+    assert dense.q[:, 0] == pytest.approx(expected, abs=1e-10)
+
+
+def test_curve_through_the_samples() -> None:
+    motion = parabola()
+    assert motion(TIME) == pytest.approx(motion.q, abs=1e-14)
+    assert motion([0.2], 1)[0] == pytest.approx([0.8, -0.6], abs=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("time", "q", "message"),
+    [
+        ([0.0], [[1.0, 2.0]], "at least two samples, got 1"),
+        ([0.0, 0.1, 0.1], np.zeros((3, 2)), r"sample 2 is at 0\.1 s, the one before at 0\.1 s"),
+        ([0.0, np.nan], np.zeros((2, 2)), "time is nan at sample 1"),
+        ([0.0, 0.1], [[0.0, 0.0], [0.0, np.inf]], "q of b is inf at sample 1"),
+        ([0.0, 0.1], np.zeros((2, 3)), r"got shapes \(2,\) and \(2, 3\)"),
+    ],
+)
+def test_bad_samples_are_named(time: object, q: object, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        go.Motion(time, q, ("a", "b"))
+
+
+def test_other_mistakes_are_named() -> None:
+    with pytest.raises(ValueError, match="joint names must differ"):
+        go.Motion([0.0, 0.1], np.zeros((2, 2)), ("a", "a"))
+    with pytest.raises(ValueError, match=r"velocity must have the shape \(2, 2\) of q"):
+        go.Motion([0.0, 0.1], np.zeros((2, 2)), ("a", "b"), np.zeros((2, 3)))
+
+
+def test_filter_refuses_what_it_cannot_filter() -> None:
+    with pytest.raises(ValueError, match="needs as many samples, not 60"):
+        parabola().filtered(window=61)
+    for window, order in ((20, 2), (3, 3), (5, 0)):
+        with pytest.raises(ValueError, match="window must be odd and above order"):
+            parabola().filtered(window, order)
+    uneven = TIME.copy()
+    uneven[30:] += 0.03
+    with pytest.raises(ValueError, match=r"step after sample 29 is 0\.04 s.*resampled\(rate\)"):
+        go.Motion(uneven, parabola().q, ("a", "b")).filtered()
+
+
+def test_rounded_time_stamps_are_even_enough() -> None:
+    time = np.round(np.arange(60) / 120.0, 3)
+    go.Motion(np.arange(60) / 120.0, parabola().q, ("a", "b")).filtered()
+    with pytest.raises(ValueError, match="evenly spaced"):
+        go.Motion(time, parabola().q, ("a", "b")).filtered()

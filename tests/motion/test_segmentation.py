@@ -1,0 +1,184 @@
+"""Segmentation of motions whose cuts are known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import geodesic_ocp as go
+from geodesic_ocp.manifold.exponential import trajectory
+
+STEP = 0.01
+
+
+def turned(
+    metric: go.Metric, q: np.ndarray, v: np.ndarray, angle: float, rng: np.random.Generator
+) -> np.ndarray:
+    """A vector as long as v at this angle to it, in the metric, in a random direction."""
+    other = rng.normal(size=v.size)
+    other = other - metric.inner(q, v, other) / metric.inner(q, v, v) * v
+    other = other * metric.norm(q, v) / metric.norm(q, other)
+    return np.cos(angle) * v + np.sin(angle) * other
+
+
+def of_geodesics(
+    metric: go.Metric, samples: Sequence[int], angle: float, rng: np.random.Generator
+) -> tuple[go.Motion, list[tuple[int, int]]]:
+    """Geodesics of the given numbers of steps, one after the other, turning by an angle between.
+
+    The sample at a corner has the velocity of the geodesic that begins there.
+    """
+    q = rng.uniform(-0.4, 0.4, metric.dim)
+    v = rng.uniform(-0.6, 0.6, metric.dim)
+    positions, velocities, cuts = [q[None]], [v[None]], [0]
+    for count in samples:
+        path, speeds = trajectory(metric, q, v, STEP * np.arange(count + 1))
+        velocities[-1][-1] = v
+        positions.append(path[1:])
+        velocities.append(speeds[1:])
+        q, v = path[-1], turned(metric, path[-1], speeds[-1], angle, rng)
+        cuts.append(cuts[-1] + count)
+    stacked = np.vstack(positions)
+    names = tuple(f"joint{i}" for i in range(metric.dim))
+    motion = go.Motion(STEP * np.arange(len(stacked)), stacked, names, np.vstack(velocities))
+    return motion, list(pairwise(cuts))
+
+
+@given(
+    samples=st.lists(st.integers(8, 40), min_size=1, max_size=5),
+    angle=st.floats(0.75, 2.5),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_cuts_between_geodesics_are_found_to_the_sample(
+    samples: list[int], angle: float, seed: int
+) -> None:
+    metric = go.KineticEnergy(go.human_arm())
+    motion, expected = of_geodesics(metric, samples, angle, np.random.default_rng(seed))
+    assert go.segment(metric, motion, 0.6) == expected
+
+
+def test_small_turns_are_not_cuts(arm_metric: go.KineticEnergy, rng: np.random.Generator) -> None:
+    motion, _ = of_geodesics(arm_metric, [30, 30], 0.3, rng)
+    assert go.segment(arm_metric, motion, 0.6) == [(0, 60)]
+    assert len(go.segment(arm_metric, motion, 0.2)) == 2
+
+
+def test_a_curved_geodesic_is_one_synergy_where_straight_lines_see_many(
+    arm_metric: go.KineticEnergy,
+) -> None:
+    q = np.array([0.3, 0.2, -0.9, 1.2, 0.3, -0.1, 0.2])
+    v = 2.0 * np.array([1.2, -0.4, 0.8, 1.1, -1.0, 0.6, 0.9])
+    time = np.linspace(0.0, 1.0, 101)
+    positions, velocities = trajectory(arm_metric, q, v, time)
+    motion = go.Motion(time, positions, tuple("abcdefg"), velocities)
+    assert go.segment(arm_metric, motion, 0.1) == [(0, 100)]
+    assert len(go.segment(go.Euclidean(7), motion, 0.1)) > 1
+
+
+def with_rest(
+    metric: go.Metric, before: int, rest: int, after: int, noise: float, rng: np.random.Generator
+) -> go.Motion:
+    """A geodesic, a rest whose velocity is noise, and the same geodesic onwards."""
+    q, v = rng.uniform(-0.4, 0.4, metric.dim), rng.uniform(-0.6, 0.6, metric.dim)
+    path, velocity = trajectory(metric, q, v, STEP * np.arange(before + after + 1))
+    still = np.tile(path[before], (rest, 1))
+    wobble = noise * np.abs(v).max() * rng.uniform(-1.0, 1.0, (rest, metric.dim))
+    positions = np.vstack([path[:before], still, path[before:]])
+    velocities = np.vstack([velocity[:before], wobble, velocity[before:]])
+    time = STEP * np.arange(len(positions))
+    return go.Motion(time, positions, tuple("abcdefg"), velocities)
+
+
+@given(seed=st.integers(0, 2**32 - 1), rest=st.integers(11, 60))
+def test_a_rest_is_a_segment_of_its_own(seed: int, rest: int) -> None:
+    """The velocity there turns at every sample; none of these turns is a cut."""
+    metric = go.KineticEnergy(go.human_arm())
+    motion = with_rest(metric, 25, rest, 30, 1e-3, np.random.default_rng(seed))
+    assert go.segment(metric, motion, 0.6) == [(0, 25), (25, 25 + rest), (25 + rest, 55 + rest)]
+
+
+def test_a_short_pause_is_no_cut(arm_metric: go.KineticEnergy, rng: np.random.Generator) -> None:
+    motion = with_rest(arm_metric, 25, 5, 30, 1e-3, rng)
+    assert go.segment(arm_metric, motion, 0.6) == [(0, 60)]
+    assert len(go.segment(arm_metric, motion, 0.6, rest_duration=0.03)) == 3
+    # Without a rest threshold the noise is taken for turns.
+    assert len(go.segment(arm_metric, motion, 0.6, rest=0.0)) > 3
+
+
+def test_rests_at_the_ends(arm_metric: go.KineticEnergy, rng: np.random.Generator) -> None:
+    motion = with_rest(arm_metric, 0, 20, 30, 1e-3, rng)
+    assert go.segment(arm_metric, motion, 0.6) == [(0, 20), (20, 50)]
+    motion = with_rest(arm_metric, 30, 20, 0, 1e-3, rng)
+    # The last sample of the path follows the rest and moves again.
+    assert go.segment(arm_metric, motion, 0.6)[:2] == [(0, 30), (30, 50)]
+
+
+def test_a_segment_that_begins_in_a_short_pause_takes_the_first_direction_that_moves(
+    arm_metric: go.KineticEnergy, rng: np.random.Generator
+) -> None:
+    motion = with_rest(arm_metric, 0, 5, 30, 1e-3, rng)
+    assert go.segment(arm_metric, motion, 0.6) == [(0, 35)]
+
+
+def sines(phases: Sequence[float]) -> go.Motion:
+    """Joints that swing with a period of one second."""
+    time = np.arange(0.0, 2.0, STEP)
+    angle = 2 * np.pi * (time[:, None] - np.array(phases))
+    names = tuple(f"joint{i}" for i in range(len(phases)))
+    return go.Motion(time, np.cos(angle), names, -2 * np.pi * np.sin(angle))
+
+
+def test_zero_velocity_cuts() -> None:
+    """Four of five joints turn back together at 0.505 s and so on; one is out of step."""
+    motion = sines([0.005, 0.005, 0.015, -0.005, 0.25])
+    assert go.segment_zero_velocity(motion) == [(0, 50), (50, 100), (100, 150), (150, 199)]
+    # Only four turn at once: more than four never do.
+    assert go.segment_zero_velocity(motion, joints=4) == [(0, 199)]
+    # Turning points that are further apart than the window do not count together.
+    assert go.segment_zero_velocity(sines([0.0, 0.03, 0.06, 0.09, 0.12])) == [(0, 199)]
+
+
+def test_a_touch_of_zero_is_no_crossing() -> None:
+    time = np.arange(0.0, 1.0, STEP)
+    speed = np.abs(time - 0.5)[:, None] * np.ones(4)
+    speed[45:56] = 0.0
+    q = np.cumsum(speed, axis=0) * STEP
+    motion = go.Motion(time, q, tuple("abcd"), speed)
+    assert go.segment_zero_velocity(motion) == [(0, 99)]
+    back = np.where(time[:, None] < 0.5, speed, -speed)
+    motion = go.Motion(time, np.cumsum(back, axis=0) * STEP, tuple("abcd"), back)
+    assert go.segment_zero_velocity(motion) == [(0, 50), (50, 99)]
+
+
+def still() -> go.Motion:
+    q = np.full((50, 7), 0.3)
+    return go.Motion(STEP * np.arange(50), q, tuple("abcdefg"), np.zeros((50, 7)))
+
+
+def test_bad_arguments_are_named(arm_metric: go.KineticEnergy, rng: np.random.Generator) -> None:
+    motion, _ = of_geodesics(arm_metric, [20], 1.0, rng)
+    bare = go.Motion(motion.time, motion.q, motion.joint_names)
+    for threshold in (0.0, -0.6, np.nan):
+        with pytest.raises(ValueError, match=r"threshold must be positive \[rad\]"):
+            go.segment(arm_metric, motion, threshold)
+    with pytest.raises(ValueError, match="threshold must be below pi rad"):
+        go.segment(arm_metric, motion, 4.0)
+    with pytest.raises(ValueError, match=r"has no velocities; use motion\.filtered\(\)"):
+        go.segment(arm_metric, bare)
+    with pytest.raises(ValueError, match="never moves"):
+        go.segment(arm_metric, still())
+    with pytest.raises(ValueError, match="never moves"):
+        go.segment_zero_velocity(still())
+    with pytest.raises(ValueError, match="metric has dimension 2, the motion 7 joints"):
+        go.segment(go.Euclidean(2), motion)
+    with pytest.raises(ValueError, match=r"rest must be in \[0, 1\)"):
+        go.segment(arm_metric, motion, rest=1.0)
+    with pytest.raises(ValueError, match="joints must be 0 to 6"):
+        go.segment_zero_velocity(motion, joints=7)
+    with pytest.raises(ValueError, match="window must be positive"):
+        go.segment_zero_velocity(motion, window=0.0)

@@ -1,0 +1,151 @@
+"""Synergies: planned segments, the motion they predict, and their file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import geodesic_ocp as go
+from geodesic_ocp.manifold.exponential import trajectory
+
+TIME = np.linspace(0.0, 0.8, 81)
+
+
+@pytest.fixture(scope="module")
+def metric() -> go.KineticEnergy:
+    return go.KineticEnergy(go.human_arm("left"))
+
+
+@pytest.fixture(scope="module")
+def motion(metric: go.KineticEnergy) -> go.Motion:
+    """One geodesic travelled by a cubic law of time, slowly at first, then fast."""
+    # Half as far again and a second, shorter geodesic would join the ends.
+    v = 0.6 * np.array([1.2, -0.3, 0.6, 0.9, -0.5, 0.2, 0.4])
+    q = np.array([0.2, 0.1, 0.6, 0.7, 0.1, -0.1, 0.2])
+    share = 0.3 * TIME + 0.9 * TIME**2 - 0.2 * TIME**3
+    rate = 0.3 + 1.8 * TIME - 0.6 * TIME**2
+    positions, velocities = trajectory(metric, q, v, share, tolerance=1e-12)
+    names = metric.model.joint_names
+    return go.Motion(TIME, positions, names, velocities * rate[:, None], go.Subject(name="me"))
+
+
+def test_a_geodesic_with_a_cubic_law_is_predicted_exactly(
+    metric: go.KineticEnergy, motion: go.Motion
+) -> None:
+    """Whole, or in pieces: the geodesic and the cubic between the same ends are unique."""
+    for segments in ([(0, 80)], [(0, 33), (33, 80)]):
+        synergies, predicted = go.reconstruct(metric, motion, segments)
+        assert predicted.q == pytest.approx(motion.q, abs=1e-7)
+        assert predicted.velocity == pytest.approx(motion.velocity, abs=1e-5)
+        assert np.array_equal(predicted.time, motion.time)
+        assert predicted.subject == motion.subject
+        assert [(s.start, s.stop) for s in synergies] == segments
+        assert sum(s.duration for s in synergies) == pytest.approx(0.8)
+
+
+def test_prediction_is_continuous_and_passes_through_the_ends(
+    metric: go.KineticEnergy, motion: go.Motion
+) -> None:
+    wavy = go.Motion(TIME, motion.q + 0.1 * np.sin(20 * TIME)[:, None], motion.joint_names)
+    wavy = wavy.filtered()
+    segments = [(0, 10), (10, 45), (45, 80)]
+    for its_metric in (metric, go.Euclidean(7)):
+        synergies, predicted = go.reconstruct(its_metric, wavy, segments)
+        for synergy in synergies:
+            start, stop = synergy.start, synergy.stop
+            assert predicted.q[start] == pytest.approx(wavy.q[start], abs=1e-12)
+            assert synergy(wavy.time[stop]) == pytest.approx(wavy.q[stop], abs=1e-12)
+            speed = its_metric.norm(wavy.q[start], wavy.velocity[start])
+            found = its_metric.norm(wavy.q[start], synergy(wavy.time[start], 1))
+            assert found == pytest.approx(speed, rel=1e-4)
+
+
+def test_euclidean_synergies_are_straight(motion: go.Motion) -> None:
+    synergies, predicted = go.reconstruct(go.Euclidean(7), motion, [(0, 80)])
+    along = motion.q[-1] - motion.q[0]
+    off = predicted.q - motion.q[0]
+    off = off - np.outer(off @ along / (along @ along), along)
+    assert np.abs(off).max() < 1e-12
+    assert synergies[0].length == pytest.approx(np.linalg.norm(along), rel=1e-12)
+
+
+def test_a_segment_that_comes_back_stays(metric: go.KineticEnergy) -> None:
+    """Its path has no length, whatever its end speeds."""
+    q = 0.3 + 0.2 * np.sin(np.pi * TIME / 0.8)[:, None] * np.ones(7)
+    q[-1] = q[0]
+    velocity = 0.2 * np.pi / 0.8 * np.cos(np.pi * TIME / 0.8)[:, None] * np.ones(7)
+    there_and_back = go.Motion(TIME, q, metric.model.joint_names, velocity)
+    synergies, predicted = go.reconstruct(metric, there_and_back, [(0, 80)])
+    assert synergies[0].length == 0.0
+    assert predicted.q == pytest.approx(np.tile(q[0], (81, 1)))
+    assert not predicted.velocity.any()
+    nearly = q.copy()
+    nearly[-1] += 1e-4
+    almost = go.Motion(TIME, nearly, metric.model.joint_names, velocity)
+    _, predicted = go.reconstruct(metric, almost, [(0, 80)])
+    assert np.abs(predicted.q - q[0]).max() < 2e-3
+
+
+def test_progress_is_reported(motion: go.Motion) -> None:
+    seen: list[int] = []
+    go.reconstruct(go.Euclidean(7), motion, [(0, 40), (40, 80)], progress=seen.append)
+    assert seen == [1, 2]
+
+
+@pytest.mark.parametrize(
+    "segments", [[], [(0, 79)], [(1, 80)], [(0, 30), (31, 80)], [(0, 80), (80, 80)]]
+)
+def test_segments_must_cover_the_motion(segments: list[tuple[int, int]], motion: go.Motion) -> None:
+    with pytest.raises(ValueError, match=r"segments must cover|must end after it starts"):
+        go.reconstruct(go.Euclidean(7), motion, segments)
+
+
+def test_no_velocity_and_wrong_times_are_named(motion: go.Motion) -> None:
+    bare = go.Motion(motion.time, motion.q, motion.joint_names)
+    with pytest.raises(ValueError, match="has no velocities"):
+        go.reconstruct(go.Euclidean(7), bare, [(0, 80)])
+    synergy = go.reconstruct(go.Euclidean(7), motion, [(0, 80)]).synergies[0]
+    with pytest.raises(ValueError, match=r"t must lie in \[0, 0\.8\] s"):
+        synergy(0.9)
+    with pytest.raises(ValueError, match="order must be 0 or 1"):
+        synergy(0.1, 2)
+
+
+def test_files_of_synergies(metric: go.KineticEnergy, motion: go.Motion, tmp_path: Path) -> None:
+    synergies, _ = go.reconstruct(metric, motion, [(0, 33), (33, 80)])
+    file = tmp_path / "synergies.json"
+    go.save_synergies(file, synergies, motion.joint_names)
+    record = json.loads(file.read_text())
+    assert record["segments"] == [[0, 33], [33, 80]]
+    assert record["joint_names"] == list(motion.joint_names)
+    loaded = go.load_synergies(file, metric)
+    for before, after in zip(synergies, loaded, strict=True):
+        t = np.linspace(before.start_time, before.start_time + before.duration, 9)
+        assert np.array_equal(before(t), after(t))
+        assert np.array_equal(before(t, 1), after(t, 1))
+        assert (before.start, before.stop, before.length) == (after.start, after.stop, after.length)
+
+
+def test_bad_files_of_synergies_are_named(
+    metric: go.KineticEnergy, motion: go.Motion, tmp_path: Path
+) -> None:
+    file = tmp_path / "synergies.json"
+    with pytest.raises(go.RecordingError, match=r"synergies\.json: there is no such file"):
+        go.load_synergies(file, metric)
+    synergies, _ = go.reconstruct(go.Euclidean(7), motion, [(0, 80)])
+    go.save_synergies(file, synergies, motion.joint_names)
+    good = file.read_text()
+    with pytest.raises(go.RecordingError, match=r"nodes must have shape \(21, 2\)"):
+        go.load_synergies(file, go.Euclidean(2))
+    for text, message in (
+        (good[:100], "is not JSON"),
+        ("[1, 2]", "is not a file of synergies"),
+        (good.replace('"version": 1', '"version": 7'), "has version 7, expected 1"),
+        (good.replace('"degree"', '"grade"'), "'degree' is missing"),
+    ):
+        file.write_text(text)
+        with pytest.raises(go.RecordingError, match=message):
+            go.load_synergies(file, metric)

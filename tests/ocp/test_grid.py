@@ -1,0 +1,92 @@
+"""Gauss-Lobatto grids, and paths on them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from known_metrics import Sphere
+
+import geodesic_ocp as go
+
+GRIDS = st.builds(go.Grid, segments=st.integers(1, 6), degree=st.integers(2, 40))
+
+
+@given(grid=GRIDS)
+def test_nodes_and_weights(grid: go.Grid) -> None:
+    nodes = grid.nodes
+    assert nodes.shape == (grid.size,)
+    assert nodes[0] == 0.0
+    assert nodes[-1] == 1.0
+    assert np.all(np.diff(nodes) > 0)
+    assert nodes + nodes[::-1] == pytest.approx(np.ones(grid.size), abs=1e-15)
+    assert np.all(grid.weights > 0)
+
+
+@given(grid=GRIDS, power=st.integers(0, 79))
+def test_quadrature_is_exact_to_degree_2d_minus_1(grid: go.Grid, power: int) -> None:
+    power = min(power, 2 * grid.degree - 1)
+    values = grid.in_segments(grid.nodes**power)
+    assert np.sum(values @ grid.weights) == pytest.approx(1.0 / (power + 1), rel=1e-11)
+
+
+@given(grid=GRIDS, seed=st.integers(0, 2**32 - 1))
+def test_polynomials_of_the_degree_are_exact(grid: go.Grid, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    polynomial = np.polynomial.Chebyshev(rng.normal(size=grid.degree + 1), domain=[0, 1])
+    values = grid.in_segments(polynomial(grid.nodes))[..., None]
+    s = rng.uniform(0.0, 1.0, 20)
+    size = np.abs(polynomial(np.linspace(0, 1, 200))).max()
+    assert grid.interpolate(values, s)[:, 0] == pytest.approx(polynomial(s), abs=1e-12 * size)
+    slopes = grid.interpolate(grid.differentiation @ values, s)[:, 0]
+    steepest = np.abs(polynomial.deriv()(np.linspace(0, 1, 200))).max()
+    assert slopes == pytest.approx(polynomial.deriv()(s), abs=1e-9 * steepest + 1e-9 * size)
+
+
+def test_interpolation_on_and_between_nodes() -> None:
+    grid = go.Grid(3, 5)
+    values = grid.in_segments(np.exp(grid.nodes))[..., None]
+    assert grid.interpolate(values, grid.nodes)[:, 0] == pytest.approx(np.exp(grid.nodes))
+
+
+def test_impossible_grids_are_refused() -> None:
+    with pytest.raises(ValueError, match="segments must be at least 1, got 0"):
+        go.Grid(0, 4)
+    with pytest.raises(ValueError, match="degree must be 2 to 100, got 1"):
+        go.Grid(1, 1)
+
+
+def circle(s: np.ndarray) -> np.ndarray:
+    return np.column_stack([np.full(len(s), 1.0), 2.0 * s])
+
+
+def test_path_length_energy_and_derivatives() -> None:
+    grid = go.Grid(2, 8)
+    path = go.Path(Sphere(), grid, circle(grid.nodes))
+    assert path.length == pytest.approx(2.0 * np.sin(1.0), rel=1e-12)
+    assert path.energy == pytest.approx(path.length**2 / 2, rel=1e-12)
+    assert path(0.3) == pytest.approx([1.0, 0.6])
+    assert path([0.0, 0.5, 1.0], 1) == pytest.approx(np.tile([0.0, 2.0], (3, 1)), abs=1e-12)
+    assert path(0.7, order=2) == pytest.approx([0.0, 0.0], abs=1e-9)
+
+
+def test_length_of_a_path_with_a_corner() -> None:
+    """The derivative jumps where segments meet: each side counts with its own."""
+    grid = go.Grid(2, 4)
+    nodes = np.column_stack([np.abs(grid.nodes - 0.5), np.zeros(grid.size)])
+    assert go.Path(go.Euclidean(2), grid, nodes).length == pytest.approx(1.0, rel=1e-10)
+
+
+def test_bad_paths_and_arguments_are_named() -> None:
+    grid = go.Grid(1, 4)
+    with pytest.raises(ValueError, match=r"nodes must have shape \(5, 2\), got \(4, 2\)"):
+        go.Path(Sphere(), grid, np.zeros((4, 2)))
+    with pytest.raises(ValueError, match="nodes must be finite"):
+        go.Path(Sphere(), grid, np.full((5, 2), np.nan))
+    path = go.Path(Sphere(), grid, circle(grid.nodes))
+    for s in (-0.1, 1.1, np.nan, [0.5, 2.0]):
+        with pytest.raises(ValueError, match=r"s must lie in \[0, 1\]"):
+            path(s)
+    with pytest.raises(ValueError, match="order must not be negative"):
+        path(0.5, -1)

@@ -1,0 +1,157 @@
+"""Logarithmic map, distance and geodesics."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from known_metrics import HalfPlane, PolarPlane, Sphere, half_plane_distance, in_plane, on_sphere
+from known_models import planar_arm
+
+import geodesic_ocp as go
+
+SEED = st.integers(0, 2**32 - 1)
+
+
+def distance_on_sphere(a: np.ndarray, b: np.ndarray) -> float:
+    x, y = on_sphere(a), on_sphere(b)
+    return float(np.arctan2(np.linalg.norm(np.cross(x, y)), x @ y))
+
+
+@given(seed=SEED)
+def test_distances_on_the_sphere(seed: int) -> None:
+    a, b = np.random.default_rng(seed).uniform([0.6, 0.0], [2.5, 1.8], (2, 2))
+    assert go.distance(Sphere(), a, b) == pytest.approx(distance_on_sphere(a, b), abs=1e-9)
+
+
+@given(seed=SEED)
+def test_distances_in_the_half_plane(seed: int) -> None:
+    a, b = np.random.default_rng(seed).uniform([-1.0, 0.3], [1.0, 2.0], (2, 2))
+    assert go.distance(HalfPlane(), a, b) == pytest.approx(half_plane_distance(a, b), abs=1e-8)
+
+
+@given(seed=SEED)
+def test_distances_in_polar_coordinates(seed: int) -> None:
+    a, b = np.random.default_rng(seed).uniform([0.5, -1.0], [2.0, 1.0], (2, 2))
+    straight = np.linalg.norm(in_plane(a) - in_plane(b))
+    assert go.distance(PolarPlane(), a, b) == pytest.approx(straight, abs=1e-8)
+
+
+@given(seed=SEED)
+def test_log_undoes_exp(seed: int) -> None:
+    """On the human arm, for velocities of moderate reaches."""
+    metric, rng = go.KineticEnergy(go.human_arm()), np.random.default_rng(seed)
+    q = rng.uniform([0, -0.5, -1.2, 0.5, -0.5, -0.3, -0.5], [1, 0.5, -0.3, 1.5, 0.5, 0.2, 0.5])
+    v = rng.uniform(-0.5, 0.5, 7)
+    assert go.log(metric, q, go.exp(metric, q, v)) == pytest.approx(v, abs=1e-6)
+
+
+@given(seed=SEED)
+def test_exp_undoes_log(seed: int) -> None:
+    metric, rng = go.KineticEnergy(go.human_arm()), np.random.default_rng(seed)
+    low = np.array([0, -0.7, -1.5, 0.3, -0.8, -0.4, -0.8])
+    q0, q1 = rng.uniform(low, [1.5, 0.7, -0.2, 2.0, 0.8, 0.3, 0.8], (2, 7))
+    v0 = go.log(metric, q0, q1)
+    found = go.exp(metric, q0, v0, tolerance=1e-12)
+    assert np.abs(found - q1).max() <= 1e-9
+
+
+@given(seed=SEED, exponent=st.floats(-9.0, -1.0))
+def test_short_geodesics_keep_their_direction(seed: int, exponent: float) -> None:
+    metric, rng = go.KineticEnergy(go.human_arm()), np.random.default_rng(seed)
+    q0 = np.array([0.4, 0.1, -0.7, 1.1, 0.2, 0.0, -0.3])
+    step = 10.0**exponent * rng.uniform(-1.0, 1.0, 7)
+    v0 = go.log(metric, q0, q0 + step)
+    # To first order the log is the difference; curvature enters with its square.
+    size = np.abs(step).max()
+    assert np.abs(v0 - step).max() < 20.0 * size**2 + 1e-5 * size + 1e-14
+
+
+def test_human_arm_of_an_independent_implementation(known_geodesics: dict[str, Any]) -> None:
+    metric = go.KineticEnergy(go.human_arm("right", 1.0, 1.0))
+    for known in known_geodesics["human_arm_right"]["geodesics"]:
+        v0 = go.log(metric, known["q0"], known["q1"])
+        assert v0 == pytest.approx(np.array(known["v0"]), abs=1e-8)
+        length = go.distance(metric, known["q0"], known["q1"])
+        assert length == pytest.approx(known["length"], rel=1e-9)
+
+
+def test_two_link_arm_finds_a_geodesic_of_the_list(known_geodesics: dict[str, Any]) -> None:
+    """Several join these postures; the straight line's is one of them, and says its own length."""
+    known = known_geodesics["two_link_log"]
+    figures = ((1.0, 1.0), (1.0, 1.0), (0.5, 0.5), (1 / 12, 1 / 12))
+    metric = go.KineticEnergy(planar_arm(*figures))
+    assert go.Path(
+        metric, go.Grid(1, 40), np.linspace(known["q0"], known["q1"], 41)
+    ).nodes.shape == (41, 2)
+    length = go.distance(metric, known["q0"], known["q1"])
+    assert min(abs(length - entry["length"]) for entry in known["geodesics"]) < 1e-5
+    shortest = known["geodesics"][0]
+    arrival = go.exp(metric, known["q0"], shortest["v0"])
+    assert arrival == pytest.approx(np.array(known["q1"]), abs=1e-4)  # v0 has six digits
+    assert metric.norm(known["q0"], shortest["v0"]) == pytest.approx(shortest["length"], abs=1e-5)
+
+
+def test_tip_mass_measures_its_straight_line() -> None:
+    arm = planar_arm((1.0, 0.8), (0.0, 2.0), (0.0, 0.8), (0.0, 0.0))
+    a, b = np.array([0.3, 0.9]), np.array([0.8, 1.6])
+    tips = arm.hand_pose(np.array([a, b]))[1]
+    straight = np.sqrt(2.0) * np.linalg.norm(tips[1] - tips[0])
+    assert go.distance(go.KineticEnergy(arm), a, b) == pytest.approx(straight, rel=1e-10)
+
+
+def test_geodesic_is_the_path_of_the_log(arm_metric: go.KineticEnergy) -> None:
+    q0 = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
+    q1 = np.array([1.2, -0.2, -0.9, 1.6, -0.3, 0.1, 0.4])
+    path, v0 = go.geodesic(arm_metric, q0, q1), go.log(arm_metric, q0, q1)
+    assert np.array_equal(path(0.0), q0)
+    assert np.array_equal(path(1.0), q1)
+    assert path(0.0, 1) == pytest.approx(v0, abs=1e-5)
+    assert path.length == pytest.approx(go.distance(arm_metric, q0, q1), rel=1e-10)
+    for s in np.linspace(0.0, 1.0, 7):
+        assert path(s) == pytest.approx(go.exp(arm_metric, q0, s * v0), abs=1e-7)
+        assert arm_metric.norm(path(s), path(s, 1)) == pytest.approx(path.length, rel=1e-5)
+
+
+def test_scaling_masses_scales_length_by_its_root() -> None:
+    q0, q1 = np.zeros(7) + 0.1, np.array([0.8, 0.2, -0.6, 1.0, 0.3, -0.1, 0.2])
+    light, heavy = (go.KineticEnergy(go.human_arm("right", 1.75, m)) for m in (20.0, 80.0))
+    ratio = go.distance(heavy, q0, q1) / go.distance(light, q0, q1)
+    assert ratio == pytest.approx(2.0, rel=1e-9)
+    assert go.log(heavy, q0, q1) == pytest.approx(go.log(light, q0, q1), abs=1e-8)
+
+
+def test_distance_is_symmetric(arm_metric: go.KineticEnergy) -> None:
+    q0, q1 = np.zeros(7) + 0.1, np.array([0.8, 0.2, -0.6, 1.0, 0.3, -0.1, 0.2])
+    there, back = go.distance(arm_metric, q0, q1), go.distance(arm_metric, q1, q0)
+    assert there == pytest.approx(back, rel=1e-9)
+
+
+def test_nowhere_to_go(arm_metric: go.KineticEnergy) -> None:
+    q = np.full(7, 0.2)
+    assert not go.log(arm_metric, q, q).any()
+    path = go.geodesic(arm_metric, q, q)
+    assert path.length == 0.0
+    assert path(0.3) == pytest.approx(q, abs=1e-15)
+
+
+def test_no_geodesic_is_an_error() -> None:
+    """In the plane without the negative x axis's far side nothing joins r = 1 across the origin."""
+    with pytest.raises(go.NotConverged, match="no geodesic was found from"):
+        go.log(PolarPlane(), [1.0, 0.0], [1.0, 4.0])
+
+
+@pytest.mark.parametrize(
+    ("q0", "q1", "message"),
+    [
+        ([1.0], [1.0, 0.0], r"q0 must have shape \(2,\)"),
+        ([1.0, 0.0], [1.0, np.nan], "q1 must be finite"),
+    ],
+)
+def test_bad_arguments_are_named(q0: object, q1: object, message: str) -> None:
+    for function in (go.log, go.distance, go.geodesic):
+        with pytest.raises(ValueError, match=message):
+            function(Sphere(), q0, q1)

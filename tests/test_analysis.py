@@ -1,0 +1,183 @@
+"""The main job, on the bundled recording and on real ones."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import geodesic_ocp as go
+from geodesic_ocp.table import Table
+
+METHODS = ["riemannian", "euclidean", "euclidean_same_segments", "ik"]
+
+
+@pytest.fixture(scope="module")
+def analysis(reach_file: Path) -> go.Analysis:
+    arm = go.human_arm("left", 1.78)
+    return go.analyse(arm, go.read_motion(reach_file))
+
+
+def test_everything_is_there(analysis: go.Analysis) -> None:
+    assert list(analysis.errors) == METHODS
+    assert len(analysis.segments) == len(analysis.synergies)
+    assert analysis.segments[0][0] == 0
+    assert analysis.segments[-1][1] == len(analysis.motion) - 1
+    assert analysis.predicted is analysis.predictions["riemannian"]
+    assert analysis.motion.velocity is not None
+    assert analysis.segment_counts["euclidean_same_segments"] == len(analysis.segments)
+    again = go.evaluate(analysis.model, analysis.motion, analysis.predicted)
+    assert again == analysis.errors["riemannian"]
+
+
+def test_errors_are_small_against_the_motion(analysis: go.Analysis) -> None:
+    hand = analysis.model.hand_pose(analysis.motion.q)[1]
+    path = np.linalg.norm(np.diff(hand, axis=0), axis=1).sum()
+    assert analysis.errors["riemannian"].position < 0.02 * path
+    assert analysis.errors["ik"].position < 0.002
+    for synergy in analysis.synergies:
+        ends = analysis.motion.q[[synergy.start, synergy.stop]]
+        assert analysis.predicted.q[[synergy.start, synergy.stop]] == pytest.approx(ends, abs=1e-9)
+
+
+def test_finer_thresholds_explain_more(reach_file: Path, analysis: go.Analysis) -> None:
+    fine = go.analyse(analysis.model, go.read_motion(reach_file), threshold=0.3)
+    assert len(fine.segments) > len(analysis.segments)
+    assert fine.errors["riemannian"].joint < analysis.errors["riemannian"].joint
+
+
+def test_table_shows_both_comparisons(analysis: go.Analysis) -> None:
+    table = analysis.table()
+    assert len(table.rows) == 4
+    assert [row[1] for row in table.rows] == [
+        len(analysis.segments),
+        analysis.segment_counts["euclidean"],
+        len(analysis.segments),
+        "-",
+    ]
+    text = str(table)
+    assert "straight lines, zero-velocity segments" in text
+    assert "straight lines, same segments" in text
+    assert f"{analysis.errors['riemannian'].joint:#.3g}" in text
+
+
+def test_table_for_people_papers_and_programs() -> None:
+    table = Table(("name", "a [m]"), (("one", 0.0123456), ("longer", 7)))
+    assert str(table).splitlines() == [
+        "name     a [m]",
+        "--------------",
+        "one     0.0123",
+        "longer       7",
+    ]
+    assert (
+        table.markdown() == "| name | a [m] |\n| --- | ---: |\n| one | 0.0123 |\n| longer | 7 |\n"
+    )
+    assert table.csv() == "name,a [m]\none,0.0123456\nlonger,7\n"
+
+
+def test_figure_has_its_panels(analysis: go.Analysis) -> None:
+    figure = analysis.plot()
+    assert isinstance(figure, Figure)
+    labels = [axes.get_ylabel().replace("\n", " ") for axes in figure.axes]
+    assert len(labels) == 6
+    assert sum(label.startswith("hand") and "[m]" in label for label in labels) == 3
+    joints = [label for label in labels if "[rad]" in label]
+    assert [label[:2] for label in joints] == ["LS", "LE", "LW"]
+    for axes in figure.axes[:5]:
+        observed, predicted = axes.get_lines()
+        assert len(observed.get_xdata()) == len(analysis.motion)
+        assert not np.array_equal(observed.get_ydata(), predicted.get_ydata())
+        assert len(axes.patches) == len(analysis.segments)
+
+
+def test_saved_results_can_be_loaded(analysis: go.Analysis, tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "results"
+    files = analysis.save(folder)
+    expected = ["figure.pdf", "figure.png", "synergies.json", "table.csv", "table.md"]
+    assert [file.name for file in files] == expected
+    assert sorted(file.name for file in folder.iterdir()) == expected
+    assert (folder / "figure.png").read_bytes().startswith(b"\x89PNG")
+    assert (folder / "figure.pdf").read_bytes().startswith(b"%PDF")
+    rows = list(csv.reader((folder / "table.csv").read_text().splitlines()))
+    assert float(rows[1][2]) == analysis.errors["riemannian"].joint
+    loaded = go.load_synergies(folder / "synergies.json", go.KineticEnergy(analysis.model))
+    t = analysis.motion.time
+    for synergy in loaded:
+        here = slice(synergy.start, synergy.stop)
+        assert np.array_equal(synergy(t[here]), analysis.predicted.q[here])
+    analysis.save(folder)  # a second time replaces the first
+
+
+def test_a_failed_save_leaves_nothing_half_written(
+    analysis: go.Analysis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(self: Figure, *arguments: object, **options: object) -> None:
+        raise OSError("disk full")
+
+    monkeypatch.setattr(Figure, "savefig", fail)
+    with pytest.raises(OSError, match="disk full"):
+        analysis.save(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_progress_runs_to_its_end(reach_file: Path) -> None:
+    seen: list[tuple[str, int, int]] = []
+    arm = go.human_arm("left")
+    motion = go.read_motion(reach_file, arm.joint_names)
+    short = go.Motion(motion.time[350:], motion.q[350:], motion.joint_names)
+    go.analyse(arm, short, progress=lambda *report: seen.append(report))
+    assert seen[0][0] == "cutting into segments"
+    assert seen[-1][1] == seen[-1][2] > 0
+    assert [done for _, done, _ in seen] == sorted(done for _, done, _ in seen)
+
+
+def test_mistakes_are_named(reach_file: Path, analysis: go.Analysis) -> None:
+    motion = go.read_motion(reach_file)
+    with pytest.raises(ValueError, match="there is no joint RSx_joint"):
+        go.analyse(go.human_arm("right"), motion)
+    with pytest.raises(ValueError, match="threshold must be positive"):
+        go.analyse(analysis.model, motion, threshold=0.0)
+    short = go.Motion(motion.time[:10], motion.q[:10], motion.joint_names)
+    with pytest.raises(ValueError, match="window 21 needs as many samples, not 10"):
+        go.analyse(analysis.model, short)
+    still = dataclasses.replace(motion, q=np.tile(motion.q[0], (len(motion), 1)))
+    with pytest.raises(ValueError, match="never moves"):
+        go.analyse(analysis.model, still)
+
+
+def test_take_book_from_shelf(shared: Path) -> None:
+    """Figures measured with an independent implementation, to a fifth."""
+    file = shared / "data" / "kit" / "take_book_from_shelf_right_arm_02.xml"
+    arm = go.human_arm("right", 1.83, 100.0)
+    analysis = go.analyse(arm, go.read_motion(file), threshold=0.6)
+    errors = analysis.errors
+    assert len(analysis.segments) == pytest.approx(20, rel=0.2)
+    assert errors["riemannian"].joint == pytest.approx(0.057, rel=0.2)
+    assert errors["riemannian"].position == pytest.approx(0.013, rel=0.2)
+    assert errors["euclidean_same_segments"].joint == pytest.approx(0.033, rel=0.2)
+    assert errors["euclidean_same_segments"].position == pytest.approx(0.029, rel=0.2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "side"),
+    [
+        ("hand_to_mouth_right_arm_01", "right"),
+        ("hand_to_mouth_right_arm_02", "right"),
+        ("take_book_from_shelf_right_arm_03", "right"),
+        ("Trial_75", "right"),
+        ("Trial_75", "left"),
+    ],
+)
+def test_every_log_map_of_every_recording_converges(name: str, side: str, shared: Path) -> None:
+    arm = go.human_arm(side, 1.83, 100.0)
+    metric = go.KineticEnergy(arm)
+    analysis = go.analyse(arm, go.read_motion(shared / "data" / "kit" / f"{name}.xml"))
+    for synergy in analysis.synergies:
+        start, stop = synergy.path(0.0), synergy.path(1.0)
+        arrival = go.exp(metric, start, go.log(metric, start, stop), tolerance=1e-12)
+        assert np.abs(arrival - stop).max() <= 1e-9

@@ -1,0 +1,187 @@
+"""The command line: what it prints, what it writes, how it ends."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import geodesic_ocp as go
+from geodesic_ocp import cli
+
+
+@pytest.fixture
+def short_file(tmp_path: Path, reach_file: Path) -> Path:
+    """The reach at the end of the bundled recording, without the person's height."""
+    lines = [
+        line for line in reach_file.read_text().splitlines() if not line.startswith("# height")
+    ]
+    first = next(i for i, line in enumerate(lines) if line.startswith("time"))
+    file = tmp_path / "short.csv"
+    file.write_text("\n".join(lines[: first + 1] + lines[first + 401 :]) + "\n")
+    return file
+
+
+def test_analyse(short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    arguments = ["analyse", str(short_file), "--side", "left", "--out", str(out)]
+    assert cli.main(arguments) == 0
+    text = capsys.readouterr().out
+    assert "human left arm, height 1.75 m, mass 70 kg: 128 samples" in text
+    assert "assumed, as the recording does not say: height 1.75 m, mass 70.0 kg" in text
+    assert "geodesic synergies at a threshold of 0.6 rad" in text
+    assert "straight lines, same segments" in text
+    assert f"wrote {out / 'figure.png'}" in text
+    assert (out / "synergies.json").is_file()
+
+
+def test_height_mass_and_threshold(short_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["analyse", str(short_file), "--side", "left", "--height", "1.5", "--mass", "50"]
+    assert cli.main([*arguments, "--threshold", "1.0"]) == 0
+    text = capsys.readouterr().out
+    assert "height 1.5 m, mass 50 kg" in text
+    assert "threshold of 1 rad" in text
+    assert "assumed" not in text
+    assert "wrote" not in text
+
+
+def test_height_comes_from_the_recording(shared: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = shared / "data" / "kit" / "take_book_from_shelf_right_arm_02.xml"
+    assert cli.main(["analyse", str(file)]) == 0
+    text = capsys.readouterr().out
+    assert "of subject_id_1229, height 1.83 m, mass 100 kg: 338 samples" in text
+    assert "20 geodesic synergies" in text
+
+
+def test_demo(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["demo"]) == 0
+    assert "height 1.78 m" in capsys.readouterr().out
+    names = sorted(file.name for file in (tmp_path / "geodesic_ocp_demo").iterdir())
+    assert names == ["figure.pdf", "figure.png", "synergies.json", "table.csv", "table.md"]
+
+
+def test_models(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["models"]) == 0
+    text = capsys.readouterr().out
+    assert "in use: " + go.human_arm().backend in text
+    assert "RSx_joint" in text
+    assert "human left arm" in text
+
+
+def altered(file: Path, **changes: object) -> Path:
+    """A copy of a table with rows changed, each by a function of the list of rows."""
+    lines = file.read_text().splitlines()
+    first = next(i for i, line in enumerate(lines) if line.startswith("time")) + 1
+    head, rows = lines[:first], [line.split(",") for line in lines[first:]]
+    rows = changes["rows"](rows)
+    copy = file.with_name("altered.csv")
+    copy.write_text("\n".join(head + [",".join(row) for row in rows]) + "\n")
+    return copy
+
+
+def with_nan(rows: list[list[str]]) -> list[list[str]]:
+    rows[7][3] = "nan"
+    return rows
+
+
+def with_time_standing_still(rows: list[list[str]]) -> list[list[str]]:
+    rows[9][0] = rows[8][0]
+    return rows
+
+
+def frozen(rows: list[list[str]]) -> list[list[str]]:
+    return [[row[0], *rows[0][1:]] for row in rows]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (with_nan, "q of LSy_joint is nan at sample 7"),
+        (with_time_standing_still, "time must increase: sample 9"),
+        (frozen, "the motion never moves"),
+        (lambda rows: rows[:1], "needs at least two samples, got 1"),
+        (lambda rows: rows[:20], "needs as many samples, not 20"),
+    ],
+)
+def test_bad_tables_end_with_one_line(
+    change: object, message: str, short_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = altered(short_file, rows=change)
+    out = short_file.parent / "out"
+    assert cli.main(["analyse", str(file), "--side", "left", "--out", str(out)]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    last = printed.err.splitlines()[-1]
+    assert last.startswith("geodesic-ocp: error: ")
+    assert message in last
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--threshold", "0"], "threshold must be positive [rad], got 0.0"),
+        (["--threshold", "-1"], "threshold must be positive"),
+        (["--threshold", "nan"], "threshold must be positive"),
+        (["--height", "0"], "height must be positive [m], got 0.0"),
+        (["--mass", "-70"], "mass must be positive [kg], got -70.0"),
+        (["--side", "right"], "there is no joint RSx_joint"),
+    ],
+)
+def test_bad_options_end_with_one_line(
+    options: list[str], message: str, short_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = short_file.parent / "out"
+    arguments = ["analyse", str(short_file), "--side", "left", "--out", str(out), *options]
+    assert cli.main(arguments) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert message in printed.err.splitlines()[-1]
+    assert "Traceback" not in printed.err
+    assert not out.exists()
+
+
+def test_missing_and_broken_files(
+    tmp_path: Path, short_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["analyse", str(tmp_path / "none.xml")]) == 2
+    assert "none.xml: there is no such file" in capsys.readouterr().err
+    (tmp_path / "cut.xml").write_text("<MMM><Motion name='x'><Joint")
+    assert cli.main(["analyse", str(tmp_path / "cut.xml")]) == 2
+    assert "cut.xml: broken XML at line 1" in capsys.readouterr().err
+    # An output folder that is a file is found before any work is done.
+    arguments = ["analyse", str(short_file), "--side", "left", "--out", str(short_file)]
+    assert cli.main(arguments) == 2
+    assert "is a file, not a folder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("arguments", [[], ["fly"], ["analyse"], ["analyse", "a", "--side", "up"]])
+def test_wrong_usage_is_code_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as info:
+        cli.main(arguments)
+    assert info.value.code == 2
+    assert "usage:" in capsys.readouterr().err
+
+
+def test_failed_solvers_and_interruptions_have_their_own_codes(
+    short_file: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["analyse", str(short_file), "--side", "left"]
+    for error, code in (
+        (go.NotConverged(f"no geodesic from {np.zeros(20)}"), 3),
+        (go.IntegrationFailed("stopped"), 3),
+        (KeyboardInterrupt(), 130),
+    ):
+
+        def fail(*arguments: object, error: BaseException = error, **options: object) -> None:
+            raise error
+
+        monkeypatch.setattr(cli, "analyse", fail)
+        assert cli.main(arguments) == code
+        printed = capsys.readouterr().err
+        assert printed.startswith("geodesic-ocp: error: ")
+        assert printed.count("\n") == 1
