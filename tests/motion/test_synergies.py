@@ -138,7 +138,7 @@ def test_bad_files_of_synergies_are_named(
     synergies, _ = go.reconstruct(go.Euclidean(7), motion, [(0, 80)])
     go.save_synergies(file, synergies, motion.joint_names)
     good = file.read_text()
-    with pytest.raises(go.RecordingError, match=r"nodes must have shape \(21, 2\)"):
+    with pytest.raises(go.RecordingError, match=r"nodes must have shape \(15, 2\)"):
         go.load_synergies(file, go.Euclidean(2))
     for text, message in (
         (good[:100], "is not JSON"),

@@ -27,9 +27,12 @@ from geodesic_ocp.ocp.transcription import Units
 
 # Every answer reaches its goal to this when integrated forward, in every coordinate [rad or m].
 TOLERANCE = 1e-9
-_GRIDS = tuple(Grid(segments, 20) for segments in (1, 2, 4, 8, 16, 32))
+# Short geodesics, as of human synergies, need few nodes; each grid that fails gives way to a finer.
+_GRIDS = (Grid(1, 14), *(Grid(segments, 20) for segments in (1, 2, 4, 8, 16, 32)))
 _SHOOTING_TOLERANCE = 1e-10
 _CORRECTIONS = 10
+# Newton's corrections gain many digits at a time from a path that is fine enough, or none.
+_CONTRACTION = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +41,11 @@ class _Found:
 
     velocity: Array
     solution: Solution | None
+
+    @property
+    def grids(self) -> tuple[Grid, ...]:
+        """The grid on which it was found, and the finer ones."""
+        return _GRIDS if self.solution is None else _GRIDS[_GRIDS.index(self.solution.path.grid) :]
 
 
 def log(metric: Metric, q0: ArrayLike, q1: ArrayLike) -> Array:
@@ -61,8 +69,8 @@ def distance(metric: Metric, q0: ArrayLike, q1: ArrayLike) -> float:
 def geodesic(metric: Metric, q0: ArrayLike, q1: ArrayLike) -> Path:
     """The geodesic of `log` as a path from q0 to q1 at constant speed.
 
-    Its nodes are points of the geodesic's integration, on a grid fine enough that the
-    path's velocity is right to 1e-6.
+    Its nodes are points of the geodesic's integration, on a grid fine enough that the path's
+    velocity is right to 1e-6.
 
     Raises:
         ValueError: wrong shapes, or numbers that are not finite.
@@ -70,9 +78,7 @@ def geodesic(metric: Metric, q0: ArrayLike, q1: ArrayLike) -> Path:
     """
     found = _find(metric, q0, q1)
     goal = as_vector("q1", q1, metric.dim)
-    for grid in (
-        _GRIDS if found.solution is None else _GRIDS[_GRIDS.index(found.solution.path.grid) :]
-    ):
+    for grid in found.grids:
         nodes, velocities = trajectory(
             metric, q0, found.velocity, grid.nodes, tolerance=_SHOOTING_TOLERANCE
         )
@@ -128,7 +134,7 @@ def _corrected(metric: Metric, solution: Solution, goal: Array) -> tuple[Array, 
     for _ in range(_CORRECTIONS):
         gap = exp(metric, start, velocity, tolerance=_SHOOTING_TOLERANCE) - goal
         miss = float(np.abs(gap).max())
-        if miss >= 0.5 * best_miss:
+        if miss >= _CONTRACTION * best_miss:
             break
         best, best_miss = velocity, miss
         if miss <= target:

@@ -1,0 +1,35 @@
+# Everything runs in a virtual environment that is made when it is first needed.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+
+.PHONY: demo test test-slow lint bench clean
+
+demo: $(READY)  ## analyse the bundled recording; results go to geodesic_ocp_demo/
+	$(BIN)/geodesic-ocp demo
+
+test: $(READY)  ## the test suite, without its slow part
+	$(BIN)/python -m pytest -m "not slow"
+
+test-slow: $(READY)  ## the slow part of the test suite
+	$(BIN)/python -m pytest -m slow
+
+lint: $(READY)  ## style and types
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: $(READY)  ## speed and accuracy against another solver
+	$(BIN)/python benchmarks/log_map.py
+
+clean:  ## remove the environment and caches
+	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis dist
+
+$(READY): pyproject.toml
+	@$(PYTHON) -c 'import sys; assert (3, 10) <= sys.version_info < (3, 14)' 2>/dev/null || \
+	  { echo "needs Python 3.10 to 3.13, found: $$($(PYTHON) --version 2>&1); set PYTHON=..."; exit 1; }
+	@echo "making $(VENV) with everything the package needs (once, about a minute)"
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@
