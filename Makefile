@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test test-slow lint bench clean
+.PHONY: demo test test-slow lint notebooks bench clean
 
 demo: $(READY)  ## analyse the bundled recording; results go to geodesic_ocp_demo/
 	$(BIN)/geodesic-ocp demo
@@ -19,6 +19,9 @@ lint: $(READY)  ## style and types
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+notebooks: $(READY)  ## execute the notebooks, keeping their output
+	$(BIN)/jupyter-execute --inplace notebooks/*.ipynb
 
 bench: $(READY)  ## speed and accuracy against another solver
 	$(BIN)/python benchmarks/log_map.py
