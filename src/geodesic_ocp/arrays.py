@@ -42,8 +42,8 @@ def as_positive(name: str, value: float, unit: str = "") -> float:
 
 
 def evaluate(function: ca.Function, *arguments: Any) -> Any:
-    """Call a CasADi function: CasADi in, CasADi out; NumPy in, NumPy out (columns as 1-d)."""
+    """Call a CasADi function: CasADi in, CasADi out; NumPy in, NumPy matrices out."""
     outputs = function.call(list(arguments))
     if not is_symbolic(*arguments):
-        outputs = [out.full()[:, 0] if out.shape[1] == 1 else out.full() for out in outputs]
+        outputs = [out.full() for out in outputs]
     return outputs[0] if len(outputs) == 1 else tuple(outputs)

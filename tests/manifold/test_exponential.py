@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given
@@ -105,17 +106,15 @@ def test_energy_is_conserved(seed: int) -> None:
     assert speeds == pytest.approx([speeds[0]] * 3, rel=1e-8)
 
 
-@given(share=st.floats(0.0, 1.0), seed=st.integers(0, 2**32 - 1))
+@given(share=st.floats(0.01, 0.99), seed=st.integers(0, 2**32 - 1))
 def test_geodesics_are_one_curve(share: float, seed: int) -> None:
-    """exp(t v), then the rest from there, ends where exp(v) ends."""
-    metric, rng = Sphere(), np.random.default_rng(seed)
-    q, v = np.array([1.3, 0.0]), rng.uniform(-0.5, 0.5, 2)
-    middle = go.exp(metric, q, share * v)
-    positions, velocities = trajectory(metric, q, v, [0.0, 0.5, 1.0])
-    assert go.exp(metric, positions[1], 0.5 * velocities[1]) == pytest.approx(
-        positions[2], abs=1e-9
-    )
-    assert np.all(np.isfinite(middle))
+    """exp(t v) lies on it, and what is left to go from there ends where exp(v) ends."""
+    metric, rng = HalfPlane(), np.random.default_rng(seed)
+    q, v = np.array([0.3, 1.0]), rng.uniform(-1.0, 1.0, 2)
+    positions, velocities = trajectory(metric, q, v, [0.0, share, 1.0])
+    assert go.exp(metric, q, share * v) == pytest.approx(positions[1], abs=1e-9)
+    rest = go.exp(metric, positions[1], (1.0 - share) * velocities[1])
+    assert rest == pytest.approx(positions[2], abs=1e-9)
 
 
 @given(mass=st.floats(0.01, 1000.0), height=st.floats(0.5, 2.5))
@@ -177,6 +176,65 @@ def test_singular_metric_says_where_it_stopped() -> None:
         go.IntegrationFailed, match=r"exp from q = .*stopped at 0\.333333 of 0 to 1"
     ):
         go.exp(Wedge(), [0.0, 1.0], [0.0, -2.0])
+
+
+def test_too_many_steps_say_where_they_ended(arm_metric: go.KineticEnergy) -> None:
+    with pytest.raises(go.IntegrationFailed, match=r"50 steps were not enough.*too fast or the"):
+        trajectory(arm_metric, np.full(7, 0.1), np.full(7, 30.0), (0.0, 1.0), max_steps=50)
+
+
+def test_where_there_is_no_metric(arm_metric: go.KineticEnergy) -> None:
+    """The shoulder's gimbal lock, the sphere's pole, an indefinite tensor, a root of less."""
+    locked = np.array([0.3, np.pi / 2, -0.4, 0.9, 0.1, 0.0, 0.1])
+    for metric, q in ((arm_metric, locked), (Sphere(), np.zeros(2)), (Indefinite(), np.ones(2))):
+        with pytest.raises(ValueError, match=r"q: the metric is not positive definite at \["):
+            go.exp(metric, q, np.ones(metric.dim))
+    with pytest.raises(ValueError, match=r"q1: the metric is not positive definite at \["):
+        go.log(arm_metric, locked - 0.1, locked)
+    with pytest.raises(ValueError, match=r"q0: the metric is not finite at \[-1\. +1\.\]"):
+        go.log(Indefinite(), [-1.0, 1.0], [1.0, 1.0])
+    with pytest.raises(ValueError, match=r"<v, v> is -1 at q = .*: no metric there"):
+        Indefinite().norm([1.0, 1.0], [0.0, 1.0])
+
+
+class Indefinite(go.Metric):
+    """Of Lorentz's kind, and only where its first coordinate is positive."""
+
+    dim = 2
+
+    def matrix(self, q: Any) -> Any:
+        return ca.diag(ca.vertcat(ca.sqrt(q[0]), -1.0))
+
+
+def test_one_dimension() -> None:
+    class Line(go.Metric):
+        """Length int y^-1 dy: the logarithm of the ratio."""
+
+        dim = 1
+
+        def matrix(self, q: Any) -> Any:
+            return q**-2
+
+    assert Line().matrix([2.0]).shape == (1, 1)
+    assert Line().christoffel([2.0]) == pytest.approx(np.full((1, 1, 1), -1 / 8))
+    assert go.exp(Line(), [1.0], [np.log(3.0)]) == pytest.approx([3.0], abs=1e-9)
+    assert go.distance(Line(), [1.0], [3.0]) == pytest.approx(np.log(3.0), abs=1e-9)
+    pendulum = planar_arm((1.0,), (2.0,), (0.5,), (0.1,))
+    assert pendulum.mass_matrix([0.3]) == pytest.approx(np.array([[0.6]]))
+    assert pendulum.hand_jacobian([0.3]).shape == (6, 1)
+    assert go.log(go.KineticEnergy(pendulum), [0.0], [2.0]) == pytest.approx([2.0])
+
+
+def test_what_is_not_a_metric_is_named() -> None:
+    class Dimensionless(go.Metric):
+        def matrix(self, q: Any) -> Any:
+            return ca.SX.eye(2)
+
+    for function in (go.exp, go.log, go.geodesic):
+        with pytest.raises(ValueError, match="metric must be an instance of a Metric class"):
+            function(go.human_arm(), np.zeros(7), np.ones(7))
+        with pytest.raises(ValueError, match=r"Dimensionless\.dim must be a positive integer"):
+            function(Dimensionless(), np.zeros(2), np.ones(2))
 
 
 @pytest.mark.parametrize(

@@ -84,10 +84,11 @@ def test_two_link_arm_finds_a_geodesic_of_the_list(known_geodesics: dict[str, An
     known = known_geodesics["two_link_log"]
     figures = ((1.0, 1.0), (1.0, 1.0), (0.5, 0.5), (1 / 12, 1 / 12))
     metric = go.KineticEnergy(planar_arm(*figures))
-    assert go.Path(
-        metric, go.Grid(1, 40), np.linspace(known["q0"], known["q1"], 41)
-    ).nodes.shape == (41, 2)
-    length = go.distance(metric, known["q0"], known["q1"])
+    q0, q1 = np.array(known["q0"]), np.array(known["q1"])
+    grid = go.Grid(1, 40)
+    straight = go.Path(metric, grid, q0 + grid.nodes[:, None] * (q1 - q0))
+    assert straight.length == pytest.approx(known["straight_line_length"], abs=1e-5)
+    length = go.distance(metric, q0, q1)
     assert min(abs(length - entry["length"]) for entry in known["geodesics"]) < 1e-5
     shortest = known["geodesics"][0]
     arrival = go.exp(metric, known["q0"], shortest["v0"])
@@ -138,8 +139,14 @@ def test_nowhere_to_go(arm_metric: go.KineticEnergy) -> None:
     assert path(0.3) == pytest.approx(q, abs=1e-15)
 
 
+def test_points_nearer_than_doubles_can_square(arm_metric: go.KineticEnergy) -> None:
+    q = np.zeros(7)
+    assert np.array_equal(go.log(arm_metric, q, q + 1e-200), np.full(7, 1e-200))
+    assert np.array_equal(go.geodesic(arm_metric, q, q + 1e-200)(1.0), np.full(7, 1e-200))
+
+
 def test_no_geodesic_is_an_error() -> None:
-    """In the plane without the negative x axis's far side nothing joins r = 1 across the origin."""
+    """Around the origin through more than half a turn no straight line leads in this chart."""
     with pytest.raises(go.NotConverged, match="no geodesic was found from"):
         go.log(PolarPlane(), [1.0, 0.0], [1.0, 4.0])
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, as_vector
 from geodesic_ocp.errors import IntegrationFailed
-from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.manifold.metric import Metric, as_metric
 
 # The error of each step is held this much below the tolerance that is asked of the end point.
 _STEP_SHARE = 0.02
@@ -22,7 +22,7 @@ def exp(metric: Metric, q: Any, v: Any, *, tolerance: float = 1e-9) -> Array:
     and a step that adapts; `tolerance` [rad or m] is for the end point.
 
     Raises:
-        ValueError: wrong shapes or numbers that are not finite.
+        ValueError: wrong shapes or numbers that are not finite, or the metric is singular at q.
         IntegrationFailed: the metric becomes singular on the way, or the tolerance is unreachable.
     """
     positions, _ = trajectory(metric, q, v, np.array([0.0, 1.0]), tolerance=tolerance)
@@ -30,19 +30,28 @@ def exp(metric: Metric, q: Any, v: Any, *, tolerance: float = 1e-9) -> Array:
 
 
 def trajectory(
-    metric: Metric, q: Any, v: Any, times: ArrayLike, *, tolerance: float = 1e-9
+    metric: Metric,
+    q: Any,
+    v: Any,
+    times: ArrayLike,
+    *,
+    tolerance: float = 1e-9,
+    max_steps: int = 20_000,
 ) -> tuple[Array, Array]:
     """Positions and velocities, (k, n) each, at k increasing times of the geodesic of `exp`.
 
-    The geodesic starts at times[0].
+    The geodesic starts at times[0]; `max_steps` bounds the work.
     """
-    start = np.concatenate([as_vector("q", q, metric.dim), as_vector("v", v, metric.dim)])
+    metric = as_metric(metric)
+    start = np.concatenate([metric.point("q", q), as_vector("v", v, metric.dim)])
     tolerance = as_positive("tolerance", tolerance)
     instants = np.asarray(times, dtype=float)
     if instants.ndim != 1 or instants.size < 2 or not np.all(np.diff(instants) > 0):
         raise ValueError("times must be at least two increasing numbers")
     try:
-        states = metric.geodesic_integrator(start, instants, _STEP_SHARE * tolerance)
+        states = metric.geodesic_integrator(
+            start, instants, _STEP_SHARE * tolerance, max_steps=max_steps
+        )
     except IntegrationFailed as failure:
         raise IntegrationFailed(f"exp from q = {start[: metric.dim]}: {failure}") from None
     return states[:, : metric.dim], states[:, metric.dim :]

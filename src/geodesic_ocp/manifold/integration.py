@@ -21,7 +21,6 @@ _STAGES = DOP853.n_stages
 _ORDER = 8
 _SAFETY = 0.9
 _SHRINK, _GROW = 0.2, 8.0
-_MAX_STEPS = 20_000
 _SMALLEST_STEP = 1e-13  # of the whole interval
 
 # Times of the stages within a step; the last is the step's end, where the next step begins.
@@ -67,6 +66,7 @@ class Integrator:
         times: Array,
         tolerance: float,
         parameters: Callable[[Array], Array] | None = None,
+        max_steps: int = 20_000,
     ) -> Array:
         """The solution at the given times, (len(times), len(start)), from y(times[0]) = start.
 
@@ -74,7 +74,7 @@ class Integrator:
         one and relative above. `parameters` gives p, (number, len(t)), at an array of times.
 
         Raises:
-            IntegrationFailed: the state left the finite numbers, or the step became too small.
+            IntegrationFailed: the step became too small, or there were more than `max_steps`.
         """
         states = [np.asarray(start, dtype=float)]
         state, now = states[0], float(times[0])
@@ -99,12 +99,17 @@ class Integrator:
                 # A step cut short by a stop says nothing against the longer one.
                 size = suggested if error > 1.0 or step == size else max(size, suggested)
                 taken += 1
-                if taken > _MAX_STEPS or size < _SMALLEST_STEP * interval:
+                if taken >= max_steps or size < _SMALLEST_STEP * interval:
+                    why = (
+                        f"{taken} steps were not enough, the last of {size:.1e}; the motion is too "
+                        "fast or the tolerance too fine"
+                        if taken >= max_steps
+                        else f"the step fell to {size:.1e}; the metric is singular there, or the "
+                        "tolerance cannot be reached"
+                    )
                     raise IntegrationFailed(
                         f"the integration stopped at {now:.6g} of {times[0]:.6g} to "
-                        f"{times[-1]:.6g}: the step fell to {size:.1e} for an error of "
-                        f"{tolerance:.1e}; the metric is singular there, or the tolerance "
-                        "cannot be reached"
+                        f"{times[-1]:.6g}, with an error of {tolerance:.1e} a step: {why}"
                     )
             states.append(state)
         return np.array(states)

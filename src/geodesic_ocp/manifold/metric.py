@@ -23,6 +23,19 @@ from geodesic_ocp.arrays import Array, as_vector, evaluate, is_symbolic
 from geodesic_ocp.manifold.integration import Integrator
 from geodesic_ocp.model.model import Model
 
+# Eigenvalues of G this much below the largest are zero but for rounding.
+_SINGULAR = 1e-14
+
+
+def as_metric(metric: Any) -> Metric:
+    """The argument, if it is a metric with a dimension; ValueError says what is missing."""
+    if not isinstance(metric, Metric):
+        raise ValueError(f"metric must be an instance of a Metric class, got {metric!r}")
+    dim = getattr(metric, "dim", None)
+    if not isinstance(dim, int) or dim < 1:
+        raise ValueError(f"{type(metric).__name__}.dim must be a positive integer, is {dim!r}")
+    return metric
+
 
 def _also_numeric(matrix: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
     """A subclass's symbolic matrix(q), which also takes and gives NumPy."""
@@ -127,6 +140,24 @@ class Metric(ABC):
             return list(vectors.values())
         return [as_vector(name, value, self.dim) for name, value in vectors.items()]
 
+    def point(self, name: str, q: Any) -> Array:
+        """The argument of that name as a point (n,) where this is a metric.
+
+        Raises:
+            ValueError: it is not n finite numbers, or G(q) is not finite and positive definite.
+        """
+        point = as_vector(name, q, self.dim)
+        tensor = self.matrix(point)
+        if not np.all(np.isfinite(tensor)):
+            raise ValueError(f"{name}: the metric is not finite at {point}")
+        smallest, largest = np.linalg.eigvalsh(tensor)[[0, -1]]
+        if smallest <= _SINGULAR * largest:
+            raise ValueError(
+                f"{name}: the metric is not positive definite at {point}: the eigenvalues of G "
+                f"reach from {smallest:.1e} to {largest:.1e}"
+            )
+        return point
+
     # -- the geometry --------------------------------------------------------------------------
 
     def inner(self, q: Any, u: Any, v: Any) -> Any:
@@ -137,9 +168,17 @@ class Metric(ABC):
         return float(u @ self.matrix(q) @ v)
 
     def norm(self, q: Any, v: Any) -> Any:
-        """Norm |v|_q = sqrt(<v, v>_q)."""
+        """Norm |v|_q = sqrt(<v, v>_q).
+
+        Raises:
+            ValueError: <v, v>_q is negative or not a number: the metric is not one at q.
+        """
         squared = self.inner(q, v, v)
-        return ca.sqrt(squared) if is_symbolic(squared) else float(np.sqrt(max(squared, 0.0)))
+        if is_symbolic(squared):
+            return ca.sqrt(squared)
+        if not squared >= 0.0:
+            raise ValueError(f"<v, v> is {squared:.3g} at q = {q}: no metric there")
+        return float(np.sqrt(squared))
 
     def angle(self, q: Any, u: Any, v: Any) -> float:
         """Angle between two tangent vectors (n,) at q, in [0, pi] [rad].
@@ -199,7 +238,7 @@ class Metric(ABC):
         q, v = self._checked(q=q, v=v)
         if is_symbolic(q, v):
             return self.geodesic_equation(ca.vertcat(q, v))[self.dim :]
-        return evaluate(self.geodesic_equation, np.concatenate([q, v]))[self.dim :]
+        return evaluate(self.geodesic_equation, np.concatenate([q, v]))[self.dim :, 0]
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, as_vector
 from geodesic_ocp.errors import IntegrationFailed
-from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.manifold.metric import Metric, as_metric
 
 
 class Curve(Protocol):
@@ -49,6 +49,7 @@ def transport_between(
 
     The curve must be smooth from each stop to the next.
     """
+    metric = as_metric(metric)
     carried = as_vector("v", v, metric.dim)
     tolerance = as_positive("tolerance", tolerance)
     size = float(np.linalg.norm(carried))

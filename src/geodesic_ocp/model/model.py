@@ -121,7 +121,8 @@ class Model:
         For k configurations (k, n): rotations (k, 3, 3) and positions (k, 3).
         """
         if is_symbolic(q) or np.ndim(q) < 2:
-            return evaluate(self._hand_pose, self._checked(q))
+            rotation, position = evaluate(self._hand_pose, self._checked(q))
+            return rotation, position if is_symbolic(q) else position[:, 0]
         many = np.asarray(q, dtype=float)
         if many.ndim != 2 or many.shape[1] != self.dof or not np.all(np.isfinite(many)):
             raise ValueError(f"q must be finite, of shape (k, {self.dof}), got {many.shape}")

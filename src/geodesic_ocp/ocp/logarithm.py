@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_vector, evaluate
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
-from geodesic_ocp.manifold.exponential import exp, trajectory
+from geodesic_ocp.manifold.exponential import trajectory
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.ocp.grid import Grid
 from geodesic_ocp.ocp.path import Path
@@ -28,11 +28,16 @@ from geodesic_ocp.ocp.transcription import Units
 # Every answer reaches its goal to this when integrated forward, in every coordinate [rad or m].
 TOLERANCE = 1e-9
 # Short geodesics, as of human synergies, need few nodes; each grid that fails gives way to a finer.
-_GRIDS = (Grid(1, 14), *(Grid(segments, 20) for segments in (1, 2, 4, 8, 16, 32)))
+_GRIDS = (Grid(1, 14), *(Grid(segments, 20) for segments in (1, 2, 4, 8)))
+# Paths that turn sharply need more segments to be drawn than to be found.
+_FINE_GRIDS = (Grid(16, 20), Grid(32, 20))
 _SHOOTING_TOLERANCE = 1e-10
 _CORRECTIONS = 10
+_MAX_STEPS = 2000  # of one integration: hundreds do for the longest geodesics of an arm
 # Newton's corrections gain many digits at a time from a path that is fine enough, or none.
 _CONTRACTION = 0.1
+# Between points this near the log is the difference to the last digit, and its square underflows.
+_VANISHING = 1e-100
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +50,8 @@ class _Found:
     @property
     def grids(self) -> tuple[Grid, ...]:
         """The grid on which it was found, and the finer ones."""
-        return _GRIDS if self.solution is None else _GRIDS[_GRIDS.index(self.solution.path.grid) :]
+        first = 0 if self.solution is None else _GRIDS.index(self.solution.path.grid)
+        return (*_GRIDS[first:], *_FINE_GRIDS)
 
 
 def log(metric: Metric, q0: ArrayLike, q1: ArrayLike) -> Array:
@@ -98,8 +104,8 @@ def geodesic(metric: Metric, q0: ArrayLike, q1: ArrayLike) -> Path:
 def _find(metric: Metric, q0: ArrayLike, q1: ArrayLike) -> _Found:
     problem = PointToPoint(metric, q0, q1)  # type: ignore[arg-type]
     start, goal = np.array(problem.q0), np.array(problem.q1)
-    if np.array_equal(start, goal):
-        return _Found(np.zeros(metric.dim), None)
+    if np.abs(goal - start).max() < _VANISHING:
+        return _Found(goal - start, None)
     reasons = []
     solution: Solution | None = None
     for grid in _GRIDS:
@@ -132,7 +138,15 @@ def _corrected(metric: Metric, solution: Solution, goal: Array) -> tuple[Array, 
     velocity, jacobian = _initial_velocity(metric, solution)
     best, best_miss = velocity, np.inf
     for _ in range(_CORRECTIONS):
-        gap = exp(metric, start, velocity, tolerance=_SHOOTING_TOLERANCE) - goal
+        positions, _ = trajectory(
+            metric,
+            start,
+            velocity,
+            (0.0, 1.0),
+            tolerance=_SHOOTING_TOLERANCE,
+            max_steps=_MAX_STEPS,
+        )
+        gap = positions[-1] - goal
         miss = float(np.abs(gap).max())
         if miss >= _CONTRACTION * best_miss:
             break
@@ -152,4 +166,4 @@ def _initial_velocity(metric: Metric, solution: Solution) -> tuple[Array, Array]
         transcription_of(solution).momentum, units.scaled(nodes).ravel(), units.parameters
     )
     tensor = metric.matrix(nodes[0])
-    return np.linalg.solve(tensor, momentum), np.linalg.solve(tensor, by_goal)
+    return np.linalg.solve(tensor, momentum[:, 0]), np.linalg.solve(tensor, by_goal)

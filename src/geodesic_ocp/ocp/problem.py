@@ -9,8 +9,8 @@ from typing import Any, TypeAlias
 
 import casadi as ca
 
-from geodesic_ocp.arrays import Array, as_vector
-from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.ocp.grid import Grid
 
 # (expression, value) or (expression, value, name)
@@ -81,7 +81,7 @@ class PointToPoint(Problem):
         q0, q1: start and goal (n,) [rad or m].
 
     Raises:
-        ValueError: wrong shapes, or numbers that are not finite.
+        ValueError: wrong shapes or numbers that are not finite, or the metric is singular there.
     """
 
     metric: Metric
@@ -89,8 +89,9 @@ class PointToPoint(Problem):
     q1: tuple[float, ...]
 
     def __post_init__(self) -> None:
+        metric = as_metric(self.metric)
         for name in ("q0", "q1"):
-            vector = as_vector(name, getattr(self, name), self.metric.dim)
+            vector = metric.point(name, getattr(self, name))
             object.__setattr__(self, name, tuple(vector.tolist()))
 
     def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Equality]:

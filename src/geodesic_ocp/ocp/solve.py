@@ -66,6 +66,7 @@ class Ipopt:
     nlp: Any
     derivatives: Mapping[str, ca.Function] = field(default_factory=dict)
     options: Mapping[str, Any] = field(default_factory=dict)
+    _solver: ca.Function = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         options: dict[str, Any] = {
@@ -79,11 +80,10 @@ class Ipopt:
 
     def __call__(self, **values: Any) -> Outcome:
         """Solve with nlpsol's x0, p, lbx, ubx, lbg, ubg."""
-        solver: ca.Function = self._solver  # type: ignore[attr-defined]
         start = time.perf_counter()
-        result = solver(**values)
+        result = self._solver(**values)
         seconds = time.perf_counter() - start
-        stats = solver.stats()
+        stats = self._solver.stats()
         word = stats["return_status"]
         status = _SENTENCES.get(word, f"Ipopt stopped: {word.replace('_', ' ').lower()}")
         arrays = [result[name].full()[:, 0] for name in ("x", "g", "lam_x", "lam_g")]
