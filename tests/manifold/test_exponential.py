@@ -193,8 +193,19 @@ def test_where_there_is_no_metric(arm_metric: go.KineticEnergy) -> None:
         go.log(arm_metric, locked - 0.1, locked)
     with pytest.raises(ValueError, match=r"q0: the metric is not finite at \[-1\. +1\.\]"):
         go.log(Indefinite(), [-1.0, 1.0], [1.0, 1.0])
+    with pytest.raises(ValueError, match="q: the metric tensor is not symmetric"):
+        go.exp(Lopsided(), [1.0, 1.0], [1.0, 1.0])
     with pytest.raises(ValueError, match=r"<v, v> is -1 at q = .*: no metric there"):
         Indefinite().norm([1.0, 1.0], [0.0, 1.0])
+
+
+class Lopsided(go.Metric):
+    """A matrix that is no metric tensor."""
+
+    dim = 2
+
+    def matrix(self, q: Any) -> Any:
+        return ca.blockcat([[2.0, 0.5 * q[0]], [0.0, 2.0]])
 
 
 class Indefinite(go.Metric):

@@ -83,7 +83,7 @@ class Metric(ABC):
 
     @cached_property
     def _matrix_derivative(self) -> ca.Function:
-        """Q -> (n^2, n): derivatives of the entries of G, columns first, by each coordinate."""
+        """Derivatives of the entries of G, columns first, by each coordinate: q -> (n^2, n)."""
         q = ca.SX.sym("q", self.dim)
         derivative = ca.jacobian(ca.vec(self._matrix_function(q)), q)
         return ca.Function("dG", [q], [ca.densify(ca.cse(derivative))])
@@ -144,12 +144,15 @@ class Metric(ABC):
         """The argument of that name as a point (n,) where this is a metric.
 
         Raises:
-            ValueError: it is not n finite numbers, or G(q) is not finite and positive definite.
+            ValueError: it is not n finite numbers, or G(q) is not finite, symmetric and positive
+                definite there.
         """
         point = as_vector(name, q, self.dim)
         tensor = self.matrix(point)
         if not np.all(np.isfinite(tensor)):
             raise ValueError(f"{name}: the metric is not finite at {point}")
+        if not np.allclose(tensor, tensor.T, rtol=1e-9, atol=1e-9 * np.abs(tensor).max()):
+            raise ValueError(f"{name}: the metric tensor is not symmetric at {point}")
         smallest, largest = np.linalg.eigvalsh(tensor)[[0, -1]]
         if smallest <= _SINGULAR * largest:
             raise ValueError(

@@ -42,11 +42,11 @@ class Units:
         return np.array([self.scale, self.length, *self.origin])
 
     def scaled(self, q: Array) -> Array:
-        """Y for positions (k, n)."""
+        """Scaled positions for positions (k, n)."""
         return np.asarray((q - self.origin) / self.length)
 
     def positions(self, y: Array) -> Array:
-        """Positions (k, n) for y."""
+        """Positions (k, n) for scaled ones."""
         return np.asarray(self.origin + self.length * y)
 
 
