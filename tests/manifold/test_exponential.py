@@ -13,7 +13,7 @@ from known_metrics import HalfPlane, PolarPlane, Sphere, in_plane, on_sphere
 from known_models import free_rotor, planar_arm
 
 import geodesic_ocp as go
-from geodesic_ocp.manifold.exponential import trajectory
+from geodesic_ocp.manifold.exponential import integrated, trajectory
 
 DIRECTION = st.floats(-np.pi, np.pi)
 # A geodesic through a pole of the chart is not the chart's to compute.
@@ -180,7 +180,9 @@ def test_singular_metric_says_where_it_stopped() -> None:
 
 def test_too_many_steps_say_where_they_ended(arm_metric: go.KineticEnergy) -> None:
     with pytest.raises(go.IntegrationFailed, match=r"50 steps were not enough.*too fast or the"):
-        trajectory(arm_metric, np.full(7, 0.1), np.full(7, 30.0), (0.0, 1.0), max_steps=50)
+        integrated(
+            arm_metric, np.full(7, 0.1), np.full(7, 30.0), np.array([0.0, 1.0]), 1e-11, max_steps=50
+        )
 
 
 def test_where_there_is_no_metric(arm_metric: go.KineticEnergy) -> None:

@@ -11,18 +11,24 @@ from geodesic_ocp.arrays import Array, as_positive, as_vector
 from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.manifold.metric import Metric, as_metric
 
-# The error of each step is held this much below the tolerance that is asked of the end point.
+# The error of each step is held this much below the tolerance at first, and at most.
 _STEP_SHARE = 0.02
+_FINEST_STEP_TOLERANCE = 2e-14
+# A second integration with steps this much looser tells how errors grow on the way.
+_LOOSER = 30.0
+# The end point's error falls in proportion to that of the steps, with room for a factor of three.
+_ESTIMATE = 3.0 / _LOOSER
 
 
 def exp(metric: Metric, q: Any, v: Any, *, tolerance: float = 1e-9) -> Array:
     """Exp_q(v): the point at time 1 of the geodesic through q (n,) with velocity v (n,).
 
     sum_j g_ij q''_j + sum_jk Gamma_ijk q'_j q'_k = 0, q(0) = q, q'(0) = v, integrated with order 8
-    and a step that adapts; `tolerance` [rad or m] is for the end point.
+    and a step that adapts. `tolerance` [rad or m] is for the end point: the error is estimated from
+    a second, looser integration, and the steps are refined until it is small enough.
 
     Raises:
-        ValueError: wrong shapes or numbers that are not finite, or the metric is singular at q.
+        ValueError: wrong shapes or numbers that are not finite, or the metric is no metric at q.
         IntegrationFailed: the metric becomes singular on the way, or the tolerance is unreachable.
     """
     positions, _ = trajectory(metric, q, v, np.array([0.0, 1.0]), tolerance=tolerance)
@@ -30,28 +36,48 @@ def exp(metric: Metric, q: Any, v: Any, *, tolerance: float = 1e-9) -> Array:
 
 
 def trajectory(
-    metric: Metric,
-    q: Any,
-    v: Any,
-    times: ArrayLike,
-    *,
-    tolerance: float = 1e-9,
-    max_steps: int = 20_000,
+    metric: Metric, q: Any, v: Any, times: ArrayLike, *, tolerance: float = 1e-9
 ) -> tuple[Array, Array]:
     """Positions and velocities, (k, n) each, at k increasing times of the geodesic of `exp`.
 
-    The geodesic starts at times[0]; `max_steps` bounds the work.
+    The geodesic starts at times[0]; every position is within the tolerance. Raises as `exp` does.
     """
     metric = as_metric(metric)
-    start = np.concatenate([metric.point("q", q), as_vector("v", v, metric.dim)])
+    point, velocity = metric.point("q", q), as_vector("v", v, metric.dim)
     tolerance = as_positive("tolerance", tolerance)
     instants = np.asarray(times, dtype=float)
     if instants.ndim != 1 or instants.size < 2 or not np.all(np.diff(instants) > 0):
         raise ValueError("times must be at least two increasing numbers")
+    of_steps = _STEP_SHARE * tolerance
+    positions, _ = integrated(metric, point, velocity, instants, _LOOSER * of_steps)
+    while True:
+        looser = positions
+        positions, velocities = integrated(metric, point, velocity, instants, of_steps)
+        error = _ESTIMATE * float(np.abs(positions - looser).max())
+        if error <= tolerance:
+            return positions, velocities
+        if of_steps <= _FINEST_STEP_TOLERANCE:
+            raise IntegrationFailed(
+                f"exp from q = {point}: errors grow so fast along this geodesic that its points "
+                f"are known to {error:.1e} at best, not to {tolerance:.1e}"
+            )
+        of_steps = max(of_steps / _LOOSER, _FINEST_STEP_TOLERANCE)
+
+
+def integrated(
+    metric: Metric,
+    q: Array,
+    v: Array,
+    times: Array,
+    of_steps: float,
+    *,
+    max_steps: int = 20_000,
+) -> tuple[Array, Array]:
+    """One integration of the geodesic with this error of a step: `trajectory` without its check."""
     try:
         states = metric.geodesic_integrator(
-            start, instants, _STEP_SHARE * tolerance, max_steps=max_steps
+            np.concatenate([q, v]), times, of_steps, max_steps=max_steps
         )
     except IntegrationFailed as failure:
-        raise IntegrationFailed(f"exp from q = {start[: metric.dim]}: {failure}") from None
+        raise IntegrationFailed(f"exp from q = {q}: {failure}") from None
     return states[:, : metric.dim], states[:, metric.dim :]
