@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -91,7 +92,10 @@ def test_figure_has_its_panels(analysis: go.Analysis) -> None:
         observed, predicted = axes.get_lines()
         assert len(observed.get_xdata()) == len(analysis.motion)
         assert not np.array_equal(observed.get_ydata(), predicted.get_ydata())
-        assert len(axes.patches) == len(analysis.segments)
+        shades = [patch.get_facecolor() for patch in axes.patches]
+        assert len(shades) == len(analysis.segments)
+        assert len(set(shades)) == 2
+        assert all(a != b for a, b in pairwise(shades))
 
 
 def test_saved_results_can_be_loaded(analysis: go.Analysis, tmp_path: Path) -> None:
@@ -144,6 +148,13 @@ def test_mistakes_are_named(reach_file: Path, analysis: go.Analysis) -> None:
     short = go.Motion(motion.time[:10], motion.q[:10], motion.joint_names)
     with pytest.raises(ValueError, match="window 21 needs as many samples, not 10"):
         go.analyse(analysis.model, short)
+    degrees = dataclasses.replace(motion, q=np.degrees(motion.q))
+    with pytest.raises(ValueError, match=r"LSx_joint is 60\.\d+ at sample \d+, far outside"):
+        go.analyse(analysis.model, degrees)
+    jump = motion.q.copy()
+    jump[200:, 4] -= 2.5
+    with pytest.raises(ValueError, match=r"LEz_joint (is|jumps from)"):
+        go.analyse(analysis.model, dataclasses.replace(motion, q=jump))
     still = dataclasses.replace(motion, q=np.tile(motion.q[0], (len(motion), 1)))
     with pytest.raises(ValueError, match="never moves"):
         go.analyse(analysis.model, still)

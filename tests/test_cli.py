@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -116,6 +118,7 @@ def test_bad_tables_end_with_one_line(
     printed = capsys.readouterr()
     assert printed.out == ""
     last = printed.err.splitlines()[-1]
+    assert f"{file}: " in last
     assert last.startswith("geodesic-ocp: error: ")
     assert message in last
     assert not out.exists()
@@ -129,6 +132,8 @@ def test_bad_tables_end_with_one_line(
         (["--threshold", "nan"], "threshold must be positive"),
         (["--height", "0"], "height must be positive [m], got 0.0"),
         (["--mass", "-70"], "mass must be positive [kg], got -70.0"),
+        (["--height", "178"], "at most 3 m"),
+        (["--threshold", "34"], "threshold must be below pi rad, got 34 (in degrees?)"),
         (["--side", "right"], "there is no joint RSx_joint"),
     ],
 )
@@ -165,6 +170,26 @@ def test_wrong_usage_is_code_2(arguments: list[str], capsys: pytest.CaptureFixtu
         cli.main(arguments)
     assert info.value.code == 2
     assert "usage:" in capsys.readouterr().err
+
+
+def test_ctrl_c_inside_a_solve_ends_it(tmp_path: Path) -> None:
+    """A real signal, while Ipopt runs."""
+    script = (
+        "import signal, threading, casadi as ca, numpy as np, geodesic_ocp as go\n"
+        "arm = go.human_arm()\n"
+        "problem = go.PointToPoint(go.KineticEnergy(arm), arm.lower * 0.9, arm.upper * 0.9)\n"
+        "go.solve(problem, grid=go.Grid(30, 20), ipopt={'max_iter': 0}, throw=False)\n"
+        "timer = threading.Timer(0.5, signal.raise_signal, (signal.SIGINT,))\n"
+        "timer.start()\n"
+        "try:\n"
+        "    options = {'tol': 1e-300, 'acceptable_tol': 1e-300, 'max_iter': 100000}\n"
+        "    while True:\n"
+        "        go.solve(problem, grid=go.Grid(30, 20), throw=False, ipopt=options)\n"
+        "except KeyboardInterrupt:\n"
+        "    raise SystemExit(130)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], timeout=120, check=False)
+    assert done.returncode == 130
 
 
 def test_failed_solvers_and_interruptions_have_their_own_codes(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -29,6 +28,8 @@ _METHODS = {
     "euclidean_same_segments": "straight lines, same segments",
     "ik": "inverse kinematics of the hand",
 }
+# Recordings go past the limits by tenths; by more than this it is not a joint's angle [rad or m].
+_FAR_OUTSIDE = 2.0
 Progress = Callable[[str, int, int], object]
 
 
@@ -135,8 +136,23 @@ class Analysis:
             figure.savefig(made / "figure.png", dpi=150)
             figure.savefig(made / "figure.pdf")
             save_synergies(made / "synergies.json", self.synergies, self.motion.joint_names)
-            files = [FilePath(shutil.move(file, target / file.name)) for file in made.iterdir()]
-        return sorted(files)
+            return sorted(file.replace(target / file.name) for file in made.iterdir())
+
+
+def _plausible(model: Model, motion: Motion) -> None:
+    """ValueError where a joint is far outside its limits, or jumps: other units, or a spike."""
+    for joint, q in zip(model.joint_names, motion.q.T, strict=True):
+        index = model.joint_names.index(joint)
+        low, high = model.lower[index], model.upper[index]
+        outside = np.maximum(low - q, q - high)
+        worst, jump = int(np.argmax(outside)), int(np.argmax(np.abs(np.diff(q))))
+        if outside[worst] > _FAR_OUTSIDE:
+            raise ValueError(
+                f"{joint} is {q[worst]:.6g} at sample {worst}, far outside its limits "
+                f"{low:.3g} to {high:.3g}: another unit, or a spike?"
+            )
+        if abs(q[jump + 1] - q[jump]) > _FAR_OUTSIDE:
+            raise ValueError(f"{joint} jumps from {q[jump]:.6g} to {q[jump + 1]:.6g} at {jump}")
 
 
 def analyse(
@@ -151,18 +167,19 @@ def analyse(
         progress: called with what is being done, how much is done and how much there is.
 
     Raises:
-        ValueError: a joint is missing, the motion never moves or is too short to filter, or the
-            threshold is out of range.
+        ValueError: a joint is missing, jumps or lies far outside its limits, the motion never
+            moves or is too short to filter, or the threshold is out of range.
         NotConverged: no geodesic was found for a segment.
     """
     report = progress or _no_progress
     motion = motion.select(model.joint_names)
+    _plausible(model, motion)
     if motion.velocity is None:
         motion = motion.filtered()
     metric, flat = KineticEnergy(model), Euclidean(model.dof)
     report("cutting into segments", 0, 1)
     segments = segment(metric, motion, threshold)
-    by_velocity = segment_zero_velocity(motion)
+    by_velocity = segment_zero_velocity(motion, joints=min(3, model.dof - 1))
     total = 2 * len(segments) + len(by_velocity) + 1
 
     before = 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import time
 from collections.abc import Sequence
@@ -19,6 +20,7 @@ from geodesic_ocp.model.human import Side, human_arm
 from geodesic_ocp.model.rigid_body import available_backends, choose_backend
 from geodesic_ocp.motion.motion import Motion
 from geodesic_ocp.motion.readers import read_motion
+from geodesic_ocp.motion.segmentation import as_threshold
 
 _DEFAULT_HEIGHT, _DEFAULT_MASS = 1.75, 70.0  # [m], [kg]
 _EXIT = """exit codes: 0 done; 2 wrong input, named in one line; 3 a solver or integration failed;
@@ -91,6 +93,7 @@ def _analyse(options: argparse.Namespace) -> None:
 
 
 def _demo(options: argparse.Namespace) -> None:
+    options.file = "the bundled recording"
     options.out = options.out or Path("geodesic_ocp_demo")
     _check_folder(options.out)
     print("A person steps up and reaches with the left hand (motion capture, 4.4 s).")
@@ -100,8 +103,14 @@ def _demo(options: argparse.Namespace) -> None:
 
 
 def _check_folder(folder: Path | None) -> None:
-    if folder is not None and folder.exists() and not folder.is_dir():
+    """Find what stands in the way of the output before any work is done."""
+    if folder is None:
+        return
+    if folder.exists() and not folder.is_dir():
         raise ValueError(f"--out {folder} is a file, not a folder")
+    nearest = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
+    if not nearest.is_dir() or not os.access(nearest, os.W_OK):
+        raise ValueError(f"--out {folder}: cannot write to {nearest}")
 
 
 def _run(
@@ -119,9 +128,13 @@ def _run(
         mass = _DEFAULT_MASS
         assumed.append(f"mass {mass} kg")
     arm = human_arm(side, height, mass)
+    as_threshold(options.threshold)
     start = time.perf_counter()
-    with closing(_Bar()) as bar:
-        analysis = analyse(arm, motion, options.threshold, progress=bar)
+    try:
+        with closing(_Bar()) as bar:
+            analysis = analyse(arm, motion, options.threshold, progress=bar)
+    except ValueError as error:
+        raise ValueError(f"{options.file}: {error}") from None
     _summarise(analysis, height, mass, assumed, time.perf_counter() - start)
     if options.out is not None:
         print()
@@ -141,7 +154,7 @@ class _Bar:
                 total=total, leave=False, bar_format="{desc}: {percentage:3.0f}% |{bar}|"
             )
         self._bar.total = total
-        self._bar.set_description(label, refresh=False)
+        self._bar.set_description_str(label, refresh=False)
         self._bar.update(done - self._bar.n)
         self._bar.refresh()
 
@@ -167,7 +180,7 @@ def _summarise(
         f"{analysis.threshold:g} rad explain the joints to {errors.joint:.3f} rad and the hand to "
         f"{1000 * errors.position:.0f} mm on average (found in {seconds:.1f} s)"
     )
-    print(f"\nmean errors against the recording\n\n{analysis.table()}")
+    print(f"\nmean errors against the filtered recording\n\n{analysis.table()}")
 
 
 def _models(options: argparse.Namespace) -> None:

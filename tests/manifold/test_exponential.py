@@ -158,6 +158,20 @@ def test_tolerance_is_kept(tolerance: float, arm_metric: go.KineticEnergy) -> No
     assert np.abs(found - best).max() <= tolerance
 
 
+@given(seed=st.integers(0, 2**32 - 1))
+def test_tolerance_is_of_the_end_point(seed: int) -> None:
+    """Fast motions run apart: the answer is right, or it is said that it cannot be."""
+    arm, rng = go.human_arm("left"), np.random.default_rng(seed)
+    metric = go.KineticEnergy(arm)
+    q, v = rng.uniform(arm.lower, arm.upper), 3.0 * rng.normal(size=7)
+    try:
+        found = go.exp(metric, q, v, tolerance=1e-6)
+        best = integrated(metric, q, v, np.array([0.0, 1.0]), 1e-13)[0][-1]
+    except go.IntegrationFailed:
+        return
+    assert np.abs(found - best).max() <= 1e-6
+
+
 def test_resting_stays(arm_metric: go.KineticEnergy) -> None:
     q = np.full(7, 0.1)
     assert np.array_equal(go.exp(arm_metric, q, np.zeros(7)), q)

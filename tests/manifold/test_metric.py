@@ -127,5 +127,7 @@ def test_wrong_metrics_and_vectors_are_named() -> None:
         Flat().matrix(np.zeros(3))
     with pytest.raises(ValueError, match=r"u must have shape \(2,\), got \(3,\)"):
         Sphere().norm([1.0, 0.0], [1.0, 0.0, 0.0])
-    with pytest.raises(ValueError, match="dim must be at least 1"):
+    with pytest.raises(ValueError, match=r"Euclidean\.dim must be a positive integer"):
         go.Euclidean(0)
+    with pytest.raises(ValueError, match=r"Euclidean\.dim must be a positive integer, is 2\.5"):
+        go.Euclidean(2.5)

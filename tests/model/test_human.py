@@ -116,6 +116,8 @@ def test_mirrored_arms_move_alike(rng: np.random.Generator) -> None:
         ({"height": 0.0}, r"height must be positive \[m\], got 0.0"),
         ({"height": float("nan")}, "height must be positive"),
         ({"mass": -70.0}, r"mass must be positive \[kg\], got -70.0"),
+        ({"height": 178}, r"height and mass must be at most 3 m and 1000 kg, got 178 m"),
+        ({"mass": 1e300}, "at most 3 m and 1000 kg"),
         ({"mass": "heavy"}, "mass must be a number, got 'heavy'"),
     ],
 )

@@ -40,6 +40,15 @@ def test_controller_converges_from_a_jump(arm: go.Model, motion: go.Motion) -> N
     assert gaps[-1] < 1e-4
 
 
+@pytest.mark.parametrize("every", [1, 10, 25])
+def test_slow_recordings_are_followed_too(arm: go.Model, motion: go.Motion, every: int) -> None:
+    """Ten or four samples a second: the gain must not overshoot."""
+    slow = go.Motion(motion.time[::every], motion.q[::every], motion.joint_names)
+    errors = go.evaluate(arm, slow, go.track_hand(arm, slow))
+    assert errors.position < 5e-3
+    assert errors.joint < 0.5
+
+
 def test_no_error_is_zero(arm: go.Model, motion: go.Motion) -> None:
     errors = go.evaluate(arm, motion, motion)
     assert errors.joint == 0.0

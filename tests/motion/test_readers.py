@@ -69,6 +69,15 @@ def test_every_layout(name: str, text: str, subject: go.Subject, tmp_path: Path)
     assert go.read_motion(str(file)).joint_names == ("b", "a")
 
 
+def test_the_sensor_that_has_the_joints_is_taken(tmp_path: Path) -> None:
+    fingers = (
+        "<Sensor type='Kinematic'><Configuration><Joint name='f'/></Configuration><Data/></Sensor>"
+    )
+    text = VERSION_2.replace("<Sensors>", "<Sensors>" + fingers)
+    motion = go.read_motion(write(tmp_path, "hands.xml", text), joints=("a", "b"))
+    assert motion.q == pytest.approx(EXPECTED)
+
+
 def test_degrees_become_radians(tmp_path: Path) -> None:
     motion = go.read_motion(write(tmp_path, "deg.csv", DEGREES))
     assert motion.q == pytest.approx(np.array([[np.pi / 2, -np.pi], [np.pi / 4, 0.0]]))
@@ -113,6 +122,10 @@ def test_degrees_become_radians(tmp_path: Path) -> None:
         ("one.csv", "# unit: rad\ntime,a,b\n0,1,2\n", "at least two samples, got 1"),
         ("none.csv", "# unit: rad\ntime,a,b\n", "at least two samples, got 0"),
         ("tall.csv", TABLE.replace("1.7", "tall"), "'# height: tall' must be a positive number"),
+        ("twice.csv", TABLE.replace("time,b", "time,a"), "the header names a more than once"),
+        ("units.csv", "# unit: deg\n" + TABLE, "line 2 gives the unit again, and differently"),
+        ("long.csv", TABLE.replace("0.6", "9" * 140_000), "is not a table: field larger"),
+        ("code.xml", "<?xml version='1.0' encoding='foo-8'?><MMM/>", "encoding"),
         ("motion.bvh", "", r"a recording ends in \.xml \(MMM\) or \.csv, not '\.bvh'"),
     ],
 )
@@ -128,8 +141,11 @@ def test_bad_files_are_named(name: str, text: str, message: str, tmp_path: Path)
 def test_missing_folder_and_binary_files(tmp_path: Path) -> None:
     with pytest.raises(go.RecordingError, match=r"missing\.xml: there is no such file"):
         go.read_motion(tmp_path / "missing.xml")
-    with pytest.raises(go.RecordingError, match="there is no such file"):
+    with pytest.raises(go.RecordingError, match="is a folder, not a file"):
         go.read_motion(tmp_path)
+    for joints in ("a", []):
+        with pytest.raises(ValueError, match="joints must be a sequence of names"):
+            go.read_motion(write(tmp_path, "good.csv", TABLE), joints)
     (tmp_path / "binary.csv").write_bytes(b"\x89PNG\xff\xfe")
     with pytest.raises(go.RecordingError, match="is not text in UTF-8"):
         go.read_motion(tmp_path / "binary.csv")

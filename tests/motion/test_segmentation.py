@@ -44,7 +44,7 @@ def of_geodesics(
         q, v = path[-1], turned(metric, path[-1], speeds[-1], angle, rng)
         cuts.append(cuts[-1] + count)
     stacked = np.vstack(positions)
-    names = tuple(f"joint{i}" for i in range(metric.dim))
+    names = metric.joint_names or ()
     motion = go.Motion(STEP * np.arange(len(stacked)), stacked, names, np.vstack(velocities))
     return motion, list(pairwise(cuts))
 
@@ -75,7 +75,7 @@ def test_a_curved_geodesic_is_one_synergy_where_straight_lines_see_many(
     v = 2.0 * np.array([1.2, -0.4, 0.8, 1.1, -1.0, 0.6, 0.9])
     time = np.linspace(0.0, 1.0, 101)
     positions, velocities = trajectory(arm_metric, q, v, time)
-    motion = go.Motion(time, positions, tuple("abcdefg"), velocities)
+    motion = go.Motion(time, positions, arm_metric.joint_names, velocities)
     assert go.segment(arm_metric, motion, 0.1) == [(0, 100)]
     assert len(go.segment(go.Euclidean(7), motion, 0.1)) > 1
 
@@ -91,7 +91,7 @@ def with_rest(
     positions = np.vstack([path[:before], still, path[before:]])
     velocities = np.vstack([velocity[:before], wobble, velocity[before:]])
     time = STEP * np.arange(len(positions))
-    return go.Motion(time, positions, tuple("abcdefg"), velocities)
+    return go.Motion(time, positions, metric.joint_names or (), velocities)
 
 
 @given(seed=st.integers(0, 2**32 - 1), rest=st.integers(11, 60))
@@ -108,6 +108,21 @@ def test_a_short_pause_is_no_cut(arm_metric: go.KineticEnergy, rng: np.random.Ge
     assert len(go.segment(arm_metric, motion, 0.6, rest_duration=0.03)) == 3
     # Without a rest threshold the noise is taken for turns.
     assert len(go.segment(arm_metric, motion, 0.6, rest=0.0)) > 3
+
+
+def test_rest_is_below_two_hundredths_of_the_largest_speed(
+    arm_metric: go.KineticEnergy, rng: np.random.Generator
+) -> None:
+    """Half a second at 1.9 % is a rest, at 2.1 % a movement."""
+    q, v = rng.uniform(-0.4, 0.4, 7), rng.uniform(-0.6, 0.6, 7)
+    for share, count in ((0.019, 3), (0.021, 1)):
+        rates = np.concatenate([np.full(30, 1.0), np.full(50, share), np.full(30, 1.0)])
+        along = STEP * np.concatenate([[0.0], np.cumsum(rates[:-1])])
+        path, velocity = trajectory(arm_metric, q, v, along)
+        time = STEP * np.arange(len(rates))
+        names = arm_metric.joint_names
+        motion = go.Motion(time, path, names, velocity * rates[:, None])
+        assert len(go.segment(arm_metric, motion)) == count
 
 
 def test_rests_at_the_ends(arm_metric: go.KineticEnergy, rng: np.random.Generator) -> None:
@@ -137,6 +152,11 @@ def test_zero_velocity_cuts() -> None:
     """Four of five joints turn back together at 0.505 s and so on; one is out of step."""
     motion = sines([0.005, 0.005, 0.015, -0.005, 0.25])
     assert go.segment_zero_velocity(motion) == [(0, 50), (50, 100), (100, 150), (150, 199)]
+    # The crossings of the first four span 20 ms: more than 10 ms, less than 50 ms.
+    assert go.segment_zero_velocity(motion, window=0.01) == [(0, 199)]
+    spread = sines([0.0, 0.016, 0.032, 0.048, 0.25])
+    assert len(go.segment_zero_velocity(spread)) > 1
+    assert go.segment_zero_velocity(spread, window=0.047) == [(0, 199)]
     # Only four turn at once: more than four never do.
     assert go.segment_zero_velocity(motion, joints=4) == [(0, 199)]
     # Turning points that are further apart than the window do not count together.
@@ -174,6 +194,9 @@ def test_bad_arguments_are_named(arm_metric: go.KineticEnergy, rng: np.random.Ge
         go.segment(arm_metric, still())
     with pytest.raises(ValueError, match="never moves"):
         go.segment_zero_velocity(still())
+    backwards = motion.select(motion.joint_names[::-1])
+    with pytest.raises(ValueError, match=r"are not the metric's in its order.*motion\.select"):
+        go.segment(arm_metric, backwards)
     with pytest.raises(ValueError, match="metric has dimension 2, the motion 7 joints"):
         go.segment(go.Euclidean(2), motion)
     with pytest.raises(ValueError, match=r"rest must be in \[0, 1\)"):

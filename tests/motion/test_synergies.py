@@ -89,6 +89,19 @@ def test_a_segment_that_comes_back_stays(metric: go.KineticEnergy) -> None:
     assert np.abs(predicted.q - q[0]).max() < 2e-3
 
 
+def test_prediction_never_runs_backwards(motion: go.Motion) -> None:
+    """Also where it is fast at both ends and slow between, where a free cubic would."""
+    flat = go.Euclidean(7)
+    velocity = motion.velocity * (1.0 + 9.0 * (2.0 * TIME[:, None] / 0.8 - 1.0) ** 2)
+    hasty = go.Motion(TIME, motion.q, motion.joint_names, velocity)
+    synergies, predicted = go.reconstruct(flat, hasty, [(0, 80)])
+    law = synergies[0].law
+    free = go.time_law(law.length, law.duration, float(law(0.0, 1)), float(law(0.8, 1)))
+    assert free(TIME, 1).min() < -0.1
+    along = motion.q[-1] - motion.q[0]
+    assert (predicted.velocity @ along).min() > -1e-6
+
+
 def test_progress_is_reported(motion: go.Motion) -> None:
     seen: list[int] = []
     go.reconstruct(go.Euclidean(7), motion, [(0, 40), (40, 80)], progress=seen.append)
@@ -140,7 +153,11 @@ def test_bad_files_of_synergies_are_named(
     good = file.read_text()
     with pytest.raises(go.RecordingError, match=r"nodes must have shape \(15, 2\)"):
         go.load_synergies(file, go.Euclidean(2))
+    go.save_synergies(file, synergies, motion.joint_names[::-1])
+    with pytest.raises(go.RecordingError, match=r"its joints .* are not the metric's"):
+        go.load_synergies(file, metric)
     for text, message in (
+        (good.replace('"knots": [\n     0.0,', '"knots": [\n     0.5,'), "knots must increase"),
         (good[:100], "is not JSON"),
         ("[1, 2]", "is not a file of synergies"),
         (good.replace('"version": 1', '"version": 7'), "has version 7, expected 1"),

@@ -55,6 +55,8 @@ def test_impossible_grids_are_refused() -> None:
         go.Grid(0, 4)
     with pytest.raises(ValueError, match="degree must be 2 to 100, got 1"):
         go.Grid(1, 1)
+    with pytest.raises(ValueError, match=r"segments must be an integer, got 1\.5"):
+        go.Grid(1.5, 4)
 
 
 def circle(s: np.ndarray) -> np.ndarray:
@@ -74,8 +76,9 @@ def test_path_length_energy_and_derivatives() -> None:
 def test_length_of_a_path_with_a_corner() -> None:
     """The derivative jumps where segments meet: each side counts with its own."""
     grid = go.Grid(2, 4)
-    nodes = np.column_stack([np.abs(grid.nodes - 0.5), np.zeros(grid.size)])
-    assert go.Path(go.Euclidean(2), grid, nodes).length == pytest.approx(1.0, rel=1e-10)
+    bent = np.where(grid.nodes < 0.5, -grid.nodes, 5.0 * grid.nodes - 3.0)
+    nodes = np.column_stack([bent, np.zeros(grid.size)])
+    assert go.Path(go.Euclidean(2), grid, nodes).length == pytest.approx(0.5 + 2.5, rel=1e-10)
 
 
 def test_bad_paths_and_arguments_are_named() -> None:

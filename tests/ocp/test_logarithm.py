@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -137,6 +138,28 @@ def test_nowhere_to_go(arm_metric: go.KineticEnergy) -> None:
     path = go.geodesic(arm_metric, q, q)
     assert path.length == 0.0
     assert path(0.3) == pytest.approx(q, abs=1e-15)
+
+
+def test_geodesics_that_run_apart_are_right_or_an_error() -> None:
+    """Far apart in the half-plane errors grow with the exponential of the distance."""
+    metric = HalfPlane()
+    a, b = np.array([-10.0, 0.01]), np.array([10.0, 0.01])
+    with pytest.raises(go.NotConverged, match="no geodesic was found"):
+        go.log(metric, a, b)
+    near = np.array([-2.0, 0.5]), np.array([2.0, 0.5])
+    assert go.distance(metric, *near) == pytest.approx(half_plane_distance(*near), abs=1e-9)
+
+
+def test_metrics_without_a_hash_will_do() -> None:
+    @dataclass
+    class Scaled(go.Metric):
+        weights: list[float]
+        dim = 2
+
+        def matrix(self, q: Any) -> Any:
+            return type(q)(np.diag(self.weights))
+
+    assert go.distance(Scaled([4.0, 9.0]), [0.0, 0.0], [1.0, 1.0]) == pytest.approx(13.0**0.5)
 
 
 def test_points_nearer_than_doubles_can_square(arm_metric: go.KineticEnergy) -> None:

@@ -58,6 +58,8 @@ class Metric(ABC):
     """
 
     dim: int
+    # Names of the coordinates, where they have any: motions and files are held against them.
+    joint_names: tuple[str, ...] | None = None
 
     @abstractmethod
     def matrix(self, q: Any) -> Any:
@@ -183,7 +185,7 @@ class Metric(ABC):
             raise ValueError(f"<v, v> is {squared:.3g} at q = {q}: no metric there")
         return float(np.sqrt(squared))
 
-    def angle(self, q: Any, u: Any, v: Any) -> float:
+    def angle(self, q: Any, u: Any, v: Any) -> Any:
         """Angle between two tangent vectors (n,) at q, in [0, pi] [rad].
 
         Computed from the sum and the difference of the unit vectors, which keeps its accuracy for
@@ -193,6 +195,9 @@ class Metric(ABC):
             ValueError: one of the vectors is zero.
         """
         q, u, v = self._checked(q=q, u=u, v=v)
+        if is_symbolic(q, u, v):
+            unit_u, unit_v = u / self.norm(q, u), v / self.norm(q, v)
+            return 2 * ca.atan2(self.norm(q, unit_u - unit_v), self.norm(q, unit_u + unit_v))
         tensor = self.matrix(q)
 
         def norm(w: Array) -> float:
@@ -255,6 +260,11 @@ class KineticEnergy(Metric):
         """Degrees of freedom of the model."""
         return self.model.dof
 
+    @property
+    def joint_names(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Names of the model's joints, in the order of q."""
+        return self.model.joint_names
+
     def matrix(self, q: Any) -> Any:
         """Mass-inertia matrix G(q), (n, n)."""
         return self.model.mass_matrix(q)
@@ -267,8 +277,7 @@ class Euclidean(Metric):
     dim: int
 
     def __post_init__(self) -> None:
-        if self.dim < 1:
-            raise ValueError(f"dim must be at least 1, got {self.dim}")
+        as_metric(self)
 
     def matrix(self, q: Any) -> Any:
         """The identity (n, n)."""

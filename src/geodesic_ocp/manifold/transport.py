@@ -34,7 +34,7 @@ def parallel_transport(
     cubic spline through them.
 
     Raises:
-        ValueError: wrong shape, or numbers that are not finite.
+        ValueError: wrong shape, numbers that are not finite, or a curve of another dimension.
         IntegrationFailed: the metric becomes singular on the way.
     """
     curve = path_or_motion
@@ -52,6 +52,8 @@ def transport_between(
     metric = as_metric(metric)
     carried = as_vector("v", v, metric.dim)
     tolerance = as_positive("tolerance", tolerance)
+    if np.shape(curve(stops[:1]))[-1] != metric.dim:
+        raise ValueError(f"the curve is not of the metric's dimension {metric.dim}")
     size = float(np.linalg.norm(carried))
     if size == 0.0:
         return np.zeros((len(stops), metric.dim))

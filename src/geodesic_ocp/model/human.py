@@ -29,6 +29,7 @@ class _Segment:
     inertia: tuple[float, float, float]  # about the centre of mass [body mass * height^2]
 
 
+_TALLEST, _HEAVIEST = 3.0, 1000.0  # [m], [kg]: more is another unit, not a person
 # Offset of every centre of mass from its segment's axis, in x and y [height]. The source's left
 # arm has none in x but rounding noise of 1e-14.
 _CENTRE_OFFSET = {"right": (2.03848e-5, 3.81383e-8), "left": (0.0, 3.81383e-8)}
@@ -78,12 +79,17 @@ def human_arm(
         backend: of the symbolic rigid-body algorithms, see `Model`.
 
     Raises:
-        ValueError: an unknown side, or height or mass not positive.
+        ValueError: an unknown side, height or mass not positive, or above 3 m or 1000 kg.
     """
     if side not in get_args(Side):
         raise ValueError(f"side must be 'right' or 'left', got {side!r}")
     height = as_positive("height", height, "m")
     mass = as_positive("mass", mass, "kg")
+    if height > _TALLEST or mass > _HEAVIEST:
+        raise ValueError(
+            f"height and mass must be at most {_TALLEST:g} m and {_HEAVIEST:g} kg, "
+            f"got {height:g} m and {mass:g} kg"
+        )
 
     arm = pin.Model()
     arm.name = f"human {side} arm"

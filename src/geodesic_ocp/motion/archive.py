@@ -77,6 +77,11 @@ def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
         raise RecordingError(f"{path}: is not a file of synergies")
     if record.get("version") != _VERSION:
         raise RecordingError(f"{path}: has version {record.get('version')}, expected {_VERSION}")
+    names = metric.joint_names
+    if names is not None and record.get("joint_names") != list(names):
+        raise RecordingError(
+            f"{path}: its joints {record.get('joint_names')} are not the metric's, {list(names)}"
+        )
     try:
         return tuple(_synergy(entry, metric) for entry in record["synergies"])
     except (KeyError, TypeError, ValueError) as failure:

@@ -9,13 +9,17 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.motion.motion import Motion
 from geodesic_ocp.motion.rotations import rotation_vector
 
+# A joint moves no more than this in one step of the controller [rad or m].
+_LARGEST_STEP = 0.05
+
 
 def track_hand(
     model: Model, motion: Motion, *, gain: float = 20.0, damping: float = 0.02
 ) -> Motion:
     """Follow the observed hand with a damped Jacobian controller, from the first posture.
 
-    q' = J' (J J' + damping^2)^-1 (observed hand velocity + gain * pose error), one step a sample.
+    q' = J' (J J' + damping^2)^-1 (observed hand velocity + gain * pose error), one step a sample or
+    more where the samples are far apart; there the hand moves along the spline through them.
     The redundant arm keeps no memory of the observed posture. Damped least squares: Wampler, IEEE
     Trans. Systems, Man, and Cybernetics 16 (1986); the controller ignores joint limits.
 
@@ -33,20 +37,29 @@ def track_hand(
     """
     observed = motion.select(model.joint_names)
     gain, damping = as_positive("gain", gain, "1/s"), as_positive("damping", damping)
-    rotations, positions = model.hand_pose(observed.q)
-    steps = np.diff(observed.time)
     q = np.empty_like(observed.q)
     velocity = np.zeros_like(observed.q)
     q[0] = observed.q[0]
-    for k, step in enumerate(steps):
-        rotation, position = model.hand_pose(q[k])
-        error = _twist(rotation, position, rotations[k], positions[k])
-        forward = _twist(rotations[k], positions[k], rotations[k + 1], positions[k + 1])
-        wanted = forward / step + gain * error
-        jacobian = model.hand_jacobian(q[k])
-        damped = jacobian @ jacobian.T + damping**2 * np.eye(6)
-        velocity[k] = jacobian.T @ np.linalg.solve(damped, wanted)
-        q[k + 1] = q[k] + step * velocity[k]
+    for k in range(len(observed) - 1):
+        # Fine enough that the hand moves little in a step; slow recordings need many.
+        moved = float(np.abs(observed.q[k + 1] - observed.q[k]).max())
+        count = max(1, int(np.ceil(moved / _LARGEST_STEP)))
+        instants = np.linspace(observed.time[k], observed.time[k + 1], count + 1)
+        rotations, positions = model.hand_pose(observed(instants))
+        posture, step = q[k], float(instants[1] - instants[0])
+        for index in range(count):
+            rotation, position = model.hand_pose(posture)
+            error = _twist(rotation, position, rotations[index], positions[index])
+            forward = _twist(
+                rotations[index], positions[index], rotations[index + 1], positions[index + 1]
+            )
+            # A gain above 1/step would overshoot, above 2/step run away.
+            wanted = forward / step + min(gain, 1.0 / step) * error
+            jacobian = model.hand_jacobian(posture)
+            damped = jacobian @ jacobian.T + damping**2 * np.eye(6)
+            posture = posture + step * jacobian.T @ np.linalg.solve(damped, wanted)
+        q[k + 1] = posture
+        velocity[k] = (posture - q[k]) / (observed.time[k + 1] - observed.time[k])
     velocity[-1] = velocity[-2]
     return Motion(observed.time, q, observed.joint_names, velocity, observed.subject)
 

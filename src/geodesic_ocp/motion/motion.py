@@ -13,8 +13,8 @@ from scipy.signal import savgol_filter
 
 from geodesic_ocp.arrays import Array, as_positive
 
-# Sampling steps may differ by this share of their mean: recordings round their time stamps.
-_UNEVEN = 0.02
+# Instants may be off the even grid by this share of a step: recordings round their time stamps.
+_UNEVEN = 0.1
 
 
 @dataclass(frozen=True)
@@ -111,8 +111,17 @@ class Motion:
         return self.time
 
     def __call__(self, s: ArrayLike, order: int = 0) -> Array:
-        """Coordinates at times s [s], or a derivative: the cubic spline through the samples."""
-        result: Array = np.asarray(self._spline(np.asarray(s, dtype=float), order))
+        """Coordinates at times s [s], or a derivative: the cubic spline through the samples.
+
+        Raises:
+            ValueError: s lies outside the recording.
+        """
+        times = np.asarray(s, dtype=float)
+        if not np.all((times >= self.time[0]) & (times <= self.time[-1])):
+            raise ValueError(
+                f"s must lie in [{self.time[0]:.6g}, {self.time[-1]:.6g}] s, got {s!r}"
+            )
+        result: Array = np.asarray(self._spline(times, order))
         return result
 
     # -- other motions from this one -----------------------------------------------------------
@@ -137,7 +146,7 @@ class Motion:
         step = 1.0 / as_positive("rate", rate, "Hz")
         count = int(np.floor(self.duration / step * (1.0 + 1e-12))) + 1
         time = self.time[0] + step * np.arange(count)
-        return replace(self, time=time, q=self(time), velocity=None)
+        return replace(self, time=time, q=self(np.minimum(time, self.time[-1])), velocity=None)
 
     def filtered(self, window: int = 21, order: int = 2) -> Motion:
         """Positions and velocities by a Savitzky-Golay filter of `window` samples.
@@ -157,13 +166,13 @@ class Motion:
             raise ValueError(
                 f"filtering with window {window} needs as many samples, not {len(self)}"
             )
-        steps = np.diff(self.time)
         step = self.duration / (len(self) - 1)
-        row = int(np.argmax(np.abs(steps - step)))
-        if abs(steps[row] - step) > _UNEVEN * step:
+        off = self.time - np.linspace(self.time[0], self.time[-1], len(self))
+        row = int(np.argmax(np.abs(off)))
+        if abs(off[row]) > _UNEVEN * step:
             raise ValueError(
-                f"filtering needs evenly spaced samples: the step after sample {row} is "
-                f"{steps[row]:.6g} s, the mean {step:.6g} s; use motion.resampled(rate)"
+                f"filtering needs evenly spaced samples: sample {row} is {abs(off[row]):.6g} s off "
+                f"the even grid of steps of {step:.6g} s; resample first (Motion.resampled)"
             )
         position = savgol_filter(self.q, window, order, axis=0)
         velocity = savgol_filter(self.q, window, order, deriv=1, delta=step, axis=0)

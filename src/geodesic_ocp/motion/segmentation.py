@@ -52,9 +52,7 @@ def segment(
         ValueError: the motion has no velocities, never moves or is not of the metric's dimension;
             or a number is out of range.
     """
-    threshold = as_positive("threshold", threshold, "rad")
-    if threshold >= np.pi:
-        raise ValueError(f"threshold must be below pi rad, got {threshold}")
+    threshold = as_threshold(threshold)
     if not 0.0 <= rest < 1.0:
         raise ValueError(f"rest must be in [0, 1), got {rest}")
     rest_duration = as_positive("rest_duration", rest_duration, "s")
@@ -89,6 +87,14 @@ def segment(
             cuts.append(k)
             carried = velocity[k]
     return _between(cuts, len(motion))
+
+
+def as_threshold(threshold: float) -> float:
+    """The argument as an angle in (0, pi) [rad]; ValueError if it is not."""
+    threshold = as_positive("threshold", threshold, "rad")
+    if threshold >= np.pi:
+        raise ValueError(f"threshold must be below pi rad, got {threshold:g} (in degrees?)")
+    return threshold
 
 
 def segment_zero_velocity(
@@ -129,6 +135,11 @@ def speeds(metric: Metric, motion: Motion) -> Array:
     if metric.dim != len(motion.joint_names):
         raise ValueError(
             f"the metric has dimension {metric.dim}, the motion {len(motion.joint_names)} joints"
+        )
+    if metric.joint_names is not None and metric.joint_names != motion.joint_names:
+        raise ValueError(
+            f"the motion's joints {', '.join(motion.joint_names)} are not the metric's in its "
+            f"order, {', '.join(metric.joint_names)}; use motion.select(model.joint_names)"
         )
     velocity = observed_velocity(motion)
     result: Array = evaluate(metric.speed.map(len(motion)), motion.q.T, velocity.T).ravel()

@@ -103,6 +103,7 @@ def reconstruct(
         ValueError: the segments do not cover the motion, or there are no velocities.
         NotConverged: there is no geodesic for a segment; the message names it.
     """
+    segments = [(int(start), int(stop)) for start, stop in segments]
     edges = [segments[0][0], *(stop for _, stop in segments)] if segments else []
     starts = [start for start, _ in segments]
     if not edges or edges[0] != 0 or edges[-1] != len(motion) - 1 or starts != edges[:-1]:

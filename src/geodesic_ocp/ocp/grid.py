@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from numbers import Integral
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -32,6 +33,11 @@ class Grid:
     degree: int = 20
 
     def __post_init__(self) -> None:
+        for name in ("segments", "degree"):
+            value = getattr(self, name)
+            if not isinstance(value, Integral):
+                raise ValueError(f"{name} must be an integer, got {value!r}")
+            object.__setattr__(self, name, int(value))
         if self.segments < 1:
             raise ValueError(f"segments must be at least 1, got {self.segments}")
         if not 2 <= self.degree <= _MAX_DEGREE:

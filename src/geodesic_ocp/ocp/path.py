@@ -48,6 +48,8 @@ class Path:
             ValueError: s lies outside [0, 1] or is not finite, or the order is negative.
         """
         times = np.asarray(s, dtype=float)
+        if times.ndim > 1:
+            raise ValueError(f"s must be a number or have shape (k,), got {times.shape}")
         if order < 0:
             raise ValueError(f"order must not be negative, got {order}")
         if not np.all((times >= -1e-9) & (times <= 1.0 + 1e-9)):

@@ -72,6 +72,27 @@ class Problem(ABC):
         return None
 
 
+def _hashable(value: object) -> bool:
+    try:
+        hash(value)
+    except TypeError:
+        return False
+    return True
+
+
+@dataclass(frozen=True, eq=False)
+class _Identity:
+    """A key for a value that has no hash: equal if it is the very same object."""
+
+    value: object
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Identity) and other.value is self.value
+
+    def __hash__(self) -> int:
+        return id(self.value)
+
+
 @dataclass(frozen=True)
 class PointToPoint(Problem):
     """The geodesic between two configurations.
@@ -100,5 +121,5 @@ class PointToPoint(Problem):
 
     @property
     def structure(self) -> Hashable:
-        """The metric."""
-        return self.metric
+        """The metric, or its identity where it has no hash."""
+        return self.metric if _hashable(self.metric) else _Identity(self.metric)

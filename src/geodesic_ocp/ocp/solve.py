@@ -39,6 +39,10 @@ _SENTENCES = {
 }
 
 
+# CasADi turns Ctrl-C during a solve into one of these.
+_INTERRUPTED = ("NonIpopt_Exception_Thrown", "User_Requested_Stop")
+
+
 @dataclass(frozen=True)
 class Outcome:
     """What Ipopt returned: success, a sentence, iterations, wall time and the last iterate."""
@@ -85,6 +89,8 @@ class Ipopt:
         seconds = time.perf_counter() - start
         stats = self._solver.stats()
         word = stats["return_status"]
+        if word in _INTERRUPTED:
+            raise KeyboardInterrupt
         status = _SENTENCES.get(word, f"Ipopt stopped: {word.replace('_', ' ').lower()}")
         arrays = [result[name].full()[:, 0] for name in ("x", "g", "lam_x", "lam_g")]
         success = bool(stats["success"]) and word == "Solve_Succeeded"

@@ -35,11 +35,30 @@ class TimeLaw:
         knots: times (k,) [s].
         positions: s at the knots (k,), in the metric's unit of length.
         speeds: s' at the knots (k,).
+
+    Raises:
+        ValueError: arrays of different or wrong shapes, not finite, or knots not increasing from 0.
     """
 
     knots: Array
     positions: Array
     speeds: Array
+
+    def __post_init__(self) -> None:
+        arrays = {
+            name: np.array(getattr(self, name), dtype=float)
+            for name in ("knots", "positions", "speeds")
+        }
+        knots = arrays["knots"]
+        for name, array in arrays.items():
+            if array.shape != knots.shape or array.ndim != 1 or array.size < 2:
+                raise ValueError(f"{name} must have one shape (k,), k > 1, got {array.shape}")
+            if not np.all(np.isfinite(array)):
+                raise ValueError(f"{name} must be finite")
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        if knots[0] != 0.0 or np.any(np.diff(knots) <= 0.0):
+            raise ValueError("knots must increase from 0")
 
     @property
     def duration(self) -> float:
@@ -107,10 +126,9 @@ def time_law(
         NotConverged: the solver failed.
     """
     duration = as_positive("duration", duration, "s")
-    numbers = {"length": length, "start_speed": start_speed, "end_speed": end_speed}
-    for name, number in numbers.items():
-        if not np.isfinite(number):
-            raise ValueError(f"{name} must be finite, got {number}")
+    given = {"length": length, "start_speed": start_speed, "end_speed": end_speed}
+    numbers = {name: _finite(name, number) for name, number in given.items()}
+    length, start_speed, end_speed = numbers.values()
     if length < 0.0:
         raise ValueError(f"length must not be negative, got {length}")
     lowest = 0.0 if monotone else -np.inf
@@ -134,6 +152,17 @@ def time_law(
     if not _within(law, low, high):
         law = _solved(_pieces(scaled, low, high), scaled, low, high)
     return TimeLaw(duration * law.knots, speed * duration * law.positions, speed * law.speeds)
+
+
+def _finite(name: str, value: float) -> float:
+    """The value as a number that is finite, and not so large that its square is not."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be a number, got {value!r}") from None
+    if not abs(number) < 1e100:
+        raise ValueError(f"{name} must be finite and below 1e100, got {value}")
+    return number
 
 
 def _within(law: TimeLaw, low: float, high: float) -> bool:
@@ -164,7 +193,7 @@ def _pieces(scaled: list[float], low: float, high: float) -> int:
         if start <= _SLACK and end <= _SLACK and length == 0.0:
             return _PIECES
         raise ValueError(
-            "no time law keeps its speed within the bounds: the length "
+            f"no time law on {_MAX_PIECES} pieces keeps its speed within the bounds: the length "
             f"{'is too short to stop in' if low == 0.0 else 'needs the full speed throughout'}"
         )
     return max(_PIECES, int(np.ceil(4.0 * needed)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -26,7 +27,10 @@ def read_motion(path: str | Path, joints: Sequence[str] | None = None) -> Motion
     """
     file = Path(path)
     if not file.is_file():
-        raise RecordingError(f"{file}: there is no such file")
+        what = "is a folder, not a file" if file.is_dir() else "there is no such file"
+        raise RecordingError(f"{file}: {what}")
+    if joints is not None and (isinstance(joints, str) or not joints):
+        raise ValueError(f"joints must be a sequence of names or None, got {joints!r}")
     reader = _READERS.get(file.suffix.lower())
     if reader is None:
         raise RecordingError(f"{file}: a recording ends in .xml (MMM) or .csv, not {file.suffix!r}")
@@ -34,5 +38,7 @@ def read_motion(path: str | Path, joints: Sequence[str] | None = None) -> Motion
         return reader(file, joints)
     except OSError as failure:
         raise RecordingError(f"{file}: cannot be read: {failure.strerror}") from None
+    except csv.Error as failure:
+        raise RecordingError(f"{file}: is not a table: {failure}") from None
     except UnicodeDecodeError as failure:
         raise RecordingError(f"{file}: is not text in UTF-8 (byte {failure.start})") from None

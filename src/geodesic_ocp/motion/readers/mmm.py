@@ -7,7 +7,8 @@ and Data / Measurement. The legacy files' JointVelocity is often all zeros and i
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -31,6 +32,8 @@ def read_mmm(file: Path, joints: Sequence[str] | None = None) -> Motion:
         raise RecordingError(
             f"{file}: broken XML at line {line}, column {column}: {failure}"
         ) from None
+    except LookupError as failure:
+        raise RecordingError(f"{file}: {failure}") from None
     motions = root.findall("Motion") if root.tag == "MMM" else []
     if not motions:
         raise RecordingError(
@@ -38,45 +41,55 @@ def read_mmm(file: Path, joints: Sequence[str] | None = None) -> Motion:
         )
     wanted, missing = list(joints or ()), []
     for motion in motions:
-        names = _joint_names(motion)
-        missing = [name for name in wanted if name not in names]
-        if names and not missing:
-            return _motion(file, motion, names, wanted or names)
+        for source in _sources(motion):
+            names = [joint.get("name", "") for joint in source.joints]
+            missing = [name for name in wanted if name not in names]
+            if names and not missing:
+                return _motion(file, motion, source, names, wanted or names)
     if not missing:
         raise RecordingError(f"{file}: no <Motion> in it names any joints")
     raise RecordingError(f"{file}: there is no joint {', '.join(missing)} in this recording")
 
 
-def _kinematic_sensor(motion: ElementTree.Element) -> ElementTree.Element | None:
-    return motion.find("Sensors/Sensor[@type='Kinematic']")
+@dataclass(frozen=True)
+class _Source:
+    """Joints, and the frames of their positions: the name of the place, time and positions."""
+
+    joints: list[ElementTree.Element]
+    frames: list[tuple[str, str | None, str | None]]
 
 
-def _joint_names(motion: ElementTree.Element) -> list[str]:
-    sensor = _kinematic_sensor(motion)
-    joints = (
-        motion.findall("JointOrder/Joint")
-        if sensor is None
-        else sensor.findall("Configuration/Joint")
-    )
-    return [joint.get("name", "") for joint in joints]
+def _sources(motion: ElementTree.Element) -> list[_Source]:
+    """The legacy layout's one, or every kinematic sensor of version 2.0."""
+    sensors = motion.findall("Sensors/Sensor[@type='Kinematic']")
+    if not sensors:
+        frames = [
+            (f"MotionFrame {index}", frame.findtext("Timestep"), frame.findtext("JointPosition"))
+            for index, frame in enumerate(motion.findall("MotionFrames/MotionFrame"))
+        ]
+        return [_Source(motion.findall("JointOrder/Joint"), frames)]
+    return [
+        _Source(
+            sensor.findall("Configuration/Joint"),
+            [
+                (f"Measurement {index}", frame.get("timestep"), frame.findtext("JointPosition"))
+                for index, frame in enumerate(sensor.findall("Data/Measurement"))
+            ],
+        )
+        for sensor in sensors
+    ]
 
 
-def _frames(motion: ElementTree.Element) -> Iterator[tuple[str, str | None, str | None]]:
-    """Name of the place, text of the time and text of the joint positions of every frame."""
-    sensor = _kinematic_sensor(motion)
-    if sensor is not None:
-        for index, frame in enumerate(sensor.findall("Data/Measurement")):
-            yield f"Measurement {index}", frame.get("timestep"), frame.findtext("JointPosition")
-    else:
-        for index, frame in enumerate(motion.findall("MotionFrames/MotionFrame")):
-            place = f"MotionFrame {index}"
-            yield place, frame.findtext("Timestep"), frame.findtext("JointPosition")
-
-
-def _motion(file: Path, motion: ElementTree.Element, names: list[str], wanted: list[str]) -> Motion:
+def _motion(
+    file: Path,
+    motion: ElementTree.Element,
+    source: _Source,
+    names: list[str],
+    wanted: list[str],
+) -> Motion:
     columns = [names.index(name) for name in wanted]
     times, rows = [], []
-    for place, time, positions in _frames(motion):
+    for place, time, positions in source.frames:
         if time is None or positions is None:
             raise RecordingError(
                 f"{file}: {place} has no {'time' if time is None else 'positions'}"

@@ -20,6 +20,7 @@ import numpy as np
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.motion.motion import Motion, Subject
 
+_READ = ("unit", "height", "mass", "subject")
 _UNITS = {"rad": 1.0, "deg": np.pi / 180.0}
 
 
@@ -35,8 +36,9 @@ def read_table(file: Path, joints: Sequence[str] | None = None) -> Motion:
     first = 0
     while first < len(lines) and (lines[first].startswith("#") or not lines[first].strip()):
         key, colon, value = lines[first].lstrip("# ").partition(":")
-        if colon:
-            notes.setdefault(key.strip().lower(), value.strip())
+        key, value = key.strip().lower(), value.strip()
+        if colon and notes.setdefault(key, value) != value and key in _READ:
+            raise RecordingError(f"{file}: line {first + 1} gives the {key} again, and differently")
         first += 1
     if first == len(lines):
         raise RecordingError(f"{file}: has no header with joint names")
@@ -51,6 +53,9 @@ def read_table(file: Path, joints: Sequence[str] | None = None) -> Motion:
             f"{file}: line {first + 1} must be the header 'time,<joint>,...', "
             f"is {lines[first][:60]!r}"
         )
+    twice = sorted({name for name in header if header.count(name) > 1})
+    if twice:
+        raise RecordingError(f"{file}: the header names {', '.join(twice)} more than once")
     wanted = list(joints) if joints is not None else header[1:]
     missing = [name for name in wanted if name not in header[1:]]
     if missing:
@@ -58,7 +63,7 @@ def read_table(file: Path, joints: Sequence[str] | None = None) -> Motion:
             f"{file}: there is no joint {', '.join(missing)}; there are {', '.join(header[1:])}"
         )
     values = _rows(file, lines, first + 1, header)
-    columns = [header.index(name, 1) for name in wanted]
+    columns = [header.index(name) for name in wanted]
     subject = Subject(
         _figure(file, notes, "height"), _figure(file, notes, "mass"), notes.get("subject", "")
     )
