@@ -76,6 +76,17 @@ def test_bounded_speed_is_kept_and_used() -> None:
     assert law.cost > free.cost
 
 
+@pytest.mark.parametrize("ends", [(0.08, 0.08), (0.3, 0.0), (0.7, 1.0)])
+@pytest.mark.parametrize("room", [0.002, 0.005, 0.05])
+def test_hardly_any_room_below_the_bound(room: float, ends: tuple[float, float]) -> None:
+    """Nearly all of the way at full speed, after braking or launching at once."""
+    law = go.time_law(1.0, 1.0, *ends, max_speed=1.0 + room)
+    speeds = law(np.linspace(0.0, 1.0, 2001), 1)
+    assert speeds.max() <= (1.0 + room) * (1 + 1e-9)
+    assert law(1.0) == pytest.approx(1.0, abs=1e-9)
+    assert [law(0.0, 1), law(1.0, 1)] == pytest.approx(ends, abs=1e-9)
+
+
 def test_cost_is_the_integral() -> None:
     law = go.time_law(0.4, 1.3, 0.9, 0.1, monotone=True)
     # The midpoint rule on a fine grid.
