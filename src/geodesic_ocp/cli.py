@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 import sys
+import threading
 import time
 from collections.abc import Sequence
 from contextlib import closing
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 from tqdm import tqdm
 
@@ -30,15 +32,45 @@ _EXIT = """exit codes: 0 done; 2 wrong input, named in one line; 3 a solver or i
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit code."""
     options = _parser().parse_args(arguments)
+    previous = _on_interrupt(_Interrupts.note) if _in_main_thread() else None
+    _Interrupts.seen = False
     try:
         options.run(options)
-    except (ValueError, OSError) as error:
-        return _failed(error, 2)
-    except GeodesicOcpError as error:
-        return _failed(error, 3)
     except KeyboardInterrupt:
         return _failed("interrupted", 130)
+    except Exception as error:
+        # CasADi turns a Ctrl-C inside any of its functions into errors of many kinds.
+        if _Interrupts.seen:
+            return _failed("interrupted", 130)
+        if isinstance(error, (ValueError, OSError)):
+            return _failed(error, 2)
+        if isinstance(error, GeodesicOcpError):
+            return _failed(error, 3)
+        raise
+    finally:
+        if previous is not None:
+            _on_interrupt(previous)
     return 0
+
+
+class _Interrupts:
+    """Whether Ctrl-C was pressed: libraries may swallow the exception, not the mark."""
+
+    seen = False
+
+    @classmethod
+    def note(cls, number: int, frame: object) -> None:
+        del number, frame
+        cls.seen = True
+        raise KeyboardInterrupt
+
+
+def _in_main_thread() -> bool:
+    return threading.current_thread() is threading.main_thread()
+
+
+def _on_interrupt(handler: Any) -> Any:
+    return signal.signal(signal.SIGINT, handler)
 
 
 def _failed(reason: object, code: int) -> int:
@@ -149,6 +181,8 @@ class _Bar:
         self._bar: tqdm | None = None
 
     def __call__(self, label: str, done: int, total: int) -> None:
+        if _Interrupts.seen:
+            raise KeyboardInterrupt
         if self._bar is None:
             self._bar = tqdm(
                 total=total, leave=False, bar_format="{desc}: {percentage:3.0f}% |{bar}|"

@@ -121,6 +121,22 @@ def test_every_kind_of_condition_is_met() -> None:
     }
 
 
+@pytest.mark.parametrize("shift", [-0.05, -0.017, 0.0, 0.013, 0.05])
+def test_free_ends_do_not_depend_on_rounding(shift: float) -> None:
+    """The guess stays at the start; its extent of 1e-16 must not become the NLP's unit."""
+
+    @dataclass(frozen=True)
+    class Shifted(Mixed):
+        def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+            start = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1]) + shift
+            return [(q0, start), (self.model.hand_pose(q1)[1][1], 0.4, "plane")]
+
+        def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+            return [(self.model.lower, q, self.model.upper, "limits")]
+
+    assert go.solve(Shifted()).stats.success
+
+
 def test_path_around_a_disc_has_its_known_length() -> None:
     """Refined grids approach two tangents and an arc; the smooth parts alone would be 2."""
     problem = PlaneAroundDisc()

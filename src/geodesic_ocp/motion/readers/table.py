@@ -48,34 +48,38 @@ def read_table(file: Path, joints: Sequence[str] | None = None) -> Motion:
             + (f", not '# unit: {notes['unit']}'" if "unit" in notes else "")
         )
     header = [name.strip() for name in next(csv.reader([lines[first]]))]
-    if header[0].lower() != "time" or len(header) < 2:
+    if "time" not in header or len(header) < 2:
         raise RecordingError(
-            f"{file}: line {first + 1} must be the header 'time,<joint>,...', "
+            f"{file}: line {first + 1} must be a header with 'time' and joint names, "
             f"is {lines[first][:60]!r}"
         )
     twice = sorted({name for name in header if header.count(name) > 1})
     if twice:
         raise RecordingError(f"{file}: the header names {', '.join(twice)} more than once")
-    wanted = list(joints) if joints is not None else header[1:]
-    missing = [name for name in wanted if name not in header[1:]]
+    others = [name for name in header if name != "time"]
+    wanted = list(joints) if joints is not None else others
+    missing = [name for name in wanted if name not in others]
     if missing:
         raise RecordingError(
-            f"{file}: there is no joint {', '.join(missing)}; there are {', '.join(header[1:])}"
+            f"{file}: there is no joint {', '.join(missing)}; there are {', '.join(others)}"
         )
-    values = _rows(file, lines, first + 1, header)
-    columns = [header.index(name) for name in wanted]
+    values = _rows(file, lines, first + 1, header, ["time", *wanted])
     subject = Subject(
         _figure(file, notes, "height"), _figure(file, notes, "mass"), notes.get("subject", "")
     )
-    angles = _UNITS[notes["unit"]] * values[:, columns]
+    angles = _UNITS[notes["unit"]] * values[:, 1:]
     try:
         return Motion(values[:, 0], angles, tuple(wanted), subject=subject)
     except ValueError as failure:
         raise RecordingError(f"{file}: {failure}") from None
 
 
-def _rows(file: Path, lines: list[str], start: int, header: list[str]) -> np.ndarray:
+def _rows(
+    file: Path, lines: list[str], start: int, header: list[str], wanted: list[str]
+) -> np.ndarray:
+    """Numbers of the wanted columns, in their order; the others may hold anything."""
     rows = []
+    columns = [header.index(name) for name in wanted]
     for number, row in enumerate(csv.reader(lines[start:]), start=start + 1):
         if not row:
             continue
@@ -83,11 +87,16 @@ def _rows(file: Path, lines: list[str], start: int, header: list[str]) -> np.nda
             raise RecordingError(
                 f"{file}: line {number} has {len(row)} entries, the header {len(header)}"
             )
-        try:
-            rows.append([float(entry) for entry in row])
-        except ValueError as failure:
-            raise RecordingError(f"{file}: line {number}: {failure}") from None
-    return np.array(rows, dtype=float).reshape(len(rows), len(header))
+        numbers = []
+        for column in columns:
+            try:
+                numbers.append(float(row[column]))
+            except ValueError:
+                raise RecordingError(
+                    f"{file}: line {number}: {header[column]} is no number: {row[column][:40]!r}"
+                ) from None
+        rows.append(numbers)
+    return np.array(rows, dtype=float).reshape(len(rows), len(wanted))
 
 
 def _figure(file: Path, notes: dict[str, str], key: str) -> float | None:
