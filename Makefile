@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test test-slow lint notebooks bench clean
+.PHONY: demo test test-slow lint notebooks bench pinocchio-casadi clean
 
 demo: $(READY)  ## analyse the bundled recording; results go to geodesic_ocp_demo/
 	$(BIN)/geodesic-ocp demo
@@ -25,6 +25,9 @@ notebooks: $(READY)  ## execute the notebooks, keeping their output
 
 bench: $(READY)  ## speed and accuracy against another solver
 	$(BIN)/python benchmarks/log_map.py
+
+pinocchio-casadi: $(READY)  ## build Pinocchio's CasADi bindings: half an hour, once; ARGS=--remove
+	@$(BIN)/python tools/pinocchio_casadi.py $(ARGS)
 
 clean:  ## remove the environment and caches
 	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis dist

@@ -11,12 +11,25 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
+from geodesic_ocp.model.rigid_body import BACKENDS, choose_backend, why_unavailable
 
 # One numerical example can take tens of milliseconds on a busy machine: no deadline, few examples.
 hypothesis.settings.register_profile("package", deadline=None, max_examples=25, derandomize=True)
 hypothesis.settings.load_profile("package")
 
 ROOT = Path(__file__).resolve().parents[1]
+
+
+def pytest_report_header() -> str:
+    return f"back end of the symbolic mass matrix: {choose_backend()}"
+
+
+@pytest.fixture(scope="session", params=BACKENDS)
+def backend(request: pytest.FixtureRequest) -> str:
+    """Each of the back ends in turn, whichever of them all other tests use."""
+    if missing := why_unavailable(request.param):
+        pytest.skip(f"{request.param} cannot be imported here: {missing}")
+    return request.param
 
 
 @pytest.fixture(scope="session")

@@ -69,7 +69,7 @@ def test_demo(
 def test_models(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["models"]) == 0
     text = capsys.readouterr().out
-    assert "in use: " + go.human_arm().backend in text
+    assert f"{go.human_arm().backend}: in use" in text
     assert "RSx_joint" in text
     assert "human left arm" in text
 

@@ -19,7 +19,12 @@ from tqdm import tqdm
 from geodesic_ocp.analysis import Analysis, analyse
 from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.model.human import Side, human_arm
-from geodesic_ocp.model.rigid_body import available_backends, choose_backend
+from geodesic_ocp.model.rigid_body import (
+    BACKENDS,
+    ENVIRONMENT_VARIABLE,
+    choose_backend,
+    why_unavailable,
+)
 from geodesic_ocp.motion.motion import Motion
 from geodesic_ocp.motion.readers import read_motion
 from geodesic_ocp.motion.segmentation import as_threshold
@@ -219,9 +224,14 @@ def _summarise(
 
 def _models(options: argparse.Namespace) -> None:
     del options
+    in_use = choose_backend()
     print("models: human arm, right and left: human_arm(side, height, mass)")
     for side in get_args(Side):
         arm = human_arm(side, _DEFAULT_HEIGHT, _DEFAULT_MASS)
         print(f"  {arm.name}: {arm.dof} degrees of freedom: {', '.join(arm.joint_names)}")
-    print(f"symbolic rigid-body back ends here: {', '.join(available_backends())}")
-    print(f"in use: {choose_backend()} (the environment variable GEODESIC_OCP_BACKEND overrides)")
+    print("back ends of the symbolic mass matrix:")
+    for name in BACKENDS:
+        missing = why_unavailable(name)
+        state = f"cannot be imported: {missing}" if missing else "can be used"
+        print(f"  {name}: {'in use' if name == in_use else state}")
+    print(f"the environment variable {ENVIRONMENT_VARIABLE} chooses another one")

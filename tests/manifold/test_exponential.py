@@ -141,8 +141,10 @@ def test_two_link_arm_of_an_independent_implementation(known_geodesics: dict[str
     assert metric.norm(q0, v0) == pytest.approx(known["length"], abs=1e-9)
 
 
-def test_human_arm_of_an_independent_implementation(known_geodesics: dict[str, Any]) -> None:
-    metric = go.KineticEnergy(go.human_arm("right", 1.0, 1.0))
+def test_human_arm_of_an_independent_implementation(
+    known_geodesics: dict[str, Any], backend: str
+) -> None:
+    metric = go.KineticEnergy(go.human_arm("right", 1.0, 1.0, backend=backend))
     for known in known_geodesics["human_arm_right"]["geodesics"]:
         found = go.exp(metric, known["q0"], known["v0"])
         assert found == pytest.approx(np.array(known["q1"]), abs=1e-9)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import importlib
+from collections.abc import Callable, Iterator
+
 import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
-from known_models import random_tree
+from known_models import free_rotor, planar_arm, random_tree
 
 import geodesic_ocp as go
 from geodesic_ocp.model import rigid_body
@@ -16,17 +19,15 @@ from geodesic_ocp.model.joints import configuration
 RELATIVE = 1e-12
 
 
-@pytest.fixture(params=rigid_body.BACKENDS)
-def backend(request: pytest.FixtureRequest) -> str:
-    if request.param not in rigid_body.available_backends():
-        pytest.skip(f"{request.param} cannot be imported here (the pin wheels lack it)")
-    return request.param
-
-
 def systems() -> dict[str, tuple[pin.Model, str]]:
     rng = np.random.default_rng(7)
     arms = {side: (go.human_arm(side).pin, "hand") for side in ("right", "left")}
-    return arms | {f"tree {index}": (random_tree(rng), "tool") for index in range(6)}
+    planar = planar_arm((1.0, 0.8, 0.5), (1.3, 0.7, 0.4), (0.4, 0.5, 0.2), (0.2, 0.1, 0.05))
+    small = {"planar arm": (planar.pin, "tip"), "rotor": (free_rotor((1.0, 2.0, 2.5)).pin, "body")}
+    sample = pin.buildSampleModelManipulator()
+    robot = {"manipulator": (sample, sample.frames[sample.nframes - 1].name)}
+    trees = {f"tree {index}": (random_tree(rng), "tool") for index in range(6)}
+    return arms | small | robot | trees
 
 
 def close(found: np.ndarray, expected: np.ndarray) -> bool:
@@ -91,12 +92,28 @@ def test_armature_adds_to_the_diagonal(backend: str, rng: np.random.Generator) -
     assert close(model.mass_matrix(q), upper + np.triu(upper, 1).T)
 
 
-def test_backends_agree(arm: go.Model, rng: np.random.Generator) -> None:
-    if len(rigid_body.available_backends()) < 2:
-        pytest.skip("pinocchio.casadi cannot be imported here (the pin wheels lack it)")
-    models = [go.human_arm("right", backend=name) for name in rigid_body.BACKENDS]
-    q = rng.uniform(-3.0, 3.0, arm.dof)
-    assert close(models[0].mass_matrix(q), models[1].mass_matrix(q))
+@pytest.mark.parametrize("name", systems())
+def test_backends_agree(name: str, rng: np.random.Generator) -> None:
+    """In value, and in the second derivatives that the optimiser gets."""
+    if missing := rigid_body.why_unavailable("pinocchio.casadi"):
+        pytest.skip(f"pinocchio.casadi cannot be imported here: {missing}")
+    native, hand = systems()[name]
+    pair = [go.Model(native, hand, backend) for backend in rigid_body.BACKENDS]
+    hessians = [lagrangian_hessian(model) for model in pair]
+    for _ in range(5):
+        q, v = rng.uniform(-3.0, 3.0, (2, native.nv))
+        assert close(*(model.mass_matrix(q) for model in pair))
+        assert close(*(model.hand_jacobian(q) for model in pair))
+        for found, expected in zip(*(model.hand_pose(q) for model in pair), strict=True):
+            assert close(found, expected)
+        assert close(*(np.array(hessian(q, v)) for hessian in hessians))
+
+
+def lagrangian_hessian(model: go.Model) -> ca.Function:
+    """Second derivatives of v' G(q) v / 2 with respect to q and v."""
+    q, v = ca.SX.sym("q", model.dof), ca.SX.sym("v", model.dof)
+    energy = ca.bilin(model.mass_matrix(q), v, v) / 2
+    return ca.Function("hessian", [q, v], [ca.hessian(energy, ca.vertcat(q, v))[0]])
 
 
 def test_backend_is_chosen_by_argument_then_environment(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -108,9 +125,46 @@ def test_backend_is_chosen_by_argument_then_environment(monkeypatch: pytest.Monk
     assert go.human_arm(backend="built-in").backend == "built-in"
 
 
-def test_missing_backend_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rigid_body, "available_backends", lambda: ("built-in",))
-    with pytest.raises(ValueError, match=r"'pinocchio\.casadi' cannot be imported"):
+def test_default_is_pinocchio_where_it_can_be_imported(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(rigid_body.ENVIRONMENT_VARIABLE, raising=False)
+    there = not rigid_body.why_unavailable("pinocchio.casadi")
+    assert go.human_arm().backend == ("pinocchio.casadi" if there else "built-in")
+
+
+@pytest.fixture
+def import_of_pinocchio_casadi(monkeypatch: pytest.MonkeyPatch) -> Iterator[pytest.MonkeyPatch]:
+    """Lets a test decide how the import goes, and forgets it afterwards."""
+    monkeypatch.delenv(rigid_body.ENVIRONMENT_VARIABLE, raising=False)
+    rigid_body._pinocchio_casadi.cache_clear()
+    yield monkeypatch
+    rigid_body._pinocchio_casadi.cache_clear()
+
+
+def fails(error: ImportError) -> Callable[[str], None]:
+    def import_module(name: str) -> None:
+        assert name == "pinocchio.casadi"
+        raise error
+
+    return import_module
+
+
+def test_missing_backend_is_named(import_of_pinocchio_casadi: pytest.MonkeyPatch) -> None:
+    missing = ModuleNotFoundError("No module", name="pinocchio.casadi")
+    import_of_pinocchio_casadi.setattr(importlib, "import_module", fails(missing))
+    assert go.human_arm().backend == "built-in"
+    with pytest.raises(ValueError, match=r"'pinocchio\.casadi' cannot be.*make pinocchio-casadi"):
+        go.human_arm(backend="pinocchio.casadi")
+
+
+def test_broken_backend_is_not_passed_over_in_silence(
+    import_of_pinocchio_casadi: pytest.MonkeyPatch,
+) -> None:
+    broken = ImportError("undefined symbol: _ZN6casadi")
+    import_of_pinocchio_casadi.setattr(importlib, "import_module", fails(broken))
+    assert go.human_arm(backend="built-in").backend == "built-in"  # does not even try
+    with pytest.warns(RuntimeWarning, match=r"is there, but cannot be imported: undefined symbol"):
+        assert go.human_arm().backend == "built-in"
+    with pytest.raises(ValueError, match="undefined symbol"):
         go.human_arm(backend="pinocchio.casadi")
 
 

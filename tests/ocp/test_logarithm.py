@@ -71,8 +71,10 @@ def test_short_geodesics_keep_their_direction(seed: int, exponent: float) -> Non
     assert np.abs(v0 - step).max() < 20.0 * size**2 + 1e-5 * size + 1e-14
 
 
-def test_human_arm_of_an_independent_implementation(known_geodesics: dict[str, Any]) -> None:
-    metric = go.KineticEnergy(go.human_arm("right", 1.0, 1.0))
+def test_human_arm_of_an_independent_implementation(
+    known_geodesics: dict[str, Any], backend: str
+) -> None:
+    metric = go.KineticEnergy(go.human_arm("right", 1.0, 1.0, backend=backend))
     for known in known_geodesics["human_arm_right"]["geodesics"]:
         v0 = go.log(metric, known["q0"], known["q1"])
         assert v0 == pytest.approx(np.array(known["v0"]), abs=1e-8)

