@@ -94,7 +94,7 @@ def _provide(options: argparse.Namespace) -> int:
 
 
 def _build(target: Target, asked: int | None) -> Path:
-    checks.check_platform()
+    checks.check_recipe(target)
     checks.check_casadi(target)
     compiler = checks.find_compiler(target)
     jobs = checks.choose_jobs(asked)

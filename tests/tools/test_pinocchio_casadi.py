@@ -94,24 +94,6 @@ def test_packages_that_are_not_pips_are_named(
         target._imported_from(target.metadata.distribution("casadi"), "casadi")
 
 
-@pytest.mark.parametrize(
-    ("versions", "message"),
-    [
-        ({"pin": "3.9.0", "libpinocchio": "3.9.0"}, "recipe is for pin 4, pin 3.9.0 is installed"),
-        ({"pin": "4.1.0", "libpinocchio": "4.0.0"}, "pin is 4.1.0, but libpinocchio 4.0.0"),
-        ({"pin": "4.1.0"}, "libpinocchio missing"),
-    ],
-)
-def test_versions_that_do_not_fit_are_named(
-    versions: dict[str, str], message: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(target, "_with_requirements", lambda name: versions)
-    monkeypatch.setattr(target, "_imported_from", lambda distribution, package: Path())
-    monkeypatch.setattr(target.metadata, "distribution", lambda name: None)
-    with pytest.raises(CannotBuild, match=message):
-        target.installed_target()
-
-
 def test_missing_wheels_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     def distribution(name: str) -> None:
         raise target.metadata.PackageNotFoundError(name)
@@ -136,10 +118,28 @@ def test_this_environment_is_understood() -> None:
 # Whether it can be built
 
 
-def test_platforms_without_a_recipe_are_sent_to_conda(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_platforms_without_a_recipe_are_sent_to_conda(
+    wheels: Target, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(checks.sys, "platform", "darwin")
     with pytest.raises(CannotBuild, match=r"Linux only, this is darwin.*environment\.yml"):
-        checks.check_platform()
+        checks.check_recipe(wheels)
+
+
+@pytest.mark.parametrize(
+    ("versions", "message"),
+    [
+        ({"pin": "3.9.0", "libpinocchio": "3.9.0"}, "recipe is for pin 4, pin 3.9.0 is installed"),
+        ({"pin": "4.1.0", "libpinocchio": "4.0.0"}, "pin is 4.1.0, but libpinocchio 4.0.0"),
+        ({"pin": "4.1.0"}, "libpinocchio missing"),
+    ],
+)
+def test_versions_without_a_recipe_are_named(
+    versions: dict[str, str], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(checks.sys, "platform", "linux")
+    with pytest.raises(CannotBuild, match=message):
+        checks.check_recipe(Target(versions, Path(), Path()))
 
 
 def test_old_abi_of_casadi_is_named(wheels: Target) -> None:
@@ -377,7 +377,7 @@ def command(
         monkeypatch.setattr(pinocchio_casadi, "installed_target", lambda: wheels)
         monkeypatch.setattr(pinocchio_casadi, "build", make)
         monkeypatch.setattr(install, "pinocchio_folder", lambda: wheels.pinocchio)
-        monkeypatch.setattr(checks, "check_platform", lambda: None)
+        monkeypatch.setattr(checks, "check_recipe", lambda wheels: None)
         monkeypatch.setattr(checks, "find_compiler", lambda wheels: Path("/usr/bin/c++"))
         monkeypatch.setattr(checks, "choose_jobs", lambda asked: asked or 2)
         return lambda *arguments: pinocchio_casadi.main(list(arguments))

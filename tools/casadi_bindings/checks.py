@@ -27,12 +27,20 @@ int main() {
 """
 
 
-def check_platform() -> None:
-    """Raise CannotBuild where the build has not been made to work."""
+def check_recipe(target: Target) -> None:
+    """Raise CannotBuild for platforms and versions that there is no recipe for."""
     if sys.platform != "linux":
         raise CannotBuild(
             f"built on Linux only, this is {sys.platform}: conda-forge's pinocchio brings"
             " pinocchio.casadi on every platform (environment.yml)"
+        )
+    pin, library = target.versions["pin"], target.versions.get("libpinocchio", "missing")
+    if not pin.startswith("4."):
+        raise CannotBuild(f"the recipe is for pin 4, pin {pin} is installed")
+    if library != pin:
+        raise CannotBuild(
+            f"pin is {pin}, but libpinocchio {library}:"
+            f" {sys.executable} -m pip install --force-reinstall pin=={pin}"
         )
 
 

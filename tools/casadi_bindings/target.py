@@ -58,7 +58,7 @@ def installed_target() -> Target:
     """The environment of the running interpreter.
 
     Raises:
-        CannotBuild: pin or casadi is missing, is imported from elsewhere, or is too old or new.
+        CannotBuild: pin or casadi is missing, or is imported from elsewhere.
     """
     folders = {}
     for distribution, package in (("pin", "pinocchio"), ("casadi", "casadi")):
@@ -71,13 +71,6 @@ def installed_target() -> Target:
             ) from None
         folders[package] = _imported_from(files, package)
     versions = _with_requirements("pin") | _with_requirements("casadi")
-    if _numbers(versions["pin"])[0] != 4:
-        raise CannotBuild(f"the recipe is for pin 4, pin {versions['pin']} is installed")
-    if versions.get("libpinocchio") != versions["pin"]:
-        raise CannotBuild(
-            f"pin is {versions['pin']}, but libpinocchio {versions.get('libpinocchio', 'missing')}:"
-            f" {sys.executable} -m pip install --force-reinstall pin=={versions['pin']}"
-        )
     return Target(versions, folders["pinocchio"], folders["casadi"])
 
 
@@ -110,7 +103,3 @@ def _with_requirements(name: str) -> dict[str, str]:
         requirements = [line for line in distribution.requires or () if "extra ==" not in line]
         waiting += [re.split(r"[^A-Za-z0-9._-]", line, maxsplit=1)[0] for line in requirements]
     return found
-
-
-def _numbers(version: str) -> tuple[int, ...]:
-    return tuple(int(part) for part in re.findall(r"\d+", version))
