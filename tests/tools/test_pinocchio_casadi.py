@@ -129,7 +129,9 @@ def test_platforms_without_a_recipe_are_sent_to_conda(
 @pytest.mark.parametrize(
     ("versions", "message"),
     [
-        ({"pin": "3.9.0", "libpinocchio": "3.9.0"}, "recipe is for pin 4, pin 3.9.0 is installed"),
+        ({"pin": "3.9.0", "libpinocchio": "3.9.0"}, "for pin 4.1 and later 4.x, pin 3.9.0 is inst"),
+        ({"pin": "4.0.0", "libpinocchio": "4.0.0"}, "pin 4.0.0 is installed .4.0 does not compile"),
+        ({"pin": "5.0.0", "libpinocchio": "5.0.0"}, "pin 5.0.0 is installed"),
         ({"pin": "4.1.0", "libpinocchio": "4.0.0"}, "pin is 4.1.0, but libpinocchio 4.0.0"),
         ({"pin": "4.1.0"}, "libpinocchio missing"),
     ],

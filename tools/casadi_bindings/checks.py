@@ -35,8 +35,11 @@ def check_recipe(target: Target) -> None:
             " pinocchio.casadi on every platform (environment.yml)"
         )
     pin, library = target.versions["pin"], target.versions.get("libpinocchio", "missing")
-    if not pin.startswith("4."):
-        raise CannotBuild(f"the recipe is for pin 4, pin {pin} is installed")
+    if not pin.startswith("4.") or pin.startswith("4.0."):
+        raise CannotBuild(
+            f"the recipe is for pin 4.1 and later 4.x, pin {pin} is installed (4.0 does not compile"
+            f" with GCC 12): {sys.executable} -m pip install --upgrade 'pin>=4.1,<5'"
+        )
     if library != pin:
         raise CannotBuild(
             f"pin is {pin}, but libpinocchio {library}:"
