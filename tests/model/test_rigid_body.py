@@ -109,6 +109,23 @@ def test_backends_agree(name: str, rng: np.random.Generator) -> None:
         assert close(*(np.array(hessian(q, v)) for hessian in hessians))
 
 
+def test_rounding_noise_of_a_file_does_not_grow_the_graph(backend: str) -> None:
+    """A quarter turn written as pi / 2 is one, with zeros, as if written as a matrix."""
+    quarter = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    counts = []
+    for turn in (quarter, pin.rpy.rpyToMatrix(np.pi / 2, 0.0, 0.0)):
+        placement, native, parent = pin.SE3(turn, np.array([0.1, 0.2, 0.3])), pin.Model(), 0
+        for index in range(5):
+            parent = native.addJoint(parent, pin.JointModelRZ(), placement, f"joint{index}")
+            body = pin.Inertia(1.0, np.array([0.1, 0.2, 0.3]), np.diag([1.0, 2.0, 2.5]))
+            native.appendBodyToJoint(parent, body, pin.SE3.Identity())
+        native.addFrame(pin.Frame("tool", parent, placement, pin.FrameType.OP_FRAME))
+        model, q = go.Model(native, "tool", backend), ca.SX.sym("q", 5)
+        outputs = [model.mass_matrix(q), *model.hand_pose(q)]
+        counts.append(ca.Function("f", [q], outputs).n_instructions())
+    assert counts[0] == counts[1]
+
+
 def lagrangian_hessian(model: go.Model) -> ca.Function:
     """Second derivatives of v' G(q) v / 2 with respect to q and v."""
     q, v = ca.SX.sym("q", model.dof), ca.SX.sym("v", model.dof)

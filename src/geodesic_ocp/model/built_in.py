@@ -14,10 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.joints import motion_subspace
-
-# Entries of rotations below this are rounding noise; exact zeros keep the graph small.
-_ROUNDING = 1e-15
+from geodesic_ocp.model.joints import motion_subspace, without_noise
 
 
 @dataclass(frozen=True)
@@ -60,8 +57,8 @@ def _constant(matrix: Array) -> ca.SX:
 
 
 def _fixed(placement: pin.SE3) -> _Placement:
-    rotation = np.where(np.abs(placement.rotation) < _ROUNDING, 0.0, placement.rotation)
-    return _Placement(_constant(rotation), _constant(placement.translation))
+    clean = without_noise(placement)
+    return _Placement(_constant(clean.rotation), _constant(clean.translation))
 
 
 def _moved_along(subspace: Array, q: ca.SX) -> _Placement:

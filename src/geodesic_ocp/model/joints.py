@@ -1,4 +1,4 @@
-"""Joints with one degree of freedom: their motion subspace and their coordinates."""
+"""Joints with one degree of freedom: their motion subspace, coordinates and placements."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import numpy as np
 import pinocchio as pin
 
 from geodesic_ocp.arrays import Array, is_symbolic
+
+_ROUNDING = 1e-15
 
 
 def motion_subspace(model: pin.Model, index: int) -> Array:
@@ -39,3 +41,12 @@ def configuration(model: pin.Model, q: Any) -> Any:
         coordinate = q[joint.idx_v]
         entries += [coordinate] if joint.nq == 1 else [cos(coordinate), sin(coordinate)]
     return ca.vertcat(*entries) if is_symbolic(q) else np.array(entries, dtype=float)
+
+
+def without_noise(placement: pin.SE3) -> pin.SE3:
+    """The placement with rounding noise in its rotation set to zero, which keeps graphs small.
+
+    A file's "1.5708" or pi / 2 makes entries of 1e-16 that would multiply through every product.
+    """
+    rotation = np.where(np.abs(placement.rotation) < _ROUNDING, 0.0, placement.rotation)
+    return pin.SE3(rotation, placement.translation)

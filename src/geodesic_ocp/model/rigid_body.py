@@ -13,13 +13,13 @@ import os
 import warnings
 from functools import lru_cache
 from types import ModuleType
-from typing import Protocol
+from typing import Any, Protocol
 
 import casadi as ca
 import pinocchio as pin
 
 from geodesic_ocp.model import built_in
-from geodesic_ocp.model.joints import configuration, motion_subspace
+from geodesic_ocp.model.joints import configuration, motion_subspace, without_noise
 
 BACKENDS = ("pinocchio.casadi", "built-in")
 ENVIRONMENT_VARIABLE = "GEODESIC_OCP_BACKEND"
@@ -48,18 +48,26 @@ class _PinocchioCasadi:
     def mass_matrix(self, model: pin.Model, q: ca.SX) -> ca.SX:
         for index in range(1, model.njoints):
             motion_subspace(model, index)  # refuses the same joints as the built-in back end
-        symbolic = self._cpin.Model(model)
         if not _numbered_depth_first(model):
             return self._by_columns(model, q)
+        symbolic = self._symbolic(model)
         matrix = self._cpin.crba(symbolic, symbolic.createData(), configuration(model, q))
         symmetric = ca.triu2symm(ca.triu(matrix))  # crba fills the upper triangle only
         return ca.SX(ca.cse(ca.densify(symmetric)))
+
+    def _symbolic(self, model: pin.Model) -> Any:
+        clean = model.copy()
+        for index in range(model.njoints):
+            clean.jointPlacements[index] = without_noise(model.jointPlacements[index])
+        for index in range(model.nframes):
+            clean.frames[index].placement = without_noise(model.frames[index].placement)
+        return self._cpin.Model(clean)
 
     def _by_columns(self, model: pin.Model, q: ca.SX) -> ca.SX:
         """The mass matrix as the torques of unit accelerations, without gravity."""
         weightless = model.copy()
         weightless.gravity = pin.Motion.Zero()
-        symbolic = self._cpin.Model(weightless)
+        symbolic = self._symbolic(weightless)
         data, still = symbolic.createData(), ca.SX.zeros(model.nv)
         columns = [
             ca.SX(self._cpin.rnea(symbolic, data, configuration(model, q), still, unit))
@@ -68,7 +76,7 @@ class _PinocchioCasadi:
         return ca.SX(ca.cse(ca.densify(ca.horzcat(*columns))))
 
     def frame_pose(self, model: pin.Model, q: ca.SX, frame: int) -> tuple[ca.SX, ca.SX]:
-        symbolic = self._cpin.Model(model)
+        symbolic = self._symbolic(model)
         data = symbolic.createData()
         self._cpin.framesForwardKinematics(symbolic, data, configuration(model, q))
         pose = data.oMf[frame]
