@@ -66,20 +66,21 @@ def _count(text: str) -> int:
 
 
 def _provide(options: argparse.Namespace) -> int:
-    target = installed_target()
-    there = install.installed_key(target.pinocchio)
-    if there == target.key and not install.import_error():
-        print(f"pinocchio.casadi is in {target.pinocchio} already, built for these versions")
-        return 0
-    if there == "":
+    folder = install.pinocchio_folder()
+    there = install.installed_key(folder) if folder else None
+    if there == install.FOREIGN:
         failure = install.import_error()
         if not failure:
-            print(f"{target.pinocchio} has a pinocchio.casadi of its own: nothing to do")
+            print(f"{folder} has a pinocchio.casadi of its own: nothing to do")
             return 0
         raise CannotBuild(
-            f"{target.pinocchio / 'casadi'} was not put there by this tool, and does not work:"
-            f" remove it first. Python said:\n  {failure}"
+            f"{folder}/casadi was not put there by this tool, and does not work: remove it first."
+            f" Python said:\n  {failure}"
         )
+    target = installed_target()
+    if there == target.key and not install.import_error():
+        print(f"pinocchio.casadi is in {folder} already, built for these versions")
+        return 0
     finished = cache.find(target)
     if finished is None and options.cached:
         print(f"no finished build for these versions in {cache.cache_folder()}")

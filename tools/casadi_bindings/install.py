@@ -13,6 +13,7 @@ from casadi_bindings.cache import RECORD
 from casadi_bindings.errors import CannotBuild
 from casadi_bindings.target import MODULE, Target
 
+FOREIGN = "somebody else's"
 CHECK = Path(__file__).with_name("check_import.py")
 # Upgrading a wheel leaves these files behind; loaded beside other versions they would crash.
 GUARD = """\
@@ -34,12 +35,12 @@ for _name, _built_for in {versions!r}.items():
 
 
 def installed_key(pinocchio: Path) -> str | None:
-    """Key of the build that `install` put there; "" if it is somebody else's; None if none is."""
+    """Key of the build that `install` put there, or FOREIGN, or None if there is nothing."""
     folder = pinocchio / "casadi"
     try:
         return str(json.loads((folder / RECORD).read_text())["key"])
     except (OSError, ValueError, KeyError):
-        return "" if (folder / "__init__.py").exists() else None
+        return FOREIGN if (folder / "__init__.py").exists() else None
 
 
 def install(target: Target, build: Path) -> None:
