@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +12,30 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.model.rigid_body import BACKENDS, choose_backend, why_unavailable
+from geodesic_ocp.model.rigid_body import (
+    BACKENDS,
+    ENVIRONMENT_VARIABLE,
+    choose_backend,
+    why_unavailable,
+)
 
 # One numerical example can take tens of milliseconds on a busy machine: no deadline, few examples.
 hypothesis.settings.register_profile("package", deadline=None, max_examples=25, derandomize=True)
 hypothesis.settings.load_profile("package")
 
 ROOT = Path(__file__).resolve().parents[1]
+
+
+def pytest_configure() -> None:
+    """A back end that is passed over with a warning would fail every test; say it once instead."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        try:
+            choose_backend()
+        except (RuntimeWarning, ValueError) as reason:
+            raise pytest.UsageError(
+                f"{reason}; {ENVIRONMENT_VARIABLE}=built-in tests without it"
+            ) from None
 
 
 def pytest_report_header() -> str:

@@ -15,13 +15,12 @@ Exit codes: 0 done, 1 in the way is what the message says, 2 wrong usage, 3 noth
 from __future__ import annotations
 
 import argparse
-import contextlib
-import fcntl
 import shutil
+import signal
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
+from types import FrameType
 
 from casadi_bindings import cache, checks, install
 from casadi_bindings.build import build
@@ -29,6 +28,7 @@ from casadi_bindings.errors import CannotBuild
 from casadi_bindings.target import MODULE, Target, installed_target
 
 CPU_MINUTES = 56  # measured: 28 min with two compilers at once
+LEAST_MINUTES = 6  # fetching, and the longest file alone takes two
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -36,10 +36,9 @@ def main(arguments: list[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     try:
         if options.remove or options.purge:
-            _remove(purge=options.purge)
-            return 0
+            return _remove(purge=options.purge)
         return _provide(options)
-    except CannotBuild as error:
+    except (CannotBuild, OSError) as error:
         print(f"pinocchio.casadi: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
@@ -66,32 +65,40 @@ def _count(text: str) -> int:
 
 
 def _provide(options: argparse.Namespace) -> int:
-    folder = install.pinocchio_folder()
-    there = install.installed_key(folder) if folder else None
-    if there == install.FOREIGN:
+    folder = install.imported_folder()
+    if folder and install.installed_key(folder) == install.FOREIGN:
         failure = install.import_error()
         if not failure:
             print(f"{folder} has a pinocchio.casadi of its own: nothing to do")
             return 0
         raise CannotBuild(
             f"{folder}/casadi was not put there by this tool, and does not work: remove it first."
-            f" Python said:\n  {failure}"
+            f" {failure}"
         )
     target = installed_target()
-    if there == target.key and not install.import_error():
-        print(f"pinocchio.casadi is in {folder} already, built for these versions")
+    if _works(target):
+        print(f"pinocchio.casadi is in {target.pinocchio} already, built for these versions")
         return 0
     finished = cache.find(target)
+    if finished is None and cache.finished_folder(target).exists():
+        print(f"the build in {cache.finished_folder(target)} is damaged, and not used")
     if finished is None and options.cached:
         print(f"no finished build for these versions in {cache.cache_folder()}")
         return 3
     if finished is None:
         finished = _build(target, options.jobs)
-    checks.check_space(target.pinocchio, 2.0 * (finished / MODULE).stat().st_size)
-    install.install(target, finished)
+    with cache.locked(target.pinocchio):
+        if not _works(target):
+            checks.check_space(target.pinocchio / "casadi", (finished / MODULE).stat().st_size)
+            install.install(target, finished)
     print(f"installed into {target.pinocchio}, from {finished}")
     print("checked: it imports, and its mass matrix is that of numeric Pinocchio")
     return 0
+
+
+def _works(target: Target) -> bool:
+    """Whether this target's build is in the environment already."""
+    return install.installed_key(target.pinocchio) == target.key and not install.import_error()
 
 
 def _build(target: Target, asked: int | None) -> Path:
@@ -101,49 +108,54 @@ def _build(target: Target, asked: int | None) -> Path:
     jobs = checks.choose_jobs(asked)
     work = cache.work_folder(target)
     checks.check_space(work, checks.DISK)
-    versions = f"pin {target.versions['pin']} and casadi {target.versions['casadi']}"
-    print(f"Building pinocchio.casadi for {versions}, with {compiler}, {jobs} at once.")
-    print(f"This takes about {CPU_MINUTES / jobs:.0f} minutes, up to", end=" ")
-    print(f"{jobs * checks.JOB_MEMORY / checks.GB:.0f} GB of memory, and until it is done", end=" ")
-    print(f"{checks.DISK / checks.GB:.0f} GB of disk in\n{work}.")
-    print("Interrupt it when you like: the next run goes on from there.", flush=True)
+    _announce(target, compiler, jobs, work)
     started = time.monotonic()
-    with _alone(work):
+    work.mkdir(parents=True, exist_ok=True)
+    with cache.locked(work):
         finished = cache.find(target)  # another run may have made it while this one waited
         if finished is None:
             module, init = build(target, work, compiler, jobs)
             finished = cache.store(target, module, init, time.monotonic() - started)
-    shutil.rmtree(work, ignore_errors=True)
+        shutil.rmtree(work, ignore_errors=True)
     print(f"built in {(time.monotonic() - started) / 60:.0f} min")
     return finished
 
 
-@contextlib.contextmanager
-def _alone(work: Path) -> Iterator[None]:
-    """Wait until no other run builds the same."""
-    work.mkdir(parents=True, exist_ok=True)
-    with (work / ".lock").open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            print("another run builds the same: waiting for it", flush=True)
-            fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
+def _announce(target: Target, compiler: Path, jobs: int, work: Path) -> None:
+    minutes = max(CPU_MINUTES / min(jobs, checks.processors()), LEAST_MINUTES)
+    memory, disk = jobs * checks.JOB_MEMORY / checks.GB, checks.DISK / checks.GB
+    print(
+        f"Building pinocchio.casadi for pin {target.versions['pin']} and casadi"
+        f" {target.versions['casadi']} with {compiler}, {jobs} at once.\n"
+        f"From the beginning this takes about {minutes:.0f} minutes. It takes up to {memory:.0f} GB"
+        f" of memory ({checks.free_memory() / checks.GB:.0f} GB are free)\n"
+        f"and, until it is done, {disk:.0f} GB of disk in {work}.\n"
+        "Interrupt it when you like: the next run goes on from there.",
+        flush=True,
+    )
 
 
-def _remove(*, purge: bool) -> None:
-    folder = install.pinocchio_folder()
-    if folder is None or not install.remove(folder):
+def _remove(*, purge: bool) -> int:
+    removed = []
+    for folder in install.wheel_folders():
+        with cache.locked(folder):
+            if install.remove(folder):
+                removed.append(folder)
+                print(f"removed from {folder}")
+    if not removed:
         print("this environment has no pinocchio.casadi that was put there by this tool")
-    else:
-        print(f"removed from {folder}")
     kept = cache.cache_folder()
     if purge:
-        shutil.rmtree(kept, ignore_errors=True)
-        print(f"removed {kept}")
+        print(f"removed {kept}" if cache.purge() else f"there are no builds in {kept}")
     elif kept.exists():
-        print(f"finished builds are kept in {kept}; --purge removes them, too")
+        print(f"builds are kept in {kept}; --purge removes them, too")
+    return 0
+
+
+def _stop(signum: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, _stop)
     sys.exit(main())

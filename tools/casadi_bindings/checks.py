@@ -10,8 +10,9 @@ import sysconfig
 import tempfile
 from pathlib import Path
 
+from casadi_bindings.environment import clean_environment
 from casadi_bindings.errors import CannotBuild
-from casadi_bindings.target import Target
+from casadi_bindings.target import WANTED, Target
 
 GB = 1e9
 DISK = 2.0 * GB  # measured: 1.6 GB
@@ -38,7 +39,7 @@ def check_recipe(target: Target) -> None:
     if not pin.startswith("4.") or pin.startswith("4.0."):
         raise CannotBuild(
             f"the recipe is for pin 4.1 and later 4.x, pin {pin} is installed (4.0 does not compile"
-            f" with GCC 12): {sys.executable} -m pip install --upgrade 'pin>=4.1,<5'"
+            f" with GCC 12): {sys.executable} -m pip install --upgrade {WANTED}"
         )
     if library != pin:
         raise CannotBuild(
@@ -62,7 +63,7 @@ def check_casadi(target: Target) -> None:
             " (_GLIBCXX_USE_CXX11_ABI=0), pin's with the new one, and they cannot be linked; a"
             " wheel tagged manylinux_2_28 has the new one, as of casadi 3.8:"
             f" {sys.executable} -m pip install --upgrade pip"
-            f" && {sys.executable} -m pip install --force-reinstall 'casadi>=3.8'"
+            f" && {sys.executable} -m pip install --force-reinstall {WANTED}"
         )
 
 
@@ -84,8 +85,10 @@ def find_compiler(target: Target) -> Path:
     found = next(filter(None, map(shutil.which, candidates)), None)
     if found is None:
         raise CannotBuild(
-            (f"CXX={asked} is not a program" if asked else "there is no C++ compiler")
-            + ": install one (on Debian and Ubuntu apt install g++), or set CXX to its path"
+            f"CXX={asked} is not a program: give a C++ compiler's name or path, without options"
+            if asked
+            else "there is no C++ compiler: install one (on Debian and Ubuntu apt install g++), or"
+            " set CXX to its path"
         )
     with tempfile.TemporaryDirectory() as folder:
         source, program = Path(folder) / "probe.cpp", Path(folder) / "probe"
@@ -94,15 +97,28 @@ def find_compiler(target: Target) -> Path:
         command += [str(source), "-o", str(program), f"-L{target.casadi}", "-lcasadi"]
         command += [f"-Wl,-rpath,{target.casadi}", "-Wl,--allow-shlib-undefined"]
         for what, step in (("compile and link", command), ("run", [str(program)])):
-            done = subprocess.run(step, capture_output=True, text=True, errors="replace")
-            if done.returncode:
-                first = "\n  ".join((done.stderr + done.stdout).strip().splitlines()[:8])
+            failure = _failure(step)
+            if failure:
                 raise CannotBuild(
-                    f"{found} cannot {what} a C++17 program with CasADi (exit code"
-                    f" {done.returncode}); GCC 12 is known to be new enough, set CXX to"
-                    f" the path of another. It said:\n  {first}"
+                    f"{found} cannot {what} a C++17 program with CasADi. GCC 12 is known to be new"
+                    " enough; set CXX to the path of another compiler, g++ rather than gcc."
+                    f" {failure}"
                 )
-    return Path(found)
+    return Path(found).absolute()
+
+
+def _failure(command: list[str]) -> str:
+    """How a program failed, in its own words; empty if it did not."""
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, errors="replace", env=clean_environment()
+        )
+    except OSError as error:
+        return str(error)
+    if done.returncode == 0:
+        return ""
+    said = "\n  ".join((done.stderr + done.stdout).strip().splitlines()[:8])
+    return f"Its exit code is {done.returncode}; it said:\n  {said}"
 
 
 def choose_jobs(asked: int | None) -> int:
@@ -113,16 +129,21 @@ def choose_jobs(asked: int | None) -> int:
     """
     if asked is not None:
         return asked
-    fitting = int(_free_memory() // JOB_MEMORY)
+    fitting = int(free_memory() // JOB_MEMORY)
     if fitting < 1:
         raise CannotBuild(
-            f"{_free_memory() / GB:.1f} GB of memory are free, one compiler takes up to"
+            f"{free_memory() / GB:.1f} GB of memory are free, one compiler takes up to"
             f" {JOB_MEMORY / GB:.1f} GB: close something, or try --jobs 1 all the same"
         )
-    return min(fitting, len(os.sched_getaffinity(0)))
+    return min(fitting, processors())
 
 
-def _free_memory() -> float:
+def processors() -> int:
+    """Number of processors that this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+def free_memory() -> float:
     """Memory [bytes] that new programs can have, also inside a container."""
     lines = Path("/proc/meminfo").read_text().splitlines()
     fields = {line.split(":")[0]: line.split()[1] for line in lines}
@@ -134,12 +155,13 @@ def _free_memory() -> float:
 
 
 def check_space(folder: Path, needed: float) -> None:
-    """Raise CannotBuild unless so many bytes can be written there."""
+    """Raise CannotBuild unless what is in the folder can grow to so many bytes."""
+    needed -= sum(file.lstat().st_size for file in folder.rglob("*"))
     existing = next(path for path in (folder, *folder.parents) if path.exists())
-    if not os.access(existing, os.W_OK):
+    if not existing.is_dir() or not os.access(existing, os.W_OK):
         raise CannotBuild(f"{existing} cannot be written to")
     free = shutil.disk_usage(existing).free
     if free < needed:
         raise CannotBuild(
-            f"{free / GB:.2f} GB are free in {existing}, {needed / GB:.2f} GB are needed"
+            f"{free / GB:.2f} GB are free in {existing}, {needed / GB:.2f} GB more are needed"
         )

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import importlib.util
-import json
+import re
 import shutil
+import signal
 import subprocess
 import sys
+import sysconfig
 from pathlib import Path
 
-from casadi_bindings.cache import RECORD
+from casadi_bindings.cache import INIT
 from casadi_bindings.errors import CannotBuild
 from casadi_bindings.target import MODULE, Target
 
-FOREIGN = "somebody else's"
 CHECK = Path(__file__).with_name("check_import.py")
+FOREIGN = "somebody else's"
+MARK = "# Put here by tools/pinocchio_casadi.py of geodesic_ocp: "
 # Upgrading a wheel leaves these files behind; loaded beside other versions they would crash.
 GUARD = """\
-# Put here by tools/pinocchio_casadi.py of geodesic_ocp; Pinocchio's own file follows this check.
+{mark}{key}
+# Pinocchio's own file follows this check.
 from importlib import metadata as _metadata
 
 for _name, _built_for in {versions!r}.items():
@@ -36,11 +40,11 @@ for _name, _built_for in {versions!r}.items():
 
 def installed_key(pinocchio: Path) -> str | None:
     """Key of the build that `install` put there, or FOREIGN, or None if there is nothing."""
-    folder = pinocchio / "casadi"
-    try:
-        return str(json.loads((folder / RECORD).read_text())["key"])
-    except (OSError, ValueError, KeyError):
-        return FOREIGN if (folder / "__init__.py").exists() else None
+    init = pinocchio / "casadi" / INIT
+    if not init.is_file():
+        return None
+    found = re.match(re.escape(MARK) + r"(\S+)$", init.read_text(), flags=re.MULTILINE)
+    return found[1] if found else FOREIGN
 
 
 def install(target: Target, build: Path) -> None:
@@ -50,46 +54,48 @@ def install(target: Target, build: Path) -> None:
         CannotBuild: the environment cannot be written to, or the import fails; then it is as if
             nothing had been installed.
     """
-    folder = target.pinocchio / "casadi"
-    record = json.loads((build / RECORD).read_text())
-    guard = GUARD.format(versions=record["versions"])
+    folder, module = target.pinocchio / "casadi", target.pinocchio / MODULE
+    guard = GUARD.format(mark=MARK, key=target.key, versions=target.linked)
     try:
         folder.mkdir(exist_ok=True)
-        (folder / RECORD).write_text(json.dumps({"key": target.key, **record}, indent=2) + "\n")
-        (folder / "__init__.py").write_text(guard + (build / "__init__.py").read_text())
-        new = target.pinocchio / (MODULE + ".new")
-        shutil.copyfile(build / MODULE, new)
-        new.replace(target.pinocchio / MODULE)  # a process that has it loaded keeps the old one
+        (folder / INIT).write_text(guard + (build / INIT).read_text())
+        module.unlink(missing_ok=True)  # a process that has it loaded keeps it
+        shutil.copyfile(build / MODULE, module)
+        failure = import_error()
+        if failure:
+            raise CannotBuild(
+                f"the finished build in {build} does not work here, and was taken out of the"
+                f" environment again; delete that folder to have it built anew. {failure}"
+            )
     except OSError as error:
         remove(target.pinocchio)
         raise CannotBuild(f"cannot be installed into {target.pinocchio}: {error}") from error
-    failure = import_error()
-    if failure:
+    except BaseException:
         remove(target.pinocchio)
-        raise CannotBuild(
-            f"the build does not work here and was taken out again; it is kept in {build}. Python"
-            f" said:\n  {failure}"
-        )
+        raise
 
 
 def remove(pinocchio: Path) -> bool:
     """Take out what `install` put there; False if there was nothing of the kind."""
-    folder = pinocchio / "casadi"
-    ours = (folder / RECORD).exists()
-    if ours:
-        (pinocchio / MODULE).unlink(missing_ok=True)
-        (pinocchio / (MODULE + ".new")).unlink(missing_ok=True)
-        shutil.rmtree(folder)
-        if not any(pinocchio.iterdir()):  # pin itself was uninstalled before
-            pinocchio.rmdir()
-    return ours
+    if installed_key(pinocchio) in (None, FOREIGN):
+        return False
+    (pinocchio / MODULE).unlink(missing_ok=True)
+    shutil.rmtree(pinocchio / "casadi")
+    if not any(pinocchio.iterdir()):  # pin itself was uninstalled before
+        pinocchio.rmdir()
+    return True
 
 
-def pinocchio_folder() -> Path | None:
-    """Folder of the importable pinocchio, also of what is left of it without pin."""
+def imported_folder() -> Path | None:
+    """Folder of the pinocchio that an import would take."""
     found = importlib.util.find_spec("pinocchio")
-    locations = list(found.submodule_search_locations or ()) if found else []
-    return Path(locations[0]).resolve() if locations else None
+    return Path(found.origin).resolve().parent if found and found.origin else None
+
+
+def wheel_folders() -> list[Path]:
+    """Folders of pip's pinocchio in this environment, also of what is left of it without pin."""
+    packages = Path(sysconfig.get_path("platlib"))
+    return sorted(packages.glob("cmeel.prefix/lib*/python*/site-packages/pinocchio"))
 
 
 def import_error() -> str:
@@ -97,4 +103,6 @@ def import_error() -> str:
     done = subprocess.run([sys.executable, str(CHECK)], capture_output=True, text=True)
     if done.returncode == 0:
         return ""
-    return "\n  ".join(done.stderr.strip().splitlines()[-3:]) or f"exit code {done.returncode}"
+    if done.returncode < 0:
+        return f"Python was ended by {signal.Signals(-done.returncode).name}"
+    return "Python said:\n  " + "\n  ".join(done.stderr.strip().splitlines()[-3:])

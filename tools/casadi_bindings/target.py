@@ -16,6 +16,7 @@ from pathlib import Path
 from casadi_bindings.errors import CannotBuild
 
 RECIPE = 1  # raised whenever the build changes what it makes: older results are then not reused
+WANTED = "'pin>=4.1,<5' 'casadi>=3.8'"  # what a build can be made for
 MODULE = "pinocchio_pywrap_casadi" + str(sysconfig.get_config_var("EXT_SUFFIX"))
 NOT_LINKED = {"numpy", "cmeel"}  # their versions may change under the finished bindings
 
@@ -67,7 +68,7 @@ def installed_target() -> Target:
         except metadata.PackageNotFoundError:
             raise CannotBuild(
                 f"{distribution} is not installed for {sys.executable}:"
-                f" {sys.executable} -m pip install 'pin>=4' 'casadi>=3.8'"
+                f" {sys.executable} -m pip install {WANTED}"
             ) from None
         folders[package] = _imported_from(files, package)
     versions = _with_requirements("pin") | _with_requirements("casadi")

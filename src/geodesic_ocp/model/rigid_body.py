@@ -105,9 +105,7 @@ def _pinocchio_casadi() -> ModuleType | str:
             failure = error
     if isinstance(failure, ModuleNotFoundError) and failure.name == "pinocchio.casadi":
         return NOT_INSTALLED
-    message = f"pinocchio.casadi is there, but cannot be imported: {failure}"
-    warnings.warn(message, RuntimeWarning, stacklevel=2)
-    return str(failure)
+    return f"it is there, but its import fails: {failure}"
 
 
 def why_unavailable(name: str) -> str:
@@ -126,10 +124,18 @@ def available_backends() -> tuple[str, ...]:
 def choose_backend(name: str | None = None) -> str:
     """The back end's name: the argument, the environment's, or the first that is available.
 
+    A pinocchio.casadi that is there but cannot be imported is passed over with a RuntimeWarning.
+
     Raises:
         ValueError: the name is unknown, or that back end cannot be imported here.
     """
-    name = name or os.environ.get(ENVIRONMENT_VARIABLE) or available_backends()[0]
+    name = name or os.environ.get(ENVIRONMENT_VARIABLE)
+    if name is None:
+        name = available_backends()[0]
+        missing = why_unavailable(BACKENDS[0])
+        if missing not in ("", NOT_INSTALLED):
+            # stacklevel: whoever made the Model
+            warnings.warn(f"{BACKENDS[0]} is passed over: {missing}", RuntimeWarning, stacklevel=4)
     if name not in BACKENDS:
         raise ValueError(f"backend must be one of {', '.join(BACKENDS)}, got {name!r}")
     if why_unavailable(name):
