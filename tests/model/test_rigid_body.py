@@ -142,6 +142,7 @@ def test_backend_is_chosen_by_argument_then_environment(monkeypatch: pytest.Monk
     assert go.human_arm(backend="built-in").backend == "built-in"
 
 
+@pytest.mark.filterwarnings("ignore:pinocchio.casadi is passed over:RuntimeWarning")
 def test_default_is_pinocchio_where_it_can_be_imported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(rigid_body.ENVIRONMENT_VARIABLE, raising=False)
     there = not rigid_body.why_unavailable("pinocchio.casadi")
