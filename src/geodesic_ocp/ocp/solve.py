@@ -92,7 +92,12 @@ class Ipopt:
     def __call__(self, **values: Any) -> Outcome:
         """Solve with nlpsol's x0, p, lbx, ubx, lbg, ubg."""
         start = time.perf_counter()
-        result = self._solver(**values)
+        try:
+            result = self._solver(**values)
+        except SystemError as error:  # a Ctrl-C that CasADi noticed, as of Python 3.13
+            if isinstance(error.__cause__, KeyboardInterrupt):
+                raise KeyboardInterrupt from error
+            raise
         seconds = time.perf_counter() - start
         stats = self._solver.stats()
         word = stats["return_status"]
