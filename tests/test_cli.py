@@ -66,6 +66,19 @@ def test_demo(
     assert names == ["figure.pdf", "figure.png", "synergies.json", "table.csv", "table.md"]
 
 
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="0"):
+        cli.main(["--version"])
+    assert capsys.readouterr().out == f"geodesic-ocp {go.__version__}\n"
+
+
+def test_the_other_arm_is_suggested(reach_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["analyse", str(reach_file), "--side", "right"]) == 2
+    assert capsys.readouterr().err.endswith("LWy_joint; try --side left\n")
+    assert cli.main(["analyse", str(reach_file.with_name("LICENSE.Apache-2.0"))]) == 2
+    assert "try --side" not in capsys.readouterr().err
+
+
 def test_models(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["models"]) == 0
     text = capsys.readouterr().out

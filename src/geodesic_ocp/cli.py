@@ -10,7 +10,8 @@ import threading
 import time
 import warnings
 from collections.abc import Sequence
-from contextlib import closing
+from contextlib import closing, suppress
+from importlib.metadata import version
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any, get_args
@@ -18,7 +19,7 @@ from typing import Any, get_args
 from tqdm import tqdm
 
 from geodesic_ocp.analysis import Analysis, analyse
-from geodesic_ocp.errors import GeodesicOcpError
+from geodesic_ocp.errors import GeodesicOcpError, RecordingError
 from geodesic_ocp.model.human import Side, human_arm
 from geodesic_ocp.model.rigid_body import (
     BACKENDS,
@@ -90,6 +91,8 @@ def _parser() -> argparse.ArgumentParser:
         description="Human arm motion as sequences of geodesic synergies.",
         epilog=_EXIT,
     )
+    release = version("geodesic_ocp")
+    parser.add_argument("--version", action="version", version=f"%(prog)s {release}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     command = commands.add_parser(
@@ -125,8 +128,14 @@ def _add_analysis_options(command: argparse.ArgumentParser) -> None:
 
 def _analyse(options: argparse.Namespace) -> None:
     _check_folder(options.out)
-    names = human_arm(options.side).joint_names
-    motion = read_motion(options.file, names)
+    try:
+        motion = read_motion(options.file, human_arm(options.side).joint_names)
+    except RecordingError as error:
+        other = next(side for side in get_args(Side) if side != options.side)
+        with suppress(RecordingError):
+            read_motion(options.file, human_arm(other).joint_names)
+            raise ValueError(f"{error}; try --side {other}") from None
+        raise
     _run(motion, options.side, options.height, options.mass, options)
 
 

@@ -18,6 +18,13 @@ def test_model_keeps_a_copy(arm: go.Model) -> None:
     assert np.array_equal(go.Model(model.pin, "hand").mass_matrix(np.zeros(7)), before)
 
 
+def test_model_and_path_are_shown_in_a_line(arm: go.Model) -> None:
+    shown = f"Model('human right arm', 7 degrees of freedom, hand='hand', backend={arm.backend!r})"
+    assert repr(arm) == shown
+    path = go.Path(go.KineticEnergy(arm), go.Grid(1, 2), np.zeros((3, 7)))
+    assert repr(path) == f"Path(metric=KineticEnergy(model={shown}), grid={path.grid!r})"
+
+
 def test_unknown_hand_lists_the_frames(arm: go.Model) -> None:
     with pytest.raises(ValueError, match=r"no frame 'foot'.*hand"):
         go.Model(arm.pin, "foot")

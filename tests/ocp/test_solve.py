@@ -329,3 +329,13 @@ def test_other_mistakes_are_named() -> None:
 
     with pytest.raises(ValueError, match="x: a lower bound lies above its upper bound"):
         go.solve(UpsideDown())
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [({"tolerance": 1e-3}, "No such IPOPT option: tolerance"), ({"max_iter": "many"}, "mismatch")],
+)
+def test_options_that_ipopt_does_not_take_are_named(options: dict, reason: str) -> None:
+    problem = go.PointToPoint(go.Euclidean(2), (0.0, 0.0), (1.0, 0.0))
+    with pytest.raises(ValueError, match=f"does not take ipopt=.*{next(iter(options))}.*{reason}"):
+        go.solve(problem, ipopt=options)

@@ -15,7 +15,7 @@ from geodesic_ocp.model.joints import motion_subspace
 from geodesic_ocp.model.rigid_body import choose_backend, rigid_body
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Model:
     """A mechanical system of one-degree-of-freedom joints with a hand.
 
@@ -45,6 +45,10 @@ class Model:
         object.__setattr__(self, "pin", self.pin.copy())
         object.__setattr__(self, "backend", choose_backend(self.backend))
         object.__setattr__(self, "_hand_id", self.pin.getFrameId(self.hand))
+
+    def __repr__(self) -> str:
+        freedoms = f"{self.dof} degrees of freedom"
+        return f"Model({self.name!r}, {freedoms}, hand={self.hand!r}, backend={self.backend!r})"
 
     @property
     def name(self) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -28,7 +28,7 @@ class Path:
 
     metric: Metric
     grid: Grid
-    nodes: Array
+    nodes: Array = field(repr=False)
 
     def __post_init__(self) -> None:
         nodes = np.array(self.nodes, dtype=float)

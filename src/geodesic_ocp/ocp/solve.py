@@ -72,6 +72,9 @@ class Ipopt:
         nlp: CasADi's dictionary of expressions or a function; x, p -> f, g.
         derivatives: functions for nlpsol's options grad_f, hess_lag; CasADi's own where missing.
         options: Ipopt's own, by name, over the package's.
+
+    Raises:
+        ValueError: there is no such option, or its value is of another type.
     """
 
     nlp: Any
@@ -87,7 +90,14 @@ class Ipopt:
             "ipopt": {**_IPOPT, **self.options},
             **self.derivatives,
         }
-        object.__setattr__(self, "_solver", ca.nlpsol("nlp", "ipopt", self.nlp, options))
+        try:
+            solver = ca.nlpsol("nlp", "ipopt", self.nlp, options)
+        except RuntimeError as error:
+            if not self.options:
+                raise
+            reason = str(error).strip().splitlines()[-1]
+            raise ValueError(f"Ipopt does not take ipopt={self.options}: {reason}") from error
+        object.__setattr__(self, "_solver", solver)
 
     def __call__(self, **values: Any) -> Outcome:
         """Solve with nlpsol's x0, p, lbx, ubx, lbg, ubg."""
