@@ -98,6 +98,25 @@ def altered(file: Path, **changes: object) -> Path:
     return copy
 
 
+def test_uneven_samples_are_resampled_on_request(
+    short_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def late(rows: list[list[str]]) -> list[list[str]]:
+        return [[str(float(row[0]) + 0.006 * (i > 40)), *row[1:]] for i, row in enumerate(rows)]
+
+    command = ["analyse", str(altered(short_file, rows=late)), "--side", "left"]
+    assert cli.main(command) == 2
+    assert "--resample on the command line" in capsys.readouterr().err
+    assert cli.main([*command, "--resample", "100"]) == 0
+    assert " at 100 Hz" in capsys.readouterr().out
+    assert cli.main([*command, "--resample", "0"]) == 2
+    assert "rate must be positive" in capsys.readouterr().err
+
+
+def in_milliseconds(rows: list[list[str]]) -> list[list[str]]:
+    return [[str(1000.0 * float(row[0])), *row[1:]] for row in rows]
+
+
 def with_nan(rows: list[list[str]]) -> list[list[str]]:
     rows[7][3] = "nan"
     return rows
@@ -118,6 +137,7 @@ def frozen(rows: list[list[str]]) -> list[list[str]]:
         (with_nan, "q of LSy_joint is nan at sample 7"),
         (with_time_standing_still, "time must increase: sample 9"),
         (frozen, "the motion never moves"),
+        (in_milliseconds, "is time in milliseconds?"),
         (lambda rows: rows[:1], "needs at least two samples, got 1"),
         (lambda rows: rows[:20], "needs as many samples, not 20"),
     ],

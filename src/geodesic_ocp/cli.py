@@ -16,6 +16,7 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any, get_args
 
+import numpy as np
 from tqdm import tqdm
 
 from geodesic_ocp.analysis import Analysis, analyse
@@ -32,6 +33,7 @@ from geodesic_ocp.motion.readers import read_motion
 from geodesic_ocp.motion.segmentation import as_threshold
 
 _DEFAULT_HEIGHT, _DEFAULT_MASS = 1.75, 70.0  # [m], [kg]
+_SLOWEST = 1.0  # [s] between samples: no recording of an arm is that slow
 _EXIT = """exit codes: 0 done; 2 wrong input, named in one line; 3 a solver or integration failed;
 130 interrupted"""
 
@@ -104,6 +106,9 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--side", choices=("right", "left"), default="right", help="the arm")
     command.add_argument("--height", type=float, help="of the person [m]; default: the recording's")
     command.add_argument("--mass", type=float, help="of the person [kg]; default: the recording's")
+    command.add_argument(
+        "--resample", type=float, metavar="HZ", help="for samples that are not evenly spaced"
+    )
     _add_analysis_options(command)
     command.set_defaults(run=_analyse)
 
@@ -136,7 +141,18 @@ def _analyse(options: argparse.Namespace) -> None:
             read_motion(options.file, human_arm(other).joint_names)
             raise ValueError(f"{error}; try --side {other}") from None
         raise
+    try:
+        motion = _in_seconds(motion, options.resample)
+    except ValueError as error:
+        raise ValueError(f"{options.file}: {error}") from None
     _run(motion, options.side, options.height, options.mass, options)
+
+
+def _in_seconds(motion: Motion, rate: float | None) -> Motion:
+    step = float(np.median(np.diff(motion.time)))
+    if step >= _SLOWEST:
+        raise ValueError(f"samples are {step:g} s apart: is time in milliseconds? It must be in s")
+    return motion if rate is None else motion.resampled(rate)
 
 
 def _demo(options: argparse.Namespace) -> None:

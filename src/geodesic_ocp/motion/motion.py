@@ -172,7 +172,8 @@ class Motion:
         if abs(off[row]) > _UNEVEN * step:
             raise ValueError(
                 f"filtering needs evenly spaced samples: sample {row} is {abs(off[row]):.6g} s off "
-                f"the even grid of steps of {step:.6g} s; resample first (Motion.resampled)"
+                f"the even grid of steps of {step:.6g} s; resample first (Motion.resampled, or "
+                "--resample on the command line)"
             )
         position = savgol_filter(self.q, window, order, axis=0)
         velocity = savgol_filter(self.q, window, order, deriv=1, delta=step, axis=0)
