@@ -9,6 +9,11 @@ from geodesic_ocp.errors import (
     NotConverged,
     RecordingError,
 )
+from geodesic_ocp.manifold.curvature import (
+    riemann_curvature,
+    scalar_curvature,
+    sectional_curvature,
+)
 from geodesic_ocp.manifold.exponential import exp
 from geodesic_ocp.manifold.metric import Euclidean, KineticEnergy, Metric
 from geodesic_ocp.manifold.transport import parallel_transport
@@ -64,7 +69,10 @@ __all__ = [
     "parallel_transport",
     "read_motion",
     "reconstruct",
+    "riemann_curvature",
     "save_synergies",
+    "scalar_curvature",
+    "sectional_curvature",
     "segment",
     "segment_zero_velocity",
     "solve",

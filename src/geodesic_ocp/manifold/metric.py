@@ -122,6 +122,28 @@ class Metric(ABC):
         return ca.Function("transport", [w, ca.vertcat(q, v)], [rate], ["w", "p"], ["dw"])
 
     @cached_property
+    def curvature_form(self) -> ca.Function:
+        """Riemann's tensor <R(u, v) w, z>: q, u, v, w, z, each (n,), -> number.
+
+        Constant fields and the Christoffel symbols C of the first kind give it as
+        (d_w d_u <z, v> + d_z d_v <w, u> - d_z d_u <w, v> - d_w d_v <z, u>) / 2
+        + C(w, u)' G^-1 C(z, v) - C(w, v)' G^-1 C(z, u).
+        """
+        q, u, v, w, z = (ca.SX.sym(name, self.dim) for name in ("q", "u", "v", "w", "z"))
+
+        def second(a: ca.SX, b: ca.SX, c: ca.SX, d: ca.SX) -> ca.SX:
+            """Second derivative of <c, d> along a and b."""
+            return ca.jtimes(ca.jtimes(self.inner(q, c, d), q, a), q, b)
+
+        def product(a: ca.SX, b: ca.SX, c: ca.SX, d: ca.SX) -> ca.SX:
+            """Of the Christoffel symbols on (a, b) and (c, d), in the inverse metric."""
+            return -ca.dot(self._christoffel_force(q, a, b), self._transport_rate(q, c, d))
+
+        linear = second(w, u, z, v) + second(z, v, w, u) - second(z, u, w, v) - second(w, v, z, u)
+        form = linear / 2 + product(w, u, z, v) - product(w, v, z, u)
+        return ca.Function("R", [q, u, v, w, z], [ca.cse(form)])
+
+    @cached_property
     def speed(self) -> ca.Function:
         """(q, v) -> |v|_q."""
         q, v = ca.SX.sym("q", self.dim), ca.SX.sym("v", self.dim)
