@@ -28,6 +28,7 @@ from geodesic_ocp.motion.segmentation import segment, segment_zero_velocity
 from geodesic_ocp.motion.synergies import Reconstruction, Synergy, reconstruct
 from geodesic_ocp.ocp.grid import Grid
 from geodesic_ocp.ocp.logarithm import distance, geodesic, log
+from geodesic_ocp.ocp.mean import mean
 from geodesic_ocp.ocp.path import Path
 from geodesic_ocp.ocp.problem import PointToPoint, Problem
 from geodesic_ocp.ocp.solution import Solution, Stats
@@ -66,6 +67,7 @@ __all__ = [
     "human_arm",
     "load_synergies",
     "log",
+    "mean",
     "parallel_transport",
     "read_motion",
     "reconstruct",
