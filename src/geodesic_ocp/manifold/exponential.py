@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, as_positive, as_vector
 from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.manifold.metric import Metric, as_metric
+from geodesic_ocp.manifold.rows import by_rows
 
 # The error of each step is held this much below the tolerance at first, and at most.
 _STEP_SHARE = 0.02
@@ -21,12 +22,15 @@ _LOOSER = 30.0
 _ESTIMATE = 0.5
 
 
+@by_rows
 def exp(metric: Metric, q: Any, v: Any, *, tolerance: float = 1e-9) -> Array:
     """Exp_q(v): the point at time 1 of the geodesic through q (n,) with velocity v (n,).
 
     sum_j g_ij q''_j + sum_jk Gamma_ijk q'_j q'_k = 0, q(0) = q, q'(0) = v, integrated with order 8
     and a step that adapts. `tolerance` [rad or m] is for the end point: the error is estimated from
     a second, looser integration, and the steps are refined until it is small enough.
+
+    For k points or velocities (k, n), or both: k arrivals (k, n).
 
     Raises:
         ValueError: wrong shapes or numbers that are not finite, or the metric is no metric at q.

@@ -10,6 +10,7 @@ integrating it forward.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +19,7 @@ from geodesic_ocp.arrays import Array, as_vector, evaluate
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
 from geodesic_ocp.manifold.exponential import exp, integrated, trajectory
 from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.manifold.rows import by_rows
 from geodesic_ocp.ocp.grid import Grid
 from geodesic_ocp.ocp.path import Path
 from geodesic_ocp.ocp.problem import PointToPoint
@@ -56,11 +58,13 @@ class _Found:
         return (*_GRIDS[first:], *_FINE_GRIDS)
 
 
+@by_rows
 def log(metric: Metric, q0: ArrayLike, q1: ArrayLike) -> Array:
     """Log_q0(q1): the velocity v0 (n,) with Exp_q0(v0) = q1.
 
     Started from the straight line; where several geodesics join the two points, the one found
-    from there. |Exp(q0, v0) - q1| <= 1e-9 in every coordinate.
+    from there. |Exp(q0, v0) - q1| <= 1e-9 in every coordinate. For k points (k, n) at either end
+    or both: k velocities (k, n).
 
     Raises:
         ValueError: wrong shapes, or numbers that are not finite.
@@ -69,8 +73,9 @@ def log(metric: Metric, q0: ArrayLike, q1: ArrayLike) -> Array:
     return _find(metric, q0, q1).velocity
 
 
-def distance(metric: Metric, q0: ArrayLike, q1: ArrayLike) -> float:
-    """Length |Log_q0(q1)| of the geodesic of `log`."""
+@by_rows
+def distance(metric: Metric, q0: ArrayLike, q1: ArrayLike) -> Any:
+    """Length |Log_q0(q1)| of the geodesic of `log`, a float; for k pairs an array (k,)."""
     return float(metric.norm(q0, log(metric, q0, q1)))
 
 
