@@ -1,0 +1,152 @@
+"""What holds in every Riemannian geometry, on every kind of metric, at random points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from known_metrics import HalfPlane, PolarPlane, Sphere
+from known_models import planar_arm, random_tree
+
+import geodesic_ocp as go
+
+# log and exp keep 1e-9 in every coordinate, on geodesics of length about one.
+EXACT = 1e-7
+STEP = 1e-4  # of central differences: their error is of its square
+DIFFERENCES = 1e-5
+
+
+def planar() -> go.KineticEnergy:
+    return go.KineticEnergy(planar_arm((1.0, 0.8), (1.3, 0.7), (0.4, 0.5), (0.2, 0.1)))
+
+
+METRICS: dict[str, Callable[[], go.Metric]] = {
+    "sphere": Sphere,
+    "half-plane": HalfPlane,
+    "polar plane": PolarPlane,
+    "Euclidean": lambda: go.Euclidean(3),
+    "planar arm": planar,
+    "human arm": lambda: go.KineticEnergy(go.human_arm("left", 1.0, 1.0)),
+    "tree": lambda: go.KineticEnergy(
+        go.Model(random_tree(np.random.default_rng(3), joints=4), "tool")
+    ),
+}
+
+
+@pytest.fixture(params=METRICS)
+def metric(request: pytest.FixtureRequest) -> go.Metric:
+    return METRICS[request.param]()
+
+
+def points(metric: go.Metric, rng: np.random.Generator, count: int) -> np.ndarray:
+    """Random points (count, n) near each other, away from the singularities of the charts."""
+    return 1.2 + rng.uniform(-0.3, 0.3, (count, metric.dim))
+
+
+def test_lengths_are_kept_by_the_connection(metric: go.Metric, rng: np.random.Generator) -> None:
+    """d<a, b> / dt along v is <D_v a, b> + <a, D_v b>: dG/dq_k = Gamma_ijk + Gamma_jik."""
+    (q,) = points(metric, rng, 1)
+    gamma = metric.christoffel(q)
+    v = rng.normal(size=metric.dim)
+    slope = (metric.matrix(q + STEP * v) - metric.matrix(q - STEP * v)) / (2.0 * STEP)
+    expected = (gamma + gamma.transpose(1, 0, 2)) @ v
+    assert slope == pytest.approx(expected, abs=DIFFERENCES * np.abs(gamma).max() + 1e-10)
+    assert np.array_equal(gamma, gamma.transpose(0, 2, 1))
+
+
+def test_gauss_lemma(metric: go.Metric, rng: np.random.Generator) -> None:
+    """Exp keeps lengths along its rays, and what is orthogonal to them."""
+    (q,) = points(metric, rng, 1)
+    v, w = rng.uniform(-0.3, 0.3, (2, metric.dim))
+
+    def differential(direction: np.ndarray) -> np.ndarray:
+        forth, back = (
+            go.exp(metric, q, v + sign * STEP * direction, tolerance=1e-11) for sign in (1.0, -1.0)
+        )
+        return (forth - back) / (2.0 * STEP)
+
+    end = go.exp(metric, q, v)
+    scale = metric.norm(q, v) * metric.norm(q, w)
+    found = metric.inner(end, differential(v), differential(w))
+    assert found == pytest.approx(metric.inner(q, v, w), abs=DIFFERENCES * scale)
+
+
+def test_first_variation(metric: go.Metric, rng: np.random.Generator) -> None:
+    """The gradient of the squared distance to a point is -2 Log."""
+    q, goal = points(metric, rng, 2)
+    v = go.log(metric, q, goal)
+    w = rng.normal(size=metric.dim)
+    w /= metric.norm(q, w)
+    squares = go.distance(metric, [q + STEP * w, q - STEP * w], goal) ** 2
+    slope = (squares[0] - squares[1]) / (2.0 * STEP)
+    expected = -2.0 * metric.inner(q, v, w)
+    assert slope == pytest.approx(expected, abs=10.0 * DIFFERENCES * metric.norm(q, v))
+
+
+def test_distance_is_one(metric: go.Metric, rng: np.random.Generator) -> None:
+    """Symmetric, positive, and no detour is shorter."""
+    a, b, c = points(metric, rng, 3)
+    there, back, detour = go.distance(metric, [a, b, a], [b, a, c])
+    assert there > 0.0
+    assert back == pytest.approx(there, rel=EXACT)
+    assert there <= detour + go.distance(metric, c, b) + EXACT
+    middle = go.geodesic(metric, a, b)(0.4)
+    assert go.distance(metric, a, middle) == pytest.approx(0.4 * there, rel=1e-5)
+
+
+@dataclass(frozen=True)
+class InOtherCoordinates(go.Metric):
+    """The same manifold, its points written as y with q = chart(y)."""
+
+    metric: go.Metric
+    chart: Callable[[Any], Any]
+
+    @property
+    def dim(self) -> int:
+        return self.metric.dim
+
+    def matrix(self, q: Any) -> Any:
+        y = ca.SX.sym("y", self.dim)
+        jacobian = ca.Function("J", [y], [ca.jacobian(self.chart(y), y)])(q)
+        return jacobian.T @ self.metric.matrix(self.chart(q)) @ jacobian
+
+    def place(self, y: np.ndarray) -> np.ndarray:
+        return np.array(ca.DM(self.chart(ca.DM(y))))[:, 0]
+
+    def pushed(self, y: np.ndarray, w: np.ndarray) -> np.ndarray:
+        symbols = ca.SX.sym("y", self.dim)
+        jacobian = ca.Function("J", [symbols], [ca.jacobian(self.chart(symbols), symbols)])
+        return jacobian(y).full() @ w
+
+
+CHARTS: dict[str, Callable[[Any], Any]] = {
+    "offset": lambda y: y + 0.25,
+    "sign": lambda y: -y,
+    "curved": lambda y: y + 0.2 * ca.sin(2.0 * y) + 0.1 * ca.sumsqr(y),
+}
+
+
+@pytest.mark.parametrize("chart", CHARTS)
+def test_coordinates_do_not_matter(metric: go.Metric, chart: str, rng: np.random.Generator) -> None:
+    other = InOtherCoordinates(metric, CHARTS[chart])
+    base = -1.2 if chart == "sign" else 0.8
+    a, b = base + rng.uniform(-0.1, 0.1, (2, metric.dim))
+    w = go.log(other, a, b)
+    places = other.place(a), other.place(b)
+    v = go.log(metric, *places)
+    assert other.pushed(a, w) == pytest.approx(v, abs=EXACT * max(1.0, np.abs(v).max()))
+    assert other.norm(a, w) == pytest.approx(metric.norm(places[0], v), rel=EXACT)
+    assert other.place(go.exp(other, a, 0.5 * w)) == pytest.approx(
+        go.exp(metric, places[0], 0.5 * v), abs=EXACT
+    )
+
+
+def test_turning_the_base_of_a_planar_arm(rng: np.random.Generator) -> None:
+    """The first angle is a symmetry: geodesics turn along, lengths stay."""
+    metric, turn = planar(), np.array([0.7, 0.0])
+    a, b = rng.uniform(-0.5, 0.5, (2, 2))
+    assert go.log(metric, a + turn, b + turn) == pytest.approx(go.log(metric, a, b), abs=EXACT)
