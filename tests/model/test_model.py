@@ -68,3 +68,38 @@ def test_continuous_joints_have_no_limits() -> None:
     assert model.joint_names == ("wheel", "lever")
     assert model.lower.tolist() == [-np.inf, -1.0]
     assert model.upper.tolist() == [np.inf, 2.0]
+
+
+def test_payload_adds_its_kinetic_energy(backend: str, rng: np.random.Generator) -> None:
+    """G + m J'J at its centre of mass, and the energy of its rotation."""
+    empty = go.human_arm("right", backend=backend)
+    position, moments = np.array([0.02, -0.03, 0.1]), rng.normal(size=(3, 3))
+    inertia = 0.01 * moments @ moments.T
+    loaded = empty.with_payload(1.5, position, inertia)
+    assert loaded.name == "human right arm with 1.5 kg"
+    assert loaded.backend == backend
+    for q in rng.uniform(-1.0, 1.0, (5, 7)):
+        rotation, hand = empty.hand_pose(q)
+        linear, angular = np.split(empty.hand_jacobian(q), 2)
+        centre = linear - np.cross(rotation @ position, angular.T).T
+        turning = rotation @ inertia @ rotation.T
+        expected = empty.mass_matrix(q) + 1.5 * centre.T @ centre + angular.T @ turning @ angular
+        assert loaded.mass_matrix(q) == pytest.approx(expected, rel=1e-12, abs=1e-12)
+        assert np.array_equal(loaded.hand_pose(q)[1], hand)
+    point = empty.with_payload(1.5)
+    assert point.mass_matrix(q) == pytest.approx(empty.mass_matrix(q) + 1.5 * linear.T @ linear)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((0.0,), r"mass must be positive \[kg\], got 0.0"),
+        ((1.0, (0.0, 0.1)), r"position must have shape \(3,\)"),
+        ((1.0, (0.0, 0.0, 0.0), np.eye(2)), "inertia must be 3 x 3"),
+        ((1.0, (0.0, 0.0, 0.0), np.diag([1.0, 1.0, -1.0])), "negative principal moment"),
+        ((1.0, (0.0, 0.0, 0.0), np.tri(3)), "inertia must be symmetric"),
+    ],
+)
+def test_objects_that_are_none_are_named(arguments: tuple, message: str, arm: go.Model) -> None:
+    with pytest.raises(ValueError, match=message):
+        arm.with_payload(*arguments)

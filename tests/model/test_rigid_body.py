@@ -56,6 +56,16 @@ def test_mass_matrix_and_pose(name: str, backend: str, rng: np.random.Generator)
 
 
 @pytest.mark.parametrize("name", systems())
+def test_potential_energy(name: str, backend: str, rng: np.random.Generator) -> None:
+    native, hand = systems()[name]
+    native.gravity = pin.Motion(np.array([0.3, -1.2, -9.0]), np.zeros(3))
+    model, data = go.Model(native, hand, backend), native.createData()
+    points = rng.uniform(-3.0, 3.0, (20, model.dof))
+    expected = [pin.computePotentialEnergy(native, data, configuration(native, q)) for q in points]
+    assert close(np.array([model.potential_energy(q) for q in points]), np.array(expected))
+
+
+@pytest.mark.parametrize("name", systems())
 def test_coriolis_terms(name: str, backend: str, rng: np.random.Generator) -> None:
     native, hand = systems()[name]
     metric = go.KineticEnergy(go.Model(native, hand, backend))

@@ -135,3 +135,15 @@ def frame_pose(model: pin.Model, q: ca.SX, frame: int) -> tuple[ca.SX, ca.SX]:
         pose = placements[joint] @ pose
         joint = model.parents[joint]
     return ca.densify(pose.rotation), ca.densify(pose.translation)
+
+
+def potential_energy(model: pin.Model, q: ca.SX) -> ca.SX:
+    """Potential energy (1, 1) [J] in the model's gravity, zero at the base's height."""
+    gravity, energy = _constant(model.gravity.linear), ca.SX(1, 1)
+    poses = _joint_placements(model, q)
+    for index in range(1, model.njoints):
+        poses[index] = poses[model.parents[index]] @ poses[index]
+        body = model.inertias[index]
+        moment = poses[index].rotation @ _constant(body.mass * body.lever)
+        energy -= ca.dot(gravity, moment + body.mass * poses[index].translation)
+    return ca.densify(energy)

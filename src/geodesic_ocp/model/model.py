@@ -9,10 +9,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_vector, evaluate, is_symbolic
+from geodesic_ocp.arrays import Array, as_positive, as_vector, evaluate, is_symbolic
 from geodesic_ocp.model.joints import motion_subspace
 from geodesic_ocp.model.rigid_body import choose_backend, rigid_body
+
+_SYMMETRY = 1e-9  # figures of files and of CAD are rounded
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -112,6 +115,13 @@ class Model:
         jacobian = ca.vertcat(ca.jacobian(position, q), ca.horzcat(*columns))
         return ca.Function("hand_jacobian", [q], [ca.densify(ca.cse(jacobian))], ["q"], ["J"])
 
+    @cached_property
+    def _potential_energy(self) -> ca.Function:
+        assert self.backend is not None
+        q = ca.SX.sym("q", self.dof)
+        energy = rigid_body(self.backend).potential_energy(self.pin, q)
+        return ca.Function("potential_energy", [q], [energy], ["q"], ["V"])
+
     def _checked(self, q: Any) -> Any:
         return q if is_symbolic(q) else as_vector("q", q, self.dof)
 
@@ -136,3 +146,39 @@ class Model:
     def hand_jacobian(self, q: Any) -> Any:
         """Jacobian (6, n) to the hand's linear [m] and angular velocity, base frame's axes."""
         return evaluate(self._hand_jacobian, self._checked(q))
+
+    def potential_energy(self, q: Any) -> Any:
+        """Potential energy V(q) [J] in the model's gravity, zero at the height of the base."""
+        energy = evaluate(self._potential_energy, self._checked(q))
+        return energy if is_symbolic(q) else float(energy[0, 0])
+
+    def with_payload(
+        self, mass: float, position: ArrayLike = (0.0, 0.0, 0.0), inertia: ArrayLike | None = None
+    ) -> Model:
+        """The model with an object held fast in the hand.
+
+        Args:
+            mass: of the object [kg].
+            position: of its centre of mass in the hand's frame, (3,) [m].
+            inertia: about its centre of mass, in the hand's axes, (3, 3) [kg m^2]; None: a point.
+
+        Raises:
+            ValueError: mass is not positive, or the inertia is not a body's: not symmetric, or
+                with a negative principal moment.
+        """
+        mass = as_positive("mass", mass, "kg")
+        centre = as_vector("position", position, 3)
+        moments = np.zeros((3, 3)) if inertia is None else np.array(inertia, dtype=float)
+        if moments.shape != (3, 3) or not np.all(np.isfinite(moments)):
+            raise ValueError(f"inertia must be 3 x 3 finite numbers, got {inertia!r}")
+        largest = np.abs(moments).max()
+        if np.abs(moments - moments.T).max() > _SYMMETRY * largest:
+            raise ValueError(f"inertia must be symmetric, got {moments.tolist()}")
+        if np.linalg.eigvalsh(moments)[0] < -_SYMMETRY * largest:
+            raise ValueError(f"inertia has a negative principal moment: {moments.tolist()}")
+        loaded = self.pin.copy()
+        hand = loaded.frames[self._hand_id]
+        body = pin.Inertia(mass, centre, (moments + moments.T) / 2)
+        loaded.appendBodyToJoint(hand.parentJoint, body, hand.placement)
+        loaded.name = f"{self.name} with {mass:g} kg"
+        return Model(loaded, self.hand, self.backend)

@@ -38,6 +38,9 @@ class RigidBody(Protocol):
     def frame_pose(self, model: pin.Model, q: ca.SX, frame: int) -> tuple[ca.SX, ca.SX]:
         """Rotation (3, 3) and position (3, 1) [m] of a frame in the base frame."""
 
+    def potential_energy(self, model: pin.Model, q: ca.SX) -> ca.SX:
+        """Potential energy (1, 1) [J] in the model's gravity, zero at the base's height."""
+
 
 class _PinocchioCasadi:
     """Pinocchio's algorithms instantiated on casadi.SX."""
@@ -81,6 +84,11 @@ class _PinocchioCasadi:
         self._cpin.framesForwardKinematics(symbolic, data, configuration(model, q))
         pose = data.oMf[frame]
         return ca.densify(ca.SX(pose.rotation)), ca.densify(ca.SX(pose.translation))
+
+    def potential_energy(self, model: pin.Model, q: ca.SX) -> ca.SX:
+        symbolic = self._symbolic(model)
+        data = symbolic.createData()
+        return ca.SX(self._cpin.computePotentialEnergy(symbolic, data, configuration(model, q)))
 
 
 def _numbered_depth_first(model: pin.Model) -> bool:
