@@ -15,6 +15,7 @@ from geodesic_ocp.manifold.curvature import (
     sectional_curvature,
 )
 from geodesic_ocp.manifold.exponential import exp
+from geodesic_ocp.manifold.jacobi import Jacobi
 from geodesic_ocp.manifold.metric import Euclidean, KineticEnergy, Metric
 from geodesic_ocp.manifold.transport import parallel_transport
 from geodesic_ocp.model.human import human_arm
@@ -44,6 +45,7 @@ __all__ = [
     "GeodesicOcpError",
     "Grid",
     "IntegrationFailed",
+    "Jacobi",
     "KineticEnergy",
     "Metric",
     "Model",

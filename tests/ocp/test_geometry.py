@@ -31,6 +31,7 @@ METRICS: dict[str, Callable[[], go.Metric]] = {
     "Euclidean": lambda: go.Euclidean(3),
     "planar arm": planar,
     "human arm": lambda: go.KineticEnergy(go.human_arm("left", 1.0, 1.0)),
+    "gravity": lambda: go.Jacobi(go.human_arm("right", 1.0, 1.0), 2.0),
     "tree": lambda: go.KineticEnergy(
         go.Model(random_tree(np.random.default_rng(3), joints=4), "tool")
     ),

@@ -67,7 +67,8 @@ def log(metric: Metric, q0: ArrayLike, q1: ArrayLike) -> Array:
     or both: k velocities (k, n).
 
     Raises:
-        ValueError: wrong shapes, or numbers that are not finite.
+        ValueError: wrong shapes, numbers that are not finite, or a straight line on which the
+            metric is not.
         NotConverged: no geodesic was found, or it does not end at q1 when integrated forward.
     """
     return _find(metric, q0, q1).velocity
