@@ -8,8 +8,8 @@ installed `pinocchio`. That takes half an hour on two cores, once: the result is
 cache, for every environment with the same versions. On conda-forge pinocchio.casadi is part of the
 package and none of this is needed.
 
-Exit codes: 0 done, 1 in the way is what the message says, 2 wrong usage, 3 nothing in the cache
-(--cached), 130 interrupted.
+Exit codes: 0 done, 1 it cannot be done and the message says why, 2 wrong usage, 3 nothing in the
+cache (--cached), 130 interrupted.
 """
 
 from __future__ import annotations

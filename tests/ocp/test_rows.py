@@ -24,6 +24,17 @@ def test_rows_agree_with_the_loop(function: object) -> None:
     assert function(metric, POINTS[:1], GOALS[:1]).shape == both[:1].shape
 
 
+def test_arguments_may_be_named() -> None:
+    metric = Sphere()
+    found = go.exp(v=GOALS, q=POINTS[0], metric=metric, tolerance=1e-6)
+    assert np.array_equal(found, go.exp(metric, POINTS[0], GOALS, tolerance=1e-6))
+    one = go.distance(metric, q1=GOALS[0], q0=POINTS[0])
+    assert one == go.distance(metric, POINTS[0], GOALS[0])
+    assert isinstance(one, float)
+    with pytest.raises(TypeError, match="missing a required argument: 'v'"):
+        go.exp(metric, POINTS[0])
+
+
 def test_the_row_that_fails_is_named() -> None:
     with pytest.raises(ValueError, match="row 1: v must be finite"):
         go.exp(Sphere(), POINTS[0], [[0.0, 1.0], [np.nan, 1.0]])
@@ -36,8 +47,8 @@ def test_the_row_that_fails_is_named() -> None:
 @pytest.mark.parametrize(
     ("q0", "q1", "message"),
     [
-        (POINTS, GOALS[:2], "3 rows of the one and 2 of the other"),
-        (POINTS[:0], GOALS[:0], "there are no rows"),
+        (POINTS, GOALS[:2], "q0 and q1 have 3 and 2 rows"),
+        (POINTS[:0], GOALS[:0], "q0 has no rows"),
         (POINTS, [GOALS], "must have shape"),
         ([[1.0, 2.0], [1.0]], [1.0, 1.0], "must be 2 numbers"),
     ],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import inspect
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
@@ -18,28 +19,29 @@ def by_rows(function: Function) -> Function:
 
     The results are stacked along a first axis of length k. Whatever a row raises says which.
     """
+    signature = inspect.signature(function)
+    names = list(signature.parameters)[1:3]
 
     @functools.wraps(function)
-    def wrapped(metric: Any, a: Any, b: Any, **options: Any) -> Any:
+    def wrapped(*positional: Any, **named: Any) -> Any:
+        arguments = signature.bind(*positional, **named).arguments
+        pair = {name: arguments[name] for name in names}
         try:
-            many = [np.ndim(argument) == 2 for argument in (a, b)]
+            many = [name for name in names if np.ndim(pair[name]) == 2]
         except ValueError:  # rows of different lengths: the function names the argument
-            many = [False, False]
-        if not any(many):
-            return function(metric, a, b, **options)
-        counts = {len(argument) for argument, rows in zip((a, b), many, strict=True) if rows}
-        if len(counts) > 1:
-            raise ValueError(f"there are {len(a)} rows of the one and {len(b)} of the other")
-        if 0 in counts:
-            raise ValueError("there are no rows")
+            many = []
+        if not many:
+            return function(**arguments)
+        counts = [len(pair[name]) for name in many]
+        if len(set(counts)) > 1:
+            raise ValueError(f"{' and '.join(many)} have {counts[0]} and {counts[1]} rows")
+        if counts[0] == 0:
+            raise ValueError(f"{many[0]} has no rows")
         results = []
-        for row in range(counts.pop()):
-            pair = [
-                argument[row] if rows else argument
-                for argument, rows in zip((a, b), many, strict=True)
-            ]
+        for row in range(counts[0]):
+            of_row = {name: pair[name][row] for name in many}
             try:
-                results.append(function(metric, *pair, **options))
+                results.append(function(**(arguments | of_row)))
             except NotConverged as error:
                 raise NotConverged(f"row {row}: {error}", error.solution) from error
             except IntegrationFailed as error:
