@@ -154,9 +154,11 @@ def test_backend_is_chosen_by_argument_then_environment(monkeypatch: pytest.Monk
 
 @pytest.mark.filterwarnings("ignore:pinocchio.casadi is passed over:RuntimeWarning")
 def test_default_is_pinocchio_where_it_can_be_imported(monkeypatch: pytest.MonkeyPatch) -> None:
+    expected = "built-in" if rigid_body.why_unavailable("pinocchio.casadi") else "pinocchio.casadi"
     monkeypatch.delenv(rigid_body.ENVIRONMENT_VARIABLE, raising=False)
-    there = not rigid_body.why_unavailable("pinocchio.casadi")
-    assert go.human_arm().backend == ("pinocchio.casadi" if there else "built-in")
+    assert go.human_arm().backend == expected
+    monkeypatch.setenv(rigid_body.ENVIRONMENT_VARIABLE, "")
+    assert go.human_arm().backend == expected
 
 
 @pytest.fixture

@@ -16,7 +16,8 @@ GOALS = np.array([[1.4, 0.6], [1.1, 0.8], [1.3, 0.4]])
 def test_rows_agree_with_the_loop(function: object) -> None:
     metric = Sphere()
     both = function(metric, POINTS, GOALS)
-    assert np.array_equal(both, [function(metric, *pair) for pair in zip(POINTS, GOALS)])  # noqa: B905
+    pairs = zip(POINTS, GOALS, strict=True)
+    assert np.array_equal(both, [function(metric, *pair) for pair in pairs])
     one = function(metric, POINTS[0], GOALS)
     assert np.array_equal(one, [function(metric, POINTS[0], goal) for goal in GOALS])
     other = function(metric, POINTS, list(GOALS[0]))

@@ -29,7 +29,6 @@ def build(target: Target, work: Path, compiler: Path, jobs: int) -> tuple[Path, 
     Raises:
         CannotBuild: a step failed; its output is in the file that the message names.
     """
-    work.mkdir(parents=True, exist_ok=True)
     log = work / "build.log"
     tools = _tools(target, work, log)
     source = _source(target, work, tools, log)

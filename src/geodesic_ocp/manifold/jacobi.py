@@ -9,12 +9,11 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.model.model import Model
+from geodesic_ocp.manifold.metric import ModelMetric
 
 
 @dataclass(frozen=True)
-class Jacobi(Metric):
+class Jacobi(ModelMetric):
     """(E - V(q)) G(q): geodesics are the paths that the model takes by itself at total energy E.
 
     The principle of Maupertuis in Jacobi's form (Arnold, *Mathematical Methods of Classical
@@ -30,22 +29,11 @@ class Jacobi(Metric):
         ValueError: the energy is not a finite number.
     """
 
-    model: Model
     energy: float
 
     def __post_init__(self) -> None:
         if not np.isfinite(self.energy):
             raise ValueError(f"energy must be finite [J], got {self.energy}")
-
-    @property
-    def dim(self) -> int:  # type: ignore[override]
-        """Degrees of freedom of the model."""
-        return self.model.dof
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Names of the model's joints, in the order of q."""
-        return self.model.joint_names
 
     def matrix(self, q: Any) -> Any:
         """Metric tensor (E - V(q)) G(q), (n, n); not a number where V(q) >= E."""

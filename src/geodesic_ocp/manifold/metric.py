@@ -239,24 +239,10 @@ class Metric(ABC):
         (q,) = self._checked(q=q)
         derivative = evaluate(self._matrix_derivative, q)
         if is_symbolic(q):
-            n = self.dim
-            return [
-                ca.blockcat(
-                    [
-                        [
-                            (
-                                derivative[i + n * j, k]
-                                + derivative[i + n * k, j]
-                                - derivative[j + n * k, i]
-                            )
-                            / 2
-                            for k in range(n)
-                        ]
-                        for j in range(n)
-                    ]
-                )
-                for i in range(n)
-            ]
+            columns = ca.horzsplit(derivative)
+            by: list[Any] = [ca.reshape(column, self.dim, self.dim) for column in columns]
+            rows = [ca.horzcat(*(slope[:, i] for slope in by)) for i in range(self.dim)]
+            return [(row + row.T - slope) / 2 for row, slope in zip(rows, by, strict=True)]
         slope = np.asarray(derivative).reshape(self.dim, self.dim, self.dim)  # [j, i, k]: G' = G
         return 0.5 * (slope + slope.transpose(0, 2, 1) - slope.transpose(2, 0, 1))
 
@@ -272,8 +258,8 @@ class Metric(ABC):
 
 
 @dataclass(frozen=True)
-class KineticEnergy(Metric):
-    """The mass-inertia matrix of a model: |v|^2 / 2 is its kinetic energy [J]."""
+class ModelMetric(Metric):
+    """A metric on the joint space of a model."""
 
     model: Model
 
@@ -286,6 +272,11 @@ class KineticEnergy(Metric):
     def joint_names(self) -> tuple[str, ...]:  # type: ignore[override]
         """Names of the model's joints, in the order of q."""
         return self.model.joint_names
+
+
+@dataclass(frozen=True)
+class KineticEnergy(ModelMetric):
+    """The mass-inertia matrix of a model: |v|^2 / 2 is its kinetic energy [J]."""
 
     def matrix(self, q: Any) -> Any:
         """Mass-inertia matrix G(q), (n, n)."""

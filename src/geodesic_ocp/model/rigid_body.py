@@ -124,11 +124,6 @@ def why_unavailable(name: str) -> str:
     return found if isinstance(found, str) else ""
 
 
-def available_backends() -> tuple[str, ...]:
-    """Names of the back ends that can be used here, the default first."""
-    return tuple(name for name in BACKENDS if not why_unavailable(name))
-
-
 def choose_backend(name: str | None = None) -> str:
     """The back end's name: the argument, the environment's, or the first that is available.
 
@@ -138,9 +133,9 @@ def choose_backend(name: str | None = None) -> str:
         ValueError: the name is unknown, or that back end cannot be imported here.
     """
     name = name or os.environ.get(ENVIRONMENT_VARIABLE)
-    if name is None:
-        name = available_backends()[0]
+    if not name:
         missing = why_unavailable(BACKENDS[0])
+        name = BACKENDS[1] if missing else BACKENDS[0]
         if missing not in ("", NOT_INSTALLED):
             # stacklevel: whoever made the Model
             warnings.warn(f"{BACKENDS[0]} is passed over: {missing}", RuntimeWarning, stacklevel=4)
