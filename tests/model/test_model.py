@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 
@@ -54,20 +55,71 @@ def test_hand_pose_of_many(arm: go.Model, rng: np.random.Generator) -> None:
         arm.hand_pose(many[:, :3])
 
 
-def test_continuous_joints_have_no_limits() -> None:
-    native = pin.Model()
-    first = native.addJoint(0, pin.JointModelRUBZ(), pin.SE3.Identity(), "wheel")
-    low, high = np.array([-1.0]), np.array([2.0])
-    free = np.array([np.inf])
-    second = native.addJoint(
-        first, pin.JointModelRX(), pin.SE3.Identity(), "lever", free, free, low, high
+def wheel_and_lever() -> pin.Model:
+    """Continuous joints about a slanted and a straight axis and one with limits."""
+    links = ["base", "rim", "hub", "end"]
+    joints = [("wheel", "continuous", "0.6 0 0.8"), ("spin", "continuous", "0 1 0")]
+    joints.append(("lever", "revolute", "1 0 0"))
+    inertial = (
+        '<inertial><origin xyz="0.1 0.2 0.3"/><mass value="2"/>'
+        '<inertia ixx="0.1" ixy="0.01" ixz="0" iyy="0.2" iyz="0" izz="0.15"/></inertial>'
     )
-    native.addFrame(pin.Frame("end", second, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    text = "".join(f'<link name="{link}">{inertial}</link>' for link in links)
+    for (name, kind, axis), parent, child in zip(joints, links, links[1:], strict=False):
+        text += (
+            f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+            f'<origin xyz="0.1 0.2 0.3" rpy="0.3 0.2 0.1"/><axis xyz="{axis}"/>'
+            '<limit lower="-1" upper="2" effort="1" velocity="1"/></joint>'
+        )
+    native = pin.buildModelFromXML(f'<robot name="wheel">{text}</robot>')
+    native.armature = np.array([0.1, 0.2, 0.3])
+    native.gravity = pin.Motion(np.array([1.0, 2.0, 3.0]), np.zeros(3))
+    return native
+
+
+def test_continuous_joints_become_angles_within_two_turns(rng: np.random.Generator) -> None:
+    native = wheel_and_lever()
     model = go.Model(native, "end")
-    assert model.dof == 2
-    assert model.joint_names == ("wheel", "lever")
-    assert model.lower.tolist() == [-np.inf, -1.0]
-    assert model.upper.tolist() == [np.inf, 2.0]
+    assert (native.nq, native.nv, model.pin.nq, model.pin.nv) == (5, 3, 3, 3)
+    assert model.joint_names == ("wheel", "spin", "lever")
+    assert model.continuous == ("wheel", "spin")
+    assert model.lower.tolist() == [-2 * np.pi, -2 * np.pi, -1.0]
+    assert model.upper.tolist() == [2 * np.pi, 2 * np.pi, 2.0]
+    q = rng.uniform(-3.0, 3.0, 3)
+    full = np.array([np.cos(q[0]), np.sin(q[0]), np.cos(q[1]), np.sin(q[1]), q[2]])
+    data, frame = native.createData(), native.getFrameId("end")
+    pin.framesForwardKinematics(native, data, full)
+    pin.computePotentialEnergy(native, data, full)
+    upper = np.triu(pin.crba(native, data, full))
+    expected = upper + np.triu(upper, 1).T
+    assert_allclose(model.mass_matrix(q), expected, rtol=0, atol=1e-12)
+    assert_allclose(model.hand_pose(q)[1], data.oMf[frame].translation, rtol=0, atol=1e-13)
+    assert model.potential_energy(q) == pytest.approx(data.potential_energy, rel=1e-12)
+    again = model.with_payload(1.0)
+    assert again.continuous == model.continuous
+
+
+def test_limits_can_be_changed(arm: go.Model) -> None:
+    wider = arm.with_limits(upper={"RWx_joint": 1.0})
+    assert wider.upper[5] == 1.0
+    assert np.array_equal(np.delete(wider.upper, 5), np.delete(arm.upper, 5))
+    assert np.array_equal(wider.lower, arm.lower)
+    both = arm.with_limits(np.full(7, -1.0), np.full(7, np.inf))
+    assert both.lower.tolist() == [-1.0] * 7
+    assert both.upper.tolist() == [np.inf] * 7
+    with pytest.raises(ValueError, match="'Rx' is not one of the joints RSx_joint"):
+        arm.with_limits({"Rx": 0.0})
+    with pytest.raises(ValueError, match="lower must be 7 numbers"):
+        arm.with_limits([0.0])
+    with pytest.raises(ValueError, match="RSy_joint: the lower limit 1 lies above the upper 0"):
+        arm.with_limits({"RSy_joint": 1.0})
+
+
+def test_mass_and_reach_of_the_arm(arm: go.Model) -> None:
+    assert arm.mass == pytest.approx(70.0 * (0.027 + 0.016 + 0.006), rel=1e-12)
+    # Stretched, with the tool centre beside the wrist's axis, and the wrist within its limits.
+    assert arm.reach == pytest.approx(1.75 * (0.188 + 0.145 + np.hypot(0.015, 0.037)), rel=2e-3)
+    assert arm.reach <= 1.75 * (0.188 + 0.145 + np.hypot(0.015, 0.037))
 
 
 def test_payload_adds_its_kinetic_energy(backend: str, rng: np.random.Generator) -> None:

@@ -43,6 +43,15 @@ def configuration(model: pin.Model, q: Any) -> Any:
     return ca.vertcat(*entries) if is_symbolic(q) else np.array(entries, dtype=float)
 
 
+def frame_index(model: pin.Model, name: str) -> int:
+    """Number of the frame of that name; of a link and a joint of one name, the link's."""
+    named = [number for number, frame in enumerate(model.frames) if frame.name == name]
+    if not named:
+        raise ValueError(f"the model has no frame {name!r}")
+    bodies = [number for number in named if model.frames[number].type == pin.FrameType.BODY]
+    return (bodies or named)[-1]
+
+
 def without_noise(placement: pin.SE3) -> pin.SE3:
     """The placement with rounding noise in its rotation set to zero, which keeps graphs small.
 

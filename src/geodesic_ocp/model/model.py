@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -12,10 +13,11 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, as_vector, evaluate, is_symbolic
-from geodesic_ocp.model.joints import motion_subspace
+from geodesic_ocp.model.angles import continuous_joints, with_angles
+from geodesic_ocp.model.inertia import body_inertia
+from geodesic_ocp.model.joints import frame_index, motion_subspace
+from geodesic_ocp.model.reach import reach
 from geodesic_ocp.model.rigid_body import choose_backend, rigid_body
-
-_SYMMETRY = 1e-9  # figures of files and of CAD are rounded
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -26,6 +28,8 @@ class Model:
         pin: the Pinocchio model (a private copy is kept).
         hand: name of the hand's frame in `pin`.
         backend: "pinocchio.casadi" or "built-in"; None takes the first that is available.
+        continuous: names of the joints that turn fully, so that postures a turn apart are the same;
+            continuous joints of `pin` are added, and become angles within +-2 pi rad.
 
     Configurations are 1-d arrays [rad or m] in the order of `joint_names`. Two models are equal
     only if they are the same object.
@@ -37,6 +41,7 @@ class Model:
     pin: pin.Model
     hand: str
     backend: str | None = None
+    continuous: tuple[str, ...] = ()
     _hand_id: int = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -45,9 +50,14 @@ class Model:
             raise ValueError(f"the model has no frame {self.hand!r}; its frames are {known}")
         for index in range(1, self.pin.njoints):
             motion_subspace(self.pin, index)
-        object.__setattr__(self, "pin", self.pin.copy())
+        for name in self.continuous:
+            if name not in list(self.pin.names)[1:]:
+                raise ValueError(f"continuous: {name!r} is not a joint of the model")
+        continuous = (*self.continuous, *continuous_joints(self.pin))
+        object.__setattr__(self, "pin", with_angles(self.pin))
         object.__setattr__(self, "backend", choose_backend(self.backend))
-        object.__setattr__(self, "_hand_id", self.pin.getFrameId(self.hand))
+        object.__setattr__(self, "_hand_id", frame_index(self.pin, self.hand))
+        object.__setattr__(self, "continuous", continuous)
 
     def __repr__(self) -> str:
         freedoms = f"{self.dof} degrees of freedom"
@@ -80,13 +90,23 @@ class Model:
         return self._limits(np.array(self.pin.upperPositionLimit), np.inf)
 
     def _limits(self, stored: Array, unlimited: float) -> Array:
-        limits = np.full(self.dof, unlimited)
-        for joint in list(self.pin.joints)[1:]:
-            if joint.nq == 1:  # continuous joints are stored as (cos, sin) and have no limits
-                limits[joint.idx_v] = stored[joint.idx_q]
+        limits = stored.copy()
         limits[np.abs(limits) >= np.finfo(float).max] = unlimited
         limits.flags.writeable = False
         return limits
+
+    @cached_property
+    def mass(self) -> float:
+        """Mass of all that moves [kg]."""
+        return float(sum(inertia.mass for inertia in list(self.pin.inertias)[1:]))
+
+    @cached_property
+    def reach(self) -> float:
+        """Largest distance [m] of the hand from where its first joint is, within the limits.
+
+        Found by optimisation from several postures: a lower bound, in practice the value.
+        """
+        return reach(self.pin, self._hand_id, self.lower, self.upper)
 
     @cached_property
     def _mass_matrix(self) -> ca.Function:
@@ -167,18 +187,48 @@ class Model:
                 with a negative principal moment.
         """
         mass = as_positive("mass", mass, "kg")
-        centre = as_vector("position", position, 3)
-        moments = np.zeros((3, 3)) if inertia is None else np.array(inertia, dtype=float)
-        if moments.shape != (3, 3) or not np.all(np.isfinite(moments)):
-            raise ValueError(f"inertia must be 3 x 3 finite numbers, got {inertia!r}")
-        largest = np.abs(moments).max()
-        if np.abs(moments - moments.T).max() > _SYMMETRY * largest:
-            raise ValueError(f"inertia must be symmetric, got {moments.tolist()}")
-        if np.linalg.eigvalsh(moments)[0] < -_SYMMETRY * largest:
-            raise ValueError(f"inertia has a negative principal moment: {moments.tolist()}")
+        body = body_inertia(mass, as_vector("position", position, 3), inertia)
         loaded = self.pin.copy()
         hand = loaded.frames[self._hand_id]
-        body = pin.Inertia(mass, centre, (moments + moments.T) / 2)
         loaded.appendBodyToJoint(hand.parentJoint, body, hand.placement)
         loaded.name = f"{self.name} with {mass:g} kg"
-        return Model(loaded, self.hand, self.backend)
+        return replace(self, pin=loaded)
+
+    def with_limits(
+        self,
+        lower: ArrayLike | Mapping[str, float] | None = None,
+        upper: ArrayLike | Mapping[str, float] | None = None,
+    ) -> Model:
+        """The model with other limits [rad or m], each n numbers or some by the joint's name.
+
+        Raises:
+            ValueError: wrong shapes or names, not numbers, or a lower limit above its upper one.
+        """
+        limits = []
+        for name, given, old in (("lower", lower, self.lower), ("upper", upper, self.upper)):
+            new = old.copy()
+            if isinstance(given, Mapping):
+                for joint, value in given.items():
+                    if joint not in self.joint_names:
+                        known = ", ".join(self.joint_names)
+                        raise ValueError(f"{name}: {joint!r} is not one of the joints {known}")
+                    new[self.joint_names.index(joint)] = value
+            elif given is not None:
+                new = np.array(given, dtype=float)
+            if new.shape != (self.dof,) or np.any(np.isnan(new)):
+                raise ValueError(f"{name} must be {self.dof} numbers, got {given!r}")
+            limits.append(new)
+        for joint, low, high in zip(self.joint_names, *limits, strict=True):
+            if low > high:
+                raise ValueError(f"{joint}: the lower limit {low:g} lies above the upper {high:g}")
+        limited = self.pin.copy()
+        limited.lowerPositionLimit, limited.upperPositionLimit = limits
+        return replace(self, pin=limited)
+
+    def with_hand(self, hand: str) -> Model:
+        """The model with another of its frames for hand.
+
+        Raises:
+            ValueError: there is no such frame.
+        """
+        return replace(self, hand=hand)

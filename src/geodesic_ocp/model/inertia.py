@@ -1,0 +1,110 @@
+"""Whether the inertias of a model's links are those of bodies, so that they carry a metric."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.model.joints import configuration, motion_subspace
+
+# Figures of files are rounded: principal moments below this share of the largest count as zero.
+_ROUNDING = 1e-9
+# Eigenvalues of a mass matrix this much below the largest are zero.
+_SINGULAR = 1e-13
+_POSTURES = 8
+
+
+def body_inertia(mass: float, centre: Array, inertia: ArrayLike | None) -> pin.Inertia:
+    """A body's inertia from its mass [kg], centre (3,) [m], and moments (3, 3) about it [kg m^2].
+
+    Raises:
+        ValueError: the moments are not symmetric, or one of the principal moments is negative.
+    """
+    moments = np.zeros((3, 3)) if inertia is None else np.array(inertia, dtype=float)
+    if moments.shape != (3, 3) or not np.all(np.isfinite(moments)):
+        raise ValueError(f"inertia must be 3 x 3 finite numbers, got {inertia!r}")
+    largest = np.abs(moments).max()
+    if np.abs(moments - moments.T).max() > _ROUNDING * largest:
+        raise ValueError(f"inertia must be symmetric, got {moments.tolist()}")
+    if np.linalg.eigvalsh(moments)[0] < -_ROUNDING * largest:
+        raise ValueError(f"inertia has a negative principal moment: {moments.tolist()}")
+    return pin.Inertia(mass, centre, (moments + moments.T) / 2)
+
+
+def check_inertias(model: pin.Model) -> None:
+    """Refuse a model whose mass matrix is not that of solid bodies.
+
+    What moves with one joint, its link and all that is fixed to it, must have a mass and, where it
+    can turn, positive principal moments of inertia. It may have neither where there is mass beyond
+    it, as between the axes of a shoulder.
+
+    Raises:
+        ValueError: names the link and what is wrong with its inertia.
+    """
+    carried = _carried_masses(model)
+    turns = [False] * model.njoints
+    for index in range(1, model.njoints):
+        body, joint = model.inertias[index], model.names[index]
+        turns[index] = turns[model.parents[index]] or bool(
+            np.any(motion_subspace(model, index)[3:])
+        )
+        link = _link_of(model, index)
+        if not np.all(np.isfinite(body.toDynamicParameters())):
+            raise ValueError(f"link {link!r}: the inertia is not finite")
+        if body.mass < 0.0:
+            raise ValueError(f"link {link!r} has a negative mass, {body.mass:.3g} kg")
+        moments = np.linalg.eigvalsh(body.inertia)
+        # Without mass there may be moments, as of a rotor, but no negative ones.
+        enough = _ROUNDING * moments[-1] if body.mass > 0.0 else -_ROUNDING * moments[-1]
+        if turns[index] and (moments[0] < enough or (body.mass > 0.0 and moments[-1] <= 0.0)):
+            listed = ", ".join(f"{moment:.3g}" for moment in moments)
+            raise ValueError(
+                f"link {link!r}, {body.mass:.3g} kg, has an inertia that is not positive definite: "
+                f"principal moments {listed} kg m^2"
+            )
+        if carried[index] <= 0.0 and not model.armature[model.joints[index].idx_v]:
+            raise ValueError(
+                f"link {link!r} moves with joint {joint!r} and has no mass, nor is there any beyond"
+            )
+    _check_mass_matrix(model)
+
+
+def _carried_masses(model: pin.Model) -> Array:
+    """Mass [kg] that each joint moves, its own link's and all beyond it."""
+    carried = np.array([inertia.mass for inertia in model.inertias])
+    for index in range(model.njoints - 1, 0, -1):
+        carried[model.parents[index]] += carried[index]
+    return carried
+
+
+def _link_of(model: pin.Model, index: int) -> str:
+    """Name of the first link that moves with the joint, or the joint's where it has none."""
+    for frame in model.frames:
+        if frame.parentJoint == index and frame.type == pin.FrameType.BODY:
+            return str(frame.name)
+    return str(model.names[index])
+
+
+def _check_mass_matrix(model: pin.Model) -> None:
+    """Singular in every posture: some joint moves nothing, though there is mass beyond it."""
+    rng, data = np.random.default_rng(0), model.createData()
+    weightless = model.copy()
+    weightless.gravity = pin.Motion.Zero()
+    still, idle = np.zeros(model.nv), np.zeros(model.nv)
+    for _ in range(_POSTURES):
+        q = configuration(model, rng.uniform(-1.5, 1.5, model.nv))
+        # Not crba, which leaves entries out where joints are not numbered depth first.
+        columns = [pin.rnea(weightless, data, q, still, unit) for unit in np.eye(model.nv)]
+        sizes = np.sqrt(np.maximum(np.diag(columns), np.finfo(float).tiny))
+        values, vectors = np.linalg.eigh(np.array(columns) / np.outer(sizes, sizes))
+        if values[0] > _SINGULAR:
+            return
+        idle = np.maximum(idle, np.abs(vectors[:, 0]))
+    joints = list(model.joints)
+    index = next(i for i in range(1, model.njoints) if joints[i].idx_v == int(np.argmax(idle)))
+    raise ValueError(
+        f"link {_link_of(model, index)!r}: the mass matrix is singular in every posture, as joint "
+        f"{model.names[index]!r} can move without moving any mass"
+    )
