@@ -21,7 +21,8 @@ from tqdm import tqdm
 
 from geodesic_ocp.analysis import Analysis, analyse
 from geodesic_ocp.errors import GeodesicOcpError, RecordingError
-from geodesic_ocp.model.human import Side, human_arm
+from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.model.rigid_body import (
     BACKENDS,
     ENVIRONMENT_VARIABLE,

@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 from pathlib import Path
+from typing import Any, get_args
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
+from geodesic_ocp.model.anthropometry import Sex
 
 CHAIN = ("Sx", "Sz", "Sy", "Ex", "Ez", "Wx", "Wy")
 
@@ -122,5 +125,58 @@ def test_mirrored_arms_move_alike(rng: np.random.Generator) -> None:
     ],
 )
 def test_impossible_people_are_refused(arguments: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        go.human_arm(**arguments)
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+@pytest.mark.parametrize(
+    ("sex", "stature", "lengths", "masses"),
+    [
+        ("male", 1.741, (0.2817, 0.2689), (2.71, 1.62, 0.61)),
+        ("female", 1.735, (0.2751, 0.2643), (2.55, 1.38, 0.56)),
+    ],
+)
+def test_de_levas_mean_person_has_the_printed_figures(
+    side: Any, sex: Any, stature: float, lengths: tuple[float, ...], masses: tuple[float, ...]
+) -> None:
+    """De Leva (1996), table 4: segment lengths [m] and masses [% of the body's]."""
+    arm = go.human_arm(side, height=stature, mass=100.0, table="de_leva", sex=sex)
+    elbow, wrist = arm.pin.jointPlacements[4], arm.pin.jointPlacements[6]
+    assert_allclose(elbow.translation, [0.0, 0.0, -lengths[0]], rtol=0, atol=1e-12)
+    assert_allclose(wrist.translation, [0.0, 0.0, -lengths[1]], rtol=0, atol=1e-12)
+    found = [arm.pin.inertias[joint].mass for joint in (3, 5, 7)]
+    assert_allclose(found, masses, rtol=1e-12)
+
+
+def test_de_levas_moments_are_masses_times_squared_radii() -> None:
+    arm = go.human_arm("right", height=1.741, mass=73.0, table="de_leva", sex="male")
+    upper, hand = arm.pin.inertias[3], arm.pin.inertias[7]
+    assert upper.lever[2] == pytest.approx(-0.5772 * 0.2817)
+    # The upper arm's sagittal axis is y, the hand's, through the palm, is x.
+    radii = np.sqrt(np.diag(upper.inertia) / upper.mass)
+    assert_allclose(radii, np.array([0.269, 0.285, 0.158]) * 0.2817, rtol=1e-12)
+    radii = np.sqrt(np.diag(hand.inertia) / hand.mass)
+    assert_allclose(radii, np.array([0.628, 0.513, 0.401]) * 0.0862, rtol=1e-12)
+
+
+def test_tables_give_visibly_different_arms() -> None:
+    q = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
+    winter = go.human_arm().mass_matrix(q)
+    men, women = (go.human_arm(table="de_leva", sex=sex).mass_matrix(q) for sex in get_args(Sex))
+    assert np.abs(men - winter).max() > 0.1 * np.abs(winter).max()
+    assert np.abs(women - men).max() > 0.1 * np.abs(men).max()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"table": "zatsiorsky"}, "table must be one of winter, de_leva, got 'zatsiorsky'"),
+        ({"table": "de_leva"}, "needs sex='male' or 'female', got None"),
+        ({"table": "de_leva", "sex": "f"}, "got 'f'"),
+        ({"sex": "male"}, "'winter' does not tell the sexes apart"),
+    ],
+)
+def test_wrong_tables_are_named(arguments: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         go.human_arm(**arguments)

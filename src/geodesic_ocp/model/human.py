@@ -1,46 +1,22 @@
 """The human arm with seven degrees of freedom, scaled by height and mass.
 
-Chain, lengths, limits and inertias are those of the Master Motor Map's reference model (Terlemez
-et al., "Master Motor Map (MMM): framework and toolkit for capturing, representing, and reproducing
-human motion on humanoid robots", Humanoids 2014), whose segment masses and centres of mass are
-Winter's (*Biomechanics and Motor Control of Human Movement*).
+Chain, limits and tool centre are those of the Master Motor Map's reference model (Terlemez et al.,
+"Master Motor Map (MMM): framework and toolkit for capturing, representing, and reproducing human
+motion on humanoid robots", Humanoids 2014); lengths and inertias are those of a table.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 import pinocchio as pin
 
 from geodesic_ocp.arrays import as_positive
+from geodesic_ocp.model.anthropometry import Segment, Sex, Side, Table, anthropometry
 from geodesic_ocp.model.model import Model
 
-Side = Literal["right", "left"]
-
-
-@dataclass(frozen=True)
-class _Segment:
-    """Figures per unit of body height and mass; the origin is the proximal joint."""
-
-    mass: float  # [body mass]
-    centre: float  # of mass, along the segment's z axis [height]
-    inertia: tuple[float, float, float]  # about the centre of mass [body mass * height^2]
-
-
 _TALLEST, _HEAVIEST = 3.0, 1000.0  # [m], [kg]: more is another unit, not a person
-# Offset of every centre of mass from its segment's axis, in x and y [height]. The source's left
-# arm has none in x but rounding noise of 1e-14.
-_CENTRE_OFFSET = {"right": (2.03848e-5, 3.81383e-8), "left": (0.0, 3.81383e-8)}
-_UPPER_ARM_LENGTH = 0.188  # [height]
-_FOREARM_LENGTH = 0.145  # [height]
-_UPPER_ARM = _Segment(0.027, -0.082, (5.90063e-5, 5.90086e-5, 3.96211e-6))
-_FOREARM = _Segment(0.016, -0.0624, (2.35586e-5, 2.33400e-5, 1.50684e-6))
-_HAND = {
-    "right": _Segment(0.006, -0.0546, (5.18800e-6, 3.90222e-6, 1.41993e-6)),
-    "left": _Segment(0.006, -0.0546, (5.19630e-6, 3.91221e-6, 1.41814e-6)),
-}
 _TOOL_CENTRE = {"right": (-0.015, 0.0, -0.037), "left": (0.015, 0.0, -0.037)}  # [height]
 _LIMITS = {  # [rad]
     "right": {
@@ -65,7 +41,13 @@ _LIMITS = {  # [rad]
 
 
 def human_arm(
-    side: Side = "right", height: float = 1.75, mass: float = 70.0, *, backend: str | None = None
+    side: Side = "right",
+    height: float = 1.75,
+    mass: float = 70.0,
+    *,
+    table: Table = "winter",
+    sex: Sex | None = None,
+    backend: str | None = None,
 ) -> Model:
     """A person's arm: shoulder (x, z, y), elbow (x, z) and wrist (x, y), with the tool centre.
 
@@ -76,10 +58,13 @@ def human_arm(
         side: "right" or "left"; joints are named as in MMM files (RSx_joint, ..., LWy_joint).
         height: of the person [m]; lengths scale with it, inertias with its square.
         mass: of the person [kg]; it scales the metric and leaves geodesics alone.
+        table: of lengths, masses and inertias: "winter", the Master Motor Map's, or "de_leva".
+        sex: "male" or "female", for the table of de Leva, which tells them apart.
         backend: of the symbolic rigid-body algorithms, see `Model`.
 
     Raises:
-        ValueError: an unknown side, height or mass not positive, or above 3 m or 1000 kg.
+        ValueError: an unknown side, table or sex; height or mass not positive, or above 3 m or
+            1000 kg.
     """
     if side not in get_args(Side):
         raise ValueError(f"side must be 'right' or 'left', got {side!r}")
@@ -90,17 +75,18 @@ def human_arm(
             f"height and mass must be at most {_TALLEST:g} m and {_HEAVIEST:g} kg, "
             f"got {height:g} m and {mass:g} kg"
         )
+    figures = anthropometry(side, table, sex)
 
     arm = pin.Model()
     arm.name = f"human {side} arm"
     chain = (  # joint, its type, segment between the joint before and this one, body it carries
         ("Sx", pin.JointModelRX(), 0.0, None),
         ("Sz", pin.JointModelRZ(), 0.0, None),
-        ("Sy", pin.JointModelRY(), 0.0, _UPPER_ARM),
-        ("Ex", pin.JointModelRX(), _UPPER_ARM_LENGTH, None),
-        ("Ez", pin.JointModelRZ(), 0.0, _FOREARM),
-        ("Wx", pin.JointModelRX(), _FOREARM_LENGTH, None),
-        ("Wy", pin.JointModelRY(), 0.0, _HAND[side]),
+        ("Sy", pin.JointModelRY(), 0.0, figures.upper_arm),
+        ("Ex", pin.JointModelRX(), figures.upper_arm_length, None),
+        ("Ez", pin.JointModelRZ(), 0.0, figures.forearm),
+        ("Wx", pin.JointModelRX(), figures.forearm_length, None),
+        ("Wy", pin.JointModelRY(), 0.0, figures.hand),
     )
     parent = 0
     for joint, kind, length, segment in chain:
@@ -110,10 +96,12 @@ def human_arm(
         name = f"{side[0].upper()}{joint}_joint"
         parent = arm.addJoint(parent, kind, placement, name, unlimited, unlimited, lower, upper)
         if segment is not None:
-            centre = height * np.array([*_CENTRE_OFFSET[side], segment.centre])
-            inertia = mass * height**2 * np.diag(segment.inertia)
-            body = pin.Inertia(mass * segment.mass, centre, inertia)
-            arm.appendBodyToJoint(parent, body, pin.SE3.Identity())
+            arm.appendBodyToJoint(parent, _body(segment, height, mass), pin.SE3.Identity())
     tool = pin.SE3(pin.rpy.rpyToMatrix(np.pi, 0.0, 0.0), height * np.array(_TOOL_CENTRE[side]))
     arm.addFrame(pin.Frame("hand", parent, tool, pin.FrameType.OP_FRAME))
     return Model(arm, "hand", backend)
+
+
+def _body(segment: Segment, height: float, mass: float) -> pin.Inertia:
+    moments = mass * height**2 * np.diag(segment.inertia)
+    return pin.Inertia(mass * segment.mass, height * np.array(segment.centre), moments)

@@ -1,0 +1,132 @@
+"""Tables of body segments: lengths, masses, centres of mass and inertias of a person's arm.
+
+"winter" is the Master Motor Map's reference model (Terlemez et al., "Master Motor Map (MMM)...",
+Humanoids 2014), whose masses and centres of mass are those of Winter (*Biomechanics and Motor
+Control of Human Movement*). "de_leva" is de Leva, "Adjustments to Zatsiorsky-Seluyanov's segment
+inertia parameters", J. Biomech. 29 (1996), 1223-1230, table 4, which tells men from women.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+Side = Literal["right", "left"]
+Table = Literal["winter", "de_leva"]
+Sex = Literal["male", "female"]
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Figures per unit of body height and mass; the origin is the proximal joint.
+
+    Axes of the hanging arm with the palm towards the body: x to the right, y forward, z up.
+    """
+
+    mass: float  # [body mass]
+    centre: tuple[float, float, float]  # of mass [height]
+    inertia: tuple[float, float, float]  # about the centre of mass [body mass * height^2]
+
+
+@dataclass(frozen=True)
+class Anthropometry:
+    """An arm per unit of body height and mass."""
+
+    upper_arm_length: float  # [height]
+    forearm_length: float  # [height]
+    upper_arm: Segment
+    forearm: Segment
+    hand: Segment
+
+
+def anthropometry(side: Side, table: Table, sex: Sex | None) -> Anthropometry:
+    """The table's figures for one arm.
+
+    Raises:
+        ValueError: an unknown table or sex, none where the table tells the sexes apart, or one
+            where it does not.
+    """
+    if table not in get_args(Table):
+        raise ValueError(f"table must be one of {', '.join(get_args(Table))}, got {table!r}")
+    if table == "winter":
+        if sex is not None:
+            raise ValueError("the table 'winter' does not tell the sexes apart; leave sex out")
+        return _winter(side)
+    if sex is None or sex not in get_args(Sex):
+        raise ValueError(f"the table 'de_leva' needs sex='male' or 'female', got {sex!r}")
+    return _de_leva(_DE_LEVA[sex])
+
+
+def _winter(side: Side) -> Anthropometry:
+    # The source's left arm has no offset of the centres of mass in x but rounding noise of 1e-14.
+    x, y = {"right": (2.03848e-5, 3.81383e-8), "left": (0.0, 3.81383e-8)}[side]
+    hand = {
+        "right": (5.18800e-6, 3.90222e-6, 1.41993e-6),
+        "left": (5.19630e-6, 3.91221e-6, 1.41814e-6),
+    }[side]
+    return Anthropometry(
+        upper_arm_length=0.188,
+        forearm_length=0.145,
+        upper_arm=Segment(0.027, (x, y, -0.082), (5.90063e-5, 5.90086e-5, 3.96211e-6)),
+        forearm=Segment(0.016, (x, y, -0.0624), (2.35586e-5, 2.33400e-5, 1.50684e-6)),
+        hand=Segment(0.006, (x, y, -0.0546), hand),
+    )
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """A line of the table, as it is printed there."""
+
+    length: float  # [mm]
+    mass: float  # [% of body mass]
+    centre: float  # from the proximal end [% of length]
+    gyration: tuple[float, float, float]  # about sagittal, transverse, long axis [% of length]
+
+
+@dataclass(frozen=True)
+class _People:
+    stature: float  # mean [mm]
+    upper_arm: _Measured
+    forearm: _Measured
+    hand: _Measured  # to the third metacarpale
+
+
+_DE_LEVA = {
+    "male": _People(
+        1741.0,
+        _Measured(281.7, 2.71, 57.72, (28.5, 26.9, 15.8)),
+        _Measured(268.9, 1.62, 45.74, (27.6, 26.5, 12.1)),
+        _Measured(86.2, 0.61, 79.00, (62.8, 51.3, 40.1)),
+    ),
+    "female": _People(
+        1735.0,
+        _Measured(275.1, 2.55, 57.54, (27.8, 26.0, 14.8)),
+        _Measured(264.3, 1.38, 45.59, (26.1, 25.7, 9.4)),
+        _Measured(78.0, 0.56, 74.74, (53.1, 45.4, 33.5)),
+    ),
+}
+
+
+def _de_leva(people: _People) -> Anthropometry:
+    """Lengths are the mean ones, in proportion to stature.
+
+    The sagittal axis goes from back to front in the anatomical posture, with the palm forward:
+    through the palm, which in the hanging arm here looks along x, and the forearm turns with it.
+    The upper arm does not: its sagittal axis is y.
+    """
+
+    def segment(measured: _Measured, turned: bool) -> Segment:
+        length, mass = measured.length / people.stature, measured.mass / 100.0
+        sagittal, transverse, along = (
+            mass * (radius / 100.0 * length) ** 2 for radius in measured.gyration
+        )
+        inertia = (sagittal, transverse, along) if turned else (transverse, sagittal, along)
+        return Segment(mass, (0.0, 0.0, -measured.centre / 100.0 * length), inertia)
+
+    return Anthropometry(
+        people.upper_arm.length / people.stature,
+        people.forearm.length / people.stature,
+        segment(people.upper_arm, turned=False),
+        segment(people.forearm, turned=True),
+        segment(people.hand, turned=True),
+    )
