@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test test-slow lint notebooks bench pinocchio-casadi clean
+.PHONY: demo test test-slow lint notebooks bench robots pinocchio-casadi clean
 
 demo: $(READY)  ## analyse the bundled recording; results go to geodesic_ocp_demo/
 	$(BIN)/geodesic-ocp demo
@@ -25,6 +25,9 @@ notebooks: $(READY)  ## execute the notebooks, keeping their output
 
 bench: $(READY)  ## speed and accuracy against another solver
 	$(BIN)/python benchmarks/log_map.py
+
+robots: $(READY)  ## descriptions of robots, 190 MB, for load_model and its tests
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[robots]'
 
 pinocchio-casadi: $(READY)  ## build Pinocchio's CasADi bindings: half an hour, once; ARGS=--remove
 	@$(BIN)/python tools/pinocchio_casadi.py $(ARGS)

@@ -11,6 +11,7 @@ import pytest
 
 import geodesic_ocp as go
 from geodesic_ocp import cli
+from geodesic_ocp.model.robots import ROBOTS
 
 
 @pytest.fixture
@@ -83,8 +84,11 @@ def test_models(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["models"]) == 0
     text = capsys.readouterr().out
     assert f"{go.human_arm().backend}: in use" in text
+    assert "left                 7 DoF,  3.43 kg, reach 0.65 m" in text
     assert "RSx_joint" in text
-    assert "human left arm" in text
+    for robot in ROBOTS:
+        assert f" {robot}" in text
+    assert all(len(line) <= 100 for line in text.splitlines() if "cannot be imported" not in line)
 
 
 def altered(file: Path, **changes: object) -> Path:

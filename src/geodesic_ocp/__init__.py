@@ -18,7 +18,9 @@ from geodesic_ocp.manifold.exponential import exp
 from geodesic_ocp.manifold.jacobi import Jacobi
 from geodesic_ocp.manifold.metric import Euclidean, KineticEnergy, Metric
 from geodesic_ocp.manifold.transport import parallel_transport
+from geodesic_ocp.model.combine import combine
 from geodesic_ocp.model.human import human_arm
+from geodesic_ocp.model.library import load_model
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.motion.archive import load_synergies, save_synergies
 from geodesic_ocp.motion.baselines import track_hand
@@ -62,11 +64,13 @@ __all__ = [
     "Synergy",
     "TimeLaw",
     "analyse",
+    "combine",
     "distance",
     "evaluate",
     "exp",
     "geodesic",
     "human_arm",
+    "load_model",
     "load_synergies",
     "log",
     "mean",

@@ -8,7 +8,6 @@ import signal
 import sys
 import threading
 import time
-import warnings
 from collections.abc import Sequence
 from contextlib import closing, suppress
 from importlib.metadata import version
@@ -22,13 +21,8 @@ from tqdm import tqdm
 from geodesic_ocp.analysis import Analysis, analyse
 from geodesic_ocp.errors import GeodesicOcpError, RecordingError
 from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.model.catalogue import catalogue
 from geodesic_ocp.model.human import human_arm
-from geodesic_ocp.model.rigid_body import (
-    BACKENDS,
-    ENVIRONMENT_VARIABLE,
-    choose_backend,
-    why_unavailable,
-)
 from geodesic_ocp.motion.motion import Motion
 from geodesic_ocp.motion.readers import read_motion
 from geodesic_ocp.motion.segmentation import as_threshold
@@ -251,16 +245,5 @@ def _summarise(
 
 def _models(options: argparse.Namespace) -> None:
     del options
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # what is passed over is listed below
-        in_use = choose_backend()
-    print("models: human arm, right and left: human_arm(side, height, mass)")
-    for side in get_args(Side):
-        arm = human_arm(side, _DEFAULT_HEIGHT, _DEFAULT_MASS, backend=in_use)
-        print(f"  {arm.name}: {arm.dof} degrees of freedom: {', '.join(arm.joint_names)}")
-    print("back ends of the symbolic mass matrix:")
-    for name in BACKENDS:
-        missing = why_unavailable(name)
-        state = f"cannot be imported: {missing}" if missing else "can be used"
-        print(f"  {name}: {'in use' if name == in_use else state}")
-    print(f"the environment variable {ENVIRONMENT_VARIABLE} chooses another one")
+    for line in catalogue():
+        print(line)

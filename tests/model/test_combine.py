@@ -1,0 +1,74 @@
+"""Several models as one: the system of both arms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from known_models import planar_arm
+from numpy.testing import assert_allclose
+
+import geodesic_ocp as go
+
+SHOULDERS = [(-0.2, 0.0, 1.4), (0.2, 0.0, 1.4)]  # [m]
+
+
+@pytest.fixture(scope="module")
+def arms() -> tuple[go.Model, go.Model]:
+    return go.human_arm("left"), go.human_arm("right")
+
+
+def test_both_arms_move_as_each_by_itself(
+    arms: tuple[go.Model, go.Model], rng: np.random.Generator
+) -> None:
+    both = go.combine(*arms, placements=SHOULDERS)
+    assert both.dof == 14
+    assert both.joint_names == (*arms[0].joint_names, *arms[1].joint_names)
+    assert both.name == "human left arm and human right arm"
+    assert np.array_equal(both.lower, np.concatenate([arm.lower for arm in arms]))
+    q, v = rng.uniform(-1.0, 1.0, (2, 14))
+    matrix = np.zeros((14, 14))
+    for arm, part, place, side in zip(
+        arms, (slice(0, 7), slice(7, 14)), SHOULDERS, ("left", "right"), strict=True
+    ):
+        matrix[part, part] = arm.mass_matrix(q[part])
+        rotation, position = both.with_hand(f"human {side} arm/hand").hand_pose(q)
+        expected = arm.hand_pose(q[part])
+        assert_allclose(rotation, expected[0], rtol=0, atol=1e-14)
+        assert_allclose(position, expected[1] + place, rtol=0, atol=1e-14)
+    assert_allclose(both.mass_matrix(q), matrix, rtol=0, atol=1e-12)
+    assert both.hand == "human left arm/hand"
+    arrival = go.exp(go.KineticEnergy(both), q, v)
+    for arm, part in zip(arms, (slice(0, 7), slice(7, 14)), strict=True):
+        alone = go.exp(go.KineticEnergy(arm), q[part], v[part])
+        assert_allclose(arrival[part], alone, rtol=0, atol=2e-9)  # each to 1e-9
+
+
+def test_a_turned_base_turns_the_hand(arms: tuple[go.Model, go.Model]) -> None:
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    both = go.combine(*arms, placements=[(turn, (1.0, 2.0, 3.0)), (0.0, 0.0, 0.0)])
+    q = np.linspace(-0.5, 0.5, 14)
+    rotation, position = arms[0].hand_pose(q[:7])
+    assert_allclose(both.hand_pose(q)[0], turn @ rotation, rtol=0, atol=1e-14)
+    assert_allclose(both.hand_pose(q)[1], turn @ position + [1.0, 2.0, 3.0], rtol=0, atol=1e-14)
+
+
+def test_models_of_one_name_are_numbered() -> None:
+    arm = planar_arm((1.0,), (1.0,), (0.5,), (0.1,))
+    three = go.combine(arm, arm, arm)
+    title = "planar arm with 1 links"
+    assert three.joint_names == tuple(f"{title} {number}/joint1" for number in (1, 2, 3))
+    assert three.with_hand(f"{title} 3/tip").hand_pose([0.0, 0.0, np.pi / 2])[1][1] == 1.0
+
+
+def test_what_cannot_be_combined(arms: tuple[go.Model, go.Model]) -> None:
+    with pytest.raises(ValueError, match="two or more models"):
+        go.combine(arms[0])
+    with pytest.raises(ValueError, match="2 models and 1 placements"):
+        go.combine(*arms, placements=[(0.0, 0.0, 0.0)])
+    with pytest.raises(ValueError, match=r"placements\[1\]: not a rotation"):
+        go.combine(*arms, placements=[(0, 0, 0), (2 * np.eye(3), (0, 0, 0))])
+    with pytest.raises(ValueError, match=r"placements\[0\] must have shape \(3,\)"):
+        go.combine(*arms, placements=[(0, 0), (0, 0, 0)])
+    over = np.diag([1.0, -1.0, -1.0])
+    with pytest.raises(ValueError, match="in the common axes gravity is"):
+        go.combine(*arms, placements=[(0, 0, 0), (over, (0, 0, 0))])
