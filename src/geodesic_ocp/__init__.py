@@ -17,6 +17,7 @@ from geodesic_ocp.manifold.curvature import (
 from geodesic_ocp.manifold.exponential import exp
 from geodesic_ocp.manifold.jacobi import Jacobi
 from geodesic_ocp.manifold.metric import Euclidean, KineticEnergy, Metric
+from geodesic_ocp.manifold.region_avoiding import RegionAvoiding
 from geodesic_ocp.manifold.transport import parallel_transport
 from geodesic_ocp.model.combine import combine
 from geodesic_ocp.model.human import human_arm
@@ -58,6 +59,7 @@ __all__ = [
     "Problem",
     "Reconstruction",
     "RecordingError",
+    "RegionAvoiding",
     "Solution",
     "Stats",
     "Subject",

@@ -32,6 +32,12 @@ METRICS: dict[str, Callable[[], go.Metric]] = {
     "planar arm": planar,
     "human arm": lambda: go.KineticEnergy(go.human_arm("left", 1.0, 1.0)),
     "gravity": lambda: go.Jacobi(go.human_arm("right", 1.0, 1.0), 2.0),
+    "region": lambda: go.RegionAvoiding(
+        planar(),
+        lambda q: [q[0] - 0.7, 1.8 - q[1], ca.norm_2(q) - 1.1],
+        margin=0.3,
+        posture=(1.0, 1.0),
+    ),
     "tree": lambda: go.KineticEnergy(
         go.Model(random_tree(np.random.default_rng(3), joints=4), "tool")
     ),

@@ -1,0 +1,233 @@
+"""Metrics that keep geodesics inside a region: closed forms, bounds, joint limits, errors."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from known_metrics import PolarPlane, in_plane
+from known_models import planar_arm
+
+import geodesic_ocp as go
+
+# log and exp keep 1e-9 in every coordinate.
+EXACT = 1e-7
+S = np.linspace(0.0, 1.0, 101)
+
+
+def height(q: Any) -> Any:
+    return q[1]
+
+
+def outside_disc(q: Any) -> Any:
+    return ca.norm_2(q) - 1.0
+
+
+def unrolled(y: float, margin: float) -> float:
+    """Integral of sqrt(1 + (margin / y)^2) over y."""
+    return math.hypot(y, margin) - margin * math.asinh(margin / y)
+
+
+def excess(model: go.Model, q: np.ndarray) -> float:
+    """How far postures (k, n) are beyond the limits [rad]; negative inside."""
+    return float(max((model.lower - q).max(), (q - model.upper).max()))
+
+
+def inside(model: go.Model, rng: np.random.Generator, count: int) -> np.ndarray:
+    return rng.uniform(model.lower + 0.1, model.upper - 0.1, (count, model.dof))
+
+
+def test_the_tensor_of_a_hand_above_a_table(arm: go.Model, rng: np.random.Generator) -> None:
+    """The hand's apparent mass, 1 / (J G^-1 J') at the posture, is added along its height."""
+    q, posture = inside(arm, rng, 2)
+    metric = go.RegionAvoiding(
+        go.KineticEnergy(arm),
+        lambda q: arm.hand_pose(q)[1][2] + 1.0,
+        margin=0.05,
+        posture=posture,
+    )
+    there, here = arm.hand_jacobian(posture)[2], arm.hand_jacobian(q)[2]
+    mass = 1.0 / (there @ np.linalg.inv(arm.mass_matrix(posture)) @ there)
+    stretch = mass * (0.05 / (arm.hand_pose(q)[1][2] + 1.0)) ** 2
+    expected = arm.mass_matrix(q) + stretch * np.outer(here, here)
+    assert metric.matrix(q) == pytest.approx(expected, rel=1e-12, abs=1e-15)
+
+
+def test_the_tensor_within_joint_limits(arm: go.Model, rng: np.random.Generator) -> None:
+    (q,) = inside(arm, rng, 1)
+    margins = np.linspace(0.05, 0.2, 7)
+    metric = go.RegionAvoiding(go.KineticEnergy(arm), margin=margins)
+    weights = 1.0 / np.diag(np.linalg.inv(arm.mass_matrix((arm.lower + arm.upper) / 2.0)))
+    nearness = (margins / (q - arm.lower)) ** 2 + (margins / (arm.upper - q)) ** 2
+    expected = arm.mass_matrix(q) + np.diag(weights * nearness)
+    assert metric.matrix(q) == pytest.approx(expected, rel=1e-12, abs=1e-15)
+    assert metric.joint_names == arm.joint_names
+    assert metric.model is arm
+
+
+@pytest.mark.parametrize("margin", [0.1, 2.0])
+def test_the_plane_above_a_line_unrolls(margin: float) -> None:
+    """dx^2 + (1 + (margin / y)^2) dy^2 is flat in x and the integral of the root."""
+    metric = go.RegionAvoiding(go.Euclidean(2), height, margin=margin)
+    a, b = np.array([0.0, 0.3]), np.array([1.0, 0.05])
+    rise = unrolled(b[1], margin) - unrolled(a[1], margin)
+    assert go.distance(metric, a, b) == pytest.approx(np.hypot(1.0, rise), rel=EXACT)
+    path = go.geodesic(metric, a, b)(S)
+    assert [unrolled(y, margin) for y in path[:, 1]] == pytest.approx(
+        unrolled(a[1], margin) + path[:, 0] * rise, abs=EXACT / 0.05
+    )
+
+
+@pytest.mark.parametrize("length", [1.0, 4.0, 16.0])
+def test_the_boundary_is_infinitely_far(length: float) -> None:
+    """Straight down, y falls like exp(-length / margin): far below 1e-6, and never through."""
+    metric = go.RegionAvoiding(go.Euclidean(2), height, margin=1.0)
+    down = np.array([0.0, -1.0])
+    velocity = length * down / metric.norm([0.0, 1.0], down)
+    _, y = go.exp(metric, [0.0, 1.0], velocity, tolerance=1e-11)
+    assert 0.0 < y < 2.0 * np.exp(-length)
+    # The slope of the integral is 1 / y at most, on top of one for y far from the boundary.
+    assert unrolled(y, 1.0) == pytest.approx(unrolled(1.0, 1.0) - length, abs=1e-11 * (1 + 1 / y))
+
+
+def test_the_length_bounds_the_approach(
+    arm_metric: go.KineticEnergy, rng: np.random.Generator
+) -> None:
+    """|log h1 / h0| <= length / (margin sqrt(w)), for velocities that carry the plain arm out."""
+    arm = arm_metric.model
+    metric = go.RegionAvoiding(arm_metric, margin=0.2)
+    weights = 1.0 / np.diag(np.linalg.inv(arm.mass_matrix((arm.lower + arm.upper) / 2.0)))
+    for q, v in zip(inside(arm, rng, 4), rng.uniform(-2.0, 2.0, (4, 7)), strict=True):
+        assert excess(arm, go.exp(arm_metric, q, v)[None]) > 0.1
+        arrival = go.exp(metric, q, v)
+        assert excess(arm, arrival[None]) < 0.0
+        bound = metric.norm(q, v) / (0.2 * np.sqrt(weights))
+        assert np.all(np.abs(np.log((arrival - arm.lower) / (q - arm.lower))) <= bound)
+        assert np.all(np.abs(np.log((arm.upper - arrival) / (arm.upper - q))) <= bound)
+
+
+REACHES = {
+    "wrist": ([0.3, 0.1, -0.4, 0.9, 0.1, 0.2, 0.1], [1.5, -0.3, -1.2, 0.6, 0.4, 0.2, -0.3]),
+    "arm raised": ([-0.3, 0.0, -0.6, 0.3, 0.0, 0.0, 0.0], [1.4, 0.2, -0.6, 0.3, 0.0, 0.0, 0.0]),
+}
+
+
+@pytest.mark.parametrize("name", REACHES)
+def test_reaches_stay_within_joint_limits(name: str, arm_metric: go.KineticEnergy) -> None:
+    """The plain geodesic leaves, and is shorter than all that stay; less margin, less detour."""
+    q0, q1 = REACHES[name]
+    free = go.geodesic(arm_metric, q0, q1)
+    assert excess(arm_metric.model, free(S)) > 0.1
+    lengths = [free.length]
+    for margin in (0.1, 0.3):
+        path = go.geodesic(go.RegionAvoiding(arm_metric, margin=margin), q0, q1)
+        assert excess(arm_metric.model, path(S)) < 0.0
+        lengths.append(go.Path(arm_metric, path.grid, path.nodes).length)
+    assert lengths == sorted(lengths)
+
+
+def test_without_margin_it_is_the_given_metric(arm_metric: go.KineticEnergy) -> None:
+    """The difference falls with the square of the margin."""
+    q0, q1 = [0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1], [0.6, 0.3, -0.7, 1.2, 0.3, -0.1, -0.1]
+    plain = go.log(arm_metric, q0, q1)
+    first, second = (
+        np.abs(go.log(go.RegionAvoiding(arm_metric, margin=margin), q0, q1) - plain).max()
+        for margin in (0.02, 0.01)
+    )
+    assert first > 1e-4  # far above the digits of log
+    assert first / second == pytest.approx(4.0, rel=0.05)  # the next order is of margin^4
+
+
+def test_coordinates_and_units_of_the_functions_do_not_matter() -> None:
+    """Around a disc, in polar and in Cartesian coordinates, with its radius in any unit."""
+    polar = go.RegionAvoiding(PolarPlane(), lambda q: q[0] - 1.0, posture=(2.0, 0.0))
+    plane = go.RegionAvoiding(go.Euclidean(2), outside_disc, posture=(2.0, 0.0))
+    unit = go.RegionAvoiding(
+        go.Euclidean(2), lambda q: [1000.0 * outside_disc(q)], (100.0,), posture=(2.0, 0.0)
+    )
+    a, b = np.array([1.2, 0.0]), np.array([1.5, 0.8])
+    expected = go.distance(polar, a, b)
+    assert go.distance(plane, in_plane(a), in_plane(b)) == pytest.approx(expected, rel=EXACT)
+    assert go.distance(unit, in_plane(a), in_plane(b)) == pytest.approx(expected, rel=EXACT)
+
+
+def test_regions_in_regions(arm: go.Model, rng: np.random.Generator) -> None:
+    """A table under an arm in gravity, within its limits: the outer has the inner's model."""
+    inner = go.RegionAvoiding(
+        go.Jacobi(arm, 40.0), lambda q: arm.hand_pose(q)[1][2] + 1.0, margin=0.05
+    )
+    (q,) = inside(arm, rng, 1)
+    outer = go.RegionAvoiding(inner)
+    added = np.diag(outer.matrix(q) - inner.matrix(q))
+    assert np.all(added > 0.0)
+    arrival = go.exp(outer, q, rng.uniform(-1.0, 1.0, 7))
+    assert excess(arm, arrival[None]) < 0.0
+    assert arm.hand_pose(arrival)[1][2] > -1.0
+    with pytest.raises(ValueError, match="distance of RWx_joint to its upper limit"):
+        outer.point("q", [*q[:5], 1.0, 0.0])
+
+
+def test_metrics_are_values(arm_metric: go.KineticEnergy) -> None:
+    assert go.RegionAvoiding(arm_metric) == go.RegionAvoiding(arm_metric, None, 0.1)
+    assert go.RegionAvoiding(arm_metric) != go.RegionAvoiding(arm_metric, margin=0.2)
+    one, same = (go.RegionAvoiding(go.Euclidean(2), height, np.array([0.2])) for _ in range(2))
+    assert one == same
+    assert hash(one) == hash(same)
+    assert one != go.RegionAvoiding(go.Euclidean(2), lambda q: q[1], [0.2])
+
+
+BAD_FUNCTIONS: dict[str, tuple[Any, str]] = {
+    "no function": (3, "functions must be callable with q, got 3"),
+    "none of them": (lambda q: [], r"must be a column or a list of scalars, is \[\]"),
+    "a row": (lambda q: q.T, r"must be a column or a list of scalars, is of shape \(1, 2\)"),
+    "a number": (lambda q: 1.0, "must be a column or a list of scalars, is 1.0"),
+    "numbers": (lambda q: [q[0], 1.0], r"functions\[1\] must be a CasADi scalar, is 1.0"),
+    "vectors": (lambda q: [q], r"functions\[0\] must be a CasADi scalar, is of shape \(2, 1\)"),
+    "a constant": (lambda q: ca.SX(2.0), r"functions\[0\] does not depend on q"),
+    "free": (lambda q: q[0] + ca.SX.sym("r"), r"functions\[0\] depends on other symbols than q"),
+    "no slope": (lambda q: ca.sumsqr(q) - 1.0, r"posture: functions\[0\] has no slope at"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_FUNCTIONS)
+def test_bad_functions_are_named(name: str) -> None:
+    functions, message = BAD_FUNCTIONS[name]
+    with pytest.raises(ValueError, match=message):
+        go.RegionAvoiding(go.Euclidean(2), functions)
+
+
+def test_points_outside_are_named(arm_metric: go.KineticEnergy) -> None:
+    plane = go.RegionAvoiding(go.Euclidean(2), lambda q: [q[1], 1.0 - q[0]])
+    with pytest.raises(ValueError, match=r"q: .* inside the region: functions\[0\] is -0.5$"):
+        go.exp(plane, [0.0, -0.5], [1.0, 0.0])
+    with pytest.raises(ValueError, match=r"q1: .* functions\[0\] is 0, functions\[1\] is -1$"):
+        go.log(plane, [0.0, 1.0], [2.0, 0.0])
+    assert np.all(np.isnan(plane.matrix([0.0, -0.5])[1, 1]))
+    limited = go.RegionAvoiding(arm_metric)
+    with pytest.raises(ValueError, match=r"distance of RSy_joint to its upper limit 0 is -0\.2"):
+        go.log(limited, [0.1, 0.0, 0.2, 0.5, 0.0, 0.0, 0.0], [0.1, 0.0, -0.2, 0.5, 0.0, 0.0, 0.0])
+    disc = go.RegionAvoiding(go.Euclidean(2), outside_disc, posture=(2.0, 0.0))
+    with pytest.raises(ValueError, match="not finite and positive along the guess"):
+        go.log(disc, [-2.0, 0.1], [2.0, 0.1])
+
+
+def test_bad_margins_and_metrics(arm_metric: go.KineticEnergy) -> None:
+    for margin in (0.0, -1.0, [0.1, 0.0]):
+        with pytest.raises(ValueError, match="margin must be positive"):
+            go.RegionAvoiding(go.Euclidean(2), lambda q: q, margin, posture=(1.0, 1.0))
+    with pytest.raises(ValueError, match=r"margin must have shape \(7,\), got \(2,\)"):
+        go.RegionAvoiding(arm_metric, margin=[0.1, 0.2])
+    with pytest.raises(ValueError, match=r"posture must have shape \(2,\), got \(1,\)"):
+        go.RegionAvoiding(go.Euclidean(2), height, posture=[1.0])
+    with pytest.raises(ValueError, match="posture: the metric is not positive definite"):
+        go.RegionAvoiding(PolarPlane(), height)
+    with pytest.raises(ValueError, match="Euclidean has no model: give functions"):
+        go.RegionAvoiding(go.Euclidean(2))
+    free = go.KineticEnergy(planar_arm((1.0,), (1.3,), (0.5,), (0.1,)))
+    with pytest.raises(ValueError, match="no joint of 'planar arm with 1 links' has a finite"):
+        go.RegionAvoiding(free)
+    with pytest.raises(ValueError, match="metric must be an instance of a Metric class"):
+        go.RegionAvoiding(arm_metric.model)
