@@ -68,6 +68,18 @@ def test_the_tensor_within_joint_limits(arm: go.Model, rng: np.random.Generator)
     assert metric.model is arm
 
 
+def test_joints_without_limits_are_left_alone() -> None:
+    """One limit of two joints: weighed at zero, the posture nearest to it, by its own margin."""
+    native = planar_arm((1.0, 0.8), (1.3, 0.7), (0.4, 0.5), (0.2, 0.1)).pin.copy()
+    native.upperPositionLimit = np.array([np.inf, 2.0])
+    plain = go.KineticEnergy(go.Model(native, "tip"))
+    metric = go.RegionAvoiding(plain, margin=[0.5, 0.2])
+    q = np.array([7.0, 1.5])
+    weight = 1.0 / np.linalg.inv(plain.matrix(np.zeros(2)))[1, 1]
+    expected = np.diag([0.0, weight * (0.2 / 0.5) ** 2])
+    assert metric.matrix(q) - plain.matrix(q) == pytest.approx(expected, abs=1e-14)
+
+
 @pytest.mark.parametrize("margin", [0.1, 2.0])
 def test_the_plane_above_a_line_unrolls(margin: float) -> None:
     """dx^2 + (1 + (margin / y)^2) dy^2 is flat in x and the integral of the root."""
