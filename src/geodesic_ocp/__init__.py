@@ -16,7 +16,8 @@ from geodesic_ocp.manifold.curvature import (
 )
 from geodesic_ocp.manifold.exponential import exp
 from geodesic_ocp.manifold.jacobi import Jacobi
-from geodesic_ocp.manifold.metric import Euclidean, KineticEnergy, Metric
+from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
+from geodesic_ocp.manifold.metric import Euclidean, Metric
 from geodesic_ocp.manifold.region_avoiding import RegionAvoiding
 from geodesic_ocp.manifold.transport import parallel_transport
 from geodesic_ocp.model.combine import combine

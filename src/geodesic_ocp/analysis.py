@@ -12,7 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from geodesic_ocp import plot
-from geodesic_ocp.manifold.metric import Euclidean, KineticEnergy
+from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
+from geodesic_ocp.manifold.metric import Euclidean
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.motion.archive import save_synergies
 from geodesic_ocp.motion.baselines import track_hand

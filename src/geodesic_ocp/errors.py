@@ -6,7 +6,17 @@ class GeodesicOcpError(Exception):
 
 
 class IntegrationFailed(GeodesicOcpError):
-    """An integration stopped before its end: the message says where and why."""
+    """An integration stopped before its end: the message says where and why.
+
+    Attributes:
+        time: at which it stopped, None where it was not begun or not to the tolerance.
+        state: what it had reached then, an array, or None.
+    """
+
+    def __init__(self, message: str, time: float | None = None, state: object = None) -> None:
+        super().__init__(message)
+        self.time = time
+        self.state = state
 
 
 class NotConverged(GeodesicOcpError):

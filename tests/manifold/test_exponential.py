@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from known_metrics import HalfPlane, PolarPlane, Sphere, in_plane, on_sphere
 from known_models import free_rotor, planar_arm
+from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 from geodesic_ocp.manifold.exponential import integrated, trajectory
@@ -280,3 +281,56 @@ def test_bad_arguments_are_named(arguments: tuple[object, object], message: str)
         go.exp(Sphere(), [1.0, 0.0], [0.1, 0.1], tolerance=0.0)
     with pytest.raises(ValueError, match="two increasing numbers"):
         trajectory(Sphere(), [1.0, 0.0], [0.1, 0.1], [0.0, 0.0])
+
+
+def test_a_stopped_integration_says_where(arm_metric: go.KineticEnergy) -> None:
+    q = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
+    with pytest.raises(go.IntegrationFailed, match=r"stopped at .* It had come to") as failure:
+        go.exp(arm_metric, q, np.full(7, 1e6))
+    assert 0.0 < failure.value.time < 1.0
+    assert failure.value.state.shape == (14,)
+    with pytest.raises(go.IntegrationFailed, match="stopped at 0 of 0 to 1"):
+        go.exp(arm_metric, q, np.full(7, 1e200))
+
+
+@pytest.mark.parametrize("near", [0.0, 1e-9, 1e-5])
+def test_gimbal_lock_is_named(arm_metric: go.KineticEnergy, near: float) -> None:
+    """With the upper arm raised sideways the shoulder's first and last axis are one."""
+    locked = np.array([0.3, np.pi / 2 - near, -0.4, 0.9, 0.1, 0.0, 0.1])
+    free = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
+    message = "RSx_joint and RSy_joint undo each other"
+    with pytest.raises((ValueError, go.NotConverged), match=message):
+        go.log(arm_metric, free, locked)
+    with pytest.raises((ValueError, go.NotConverged), match=message):
+        go.log(arm_metric, locked, free)
+
+
+def test_exp_through_gimbal_lock_is_right_both_ways(arm_metric: go.KineticEnergy) -> None:
+    """It comes within 0.05 rad of it, turns the shoulder about and goes on."""
+    start = np.array([0.3, 1.2, -0.4, 0.9, 0.1, 0.0, 0.1])
+    velocity = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    times = np.linspace(0.0, 1.0, 101)
+    positions, velocities = trajectory(arm_metric, start, velocity, times, tolerance=1e-9)
+    assert positions[:, 1].max() > np.pi / 2 - 0.05
+    assert_allclose(
+        [arm_metric.norm(*state) for state in zip(positions, velocities, strict=True)],
+        arm_metric.norm(start, velocity),
+        rtol=1e-9,
+    )
+    back = go.exp(arm_metric, positions[-1], -velocities[-1])
+    assert_allclose(back, start, rtol=0, atol=1e-8)  # two integrations, each to 1e-9
+
+
+def test_steps_converge_with_the_eighth_order() -> None:
+    """By the slope of the error on a great circle; every interval is a step, none is refused."""
+    metric, start, velocity = Sphere(), np.array([1.0, 0.2]), np.array([0.8, 1.1])
+    exact = go.exp(metric, start, velocity, tolerance=1e-13)
+    counts = np.array([4, 6, 8, 12, 16])
+    errors = []
+    for count in counts:
+        times = np.linspace(0.0, 1.0, count + 1)
+        positions, _ = integrated(metric, start, velocity, times, 1e3)
+        errors.append(np.abs(positions[-1] - exact).max())
+    assert max(errors) < 1e-4
+    slope = np.polyfit(np.log(counts), np.log(errors), 1)[0]
+    assert -8.8 < slope < -7.5

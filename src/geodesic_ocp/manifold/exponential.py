@@ -84,5 +84,13 @@ def integrated(
             np.concatenate([q, v]), times, of_steps, max_steps=max_steps
         )
     except IntegrationFailed as failure:
-        raise IntegrationFailed(f"exp from q = {q}: {failure}") from None
+        state = np.asarray(failure.state)
+        reached = state[: metric.dim]
+        why = metric.near_singularity(reached)
+        raise IntegrationFailed(
+            f"exp from q = {q} with v = {v}: {failure}. It had come to "
+            f"{f'where {why}' if why else reached}",
+            failure.time,
+            state,
+        ) from None
     return states[:, : metric.dim], states[:, metric.dim :]

@@ -109,7 +109,9 @@ class Integrator:
                     )
                     raise IntegrationFailed(
                         f"the integration stopped at {now:.6g} of {times[0]:.6g} to "
-                        f"{times[-1]:.6g}, with an error of {tolerance:.1e} a step: {why}"
+                        f"{times[-1]:.6g}, with an error of {tolerance:.1e} a step: {why}",
+                        now,
+                        state,
                     )
             states.append(state)
         return np.array(states)

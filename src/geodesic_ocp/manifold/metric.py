@@ -21,7 +21,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, as_vector, evaluate, is_symbolic
 from geodesic_ocp.manifold.integration import Integrator
-from geodesic_ocp.model.model import Model
+from geodesic_ocp.manifold.singularity import near_singularity
 
 # Eigenvalues of G this much below the largest are zero but for rounding.
 _SINGULAR = 1e-14
@@ -60,6 +60,9 @@ class Metric(ABC):
     dim: int
     # Names of the coordinates, where they have any: motions and files are held against them.
     joint_names: tuple[str, ...] | None = None
+    # Of every coordinate, what may be added to it without another place being meant, as a turn to
+    # an angle; inf where there is no such thing.
+    periods: tuple[float, ...] | None = None
 
     @abstractmethod
     def matrix(self, q: Any) -> Any:
@@ -155,6 +158,27 @@ class Metric(ABC):
         return Integrator(self.geodesic_equation)
 
     @cached_property
+    def variation_integrator(self) -> Integrator:
+        """Integrator of `geodesic_equation` with its derivatives by the initial velocity.
+
+        y = (q, v, dq/dv0, dv/dv0), the derivatives columns first: (2 n + 2 n^2,).
+        """
+        n = self.dim
+        y = ca.MX.sym("y", 2 * n + 2 * n * n)
+        state, fields = y[: 2 * n], y[2 * n :]
+        columns = ca.vertcat(ca.reshape(fields[: n * n], n, n), ca.reshape(fields[n * n :], n, n))
+        rate = self.geodesic_equation(state)
+        slopes = self._geodesic_jacobian(state) @ columns
+        parts = [rate, ca.vec(slopes[:n, :]), ca.vec(slopes[n:, :])]
+        return Integrator(ca.Function("variation", [y], [ca.vertcat(*parts)], ["y"], ["dy"]))
+
+    @cached_property
+    def _geodesic_jacobian(self) -> ca.Function:
+        y = ca.SX.sym("y", 2 * self.dim)
+        jacobian = ca.jacobian(self.geodesic_equation(y), y)
+        return ca.Function("geodesic_jacobian", [y], [ca.densify(ca.cse(jacobian))])
+
+    @cached_property
     def transport_integrator(self) -> Integrator:
         """Integrator of `transport_equation`."""
         return Integrator(self.transport_equation)
@@ -179,11 +203,16 @@ class Metric(ABC):
             raise ValueError(f"{name}: the metric tensor is not symmetric at {point}")
         smallest, largest = np.linalg.eigvalsh(tensor)[[0, -1]]
         if smallest <= _SINGULAR * largest:
+            why = self.near_singularity(point)
             raise ValueError(
                 f"{name}: the metric is not positive definite at {point}: the eigenvalues of G "
-                f"reach from {smallest:.1e} to {largest:.1e}"
+                f"reach from {smallest:.1e} to {largest:.1e}{why and f'; {why}'}"
             )
         return point
+
+    def near_singularity(self, q: Array) -> str:
+        """What makes the metric nearly singular at q (n,), in words; empty where it is not."""
+        return near_singularity(self.matrix(q), q, self.joint_names)
 
     # -- the geometry --------------------------------------------------------------------------
 
@@ -255,32 +284,6 @@ class Metric(ABC):
         if is_symbolic(q, v):
             return self.geodesic_equation(ca.vertcat(q, v))[self.dim :]
         return evaluate(self.geodesic_equation, np.concatenate([q, v]))[self.dim :, 0]
-
-
-@dataclass(frozen=True)
-class ModelMetric(Metric):
-    """A metric on the joint space of a model."""
-
-    model: Model
-
-    @property
-    def dim(self) -> int:  # type: ignore[override]
-        """Degrees of freedom of the model."""
-        return self.model.dof
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Names of the model's joints, in the order of q."""
-        return self.model.joint_names
-
-
-@dataclass(frozen=True)
-class KineticEnergy(ModelMetric):
-    """The mass-inertia matrix of a model: |v|^2 / 2 is its kinetic energy [J]."""
-
-    def matrix(self, q: Any) -> Any:
-        """Mass-inertia matrix G(q), (n, n)."""
-        return self.model.mass_matrix(q)
 
 
 @dataclass(frozen=True)

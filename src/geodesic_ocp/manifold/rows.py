@@ -45,7 +45,7 @@ def by_rows(function: Function) -> Function:
             except NotConverged as error:
                 raise NotConverged(f"row {row}: {error}", error.solution) from error
             except IntegrationFailed as error:
-                raise IntegrationFailed(f"row {row}: {error}") from error
+                raise IntegrationFailed(f"row {row}: {error}", error.time, error.state) from error
             except ValueError as error:
                 raise ValueError(f"row {row}: {error}") from error
         return np.array(results)
