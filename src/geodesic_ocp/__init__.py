@@ -31,8 +31,9 @@ from geodesic_ocp.motion.motion import Motion, Subject
 from geodesic_ocp.motion.readers import read_motion
 from geodesic_ocp.motion.segmentation import segment, segment_zero_velocity
 from geodesic_ocp.motion.synergies import Reconstruction, Synergy, reconstruct
+from geodesic_ocp.ocp.certificate import Certificate, certify
 from geodesic_ocp.ocp.grid import Grid
-from geodesic_ocp.ocp.logarithm import distance, geodesic, log
+from geodesic_ocp.ocp.logarithm import Geodesic, distance, geodesic, geodesics, log
 from geodesic_ocp.ocp.mean import mean
 from geodesic_ocp.ocp.path import Path
 from geodesic_ocp.ocp.problem import PointToPoint, Problem
@@ -44,8 +45,10 @@ __version__ = _version("geodesic_ocp")
 
 __all__ = [
     "Analysis",
+    "Certificate",
     "Errors",
     "Euclidean",
+    "Geodesic",
     "GeodesicOcpError",
     "Grid",
     "IntegrationFailed",
@@ -67,11 +70,13 @@ __all__ = [
     "Synergy",
     "TimeLaw",
     "analyse",
+    "certify",
     "combine",
     "distance",
     "evaluate",
     "exp",
     "geodesic",
+    "geodesics",
     "human_arm",
     "load_model",
     "load_synergies",

@@ -12,7 +12,7 @@ import pytest
 from known_metrics import Sphere
 
 import geodesic_ocp as go
-from geodesic_ocp.ocp.solve import transcription_of
+from geodesic_ocp.ocp.prepared import transcription_of
 from geodesic_ocp.ocp.terms import conditions
 from geodesic_ocp.ocp.transcription import Units, transcribe
 
@@ -195,7 +195,7 @@ def test_solution_carries_figures_and_is_not_polished() -> None:
     assert 0 < stats.iterations < 20
     assert stats.seconds > 0
     assert stats.energy == pytest.approx(solution.path.energy, rel=1e-6)
-    assert transcription_of(solution).grid == go.Grid(1, 12)
+    assert transcription_of(problem, solution.path.grid).grid == go.Grid(1, 12)
 
 
 def test_grids_converge_spectrally() -> None:

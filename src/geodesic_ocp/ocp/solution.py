@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.ocp.certificate import Attempt, Certificate
 from geodesic_ocp.ocp.path import Path
 from geodesic_ocp.ocp.problem import Problem
 
@@ -54,3 +56,13 @@ class Solution:
     path: Path
     stats: Stats
     multipliers: Mapping[str, Array]
+    _attempt: Attempt = field(repr=False)
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """How near the path is to a geodesic, and whether it is locally shortest.
+
+        Under constraints: whether the energy falls in any direction, to second order, in which the
+        conditions that hold the path back stay met.
+        """
+        return self._attempt.certificate()

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeAlias
 
 import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.ocp.certificate import Attempt
 from geodesic_ocp.ocp.grid import Grid
 from geodesic_ocp.ocp.nodal import NodeBounds
 from geodesic_ocp.ocp.path import Path
+from geodesic_ocp.ocp.prepared import Structure, transcribed
 from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.solution import Solution, Stats
-from geodesic_ocp.ocp.terms import Conditions, conditions
-from geodesic_ocp.ocp.transcription import Transcription, Units, transcribe
+from geodesic_ocp.ocp.terms import conditions
+from geodesic_ocp.ocp.transcription import Transcription, Units
 
 # The objective is scaled to be of the order of one, so these are relative to the path's energy.
 # Ipopt widens bounds by 1e-8 for its own ease; the answer keeps the ones that were asked for.
@@ -45,6 +46,8 @@ _SENTENCES = {
     "Not_Enough_Degrees_Of_Freedom": "there are more equalities than variables",
 }
 
+
+Options: TypeAlias = tuple[tuple[str, Any], ...]  # Ipopt's, by name
 
 # CasADi turns Ctrl-C during a solve into one of these.
 _INTERRUPTED = ("NonIpopt_Exception_Thrown", "User_Requested_Stop")
@@ -149,7 +152,11 @@ def solve(
     grid = problem.grid if grid is None else grid
     terms = conditions(problem)
     bounds = NodeBounds.of(terms, grid)
-    transcription, solver = _prepared(problem, terms, grid, tuple(sorted((ipopt or {}).items())))
+    structure = Structure.of(problem, terms)
+    transcription = transcribed(structure, grid)
+    options = tuple(sorted((ipopt or {}).items()))
+    shared = structure.key is not None
+    solver = _shared(structure, grid, options) if shared else _ipopt(transcription, options)
     nodes = _initial(problem, grid, bounds, guess)
     units = _units(problem, transcription, nodes)
     outcome = solver(
@@ -166,42 +173,18 @@ def solve(
     return solution
 
 
-@dataclass(frozen=True)
-class _Structure:
-    """What an NLP depends on, and the conditions and metric to build it from."""
-
-    key: Hashable
-    metric: Metric = field(compare=False)
-    terms: Conditions = field(compare=False)
-
-
-def transcription_of(solution: Solution) -> Transcription:
-    """The NLP that the solution solves."""
-    return _prepared(solution.problem, conditions(solution.problem), solution.path.grid, ())[0]
-
-
-def _prepared(
-    problem: Problem, terms: Conditions, grid: Grid, options: tuple[tuple[str, Any], ...]
-) -> tuple[Transcription, Ipopt]:
-    structure = _Structure((type(problem), problem.structure), problem.metric, terms)
-    if problem.structure is None:
-        return _built(structure, grid, options)
-    return _shared(structure, grid, options)
-
-
-def _built(
-    structure: _Structure, grid: Grid, options: tuple[tuple[str, Any], ...]
-) -> tuple[Transcription, Ipopt]:
-    transcription = transcribe(structure.metric, structure.terms, grid)
-    x = ca.MX.sym("x", transcription.dim * grid.size)
+def _ipopt(transcription: Transcription, options: Options) -> Ipopt:
+    x = ca.MX.sym("x", transcription.dim * transcription.grid.size)
     p = ca.MX.sym("p", transcription.dim + 2)
     f, _ = transcription.objective(x, p)
     nlp = {"x": x, "p": p, "f": f, "g": transcription.constraints(x, p)}
     derivatives = {"grad_f": transcription.objective, "hess_lag": transcription.hessian}
-    return transcription, Ipopt(nlp, derivatives, dict(options))
+    return Ipopt(nlp, derivatives, dict(options))
 
 
-_shared = lru_cache(maxsize=32)(_built)
+@lru_cache(maxsize=32)
+def _shared(structure: Structure, grid: Grid, options: Options) -> Ipopt:
+    return _ipopt(transcribed(structure, grid), options)
 
 
 def _initial(problem: Problem, grid: Grid, bounds: NodeBounds, guess: Path | None) -> Array:
@@ -258,7 +241,18 @@ def _solution(
     )
     lam_x = units.scale / units.length * outcome.lam_x.reshape(x.shape)
     multipliers = bounds.multipliers(lam_x, units.scale * outcome.lam_g)
-    return Solution(problem, Path(problem.metric, grid, x), stats, multipliers)
+    path = Path(problem.metric, grid, x)
+    attempt = Attempt(
+        path,
+        transcription,
+        units,
+        outcome.x,
+        outcome.lam_x,
+        outcome.lam_g,
+        held_x=(bounds.lower == bounds.upper).ravel(),
+        held_g=bounds.lower_g == bounds.upper_g,
+    )
+    return Solution(problem, path, stats, multipliers, attempt)
 
 
 def _explanation(problem: Problem, stats: Stats) -> str:

@@ -1,0 +1,49 @@
+"""Transcriptions of problems, each built once for all problems that differ in numbers alone."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.ocp.grid import Grid
+from geodesic_ocp.ocp.problem import Problem
+from geodesic_ocp.ocp.terms import Conditions, conditions
+from geodesic_ocp.ocp.transcription import Transcription, transcribe
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What an NLP depends on, and the conditions and metric to build it from.
+
+    Attributes:
+        key: equal for problems with one NLP; None for a problem that has its own.
+    """
+
+    key: Hashable
+    metric: Metric = field(compare=False)
+    terms: Conditions = field(compare=False)
+
+    @classmethod
+    def of(cls, problem: Problem, terms: Conditions) -> Structure:
+        """The structure of a problem with these conditions."""
+        own = problem.structure
+        return cls(None if own is None else (type(problem), own), problem.metric, terms)
+
+
+def transcribed(structure: Structure, grid: Grid) -> Transcription:
+    """The NLP of the structure on the grid."""
+    return (_built if structure.key is None else _shared)(structure, grid)
+
+
+def transcription_of(problem: Problem, grid: Grid) -> Transcription:
+    """The NLP of the problem on the grid."""
+    return transcribed(Structure.of(problem, conditions(problem)), grid)
+
+
+def _built(structure: Structure, grid: Grid) -> Transcription:
+    return transcribe(structure.metric, structure.terms, grid)
+
+
+_shared = lru_cache(maxsize=32)(_built)
