@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.model.rigid_body import why_unavailable
+from geodesic_ocp.model.rigid_body import BACKENDS, why_unavailable
 from geodesic_ocp.model.robots import ROBOTS, folder
 
 MMM = Path("data") / "models" / "mmm.xml"
@@ -327,30 +328,66 @@ def loaded(robot: str, backend: str) -> go.Model:
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_known_robots_agree_with_pinocchio(
-    robot: str, backend: str, rng: np.random.Generator
-) -> None:
-    model = loaded(robot, backend)
+def test_known_robots_can_be_loaded(robot: str) -> None:
+    model = loaded(robot, "built-in")
     assert model.dof == {"ur5": 6, "armar6-left": 8, "armar6-right": 8}.get(robot, 7)
     assert np.all(np.isfinite([model.lower, model.upper]))
     assert model.name == robot
+    assert len(model.continuous) == (3 if robot.startswith("armar6") else 0)
+    if robot.endswith(("left", "left-arm")):  # with x forward, or as ARMAR-6's torso, y
+        side = 0 if robot.startswith("armar6") else 1
+        assert model.pin.jointPlacements[1].translation[side] * (-1) ** (1 - side) > 0.0
+
+
+def both_arms(backend: str, shared: Path) -> go.Model:
+    left = go.human_arm("left", table="de_leva", sex="female", backend=backend)
+    return go.combine(left, go.human_arm("right", backend=backend).with_payload(2.0, [0, 0, 0.1]))
+
+
+def mmm_body(backend: str, shared: Path) -> go.Model:
+    return go.load_model(shared / MMM, hand="Hand L TCP", base="BPx_joint", backend=backend)
+
+
+KINDS: dict[str, Callable[[str, Path], go.Model]] = {
+    **{robot: lambda backend, shared, robot=robot: loaded(robot, backend) for robot in ROBOTS},
+    "both arms, one with a load": both_arms,
+    "MMM": mmm_body,
+    "URDF": lambda backend, shared: go.load_model(urdf(), hand="grip", backend=backend),
+    "MJCF": lambda backend, shared: go.load_model(MJCF, hand="tip", base="trunk", backend=backend),
+}
+
+
+def postures(model: go.Model, rng: np.random.Generator) -> np.ndarray:
+    return rng.uniform(np.maximum(model.lower, -3.0), np.minimum(model.upper, 3.0), (5, model.dof))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_of_model_agrees_with_numeric_pinocchio(
+    kind: str, backend: str, request: pytest.FixtureRequest, rng: np.random.Generator
+) -> None:
+    model = KINDS[kind](backend, request.getfixturevalue("shared") if kind == "MMM" else Path())
     data, frame = model.pin.createData(), model.pin.getFrameId(model.hand)
-    for q in rng.uniform(model.lower, model.upper, (5, model.dof)):
+    for q in postures(model, rng):
         upper = np.triu(pin.crba(model.pin, data, q))
         expected = upper + np.triu(upper, 1).T
-        scale = np.abs(expected).max()
-        assert_allclose(model.mass_matrix(q), expected, rtol=0, atol=1e-11 * scale)
+        atol = 1e-11 * np.abs(expected).max()
+        assert_allclose(model.mass_matrix(q), expected, rtol=0, atol=atol)
         pin.framesForwardKinematics(model.pin, data, q)
         assert_allclose(model.hand_pose(q)[1], data.oMf[frame].translation, rtol=0, atol=1e-12)
         assert_allclose(model.hand_pose(q)[0], data.oMf[frame].rotation, rtol=0, atol=1e-12)
+        energy = pin.computePotentialEnergy(model.pin, data, q)
+        assert model.potential_energy(q) == pytest.approx(energy, rel=1e-11, abs=1e-11)
 
 
-@pytest.mark.parametrize("robot", ROBOTS)
-def test_the_two_back_ends_agree_on_known_robots(robot: str, rng: np.random.Generator) -> None:
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_two_back_ends_agree_on_every_kind(
+    kind: str, request: pytest.FixtureRequest, rng: np.random.Generator
+) -> None:
     if missing := why_unavailable("pinocchio.casadi"):
         pytest.skip(f"pinocchio.casadi cannot be imported: {missing}")
-    first, second = loaded(robot, "pinocchio.casadi"), loaded(robot, "built-in")
-    for q in rng.uniform(first.lower, first.upper, (5, first.dof)):
+    shared = request.getfixturevalue("shared") if kind == "MMM" else Path()
+    first, second = (KINDS[kind](backend, shared) for backend in BACKENDS)
+    for q in postures(first, rng):
         expected = second.mass_matrix(q)
         atol = 1e-11 * np.abs(expected).max()
         assert_allclose(first.mass_matrix(q), expected, rtol=0, atol=atol)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
-INSTALL = "pip install 'geodesic_ocp[robots]'"
+INSTALL = "pip install armar example-robot-data robot_descriptions"
 _EXAMPLE, _ARMAR = "example-robot-data", "armar"
 _ON_DEMAND = "robot_descriptions"
 
