@@ -243,3 +243,43 @@ def test_bad_margins_and_metrics(arm_metric: go.KineticEnergy) -> None:
         go.RegionAvoiding(free)
     with pytest.raises(ValueError, match="metric must be an instance of a Metric class"):
         go.RegionAvoiding(arm_metric.model)
+
+
+@pytest.mark.parametrize("speed", [8.0, 10.25, 1000.0])
+def test_what_rounding_turns_back_from_the_boundary_is_no_answer(speed: float) -> None:
+    """1 - q has lost its digits near the wall, in every integration alike."""
+    segment = go.RegionAvoiding(go.Euclidean(1), lambda q: [1.0 - q[0], 1.0 + q[0]])
+    with pytest.raises(go.IntegrationFailed):
+        go.exp(segment, [0.1], [speed])
+
+
+def test_exp_towards_a_boundary_is_right_or_an_error(rng: np.random.Generator) -> None:
+    """In a box every coordinate goes on the way it set out."""
+    box = go.RegionAvoiding(
+        go.Euclidean(2), lambda q: [1.0 - q[0], 1.0 + q[0], 1.0 - q[1], 1.0 + q[1]]
+    )
+    answers = 0
+    for velocity in rng.normal(size=(40, 2)) * np.exp(rng.uniform(-1.0, 5.0, (40, 1))):
+        try:
+            arrival = go.exp(box, [0.1, 0.0], velocity)
+        except go.IntegrationFailed:
+            continue
+        answers += 1
+        assert np.all(np.sign(arrival - [0.1, 0.0]) == np.sign(velocity))
+    assert answers > 5
+
+
+def test_continuous_joints_have_no_walls() -> None:
+    text = (
+        '<robot name="fan"><link name="base"/><link name="blade"><inertial><mass value="1"/>'
+        '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="2"/></inertial></link>'
+        '<joint name="axle" type="continuous"><parent link="base"/><child link="blade"/>'
+        '<axis xyz="0 0 1"/></joint></robot>'
+    )
+    fan = go.load_model(text, hand="blade")
+    with pytest.raises(ValueError, match="no joint of 'fan' has a finite limit"):
+        go.RegionAvoiding(go.KineticEnergy(fan))
+    limited = fan.with_limits([-2.0], [2.0])
+    walled = go.RegionAvoiding(go.KineticEnergy(limited))
+    assert walled.periods == (np.inf,)
+    assert go.exp(walled, [0.0], [1.5])[0] < 2.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
-from known_metrics import Sphere
+from known_metrics import HalfPlane, Sphere
 from known_models import planar_arm
 from numpy.testing import assert_allclose
 
@@ -79,6 +79,8 @@ def test_every_solution_has_a_certificate(arm: go.Model) -> None:
     with pytest.raises(go.NotConverged) as failure:
         go.solve(go.PointToPoint(metric, start, goal), ipopt={"max_iter": 1})
     assert failure.value.solution.certificate.residual > 1e-4
+    assert not failure.value.solution.certificate.stationary
+    assert str(failure.value.solution.certificate).startswith("not stationary")
 
 
 class Half(go.Problem):
@@ -106,6 +108,16 @@ def test_free_ends_count_in_the_second_variation(away: float, index: int) -> Non
     assert solution.certificate.index == index
 
 
+class Strip(go.Metric):
+    """Flat, but no metric in an ellipse about the origin."""
+
+    dim = 2
+
+    def matrix(self, q: ca.SX) -> ca.SX:
+        outside = q[1] ** 2 + 4.0 * q[0] ** 2 > 0.3
+        return type(q).eye(2) * ca.if_else(outside, 1.0, np.nan)
+
+
 class AroundDisc(go.Problem):
     """In the plane, around a disc on the straight line."""
 
@@ -131,7 +143,7 @@ def test_a_path_that_a_constraint_bends_is_no_geodesic_but_shortest() -> None:
 
 def test_zero_length_has_a_certificate() -> None:
     path = go.geodesic(Sphere(), [1.0, 0.0], [1.0, 0.0])
-    assert path.certificate == go.Certificate(0.0, 0.0, 0)
+    assert path.certificate == go.Certificate(0.0, 0.0, True, 0)
 
 
 class Cylinder(go.Metric):
@@ -147,7 +159,7 @@ class Cylinder(go.Metric):
 def test_goals_a_period_away_are_the_same_place() -> None:
     start, goal = np.array([0.1, 0.0]), np.array([6.0, 0.3])
     turn = np.array([2 * np.pi, 0.0])
-    helices = [goal - turn - start, goal - start, goal + turn - start]  # shortest first
+    helices = [goal - turn - start, goal - start, goal - 2 * turn - start]  # shortest first
     found = go.geodesics(Cylinder(), start, goal, starts=3)
     assert_allclose([path.velocity for path in found], helices, rtol=0, atol=1e-9)
     assert_allclose(found[0](1.0), goal - turn, rtol=0, atol=1e-9)
@@ -167,24 +179,118 @@ def test_continuous_joints_turn_the_short_way() -> None:
     assert metric.periods == (2 * np.pi,)
     found = go.geodesics(metric, [-3.0], [3.0], starts=3)
     turns = [path.velocity[0] for path in found]
-    assert_allclose(turns, [6.0 - 2 * np.pi, 6.0, 6.0 + 2 * np.pi], rtol=0, atol=1e-9)
+    assert_allclose(turns, [6.0 - 2 * np.pi, 6.0, 6.0 - 4 * np.pi], rtol=0, atol=1e-9)
+    around = go.distance(metric, [0.0], [6 * np.pi + 0.1], starts=2)  # three turns and a bit
+    assert around == pytest.approx(np.sqrt(2.0) * 0.1, abs=1e-8)
+
+
+class Torus(go.Metric):
+    """Flat, of eight angles."""
+
+    dim = 8
+    periods = (2 * np.pi,) * 8
+
+    def matrix(self, q: ca.SX) -> ca.SX:
+        return type(q).eye(8)
+
+
+@pytest.mark.parametrize("coordinate", [0, 7])
+def test_any_of_many_coordinates_may_come_round(coordinate: int) -> None:
+    goal = 6.0 * np.eye(8)[coordinate]
+    assert go.distance(Torus(), np.zeros(8), goal, starts=2) == pytest.approx(2 * np.pi - 6.0)
+
+
+@pytest.mark.parametrize(
+    "periods", [(2 * np.pi,), 5.0, (None, 1.0), ("x", 1.0), (0.0, 1.0), (-1.0, 1.0), (np.nan, 1.0)]
+)
+def test_wrong_periods_are_named(periods: object) -> None:
+    class Odd(Sphere):
+        pass
+
+    Odd.periods = periods  # type: ignore[assignment]
+    with pytest.raises(ValueError, match=r"Odd.periods must be 2 positive numbers"):
+        go.distance(Odd(), [1.0, 0.0], [1.0, 1.0], starts=2)
+
+
+def test_periods_in_which_the_metric_changes_are_named() -> None:
+    class Odd(HalfPlane):
+        periods = (np.inf, 1.0)
+
+    with pytest.raises(ValueError, match=r"not the same at .* and 1 further in q\[1\]"):
+        go.distance(Odd(), [0.0, 1.0], [0.0, 2.0], starts=2)
+
+
+def test_regions_keep_the_periods_that_they_have() -> None:
+    def band(q: ca.SX) -> list:
+        return [1.0 - q[1], 1.0 + q[1]]
+
+    def disc(q: ca.SX) -> list:
+        return [ca.dot(q, q) - 0.1]
+
+    along = go.RegionAvoiding(Cylinder(), band)
+    assert along.periods == (2 * np.pi, np.inf)
+    short = go.distance(along, [0.1, 0.0], [6.0, 0.0], starts=2)
+    assert short == pytest.approx(2 * np.pi - 5.9, abs=1e-8)
+    assert go.RegionAvoiding(Cylinder(), disc, posture=(1.0, 0.0)).periods == (np.inf, np.inf)
 
 
 def test_a_forbidden_straight_line_is_one_start_among_others() -> None:
-    """A metric that is none in a strip: the straight line fails, waypoints go round it."""
-
-    class Strip(go.Metric):
-        dim = 2
-
-        def matrix(self, q: ca.SX) -> ca.SX:
-            height = q[1] ** 2 + 4.0 * q[0] ** 2 - 0.3
-            return type(q).eye(2) * ca.if_else(height > 0, 1.0, np.nan)
-
+    """A metric that is none in an ellipse: the straight line fails."""
     ends = [-1.0, 0.0], [1.0, 0.0]
     with pytest.raises(ValueError, match="not finite and positive along the guess"):
         go.log(Strip(), *ends)
-    with pytest.raises(go.NotConverged, match="from any of 2 starts; from the straight line"):
+    with pytest.raises(go.NotConverged, match=r"from any of 2 starts\. From the straight"):
         go.log(Strip(), *ends, starts=2, seed=3)
+
+
+def test_no_certificate_where_there_is_no_metric() -> None:
+    grid = go.Grid(1, 20)
+    straight = np.column_stack([2.0 * grid.nodes - 1.0, 0.0 * grid.nodes])
+    certificate = go.certify(go.Path(Strip(), grid, straight))
+    assert not certificate.stationary
+    assert not certificate.locally_shortest
+    assert certificate.index is None
+    assert certificate.drift == np.inf
+    with pytest.raises(go.IntegrationFailed):
+        go.exp(Strip(), [-1.0, 0.0], [2.0, 0.0])
+
+
+def test_a_path_that_is_no_geodesic_is_not_stationary() -> None:
+    grid = go.Grid(1, 20)
+    wave = np.column_stack([1.2 + 0.3 * np.sin(6.0 * grid.nodes), grid.nodes])
+    certificate = go.certify(go.Path(Sphere(), grid, wave))
+    assert not certificate.stationary
+    assert not certificate.locally_shortest
+    coarse = go.solve(go.PointToPoint(Sphere(), [0.1, 0.0], [0.1, 3.0]), grid=go.Grid(1, 2))
+    assert not coarse.certificate.stationary
+
+
+def test_certify_names_wrong_arguments() -> None:
+    path = on_great_circle(1.0)
+    with pytest.raises(ValueError, match=r"velocity must have shape \(2,\)"):
+        go.certify(path, [1.0, 2.0, 3.0])
+    with pytest.raises(ValueError, match="velocity must be finite"):
+        go.certify(path, [np.nan, 1.0])
+    with pytest.raises(ValueError, match="path must be a Path"):
+        go.certify(3)  # type: ignore[arg-type]
+
+
+def test_causes_are_named_in_few_words(arm_metric: go.KineticEnergy) -> None:
+    q0 = [0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1]
+    q1 = [0.3, np.pi / 2 - 1e-4, -0.4, 0.9, 0.1, 0.0, 0.1]
+    with pytest.raises(go.NotConverged, match="RSx_joint and RSy_joint undo each other") as failure:
+        go.log(arm_metric, q0, q1)
+    assert len(str(failure.value)) < 900
+    box = go.RegionAvoiding(go.Euclidean(2), lambda q: [1.0 - q[0], 1.0 + q[0]])
+    with pytest.raises(go.NotConverged, match=r"along q\[0\] grows by .* a boundary"):
+        go.log(box, [0.1, 0.0], [1.0 - 1e-9, 0.0])
+
+
+@pytest.mark.parametrize("seed", ["x", 1.5, -1])
+def test_seed_must_be_natural(seed: object) -> None:
+    for starts in (1, 2):
+        with pytest.raises(ValueError, match="seed must be an integer, not negative"):
+            go.log(Sphere(), [1.0, 0.0], [1.0, 1.0], starts=starts, seed=seed)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("starts", [0, -1, 1.5, "many"])

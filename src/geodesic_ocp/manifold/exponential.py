@@ -15,6 +15,9 @@ from geodesic_ocp.manifold.rows import by_rows
 # The error of each step is held this much below the tolerance at first, and at most.
 _STEP_SHARE = 0.02
 _FINEST_STEP_TOLERANCE = 1e-13
+_SMALLEST = 1e-100  # tolerance of a step; its square must not overflow
+# A speed that changes more is wrong; positions are still right where it changes less.
+_SPEED_CHANGE = 0.05
 # A second integration with steps this much looser tells how errors grow on the way.
 _LOOSER = 30.0
 # The end point's error falls with that of the steps, in proportion where it is small: by thirty.
@@ -34,7 +37,8 @@ def exp(metric: Metric, q: Any, v: Any, *, tolerance: float = 1e-9) -> Array:
 
     Raises:
         ValueError: wrong shapes or numbers that are not finite, or the metric is no metric at q.
-        IntegrationFailed: the metric becomes singular on the way, or the tolerance is unreachable.
+        IntegrationFailed: the metric becomes singular on the way, or the tolerance is unreachable;
+            `time` and `state` say where.
     """
     positions, _ = trajectory(metric, q, v, np.array([0.0, 1.0]), tolerance=tolerance)
     return np.asarray(positions[-1])
@@ -53,13 +57,14 @@ def trajectory(
     instants = np.asarray(times, dtype=float)
     if instants.ndim != 1 or instants.size < 2 or not np.all(np.diff(instants) > 0):
         raise ValueError("times must be at least two increasing numbers")
-    of_steps = _STEP_SHARE * tolerance
+    of_steps = max(_STEP_SHARE * tolerance, _SMALLEST)
     positions, _ = integrated(metric, point, velocity, instants, _LOOSER * of_steps)
     while True:
         looser = positions
         positions, velocities = integrated(metric, point, velocity, instants, of_steps)
         error = _ESTIMATE * float(np.abs(positions - looser).max())
         if error <= tolerance:
+            _check_speed(metric, positions, velocities)
             return positions, velocities
         if of_steps <= _FINEST_STEP_TOLERANCE:
             raise IntegrationFailed(
@@ -67,6 +72,25 @@ def trajectory(
                 f"are known to {error:.1e} at best, not to {tolerance:.1e}"
             )
         of_steps = max(of_steps / _LOOSER, _FINEST_STEP_TOLERANCE)
+
+
+def _check_speed(metric: Metric, positions: Array, velocities: Array) -> None:
+    """Find a geodesic that rounding has turned away: near a boundary that is infinitely far.
+
+    There the distance to the boundary has lost its digits, in every integration alike.
+    """
+    squares = np.einsum(
+        "ki,kij,kj->k", velocities, [metric.matrix(q) for q in positions], velocities
+    )
+    kept = np.abs(squares - squares[0]) <= _SPEED_CHANGE * squares[0]
+    if not np.all(kept):
+        first = int(np.argmin(kept))
+        raise IntegrationFailed(
+            f"exp from q = {positions[0]} with v = {velocities[0]}: geodesics keep their speed, but "
+            f"this one's has changed from {np.sqrt(squares[0]):.4g} to "
+            f"{np.sqrt(abs(squares[first])):.4g} at {positions[first]}: rounding has the better of "
+            "it, as near a boundary or a singularity"
+        )
 
 
 def integrated(

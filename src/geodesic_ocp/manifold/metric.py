@@ -21,10 +21,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, as_vector, evaluate, is_symbolic
 from geodesic_ocp.manifold.integration import Integrator
-from geodesic_ocp.manifold.singularity import near_singularity
-
-# Eigenvalues of G this much below the largest are zero but for rounding.
-_SINGULAR = 1e-14
+from geodesic_ocp.manifold.singularity import is_singular, near_singularity
 
 
 def as_metric(metric: Any) -> Metric:
@@ -108,7 +105,9 @@ class Metric(ABC):
         # L D L' without pivoting: G is positive definite, and the graph stays small.
         factors, upper, permutation = ca.ldl(self._matrix_function(q), False)
         force = self._christoffel_force(q, u, v)
-        return ca.densify(ca.cse(-ca.ldl_solve(force, factors, upper, permutation)))
+        # Where G does not vary, nothing else would tell that it is no metric there.
+        valid = ca.if_else(ca.trace(self._matrix_function(q)) > 0, 0.0, np.nan)
+        return ca.densify(ca.cse(valid - ca.ldl_solve(force, factors, upper, permutation)))
 
     @cached_property
     def geodesic_equation(self) -> ca.Function:
@@ -201,8 +200,8 @@ class Metric(ABC):
             raise ValueError(f"{name}: the metric is not finite at {point}")
         if not np.allclose(tensor, tensor.T, rtol=1e-9, atol=1e-9 * np.abs(tensor).max()):
             raise ValueError(f"{name}: the metric tensor is not symmetric at {point}")
-        smallest, largest = np.linalg.eigvalsh(tensor)[[0, -1]]
-        if smallest <= _SINGULAR * largest:
+        if is_singular(tensor):
+            smallest, largest = np.linalg.eigvalsh(tensor)[[0, -1]]
             why = self.near_singularity(point)
             raise ValueError(
                 f"{name}: the metric is not positive definite at {point}: the eigenvalues of G "

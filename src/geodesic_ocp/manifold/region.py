@@ -33,13 +33,17 @@ class Region:
 def of_joint_limits(model: Model) -> Region:
     """Within the finite limits of a model, q_j - lower_j and upper_j - q_j.
 
+    Limits of continuous joints a full turn or more apart limit nothing.
+
     Raises:
         ValueError: the model has no finite limit.
     """
     q = ca.SX.sym("q", model.dof)
     rows, labels, joints = [], [], []
+    continuous = np.array([name in model.continuous for name in model.joint_names])
+    turning = continuous & (model.upper - model.lower >= 2.0 * np.pi)
     for side, limits, sign in (("lower", model.lower, 1.0), ("upper", model.upper, -1.0)):
-        for joint in np.flatnonzero(np.isfinite(limits)).tolist():
+        for joint in np.flatnonzero(np.isfinite(limits) & ~turning).tolist():
             rows.append(sign * (q[joint] - limits[joint]))
             name = model.joint_names[joint]
             labels.append(f"the distance of {name} to its {side} limit {limits[joint]:.6g}")

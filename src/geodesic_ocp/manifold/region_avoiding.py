@@ -15,6 +15,9 @@ from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.manifold.region import Region, middle, of_functions, of_joint_limits
 from geodesic_ocp.model.model import Model
 
+# Places at which a region is looked at, to know whether it comes round with a coordinate.
+_LOOKED_AT, _EQUAL = 5, 1e-9
+
 
 @dataclass(frozen=True)
 class RegionAvoiding(Metric):
@@ -82,6 +85,22 @@ class RegionAvoiding(Metric):
     def joint_names(self) -> tuple[str, ...] | None:  # type: ignore[override]
         """Names of the given metric's coordinates."""
         return self.metric.joint_names
+
+    @cached_property
+    def periods(self) -> tuple[float, ...] | None:  # type: ignore[override]
+        """Periods of the given metric, of the coordinates in which the region has them, too."""
+        if self.metric.periods is None:
+            return None
+        rng, periods = np.random.default_rng(0), list(self.metric.periods)
+        for coordinate in np.flatnonzero(np.isfinite(periods)):
+            for q in rng.normal(size=(_LOOKED_AT, self.dim)):
+                there = q.copy()
+                there[coordinate] += periods[coordinate]
+                here, again = (evaluate(self._region.values, point) for point in (q, there))
+                if not np.allclose(here, again, rtol=_EQUAL, atol=_EQUAL, equal_nan=True):
+                    periods[coordinate] = np.inf
+                    break
+        return tuple(periods)
 
     @property
     def model(self) -> Model:

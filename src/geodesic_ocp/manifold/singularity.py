@@ -8,10 +8,25 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 
-# Smaller eigenvalues of the metric in units of its diagonal make geodesics hard to find.
+# Eigenvalues of the metric in units of its diagonal this small are zero but for rounding, as are
+# entries of the diagonal this far below the largest: the square of sin(pi), say.
+_SINGULAR, _VANISHING = 1e-14, 1e-28
+# Somewhat larger ones make geodesics hard to find.
 _NEARLY_SINGULAR = 1e-4
 # Coordinates with this share of the largest in a direction are named as moving in it.
 _SHARE = 0.1
+
+
+def is_singular(tensor: Array) -> bool:
+    """Whether a symmetric, finite tensor (n, n) is not positive definite, but for rounding.
+
+    No unit of a coordinate, and no boundary at which lengths grow, makes it so.
+    """
+    diagonal = np.diag(tensor)
+    if np.any(diagonal <= _VANISHING * diagonal.max()):
+        return True
+    sizes = np.sqrt(diagonal)
+    return bool(np.linalg.eigvalsh(tensor / np.outer(sizes, sizes))[0] <= _SINGULAR)
 
 
 def near_singularity(tensor: Array, q: Array, names: Sequence[str] | None) -> str:

@@ -8,20 +8,19 @@ directions, Morse's index, is the number of points conjugate to the start inside
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import null_space
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import null_space, solve_triangular
 
-from geodesic_ocp.arrays import Array, evaluate
+from geodesic_ocp.arrays import Array, as_vector, evaluate
 from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.manifold.exponential import exp
 from geodesic_ocp.ocp.grid import Grid
 from geodesic_ocp.ocp.path import Path
-from geodesic_ocp.ocp.prepared import transcription_of
-from geodesic_ocp.ocp.problem import PointToPoint
+from geodesic_ocp.ocp.prepared import structure_of_geodesics, transcribed
 from geodesic_ocp.ocp.transcription import Transcription, Units
 
 # Eigenvalues of the second variation this much below the largest are rounding.
@@ -29,6 +28,10 @@ _ROUNDING = 1e-11
 _LARGEST = 1500  # variables of the second variation; longer paths are drawn on a coarser grid
 _COARSER = Grid(8, 20)
 _BISECTIONS = 30
+# Of a stationary path, Newton's method would change the energy by this share at most, and a path
+# that no condition bends keeps its kinetic energy to this share.
+_DECREASE, _DRIFT = 1e-5, 0.05
+_TINY = 1e-300
 # Multipliers of the scaled NLP above this belong to conditions that hold the path back.
 _HOLDING = 1e-6
 _DEPENDENT = 1e-10
@@ -42,25 +45,31 @@ class Certificate:
         residual: distance from the path's end, in the worst coordinate [rad or m], at which the
             geodesic with its initial velocity arrives when integrated forward; inf if it does not.
             Where constraints bend a path, it is no geodesic, and this is large.
-        drift: largest deviation of the kinetic energy along the path from its mean, as a share.
-        index: number of independent directions in which the path gets shorter, to second order,
-            while it meets its conditions. 0: it is shortest among the paths near it.
-        conjugate: s of the first point of a geodesic between fixed ends that is conjugate to its
-            start: up to there it is locally shortest. None: there is none inside.
+        drift: largest deviation of the kinetic energy along the path from its mean, as a share;
+            inf where there is no metric.
+        stationary: whether the energy stays the same, to first order, when the path changes and
+            meets its conditions. If not, the path is none that was looked for.
+        index: number of independent directions in which the energy of a stationary path falls, to
+            second order; None of others.
+        conjugate: s, to 1e-6, of the first point of a geodesic between fixed ends that is conjugate
+            to its start: up to there it is locally shortest. None: there is none inside.
     """
 
     residual: float
     drift: float
-    index: int
+    stationary: bool
+    index: int | None
     conjugate: float | None = None
 
     @property
     def locally_shortest(self) -> bool:
-        """Whether no path near this one is shorter, to second order; else it is only stationary."""
-        return self.index == 0
+        """Whether no path near this one that meets its conditions is shorter, to second order."""
+        return self.stationary and self.index == 0
 
     def __str__(self) -> str:
-        if self.locally_shortest:
+        if not self.stationary:
+            kind = "not stationary"
+        elif self.locally_shortest:
             kind = "shortest among the paths near it"
         else:
             where = f", first conjugate point at s = {self.conjugate:.4g}" if self.conjugate else ""
@@ -68,29 +77,47 @@ class Certificate:
         return f"{kind}; residual {self.residual:.1e}, drift {self.drift:.1e}"
 
 
-def certify(path: Path, velocity: Array | None = None) -> Certificate:
+def certify(path: Path, velocity: ArrayLike | None = None) -> Certificate:
     """The certificate of a path between fixed ends, as a geodesic of its metric.
 
     Args:
-        path: any; it should be stationary for `index` to mean anything, which `residual` tells.
+        path: any; `stationary` tells whether it is a geodesic, as well as its nodes draw one.
         velocity: its initial velocity (n,), where it is known better than from the path.
+
+    Raises:
+        ValueError: not a path, or a velocity of another shape.
     """
-    start = path(0.0, 1) if velocity is None else velocity
-    index, conjugate = _index(path, 1.0), None
-    if index:
-        below, above = 0.0, 1.0
-        for _ in range(_BISECTIONS):
-            middle = (below + above) / 2.0
-            below, above = (below, middle) if _index(path, middle) else (middle, above)
-        conjugate = above
-    return Certificate(_residual(path, start), _drift(path), index, conjugate)
+    if not isinstance(path, Path):
+        raise ValueError(f"path must be a Path, got {path!r}")
+    n = path.metric.dim
+    start = path(0.0, 1) if velocity is None else as_vector("velocity", velocity, n)
+    drift = _drift(path)
+    gradient, hessian = _derivatives(path, 1.0)
+    stationary, index = _judged(gradient[n:-n], hessian[n:-n, n:-n])
+    stationary, conjugate = stationary and drift <= _DRIFT, None
+    if stationary and index:
+        conjugate = _first_conjugate(path)
+    return Certificate(
+        _residual(path, start), drift, stationary, index if stationary else None, conjugate
+    )
+
+
+def _first_conjugate(path: Path) -> float:
+    n, below, above = path.metric.dim, 0.0, 1.0
+    for _ in range(_BISECTIONS):
+        middle = (below + above) / 2.0
+        _, hessian = _derivatives(path, middle)
+        falls = _factor(hessian[n:-n, n:-n]) is None
+        below, above = (below, middle) if falls else (middle, above)
+    return above
 
 
 def _residual(path: Path, velocity: Array) -> float:
     """By how much the geodesic with this initial velocity misses the path's end."""
+    extent = float(np.ptp(path.nodes, axis=0).max())
     try:
-        arrival = exp(path.metric, path.nodes[0], velocity)
-    except (IntegrationFailed, ValueError):
+        arrival = exp(path.metric, path.nodes[0], velocity, tolerance=1e-9 * max(1.0, extent))
+    except (IntegrationFailed, ValueError):  # no way there, or no metric at the start
         return np.inf
     return float(np.abs(arrival - path.nodes[-1]).max())
 
@@ -102,23 +129,54 @@ def _drift(path: Path) -> float:
     slopes = grid.differentiation @ (positions - positions[:, :1])
     speeds = path.metric.speed.map(grid.collocations)
     squares = evaluate(speeds, positions.reshape(-1, n).T, slopes.reshape(-1, n).T).ravel() ** 2
+    if not np.all(np.isfinite(squares)):
+        return np.inf
     mean = float(np.tile(grid.weights, grid.segments) @ squares)
     return float(np.abs(squares / mean - 1.0).max()) if mean > 0.0 else 0.0
 
 
-def _index(path: Path, end: float) -> int:
-    """Index of the part of the path up to s = end, between fixed ends."""
+def _derivatives(path: Path, end: float) -> tuple[Array, Array]:
+    """Gradient and Hessian, in units of the energy, of the energy of the path up to s = end."""
     n, grid = path.metric.dim, path.grid
     if grid.size * n > _LARGEST and grid.segments > _COARSER.segments:
         grid = _COARSER
     nodes = path.nodes if grid is path.grid and end == 1.0 else path(end * grid.nodes)
-    problem = PointToPoint(path.metric, nodes[0], nodes[-1])
+    # Not a problem with these ends, at which there may be no metric: the NLP is the same for all.
+    transcription = transcribed(structure_of_geodesics(path.metric), grid)
     extent = float(np.ptp(nodes, axis=0).max()) or 1.0
-    size = float(np.trace(path.metric.matrix(nodes[0]))) / n
-    units = Units(nodes[0], extent, size * extent**2)
-    x, no_conditions = units.scaled(nodes).ravel(), np.zeros(0)
-    hessian = _hessian(transcription_of(problem, grid), x, units, no_conditions)
-    return _negative_directions(hessian[n:-n, n:-n])
+    energy = transcription.energy(nodes)
+    units = Units(nodes[0], extent, energy if 0.0 < energy < np.inf else 1.0)
+    x = units.scaled(nodes).ravel()
+    _, gradient = transcription.objective(x, units.parameters)
+    return gradient.full()[:, 0], _hessian(transcription, x, units, np.zeros(0))
+
+
+def _judged(gradient: Array, hessian: Array) -> tuple[bool, int]:
+    """Whether a point is stationary, and the number of negative eigenvalues there.
+
+    It is if Newton's method would change the function by less than a small share: the gradient is
+    measured by the Hessian's own scale.
+    """
+    if not (np.all(np.isfinite(gradient)) and np.all(np.isfinite(hessian))):
+        return False, 0
+    if gradient.size == 0:
+        return True, 0
+    if (factor := _factor(hessian)) is not None:
+        along = solve_triangular(factor, gradient, lower=True)
+        return bool(along @ along <= _DECREASE), 0
+    eigenvalues, vectors = np.linalg.eigh(hessian)
+    rounding = _ROUNDING * np.abs(eigenvalues).max()
+    along = vectors.T @ gradient
+    decrease = float(np.sum(along**2 / np.maximum(np.abs(eigenvalues), max(rounding, _TINY))))
+    return decrease <= _DECREASE, int(np.sum(eigenvalues < -rounding))
+
+
+def _factor(matrix: Array) -> Array | None:
+    """Cholesky's factor, where the matrix is positive definite."""
+    try:
+        return np.asarray(np.linalg.cholesky(matrix))
+    except np.linalg.LinAlgError:
+        return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +188,7 @@ class Attempt:
         transcription, units: the NLP.
         x, lam_x, lam_g: iterate and multipliers in the NLP's units.
         held_x, held_g: where both bounds are one.
+        success: whether the solver took it for a solution.
     """
 
     path: Path
@@ -140,6 +199,7 @@ class Attempt:
     lam_g: Array
     held_x: NDArray[np.bool_]
     held_g: NDArray[np.bool_]
+    success: bool
 
     def certificate(self) -> Certificate:
         """The path's certificate among the paths that meet the problem's conditions."""
@@ -147,20 +207,29 @@ class Attempt:
         held_x = self.held_x | (np.abs(self.lam_x) > _HOLDING)
         held_g = self.held_g | (np.abs(self.lam_g) > _HOLDING)
         free = np.flatnonzero(~held_x)
-        hessian = _hessian(self.transcription, self.x, self.units, self.lam_g)
-        reduced = hessian[np.ix_(free, free)]
-        if np.any(held_g):
-            slopes = self._jacobian()[np.ix_(np.flatnonzero(held_g), free)]
-            allowed = null_space(slopes, rcond=_DEPENDENT)
-            reduced = allowed.T @ reduced @ allowed
-        index, conjugate = _negative_directions(reduced), None
-        fixed = np.all(held_x[:n]) and np.all(held_x[-n:]) and free.size == self.x.size - 2 * n
-        if index and fixed and not np.any(held_g):
-            conjugate = certify(self.path).conjugate
         _, gradient = self.transcription.objective(self.x, self.units.parameters)
-        momentum = -gradient.full()[:n, 0] * self.units.scale / self.units.length
-        start = np.linalg.solve(self.path.metric.matrix(self.path.nodes[0]), momentum)
-        return Certificate(_residual(self.path, start), _drift(self.path), index, conjugate)
+        slopes = gradient.full()[:, 0]
+        momentum = -slopes[:n] * self.units.scale / self.units.length
+        drift = _drift(self.path)
+        start = np.full(n, np.nan)
+        if np.isfinite(drift):
+            start = np.linalg.solve(self.path.metric.matrix(self.path.nodes[0]), momentum)
+        residual = _residual(self.path, start)
+        if not self.success or not np.isfinite(drift):
+            return Certificate(residual, drift, stationary=False, index=None)
+        reduced = _hessian(self.transcription, self.x, self.units, self.lam_g)[np.ix_(free, free)]
+        if np.any(held_g):
+            normals = self._jacobian()[np.ix_(np.flatnonzero(held_g), free)]
+            allowed = null_space(normals, rcond=_DEPENDENT)
+            reduced = allowed.T @ reduced @ allowed
+        # Ipopt has made sure of the first order, with all multipliers.
+        _, index = _judged(np.zeros(len(reduced)), reduced)
+        inside = free.size == self.x.size - 2 * n and not np.any(held_x[n:-n])
+        if inside and not np.any(held_g):
+            whole = certify(self.path)
+            # A grid that is too coarse has stationary points that are no geodesics.
+            return replace(whole, residual=residual)
+        return Certificate(residual, drift, stationary=True, index=index)
 
     def _jacobian(self) -> Array:
         x, p = ca.MX.sym("x", self.x.size), ca.MX.sym("p", self.units.parameters.size)
@@ -173,13 +242,3 @@ class Attempt:
 def _hessian(transcription: Transcription, x: Array, units: Units, lam_g: Array) -> Array:
     upper = evaluate(transcription.hessian, x, units.parameters, 1.0, lam_g)
     return np.asarray(np.triu(upper) + np.triu(upper, 1).T)
-
-
-def _negative_directions(matrix: Array) -> int:
-    """Number of negative eigenvalues of a symmetric matrix."""
-    try:
-        np.linalg.cholesky(matrix)
-    except np.linalg.LinAlgError:
-        eigenvalues = np.linalg.eigvalsh(matrix)
-        return int(np.sum(eigenvalues < -_ROUNDING * np.abs(eigenvalues).max()))
-    return 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -9,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array
-from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.arrays import Array, as_vector
+from geodesic_ocp.errors import IntegrationFailed, NotConverged
 from geodesic_ocp.manifold.exponential import trajectory
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.manifold.rows import by_rows
@@ -29,6 +30,12 @@ class Geodesic(Path):
     """
 
     velocity: Array = field(repr=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        velocity = as_vector("velocity", self.velocity, self.metric.dim)
+        velocity.flags.writeable = False
+        object.__setattr__(self, "velocity", velocity)
 
     @cached_property
     def certificate(self) -> Certificate:
@@ -88,14 +95,28 @@ def geodesics(
 
     Args:
         metric: of the manifold.
-        q0, q1: the ends (n,); paths may end whole periods away from q1.
+        q0, q1: the ends (n,); paths may end whole periods away from q1, which is where the metric
+            must be the same.
         starts: how many, at least one.
         seed: of the random numbers.
+
+    A geodesic that turns too sharply to be drawn is left out with a RuntimeWarning.
 
     Raises:
         ValueError, NotConverged: see `log`.
     """
-    return tuple(_drawn(metric, found) for found in _search(metric, q0, q1, starts, seed))
+    drawn: list[Geodesic] = []
+    failures: list[NotConverged] = []
+    for found in _search(metric, q0, q1, starts, seed):
+        try:
+            drawn.append(_drawn(metric, found))
+        except NotConverged as failure:
+            failures.append(failure)
+    if not drawn:
+        raise failures[0]
+    for sharp in failures:
+        warnings.warn(f"left out: {sharp}", RuntimeWarning, stacklevel=2)
+    return tuple(drawn)
 
 
 def _search(metric: Metric, q0: ArrayLike, q1: ArrayLike, starts: int, seed: int) -> list[Found]:
@@ -105,9 +126,12 @@ def _search(metric: Metric, q0: ArrayLike, q1: ArrayLike, starts: int, seed: int
 
 def _drawn(metric: Metric, found: Found) -> Geodesic:
     for grid in found.grids:
-        nodes, velocities = trajectory(
-            metric, found.q0, found.velocity, grid.nodes, tolerance=CHECK_TOLERANCE
-        )
+        try:
+            nodes, velocities = trajectory(
+                metric, found.q0, found.velocity, grid.nodes, tolerance=CHECK_TOLERANCE
+            )
+        except IntegrationFailed as failure:
+            raise NotConverged(f"the geodesic cannot be drawn: {failure}") from None
         path = Geodesic(metric, grid, np.vstack([nodes[:-1], found.q1]), found.velocity)
         slopes = grid.differentiation @ grid.in_segments(path.nodes)
         error = np.abs(slopes - grid.in_segments(velocities)).max()

@@ -25,6 +25,8 @@ def mean(metric: Metric, points: ArrayLike, weights: ArrayLike | None = None) ->
     coordinates, and ends where it is at most 1e-8 of the points' spread. Of points that are far
     apart, in a space of positive curvature, there can be several such x; this is one of them.
 
+    Points are taken as they are, also where coordinates come round (`Metric.periods`).
+
     Args:
         metric: of the manifold.
         points: k points, at least one.

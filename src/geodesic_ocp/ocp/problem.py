@@ -93,6 +93,11 @@ class _Identity:
         return id(self.value)
 
 
+def key_of(metric: Metric) -> Hashable:
+    """The metric, or its identity where it has no hash."""
+    return metric if _hashable(metric) else _Identity(metric)
+
+
 @dataclass(frozen=True)
 class PointToPoint(Problem):
     """The geodesic between two configurations.
@@ -122,4 +127,4 @@ class PointToPoint(Problem):
     @property
     def structure(self) -> Hashable:
         """The metric, or its identity where it has no hash."""
-        return self.metric if _hashable(self.metric) else _Identity(self.metric)
+        return key_of(self.metric)

@@ -38,6 +38,7 @@ _STEP_TOLERANCE = 2e-12
 _UNIT = np.array([0.0, 1.0])
 _CORRECTIONS = 10
 _LOOKED_AT = 21  # points of the straight line
+_VARIED = 1e4  # change of an entry of the metric's diagonal
 _MAX_STEPS = 2000  # of one integration: hundreds do for the longest geodesics of an arm
 # Newton's corrections gain many digits at a time from a path that is fine enough, or none.
 _CONTRACTION = 0.1
@@ -105,7 +106,9 @@ def from_path(
             velocity, jacobian = initial_velocity(metric, solution)
             velocity, miss = _corrected(metric, q0, q1, velocity, jacobian)
         except (IntegrationFailed, np.linalg.LinAlgError) as failure:
-            reasons.append(f"{label}: {failure}")
+            when = getattr(failure, "time", None)
+            where = f" at {when:.3g} of the way" if when is not None else ""
+            reasons.append(f"{label}: its integration fails{where}")
             if not patient:
                 break
             continue
@@ -126,12 +129,22 @@ def from_path(
 def _cause(metric: Metric, solution: Solution) -> str:
     """A singularity on the way, if there is one, or what else it may be."""
     line = np.linspace(solution.path.nodes[0], solution.path.nodes[-1], _LOOKED_AT)
-    for place in (line[0], line[-1], *line[1:-1], *solution.path.nodes[1:-1]):
+    places = np.vstack([line[[0, -1]], line[1:-1], solution.path.nodes[1:-1]])
+    for place in places:
         if why := metric.near_singularity(place):
             return why
+    sizes = np.array([np.diag(metric.matrix(place)) for place in places])
+    ratios = sizes.max(axis=0) / sizes.min(axis=0)
+    if ratios.max() > _VARIED:
+        worst = int(np.argmax(ratios))
+        names = metric.joint_names or [f"q[{index}]" for index in range(metric.dim)]
+        low, high = (places[pick(sizes[:, worst])] for pick in (np.argmin, np.argmax))
+        return (
+            f"between {low} and {high} the square of a length along {names[worst]} grows by "
+            f"{ratios[worst]:.0e}: one of them is near a singularity or a boundary"
+        )
     return (
-        "the straight line may be a poor start (try starts=10), or the goal lies at a conjugate "
-        "point"
+        "the start may be a poor one (starts=10 tries more), or the goal lies at a conjugate point"
     )
 
 

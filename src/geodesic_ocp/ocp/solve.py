@@ -251,6 +251,7 @@ def _solution(
         outcome.lam_g,
         held_x=(bounds.lower == bounds.upper).ravel(),
         held_g=bounds.lower_g == bounds.upper_g,
+        success=stats.success,
     )
     return Solution(problem, path, stats, multipliers, attempt)
 

@@ -25,22 +25,20 @@ _SAME = 1e-6
 _GRID = Grid(1, 20)  # of guesses
 _WAYPOINT = (0.3, 2.0)  # its distance from the straight line, in units of the ends' distance
 _DISTURBANCE = (0.03, 0.3)  # of a velocity, in units of its norm
-_MOST_GOALS = 1000
+_MOST = 6  # coordinates that are taken one more period either way
+_EQUAL = 1e-6
 
 
 def search(metric: Metric, q0: Array, q1: Array, starts: int, seed: int) -> list[Found]:
     """The distinct geodesics that were found from so many starts, shortest first.
 
     Raises:
-        ValueError: starts is not a positive integer.
+        ValueError: starts is not a positive integer, seed not a natural number, or the metric's
+            periods are wrong.
         NotConverged: none was found.
     """
-    try:
-        count = operator.index(starts)
-    except TypeError:
-        count = 0
-    if count < 1:
-        raise ValueError(f"starts must be a positive integer, got {starts!r}")
+    count = _natural("starts", starts, 1)
+    seed = _natural("seed", seed, 0)
     if count == 1:
         return [from_path(metric, q0, q1, None)]
     rng = np.random.default_rng(seed)
@@ -67,24 +65,69 @@ def search(metric: Metric, q0: Array, q1: Array, starts: int, seed: int) -> list
             found.append(one)
     if not found:
         raise NotConverged(
-            f"no geodesic was found from any of {starts} starts; from the straight line: "
-            f"{failures[0]}",
+            f"no geodesic was found from any of {count} starts. From the straight line: "
+            f"{failures[0]}. From the last: {failures[-1]}",
             getattr(failures[0], "solution", None),
         )
     return sorted(found, key=lambda one: float(metric.norm(q0, one.velocity)))
 
 
+def _natural(name: str, value: object, least: int) -> int:
+    try:
+        number = operator.index(value)  # type: ignore[arg-type]
+    except TypeError:
+        number = least - 1
+    if number < least:
+        kind = "a positive integer" if least else "an integer, not negative"
+        raise ValueError(f"{name} must be {kind}, got {value!r}")
+    return number
+
+
+def _periods(metric: Metric) -> Array:
+    """The metric's periods (n,), checked."""
+    if metric.periods is None:
+        return np.full(metric.dim, np.inf)
+    try:
+        periods = np.array(metric.periods, dtype=float)
+    except (TypeError, ValueError):
+        periods = np.zeros(0)
+    if periods.shape != (metric.dim,) or not np.all(periods > 0.0):
+        raise ValueError(
+            f"{type(metric).__name__}.periods must be {metric.dim} positive numbers (inf where a "
+            f"coordinate does not come round), got {metric.periods!r}"
+        )
+    return periods
+
+
 def _goals(metric: Metric, q0: Array, q1: Array) -> list[Array]:
-    """The goal, and the same a period away, nearest to q0 first as straight lines at q0 go."""
-    periods = np.full(metric.dim, np.inf) if metric.periods is None else np.array(metric.periods)
+    """The goal, then the same whole periods away, as straight lines at q0 are long."""
+    periods = _periods(metric)
     turning = np.flatnonzero(np.isfinite(periods))
-    goals = []
-    for turns in product((0, -1, 1), repeat=min(turning.size, 6)):
-        goal = q1.copy()
-        goal[turning[: len(turns)]] += np.array(turns, dtype=float) * periods[turning[: len(turns)]]
-        goals.append(goal)
-    others = sorted(goals[1:], key=lambda goal: float(metric.norm(q0, goal - q0)))
-    return [goals[0], *others[:_MOST_GOALS]]
+    nearest = q1.copy()
+    nearest[turning] -= periods[turning] * np.round((q1 - q0)[turning] / periods[turning])
+    # Of very many, those that are the nearest to half a period away matter most.
+    doubtful = turning[np.argsort(-np.abs((nearest - q0)[turning] / periods[turning]))][:_MOST]
+    goals = [q1]
+    for turns in product((0, -1, 1), repeat=doubtful.size):
+        goal = nearest.copy()
+        goal[doubtful] += np.array(turns, dtype=float) * periods[doubtful]
+        if not np.array_equal(goal, q1):
+            goals.append(goal)
+    _check_periods(metric, q1, periods)
+    return [q1, *sorted(goals[1:], key=lambda goal: float(metric.norm(q0, goal - q0)))]
+
+
+def _check_periods(metric: Metric, q1: Array, periods: Array) -> None:
+    here = metric.matrix(q1)
+    size = np.abs(here).max()
+    for coordinate in np.flatnonzero(np.isfinite(periods)):
+        there = q1.copy()
+        there[coordinate] += periods[coordinate]
+        if not np.abs(metric.matrix(there) - here).max() <= _EQUAL * size:
+            raise ValueError(
+                f"{type(metric).__name__}.periods: the metric is not the same at {q1} and "
+                f"{periods[coordinate]:g} further in q[{coordinate}]"
+            )
 
 
 def _waypoint(metric: Metric, rng: np.random.Generator) -> Array:
