@@ -30,6 +30,17 @@ def as_vector(name: str, value: ArrayLike, size: int) -> Array:
     return array
 
 
+def as_number(name: str, value: object) -> float:
+    """The value as a finite float; ValueError names the argument if not."""
+    try:
+        number = float(value) if np.ndim(value) == 0 else np.nan  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        number = np.nan
+    if isinstance(value, str) or not np.isfinite(number):
+        raise ValueError(f"{name} must be a finite number, got {value!r}")
+    return number
+
+
 def as_positive(name: str, value: float, unit: str = "") -> float:
     """The value as a finite float above zero; ValueError names the argument if not."""
     try:

@@ -63,7 +63,7 @@ def test_models_of_one_name_are_numbered() -> None:
 def test_what_cannot_be_combined(arms: tuple[go.Model, go.Model]) -> None:
     with pytest.raises(ValueError, match="two or more models"):
         go.combine(arms[0])
-    with pytest.raises(ValueError, match="2 models and 1 placements"):
+    with pytest.raises(ValueError, match="placements must be one for each of 2 models"):
         go.combine(*arms, placements=[(0.0, 0.0, 0.0)])
     with pytest.raises(ValueError, match=r"placements\[1\]: not a rotation"):
         go.combine(*arms, placements=[(0, 0, 0), (2 * np.eye(3), (0, 0, 0))])
@@ -72,3 +72,21 @@ def test_what_cannot_be_combined(arms: tuple[go.Model, go.Model]) -> None:
     over = np.diag([1.0, -1.0, -1.0])
     with pytest.raises(ValueError, match="in the common axes gravity is"):
         go.combine(*arms, placements=[(0, 0, 0), (over, (0, 0, 0))])
+
+
+@pytest.mark.parametrize(
+    "placements", [[1, 2], [[], []], [np.eye(4), np.eye(4)], {0: (0, 0, 0)}, "ab"]
+)
+def test_wrong_placements_are_named(arms: tuple[go.Model, go.Model], placements: object) -> None:
+    with pytest.raises(ValueError, match="placements"):
+        go.combine(*arms, placements=placements)  # type: ignore[arg-type]
+
+
+def test_systems_can_be_combined_again(arms: tuple[go.Model, go.Model]) -> None:
+    couple = go.combine(go.combine(*arms), *arms)
+    assert couple.dof == 28
+    frames = [frame.name for frame in couple.pin.frames]
+    assert len(set(frames)) == len(frames)
+    assert len(set(couple.joint_names)) == 28
+    grounded = arms[0].with_hand("universe")
+    assert go.combine(grounded, arms[1]).hand == "universe"

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from gadget import INERTIAL, MASSLESS, MIMIC, MJCF, OTHER, POINT, urdf
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
@@ -15,36 +16,6 @@ from geodesic_ocp.model.rigid_body import BACKENDS, why_unavailable
 from geodesic_ocp.model.robots import ROBOTS, folder
 
 MMM = Path("data") / "models" / "mmm.xml"
-INERTIAL = (
-    '<inertial><origin xyz="0.1 0 0.2"/><mass value="2"/>'
-    '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.15"/></inertial>'
-)
-MASSLESS, POINT = "", INERTIAL.replace("0.15", "0").replace('0.1"', '0"').replace('0.2"', '0"')
-
-
-def urdf(**changes: str) -> str:
-    """A base, a lift, three turning links with a two-finger gripper, and a link beside them.
-
-    Each joint or link may be given as something else.
-    """
-    kinds = {"lift": "prismatic", "one": "revolute", "two": "continuous", "three": "revolute"}
-    kinds |= {"left": "revolute", "right": "revolute", "beside": "revolute"}
-    parents = {"lift": "base", "one": "lift", "two": "one", "three": "two"}
-    parents |= {"left": "three", "right": "three", "beside": "lift"}
-    lines = ['<robot name="gadget">', '<link name="base"/>']
-    for name, parent in parents.items():
-        lines.append(f'<link name="{name}">{changes.get(f"{name}_inertial", INERTIAL)}</link>')
-        mimic = changes.get(f"{name}_mimic", "")
-        origin = changes.get(f"{name}_origin", 'rpy="0.1 0.2 0.3" xyz="0.1 0.2 0.3"')
-        lines.append(
-            f'<joint name="j_{name}" type="{changes.get(name, kinds[name])}">'
-            f'<parent link="{parent}"/><child link="{name}"/><origin {origin}/>'
-            f'<axis xyz="0 1 0"/><limit lower="0.2" upper="1" effort="1" velocity="1"/>'
-            f"{mimic}</joint>"
-        )
-    lines.append('<link name="grip"/><joint name="fixed" type="fixed"><parent link="three"/>')
-    lines.append('<child link="grip"/><origin xyz="0 0 0.1" rpy="0 1 0"/></joint></robot>')
-    return "\n".join(lines)
 
 
 def test_the_chain_from_base_to_hand_moves_and_the_rest_is_locked() -> None:
@@ -103,33 +74,6 @@ def test_file_text_and_pin_model_give_the_same(tmp_path: Path) -> None:
     matrices = [go.load_model(source, hand="grip").mass_matrix(q) for source in sources]
     for matrix in matrices[1:]:
         assert np.array_equal(matrix, matrices[0])
-
-
-def test_commas_in_vectors_are_repaired_and_told() -> None:
-    faulty = urdf(two_origin='rpy="0.1, 0.2 0.3" xyz="0.1 0.2 0.3"')
-    line = next(i for i, text in enumerate(faulty.splitlines(), 1) if "0.1, 0.2" in text)
-    with pytest.warns(
-        UserWarning, match=rf'the text, line {line}: the comma in rpy="0.1, 0.2'
-    ) as told:
-        model = go.load_model(faulty, hand="grip")
-    assert len(told) == 1
-    assert told[0].filename == __file__
-    q = [0.3, 0.2, 0.3, 0.4]
-    expected = go.load_model(urdf(), hand="grip").mass_matrix(q)
-    assert np.array_equal(model.mass_matrix(q), expected)
-
-
-MIMIC = '<mimic joint="j_left" multiplier="-2" offset="0.1"/>'
-OTHER = MIMIC.replace("left", "right")
-
-
-def test_a_locked_mimic_joint_follows_its_leader() -> None:
-    follows = go.load_model(urdf(right_mimic=MIMIC), hand="grip", posture={"j_left": 0.4})
-    posture = {"j_left": 0.4, "j_right": -0.7}
-    wide = urdf().replace('lower="0.2"', 'lower="-3"')
-    alone = go.load_model(wide, hand="grip", posture=posture | {"j_beside": 0.2})
-    q = [0.1, 0.2, 0.3, 0.4]
-    assert_allclose(follows.mass_matrix(q), alone.mass_matrix(q), rtol=0, atol=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -227,51 +171,6 @@ def test_two_roots_are_not_a_urdf(capfd: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(ValueError, match="not a URDF that Pinocchio can read"):
         go.load_model("<robot name='a'><link name='b'/><link name='c'/></robot>", hand="b")
     capfd.readouterr()  # urdfdom says more on standard error
-
-
-MJCF = """
-<mujoco model="two">
-  <compiler angle="radian"/>
-  <worldbody>
-    <body name="trunk"><freejoint name="root"/><geom type="sphere" size="0.1" mass="1"/>
-      <body name="upper" pos="0 0 0.1">
-        <joint name="a" type="hinge" axis="0 1 0" range="-1 1" armature="0.5"/>
-        <geom type="capsule" size="0.02" fromto="0 0 0 0 0 0.5" mass="1"/>
-        <body name="fore" pos="0 0 0.5">
-          <joint name="b" type="slide" axis="1 0 0" range="-1 1"/>
-          <geom type="capsule" size="0.02" fromto="0 0 0 0 0 0.5" mass="1"/>
-          <site name="tip" pos="0 0 0.5"/>
-          <body name="f1"><joint name="c1"/><geom type="sphere" size="0.1" mass="0.1"/></body>
-          <body name="f2"><joint name="c2"/><geom type="sphere" size="0.1" mass="0.1"/></body>
-        </body>
-      </body>
-    </body>
-  </worldbody>
-  <equality><joint joint1="c2" joint2="c1" polycoef="0 -1 0 0 0"/></equality>
-</mujoco>
-"""
-
-
-def test_mjcf_text_and_file(tmp_path: Path) -> None:
-    model = go.load_model(MJCF, hand="tip", base="trunk")
-    assert model.joint_names == ("a", "b")
-    assert model.lower.tolist() == [-1.0, -1.0]
-    file = tmp_path / "two.xml"
-    file.write_text(MJCF, encoding="utf-8")
-    again = go.load_model(file, hand="tip", joints=["a", "b"])
-    q = [0.3, 0.1]
-    assert_allclose(again.mass_matrix(q), model.mass_matrix(q), rtol=0, atol=1e-14)
-    bare = go.load_model(MJCF.replace('armature="0.5"', ""), hand="tip", base="trunk")
-    difference = model.mass_matrix(q) - bare.mass_matrix(q)
-    assert_allclose(difference, np.diag([0.5, 0.0]), rtol=0, atol=1e-14)
-    with pytest.raises(ValueError, match="'root' is a JointModelFreeFlyer"):
-        go.load_model(MJCF, hand="tip")
-    with pytest.raises(ValueError, match="'c2' mimics 'c1'"):
-        go.load_model(MJCF, hand="f2", base="fore")
-    with pytest.raises(ValueError, match="not an MJCF that Pinocchio can read"):
-        go.load_model(
-            "<mujoco><worldbody><body><joint type='odd'/></body></worldbody></mujoco>", hand="a"
-        )
 
 
 @pytest.mark.parametrize("side", ["right", "left"])
@@ -421,3 +320,21 @@ def test_massless_fingers_of_a_robot_are_named() -> None:
     ):
         go.load_model(native, hand="LFinger22Link")
     assert go.load_model(file, hand="l_wrist", base="torso").dof == 7
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"hand": 3}, "hand 3 is not a frame"),
+        ({"joints": 1}, "joints must be a sequence of names, got 1"),
+        ({"posture": [0.1]}, "posture must be a mapping"),
+        ({"posture": {"j_left": "0.3"}}, "posture: 'j_left' must be a finite number, got '0.3'"),
+        ({"posture": {"j_left": None}}, "must be a finite number, got None"),
+        ({"source": "x" * 5000}, "source is neither XML nor a name: 'xxx"),
+        ({"source": "a\0b.urdf"}, "source is neither XML nor a name"),
+        ({"source": Path(__file__).parent}, "cannot be read"),
+    ],
+)
+def test_wrong_arguments_are_named(arguments: dict, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        go.load_model(**({"source": urdf(), "hand": "grip"} | arguments))

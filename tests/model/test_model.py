@@ -155,3 +155,29 @@ def test_payload_adds_its_kinetic_energy(backend: str, rng: np.random.Generator)
 def test_objects_that_are_none_are_named(arguments: tuple, message: str, arm: go.Model) -> None:
     with pytest.raises(ValueError, match=message):
         arm.with_payload(*arguments)
+
+
+def test_what_cannot_be_a_limit_or_a_hand(arm: go.Model) -> None:
+    for limits in ((np.full(7, np.inf), np.full(7, np.inf)), (None, np.full(7, -np.inf))):
+        with pytest.raises(ValueError, match="RSx_joint: the lower limit"):
+            arm.with_limits(*limits)
+    with pytest.raises(ValueError, match="upper must be 7 numbers"):
+        arm.with_limits(upper={"RSx_joint": "x"})
+    with pytest.raises(ValueError, match="no frame 3"):
+        arm.with_hand(3)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="does not move, a payload has no effect"):
+        arm.with_hand("universe").with_payload(1.0)
+    with pytest.raises(ValueError, match="inertia must be 3 x 3 finite numbers, got 'a'"):
+        arm.with_payload(1.0, inertia="a")
+    with pytest.raises(ValueError, match="continuous: 'elbow' is not a joint"):
+        go.Model(arm.pin, "hand", continuous=("elbow",))
+    twice = go.Model(arm.pin, "hand", continuous=("RSx_joint", "RSx_joint"))
+    assert twice.continuous == ("RSx_joint",)
+
+
+def test_a_slide_without_limits_reaches_to_infinity() -> None:
+    native = pin.Model()
+    slide = native.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "slide")
+    native.addFrame(pin.Frame("end", slide, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    assert go.Model(native, "end").reach == np.inf
+    assert go.Model(native, "end").with_limits([-1.0], [2.0]).reach == pytest.approx(2.0)

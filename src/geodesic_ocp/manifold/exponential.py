@@ -86,10 +86,10 @@ def _check_speed(metric: Metric, positions: Array, velocities: Array) -> None:
     if not np.all(kept):
         first = int(np.argmin(kept))
         raise IntegrationFailed(
-            f"exp from q = {positions[0]} with v = {velocities[0]}: geodesics keep their speed, but "
-            f"this one's has changed from {np.sqrt(squares[0]):.4g} to "
-            f"{np.sqrt(abs(squares[first])):.4g} at {positions[first]}: rounding has the better of "
-            "it, as near a boundary or a singularity"
+            f"exp from q = {positions[0]} with v = {velocities[0]}: geodesics keep their speed, "
+            f"but this one's has changed from {np.sqrt(squares[0]):.4g} to "
+            f"{np.sqrt(abs(squares[first])):.4g} at {positions[first]}: rounding has the "
+            "better of it, as near a boundary or a singularity"
         )
 
 

@@ -10,7 +10,7 @@ import pinocchio as pin
 from geodesic_ocp.model.joints import motion_subspace
 
 # A continuous joint has no limits; these are far enough that none is in the way of a shorter turn.
-_DEFAULT_LIMIT = 2.0 * np.pi  # [rad]
+DEFAULT_LIMIT = 2.0 * np.pi  # [rad]
 _AXES = {
     (1.0, 0.0, 0.0): pin.JointModelRX,
     (0.0, 1.0, 0.0): pin.JointModelRY,
@@ -49,7 +49,7 @@ def with_angles(model: pin.Model) -> pin.Model:
             sign = -1.0 if limits.startswith("lower") else 1.0
             old = getattr(model, limits)[joint.idx_q : joint.idx_q + joint.nq]
             getattr(result, limits)[now.idx_q : now.idx_q + now.nq] = (
-                sign * _DEFAULT_LIMIT if name in continuous else old
+                sign * DEFAULT_LIMIT if name in continuous else old
             )
     for index in range(model.njoints):
         result.inertias[index] = model.inertias[index]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from geodesic_ocp.arrays import as_vector
+from geodesic_ocp.model.joints import distinct_frames, restore_frames
 from geodesic_ocp.model.model import Model
 
 _SAME = 1e-9  # of gravity [m/s^2] and of rotations
@@ -32,37 +33,47 @@ def combine(*models: Model, placements: Sequence[Any] | None = None) -> Model:
     """
     if len(models) < 2 or not all(isinstance(model, Model) for model in models):
         raise ValueError(f"combine takes two or more models, got {models!r}")
-    if placements is None:
-        placements = [np.zeros(3)] * len(models)
-    if len(placements) != len(models):
-        raise ValueError(f"there are {len(models)} models and {len(placements)} placements")
-    places = [_placement(f"placements[{i}]", place) for i, place in enumerate(placements)]
-
-    parts = list(_with_own_names(models))
+    places = _placements(placements, len(models))
+    names = _own_names(models)
     gravity = places[0].rotation @ models[0].pin.gravity.linear
-    whole = pin.Model()
-    whole.gravity = pin.Motion(gravity, np.zeros(3))
-    for model, (part, _), place in zip(models, parts, places, strict=True):
+    parts = []
+    for model, own, place in zip(models, names, places, strict=True):
         turned = place.rotation @ model.pin.gravity.linear
         if np.abs(turned - gravity).max() > _SAME:
             raise ValueError(
                 f"in the common axes gravity is {turned} m/s^2 for {model.name!r} and {gravity} "
                 f"m/s^2 for {models[0].name!r}"
             )
-        whole = pin.appendModel(whole, part, 0, place)
+        parts.append(_renamed(model.pin, own))
+    whole = pin.Model()
+    with distinct_frames(*parts) as old:
+        for part, place in zip(parts, places, strict=True):
+            whole = pin.appendModel(whole, part, 0, place)
+    restore_frames(whole, old)
     whole.name = " and ".join(model.name for model in models)
     whole.gravity = pin.Motion(gravity, np.zeros(3))
-    continuous = tuple(
-        names[joint]
-        for model, (_, names) in zip(models, parts, strict=True)
-        for joint in model.continuous
-    )
-    return Model(whole, parts[0][1][models[0].hand], models[0].backend, continuous)
+    continuous = [
+        own[name] for model, own in zip(models, names, strict=True) for name in model.continuous
+    ]
+    return Model(whole, names[0][models[0].hand], models[0].backend, tuple(continuous))
+
+
+def _placements(given: Sequence[Any] | None, count: int) -> list[pin.SE3]:
+    if given is None:
+        return [pin.SE3.Identity()] * count
+    if not isinstance(given, (Sequence, np.ndarray)) or len(given) != count:
+        raise ValueError(f"placements must be one for each of {count} models, got {given!r}")
+    return [_placement(f"placements[{index}]", place) for index, place in enumerate(given)]
 
 
 def _placement(name: str, given: Any) -> pin.SE3:
-    rotation, place = (np.eye(3), given) if np.ndim(given[0]) == 0 else given
-    matrix = np.array(rotation, dtype=float)
+    rotation, place = np.eye(3), given
+    if isinstance(given, (tuple, list)) and len(given) == 2 and np.ndim(given[0]) > 0:
+        rotation, place = given
+    try:
+        matrix = np.array(rotation, dtype=float)
+    except (TypeError, ValueError):
+        matrix = np.zeros(0)
     if (
         matrix.shape != (3, 3)
         or not np.abs(matrix @ matrix.T - np.eye(3)).max() <= _SAME
@@ -72,21 +83,33 @@ def _placement(name: str, given: Any) -> pin.SE3:
     return pin.SE3(matrix, as_vector(name, place, 3))
 
 
-def _with_own_names(models: Sequence[Model]) -> Iterator[tuple[pin.Model, dict[str, str]]]:
-    """Each model with names that are its own alone, and these by the old ones."""
+def _own_names(models: Sequence[Model]) -> list[dict[str, str]]:
+    """For each model, names of joints and frames that are its own alone, by the old ones."""
     everyone = Counter(name for model in models for name in _names(model.pin))
-    titles = Counter(model.name for model in models)
-    for number, model in enumerate(models, 1):
-        title = model.name if titles[model.name] == 1 else f"{model.name} {number}"
-        new = {
-            name: f"{title}/{name}" if everyone[name] > 1 else name for name in _names(model.pin)
-        }
-        part = model.pin.copy()
-        for index in range(1, part.njoints):
-            part.names[index] = new[part.names[index]]
-        for index in range(1, part.nframes):  # the first is the universe
-            part.frames[index].name = new[part.frames[index].name]
-        yield part, new
+    taken = {name for name, count in everyone.items() if count == 1}
+    result = []
+    for model in models:
+        own, title, number = {}, model.name, 1
+        if sum(other.name == model.name for other in models) > 1:
+            title = f"{model.name} {number}"
+        shared = [name for name in sorted(_names(model.pin)) if everyone[name] > 1]
+        while any(f"{title}/{name}" in taken for name in shared):
+            number += 1
+            title = f"{model.name} {number}"
+        for name in _names(model.pin):
+            own[name] = f"{title}/{name}" if name in shared else name
+        taken |= set(own.values())
+        result.append({**own, "universe": "universe"})
+    return result
+
+
+def _renamed(model: pin.Model, own: Mapping[str, str]) -> pin.Model:
+    part = model.copy()
+    for index in range(1, part.njoints):
+        part.names[index] = own[part.names[index]]
+    for index in range(1, part.nframes):  # the first is the universe
+        part.frames[index].name = own[part.frames[index].name]
+    return part
 
 
 def _names(model: pin.Model) -> set[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,19 +10,14 @@ from pathlib import Path
 
 import pinocchio as pin
 
+from geodesic_ocp.model.mimic import Mimic
+from geodesic_ocp.model.mjcf import mjcf_model
 from geodesic_ocp.model.simox import simox_model
+from geodesic_ocp.model.urdf import urdf_model
 
-# <origin rpy="1.57, 0 0"/>: numbers of a vector are separated by blanks alone.
-_VECTOR = re.compile(r"""\b(rpy|xyz)\s*=\s*(["'])([^"']*,[^"']*)\2""")
-
-
-@dataclass(frozen=True)
-class Mimic:
-    """A joint that follows another: q = multiplier * leader + offset."""
-
-    leader: str
-    multiplier: float
-    offset: float
+_DECLARATION = re.compile(r"^\s*<\?xml[^>]*\?>")
+_ENCODING = re.compile(rb"""^\s*<\?xml[^>]*encoding\s*=\s*["']([\w.-]+)["']""")
+_MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,16 +27,36 @@ class Description:
     Attributes:
         pin: the model, with all joints of the file.
         mimics: by name, the joints that follow another.
-        repairs: what was wrong in the text and how it was read, one sentence each.
+        warnings: what was wrong in the text and how it was read, one sentence each.
     """
 
     pin: pin.Model
     mimics: Mapping[str, Mimic] = field(default_factory=dict)
-    repairs: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+def read_file(file: Path, height: float | None, mass: float | None) -> Description:
+    """The model in a file: see `read_description`.
+
+    Raises:
+        ValueError: it cannot be read, or is not what it should be; names the file.
+    """
+    try:
+        content = file.read_bytes()
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{file} cannot be read: {error}") from None
+    declared = _ENCODING.match(content)
+    encoding = declared.group(1).decode() if declared else "utf-8"
+    encoding = next((name for mark, name in _MARKS.items() if content.startswith(mark)), encoding)
+    try:
+        text = content.decode(encoding)
+    except (UnicodeDecodeError, LookupError) as error:
+        raise ValueError(f"{file} cannot be read: {error}") from None
+    return read_description(text, file.name, height, mass, file.parent)
 
 
 def read_description(
-    text: str, name: str, height: float | None, mass: float | None, file: Path | None = None
+    text: str, name: str, height: float | None, mass: float | None, folder: Path | None = None
 ) -> Description:
     """The model in an XML text; `name` stands for it in messages.
 
@@ -50,11 +64,13 @@ def read_description(
         text: of a URDF, MJCF or Simox document, told apart by the root element.
         name: of the file, or what the text is.
         height, mass: of the person [m], [kg], for Simox models, which are per unit of both.
-        file: where the text was read, for formats that refer to other files.
+        folder: where the text was read, for formats that refer to other files.
 
     Raises:
         ValueError: it is none of these, or faulty; names the place where it is known.
     """
+    # In a text there is nothing left to decode.
+    text = _DECLARATION.sub("", text.removeprefix("\ufeff"), count=1)
     try:
         root = ET.fromstring(text)
     except ET.ParseError as error:
@@ -64,54 +80,10 @@ def read_description(
     if height is not None or mass is not None:
         raise ValueError(f"height and mass scale MMM models, and {name} is not one")
     if root.tag == "robot":
-        return _urdf(root, text, name)
+        return Description(*urdf_model(root, text, name))
     if root.tag == "mujoco":
-        return _mjcf(root, text, name, file)
+        return Description(*mjcf_model(root, name, folder))
     raise ValueError(
         f"{name} is neither URDF (<robot>), MJCF (<mujoco>) nor Simox (<Robot>): its root element "
         f"is <{root.tag}>"
     )
-
-
-def _urdf(root: ET.Element, text: str, name: str) -> Description:
-    if any(element.tag.startswith("{") and "xacro" in element.tag for element in root.iter()):
-        raise ValueError(f"{name} is a xacro file; expand it to URDF first")
-    repairs = tuple(_repair(match, text, name) for match in _VECTOR.finditer(text))
-    try:
-        model = pin.buildModelFromXML(_VECTOR.sub(lambda m: m.group().replace(",", " "), text))
-    except Exception as error:
-        raise ValueError(f"{name} is not a URDF that Pinocchio can read: {error}") from None
-    mimics = {}
-    for joint in root.iter("joint"):
-        if (mimic := joint.find("mimic")) is not None:
-            figures = (float(mimic.get(key, value)) for key, value in _MIMIC.items())
-            mimics[joint.get("name", "")] = Mimic(mimic.get("joint", ""), *figures)
-    moving = {joint: leader for joint, leader in mimics.items() if joint in model.names}
-    return Description(model, moving, repairs)
-
-
-_MIMIC = {"multiplier": "1", "offset": "0"}
-
-
-def _repair(match: re.Match[str], text: str, name: str) -> str:
-    line = text.count("\n", 0, match.start()) + 1
-    return f"{name}, line {line}: the comma in {match.group()} is read as a blank"
-
-
-def _mjcf(root: ET.Element, text: str, name: str, file: Path | None) -> Description:
-    try:
-        if file is not None:
-            model = pin.buildModelFromMJCF(str(file))
-        else:
-            with tempfile.TemporaryDirectory() as folder:
-                written = Path(folder) / "model.xml"
-                written.write_text(text, encoding="utf-8")
-                model = pin.buildModelFromMJCF(str(written))
-    except Exception as error:
-        raise ValueError(f"{name} is not an MJCF that Pinocchio can read: {error}") from None
-    mimics = {}
-    for equality in root.iterfind("equality/joint"):
-        if (leader := equality.get("joint2")) is not None:
-            offset, factor = (*map(float, equality.get("polycoef", "0 1").split()), 1.0)[:2]
-            mimics[equality.get("joint1", "")] = Mimic(leader, factor, offset)
-    return Description(model, mimics)

@@ -40,6 +40,18 @@ _LIMITS = {  # [rad]
 }
 
 
+def as_stature(height: float, mass: float) -> tuple[float, float]:
+    """A person's height [m] and mass [kg], if they can be; ValueError says what is wrong."""
+    height = as_positive("height", height, "m")
+    mass = as_positive("mass", mass, "kg")
+    if height > _TALLEST or mass > _HEAVIEST:
+        raise ValueError(
+            f"height and mass must be at most {_TALLEST:g} m and {_HEAVIEST:g} kg, "
+            f"got {height:g} m and {mass:g} kg"
+        )
+    return height, mass
+
+
 def human_arm(
     side: Side = "right",
     height: float = 1.75,
@@ -68,13 +80,7 @@ def human_arm(
     """
     if side not in get_args(Side):
         raise ValueError(f"side must be 'right' or 'left', got {side!r}")
-    height = as_positive("height", height, "m")
-    mass = as_positive("mass", mass, "kg")
-    if height > _TALLEST or mass > _HEAVIEST:
-        raise ValueError(
-            f"height and mass must be at most {_TALLEST:g} m and {_HEAVIEST:g} kg, "
-            f"got {height:g} m and {mass:g} kg"
-        )
+    height, mass = as_stature(height, mass)
     figures = anthropometry(side, table, sex)
 
     arm = pin.Model()

@@ -22,7 +22,10 @@ def body_inertia(mass: float, centre: Array, inertia: ArrayLike | None) -> pin.I
     Raises:
         ValueError: the moments are not symmetric, or one of the principal moments is negative.
     """
-    moments = np.zeros((3, 3)) if inertia is None else np.array(inertia, dtype=float)
+    try:
+        moments = np.zeros((3, 3)) if inertia is None else np.array(inertia, dtype=float)
+    except (TypeError, ValueError):
+        moments = np.zeros(0)
     if moments.shape != (3, 3) or not np.all(np.isfinite(moments)):
         raise ValueError(f"inertia must be 3 x 3 finite numbers, got {inertia!r}")
     largest = np.abs(moments).max()
@@ -80,9 +83,10 @@ def _carried_masses(model: pin.Model) -> Array:
 
 
 def _link_of(model: pin.Model, index: int) -> str:
-    """Name of the first link that moves with the joint, or the joint's where it has none."""
+    """Name of the link at the joint, or the joint's where its link has none of its own."""
     for frame in model.frames:
-        if frame.parentJoint == index and frame.type == pin.FrameType.BODY:
+        at_joint = frame.parentJoint == index and frame.placement.isIdentity(_ROUNDING)
+        if at_joint and frame.type == pin.FrameType.BODY:
             return str(frame.name)
     return str(model.names[index])
 

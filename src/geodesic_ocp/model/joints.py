@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import casadi as ca
@@ -41,6 +43,36 @@ def configuration(model: pin.Model, q: Any) -> Any:
         coordinate = q[joint.idx_v]
         entries += [coordinate] if joint.nq == 1 else [cos(coordinate), sin(coordinate)]
     return ca.vertcat(*entries) if is_symbolic(q) else np.array(entries, dtype=float)
+
+
+@contextmanager
+def distinct_frames(*models: pin.Model) -> Iterator[dict[str, str]]:
+    """Let the frames of models have names of their own, as Pinocchio's changes of models need it.
+
+    Yields the old names by the new ones, for `restore_frames` of what was made of the models.
+    """
+    old, count = {}, 0
+    before = [[str(frame.name) for frame in model.frames] for model in models]
+    joints = {str(name) for model in models for name in model.names}
+    for model in models:
+        for frame in list(model.frames)[1:]:
+            if frame.type == pin.FrameType.JOINT and frame.name in joints:
+                continue  # Pinocchio looks joints up by name
+            count += 1
+            old[f"frame {count}"] = str(frame.name)
+            frame.name = f"frame {count}"
+    try:
+        yield old
+    finally:
+        for model, names in zip(models, before, strict=True):
+            for frame, name in zip(model.frames, names, strict=True):
+                frame.name = name
+
+
+def restore_frames(model: pin.Model, old: Mapping[str, str]) -> None:
+    """Give frames the names back that they had before `distinct_frames`."""
+    for frame in model.frames:
+        frame.name = old.get(str(frame.name), str(frame.name))
 
 
 def frame_index(model: pin.Model, name: str) -> int:

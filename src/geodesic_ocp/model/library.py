@@ -8,16 +8,20 @@ from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 
+import numpy as np
 import pinocchio as pin
 
-from geodesic_ocp.model.description import Description, read_description
+from geodesic_ocp.model.angles import DEFAULT_LIMIT
+from geodesic_ocp.model.description import Description, read_description, read_file
 from geodesic_ocp.model.inertia import check_inertias
-from geodesic_ocp.model.joints import frame_index
+from geodesic_ocp.model.joints import frame_index, motion_subspace
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.reduction import based_at, locked
 from geodesic_ocp.model.robots import INSTALL, ROBOTS, described, locate, on_demand
 
 _ENDINGS = (".urdf", ".xml", ".mjcf", ".xacro")
+_LONGEST_NAME = 4096
+_UNLIMITED = 1e6  # [rad]: formats write infinity in their own ways
 
 
 def load_model(
@@ -55,8 +59,8 @@ def load_model(
             has no mass or an inertia that is not positive definite. Names what is wrong.
     """
     description, hand, base = _read(source, hand, base, height, mass)
-    for repair in description.repairs:
-        warnings.warn(repair, UserWarning, stacklevel=2)
+    for fault in description.warnings:
+        warnings.warn(fault, UserWarning, stacklevel=2)
     whole = description.pin
     if hand is None:
         raise ValueError(f"hand must name a frame of {whole.name!r}: {_known(_frames(whole))}")
@@ -71,7 +75,28 @@ def load_model(
     check_inertias(model)
     if isinstance(source, str) and source in ROBOTS:
         model.name = source
-    return Model(model, hand, backend)
+    return Model(model, hand, backend, _give_limits(model))
+
+
+def _give_limits(model: pin.Model) -> tuple[str, ...]:
+    """Limit what turns without limits as continuous joints are, and name it."""
+    names = []
+    for index in range(1, model.njoints):
+        joint = model.joints[index]
+        if joint.nq == 1 and np.any(motion_subspace(model, index)[3:]):
+            lower, upper = (
+                limits[joint.idx_q]
+                for limits in (model.lowerPositionLimit, model.upperPositionLimit)
+            )
+            if lower <= -_UNLIMITED and upper >= _UNLIMITED and not _is_helical(joint):
+                model.lowerPositionLimit[joint.idx_q] = -DEFAULT_LIMIT
+                model.upperPositionLimit[joint.idx_q] = DEFAULT_LIMIT
+                names.append(str(model.names[index]))
+    return tuple(names)
+
+
+def _is_helical(joint: pin.JointModel) -> bool:
+    return "H" in joint.shortname().removeprefix("JointModel")  # a turn of a screw leads elsewhere
 
 
 def _read(
@@ -84,22 +109,20 @@ def _read(
         return Description(source.copy()), hand, base
     if not isinstance(source, (str, PathLike)):
         raise ValueError(f"source must be a file, its text, a pin.Model or a name, got {source!r}")
-    if isinstance(source, str) and source.lstrip().startswith("<"):
+    if isinstance(source, str) and source.removeprefix("\ufeff").lstrip().startswith("<"):
         return read_description(source, "the text", height, mass), hand, base
+    if isinstance(source, str) and (len(source) > _LONGEST_NAME or "\0" in source):
+        raise ValueError(f"source is neither XML nor a name: {source[:40]!r}...")
     file = Path(source)
     if isinstance(source, str) and not file.is_file() and file.suffix not in _ENDINGS:
         if (found := locate(source)) is None:
             raise ValueError(_unknown(source))
         robot = ROBOTS.get(source)
         if robot is not None:
-            hand = hand or robot.hand
-            base = base or robot.base
+            hand = robot.hand if hand is None else hand
+            base = robot.base if base is None else base
         file = found
-    try:
-        text = file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"{file} cannot be read: {error}") from None
-    return read_description(text, file.name, height, mass, file), hand, base
+    return read_file(file, height, mass), hand, base
 
 
 def _unknown(name: str) -> str:
@@ -112,7 +135,7 @@ def _unknown(name: str) -> str:
 
 
 def _frame(argument: str, model: pin.Model, name: str) -> int:
-    if not model.existFrame(name):
+    if not isinstance(name, str) or not model.existFrame(name):
         known = _known(_frames(model), name)
         raise ValueError(f"{argument} {name!r} is not a frame of {model.name!r}: {known}")
     return frame_index(model, name)
@@ -128,7 +151,7 @@ def _known(names: Iterable[str], wanted: str = "") -> str:
     names = list(names)
     if len(names) <= 40:
         return ", ".join(names)
-    near = difflib.get_close_matches(wanted, names, n=10, cutoff=0.3)
+    near = difflib.get_close_matches(str(wanted), names, n=10, cutoff=0.3)
     return f"{', '.join(near or names[-10:])} and {len(names) - len(near or names[-10:])} more"
 
 
@@ -148,8 +171,8 @@ def _moving(
         if not chain:
             raise ValueError(f"there is no joint before the hand {model.frames[hand].name!r}")
         return tuple(str(model.names[index]) for index in chain)
-    if isinstance(joints, str):
-        raise ValueError(f"joints must be a sequence of names, got the string {joints!r}")
+    if isinstance(joints, str) or not isinstance(joints, Iterable):
+        raise ValueError(f"joints must be a sequence of names, got {joints!r}")
     names = tuple(joints)
     known = list(model.names)[1:]
     for name in names:

@@ -45,7 +45,7 @@ class Model:
     _hand_id: int = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if not self.pin.existFrame(self.hand):
+        if not isinstance(self.hand, str) or not self.pin.existFrame(self.hand):
             known = ", ".join(frame.name for frame in self.pin.frames)
             raise ValueError(f"the model has no frame {self.hand!r}; its frames are {known}")
         for index in range(1, self.pin.njoints):
@@ -53,7 +53,8 @@ class Model:
         for name in self.continuous:
             if name not in list(self.pin.names)[1:]:
                 raise ValueError(f"continuous: {name!r} is not a joint of the model")
-        continuous = (*self.continuous, *continuous_joints(self.pin))
+        turning = {*self.continuous, *continuous_joints(self.pin)}
+        continuous = tuple(str(name) for name in self.pin.names if name in turning)
         object.__setattr__(self, "pin", with_angles(self.pin))
         object.__setattr__(self, "backend", choose_backend(self.backend))
         object.__setattr__(self, "_hand_id", frame_index(self.pin, self.hand))
@@ -82,16 +83,16 @@ class Model:
     @cached_property
     def lower(self) -> Array:
         """Lower limits (n,) [rad or m]; -inf where there is none."""
-        return self._limits(np.array(self.pin.lowerPositionLimit), -np.inf)
+        return self._limits(np.array(self.pin.lowerPositionLimit))
 
     @cached_property
     def upper(self) -> Array:
         """Upper limits (n,) [rad or m]; inf where there is none."""
-        return self._limits(np.array(self.pin.upperPositionLimit), np.inf)
+        return self._limits(np.array(self.pin.upperPositionLimit))
 
-    def _limits(self, stored: Array, unlimited: float) -> Array:
-        limits = stored.copy()
-        limits[np.abs(limits) >= np.finfo(float).max] = unlimited
+    def _limits(self, limits: Array) -> Array:
+        far = np.abs(limits) >= np.finfo(float).max
+        limits[far] = np.sign(limits[far]) * np.inf
         limits.flags.writeable = False
         return limits
 
@@ -190,6 +191,8 @@ class Model:
         body = body_inertia(mass, as_vector("position", position, 3), inertia)
         loaded = self.pin.copy()
         hand = loaded.frames[self._hand_id]
+        if hand.parentJoint == 0:
+            raise ValueError(f"the hand {self.hand!r} does not move, a payload has no effect there")
         loaded.appendBodyToJoint(hand.parentJoint, body, hand.placement)
         loaded.name = f"{self.name} with {mass:g} kg"
         return replace(self, pin=loaded)
@@ -204,26 +207,37 @@ class Model:
         Raises:
             ValueError: wrong shapes or names, not numbers, or a lower limit above its upper one.
         """
-        limits = []
-        for name, given, old in (("lower", lower, self.lower), ("upper", upper, self.upper)):
-            new = old.copy()
-            if isinstance(given, Mapping):
-                for joint, value in given.items():
-                    if joint not in self.joint_names:
-                        known = ", ".join(self.joint_names)
-                        raise ValueError(f"{name}: {joint!r} is not one of the joints {known}")
-                    new[self.joint_names.index(joint)] = value
-            elif given is not None:
-                new = np.array(given, dtype=float)
-            if new.shape != (self.dof,) or np.any(np.isnan(new)):
-                raise ValueError(f"{name} must be {self.dof} numbers, got {given!r}")
-            limits.append(new)
+        limits = [
+            self._changed("lower", lower, self.lower),
+            self._changed("upper", upper, self.upper),
+        ]
         for joint, low, high in zip(self.joint_names, *limits, strict=True):
-            if low > high:
+            if low > high or low == np.inf or high == -np.inf:  # of which there are none between
                 raise ValueError(f"{joint}: the lower limit {low:g} lies above the upper {high:g}")
         limited = self.pin.copy()
         limited.lowerPositionLimit, limited.upperPositionLimit = limits
         return replace(self, pin=limited)
+
+    def _changed(
+        self, name: str, given: ArrayLike | Mapping[str, float] | None, old: Array
+    ) -> Array:
+        if given is None:
+            return old
+        if isinstance(given, Mapping):
+            for joint in given:
+                if joint not in self.joint_names:
+                    known = ", ".join(self.joint_names)
+                    raise ValueError(f"{name}: {joint!r} is not one of the joints {known}")
+            given = [
+                given.get(joint, value) for joint, value in zip(self.joint_names, old, strict=True)
+            ]
+        try:
+            new = np.array(given, dtype=float)
+        except (TypeError, ValueError):
+            new = np.zeros(0)
+        if new.shape != (self.dof,) or np.any(np.isnan(new)):
+            raise ValueError(f"{name} must be {self.dof} numbers, got {given!r}")
+        return new
 
     def with_hand(self, hand: str) -> Model:
         """The model with another of its frames for hand.

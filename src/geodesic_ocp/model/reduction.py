@@ -7,9 +7,15 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pinocchio as pin
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, as_number
 from geodesic_ocp.model.description import Description
-from geodesic_ocp.model.joints import frame_index, motion_subspace
+from geodesic_ocp.model.joints import (
+    distinct_frames,
+    frame_index,
+    motion_subspace,
+    restore_frames,
+)
+from geodesic_ocp.model.mimic import follow
 
 _SLACK = 1e-6  # limits of files are rounded
 
@@ -32,6 +38,12 @@ def locked(
             motion_subspace(model, model.getJointId(name))
         except ValueError as error:
             raise ValueError(f"{error}; leave it out with base=... or joints=[...]") from None
+    for index in range(1, model.njoints):
+        if model.joints[index].shortname() == "JointModelMimic":
+            raise ValueError(
+                f"joint {model.names[index]!r} of the pin.Model is a JointModelMimic, which cannot "
+                "be locked; build the model without mimic joints"
+            )
     for name, mimic in description.mimics.items():
         if mimic.leader in moving and name not in posture:
             raise ValueError(
@@ -40,7 +52,11 @@ def locked(
             )
     q = _configuration(description, moving, posture)
     others = [index for index in range(1, model.njoints) if model.names[index] not in moving]
-    reduced = pin.buildReducedModel(model, others, q) if others else model.copy()
+    if not others:
+        return model.copy()
+    with distinct_frames(model) as names:
+        reduced = pin.buildReducedModel(model, others, q)
+    restore_frames(reduced, names)
     reduced.name = model.name
     return reduced
 
@@ -52,12 +68,13 @@ def _configuration(
     model = description.pin
     q: Array = pin.neutral(model)
     values = {str(name): 0.0 for name in list(model.names)[1:]}
+    if not isinstance(posture, Mapping):
+        raise ValueError(f"posture must be a mapping of joints to values, got {posture!r}")
     for name, value in posture.items():
         if name not in values or name in moving:
             why = "moves" if name in values else f"is not a joint of {model.name!r}"
             raise ValueError(f"posture: {name!r} {why}")
-        if not np.isfinite(value):
-            raise ValueError(f"posture: {name!r} must be a finite number, got {value!r}")
+        as_number(f"posture: {name!r}", value)
     for index in range(1, model.njoints):
         name, joint = str(model.names[index]), model.joints[index]
         if name in moving:
@@ -71,9 +88,8 @@ def _configuration(
             values[name] = _value(name, posture.get(name), *limits)
         else:
             values[name] = float(posture.get(name, 0.0))
-    for name, mimic in description.mimics.items():
-        if name not in posture and mimic.leader in values:
-            values[name] = mimic.multiplier * values[mimic.leader] + mimic.offset
+    following = {name: mimic for name, mimic in description.mimics.items() if name not in posture}
+    values = follow(following, values)
     for index in range(1, model.njoints):
         joint, value = model.joints[index], values[str(model.names[index])]
         if joint.nv == 1 and model.names[index] not in moving:

@@ -1,0 +1,108 @@
+"""MJCF: what is read, and what is refused since Pinocchio would leave it out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gadget import MJCF
+from numpy.testing import assert_allclose
+
+import geodesic_ocp as go
+
+
+def test_mjcf_text_and_file(tmp_path: Path) -> None:
+    model = go.load_model(MJCF, hand="tip", base="trunk")
+    assert model.joint_names == ("a", "b")
+    assert model.lower.tolist() == [-1.0, -1.0]
+    file = tmp_path / "two.xml"
+    file.write_text(MJCF, encoding="utf-8")
+    again = go.load_model(file, hand="tip", joints=["a", "b"])
+    q = [0.3, 0.1]
+    assert_allclose(again.mass_matrix(q), model.mass_matrix(q), rtol=0, atol=1e-14)
+    bare = go.load_model(MJCF.replace('armature="0.5"', ""), hand="tip", base="trunk")
+    difference = model.mass_matrix(q) - bare.mass_matrix(q)
+    assert_allclose(difference, np.diag([0.5, 0.0]), rtol=0, atol=1e-14)
+    with pytest.raises(ValueError, match="'root' is a JointModelFreeFlyer"):
+        go.load_model(MJCF, hand="tip")
+    with pytest.raises(ValueError, match="'c2' mimics 'c1'"):
+        go.load_model(MJCF, hand="f2", base="fore")
+    with pytest.raises(ValueError, match="not an MJCF that Pinocchio can read"):
+        go.load_model(
+            "<mujoco><worldbody><body><joint type='odd'/></body></worldbody></mujoco>", hand="a"
+        )
+
+
+SHARED_NAMES = """
+<mujoco>
+  <worldbody>
+    <body name="a"><joint name="a" range="-1 1"/><geom type="box" size=".1 .1 .1" mass="1"/>
+      <body name="b" pos="0 0 1"><joint name="b" axis="1 0 0" range="-1 1"/>
+        <geom type="box" size=".1 .1 .1" mass="1"/>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def test_a_joint_and_its_link_may_have_one_name() -> None:
+    model = go.load_model(SHARED_NAMES, hand="b", joints=["b"])
+    assert model.joint_names == ("b",)
+    twice = go.combine(model, model, placements=[(0, 0, 0), (1, 0, 0)])
+    assert twice.dof == 2
+    place = twice.with_hand("the text 2/b").hand_pose([0.0, 0.5])[1]
+    assert_allclose(place, model.hand_pose([0.5])[1] + [1.0, 0.0, 0.0], rtol=0, atol=1e-15)
+
+
+def body(inside: str, before: str = "", after: str = "") -> str:
+    """An MJCF of one body on a hinge named j."""
+    hinge = "<joint name='j'/>" if "<joint" not in inside else ""
+    world = f"<worldbody><body name='a'>{hinge}{inside}</body></worldbody>"
+    return f"<mujoco>{before}{world}{after}</mujoco>"
+
+
+def equal(how: str) -> str:
+    return f"<equality><joint joint1='j' joint2='k' {how}/></equality>"
+
+
+BALL = "<geom type='sphere' size='0.1' mass='1'/>"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (body("<geom type='mesh' mesh='m' mass='3'/>"), "body 'a' has the inertia of a mesh"),
+        (body(BALL + "<frame><body name='c'/></frame>"), "body 'a' has a <frame>"),
+        (body(BALL, "<compiler settotalmass='3'/>"), "settotalmass is not read"),
+        (body(BALL + "<include file='more.xml'/>"), "includes 'more.xml', which only a file can"),
+        (body(BALL, after=equal("polycoef='x'")), "joint 'j': polycoef is not numbers"),
+        (body(BALL, after=equal("polycoef='0 0 1'")), "joint 'j' with 'k' is not linear"),
+    ],
+)
+def test_what_pinocchio_leaves_out_of_an_mjcf_is_named(text: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        go.load_model(text, hand="a")
+
+
+def test_mjcf_includes_gravity_and_unlimited_hinges(tmp_path: Path) -> None:
+    (tmp_path / "more.xml").write_text(f"<mujocoinclude>{BALL}</mujocoinclude>")
+    text = body(BALL + "<include file='more.xml'/>", "<option gravity='0 0 -1'/>")
+    (tmp_path / "main.xml").write_text(text)
+    model = go.load_model(tmp_path / "main.xml", hand="a")
+    assert model.mass == 2.0
+    assert model.pin.gravity.linear.tolist() == [0.0, 0.0, -1.0]
+    assert model.continuous == ("j",)
+    assert model.upper == pytest.approx([2 * np.pi])
+    free = body("<joint name='j' limited='false' range='-1 1'/>" + BALL)
+    assert go.load_model(free, hand="a").continuous == ("j",)
+    (tmp_path / "main.xml").write_text(body("<include file='none.xml'/>"))
+    with pytest.raises(ValueError, match=r"main.xml includes none.xml, which cannot be read"):
+        go.load_model(tmp_path / "main.xml", hand="a")
+    weld = body(BALL, after="<equality><weld body1='a' body2='b'/></equality>")
+    with pytest.warns(UserWarning, match="the <weld> of a and b is left out"):
+        go.load_model(weld, hand="a")
+    with pytest.warns(UserWarning, match="joint 'j' with a constant is left out"):
+        go.load_model(body(BALL, after="<equality><joint joint1='j'/></equality>"), hand="a")
+    assert go.load_model(body(BALL, after=equal("active='false'")), hand="a").dof == 1

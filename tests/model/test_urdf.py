@@ -1,0 +1,101 @@
+"""URDF: repairs, joints that follow others, faulty figures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from gadget import MIMIC, OTHER, urdf
+from numpy.testing import assert_allclose
+
+import geodesic_ocp as go
+
+
+def test_commas_in_vectors_are_repaired_and_told() -> None:
+    faulty = urdf(two_origin='rpy="0.1, 0.2 0.3" xyz="0.1 0.2 0.3"')
+    line = next(i for i, text in enumerate(faulty.splitlines(), 1) if "0.1, 0.2" in text)
+    with pytest.warns(
+        UserWarning, match=rf'the text, line {line}: the comma in rpy="0.1, 0.2'
+    ) as told:
+        model = go.load_model(faulty, hand="grip")
+    assert len(told) == 1
+    assert told[0].filename == __file__
+    q = [0.3, 0.2, 0.3, 0.4]
+    expected = go.load_model(urdf(), hand="grip").mass_matrix(q)
+    assert np.array_equal(model.mass_matrix(q), expected)
+
+
+def test_a_locked_mimic_joint_follows_its_leader() -> None:
+    follows = go.load_model(urdf(right_mimic=MIMIC), hand="grip", posture={"j_left": 0.4})
+    posture = {"j_left": 0.4, "j_right": -0.7}
+    wide = urdf().replace('lower="0.2"', 'lower="-3"')
+    alone = go.load_model(wide, hand="grip", posture=posture | {"j_beside": 0.2})
+    q = [0.1, 0.2, 0.3, 0.4]
+    assert_allclose(follows.mass_matrix(q), alone.mass_matrix(q), rtol=0, atol=1e-15)
+
+
+def test_followers_follow_in_any_order() -> None:
+    """j_beside follows j_right, which follows j_left."""
+    second = '<mimic joint="j_right" multiplier="0.5"/>'
+    chained = urdf(right_mimic=MIMIC, beside_mimic=second)
+    model = go.load_model(chained, hand="grip", posture={"j_left": 0.4})
+    posture = {"j_left": 0.4, "j_right": -0.7, "j_beside": -0.35}
+    wide = urdf().replace('lower="0.2"', 'lower="-3"')
+    alone = go.load_model(wide, hand="grip", posture=posture)
+    q = [0.1, 0.2, 0.3, 0.4]
+    assert_allclose(model.mass_matrix(q), alone.mass_matrix(q), rtol=0, atol=1e-15)
+    circle = urdf(left_mimic=OTHER, right_mimic=MIMIC)
+    with pytest.raises(ValueError, match="joints mimic each other"):
+        go.load_model(circle, hand="grip")
+    lost = urdf(left_mimic=OTHER.replace("j_right", "j_gone"))
+    with pytest.warns(UserWarning, match="joint 'j_left' mimics 'j_gone', which is no joint"):
+        go.load_model(lost, hand="grip")
+
+
+def test_followers_of_a_pin_model_are_refused() -> None:
+    native = pin.buildModelFromXML(urdf(right_mimic=MIMIC), mimic=True)
+    with pytest.raises(ValueError, match=r"'j_right' of the pin\.Model is a JointModelMimic"):
+        go.load_model(native, hand="grip")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (urdf().replace('lower="0.2"', 'lower="2"'), "j_lift': its lower limit 2 lies above"),
+        (urdf().replace('axis xyz="0 1 0"', 'axis xyz="0 0 0"'), "'j_lift': its axis is zero"),
+        (urdf().replace('mass value="2"', 'mass value="two"'), "value is 'two', not a number"),
+        (urdf(two_origin='xyz="0,5 0"'), r'line \d+: xyz="0,5 0" is not three numbers'),
+    ],
+)
+def test_faulty_figures_of_a_urdf_are_named(text: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        go.load_model(text, hand="grip")
+
+
+def test_limits_that_were_left_out_are_told() -> None:
+    text = urdf().replace('lower="0.2" upper="1" ', "")
+    with pytest.warns(UserWarning, match="no room between its limits") as told:
+        go.load_model(text, hand="grip")
+    sentence = "the text: joint 'j_one' has no room between its limits, 0 and 0"
+    assert sentence in [str(each.message) for each in told]
+
+
+def test_encodings_and_comments(tmp_path: Path) -> None:
+    comment = '<!-- ünused: <origin rpy="1, 2 3"/> -->'
+    text = f"<?xml version='1.0' encoding='latin-1'?>\n{comment}\n{urdf()}"
+    expected = go.load_model(urdf(), hand="grip").mass_matrix([0.3, 0.1, 0.2, 0.4])
+    file = tmp_path / "gadget.urdf"
+    for encoding, content in (
+        ("latin-1", text),
+        ("utf-16", text.replace("latin-1", "utf-16")),
+        ("utf-8-sig", comment + urdf()),
+    ):
+        file.write_bytes(content.encode(encoding))
+        model = go.load_model(file, hand="grip")  # a warning would be an error here
+        assert np.array_equal(model.mass_matrix([0.3, 0.1, 0.2, 0.4]), expected)
+    assert go.load_model("\ufeff" + text, hand="grip").dof == 4
+    file.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ValueError, match="cannot be read"):
+        go.load_model(file, hand="grip")
