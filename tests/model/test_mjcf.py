@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from gadget import MJCF
 from numpy.testing import assert_allclose
@@ -106,3 +108,33 @@ def test_mjcf_includes_gravity_and_unlimited_hinges(tmp_path: Path) -> None:
     with pytest.warns(UserWarning, match="joint 'j' with a constant is left out"):
         go.load_model(body(BALL, after="<equality><joint joint1='j'/></equality>"), hand="a")
     assert go.load_model(body(BALL, after=equal("active='false'")), hand="a").dof == 1
+
+
+def test_joints_of_one_body_are_taken_apart(rng: np.random.Generator) -> None:
+    """As Pinocchio's composite joint has them, but each by its name."""
+    several = (
+        "<joint name='x' type='hinge' axis='1 0 0' pos='0 0.1 0' range='-1 1'/>"
+        "<joint name='s' type='slide' axis='0 1 1' range='-1 1'/>"
+        "<joint name='y' type='hinge' axis='0 1 0' pos='0.2 0 0' range='-1 1' armature='0.3'/>"
+    )
+    long = "<geom type='capsule' size='0.05' fromto='0.1 0 0 0.3 0.2 0.5' mass='2'/>"
+    below = "<body name='b' pos='0 0 1'><joint name='z' range='-1 1'/>" + long + "</body>"
+    turned = f"<body name='a' pos='1 0 0' euler='30 20 10'>{several + long + below}</body>"
+    text = f"<mujoco><worldbody>{turned}</worldbody></mujoco>"
+    model = go.load_model(text, hand="b")
+    assert model.joint_names == ("x", "s", "y", "z")
+    assert model.mass == 4.0
+    assert go.load_model(text, hand="a").joint_names == ("x", "s", "y")
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "composite.xml"
+        file.write_text(text)
+        native = pin.buildModelFromMJCF(str(file))
+    data = native.createData()
+    for q in rng.uniform(-1.0, 1.0, (4, 4)):
+        upper = np.triu(pin.crba(native, data, q))
+        expected = upper + np.triu(upper, 1).T
+        assert_allclose(model.mass_matrix(q), expected, rtol=0, atol=1e-12)
+        pin.framesForwardKinematics(native, data, q)
+        place = data.oMf[native.getFrameId("b", pin.FrameType.BODY)]
+        assert_allclose(model.hand_pose(q)[1], place.translation, rtol=0, atol=1e-13)
+        assert_allclose(model.hand_pose(q)[0], place.rotation, rtol=0, atol=1e-13)

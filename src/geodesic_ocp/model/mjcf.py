@@ -27,6 +27,8 @@ def mjcf_model(
     """
     _include(root, name, folder, ())
     _refuse(root, name)
+    for body in list(root.iter("body")):
+        _give_each_joint_a_body(body)
     with tempfile.TemporaryDirectory() as scratch:
         written = Path(scratch) / "model.xml"
         ET.ElementTree(root).write(written, encoding="utf-8")
@@ -69,6 +71,22 @@ def _include(element: ET.Element, name: str, folder: Path | None, before: tuple[
         element.remove(child)
         for offset, part in enumerate(included):
             element.insert(index + offset, part)
+
+
+def _give_each_joint_a_body(body: ET.Element) -> None:
+    """Several joints of a body act one after the other: as those of bodies in each other.
+
+    Pinocchio makes one joint of many degrees of freedom of them.
+    """
+    joints = body.findall("joint")
+    for joint in joints[:-1]:
+        inner = ET.Element("body", {"name": body.get("name", "")})
+        inner.extend([child for child in body if child is not joint])
+        for child in list(inner):
+            body.remove(child)
+        body.append(inner)
+        body.set("name", f"{body.get('name', '')}/{joint.get('name', '')}")
+        body = inner
 
 
 def _refuse(root: ET.Element, name: str) -> None:
