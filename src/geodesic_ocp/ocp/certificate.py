@@ -148,7 +148,7 @@ def _derivatives(path: Path, end: float) -> tuple[Array, Array]:
     units = Units(nodes[0], extent, energy if 0.0 < energy < np.inf else 1.0)
     x = units.scaled(nodes).ravel()
     _, gradient = transcription.objective(x, units.parameters)
-    return gradient.full()[:, 0], _hessian(transcription, x, units, np.zeros(0))
+    return gradient.full()[:, 0], _hessian(transcription, x, units.parameters, np.zeros(0))
 
 
 def _judged(gradient: Array, hessian: Array) -> tuple[bool, int]:
@@ -185,21 +185,24 @@ class Attempt:
 
     Attributes:
         path: in the problem's units.
-        transcription, units: the NLP.
+        transcription, units, values: the NLP, and the values of the problem's own parameters.
         x, lam_x, lam_g: iterate and multipliers in the NLP's units.
         held_x, held_g: where both bounds are one.
         success: whether the solver took it for a solution.
+        of_energy: whether nothing but the energy was minimised.
     """
 
     path: Path
     transcription: Transcription
     units: Units
+    values: Array
     x: Array
     lam_x: Array
     lam_g: Array
     held_x: NDArray[np.bool_]
     held_g: NDArray[np.bool_]
     success: bool
+    of_energy: bool
 
     def certificate(self) -> Certificate:
         """The path's certificate among the paths that meet the problem's conditions."""
@@ -207,7 +210,8 @@ class Attempt:
         held_x = self.held_x | (np.abs(self.lam_x) > _HOLDING)
         held_g = self.held_g | (np.abs(self.lam_g) > _HOLDING)
         free = np.flatnonzero(~held_x)
-        _, gradient = self.transcription.objective(self.x, self.units.parameters)
+        p = self.units.with_values(self.values)
+        _, gradient = self.transcription.objective(self.x, p)
         slopes = gradient.full()[:, 0]
         momentum = -slopes[:n] * self.units.scale / self.units.length
         drift = _drift(self.path)
@@ -217,7 +221,7 @@ class Attempt:
         residual = _residual(self.path, start)
         if not self.success or not np.isfinite(drift):
             return Certificate(residual, drift, stationary=False, index=None)
-        reduced = _hessian(self.transcription, self.x, self.units, self.lam_g)[np.ix_(free, free)]
+        reduced = _hessian(self.transcription, self.x, p, self.lam_g)[np.ix_(free, free)]
         if np.any(held_g):
             normals = self._jacobian()[np.ix_(np.flatnonzero(held_g), free)]
             allowed = null_space(normals, rcond=_DEPENDENT)
@@ -225,20 +229,19 @@ class Attempt:
         # Ipopt has made sure of the first order, with all multipliers.
         _, index = _judged(np.zeros(len(reduced)), reduced)
         inside = free.size == self.x.size - 2 * n and not np.any(held_x[n:-n])
-        if inside and not np.any(held_g):
+        if inside and not np.any(held_g) and self.of_energy:
             whole = certify(self.path)
             # A grid that is too coarse has stationary points that are no geodesics.
             return replace(whole, residual=residual)
         return Certificate(residual, drift, stationary=True, index=index)
 
     def _jacobian(self) -> Array:
-        x, p = ca.MX.sym("x", self.x.size), ca.MX.sym("p", self.units.parameters.size)
+        x, p = ca.MX.sym("x", self.x.size), ca.MX.sym("p", self.transcription.size_p)
         slopes = ca.jacobian(self.transcription.constraints(x, p), x)
-        return np.asarray(
-            evaluate(ca.Function("dg", [x, p], [slopes]), self.x, self.units.parameters)
-        )
+        jacobian = ca.Function("dg", [x, p], [slopes])
+        return np.asarray(evaluate(jacobian, self.x, self.units.with_values(self.values)))
 
 
-def _hessian(transcription: Transcription, x: Array, units: Units, lam_g: Array) -> Array:
-    upper = evaluate(transcription.hessian, x, units.parameters, 1.0, lam_g)
+def _hessian(transcription: Transcription, x: Array, p: Array, lam_g: Array) -> Array:
+    upper = evaluate(transcription.hessian, x, p, 1.0, lam_g)
     return np.asarray(np.triu(upper) + np.triu(upper, 1).T)

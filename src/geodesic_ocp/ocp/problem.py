@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import casadi as ca
 
@@ -23,19 +23,34 @@ class Problem(ABC):
     """A path of least energy 1/2 int |q'(s)|_G^2 ds, s in [0, 1], under boundary conditions.
 
     A subclass, usually a frozen dataclass whose fields all have defaults, gives `metric` and
-    `boundary`, and where it needs them `constraints`, `guess` and the closed form. Expressions are
-    built from CasADi SX symbols; a bare coordinate, such as `q0` or `q[2]`, becomes a bound.
+    `boundary`, and where it needs them `constraints`, `cost`, `guess` and the closed form.
+    Expressions are built from CasADi SX symbols; a bare coordinate, such as `q0` or `q[2]`, becomes
+    a bound.
+
+    Attributes:
+        metric: of the manifold.
+        parameters: names of the fields, numbers or arrays of them, that may change from one solve
+            to the next without a new NLP: expressions are built with symbols in their place.
     """
 
     metric: Metric
+    parameters: ClassVar[Sequence[str]] = ()
 
     @abstractmethod
     def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Equality]:
-        """Equalities (expression, value[, name]) in the path's ends q0 and q1, (n, 1) each."""
+        """Equalities (expression, value[, name]) in the path's ends q0 and q1, (n, 1) each.
+
+        A method that takes four arguments, boundary(self, q0, q1, v0, v1), is given v = q'(s) at
+        both ends, too.
+        """
 
     def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Inequality]:
         """Bounds (lower, expression, upper[, name]) along the path in q and v = q'(s)."""
         return ()
+
+    def cost(self, q: ca.SX, v: ca.SX) -> Any:
+        """Integrand of what is minimised in addition to the energy; zero by default."""
+        return 0.0
 
     def guess(self, s: Array) -> Array | None:
         """Positions (len(s), n) to start from; None is the straight line between the fixed ends.
@@ -58,9 +73,15 @@ class Problem(ABC):
     def structure(self) -> Hashable | None:
         """Problems of one class and equal structure differ in values and bounds alone.
 
-        They share one NLP, built once. None: the NLP is built anew for every solve.
+        They share one NLP, built once. None: the NLP is built anew for every solve. Problems with
+        `parameters` that are dataclasses have the metric and all other fields for structure.
         """
-        return None
+        fields = getattr(self, "__dataclass_fields__", None)
+        if not self.parameters or fields is None:
+            return None
+        others = [getattr(self, name) for name in fields if name not in self.parameters]
+        # A metric may depend on a parameter, which then changes the NLP after all.
+        return tuple(key_of(value) for value in (self.metric, *others))
 
     def exact(self, s: Array) -> Array | None:
         """The solution in closed form at s, (len(s), n), where it is known."""
@@ -93,9 +114,9 @@ class _Identity:
         return id(self.value)
 
 
-def key_of(metric: Metric) -> Hashable:
-    """The metric, or its identity where it has no hash."""
-    return metric if _hashable(metric) else _Identity(metric)
+def key_of(value: object) -> Hashable:
+    """The value, or its identity where it has no hash."""
+    return value if _hashable(value) else _Identity(value)
 
 
 @dataclass(frozen=True)

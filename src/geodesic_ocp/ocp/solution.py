@@ -23,6 +23,7 @@ class Stats:
         seconds: wall time of the solver.
         variables, constraints: sizes of the NLP, bounds not counted.
         energy: of the path on its grid, 1/2 int |q'|_G^2 ds.
+        objective: what was minimised, the energy and the problem's own cost.
         violation: largest violation of any condition at the nodes, in the condition's unit.
         worst: name of the condition with that violation.
     """
@@ -34,6 +35,7 @@ class Stats:
     variables: int
     constraints: int
     energy: float
+    objective: float
     violation: float
     worst: str
 

@@ -11,8 +11,9 @@ from typing import Any, TypeAlias
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, evaluate
 from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.ocp.certificate import Attempt
 from geodesic_ocp.ocp.grid import Grid
 from geodesic_ocp.ocp.nodal import NodeBounds
@@ -20,7 +21,7 @@ from geodesic_ocp.ocp.path import Path
 from geodesic_ocp.ocp.prepared import Structure, transcribed
 from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.solution import Solution, Stats
-from geodesic_ocp.ocp.terms import conditions
+from geodesic_ocp.ocp.terms import Conditions, conditions
 from geodesic_ocp.ocp.transcription import Transcription, Units
 
 # The objective is scaled to be of the order of one, so these are relative to the path's energy.
@@ -133,7 +134,7 @@ def solve(
 ) -> Solution:
     """The path of least energy under the problem's conditions, found from one start.
 
-    min 1/2 int |q'(s)|_G^2 ds over the positions at the grid's nodes.
+    min int (|q'(s)|_G^2 / 2 + cost) ds over the positions at the grid's nodes.
 
     Args:
         problem: an instance of a subclass of Problem.
@@ -158,16 +159,16 @@ def solve(
     shared = structure.key is not None
     solver = _shared(structure, grid, options) if shared else _ipopt(transcription, options)
     nodes = _initial(problem, grid, bounds, guess)
-    units = _units(problem, transcription, nodes)
+    units = _units(problem, transcription, nodes, terms.values)
     outcome = solver(
         x0=units.scaled(nodes).ravel(),
-        p=units.parameters,
+        p=units.with_values(terms.values),
         lbx=units.scaled(bounds.lower).ravel(),
         ubx=units.scaled(bounds.upper).ravel(),
         lbg=bounds.lower_g,
         ubg=bounds.upper_g,
     )
-    solution = _solution(problem, grid, transcription, bounds, outcome, units)
+    solution = _solution(problem, terms, transcription, bounds, outcome, units)
     if throw and not solution.stats.success:
         raise NotConverged(_explanation(problem, solution.stats), solution)
     return solution
@@ -175,7 +176,7 @@ def solve(
 
 def _ipopt(transcription: Transcription, options: Options) -> Ipopt:
     x = ca.MX.sym("x", transcription.dim * transcription.grid.size)
-    p = ca.MX.sym("p", transcription.dim + 2)
+    p = ca.MX.sym("p", transcription.size_p)
     f, _ = transcription.objective(x, p)
     nlp = {"x": x, "p": p, "f": f, "g": transcription.constraints(x, p)}
     derivatives = {"grad_f": transcription.objective, "hess_lag": transcription.hessian}
@@ -204,11 +205,11 @@ def _initial(problem: Problem, grid: Grid, bounds: NodeBounds, guess: Path | Non
     return np.asarray(np.clip(nodes, bounds.lower, bounds.upper))
 
 
-def _units(problem: Problem, transcription: Transcription, nodes: Array) -> Units:
+def _units(problem: Problem, transcription: Transcription, nodes: Array, values: Array) -> Units:
     """The guess's extent and energy, or one and the metric's size where the guess does not move."""
     extent = float(np.ptp(nodes, axis=0).max())
     size = float(np.trace(problem.metric.matrix(nodes[0]))) / problem.metric.dim
-    energy = transcription.energy(nodes)
+    energy = abs(transcription.energy(nodes, values))
     if not np.isfinite(energy) or not np.isfinite(size) or size <= 0.0:
         raise ValueError("the metric is not finite and positive along the guess")
     if extent <= 0.0 or energy <= 0.0:
@@ -218,12 +219,13 @@ def _units(problem: Problem, transcription: Transcription, nodes: Array) -> Unit
 
 def _solution(
     problem: Problem,
-    grid: Grid,
+    terms: Conditions,
     transcription: Transcription,
     bounds: NodeBounds,
     outcome: Outcome,
     units: Units,
 ) -> Solution:
+    grid = transcription.grid
     x = units.positions(np.nan_to_num(outcome.x).reshape(grid.size, problem.metric.dim))
     # Fixed coordinates come back exactly, not by way of their scaled values.
     x = np.where(bounds.lower == bounds.upper, bounds.lower, x)
@@ -235,7 +237,8 @@ def _solution(
         seconds=outcome.seconds,
         variables=outcome.x.size,
         constraints=outcome.g.size,
-        energy=transcription.energy(x),
+        objective=transcription.energy(x, terms.values),
+        energy=_energy(problem.metric, grid, x),
         violation=violation,
         worst=worst,
     )
@@ -246,14 +249,27 @@ def _solution(
         path,
         transcription,
         units,
+        terms.values,
         outcome.x,
         outcome.lam_x,
         outcome.lam_g,
         held_x=(bounds.lower == bounds.upper).ravel(),
         held_g=bounds.lower_g == bounds.upper_g,
         success=stats.success,
+        of_energy=bool(terms.cost.is_zero()),
     )
     return Solution(problem, path, stats, multipliers, attempt)
+
+
+def _energy(metric: Metric, grid: Grid, nodes: Array) -> float:
+    """1/2 int |q'|_G^2 ds by the grid's own quadrature."""
+    states = grid.in_segments(nodes)
+    slopes = grid.differentiation @ (states - states[:, :1])
+    n = metric.dim
+    speeds = evaluate(
+        metric.speed.map(grid.collocations), states.reshape(-1, n).T, slopes.reshape(-1, n).T
+    )
+    return float(0.5 * np.tile(grid.weights, grid.segments) @ speeds.ravel() ** 2)
 
 
 def _explanation(problem: Problem, stats: Stats) -> str:

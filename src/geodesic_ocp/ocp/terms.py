@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import inspect
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -41,9 +43,12 @@ class Conditions:
     """All conditions of a problem, by how they enter the NLP.
 
     Attributes:
-        q0, q1, q, v: the symbols (n, 1) in which they are written.
+        q0, q1, v0, v1, q, v: the symbols (n, 1) in which they are written.
+        p: the symbols (k, 1) of the problem's parameters.
+        values: of the parameters, (k,).
+        cost: what is added to the energy's integrand, in q, v and p.
         fixed: bare coordinates at the ends, which become values of nodes (symbols q0, q1).
-        ends: other equalities at the ends (symbols q0, q1).
+        ends: other equalities at the ends (symbols q0, q1, v0, v1).
         bounds: bare coordinates along the path, which become bounds of nodes (symbols q, v).
         still: other constraints along the path in q alone.
         moving: constraints along the path in q and v.
@@ -51,8 +56,13 @@ class Conditions:
 
     q0: ca.SX
     q1: ca.SX
+    v0: ca.SX
+    v1: ca.SX
     q: ca.SX
     v: ca.SX
+    p: ca.SX
+    values: Array
+    cost: ca.SX
     fixed: tuple[Term, ...]
     ends: tuple[Term, ...]
     bounds: tuple[Term, ...]
@@ -61,36 +71,76 @@ class Conditions:
 
 
 def conditions(problem: Problem) -> Conditions:
-    """The problem's boundary conditions and constraints.
+    """The problem's boundary conditions, constraints and cost.
 
     Raises:
-        ValueError: an entry is malformed, or two have the same name.
+        ValueError: an entry is malformed, two have the same name, or a parameter is not numbers.
     """
     n = problem.metric.dim
-    q0, q1, q, v = (ca.SX.sym(name, n) for name in ("q0", "q1", "q", "v"))
+    q0, q1, v0, v1, q, v = (ca.SX.sym(name, n) for name in ("q0", "q1", "v0", "v1", "q", "v"))
+    symbolic, p, values = _with_symbols(problem)
     boundary, along = [], []
-    for index, equality in enumerate(problem.boundary(q0, q1)):
-        expression, value, name = _entry(equality, f"boundary[{index}]", "expression, value")
+    # Expressions are those of the problem with symbols, bounds those of the one with numbers.
+    at_ends = (q0, q1, v0, v1) if _takes_velocities(problem) else (q0, q1)
+    entries = _pairs("boundary", symbolic.boundary(*at_ends), problem.boundary(*at_ends))
+    for place, written, given in entries:
+        expression, _, name = _entry(written, place, "expression, value")
+        value = _entry(given, place, "expression, value")[1]
         boundary.append(_term(name, value, expression, value, ca.vertcat(q0, q1)))
-    for index, inequality in enumerate(problem.constraints(q, v)):
-        place = f"constraints[{index}]"
-        low, expression, high, name = _entry(inequality, place, "lower, expression, upper")
+    entries = _pairs("constraints", symbolic.constraints(q, v), problem.constraints(q, v))
+    for place, written, given in entries:
+        _, expression, _, name = _entry(written, place, "lower, expression, upper")
+        low, _, high, _ = _entry(given, place, "lower, expression, upper")
         along.append(_term(name, low, expression, high, ca.vertcat(q, v)))
     names = [term.name for term in boundary + along]
     if len(set(names)) < len(names):
         raise ValueError(f"conditions must have different names, got {', '.join(names)}")
 
+    cost = _expression("cost", symbolic.cost(q, v))
+    if cost.shape != (1, 1):
+        raise ValueError(f"cost(q, v) must be one number, is of shape {cost.shape}")
     bounds = [t for t in along if t.coordinates is not None and max(t.coordinates, default=0) < n]
     functions = [term for term in along if term not in bounds]
     moving = [term for term in functions if ca.depends_on(term.expression, v)]
     return Conditions(
-        *(q0, q1, q, v),
+        *(q0, q1, v0, v1, q, v, p, values, cost),
         fixed=tuple(term for term in boundary if term.coordinates is not None),
         ends=tuple(term for term in boundary if term.coordinates is None),
         bounds=tuple(bounds),
         still=tuple(term for term in functions if term not in moving),
         moving=tuple(moving),
     )
+
+
+def _takes_velocities(problem: Problem) -> bool:
+    return len(inspect.signature(problem.boundary).parameters) == 4
+
+
+def _with_symbols(problem: Problem) -> tuple[Problem, ca.SX, Array]:
+    """The problem with symbols for its parameters, these symbols, and their values."""
+    if not problem.parameters:
+        return problem, ca.SX(0, 1), np.zeros(0)
+    symbolic, symbols, numbers = copy.copy(problem), [], []
+    for name in problem.parameters:
+        try:
+            value = np.array(getattr(problem, name), dtype=float)
+        except (AttributeError, TypeError, ValueError):
+            value = np.array(np.nan)
+        if value.ndim > 2 or not np.all(np.isfinite(value)):
+            raise ValueError(f"parameter {name!r} must be a field with finite numbers")
+        shape = value.shape if value.ndim == 2 else (value.size, 1)
+        symbol = ca.SX.sym(name, *shape)
+        object.__setattr__(symbolic, name, symbol)
+        symbols.append(ca.vec(symbol))
+        numbers.append(value.ravel(order="F"))
+    return symbolic, ca.vertcat(*symbols), np.concatenate(numbers)
+
+
+def _pairs(what: str, written: Sequence[Any], given: Sequence[Any]) -> list[tuple[str, Any, Any]]:
+    if len(written) != len(given):
+        raise ValueError(f"{what}: how many conditions there are must not depend on parameters")
+    pairs = enumerate(zip(written, given, strict=True))
+    return [(f"{what}[{index}]", *pair) for index, pair in pairs]
 
 
 def _entry(entry: Sequence[Any], place: str, form: str) -> list[Any]:
@@ -101,11 +151,15 @@ def _entry(entry: Sequence[Any], place: str, form: str) -> list[Any]:
     return [*entry[:count], str(entry[count]) if len(entry) > count else place]
 
 
-def _term(name: str, lower: Any, expression: Any, upper: Any, symbols: ca.SX) -> Term:
+def _expression(name: str, expression: Any) -> ca.SX:
     try:
-        column = ca.SX(ca.densify(ca.vec(ca.SX(expression))))
+        return ca.SX(expression)
     except (NotImplementedError, TypeError, RuntimeError):
         raise ValueError(f"{name}: {expression!r} is not an expression in SX symbols") from None
+
+
+def _term(name: str, lower: Any, expression: Any, upper: Any, symbols: ca.SX) -> Term:
+    column = ca.SX(ca.densify(ca.vec(_expression(name, expression))))
     size = column.shape[0]
     limits = []
     for limit in (lower, upper):

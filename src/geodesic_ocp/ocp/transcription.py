@@ -11,6 +11,7 @@ CasADi differentiates once: with E the selection of a segment's nodes and D its 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,7 +21,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.ocp.grid import Grid
-from geodesic_ocp.ocp.terms import Conditions, stacked
+from geodesic_ocp.ocp.terms import Conditions, Term, stacked
 
 
 @dataclass(frozen=True)
@@ -38,8 +39,12 @@ class Units:
 
     @property
     def parameters(self) -> Array:
-        """The NLP's parameters p, (n + 2,)."""
+        """The first of the NLP's parameters p, (n + 2,)."""
         return np.array([self.scale, self.length, *self.origin])
+
+    def with_values(self, values: Array) -> Array:
+        """The NLP's parameters p, (n + 2 + k,): these, and the values of the problem's own."""
+        return np.concatenate([self.parameters, values])
 
     def scaled(self, q: Array) -> Array:
         """Scaled positions for positions (k, n)."""
@@ -57,7 +62,8 @@ class Transcription:
     Attributes:
         grid: of the nodes.
         dim: number n of coordinates.
-        objective: (x, p) -> (f, gradient); f is the energy in its unit.
+        size_p: number n + 2 + k of parameters.
+        objective: (x, p) -> (f, gradient); f is the energy and the cost in the unit of energy.
         constraints: (x, p) -> g: at the ends; in q at one node after the other; in q and v at one
             node after the other of one segment after the other (`Conditions`, in its order).
         hessian: (x, p, lam_f, lam_g) -> upper triangle of the Lagrangian's Hessian.
@@ -65,14 +71,16 @@ class Transcription:
 
     grid: Grid
     dim: int
+    size_p: int
     objective: ca.Function
     constraints: ca.Function
     hessian: ca.Function
 
-    def energy(self, nodes: Array) -> float:
-        """Energy of the path through nodes (size, n)."""
+    def energy(self, nodes: Array, values: Array | tuple[()] = ()) -> float:
+        """Energy and cost of the path through nodes (size, n)."""
         units = Units(nodes[0], 1.0, 1.0)
-        return float(self.objective(units.scaled(nodes).ravel(), units.parameters)[0])
+        p = units.with_values(np.array(values))
+        return float(self.objective(units.scaled(nodes).ravel(), p)[0])
 
     @cached_property
     def momentum(self) -> ca.Function:
@@ -82,7 +90,7 @@ class Transcription:
         Hessian, dp0/dq1 = H_0i H_ii^-1 H_i1 - H_01.
         """
         n, last = self.dim, self.dim * (self.grid.size - 1)
-        x, p = ca.MX.sym("x", n * self.grid.size), ca.MX.sym("p", n + 2)
+        x, p = ca.MX.sym("x", n * self.grid.size), ca.MX.sym("p", self.size_p)
         scale, length = p[0], p[1]
         _, gradient = self.objective(x, p)
         upper = self.hessian(x, p, 1.0, ca.MX(self.constraints.size1_out(0), 1))
@@ -95,31 +103,32 @@ class Transcription:
 
 def transcribe(metric: Metric, terms: Conditions, grid: Grid) -> Transcription:
     """The NLP of least energy in the metric under these conditions, on the grid."""
-    n = metric.dim
+    n, own = metric.dim, terms.p
     q, v = terms.q, terms.v
-    at_ends = _Block("ends", ca.vertcat(terms.q0, terms.q1), stacked(terms.ends))
-    at_nodes = _Block("node", q, stacked(terms.still))
-    in_segments = _Block("moving", ca.vertcat(q, v), stacked(terms.moving))
-    kinetic = metric.inner(q, v, v) / 2
-    lagrangian = _Block("energy", ca.vertcat(q, v), ca.vertcat(kinetic, stacked(terms.moving)))
+    at_ends = _Block("ends", ca.vertcat(terms.q0, terms.q1, terms.v0, terms.v1), own, terms.ends)
+    at_nodes = _Block("node", q, own, terms.still)
+    in_segments = _Block("moving", ca.vertcat(q, v), own, terms.moving)
+    density = metric.inner(q, v, v) / 2 + terms.cost
+    lagrangian = _Block("energy", ca.vertcat(q, v), own, terms.moving, density)
 
-    x, p = ca.MX.sym("x", n * grid.size), ca.MX.sym("p", n + 2)
-    scale, length, origin = p[0], p[1], p[2:]
+    x, p = ca.MX.sym("x", n * grid.size), ca.MX.sym("p", n + 2 + own.shape[0])
+    scale, length, origin, values = p[0], p[1], p[2 : n + 2], p[n + 2 :]
     scaled = ca.reshape(x, n, grid.size)
     positions = ca.repmat(origin, 1, grid.size) + length * scaled
-    ends = ca.vertcat(positions[:, 0], positions[:, -1])
     select, differentiate = _segment_matrices(grid)
-    states = ca.vertcat(positions @ select.T, length * (scaled @ differentiate.T))
+    slopes = length * (scaled @ differentiate.T)
+    states = ca.vertcat(positions @ select.T, slopes)
+    ends = ca.vertcat(positions[:, 0], positions[:, -1], slopes[:, 0], slopes[:, -1])
     weights = ca.DM(np.tile(grid.weights, grid.segments)).T
 
-    density, slope = lagrangian.first(states)
+    density, slope = lagrangian.first(states, values)
     f = ca.dot(weights, density) / scale
     slope = slope * ca.repmat(weights, 2 * n, 1)
     gradient = ca.vec(slope[:n, :] @ select + slope[n:, :] @ differentiate) * (length / scale)
     g = ca.vertcat(
-        at_ends.value(ends),
-        ca.vec(at_nodes.value(positions)),
-        ca.vec(in_segments.value(states)),
+        at_ends.value(ends, values),
+        ca.vec(at_nodes.value(positions, values)),
+        ca.vec(in_segments.value(states, values)),
     )
 
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.shape[0])
@@ -127,15 +136,16 @@ def transcribe(metric: Metric, terms: Conditions, grid: Grid) -> Transcription:
     lam_nodes = ca.reshape(lam_g[first:second], at_nodes.size, grid.size)
     lam_moving = ca.reshape(lam_g[second:], in_segments.size, grid.collocations)
     factors = ca.vertcat(weights * lam_f / scale, lam_moving)
-    hessian = _assemble(lagrangian.second(states, factors), grid, n)
+    hessian = _assemble(lagrangian.second(states, values, factors), grid, n)
     if at_nodes.size:
-        hessian += _on_diagonal(at_nodes.second(positions, lam_nodes), grid, n)
+        hessian += _on_diagonal(at_nodes.second(positions, values, lam_nodes), grid, n)
     if at_ends.size:
-        hessian += _on_ends(at_ends.second(ends, lam_g[:first]), grid, n)
+        hessian += _on_ends(at_ends.second(ends, values, lam_g[:first]), grid, n)
 
     return Transcription(
         grid,
         n,
+        p.shape[0],
         ca.Function("nlp_grad_f", [x, p], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
         ca.Function("nlp_g", [x, p], [g], ["x", "p"], ["g"]),
         ca.Function(
@@ -149,34 +159,67 @@ def transcribe(metric: Metric, terms: Conditions, grid: Grid) -> Transcription:
 
 
 class _Block:
-    """Functions of one node's (or both ends') symbols, evaluated at many columns at once."""
+    """Functions of one node's (or both ends') symbols, evaluated at many columns at once.
 
-    def __init__(self, name: str, symbols: ca.SX, outputs: ca.SX) -> None:
-        self._name, self._symbols, self._outputs = name, symbols, ca.densify(outputs)
+    Args:
+        name: of the functions.
+        symbols: (m, 1), different in every column.
+        own: the problem's parameters (k, 1), the same in all.
+        terms: whose expressions are the functions.
+        density: a function before those.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        symbols: ca.SX,
+        own: ca.SX,
+        terms: Sequence[Term],
+        density: ca.SX | None = None,
+    ) -> None:
+        outputs = stacked(terms) if density is None else ca.vertcat(density, stacked(terms))
+        self._name, self._symbols, self._own = name, symbols, own
+        self._outputs = ca.densify(outputs)
         self.size = int(outputs.shape[0])
 
-    def value(self, columns: ca.MX) -> ca.MX:
+    def value(self, columns: ca.MX, values: ca.MX) -> ca.MX:
         """All outputs, (size, columns)."""
         if not self.size:
             return ca.MX(0, columns.shape[1])
-        function = ca.Function(self._name, [self._symbols], [self._outputs])
-        return function.map(columns.shape[1])(columns)
+        return self._mapped("", [self._outputs], columns, values)[0]
 
-    def first(self, columns: ca.MX) -> tuple[ca.MX, ca.MX]:
+    def first(self, columns: ca.MX, values: ca.MX) -> tuple[ca.MX, ca.MX]:
         """The first output (1, columns) and its gradient (symbols, columns)."""
         gradient = ca.densify(ca.cse(ca.gradient(self._outputs[0], self._symbols)))
         outputs = [self._outputs[0], gradient]
-        function = ca.Function(f"{self._name}_gradient", [self._symbols], outputs)
-        value, slope = function.map(columns.shape[1])(columns)
+        value, slope = self._mapped("_gradient", outputs, columns, values)
         return value, slope
 
-    def second(self, columns: ca.MX, factors: ca.MX) -> ca.MX:
+    def second(self, columns: ca.MX, values: ca.MX, factors: ca.MX) -> ca.MX:
         """Hessian of factors' * outputs, (symbols^2, columns)."""
         weights = ca.SX.sym("factors", self.size)
         hessian, _ = ca.hessian(ca.dot(weights, self._outputs), self._symbols)
         output = ca.vec(ca.densify(ca.cse(hessian)))
-        function = ca.Function(f"{self._name}_hessian", [self._symbols, weights], [output])
-        return function.map(columns.shape[1])(columns, factors)
+        return self._mapped("_hessian", [output], columns, values, (weights, factors))[0]
+
+    def _mapped(
+        self,
+        suffix: str,
+        outputs: list[ca.SX],
+        columns: ca.MX,
+        values: ca.MX,
+        more: tuple[ca.SX, ca.MX] | None = None,
+    ) -> list[ca.MX]:
+        count = columns.shape[1]
+        inputs, arguments = [self._symbols], [columns]
+        if self._own.shape[0]:
+            inputs.append(self._own)
+            arguments.append(ca.repmat(values, 1, count))
+        if more is not None:
+            inputs.append(more[0])
+            arguments.append(more[1])
+        function = ca.Function(self._name + suffix, inputs, outputs)
+        return list(function.map(count).call(arguments))
 
 
 def _segment_matrices(grid: Grid) -> tuple[ca.DM, ca.DM]:
@@ -246,12 +289,11 @@ def _on_diagonal(blocks: ca.MX, grid: Grid, n: int) -> ca.MX:
 
 
 def _on_ends(block: ca.MX, grid: Grid, n: int) -> ca.MX:
-    """vec(H), (4 n^2, 1), of both ends' coordinates at its place in the matrix of all."""
-    last = n * (grid.size - 1)
-    index = np.concatenate([np.arange(n), last + np.arange(n)])
-    columns, rows = np.meshgrid(index, index)
-    size = n * grid.size
-    sparsity, mapping = _triplets(
-        rows.ravel(order="F"), columns.ravel(order="F"), size, np.arange(4 * n * n)
-    )
-    return ca.MX(sparsity, block[mapping])
+    """vec(H), (16 n^2, 1), of positions and velocities at both ends, as of all nodes."""
+    size, width = grid.size, grid.degree + 1
+    rows = np.zeros((4, size))
+    rows[0, 0] = rows[1, -1] = 1.0
+    rows[2, :width] = grid.differentiation[0]
+    rows[3, -width:] = grid.differentiation[-1]
+    to_ends = ca.sparsify(ca.DM(np.kron(rows, np.eye(n))))
+    return to_ends.T @ ca.reshape(block, 4 * n, 4 * n) @ to_ends

@@ -1,0 +1,224 @@
+"""What a problem's class may say: cost, velocities at the ends, parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
+
+import casadi as ca
+import numpy as np
+import pytest
+from known_metrics import Sphere
+from numpy.testing import assert_allclose
+
+import geodesic_ocp as go
+from geodesic_ocp.ocp.prepared import transcription_of
+from geodesic_ocp.ocp.terms import conditions
+from geodesic_ocp.ocp.transcription import Units, transcribe
+
+
+@dataclass(frozen=True)
+class Spring(go.Problem):
+    """In the plane, drawn to the origin: q'' = k^2 q."""
+
+    start: tuple = (1.0, 0.5)
+    goal: tuple = (-0.5, 2.0)
+    stiffness: float = 2.0
+    parameters: ClassVar = ("stiffness",)
+
+    @property
+    def metric(self) -> go.Metric:
+        return go.Euclidean(2)
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+        return [(q0, self.start), (q1, self.goal)]
+
+    def cost(self, q: ca.SX, v: ca.SX) -> Any:
+        return self.stiffness**2 * ca.dot(q, q) / 2
+
+    def exact(self, s: np.ndarray) -> np.ndarray:
+        k = self.stiffness
+        shares = np.sinh(k * np.array([1.0 - s, s])) / np.sinh(k)
+        return np.outer(shares[0], self.start) + np.outer(shares[1], self.goal)
+
+
+@pytest.mark.parametrize("stiffness", [0.5, 2.0, 6.0])
+def test_cost_is_added_to_the_energy(stiffness: float) -> None:
+    problem = Spring(stiffness=stiffness)
+    solution = go.solve(problem)
+    s = np.linspace(0.0, 1.0, 21)
+    assert_allclose(solution.path(s), problem.exact(s), rtol=0, atol=1e-8)
+    # int (|q'|^2 + k^2 |q|^2) / 2 = [q . q'] / 2 of the solution.
+    ends = solution.path([0.0, 1.0]), solution.path([0.0, 1.0], 1)
+    flow = np.einsum("ki,ki->k", *ends)
+    assert solution.stats.objective == pytest.approx((flow[1] - flow[0]) / 2.0, rel=1e-7)
+    assert solution.stats.energy == pytest.approx(solution.path.energy, rel=1e-9)
+    assert solution.stats.energy < solution.stats.objective
+    assert solution.certificate.stationary
+    assert solution.certificate.index == 0
+
+
+def test_parameters_change_without_a_new_nlp() -> None:
+    first = transcription_of(Spring(stiffness=1.0), go.Grid(1, 20))
+    assert transcription_of(Spring(stiffness=3.0), go.Grid(1, 20)) is first
+    assert transcription_of(replace(Spring(), start=(1.0, 1.0)), go.Grid(1, 20)) is not first
+
+
+def test_a_metric_that_depends_on_a_parameter_makes_a_new_nlp() -> None:
+    @dataclass(frozen=True)
+    class InWater(Spring):
+        @property
+        def metric(self) -> go.Metric:
+            return Torus(tube=self.stiffness)
+
+    first = transcription_of(InWater(stiffness=1.0), go.Grid(1, 20))
+    assert transcription_of(InWater(stiffness=1.0), go.Grid(1, 20)) is first
+    assert transcription_of(InWater(stiffness=1.5), go.Grid(1, 20)) is not first
+
+
+@dataclass(frozen=True)
+class Torus(go.Metric):
+    """Of revolution, in angles about the tube and about the axis."""
+
+    dim: int = 2
+    tube: float = 0.5
+    radius: float = 2.0
+
+    def matrix(self, q: Any) -> Any:
+        return ca.diag(ca.vertcat(self.tube**2, (self.radius + self.tube * ca.cos(q[0])) ** 2))
+
+
+@dataclass(frozen=True)
+class Closed(go.Problem):
+    """The shortest closed curve once round the axis: the inner circle."""
+
+    metric: go.Metric = field(default_factory=Torus)
+
+    def boundary(self, q0: ca.SX, q1: ca.SX, v0: ca.SX, v1: ca.SX) -> Sequence[Any]:
+        around = ca.vertcat(0.0, 2.0 * np.pi)
+        return [(q0[1], 0.0), (q1 - q0 - around, 0.0, "closed"), (v1 - v0, 0.0, "smooth")]
+
+    def guess(self, s: np.ndarray) -> np.ndarray:
+        return np.column_stack([2.5 + 0.2 * np.sin(2 * np.pi * s), 2 * np.pi * s])
+
+
+def test_velocities_at_the_ends_and_a_closed_geodesic() -> None:
+    solution = go.solve(Closed(), grid=go.Grid(2, 12))
+    assert solution.path.length == pytest.approx(2 * np.pi * 1.5, rel=1e-9)
+    assert_allclose(solution.path.nodes[:, 0], np.pi, rtol=0, atol=1e-6)
+    velocities = solution.path([0.0, 1.0], 1)
+    assert_allclose(velocities[1], velocities[0], rtol=0, atol=1e-7)
+    assert solution.certificate.locally_shortest
+
+
+@dataclass(frozen=True)
+class Everything(go.Problem):
+    """Every kind of condition, with parameters in each, on the sphere."""
+
+    parameters: ClassVar = ("weight", "place", "table")
+    weight: float = 0.7
+    place: tuple = (0.2, 0.3)
+    table: np.ndarray = field(default_factory=lambda: np.array([[1.0, 2.0], [3.0, 4.0]]))
+
+    @property
+    def metric(self) -> go.Metric:
+        return Sphere()
+
+    def boundary(self, q0: ca.SX, q1: ca.SX, v0: ca.SX, v1: ca.SX) -> Sequence[Any]:
+        bent = ca.sin(v0[0]) * q1[1] + self.weight * v1[1] ** 2 * q0[0]
+        return [(q0[0], 1.0), (bent, 0.3, "bent"), (ca.dot(v0, v1) - self.place[0], self.weight)]
+
+    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+        return [
+            (self.place[1], ca.dot(q, self.table @ q), np.inf, "still"),
+            (-1.0, q[0] * v[1] ** 2 * self.weight, 1.0, "moving"),
+        ]
+
+    def cost(self, q: ca.SX, v: ca.SX) -> Any:
+        return self.weight * ca.cos(q[0] * v[1]) + ca.dot(self.place[0] * q, v) ** 2
+
+
+@pytest.mark.parametrize("grid", [go.Grid(1, 6), go.Grid(3, 4)])
+def test_assembled_derivatives_equal_casadis(grid: go.Grid, rng: np.random.Generator) -> None:
+    """As in test_solve, with cost, velocities at the ends and parameters."""
+    problem = Everything()
+    terms = conditions(problem)
+    assert_allclose(terms.values, [0.7, 0.2, 0.3, 1.0, 3.0, 2.0, 4.0])
+    transcription = transcribe(problem.metric, terms, grid)
+    x = ca.MX.sym("x", 2 * grid.size)
+    p = Units(rng.normal(size=2), 0.7, 3.0).with_values(rng.normal(size=7))
+    factors = rng.normal(size=transcription.constraints.size1_out(0))
+    f, gradient = transcription.objective(x, p)
+    lagrangian = 1.7 * f + ca.dot(factors, transcription.constraints(x, p))
+    whole = ca.Function("whole", [x], [ca.hessian(lagrangian, x)[0], ca.gradient(f, x), gradient])
+    nodes = rng.normal(size=2 * grid.size)
+    hessian, slope, assembled = (out.full() for out in whole(nodes))
+    assert_allclose(assembled, slope, rtol=1e-11, atol=1e-13)
+    upper = transcription.hessian(nodes, p, 1.7, factors).full()
+    assert np.abs(upper - np.triu(hessian)).max() < 1e-12 * np.abs(hessian).max()
+
+
+@dataclass(frozen=True)
+class Reach(go.Problem):
+    """The hand to a target that moves from solve to solve, past a ball that does, too."""
+
+    model: go.Model
+    target: tuple = (0.10, 0.45, -0.05)
+    ball: tuple = (0.12, 0.20, -0.30)
+    parameters: ClassVar = ("target", "ball")
+
+    @property
+    def metric(self) -> go.Metric:
+        return go.KineticEnergy(self.model)
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+        start = [0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1]
+        return [(q0, start), (self.model.hand_pose(q1)[1], self.target, "target")]
+
+    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+        away = self.model.hand_pose(q)[1] - ca.vertcat(*ca.vertsplit(ca.SX(self.ball)))
+        return [(0.01, ca.dot(away, away), np.inf, "ball")]
+
+
+def test_a_moving_target_is_reached_from_the_last_solution(arm: go.Model) -> None:
+    problem = Reach(arm)
+    solution = go.solve(problem)
+    for shift in (0.05, 0.10):
+        moved = replace(problem, target=(0.10 + shift, 0.45, -0.05))
+        solution = go.solve(moved, guess=solution.path)
+        assert_allclose(arm.hand_pose(solution.path(1.0))[1], moved.target, rtol=0, atol=1e-8)
+    cold = go.solve(moved)
+    assert solution.stats.energy == pytest.approx(cold.stats.energy, rel=1e-6)
+    elsewhere = go.solve(moved, grid=go.Grid(8, 6), guess=solution.path)  # on another grid
+    assert elsewhere.stats.success
+
+
+@pytest.mark.parametrize(
+    ("field_name", "value", "message"),
+    [
+        ("target", "there", "parameter 'target' must be a field with finite numbers"),
+        ("target", (0.1, np.nan, 0.0), "parameter 'target' must be a field with finite numbers"),
+    ],
+)
+def test_wrong_parameters_are_named(
+    arm: go.Model, field_name: str, value: object, message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        go.solve(replace(Reach(arm), **{field_name: value}))
+
+
+def test_a_cost_must_be_one_number() -> None:
+    class Two(Spring):
+        def cost(self, q: ca.SX, v: ca.SX) -> Any:
+            return q
+
+    with pytest.raises(ValueError, match=r"cost\(q, v\) must be one number, is of shape \(2, 1\)"):
+        go.solve(Two())
+
+    class Word(Spring):
+        def cost(self, q: ca.SX, v: ca.SX) -> Any:
+            return "much"
+
+    with pytest.raises(ValueError, match="cost: 'much' is not an expression"):
+        go.solve(Word())
