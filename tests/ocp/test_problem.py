@@ -16,6 +16,7 @@ import geodesic_ocp as go
 from geodesic_ocp.ocp.prepared import transcription_of
 from geodesic_ocp.ocp.terms import conditions
 from geodesic_ocp.ocp.transcription import Units, transcribe
+from geodesic_ocp.ocp.violations import violations
 
 
 @dataclass(frozen=True)
@@ -222,3 +223,79 @@ def test_a_cost_must_be_one_number() -> None:
 
     with pytest.raises(ValueError, match="cost: 'much' is not an expression"):
         go.solve(Word())
+
+
+@dataclass(frozen=True)
+class Stretched(go.Problem):
+    """Two postures of the arm whose geodesic bends the elbow too far."""
+
+    model: go.Model
+
+    @property
+    def metric(self) -> go.Metric:
+        return go.KineticEnergy(self.model)
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+        return [(q0, np.zeros(7)), (q1, [1.4, 0.2, -0.6, 0.3, 0.0, 0.0, 0.0])]
+
+    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+        return [(-1.0, q[3], 0.2, "elbow"), (0.0, ca.dot(v, v), 4.0, "speed")]
+
+
+def test_what_is_missed_is_named_with_value_and_place(arm: go.Model) -> None:
+    """The goal itself bends the elbow to 0.3 rad, and is farther than a speed of two allows."""
+    with pytest.raises(ValueError, match=r"joint REx_joint is fixed at 0\.3"):
+        go.solve(Stretched(arm))
+
+    @dataclass(frozen=True)
+    class Hurried(Stretched):
+        def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+            return [(-np.inf, ca.sin(q[3]), 0.2, "elbow"), (0.0, ca.dot(v, v), 1.0, "speed")]
+
+    with pytest.raises(go.NotConverged, match=r"elbow exceeds 0\.2 by 0\.096 at s = 1\.00") as info:
+        go.solve(Hurried(arm))
+    assert "speed exceeds 1 by" in str(info.value)
+    worst = info.value.solution.violations[0]
+    assert worst.amount == pytest.approx(worst.value - worst.limit)
+    assert worst.name in ("elbow", "speed")
+
+
+class Disc(go.Problem):
+    """In the plane, around a disc on the straight line."""
+
+    @property
+    def metric(self) -> go.Metric:
+        return go.Euclidean(2)
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+        return [(q0, (-1.0, 0.0)), (q1, (1.0, 0.0))]
+
+    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+        return [(0.25, ca.dot(q, q), np.inf, "disc")]
+
+    def guess(self, s: np.ndarray) -> np.ndarray:
+        return np.column_stack([2.0 * s - 1.0, 2.0 * s * (1.0 - s)])
+
+
+def test_violations_are_sought_between_the_nodes() -> None:
+    coarse, fine = (go.solve(Disc(), grid=go.Grid(k, 4)) for k in (4, 32))
+    assert coarse.stats.violation < 1e-8
+    assert coarse.stats.between > 1e-4
+    assert coarse.violations[0].name == "disc"
+    assert 0.0 < coarse.violations[0].s < 1.0
+    assert fine.stats.between < 0.1 * coarse.stats.between
+    s = np.linspace(0.0, 1.0, 2001)
+    inside = 0.25 - np.sum(coarse.path(s) ** 2, axis=1)
+    assert coarse.stats.between == pytest.approx(inside.max(), rel=0.1)
+
+
+def test_bounded_joints_are_named_by_themselves(arm: go.Model) -> None:
+    """A path from elsewhere is held against the problem's conditions."""
+    inside = Stretched(arm)
+    terms = conditions(inside)
+    path = go.geodesic(inside.metric, np.zeros(7), [1.4, 0.2, -0.6, 0.9, 0.0, 0.0, 0.0])
+    found = violations(terms, path, arm.joint_names)
+    elbow = next(each for each in found if each.name == "elbow")
+    assert str(elbow).startswith("joint REx_joint exceeds 0.2 by ")
+    assert elbow.value == pytest.approx(path(elbow.s)[3])
+    assert elbow.amount >= path(np.linspace(0.0, 1.0, 101))[:, 3].max() - 0.2 - 1e-3

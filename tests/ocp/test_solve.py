@@ -244,12 +244,14 @@ def test_unsolvable_problems_say_why_and_carry_the_record() -> None:
             start = [0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1]
             return [(q0, start), (self.model.hand_pose(q1)[1], [5.0, 0.0, 0.0], "hand")]
 
-    with pytest.raises(go.NotConverged, match=r"OutOfReach was not solved: .*hand, off by") as info:
+    message = r"OutOfReach was not solved: .*hand\[0\] falls below 5 by 4\.\d+ at s = 1\.00"
+    with pytest.raises(go.NotConverged, match=message) as info:
         go.solve(OutOfReach())
     record = info.value.solution
     assert isinstance(record, go.Solution)
     assert record.stats.worst == "hand"
     assert record.stats.violation > 1.0
+    assert record.violations[0].amount == pytest.approx(record.stats.between)
     again = go.solve(OutOfReach(), throw=False)
     assert not again.stats.success
     assert again.stats.status == record.stats.status
@@ -268,7 +270,9 @@ def test_start_outside_the_limits_is_found_before_the_solve() -> None:
         def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
             return [(q0, [0.0, 0.0, -0.4, -0.9, 0.0, 0.0, 0.0], "start")]
 
-    with pytest.raises(ValueError, match=r"start: coordinate 3 is fixed at -0.9 .* 0 to 2.79253"):
+    with pytest.raises(
+        ValueError, match=r"start: joint REx_joint is fixed at -0.9 .* 0 to 2.79253"
+    ):
         go.solve(Outside())
 
 

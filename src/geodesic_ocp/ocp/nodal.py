@@ -42,7 +42,9 @@ class NodeBounds:
     _in_g: tuple[_Values, ...]
 
     @classmethod
-    def of(cls, terms: Conditions, grid: Grid) -> NodeBounds:
+    def of(
+        cls, terms: Conditions, grid: Grid, joint_names: Sequence[str] | None = None
+    ) -> NodeBounds:
         """The bounds that the conditions set on the grid.
 
         Raises:
@@ -62,7 +64,7 @@ class NodeBounds:
         for term in terms.fixed:
             assert term.coordinates is not None
             for coordinate, value in zip(term.coordinates, term.lower, strict=True):
-                _fix(term.name, coordinate, value, lower, upper, ends)
+                _fix(term.name, coordinate, value, lower, upper, ends, joint_names)
             at_end, columns = np.divmod(np.array(term.coordinates), n)
             in_x.append(_Values(term, (columns + at_end * n * (grid.size - 1))[None, :]))
 
@@ -106,14 +108,16 @@ def _fix(
     lower: Array,
     upper: Array,
     ends: tuple[Array, Array],
+    joint_names: Sequence[str] | None,
 ) -> None:
     """Fix a coordinate of the first node (0 to n - 1) or the last (n to 2 n - 1) in the arrays."""
     end, column = divmod(coordinate, lower.shape[1])
     node, word = ((0, "start"), (-1, "end"))[end]
     low, high = lower[node, column], upper[node, column]
     if not low - _TOLERANCE <= value <= high + _TOLERANCE:
+        which = f"coordinate {column}" if joint_names is None else f"joint {joint_names[column]}"
         raise ValueError(
-            f"{name}: coordinate {column} is fixed at {value:.6g} at the path's {word}, outside "
+            f"{name}: {which} is fixed at {value:.6g} at the path's {word}, outside "
             f"its bounds {low:.6g} to {high:.6g}"
         )
     lower[node, column] = upper[node, column] = ends[end][column] = value

@@ -10,6 +10,7 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.ocp.certificate import Attempt, Certificate
 from geodesic_ocp.ocp.path import Path
 from geodesic_ocp.ocp.problem import Problem
+from geodesic_ocp.ocp.violations import Violation
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,7 @@ class Stats:
         objective: what was minimised, the energy and the problem's own cost.
         violation: largest violation of any condition at the nodes, in the condition's unit.
         worst: name of the condition with that violation.
+        between: largest violation anywhere on the path, between the nodes, too.
     """
 
     success: bool
@@ -38,6 +40,7 @@ class Stats:
     objective: float
     violation: float
     worst: str
+    between: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +51,7 @@ class Solution:
         problem: what was solved.
         path: the path found.
         stats: figures of the solve; `stats.success` tells a solution from an iterate.
+        violations: the conditions that the path misses, between its nodes, too; the worst first.
         multipliers: by condition's name, derivatives of the least energy by the condition's value
             with the sign of Ipopt (positive where an upper bound holds the path back): (m,) at an
             end, (nodes, m) along the path; conditions in q and v at both sides of each segment's
@@ -58,6 +62,7 @@ class Solution:
     path: Path
     stats: Stats
     multipliers: Mapping[str, Array]
+    violations: tuple[Violation, ...]
     _attempt: Attempt = field(repr=False)
 
     @cached_property

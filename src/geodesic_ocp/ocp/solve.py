@@ -23,6 +23,7 @@ from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.solution import Solution, Stats
 from geodesic_ocp.ocp.terms import Conditions, conditions
 from geodesic_ocp.ocp.transcription import Transcription, Units
+from geodesic_ocp.ocp.violations import violations
 
 # The objective is scaled to be of the order of one, so these are relative to the path's energy.
 # Ipopt widens bounds by 1e-8 for its own ease; the answer keeps the ones that were asked for.
@@ -47,6 +48,9 @@ _SENTENCES = {
     "Not_Enough_Degrees_Of_Freedom": "there are more equalities than variables",
 }
 
+
+# Violations that a message names: larger than this, and so many of them.
+_NEGLIGIBLE, _LISTED = 1e-6, 3
 
 Options: TypeAlias = tuple[tuple[str, Any], ...]  # Ipopt's, by name
 
@@ -152,7 +156,7 @@ def solve(
         raise ValueError(f"problem must be an instance of a Problem class, got {problem!r}")
     grid = problem.grid if grid is None else grid
     terms = conditions(problem)
-    bounds = NodeBounds.of(terms, grid)
+    bounds = NodeBounds.of(terms, grid, problem.metric.joint_names)
     structure = Structure.of(problem, terms)
     transcription = transcribed(structure, grid)
     options = tuple(sorted((ipopt or {}).items()))
@@ -170,7 +174,7 @@ def solve(
     )
     solution = _solution(problem, terms, transcription, bounds, outcome, units)
     if throw and not solution.stats.success:
-        raise NotConverged(_explanation(problem, solution.stats), solution)
+        raise NotConverged(_explanation(solution), solution)
     return solution
 
 
@@ -230,6 +234,8 @@ def _solution(
     # Fixed coordinates come back exactly, not by way of their scaled values.
     x = np.where(bounds.lower == bounds.upper, bounds.lower, x)
     violation, worst = bounds.worst(x, outcome.g)
+    path = Path(problem.metric, grid, x)
+    missed = violations(terms, path, problem.metric.joint_names)
     stats = Stats(
         success=outcome.success,
         status=outcome.status,
@@ -241,10 +247,10 @@ def _solution(
         energy=_energy(problem.metric, grid, x),
         violation=violation,
         worst=worst,
+        between=missed[0].amount if missed else 0.0,
     )
     lam_x = units.scale / units.length * outcome.lam_x.reshape(x.shape)
     multipliers = bounds.multipliers(lam_x, units.scale * outcome.lam_g)
-    path = Path(problem.metric, grid, x)
     attempt = Attempt(
         path,
         transcription,
@@ -258,7 +264,7 @@ def _solution(
         success=stats.success,
         of_energy=bool(terms.cost.is_zero()),
     )
-    return Solution(problem, path, stats, multipliers, attempt)
+    return Solution(problem, path, stats, multipliers, missed, attempt)
 
 
 def _energy(metric: Metric, grid: Grid, nodes: Array) -> float:
@@ -272,10 +278,12 @@ def _energy(metric: Metric, grid: Grid, nodes: Array) -> float:
     return float(0.5 * np.tile(grid.weights, grid.segments) @ speeds.ravel() ** 2)
 
 
-def _explanation(problem: Problem, stats: Stats) -> str:
-    where = f"; worst condition: {stats.worst}, off by {stats.violation:.3g}" if stats.worst else ""
+def _explanation(solution: Solution) -> str:
+    stats = solution.stats
+    large = [each for each in solution.violations if each.amount > _NEGLIGIBLE][:_LISTED]
+    missed = f": {'; '.join(map(str, large))}" if large else ""
     return (
-        f"{type(problem).__name__} was not solved: {stats.status}, after {stats.iterations} "
-        f"iterations{where}. Try another guess (guess(s) or solve(..., guess=path)) or a "
-        "finer grid."
+        f"{type(solution.problem).__name__} was not solved: {stats.status}, after "
+        f"{stats.iterations} iterations{missed}. Try another guess (guess(s) or solve(..., "
+        "guess=path)) or a finer grid."
     )
