@@ -10,7 +10,18 @@ from known_metrics import Sphere
 
 import geodesic_ocp as go
 
-GRIDS = st.builds(go.Grid, segments=st.integers(1, 6), degree=st.integers(2, 40))
+EVEN = st.builds(go.Grid, segments=st.integers(1, 6), degree=st.integers(2, 40))
+
+
+@st.composite
+def uneven(draw: st.DrawFn) -> go.Grid:
+    widths = np.array(draw(st.lists(st.floats(0.1, 1.0), min_size=1, max_size=6)))
+    ends = np.cumsum([0.0, *widths / widths.sum()])
+    ends[-1] = 1.0
+    return go.Grid(widths.size, draw(st.integers(2, 40)), tuple(ends))
+
+
+GRIDS = EVEN | uneven()
 
 
 @given(grid=GRIDS)
@@ -20,15 +31,25 @@ def test_nodes_and_weights(grid: go.Grid) -> None:
     assert nodes[0] == 0.0
     assert nodes[-1] == 1.0
     assert np.all(np.diff(nodes) > 0)
-    assert nodes + nodes[::-1] == pytest.approx(np.ones(grid.size), abs=1e-15)
     assert np.all(grid.weights > 0)
+    assert np.array_equal(nodes[:: grid.degree], grid.breakpoints)
+
+
+@given(grid=EVEN)
+def test_even_grids_are_symmetric(grid: go.Grid) -> None:
+    nodes = grid.nodes
+    assert nodes + nodes[::-1] == pytest.approx(np.ones(grid.size), abs=1e-15)
+    ends = tuple(np.linspace(0.0, 1.0, grid.segments + 1))
+    again = go.Grid(grid.segments, grid.degree, ends)
+    assert again.nodes == pytest.approx(nodes, abs=1e-15)
+    assert again.differentiation == pytest.approx(grid.differentiation, rel=1e-13)
 
 
 @given(grid=GRIDS, power=st.integers(0, 79))
 def test_quadrature_is_exact_to_degree_2d_minus_1(grid: go.Grid, power: int) -> None:
     power = min(power, 2 * grid.degree - 1)
     values = grid.in_segments(grid.nodes**power)
-    assert np.sum(values @ grid.weights) == pytest.approx(1.0 / (power + 1), rel=1e-11)
+    assert np.sum(values * grid.weights) == pytest.approx(1.0 / (power + 1), rel=1e-11)
 
 
 @given(grid=GRIDS, seed=st.integers(0, 2**32 - 1))
@@ -57,6 +78,10 @@ def test_impossible_grids_are_refused() -> None:
         go.Grid(1, 1)
     with pytest.raises(ValueError, match=r"segments must be an integer, got 1\.5"):
         go.Grid(1.5, 4)
+    with pytest.raises(ValueError, match=r"ends must have shape \(3,\), got \(2,\)"):
+        go.Grid(2, 4, (0.0, 1.0))
+    with pytest.raises(ValueError, match="ends must increase from 0 to 1"):
+        go.Grid(2, 4, (0.0, 1.2, 1.0))
 
 
 def circle(s: np.ndarray) -> np.ndarray:

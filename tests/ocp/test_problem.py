@@ -140,7 +140,7 @@ class Everything(go.Problem):
         return self.weight * ca.cos(q[0] * v[1]) + ca.dot(self.place[0] * q, v) ** 2
 
 
-@pytest.mark.parametrize("grid", [go.Grid(1, 6), go.Grid(3, 4)])
+@pytest.mark.parametrize("grid", [go.Grid(1, 6), go.Grid(3, 4, (0.0, 0.2, 0.9, 1.0))])
 def test_assembled_derivatives_equal_casadis(grid: go.Grid, rng: np.random.Generator) -> None:
     """As in test_solve, with cost, velocities at the ends and parameters."""
     problem = Everything()

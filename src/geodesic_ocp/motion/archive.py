@@ -46,6 +46,7 @@ def _record(synergy: Synergy) -> dict[str, Any]:
         "path": {
             "segments": grid.segments,
             "degree": grid.degree,
+            "ends": grid.ends,
             "nodes": synergy.path.nodes.tolist(),
         },
         "law": {
@@ -89,12 +90,17 @@ def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
         raise RecordingError(f"{path}: {reason}") from None
 
 
+def _grid(path: dict[str, Any]) -> Grid:
+    ends = path.get("ends")  # files of earlier versions have even grids alone
+    return Grid(path["segments"], path["degree"], None if ends is None else tuple(ends))
+
+
 def _synergy(entry: dict[str, Any], metric: Metric) -> Synergy:
     path, law = entry["path"], entry["law"]
     return Synergy(
         int(entry["start"]),
         int(entry["stop"]),
         float(entry["start_time"]),
-        Path(metric, Grid(path["segments"], path["degree"]), np.array(path["nodes"])),
+        Path(metric, _grid(path), np.array(path["nodes"])),
         TimeLaw(*(np.array(law[name], dtype=float) for name in ("knots", "positions", "speeds"))),
     )

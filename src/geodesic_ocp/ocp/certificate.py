@@ -131,7 +131,7 @@ def _drift(path: Path) -> float:
     squares = evaluate(speeds, positions.reshape(-1, n).T, slopes.reshape(-1, n).T).ravel() ** 2
     if not np.all(np.isfinite(squares)):
         return np.inf
-    mean = float(np.tile(grid.weights, grid.segments) @ squares)
+    mean = float(grid.weights.ravel() @ squares)
     return float(np.abs(squares / mean - 1.0).max()) if mean > 0.0 else 0.0
 
 

@@ -14,23 +14,29 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, as_vector
 
 _MAX_DEGREE = 100
 
 
 @dataclass(frozen=True)
 class Grid:
-    """[0, 1] in equal segments, in each the degree + 1 Gauss-Lobatto nodes of one polynomial.
+    """[0, 1] in segments, in each the degree + 1 Gauss-Lobatto nodes of one polynomial.
 
     Neighbouring segments share a node, so that there are segments * degree + 1 nodes in all.
 
+    Attributes:
+        segments: how many.
+        degree: of the polynomials.
+        ends: where segments meet and end, from 0 to 1, (segments + 1,); None: all are equally long.
+
     Raises:
-        ValueError: fewer than one segment, or a degree below 2 or above 100.
+        ValueError: fewer than one segment, a degree below 2 or above 100, or ends that are not so.
     """
 
     segments: int = 1
     degree: int = 20
+    ends: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         for name in ("segments", "degree"):
@@ -42,6 +48,11 @@ class Grid:
             raise ValueError(f"segments must be at least 1, got {self.segments}")
         if not 2 <= self.degree <= _MAX_DEGREE:
             raise ValueError(f"degree must be 2 to {_MAX_DEGREE}, got {self.degree}")
+        if self.ends is not None:
+            ends = as_vector("ends", self.ends, self.segments + 1)
+            if ends[0] != 0.0 or ends[-1] != 1.0 or not np.all(np.diff(ends) > 0.0):
+                raise ValueError(f"ends must increase from 0 to 1, got {ends}")
+            object.__setattr__(self, "ends", tuple(ends.tolist()))
 
     @property
     def size(self) -> int:
@@ -53,27 +64,49 @@ class Grid:
         """Number of nodes of all segments, shared nodes counted in each."""
         return self.segments * (self.degree + 1)
 
-    @property
+    @cached_property
     def breakpoints(self) -> Array:
         """Ends of the segments, (segments + 1,)."""
-        return np.linspace(0.0, 1.0, self.segments + 1)
+        return (
+            np.arange(self.segments + 1) / self.segments
+            if self.ends is None
+            else np.array(self.ends)
+        )
+
+    @cached_property
+    def widths(self) -> Array:
+        """Lengths of the segments, (segments,)."""
+        if self.ends is None:
+            return np.full(self.segments, 1.0 / self.segments)
+        return np.diff(self.breakpoints)
 
     @cached_property
     def nodes(self) -> Array:
         """All nodes, increasing from 0 to 1, (size,)."""
         inner = (_reference(self.degree).nodes[:-1] + 1.0) / 2.0
-        starts = np.arange(self.segments)[:, None]
-        return np.asarray(np.append(((starts + inner) / self.segments).ravel(), 1.0))
+        if self.ends is None:  # divided last, as the breakpoints are
+            starts = np.arange(self.segments)[:, None]
+            return np.asarray(np.append(((starts + inner) / self.segments).ravel(), 1.0))
+        nodes = self.breakpoints[:-1, None] + self.widths[:, None] * inner
+        return np.asarray(np.append(nodes.ravel(), 1.0))
 
     @cached_property
     def weights(self) -> Array:
-        """Quadrature weights of one segment's nodes, (degree + 1,); exact to degree 2 d - 1."""
-        return _reference(self.degree).weights / (2.0 * self.segments)
+        """Quadrature weights of the segments' nodes, (segments, degree + 1).
+
+        Exact for polynomials up to degree 2 d - 1.
+        """
+        return np.asarray(np.outer(self.widths, _reference(self.degree).weights / 2.0))
 
     @cached_property
     def differentiation(self) -> Array:
-        """Derivatives by s at one segment's nodes of the values there, (degree + 1, degree + 1)."""
-        return _reference(self.degree).differentiation * 2.0 * self.segments
+        """Derivatives by s at the segments' nodes of the values there.
+
+        (segments, degree + 1, degree + 1): multiply it with `in_segments`.
+        """
+        return np.asarray(
+            (2.0 / self.widths)[:, None, None] * _reference(self.degree).differentiation
+        )
 
     def in_segments(self, values: Array) -> Array:
         """Values at all nodes (size, ...) by segment, (segments, degree + 1, ...)."""
@@ -86,8 +119,13 @@ class Grid:
         Arguments a little outside [0, 1] extend the first and the last polynomial.
         """
         times = np.asarray(s, dtype=float)
-        segment = np.clip(np.floor(times * self.segments).astype(int), 0, self.segments - 1)
-        x = 2.0 * (times * self.segments - segment) - 1.0
+        if self.ends is None:
+            segment = np.clip(np.floor(times * self.segments).astype(int), 0, self.segments - 1)
+            x = 2.0 * (times * self.segments - segment) - 1.0
+        else:
+            segment = np.searchsorted(self.breakpoints, times, side="right") - 1
+            segment = np.clip(segment, 0, self.segments - 1)
+            x = 2.0 * (times - self.breakpoints[segment]) / self.widths[segment] - 1.0
         reference = _reference(self.degree)
         distance = x[:, None] - reference.nodes
         on_node = distance == 0.0

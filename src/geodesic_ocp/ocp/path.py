@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -70,14 +70,14 @@ class Path:
     @cached_property
     def _speeds(self) -> tuple[Array, Array]:
         """Quadrature weights and speeds |q'|_G, twice as fine as the path's own polynomials."""
-        fine = Grid(self.grid.segments, min(2 * self.grid.degree, 100))
+        fine = replace(self.grid, degree=min(2 * self.grid.degree, 100))
         by_segment = fine.in_segments(fine.nodes)
         # One-sided at the segments' ends, where the derivative may jump.
         middle = by_segment.mean(axis=1, keepdims=True)
         s = (middle + (1.0 - 1e-12) * (by_segment - middle)).ravel()
         function = self.metric.speed
         speeds = evaluate(function.map(s.size), self(s).T, self(s, 1).T).ravel()
-        return np.tile(fine.weights, fine.segments), speeds
+        return fine.weights.ravel(), speeds
 
     @property
     def length(self) -> float:

@@ -275,7 +275,7 @@ def _energy(metric: Metric, grid: Grid, nodes: Array) -> float:
     speeds = evaluate(
         metric.speed.map(grid.collocations), states.reshape(-1, n).T, slopes.reshape(-1, n).T
     )
-    return float(0.5 * np.tile(grid.weights, grid.segments) @ speeds.ravel() ** 2)
+    return float(0.5 * grid.weights.ravel() @ speeds.ravel() ** 2)
 
 
 def _explanation(solution: Solution) -> str:

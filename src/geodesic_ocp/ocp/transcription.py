@@ -119,7 +119,7 @@ def transcribe(metric: Metric, terms: Conditions, grid: Grid) -> Transcription:
     slopes = length * (scaled @ differentiate.T)
     states = ca.vertcat(positions @ select.T, slopes)
     ends = ca.vertcat(positions[:, 0], positions[:, -1], slopes[:, 0], slopes[:, -1])
-    weights = ca.DM(np.tile(grid.weights, grid.segments)).T
+    weights = ca.DM(grid.weights.ravel()).T
 
     density, slope = lagrangian.first(states, values)
     f = ca.dot(weights, density) / scale
@@ -230,14 +230,14 @@ def _segment_matrices(grid: Grid) -> tuple[ca.DM, ca.DM]:
         rows = slice(segment * width, (segment + 1) * width)
         columns = slice(segment * grid.degree, segment * grid.degree + width)
         select[rows, columns] = ca.DM.eye(width)
-        differentiate[rows, columns] = ca.DM(grid.differentiation)
+        differentiate[rows, columns] = ca.DM(grid.differentiation[segment])
     return select, differentiate
 
 
 def _assemble(blocks: ca.MX, grid: Grid, n: int) -> ca.MX:
     """Upper triangle of sum_k [E_k; D_k]' H_k [E_k; D_k] from vec(H_k), (4 n^2, collocations)."""
     width = grid.degree + 1
-    slope = grid.differentiation
+    slope = grid.differentiation[0]
     first, second = np.triu_indices(width)  # the pairs (a, b) of a segment's nodes with a <= b
     nodes = np.arange(width)[:, None]
     at_first, at_second = (nodes == first).astype(float), (nodes == second).astype(float)
@@ -262,9 +262,11 @@ def _assemble(blocks: ca.MX, grid: Grid, n: int) -> ca.MX:
     total = ca.MX(n * grid.size, n * grid.size)
     for segment in range(grid.segments):
         here = blocks[:, segment * width : (segment + 1) * width]
+        steeper = grid.widths[0] / grid.widths[segment]  # slopes than in the first segment
+        powers = (1.0, steeper, steeper, steeper**2)
         sums = sum(
-            here[quarter.ravel(order="F").tolist(), :] @ ca.sparsify(ca.DM(product))
-            for quarter, product in zip(quarters, products, strict=True)
+            here[quarter.ravel(order="F").tolist(), :] @ ca.sparsify(ca.DM(power * product))
+            for quarter, product, power in zip(quarters, products, powers, strict=True)
         )
         shift = segment * grid.degree * n
         sparsity, mapping = _triplets(
@@ -293,7 +295,7 @@ def _on_ends(block: ca.MX, grid: Grid, n: int) -> ca.MX:
     size, width = grid.size, grid.degree + 1
     rows = np.zeros((4, size))
     rows[0, 0] = rows[1, -1] = 1.0
-    rows[2, :width] = grid.differentiation[0]
-    rows[3, -width:] = grid.differentiation[-1]
+    rows[2, :width] = grid.differentiation[0][0]
+    rows[3, -width:] = grid.differentiation[-1][-1]
     to_ends = ca.sparsify(ca.DM(np.kron(rows, np.eye(n))))
     return to_ends.T @ ca.reshape(block, 4 * n, 4 * n) @ to_ends
