@@ -14,6 +14,24 @@ from geodesic_ocp.ocp.violations import Violation
 
 
 @dataclass(frozen=True)
+class Round:
+    """One solve of a refinement.
+
+    Attributes:
+        segments: of its grid.
+        iterations, seconds: of Ipopt.
+        objective: that was reached.
+        between: largest violation anywhere on the path.
+    """
+
+    segments: int
+    iterations: int
+    seconds: float
+    objective: float
+    between: float
+
+
+@dataclass(frozen=True)
 class Stats:
     """Figures of one solve.
 
@@ -28,6 +46,7 @@ class Stats:
         violation: largest violation of any condition at the nodes, in the condition's unit.
         worst: name of the condition with that violation.
         between: largest violation anywhere on the path, between the nodes, too.
+        rounds: what was done until the solution held to a tolerance, if one was asked for.
     """
 
     success: bool
@@ -41,6 +60,7 @@ class Stats:
     violation: float
     worst: str
     between: float
+    rounds: tuple[Round, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,10 +20,11 @@ from geodesic_ocp.ocp.nodal import NodeBounds
 from geodesic_ocp.ocp.path import Path
 from geodesic_ocp.ocp.prepared import Structure, transcribed
 from geodesic_ocp.ocp.problem import Problem
+from geodesic_ocp.ocp.refinement import refined
 from geodesic_ocp.ocp.solution import Solution, Stats
 from geodesic_ocp.ocp.terms import Conditions, conditions
 from geodesic_ocp.ocp.transcription import Transcription, Units
-from geodesic_ocp.ocp.violations import violations
+from geodesic_ocp.ocp.violations import misses, violations
 
 # The objective is scaled to be of the order of one, so these are relative to the path's energy.
 # Ipopt widens bounds by 1e-8 for its own ease; the answer keeps the ones that were asked for.
@@ -132,7 +133,8 @@ def solve(
     problem: Problem,
     *,
     grid: Grid | None = None,
-    guess: Path | None = None,
+    guess: Path | Solution | None = None,
+    tolerance: float | None = None,
     throw: bool = True,
     ipopt: Mapping[str, Any] | None = None,
 ) -> Solution:
@@ -143,7 +145,11 @@ def solve(
     Args:
         problem: an instance of a subclass of Problem.
         grid: nodes of the path; the problem's own choice by default.
-        guess: a path to start from, by default the problem's guess, or the straight line.
+        guess: a path or solution to start from, on any grid; by default the problem's guess, or the
+            straight line.
+        tolerance: divide the grid's segments where needed until conditions hold to this everywhere,
+            each in its unit, and the objective, relative, from one grid to the next; what was done
+            is in stats.rounds. None: solve on the grid as it is.
         throw: raise NotConverged where there is no solution; otherwise the record of the attempt
             is returned, with stats.success False.
         ipopt: options for Ipopt, by its names.
@@ -155,11 +161,29 @@ def solve(
     if not isinstance(problem, Problem):
         raise ValueError(f"problem must be an instance of a Problem class, got {problem!r}")
     grid = problem.grid if grid is None else grid
+    start = guess.path if isinstance(guess, Solution) else guess
     terms = conditions(problem)
+
+    def solve_on(grid: Grid, start: Path | None) -> Solution:
+        return _solved(problem, terms, grid, start, ipopt or {})
+
+    if tolerance is None:
+        solution = solve_on(grid, start)
+    else:
+        solution = refined(solve_on, misses(terms), grid, tolerance, start)
+    if throw and not solution.stats.success:
+        raise NotConverged(_explanation(solution), solution)
+    return solution
+
+
+def _solved(
+    problem: Problem, terms: Conditions, grid: Grid, guess: Path | None, ipopt: Mapping[str, Any]
+) -> Solution:
+    """The solution on one grid, or the record of the attempt."""
     bounds = NodeBounds.of(terms, grid, problem.metric.joint_names)
     structure = Structure.of(problem, terms)
     transcription = transcribed(structure, grid)
-    options = tuple(sorted((ipopt or {}).items()))
+    options = tuple(sorted(ipopt.items()))
     shared = structure.key is not None
     solver = _shared(structure, grid, options) if shared else _ipopt(transcription, options)
     nodes = _initial(problem, grid, bounds, guess)
@@ -172,10 +196,7 @@ def solve(
         lbg=bounds.lower_g,
         ubg=bounds.upper_g,
     )
-    solution = _solution(problem, terms, transcription, bounds, outcome, units)
-    if throw and not solution.stats.success:
-        raise NotConverged(_explanation(solution), solution)
-    return solution
+    return _solution(problem, terms, transcription, bounds, outcome, units)
 
 
 def _ipopt(transcription: Transcription, options: Options) -> Ipopt:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -13,6 +14,9 @@ from geodesic_ocp.ocp.path import Path
 from geodesic_ocp.ocp.terms import Conditions, Term
 
 _PER_NODE = 4  # places looked at between two nodes
+
+# Of a path: places s (k,), and the largest violation there (k,) of any condition along it.
+Misses: TypeAlias = Callable[[Path], tuple[Array, Array]]
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,34 @@ def violations(
     """
     found = [*_at_ends(terms, path, joint_names), *_along(terms, path, joint_names)]
     return tuple(sorted(found, key=lambda one: -one.amount))
+
+
+def misses(terms: Conditions) -> Misses:
+    """By how much paths violate the conditions along them, and where."""
+    functions = (*terms.still, *terms.moving)
+    rows = [ca.SX(0, 1), *(term.expression for term in functions)]
+    function = ca.Function("along", [terms.q, terms.v, terms.p], [ca.vertcat(*rows)])
+
+    def along(path: Path) -> tuple[Array, Array]:
+        s = places_between(path)
+        positions, excess = path(s), np.zeros(s.size)
+        for term in terms.bounds:
+            excess = np.maximum(excess, _excess(term, positions[:, list(term.coordinates or ())].T))
+        if functions:
+            own = np.tile(terms.values[:, None], s.size)
+            values = evaluate(function.map(s.size), positions.T, path(s, 1).T, own)
+            ends = np.cumsum([term.size for term in functions])[:-1]
+            for term, part in zip(functions, np.split(values, ends), strict=True):
+                excess = np.maximum(excess, _excess(term, part))
+        return s, excess
+
+    return along
+
+
+def _excess(term: Term, values: Array) -> Array:
+    """Largest violation (k,) of a term's values (m, k); NaN is an infinite one."""
+    excess = np.maximum(term.lower[:, None] - values, values - term.upper[:, None])
+    return np.asarray(np.where(np.isnan(excess), np.inf, excess).max(axis=0, initial=0.0))
 
 
 def _at_ends(

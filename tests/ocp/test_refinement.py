@@ -1,0 +1,112 @@
+"""Refinement of the grid until a solution holds to a tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from known_metrics import Sphere
+
+import geodesic_ocp as go
+
+
+class Disc(go.Problem):
+    """In the plane, around a disc of radius 1/2 on the straight line: two tangents and an arc."""
+
+    exact_length = 2.0 * np.sqrt(0.75) + 0.5 * np.pi / 3.0
+
+    @property
+    def metric(self) -> go.Metric:
+        return go.Euclidean(2)
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+        return [(q0, (-1.0, 0.0)), (q1, (1.0, 0.0))]
+
+    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+        return [(0.25, ca.dot(q, q), np.inf, "disc")]
+
+    def guess(self, s: np.ndarray) -> np.ndarray:
+        return np.column_stack([2.0 * s - 1.0, 2.0 * s * (1.0 - s)])
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-7])
+def test_around_a_disc_to_any_tolerance(tolerance: float) -> None:
+    solution = go.solve(Disc(), tolerance=tolerance)
+    stats = solution.stats
+    assert stats.between <= tolerance
+    assert solution.path.length == pytest.approx(Disc.exact_length, rel=tolerance)
+    s = np.linspace(0.0, 1.0, 5001)
+    inside = 0.25 - np.sum(solution.path(s) ** 2, axis=1)
+    assert inside.max() <= 1.1 * tolerance  # also where it was not looked at
+    assert len(stats.rounds) > 1
+    assert stats.rounds[-1].between == stats.between
+    assert stats.rounds[0].segments == 16
+
+
+def test_segments_are_divided_where_the_constraint_begins_and_ends() -> None:
+    solution = go.solve(Disc(), tolerance=1e-7)
+    widths, ends = solution.path.grid.widths, solution.path.breakpoints
+    assert solution.path.grid.segments < 40
+    # The tangents touch at (-+1/4, sqrt(3)/4): sqrt(3)/2 after the start, and before the end.
+    length = Disc.exact_length
+    for touch in (np.sqrt(0.75) / length, 1.0 - np.sqrt(0.75) / length):
+        finest = int(np.argmin(np.where(np.abs(ends[:-1] - touch) < 0.1, widths, np.inf)))
+        assert widths[finest] < widths.max() / 8.0
+        assert abs(ends[finest] - touch) < 0.02
+
+
+@dataclass(frozen=True)
+class Limited(go.Problem):
+    """The arm is raised; the geodesic would bend the wrist past its limit."""
+
+    model: go.Model
+
+    @property
+    def metric(self) -> go.Metric:
+        return go.KineticEnergy(self.model)
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+        raised = [1.4, 0.2, -0.6, 0.3, 0.0, 0.0, 0.0]
+        return [(q0, [-0.3, 0.0, -0.6, 0.3, 0.0, 0.0, 0.0]), (q1, raised)]
+
+    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+        return [(self.model.lower, q, self.model.upper, "limits")]
+
+
+def test_joint_limits_hold_between_the_nodes(arm: go.Model) -> None:
+    coarse = go.solve(Limited(arm))
+    assert coarse.stats.between > 1e-4
+    solution = go.solve(Limited(arm), tolerance=1e-6, guess=coarse)
+    q = solution.path(np.linspace(0.0, 1.0, 5001))
+    assert np.all(q >= arm.lower - 1.1e-6)
+    assert np.all(q <= arm.upper + 1.1e-6)
+    assert solution.path.energy == pytest.approx(coarse.path.energy, rel=1e-3)
+    assert solution.certificate.locally_shortest
+
+
+def test_a_smooth_path_is_refined_until_its_energy_settles() -> None:
+    problem = go.PointToPoint(Sphere(), (0.4, 0.0), (0.5, 2.5))
+    solution = go.solve(problem, grid=go.Grid(1, 4), tolerance=1e-9)
+    assert solution.path.length == pytest.approx(
+        go.distance(Sphere(), *problem_ends(problem)), rel=1e-9
+    )
+    assert solution.stats.rounds[-1].segments > 1
+
+
+def problem_ends(problem: go.PointToPoint) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    return problem.q0, problem.q1
+
+
+def test_what_cannot_be_reached_is_said() -> None:
+    with pytest.raises(go.NotConverged, match=r"Disc was not solved: not solved to 1e-13") as info:
+        go.solve(Disc(), tolerance=1e-13)
+    assert len(info.value.solution.stats.rounds) > 2
+    with pytest.raises(ValueError, match="tolerance must be positive"):
+        go.solve(Disc(), tolerance=0.0)
+    record = go.solve(Disc(), tolerance=1e-6, throw=False, ipopt={"max_iter": 2})
+    assert not record.stats.success
+    assert len(record.stats.rounds) == 1
