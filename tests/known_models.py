@@ -61,11 +61,14 @@ def random_tree(
         lambda: pin.JointModelPY(),
         lambda: pin.JointModelPZ(),
         lambda: pin.JointModelRUBX(),
+        lambda: pin.JointModelRUBY(),
         lambda: pin.JointModelRUBZ(),
         lambda: pin.JointModelRevoluteUnaligned(*_direction(rng)),
         lambda: pin.JointModelPrismaticUnaligned(*_direction(rng)),
         lambda: pin.JointModelHelicalUnaligned(_direction(rng), 0.3),
         lambda: pin.JointModelHX(0.2),
+        lambda: pin.JointModelHY(-0.1),
+        lambda: pin.JointModelHZ(0.4),
     ]
     model = pin.Model()
     for index in range(joints):

@@ -85,7 +85,7 @@ def _failed(reason: object, code: int) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="geodesic-ocp",
-        description="Human arm motion as sequences of geodesic synergies.",
+        description="Geodesics of mechanical systems, and human arm motion as sequences of them.",
         epilog=_EXIT,
     )
     release = version("geodesic_ocp")
@@ -211,7 +211,10 @@ class _Bar:
             raise KeyboardInterrupt
         if self._bar is None:
             self._bar = tqdm(
-                total=total, leave=False, bar_format="{desc}: {percentage:3.0f}% |{bar}|"
+                total=total,
+                leave=False,
+                disable=None,
+                bar_format="{desc}: {percentage:3.0f}% |{bar}|",
             )
         self._bar.total = total
         self._bar.set_description_str(label, refresh=False)

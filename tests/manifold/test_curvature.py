@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from all_metrics import METRICS, points
 from known_metrics import HalfPlane, PolarPlane, Sphere
 from known_models import planar_arm
 
@@ -83,21 +84,41 @@ def test_flat_mechanisms() -> None:
     assert go.scalar_curvature(pendulum, [0.3]) == 0.0
 
 
-def test_symmetries_and_bianchi(arm_metric: go.KineticEnergy, rng: np.random.Generator) -> None:
+@pytest.mark.parametrize("kind", METRICS)
+def test_symmetries_and_bianchi(kind: str, rng: np.random.Generator) -> None:
     """R is antisymmetric in each pair, symmetric between them, and its cyclic sum is zero."""
+    metric = METRICS[kind]()
+    n = metric.dim
 
     def form(*vectors: np.ndarray) -> float:
-        return go.riemann_curvature(arm_metric, q, *vectors)
+        return go.riemann_curvature(metric, q, *vectors)
 
-    for _ in range(5):
-        q, u, v, w, z = rng.uniform(-1.0, 1.0, (5, 7))
+    for q in points(metric, rng, 5):
+        u, v, w, z = rng.uniform(-1.0, 1.0, (4, n))
         cycle = [form(u, v, w, z), form(v, w, u, z), form(w, u, v, z)]
-        scale = np.abs(cycle).max()
+        # In a flat space all of these are rounding.
+        scale = max(np.abs(cycle).max(), np.abs(metric.matrix(q)).max())
         assert close(sum(cycle), 0.0, scale)
         assert close(form(v, u, w, z), -cycle[0], scale)
         assert close(form(u, v, z, w), -cycle[0], scale)
         assert close(form(w, z, u, v), cycle[0], scale)
         assert close(form(2.0 * u, v + z, w, z), 2.0 * (cycle[0] + form(u, z, w, z)), scale)
+
+
+@pytest.mark.parametrize("kind", METRICS)
+def test_christoffel_symbols_are_symmetric_and_keep_the_metric(
+    kind: str, rng: np.random.Generator
+) -> None:
+    """Gamma_ijk = Gamma_ikj, and d_k g_ij = Gamma_ijk + Gamma_jik."""
+    metric = METRICS[kind]()
+    for q in points(metric, rng, 3):
+        gamma, step = metric.christoffel(q), 1e-5
+        size = max(1.0, np.abs(gamma).max())
+        assert np.abs(gamma - gamma.transpose(0, 2, 1)).max() <= 1e-13 * size
+        for k, unit in enumerate(np.eye(metric.dim)):
+            ahead, behind = metric.matrix(q + step * unit), metric.matrix(q - step * unit)
+            slope = (ahead - behind) / (2.0 * step)
+            assert np.abs(gamma[:, :, k] + gamma[:, :, k].T - slope).max() <= 1e-6 * size
 
 
 def test_curvature_is_that_of_the_connection(

@@ -131,3 +131,26 @@ def test_wrong_metrics_and_vectors_are_named() -> None:
         go.Euclidean(0)
     with pytest.raises(ValueError, match=r"Euclidean\.dim must be a positive integer, is 2\.5"):
         go.Euclidean(2.5)
+
+
+def test_a_matrix_may_be_a_list_of_rows() -> None:
+    class Rows(go.Metric):
+        dim = 2
+
+        def matrix(self, q: Any) -> Any:
+            return [[1.0, 0.0], [0.0, ca.sin(q[0]) ** 2]]
+
+    q = np.array([0.7, 0.2])
+    assert np.array_equal(Rows().matrix(q), Sphere().matrix(q))
+    assert go.distance(Rows(), q, [1.1, 0.9]) == go.distance(Sphere(), q, [1.1, 0.9])
+
+    class Words(go.Metric):
+        dim = 2
+
+        def matrix(self, q: Any) -> Any:
+            return "flat"
+
+    with pytest.raises(
+        ValueError, match=r"Words\.matrix\(q\) must be a matrix of CasADi"
+    ):
+        go.exp(Words(), q, q)

@@ -97,3 +97,18 @@ def test_zero_vector_and_bad_arguments() -> None:
         go.parallel_transport(Sphere(), motion, [1.0, 0.0, 0.0])
     with pytest.raises(ValueError, match="tolerance must be positive"):
         go.parallel_transport(Sphere(), motion, [1.0, 0.0], tolerance=-1.0)
+
+
+def test_paths_converge_with_the_order_of_their_degree() -> None:
+    """A geodesic on ever finer grids carries its velocity ever better: by slope."""
+    metric, start, velocity = Sphere(), np.array([1.0, 0.2]), np.array([0.8, 1.1])
+    counts, degree = np.array([4, 6, 8, 12, 16]), 3
+    errors = []
+    for count in counts:
+        grid = go.Grid(int(count), degree)
+        nodes, velocities = trajectory(metric, start, velocity, grid.nodes, tolerance=1e-12)
+        path = go.Path(metric, grid, nodes)
+        carried = go.parallel_transport(metric, path, velocity, tolerance=1e-12)
+        errors.append(np.abs(carried - velocities[-1]).max())
+    slope = np.polyfit(np.log(counts), np.log(errors), 1)[0]
+    assert slope < -(degree + 0.5)  # a polynomial of degree d errs with order d + 1

@@ -30,7 +30,7 @@ def test_mjcf_text_and_file(tmp_path: Path) -> None:
         go.load_model(MJCF, hand="tip")
     with pytest.raises(ValueError, match="'c2' mimics 'c1'"):
         go.load_model(MJCF, hand="f2", base="fore")
-    with pytest.raises(ValueError, match="not an MJCF that Pinocchio can read"):
+    with pytest.raises(ValueError, match="joint None is of the unknown type 'odd'"):
         go.load_model(
             "<mujoco><worldbody><body><joint type='odd'/></body></worldbody></mujoco>", hand="a"
         )
@@ -76,8 +76,11 @@ BALL = "<geom type='sphere' size='0.1' mass='1'/>"
     ("text", "message"),
     [
         (body("<geom type='mesh' mesh='m' mass='3'/>"), "body 'a' has the inertia of a mesh"),
-        (body(BALL + "<frame><body name='c'/></frame>"), "body 'a' has a <frame>"),
-        (body(BALL, "<compiler settotalmass='3'/>"), "settotalmass is not read"),
+        (
+            body(BALL + "<frame><body name='c'/></frame>"),
+            "the text has a <frame>",
+        ),
+        (body(BALL, "<compiler settotalmass='3'/>"), "settotalmass of <compiler> is not read"),
         (body(BALL + "<include file='more.xml'/>"), "includes 'more.xml', which only a file can"),
         (body(BALL, after=equal("polycoef='x'")), "joint 'j': polycoef is not numbers"),
         (body(BALL, after=equal("polycoef='0 0 1'")), "joint 'j' with 'k' is not linear"),
@@ -138,3 +141,82 @@ def test_joints_of_one_body_are_taken_apart(rng: np.random.Generator) -> None:
         place = data.oMf[native.getFrameId("b", pin.FrameType.BODY)]
         assert_allclose(model.hand_pose(q)[1], place.translation, rtol=0, atol=1e-13)
         assert_allclose(model.hand_pose(q)[0], place.rotation, rtol=0, atol=1e-13)
+
+
+def text_of(bodies: str, before: str = "") -> str:
+    return f"<mujoco>{before}<worldbody>{bodies}</worldbody></mujoco>"
+
+
+BOX = '<geom type="box" size=".05 .2 .1" pos=".1 0 .2"/><site name="tcp" pos=".1 .2 .3"/>'
+RADIAN = '<compiler angle="radian"/>'
+
+
+def test_arms_on_walls_and_beside_tables_are_where_they_are() -> None:
+    """About an upright axis on a wall: gravity has no moment. The world has another body."""
+    arm = f'<body name="arm"><joint name="p" axis="0 1 0"/>{BOX}</body>'
+    table = f'<body name="table">{BALL}</body>'
+    upright = "0.7071067811865476 0.7071067811865476 0 0"
+    wall = f'<body name="wall" pos="0 0 1" quat="{upright}">{arm}</body>'
+    model = go.load_model(text_of(table + wall), hand="tcp")
+    assert model.potential_energy([1.0]) == pytest.approx(model.potential_energy([0.0]), rel=1e-12)
+    assert_allclose(model.hand_pose([0.0])[1], [0.1, -0.3, 1.2], rtol=0, atol=1e-14)
+    assert model.mass == pytest.approx(1000.0 * 8 * 0.05 * 0.2 * 0.1)  # of water, MuJoCo's default
+
+
+def test_axes_need_not_be_of_unit_length() -> None:
+    turned = f'<body name="a" axisangle="1 1 0 50"><joint name="j"/>{BOX}</body>'
+    rotation, _ = go.load_model(text_of(turned), hand="tcp").hand_pose([0.0])
+    assert np.linalg.det(rotation) == pytest.approx(1.0, abs=1e-14)
+    assert np.rad2deg(np.arccos((np.trace(rotation) - 1.0) / 2.0)) == pytest.approx(50.0)
+
+
+@pytest.mark.parametrize("compiler", ["", RADIAN])
+def test_ranges_of_slides_are_metres(compiler: str) -> None:
+    slide = f'<body name="a"><joint name="j" type="slide" range="0 0.1"/>{BOX}</body>'
+    assert go.load_model(text_of(slide, compiler), hand="tcp").upper == pytest.approx([0.1])
+    hinge = slide.replace("slide", "hinge").replace("0.1", "0.1" if compiler else "5.729577951308")
+    assert go.load_model(text_of(hinge, compiler), hand="tcp").upper == pytest.approx([0.1])
+
+
+def test_default_classes_are_inherited() -> None:
+    defaults = (
+        '<default><geom mass="0.7"/><default class="free"><joint limited="false" axis="0 1 0"/>'
+        '<default class="light"><geom mass="0.2"/></default></default></default>'
+    )
+    one = f'<body name="a"><joint name="j" class="free" range="-1 1"/>{BOX}</body>'
+    model = go.load_model(text_of(one, defaults), hand="tcp")
+    assert model.mass == pytest.approx(0.7)
+    assert model.continuous == ("j",)
+    light = f'<body name="a" childclass="light"><joint name="j"/>{BOX}</body>'
+    model = go.load_model(text_of(light, defaults), hand="tcp")
+    assert model.mass == pytest.approx(0.2)
+    assert model.hand_pose([0.3])[0][1, 1] == 1.0  # about y
+    with pytest.raises(ValueError, match="<joint> is of an unknown class 'none'"):
+        go.load_model(text_of(one.replace("free", "none"), defaults), hand="tcp")
+
+
+def test_scenes_include_robots_beside_worlds_of_their_own(tmp_path: Path) -> None:
+    robot = text_of(f'<body name="a"><joint name="j" axis="0 1 0"/>{BOX}</body>', RADIAN)
+    (tmp_path / "robot.xml").write_text(robot)
+    floor = '<worldbody><geom type="plane" size="1 1 1"/><light/></worldbody>'
+    for scene in (f'<include file="robot.xml"/>{floor}', f'{floor}<include file="robot.xml"/>'):
+        (tmp_path / "scene.xml").write_text(f"<mujoco>{scene}</mujoco>")
+        model = go.load_model(tmp_path / "scene.xml", hand="tcp")
+        assert model.joint_names == ("j",)
+        assert model.mass == pytest.approx(8.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (text_of(BALL), "has no <body>"),
+        (body(BALL + "<replicate count='3'/>"), "has a <replicate>"),
+        (body(BALL, "<compiler inertiagrouprange='1 2'/>"), "inertiagrouprange of <compiler>"),
+        (body(BALL, "<compiler eulerseq='XYZ'/>"), "eulerseq with capitals"),
+        (body(BALL, "<compiler coordinate='global'/>"), "global coordinates"),
+        (body("<joint name='j' type='slide' range='0'/>" + BALL), "range of joint 'j' must be 2"),
+    ],
+)
+def test_more_that_is_refused_by_name(text: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        go.load_model(text, hand="a")

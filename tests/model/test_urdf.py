@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -60,11 +61,16 @@ def test_followers_of_a_pin_model_are_refused() -> None:
         go.load_model(native, hand="grip")
 
 
+LIMIT = re.compile("<limit [^>]*>")
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         (urdf().replace('lower="0.2"', 'lower="2"'), "j_lift': its lower limit 2 lies above"),
         (urdf().replace('axis xyz="0 1 0"', 'axis xyz="0 0 0"'), "'j_lift': its axis is zero"),
+        (LIMIT.sub("", urdf()), "joint 'j_lift' is prismatic and has no <limit>"),
+        (urdf().replace(' name="gadget"', ""), "<robot> has no name"),
         (urdf().replace('mass value="2"', 'mass value="two"'), "value is 'two', not a number"),
         (urdf(two_origin='xyz="0,5 0"'), r'line \d+: xyz="0,5 0" is not three numbers'),
     ],

@@ -311,3 +311,32 @@ def test_rows_take_starts(two_link: go.KineticEnergy) -> None:
     goals = np.array([[1.0, 0.5], [2.0, -1.0]])
     rows = go.log(two_link, [0.0, 0.3], goals, starts=3)
     assert np.array_equal(rows[1], go.log(two_link, [0.0, 0.3], goals[1], starts=3))
+
+
+class TorusOfRevolution(go.Metric):
+    """In angles about the tube and about the axis, both of which come round."""
+
+    dim = 2
+    periods = (2 * np.pi, 2 * np.pi)
+
+    def matrix(self, q: ca.SX) -> list:
+        return [[1.0, 0.0], [0.0, (3.0 + ca.cos(q[0])) ** 2]]
+
+
+def test_what_log_finds_can_be_drawn() -> None:
+    """Errors grow along this one: its points are known to 1e-9, not to 1e-10."""
+    ends = [0.3, 0.0], [2.0, 5.5]
+    path = go.geodesic(TorusOfRevolution(), *ends)
+    assert path.length == pytest.approx(go.distance(TorusOfRevolution(), *ends), rel=1e-9)
+    assert path.certificate.residual < 1e-8
+
+
+def test_the_way_back_round_the_sphere_is_found() -> None:
+    """Two parts of one great circle, of which the longer is no minimum."""
+
+    class Globe(Sphere):
+        periods = (np.inf, 2 * np.pi)
+
+    found = go.geodesics(Globe(), [1.0, 0.0], [1.4, 1.9], starts=10, seed=1)
+    assert found[0].length + found[1].length == pytest.approx(2 * np.pi, abs=1e-8)
+    assert [path.certificate.index for path in found[:2]] == [0, 1]

@@ -75,7 +75,15 @@ class Metric(ABC):
     @cached_property
     def _matrix_function(self) -> ca.Function:
         q = ca.SX.sym("q", self.dim)
-        matrix = ca.SX(self.matrix(q))
+        try:
+            given = self.matrix(q)
+            rows = [ca.horzcat(*row) for row in given] if isinstance(given, (list, tuple)) else []
+            matrix = ca.SX(ca.vertcat(*rows) if rows else given)
+        except (NotImplementedError, TypeError, RuntimeError) as error:
+            raise ValueError(
+                f"{type(self).__name__}.matrix(q) must be a matrix of CasADi expressions in q, "
+                f"or a list of rows: {str(error).splitlines()[0]}"
+            ) from error
         if matrix.shape != (self.dim, self.dim):
             raise ValueError(
                 f"{type(self).__name__}.matrix(q) must have shape ({self.dim}, {self.dim}), "

@@ -7,7 +7,10 @@ import warnings
 from collections.abc import Iterator, Sequence
 from typing import get_args
 
+import pinocchio as pin
+
 from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.model.description import Description, read_file
 from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.model.library import load_model
 from geodesic_ocp.model.model import Model
@@ -23,7 +26,10 @@ _WIDTH = 100
 
 
 def catalogue() -> Iterator[str]:
-    """Models with degrees of freedom, moving mass [kg] and reach [m]; back ends and their state."""
+    """Models with degrees of freedom, moving mass [kg] and reach [m]; back ends and their state.
+
+    Robots that have no hand of their own are loaded with the last link of their longest chain.
+    """
     with warnings.catch_warnings():
         # What is passed over is listed below, and repairs of files are for those who load them.
         warnings.simplefilter("ignore")
@@ -42,8 +48,12 @@ def catalogue() -> Iterator[str]:
         yield f"not here, for lack of {' and '.join(packages)}: {INSTALL}"
         yield from _listed(absent)
     if names := sorted(described()):
-        yield f"load_model(name, hand=...): {len(names)} of example-robot-data and armar"
-        yield from _listed(names)
+        yield (
+            f"load_model(name, hand=...): {len(names)} of example-robot-data and armar, each with "
+            "its longest chain"
+        )
+        for name in names:
+            yield from _longest_chain(name, in_use)
     if names := sorted(on_demand()):
         yield (
             f"load_model(name, hand=...): {len(names)} of robot_descriptions, which fetches them "
@@ -63,6 +73,33 @@ def _figures(name: str, model: Model) -> Iterator[str]:
     figures = f"{model.dof} DoF, {model.mass:5.2f} kg, reach {model.reach:.2f} m"
     yield f"  {name:20} {figures}"
     yield from _listed(model.joint_names, indent="    ")
+
+
+def _last_link(description: Description) -> str:
+    """The link behind the most joints, none of which follows another or is followed."""
+    model, mimics = description.pin, description.mimics
+    coupled = {*mimics, *(mimic.leader for mimic in mimics.values())}
+    links = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
+
+    def joints(frame: pin.Frame) -> int:
+        chain = list(model.supports[frame.parentJoint])
+        return 0 if coupled & {model.names[joint] for joint in chain} else len(chain)
+
+    return str(max(links, key=joints).name)
+
+
+def _longest_chain(name: str, backend: str) -> Iterator[str]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            description = read_file(described()[name], None, None)
+            model = load_model(name, hand=_last_link(description), backend=backend)
+        except ValueError as error:
+            reason = f"  {name:26} cannot be loaded: {error}"
+            yield from textwrap.wrap(reason, _WIDTH, subsequent_indent="    ")
+            return
+    figures = f"{model.dof:2} DoF, {model.mass:6.2f} kg, reach {model.reach:.2f} m"
+    yield f"  {name:26} {figures}, hand={model.hand!r}"
 
 
 def _listed(names: Sequence[str], indent: str = "  ") -> list[str]:

@@ -1,15 +1,28 @@
-"""MJCF as a Pinocchio model. What Pinocchio leaves out and would change the model is an error."""
+"""MJCF as a Pinocchio model.
+
+Pinocchio reads a part of the format. What it leaves out or reads otherwise than MuJoCo is written
+in its terms here (includes, default classes, several joints of a body, several bodies in the world,
+ranges of slides), or refused by name.
+"""
 
 from __future__ import annotations
 
 import tempfile
 import xml.etree.ElementTree as ET
+from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
 from geodesic_ocp.model.mimic import Mimic
+
+_ROOT = "world of bodies"
+# What changes bodies and is not read, as elements and as attributes of <compiler>.
+_ELEMENTS = ("attach", "replicate", "composite", "flexcomp", "frame")
+_COMPILER = ("settotalmass", "boundmass", "boundinertia", "inertiagrouprange", "balanceinertia")
+_JOINTS = ("hinge", "slide", "ball", "free")
+_Defaults = dict[str, dict[str, dict[str, str]]]  # class -> tag -> attribute -> value
 
 
 def mjcf_model(
@@ -18,7 +31,7 @@ def mjcf_model(
     """The model, its followers (joint equalities), and what was left out without effect on it.
 
     Args:
-        root: the element <mujoco>; its includes are expanded in place.
+        root: the element <mujoco>; it is changed.
         name: of the file, for messages.
         folder: where included files are looked for.
 
@@ -26,9 +39,10 @@ def mjcf_model(
         ValueError: Pinocchio cannot read it, or would leave out what changes the model.
     """
     _include(root, name, folder, ())
+    _merge_sections(root)
+    _write_defaults_out(root, name)
     _refuse(root, name)
-    for body in list(root.iter("body")):
-        _give_each_joint_a_body(body)
+    _rewrite(root, name)
     with tempfile.TemporaryDirectory() as scratch:
         written = Path(scratch) / "model.xml"
         ET.ElementTree(root).write(written, encoding="utf-8")
@@ -73,6 +87,117 @@ def _include(element: ET.Element, name: str, folder: Path | None, before: tuple[
             element.insert(index + offset, part)
 
 
+def _merge_sections(root: ET.Element) -> None:
+    """Sections such as <worldbody> may occur several times, as with includes."""
+    first: dict[str, ET.Element] = {}
+    for section in list(root):
+        if section.tag == "default" or section.tag not in first:
+            first.setdefault(section.tag, section)
+            continue
+        first[section.tag].extend(section)
+        first[section.tag].attrib.update(section.attrib)
+        root.remove(section)
+
+
+def _write_defaults_out(root: ET.Element, name: str) -> None:
+    """Give every element the attributes of its default class."""
+    defaults: _Defaults = {"main": defaultdict(dict)}
+
+    def collect(default: ET.Element, above: str) -> None:
+        own = default.get("class", "main")
+        if own not in defaults:
+            inherited = defaults[above].items()
+            defaults[own] = defaultdict(dict, {tag: dict(values) for tag, values in inherited})
+        for child in default:
+            if child.tag != "default":
+                defaults[own][child.tag].update(child.attrib)
+        for child in default.iterfind("default"):
+            collect(child, own)
+
+    def write(element: ET.Element, above: str) -> None:
+        own = element.get("class", above)
+        if own not in defaults:
+            raise ValueError(f"{name}: <{element.tag}> is of an unknown class {own!r}")
+        for key, value in defaults[own][element.tag].items():
+            element.attrib.setdefault(key, value)
+        element.attrib.pop("class", None)
+        below = element.attrib.pop("childclass", above)
+        for child in element:
+            write(child, below)
+
+    for default in root.findall("default"):
+        collect(default, "main")
+        root.remove(default)
+    for section in root.iterfind("worldbody"):
+        write(section, "main")
+
+
+def _refuse(root: ET.Element, name: str) -> None:
+    for tag in _ELEMENTS:
+        if next(root.iter(tag), None) is not None:
+            raise ValueError(f"{name} has a <{tag}>, which is not read")
+    for compiler in root.iterfind("compiler"):
+        for key in _COMPILER:
+            if compiler.get(key, "0") not in ("0", "false", "-1", "0 5"):
+                raise ValueError(f"{name}: {key} of <compiler> is not read")
+        if compiler.get("coordinate", "local") != "local":
+            raise ValueError(f"{name}: global coordinates are not read")
+        if not compiler.get("eulerseq", "xyz").islower():
+            raise ValueError(f"{name}: eulerseq with capitals, about fixed axes, is not read")
+        if compiler.get("inertiafromgeom") == "true" and next(root.iter("inertial"), None):
+            raise ValueError(f"{name}: inertiafromgeom over given <inertial>s is not read")
+    for joint in root.iter("joint"):
+        if joint.get("type", "hinge") not in _JOINTS:
+            raise ValueError(
+                f"{name}: joint {joint.get('name')!r} is of the unknown type {joint.get('type')!r}"
+            )
+    for body in root.iter("body"):
+        place = f"{name}: body {body.get('name')!r}"
+        meshes = [geom for geom in body.iterfind("geom") if geom.get("mesh") is not None]
+        heavy = [geom for geom in meshes if not {geom.get("mass"), geom.get("density")} & {"0"}]
+        if heavy and body.find("inertial") is None:
+            raise ValueError(
+                f"{place} has the inertia of a mesh, which is not read: give <inertial>"
+            )
+
+
+def _rewrite(root: ET.Element, name: str) -> None:
+    compiler = root.find("compiler")
+    degrees = compiler is None or compiler.get("angle", "degree") == "degree"
+    for element in root.iter():
+        if (given := element.get("axisangle")) is not None:
+            x, y, z, angle = _numbers(given, 4, f"{name}: axisangle")
+            length = float(np.linalg.norm([x, y, z])) or 1.0
+            axis = " ".join(repr(float(number / length)) for number in (x, y, z))
+            element.set("axisangle", f"{axis} {angle!r}")
+        if degrees and element.tag == "joint" and element.get("type") == "slide":
+            place = f"{name}: range of joint {element.get('name')!r}"
+            # Pinocchio takes it for degrees.
+            metres = _numbers(element.get("range", "0 0"), 2, place)
+            element.set("range", " ".join(repr(float(number)) for number in np.rad2deg(metres)))
+    world = root.find("worldbody")
+    if world is None or world.find("body") is None:
+        raise ValueError(f"{name} has no <body>")
+    # Pinocchio reads one body of the world, and not where it is if it has no joint.
+    whole = ET.Element("body", {"name": _ROOT})
+    whole.extend(list(world))
+    for child in list(world):
+        world.remove(child)
+    world.append(whole)
+    for body in list(root.iter("body")):
+        _give_each_joint_a_body(body)
+
+
+def _numbers(text: str, count: int, place: str) -> list[float]:
+    try:
+        numbers = [float(number) for number in text.split()]
+    except ValueError:
+        numbers = []
+    if len(numbers) != count:
+        raise ValueError(f"{place} must be {count} numbers, is {text!r}")
+    return numbers
+
+
 def _give_each_joint_a_body(body: ET.Element) -> None:
     """Several joints of a body act one after the other: as those of bodies in each other.
 
@@ -87,25 +212,6 @@ def _give_each_joint_a_body(body: ET.Element) -> None:
         body.append(inner)
         body.set("name", f"{body.get('name', '')}/{joint.get('name', '')}")
         body = inner
-
-
-def _refuse(root: ET.Element, name: str) -> None:
-    for compiler in root.iterfind("compiler"):
-        if float(compiler.get("settotalmass", -1.0)) > 0.0:
-            raise ValueError(f"{name}: settotalmass is not read; write the masses")
-    for body in root.iter("body"):
-        place = f"{name}: body {body.get('name')!r}"
-        if body.find("frame") is not None:
-            raise ValueError(f"{place} has a <frame>, which Pinocchio does not read")
-        meshes = [geom for geom in body.iterfind("geom") if geom.get("mesh") is not None]
-        heavy = [geom for geom in meshes if not {geom.get("mass"), geom.get("density")} & {"0"}]
-        if heavy and body.find("inertial") is None:
-            raise ValueError(
-                f"{place} has the inertia of a mesh, which is not read: give <inertial>"
-            )
-    for worldbody in root.iterfind("worldbody"):
-        if worldbody.find("frame") is not None:
-            raise ValueError(f"{name}: <worldbody> has a <frame>, which Pinocchio does not read")
 
 
 def _equalities(root: ET.Element, name: str) -> tuple[dict[str, Mimic], list[str]]:

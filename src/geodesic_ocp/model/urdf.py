@@ -49,11 +49,15 @@ def urdf_model(
 
 
 def _check(root: ET.Element, name: str) -> None:
+    if not root.get("name"):
+        raise ValueError(f"{name}: <robot> has no name")
     for joint in root.iterfind("joint"):
         if joint.get("type") == "fixed":
             continue
         place = f"{name}: joint {joint.get('name')!r}"
         limit, axis = joint.find("limit"), joint.find("axis")
+        if limit is None and joint.get("type") in ("revolute", "prismatic"):
+            raise ValueError(f"{place} is {joint.get('type')} and has no <limit>")
         if limit is not None:
             lower, upper = (_number(limit, key, 0.0, place) for key in ("lower", "upper"))
             if lower > upper:

@@ -16,8 +16,9 @@ from geodesic_ocp.manifold.exponential import trajectory
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.manifold.rows import by_rows
 from geodesic_ocp.ocp.certificate import Certificate, certify
+from geodesic_ocp.ocp.grid import Grid
 from geodesic_ocp.ocp.path import Path
-from geodesic_ocp.ocp.search import CHECK_TOLERANCE, Found
+from geodesic_ocp.ocp.search import CHECK_TOLERANCE, TOLERANCE, Found
 from geodesic_ocp.ocp.starts import search
 
 
@@ -124,14 +125,19 @@ def _search(metric: Metric, q0: ArrayLike, q1: ArrayLike, starts: int, seed: int
     return search(metric, metric.point("q0", q0), metric.point("q1", q1), starts, seed)
 
 
+def _integrated(metric: Metric, found: Found, grid: Grid) -> tuple[Array, Array]:
+    """Points and velocities at the grid's nodes, as exact as can be, to `TOLERANCE` at least."""
+    for tolerance in (CHECK_TOLERANCE, TOLERANCE):
+        try:
+            return trajectory(metric, found.q0, found.velocity, grid.nodes, tolerance=tolerance)
+        except IntegrationFailed as error:
+            failure = error
+    raise NotConverged(f"the geodesic cannot be drawn: {failure}")
+
+
 def _drawn(metric: Metric, found: Found) -> Geodesic:
     for grid in found.grids:
-        try:
-            nodes, velocities = trajectory(
-                metric, found.q0, found.velocity, grid.nodes, tolerance=CHECK_TOLERANCE
-            )
-        except IntegrationFailed as failure:
-            raise NotConverged(f"the geodesic cannot be drawn: {failure}") from None
+        nodes, velocities = _integrated(metric, found, grid)
         path = Geodesic(metric, grid, np.vstack([nodes[:-1], found.q1]), found.velocity)
         slopes = grid.differentiation @ grid.in_segments(path.nodes)
         error = np.abs(slopes - grid.in_segments(velocities)).max()

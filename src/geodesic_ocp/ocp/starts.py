@@ -2,8 +2,8 @@
 
 The first start is the straight line. Where coordinates have a period, straight lines to goals a
 period away follow, the nearest first. The rest takes turns: a path through a random waypoint, which
-leads to a geodesic of locally least energy, and shooting with the disturbed velocity of a geodesic
-that was found, which leads to any, also to those that are no minimum.
+leads to a geodesic of locally least energy, and shooting with the disturbed or reversed velocity of
+a geodesic that was found, which leads to any, also to those that are no minimum.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ _SAME = 1e-6
 _GRID = Grid(1, 20)  # of guesses
 _WAYPOINT = (0.3, 2.0)  # its distance from the straight line, in units of the ends' distance
 _DISTURBANCE = (0.03, 0.3)  # of a velocity, in units of its norm
+_WAY_BACK = (0.5, 8.0)  # its length, in units of the way forth
 _MOST = 6  # coordinates that are taken one more period either way
 _EQUAL = 1e-6
 
@@ -57,7 +58,12 @@ def search(metric: Metric, q0: Array, q1: Array, starts: int, seed: int) -> list
                 one = from_path(metric, q0, goal, _detour(metric, q0, goal, aside), patient=False)
             else:
                 near = found[int(rng.integers(len(found)))]
-                one = from_velocity(metric, q0, near.q1, _disturbed(metric, near, rng))
+                goal, velocity = near.q1, _disturbed(metric, near, rng)
+                if len(goals) > 1 and (number - len(goals)) % 2:
+                    # Where space comes round, the way back leads there, too.
+                    goal = goals[int(rng.integers(len(goals)))]
+                    velocity = -np.exp(rng.uniform(*np.log(_WAY_BACK))) * near.velocity
+                one = from_velocity(metric, q0, goal, velocity)
         except (NotConverged, ValueError) as failure:
             failures.append(failure)
             continue
