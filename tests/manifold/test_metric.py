@@ -150,7 +150,5 @@ def test_a_matrix_may_be_a_list_of_rows() -> None:
         def matrix(self, q: Any) -> Any:
             return "flat"
 
-    with pytest.raises(
-        ValueError, match=r"Words\.matrix\(q\) must be a matrix of CasADi"
-    ):
+    with pytest.raises(ValueError, match=r"Words\.matrix\(q\) must be a matrix of CasADi"):
         go.exp(Words(), q, q)

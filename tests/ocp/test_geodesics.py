@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from known_metrics import HalfPlane, Sphere
 from known_models import planar_arm
+from known_problems import PlaneAroundDisc
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
@@ -118,25 +119,8 @@ class Strip(go.Metric):
         return type(q).eye(2) * ca.if_else(outside, 1.0, np.nan)
 
 
-class AroundDisc(go.Problem):
-    """In the plane, around a disc on the straight line."""
-
-    @property
-    def metric(self) -> go.Metric:
-        return go.Euclidean(2)
-
-    def boundary(self, q0: ca.SX, q1: ca.SX) -> list:
-        return [(q0, (-1.0, 0.0)), (q1, (1.0, 0.0))]
-
-    def constraints(self, q: ca.SX, v: ca.SX) -> list:
-        return [(0.25, ca.dot(q, q), np.inf)]
-
-    def guess(self, s: np.ndarray) -> np.ndarray:
-        return np.column_stack([2.0 * s - 1.0, 2.0 * s * (1.0 - s)])
-
-
 def test_a_path_that_a_constraint_bends_is_no_geodesic_but_shortest() -> None:
-    certificate = go.solve(AroundDisc()).certificate
+    certificate = go.solve(PlaneAroundDisc()).certificate
     assert certificate.locally_shortest
     assert certificate.residual > 0.1
 

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from known_metrics import Sphere
+from known_problems import PlaneAroundDisc, check_derivatives
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
@@ -147,17 +148,8 @@ def test_assembled_derivatives_equal_casadis(grid: go.Grid, rng: np.random.Gener
     terms = conditions(problem)
     assert_allclose(terms.values, [0.7, 0.2, 0.3, 1.0, 3.0, 2.0, 4.0])
     transcription = transcribe(problem.metric, terms, grid)
-    x = ca.MX.sym("x", 2 * grid.size)
     p = Units(rng.normal(size=2), 0.7, 3.0).with_values(rng.normal(size=7))
-    factors = rng.normal(size=transcription.constraints.size1_out(0))
-    f, gradient = transcription.objective(x, p)
-    lagrangian = 1.7 * f + ca.dot(factors, transcription.constraints(x, p))
-    whole = ca.Function("whole", [x], [ca.hessian(lagrangian, x)[0], ca.gradient(f, x), gradient])
-    nodes = rng.normal(size=2 * grid.size)
-    hessian, slope, assembled = (out.full() for out in whole(nodes))
-    assert_allclose(assembled, slope, rtol=1e-11, atol=1e-13)
-    upper = transcription.hessian(nodes, p, 1.7, factors).full()
-    assert np.abs(upper - np.triu(hessian)).max() < 1e-12 * np.abs(hessian).max()
+    check_derivatives(transcription, p, rng)
 
 
 @dataclass(frozen=True)
@@ -260,32 +252,15 @@ def test_what_is_missed_is_named_with_value_and_place(arm: go.Model) -> None:
     assert worst.name in ("elbow", "speed")
 
 
-class Disc(go.Problem):
-    """In the plane, around a disc on the straight line."""
-
-    @property
-    def metric(self) -> go.Metric:
-        return go.Euclidean(2)
-
-    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
-        return [(q0, (-1.0, 0.0)), (q1, (1.0, 0.0))]
-
-    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
-        return [(0.25, ca.dot(q, q), np.inf, "disc")]
-
-    def guess(self, s: np.ndarray) -> np.ndarray:
-        return np.column_stack([2.0 * s - 1.0, 2.0 * s * (1.0 - s)])
-
-
 def test_violations_are_sought_between_the_nodes() -> None:
-    coarse, fine = (go.solve(Disc(), grid=go.Grid(k, 4)) for k in (4, 32))
+    coarse, fine = (go.solve(PlaneAroundDisc(), grid=go.Grid(k, 4)) for k in (4, 32))
     assert coarse.stats.violation < 1e-8
     assert coarse.stats.between > 1e-4
     assert coarse.violations[0].name == "disc"
     assert 0.0 < coarse.violations[0].s < 1.0
     assert fine.stats.between < 0.1 * coarse.stats.between
     s = np.linspace(0.0, 1.0, 2001)
-    inside = 0.25 - np.sum(coarse.path(s) ** 2, axis=1)
+    inside = 0.5 - np.linalg.norm(coarse.path(s), axis=1)
     assert coarse.stats.between == pytest.approx(inside.max(), rel=0.1)
 
 

@@ -10,37 +10,19 @@ import casadi as ca
 import numpy as np
 import pytest
 from known_metrics import Sphere
+from known_problems import PlaneAroundDisc
 
 import geodesic_ocp as go
 
 
-class Disc(go.Problem):
-    """In the plane, around a disc of radius 1/2 on the straight line: two tangents and an arc."""
-
-    exact_length = 2.0 * np.sqrt(0.75) + 0.5 * np.pi / 3.0
-
-    @property
-    def metric(self) -> go.Metric:
-        return go.Euclidean(2)
-
-    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
-        return [(q0, (-1.0, 0.0)), (q1, (1.0, 0.0))]
-
-    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
-        return [(0.25, ca.dot(q, q), np.inf, "disc")]
-
-    def guess(self, s: np.ndarray) -> np.ndarray:
-        return np.column_stack([2.0 * s - 1.0, 2.0 * s * (1.0 - s)])
-
-
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-7])
 def test_around_a_disc_to_any_tolerance(tolerance: float) -> None:
-    solution = go.solve(Disc(), tolerance=tolerance)
+    solution = go.solve(PlaneAroundDisc(), tolerance=tolerance)
     stats = solution.stats
     assert stats.between <= tolerance
-    assert solution.path.length == pytest.approx(Disc.exact_length, rel=tolerance)
+    assert solution.path.length == pytest.approx(PlaneAroundDisc().exact_length, rel=tolerance)
     s = np.linspace(0.0, 1.0, 5001)
-    inside = 0.25 - np.sum(solution.path(s) ** 2, axis=1)
+    inside = 0.5 - np.linalg.norm(solution.path(s), axis=1)
     assert inside.max() <= 1.1 * tolerance  # also where it was not looked at
     assert len(stats.rounds) > 1
     assert stats.rounds[-1].between == stats.between
@@ -48,11 +30,11 @@ def test_around_a_disc_to_any_tolerance(tolerance: float) -> None:
 
 
 def test_segments_are_divided_where_the_constraint_begins_and_ends() -> None:
-    solution = go.solve(Disc(), tolerance=1e-7)
+    solution = go.solve(PlaneAroundDisc(), tolerance=1e-7)
     widths, ends = solution.path.grid.widths, solution.path.breakpoints
     assert solution.path.grid.segments < 40
     # The tangents touch at (-+1/4, sqrt(3)/4): sqrt(3)/2 after the start, and before the end.
-    length = Disc.exact_length
+    length = PlaneAroundDisc().exact_length
     for touch in (np.sqrt(0.75) / length, 1.0 - np.sqrt(0.75) / length):
         finest = int(np.argmin(np.where(np.abs(ends[:-1] - touch) < 0.1, widths, np.inf)))
         assert widths[finest] < widths.max() / 8.0
@@ -102,11 +84,13 @@ def problem_ends(problem: go.PointToPoint) -> tuple[tuple[float, ...], tuple[flo
 
 
 def test_what_cannot_be_reached_is_said() -> None:
-    with pytest.raises(go.NotConverged, match=r"Disc was not solved: not solved to 1e-13") as info:
-        go.solve(Disc(), tolerance=1e-13)
+    with pytest.raises(
+        go.NotConverged, match=r"PlaneAroundDisc was not solved: not solved to 1e-13"
+    ) as info:
+        go.solve(PlaneAroundDisc(), tolerance=1e-13)
     assert len(info.value.solution.stats.rounds) > 2
     with pytest.raises(ValueError, match="tolerance must be positive"):
-        go.solve(Disc(), tolerance=0.0)
-    record = go.solve(Disc(), tolerance=1e-6, throw=False, ipopt={"max_iter": 2})
+        go.solve(PlaneAroundDisc(), tolerance=0.0)
+    record = go.solve(PlaneAroundDisc(), tolerance=1e-6, throw=False, ipopt={"max_iter": 2})
     assert not record.stats.success
     assert len(record.stats.rounds) == 1

@@ -10,33 +10,12 @@ import casadi as ca
 import numpy as np
 import pytest
 from known_metrics import Sphere
+from known_problems import PlaneAroundDisc, check_derivatives
 
 import geodesic_ocp as go
 from geodesic_ocp.ocp.prepared import transcription_of
 from geodesic_ocp.ocp.terms import conditions
 from geodesic_ocp.ocp.transcription import Units, transcribe
-
-
-@dataclass(frozen=True)
-class PlaneAroundDisc(go.Problem):
-    """From (-1, 0) to (1, 0) around the unit disc's half: two tangents and an arc."""
-
-    radius: float = 0.5
-    metric: go.Metric = field(default_factory=lambda: go.Euclidean(2))
-
-    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
-        return [(q0, (-1.0, 0.0)), (q1, (1.0, 0.0), "far side")]
-
-    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
-        return [(self.radius, ca.norm_2(q), np.inf, "disc")]
-
-    def guess(self, s: np.ndarray) -> np.ndarray:
-        return np.column_stack([2.0 * s - 1.0, np.sin(np.pi * s)])
-
-    @property
-    def exact_length(self) -> float:
-        tangent = np.sqrt(1.0 - self.radius**2)
-        return 2.0 * (tangent + self.radius * np.arcsin(self.radius))
 
 
 @dataclass(frozen=True)
@@ -88,17 +67,8 @@ def test_assembled_derivatives_equal_casadis(grid: go.Grid, rng: np.random.Gener
     assert [len(group) for group in (terms.fixed, terms.ends, terms.bounds)] == [1, 1, 1]
     assert [len(group) for group in (terms.still, terms.moving)] == [1, 1]
     transcription = transcribe(problem.metric, terms, grid)
-    x = ca.MX.sym("x", 7 * grid.size)
     p = Units(rng.normal(size=7), 0.7, 3.0).parameters
-    factors = rng.normal(size=transcription.constraints.size1_out(0))
-    f, gradient = transcription.objective(x, p)
-    lagrangian = 1.7 * f + ca.dot(factors, transcription.constraints(x, p))
-    whole = ca.Function("whole", [x], [ca.hessian(lagrangian, x)[0], ca.gradient(f, x), gradient])
-    nodes = rng.normal(size=7 * grid.size)
-    hessian, slope, assembled = (out.full() for out in whole(nodes))
-    assert assembled == pytest.approx(slope, rel=1e-12, abs=1e-14)
-    upper = transcription.hessian(nodes, p, 1.7, factors).full()
-    assert np.abs(upper - np.triu(hessian)).max() < 1e-13 * np.abs(hessian).max()
+    check_derivatives(transcription, p, rng)
 
 
 def test_every_kind_of_condition_is_met() -> None:

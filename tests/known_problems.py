@@ -1,0 +1,51 @@
+"""A problem with a constraint whose solution is known, and a check of every problem's NLP."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+import geodesic_ocp as go
+from geodesic_ocp.ocp.transcription import Transcription
+
+
+@dataclass(frozen=True)
+class PlaneAroundDisc(go.Problem):
+    """From (-1, 0) to (1, 0) around the unit disc's half: two tangents and an arc."""
+
+    radius: float = 0.5
+    metric: go.Metric = field(default_factory=lambda: go.Euclidean(2))
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+        return [(q0, (-1.0, 0.0)), (q1, (1.0, 0.0), "far side")]
+
+    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+        return [(self.radius, ca.norm_2(q), np.inf, "disc")]
+
+    def guess(self, s: np.ndarray) -> np.ndarray:
+        return np.column_stack([2.0 * s - 1.0, np.sin(np.pi * s)])
+
+    @property
+    def exact_length(self) -> float:
+        tangent = np.sqrt(1.0 - self.radius**2)
+        return 2.0 * (tangent + self.radius * np.arcsin(self.radius))
+
+
+def check_derivatives(
+    transcription: Transcription, p: np.ndarray, rng: np.random.Generator
+) -> None:
+    """Gradient and Hessian assembled from one node's, against those of the whole graph."""
+    x = ca.MX.sym("x", transcription.dim * transcription.grid.size)
+    factors = rng.normal(size=transcription.constraints.size1_out(0))
+    f, gradient = transcription.objective(x, p)
+    lagrangian = 1.7 * f + ca.dot(factors, transcription.constraints(x, p))
+    whole = ca.Function("whole", [x], [ca.hessian(lagrangian, x)[0], ca.gradient(f, x), gradient])
+    nodes = rng.normal(size=x.shape[0])
+    hessian, slope, assembled = (out.full() for out in whole(nodes))
+    np.testing.assert_allclose(assembled, slope, rtol=1e-12, atol=1e-14)
+    upper = transcription.hessian(nodes, p, 1.7, factors).full()
+    assert np.abs(upper - np.triu(hessian)).max() < 1e-13 * np.abs(hessian).max()
