@@ -36,7 +36,9 @@ from geodesic_ocp.ocp.grid import Grid
 from geodesic_ocp.ocp.logarithm import Geodesic, distance, geodesic, geodesics, log
 from geodesic_ocp.ocp.mean import mean
 from geodesic_ocp.ocp.path import Path
+from geodesic_ocp.ocp.posture import find_posture
 from geodesic_ocp.ocp.problem import PointToPoint, Problem
+from geodesic_ocp.ocp.reach import Reach
 from geodesic_ocp.ocp.solution import Solution, Stats
 from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.ocp.timing import TimeLaw, time_law
@@ -61,6 +63,7 @@ __all__ = [
     "Path",
     "PointToPoint",
     "Problem",
+    "Reach",
     "Reconstruction",
     "RecordingError",
     "RegionAvoiding",
@@ -75,6 +78,7 @@ __all__ = [
     "distance",
     "evaluate",
     "exp",
+    "find_posture",
     "geodesic",
     "geodesics",
     "human_arm",

@@ -8,9 +8,11 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, TypeAlias
 
 import casadi as ca
+import numpy as np
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, as_vector
 from geodesic_ocp.manifold.metric import Metric, as_metric
+from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.grid import Grid
 
 # (expression, value) or (expression, value, name)
@@ -93,6 +95,26 @@ class Problem(ABC):
         return None
 
 
+def as_speed(speed: Any, dim: int) -> tuple[float, ...] | None:
+    """The largest speeds (n,) of one number or n of them; ValueError if they are not positive."""
+    if speed is None:
+        return None
+    speeds = as_vector("speed", np.broadcast_to(speed, dim) if np.ndim(speed) == 0 else speed, dim)
+    if not np.all(speeds > 0.0):
+        raise ValueError(f"speed must be positive, got {speed!r}")
+    return tuple(speeds.tolist())
+
+
+def along(model: Model | None, speed: Any, q: ca.SX, v: ca.SX) -> list[Inequality]:
+    """Joint limits of a model and bounds of |q'(s)|, each where there are any."""
+    conditions: list[Inequality] = []
+    if model is not None:
+        conditions.append((model.lower, q, model.upper, "joint limits"))
+    if speed is not None:
+        conditions.append((-np.array(speed), v, np.array(speed), "speed"))
+    return conditions
+
+
 def _hashable(value: object) -> bool:
     try:
         hash(value)
@@ -126,26 +148,41 @@ class PointToPoint(Problem):
     Attributes:
         metric: of the manifold.
         q0, q1: start and goal (n,) [rad or m].
+        limits: whether the joints stay within the limits of the metric's model.
+        speed: largest |dq_j / ds|, for all coordinates or (n,); None: any.
 
     Raises:
-        ValueError: wrong shapes or numbers that are not finite, or the metric is singular there.
+        ValueError: wrong shapes or numbers that are not finite, or the metric is singular there;
+            limits of a metric without a model.
     """
 
     metric: Metric
     q0: tuple[float, ...]
     q1: tuple[float, ...]
+    limits: bool = False
+    speed: float | tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         metric = as_metric(self.metric)
         for name in ("q0", "q1"):
             vector = metric.point(name, getattr(self, name))
             object.__setattr__(self, name, tuple(vector.tolist()))
+        if self.limits and getattr(metric, "model", None) is None:
+            raise ValueError(f"limits: {type(metric).__name__} has no model with limits")
+        object.__setattr__(self, "speed", as_speed(self.speed, metric.dim))
 
     def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Equality]:
         """Both ends."""
         return [(q0, self.q0, "start"), (q1, self.q1, "goal")]
 
+    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Inequality]:
+        """Joint limits and speed, where they are asked for."""
+        model = getattr(self.metric, "model", None) if self.limits else None
+        return along(model, self.speed, q, v)
+
     @property
     def structure(self) -> Hashable:
-        """The metric, or its identity where it has no hash."""
-        return key_of(self.metric)
+        """The metric, or its identity where it has no hash, and what constraints there are."""
+        key = key_of(self.metric)
+        plain = not self.limits and self.speed is None
+        return key if plain else (key, self.limits, self.speed is None)

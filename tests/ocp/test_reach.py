@@ -1,0 +1,150 @@
+"""Reaching a pose of the hand, and problems within joint limits and speeds."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+from known_metrics import Sphere
+from numpy.testing import assert_allclose
+from scipy.linalg import null_space
+from scipy.spatial.transform import Rotation
+
+import geodesic_ocp as go
+from geodesic_ocp.ocp.posture import rotation_error
+from geodesic_ocp.ocp.prepared import transcription_of
+
+START = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
+GOAL = np.array([1.1, -0.2, -0.9, 1.4, -0.3, 0.1, 0.4])
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-8, 0.3, 2.0, 3.0, np.pi - 1e-3])
+def test_rotation_error_grows_up_to_half_a_turn(angle: float, rng: np.random.Generator) -> None:
+    axis = rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    wanted = Rotation.random(rng=rng)
+    turned = wanted * Rotation.from_rotvec(angle * axis)
+    error = rotation_error(ca.SX(turned.as_matrix()), ca.SX(wanted.as_matrix()))
+    assert_allclose(np.array(ca.DM(error))[:, 0], np.sin(angle / 2) * axis, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("given", [("position",), ("rotation",), ("position", "rotation")])
+def test_the_pose_is_reached_with_least_energy(arm: go.Model, given: tuple[str, ...]) -> None:
+    """At the end the momentum has no share along the postures with that pose."""
+    pose = dict(zip(("rotation", "position"), arm.hand_pose(GOAL), strict=True))
+    problem = go.Reach(arm, START, **{name: pose[name] for name in given}, limits=False)
+    solution = go.solve(problem, tolerance=1e-9)
+    end, velocity = solution.path(1.0), solution.path(1.0, 1)
+    rotation, position = arm.hand_pose(end)
+    jacobian = arm.hand_jacobian(end)
+    rows = []
+    if "position" in given:
+        assert_allclose(position, pose["position"], rtol=0, atol=1e-8)
+        rows.append(jacobian[:3])
+    if "rotation" in given:
+        assert_allclose(rotation, pose["rotation"], rtol=0, atol=1e-7)
+        rows.append(jacobian[3:])
+    free = null_space(np.vstack(rows))
+    assert free.shape[1] == 7 - 3 * len(given)
+    metric = problem.metric
+    momentum = metric.matrix(end) @ velocity
+    assert np.abs(free.T @ momentum).max() < 1e-4 * np.linalg.norm(momentum)
+    # No worse than the way to the posture that the pose was taken from.
+    assert solution.path.length <= go.distance(metric, START, GOAL) + 1e-6
+    assert solution.certificate.locally_shortest
+
+
+def test_limits_are_kept_where_they_are_asked_for(arm: go.Model) -> None:
+    target = arm.hand_pose([1.4, 0.2, -0.6, 0.3, 0.0, 0.0, 0.0])[1]
+    raised = [-0.3, 0.0, -0.6, 0.3, 0.0, 0.0, 0.0]
+    within = go.solve(go.Reach(arm, raised, position=target), tolerance=1e-5)
+    # There are other ways for the hand: the one that the limits hold back.
+    free = go.solve(go.Reach(arm, raised, position=target, limits=False), guess=within)
+    s = np.linspace(0.0, 1.0, 501)
+    assert np.any(free.path(s) > arm.upper + 0.1) or np.any(free.path(s) < arm.lower - 0.1)
+    assert np.all(within.path(s) > arm.lower - 2e-5)
+    assert np.all(within.path(s) < arm.upper + 2e-5)
+    assert within.path.length > free.path.length
+
+
+def test_start_and_target_move_without_a_new_nlp(arm: go.Model) -> None:
+    position = arm.hand_pose(GOAL)[1]
+    first = go.Reach(arm, START, position=position)
+    second = replace(first, start=START + 0.1, position=np.add(position, [0.0, 0.0, 0.05]))
+    grid = go.Grid(8, 4)
+    assert transcription_of(second, grid) is transcription_of(first, grid)
+    other = go.Reach(arm, START, position=position, limits=False)
+    assert transcription_of(other, grid) is not transcription_of(first, grid)
+    reached = arm.hand_pose(go.solve(second, grid=grid).path(1.0))[1]
+    assert_allclose(reached, second.position, rtol=0, atol=1e-8)
+
+
+def test_speed_is_bounded(arm: go.Model) -> None:
+    metric = go.KineticEnergy(arm)
+    free = go.geodesic(metric, START, GOAL)
+    fastest = np.abs(free(np.linspace(0.0, 1.0, 201), 1)).max(axis=0)
+    bound = np.maximum(0.8 * fastest, 1.02 * np.abs(GOAL - START))
+    problem = go.PointToPoint(metric, START, GOAL, speed=tuple(bound))
+    solution = go.solve(problem, tolerance=1e-4)
+    speeds = np.abs(solution.path(np.linspace(0.0, 1.0, 501), 1))
+    assert np.all(speeds <= bound + 1e-3)
+    assert solution.path.energy > free.energy
+    with pytest.raises(ValueError, match="speed must be positive"):
+        go.PointToPoint(metric, START, GOAL, speed=0.0)
+    with pytest.raises(ValueError, match=r"speed must have shape \(7,\)"):
+        go.PointToPoint(metric, START, GOAL, speed=(1.0, 2.0))
+
+
+def test_joint_limits_by_a_keyword(arm: go.Model) -> None:
+    ends = [-0.3, 0.0, -0.6, 0.3, 0.0, 0.0, 0.0], [1.4, 0.2, -0.6, 0.3, 0.0, 0.0, 0.0]
+    metric = go.KineticEnergy(arm)
+    limited = go.PointToPoint(metric, *ends, limits=True)
+    solution = go.solve(limited)
+    assert np.all(solution.path.nodes >= arm.lower)
+    assert np.all(solution.path.nodes <= arm.upper)
+    assert solution.path.length > go.distance(metric, *ends)
+    outside = list(ends[1])
+    outside[5] = 1.0
+    with pytest.raises(ValueError, match=r"joint RWx_joint is fixed at 1 .* outside its bounds"):
+        go.solve(go.PointToPoint(metric, ends[0], outside, limits=True))
+    with pytest.raises(ValueError, match="limits: Sphere has no model with limits"):
+        go.PointToPoint(Sphere(), (1.0, 0.0), (1.2, 0.3), limits=True)
+
+
+def test_a_pose_out_of_reach_is_said_before_the_solve(arm: go.Model) -> None:
+    with pytest.raises(
+        go.NotConverged, match=r"no posture of .* the nearest one misses it by"
+    ) as info:
+        go.solve(go.Reach(arm, START, position=[0.0, 2.0, 0.0]))
+    miss = float(str(info.value).split("misses it by ")[1].split()[0])
+    assert miss >= 2.0 - arm.reach
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({}, "Reach needs a position, a rotation or both"),
+        ({"position": [0.1, 0.2]}, r"position must have shape \(3,\)"),
+        ({"rotation": 2.0 * np.eye(3)}, "rotation must be a rotation"),
+        ({"rotation": np.diag([1.0, 1.0, -1.0])}, "rotation must be a rotation"),
+        ({"position": [0.1, 0.2, 0.3], "start": [0.0]}, r"start must have shape \(7,\)"),
+    ],
+)
+def test_wrong_reaches_are_named(arm: go.Model, arguments: dict, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        go.Reach(arm, **({"start": START} | arguments))
+
+
+def test_postures_are_found_near_and_within_limits(arm: go.Model, rng: np.random.Generator) -> None:
+    for _ in range(5):
+        wanted = rng.uniform(arm.lower, arm.upper)
+        rotation, position = arm.hand_pose(wanted)
+        q = go.find_posture(arm, START, position, rotation)
+        assert_allclose(arm.hand_pose(q)[0], rotation, rtol=0, atol=1e-6)
+        assert_allclose(arm.hand_pose(q)[1], position, rtol=0, atol=1e-6)
+        assert np.all(q >= arm.lower)
+        assert np.all(q <= arm.upper)
+    with pytest.raises(ValueError, match="find_posture needs a position, a rotation or both"):
+        go.find_posture(arm, START)
