@@ -31,6 +31,7 @@ from geodesic_ocp.motion.motion import Motion, Subject
 from geodesic_ocp.motion.readers import read_motion
 from geodesic_ocp.motion.segmentation import segment, segment_zero_velocity
 from geodesic_ocp.motion.synergies import Reconstruction, Synergy, reconstruct
+from geodesic_ocp.ocp.archive import load_solution, save_solution
 from geodesic_ocp.ocp.certificate import Certificate, certify
 from geodesic_ocp.ocp.grid import Grid
 from geodesic_ocp.ocp.logarithm import Geodesic, distance, geodesic, geodesics, log
@@ -83,6 +84,7 @@ __all__ = [
     "geodesics",
     "human_arm",
     "load_model",
+    "load_solution",
     "load_synergies",
     "log",
     "mean",
@@ -90,6 +92,7 @@ __all__ = [
     "read_motion",
     "reconstruct",
     "riemann_curvature",
+    "save_solution",
     "save_synergies",
     "scalar_curvature",
     "sectional_curvature",

@@ -72,6 +72,7 @@ class Solution:
         path: the path found.
         stats: figures of the solve; `stats.success` tells a solution from an iterate.
         violations: the conditions that the path misses, between its nodes, too; the worst first.
+        attempt: the NLP's last iterate, in its units.
         multipliers: by condition's name, derivatives of the least energy by the condition's value
             with the sign of Ipopt (positive where an upper bound holds the path back): (m,) at an
             end, (nodes, m) along the path; conditions in q and v at both sides of each segment's
@@ -83,7 +84,7 @@ class Solution:
     stats: Stats
     multipliers: Mapping[str, Array]
     violations: tuple[Violation, ...]
-    _attempt: Attempt = field(repr=False)
+    attempt: Attempt = field(repr=False)
 
     @cached_property
     def certificate(self) -> Certificate:
@@ -92,4 +93,4 @@ class Solution:
         Under constraints: whether the energy falls in any direction, to second order, in which the
         conditions that hold the path back stay met.
         """
-        return self._attempt.certificate()
+        return self.attempt.certificate()
