@@ -1,0 +1,45 @@
+"""Both arms at once: one system of fourteen joints, whose hands meet in front of the chest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+
+import geodesic_ocp as go
+
+SHOULDERS = ((-0.2, 0.0, 0.0), (0.2, 0.0, 0.0))  # [m] from the neck's base
+
+
+def both_arms() -> go.Model:
+    """A person's arms, with the left hand for hand."""
+    return go.combine(go.human_arm("left"), go.human_arm("right"), placements=SHOULDERS)
+
+
+@dataclass(frozen=True)
+class BothArms(go.Problem):
+    """From a posture to where both hands are a given distance [m] apart; the place is free."""
+
+    arms: go.Model = field(default_factory=both_arms)
+    left: tuple[float, ...] = (0.3, -0.1, 0.4, 0.9, 0.1, 0.0, 0.1)  # [rad]
+    right: tuple[float, ...] = (0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1)
+    height: float = -0.1  # [m] of both hands, from the shoulders
+    apart: tuple[float, float, float] = (0.1, 0.0, 0.0)  # [m] from the left hand to the right
+
+    @property
+    def metric(self) -> go.Metric:
+        return go.KineticEnergy(self.arms)
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+        _, here = self.arms.hand_pose(q1)
+        _, there = self.arms.with_hand("human right arm/hand").hand_pose(q1)
+        return [
+            (q0, (*self.left, *self.right), "start"),
+            (there - here, self.apart, "hands"),
+            (here[2], self.height, "height"),
+        ]
+
+    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+        return [(self.arms.lower, q, self.arms.upper, "joint limits")]

@@ -1,0 +1,48 @@
+"""Two uniform links through a half turn: three geodesics join these postures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+
+import geodesic_ocp as go
+
+
+def two_rods(length: float = 1.0, mass: float = 1.0) -> go.Model:
+    """Two uniform rods [m], [kg] in a plane, turning about z."""
+    model = pin.Model()
+    model.name = "two rods"
+    moment = mass * length**2 / 12.0
+    rod = pin.Inertia(mass, np.array([length / 2.0, 0.0, 0.0]), np.diag([1e-6, moment, moment]))
+    end = pin.SE3(np.eye(3), np.array([length, 0.0, 0.0]))
+    joint = 0
+    for name, place in (("shoulder", pin.SE3.Identity()), ("elbow", end)):
+        joint = model.addJoint(joint, pin.JointModelRZ(), place, name)
+        model.appendBodyToJoint(joint, rod, pin.SE3.Identity())
+    model.addFrame(pin.Frame("tip", joint, end, pin.FrameType.OP_FRAME))
+    return go.Model(model, "tip")
+
+
+@dataclass(frozen=True)
+class TwoLinkChallenge(go.Problem):
+    """The shortest of the three; `go.geodesics` lists all, and says which are locally shortest."""
+
+    arm: go.Model = field(default_factory=two_rods)
+    start: tuple[float, float] = (-np.pi / 4.0, -np.pi / 4.0)  # [rad]
+    goal: tuple[float, float] = (3.0 * np.pi / 4.0, 3.0 * np.pi / 4.0)
+
+    @property
+    def metric(self) -> go.Metric:
+        return go.KineticEnergy(self.arm)
+
+    @property
+    def grid(self) -> go.Grid:
+        return go.Grid(4, 24)
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+        return [(q0, self.start, "start"), (q1, self.goal, "goal")]
