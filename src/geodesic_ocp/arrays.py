@@ -17,6 +17,18 @@ def is_symbolic(*values: object) -> bool:
     return any(isinstance(value, (ca.SX, ca.MX)) for value in values)
 
 
+def as_expression(name: str, given: Any) -> ca.SX:
+    """A matrix of CasADi expressions, also from a list of rows; ValueError names what is none."""
+    try:
+        rows = [ca.horzcat(*row) for row in given] if isinstance(given, (list, tuple)) else []
+        return ca.SX(ca.vertcat(*rows) if rows else given)
+    except (NotImplementedError, TypeError, RuntimeError) as error:
+        raise ValueError(
+            f"{name} must be a matrix of CasADi expressions, or a list of rows: "
+            f"{str(error).splitlines()[0]}"
+        ) from error
+
+
 def as_vector(name: str, value: ArrayLike, size: int) -> Array:
     """The value as a finite 1-d array of `size` floats; ValueError names the argument if not."""
     try:

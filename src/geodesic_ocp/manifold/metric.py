@@ -19,7 +19,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array, as_vector, evaluate, is_symbolic
+from geodesic_ocp.arrays import Array, as_expression, as_vector, evaluate, is_symbolic
 from geodesic_ocp.manifold.integration import Integrator
 from geodesic_ocp.manifold.singularity import is_singular, near_singularity
 
@@ -75,15 +75,7 @@ class Metric(ABC):
     @cached_property
     def _matrix_function(self) -> ca.Function:
         q = ca.SX.sym("q", self.dim)
-        try:
-            given = self.matrix(q)
-            rows = [ca.horzcat(*row) for row in given] if isinstance(given, (list, tuple)) else []
-            matrix = ca.SX(ca.vertcat(*rows) if rows else given)
-        except (NotImplementedError, TypeError, RuntimeError) as error:
-            raise ValueError(
-                f"{type(self).__name__}.matrix(q) must be a matrix of CasADi expressions in q, "
-                f"or a list of rows: {str(error).splitlines()[0]}"
-            ) from error
+        matrix = as_expression(f"{type(self).__name__}.matrix(q)", self.matrix(q))
         if matrix.shape != (self.dim, self.dim):
             raise ValueError(
                 f"{type(self).__name__}.matrix(q) must have shape ({self.dim}, {self.dim}), "

@@ -124,14 +124,10 @@ def _residual(path: Path, velocity: Array) -> float:
 
 def _drift(path: Path) -> float:
     """Largest deviation of |q'|^2 at the nodes from its mean, as a share of it."""
-    grid, n = path.grid, path.metric.dim
-    positions = grid.in_segments(path.nodes)
-    slopes = grid.differentiation @ (positions - positions[:, :1])
-    speeds = path.metric.speed.map(grid.collocations)
-    squares = evaluate(speeds, positions.reshape(-1, n).T, slopes.reshape(-1, n).T).ravel() ** 2
+    squares = path.speeds_at_nodes**2
     if not np.all(np.isfinite(squares)):
         return np.inf
-    mean = float(grid.weights.ravel() @ squares)
+    mean = float(path.grid.weights.ravel() @ squares)
     return float(np.abs(squares / mean - 1.0).max()) if mean > 0.0 else 0.0
 
 

@@ -68,6 +68,16 @@ class Path:
         return self.grid.breakpoints
 
     @cached_property
+    def speeds_at_nodes(self) -> Array:
+        """Speeds |q'|_G (grid.collocations,) at the nodes of every segment."""
+        grid, n = self.grid, self.metric.dim
+        positions = grid.in_segments(self.nodes)
+        slopes = grid.differentiation @ (positions - positions[:, :1])
+        function = self.metric.speed.map(grid.collocations)
+        speeds = evaluate(function, positions.reshape(-1, n).T, slopes.reshape(-1, n).T)
+        return np.asarray(speeds.ravel())
+
+    @cached_property
     def _speeds(self) -> tuple[Array, Array]:
         """Quadrature weights and speeds |q'|_G, twice as fine as the path's own polynomials."""
         fine = replace(self.grid, degree=min(2 * self.grid.degree, 100))

@@ -11,9 +11,8 @@ from typing import Any, TypeAlias
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array, evaluate
+from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.ocp.certificate import Attempt
 from geodesic_ocp.ocp.grid import Grid
 from geodesic_ocp.ocp.nodal import NodeBounds
@@ -265,7 +264,7 @@ def _solution(
         variables=outcome.x.size,
         constraints=outcome.g.size,
         objective=transcription.energy(x, terms.values),
-        energy=_energy(problem.metric, grid, x),
+        energy=float(grid.weights.ravel() @ path.speeds_at_nodes**2) / 2.0,
         violation=violation,
         worst=worst,
         between=missed[0].amount if missed else 0.0,
@@ -286,17 +285,6 @@ def _solution(
         of_energy=bool(terms.cost.is_zero()),
     )
     return Solution(problem, path, stats, multipliers, missed, attempt)
-
-
-def _energy(metric: Metric, grid: Grid, nodes: Array) -> float:
-    """1/2 int |q'|_G^2 ds by the grid's own quadrature."""
-    states = grid.in_segments(nodes)
-    slopes = grid.differentiation @ (states - states[:, :1])
-    n = metric.dim
-    speeds = evaluate(
-        metric.speed.map(grid.collocations), states.reshape(-1, n).T, slopes.reshape(-1, n).T
-    )
-    return float(0.5 * grid.weights.ravel() @ speeds.ravel() ** 2)
 
 
 def _explanation(solution: Solution) -> str:
