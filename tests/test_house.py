@@ -10,7 +10,7 @@ import pytest
 SOURCE = Path(__file__).resolve().parents[1] / "src" / "geodesic_ocp"
 # From the ground up. A module may import from its own layer and from those below.
 LAYERS = [
-    ("errors", "arrays", "table"),
+    ("errors", "arrays", "records", "table"),
     ("model",),
     ("manifold",),
     ("ocp",),

@@ -52,6 +52,7 @@ def test_files_that_are_none_are_named(tmp_path: Path) -> None:
         ({"joint_names": ["a"]}, "its joints"),
         ({"nodes": [[0.0, 1.0]]}, "nodes must have shape"),
         ({"stats": {}}, "'success' is missing"),
+        ({"problem": None}, "a solution of None, not of PlaneAroundDisc"),
     ):
         bad = tmp_path / "bad.json"
         bad.write_text(json.dumps(record | change))
@@ -60,5 +61,5 @@ def test_files_that_are_none_are_named(tmp_path: Path) -> None:
     bad.write_text("{")
     with pytest.raises(go.RecordingError, match="is not JSON"):
         go.load_solution(bad, problem)
-    with pytest.raises(go.RecordingError, match="cannot be read"):
+    with pytest.raises(go.RecordingError, match="there is no such file"):
         go.load_solution(tmp_path / "none.json", problem)

@@ -15,6 +15,7 @@ from geodesic_ocp.motion.synergies import Synergy
 from geodesic_ocp.ocp.grid import Grid
 from geodesic_ocp.ocp.path import Path
 from geodesic_ocp.ocp.timing import TimeLaw
+from geodesic_ocp.records import read_record
 
 _FORMAT = "geodesic_ocp synergies"
 _VERSION = 1
@@ -68,16 +69,7 @@ def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
         RecordingError: the file is missing, is not such a file, or does not fit the metric.
     """
     path = FilePath(file)
-    if not path.is_file():
-        raise RecordingError(f"{path}: there is no such file")
-    try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as failure:
-        raise RecordingError(f"{path}: is not JSON: {failure}") from None
-    if not isinstance(record, dict) or record.get("format") != _FORMAT:
-        raise RecordingError(f"{path}: is not a file of synergies")
-    if record.get("version") != _VERSION:
-        raise RecordingError(f"{path}: has version {record.get('version')}, expected {_VERSION}")
+    record = read_record(path, _FORMAT, _VERSION, "synergies")
     names = metric.joint_names
     if names is not None and record.get("joint_names") != list(names):
         raise RecordingError(

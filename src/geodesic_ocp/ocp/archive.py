@@ -21,6 +21,7 @@ from geodesic_ocp.ocp.solution import Round, Solution, Stats
 from geodesic_ocp.ocp.terms import conditions
 from geodesic_ocp.ocp.transcription import Units
 from geodesic_ocp.ocp.violations import violations
+from geodesic_ocp.records import read_record
 
 _FORMAT, _VERSION = "geodesic_ocp solution", 1
 
@@ -75,23 +76,15 @@ def load_solution(file: str | PathLike[str], problem: Problem) -> Solution:
         RecordingError: the file is missing, is not such a file, or not of such a problem.
     """
     path = FilePath(file)
-    try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise RecordingError(f"{path} cannot be read: {error}") from None
-    except ValueError as error:
-        raise RecordingError(f"{path} is not JSON: {error}") from None
-    if not isinstance(record, dict) or record.get("format") != _FORMAT:
-        raise RecordingError(f"{path} is not a file of a solution")
-    if record.get("version") != _VERSION:
-        raise RecordingError(f"{path} has version {record.get('version')}, expected {_VERSION}")
-    if record["problem"] != type(problem).__name__:
-        raise RecordingError(
-            f"{path} has a solution of {record['problem']}, not of {type(problem).__name__}"
-        )
+    record = read_record(path, _FORMAT, _VERSION, "a solution")
+    solved = record.get("problem")
+    if solved != type(problem).__name__:
+        raise RecordingError(f"{path} has a solution of {solved}, not of {type(problem).__name__}")
     names = problem.metric.joint_names
-    if record["joint_names"] != (None if names is None else list(names)):
-        raise RecordingError(f"{path}: its joints {record['joint_names']} are not the problem's")
+    if record.get("joint_names") != (None if names is None else list(names)):
+        raise RecordingError(
+            f"{path}: its joints {record.get('joint_names')} are not the problem's"
+        )
     try:
         return _solution(record, problem)
     except (KeyError, TypeError, ValueError) as error:
