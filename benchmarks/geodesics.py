@@ -1,0 +1,85 @@
+"""Several geodesics between two postures, and logarithmic maps of robots: found, failed, seconds.
+
+Usage: python benchmarks/geodesics.py [--pairs N] [--seeds N]
+
+Two uniform rods through a half turn, which three geodesics join, over several seeds; random pairs
+of postures of the human arm from ten starts each; log maps of the robots that are installed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+import geodesic_ocp as go
+from geodesic_ocp.model.robots import ROBOTS, folder
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "problems"))
+from two_link_challenge import TwoLinkChallenge
+
+_HUMAN, _ROBOT = 0.3, 0.35  # half of the part of the limits' range that postures are taken from
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--pairs", type=int, default=8)
+    parser.add_argument("--seeds", type=int, default=10)
+    options = parser.parse_args()
+    warnings.simplefilter("ignore")  # repairs of files
+
+    two = TwoLinkChallenge()
+    start, found = time.perf_counter(), []
+    for seed in range(options.seeds):
+        found.append(go.geodesics(two.metric, two.start, two.goal, seed=seed))
+    seconds = (time.perf_counter() - start) / options.seeds
+    print(f"two links, 20 starts: {[len(each) for each in found]} geodesics, {seconds:.1f} s each")
+    for path in max(found, key=len):
+        print(f"  {path.length:.6f} {path.certificate}")
+
+    arm = go.human_arm()
+    metric, times, several = go.KineticEnergy(arm), [], 0
+    certificates = []
+    for q0, q1 in pairs(arm, _HUMAN, options.pairs):
+        start = time.perf_counter()
+        paths = go.geodesics(metric, q0, q1, starts=10)
+        times.append(time.perf_counter() - start)
+        several += len(paths) > 1
+        start = time.perf_counter()
+        assert paths[0].certificate.residual < 1e-8
+        certificates.append(time.perf_counter() - start)
+    print(
+        f"human arm, 10 starts, {options.pairs} pairs: median {np.median(times):.2f} s, worst "
+        f"{max(times):.1f} s, {several} with several; certificate {np.median(certificates):.3f} s"
+    )
+
+    for name in ROBOTS:
+        if folder(ROBOTS[name].package) is None:
+            continue
+        robot = go.load_model(name)
+        metric, times, failed = go.KineticEnergy(robot), [], 0
+        for q0, q1 in pairs(robot, _ROBOT, options.pairs):
+            start = time.perf_counter()
+            try:
+                go.log(metric, q0, q1)
+            except go.NotConverged:
+                failed += 1
+            times.append(time.perf_counter() - start)
+        # The first builds the functions.
+        print(f"{name:20} log: median {np.median(times[1:]):.3f} s, {failed} failed")
+
+
+def pairs(model: go.Model, part: float, count: int) -> np.ndarray:
+    """Random pairs (count, 2, n) of postures about the middle of the limits, within a turn."""
+    lower, upper = np.maximum(model.lower, -np.pi), np.minimum(model.upper, np.pi)
+    middle, half = (lower + upper) / 2.0, part * (upper - lower)
+    rng = np.random.default_rng(1)
+    return rng.uniform(middle - half, middle + half, (count, 2, model.dof))
+
+
+if __name__ == "__main__":
+    main()
