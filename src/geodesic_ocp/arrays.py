@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array: TypeAlias = NDArray[np.float64]
+_ORTHOGONAL = 1e-9  # of R R' - 1
 Symbolic: TypeAlias = ca.SX | ca.MX
 
 
@@ -40,6 +41,21 @@ def as_vector(name: str, value: ArrayLike, size: int) -> Array:
     if not np.all(np.isfinite(array)):
         raise ValueError(f"{name} must be finite, got {array}")
     return array
+
+
+def as_rotation(name: str, value: Any) -> Array:
+    """The value as a rotation (3, 3); ValueError names the argument if it is none."""
+    try:
+        matrix = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        matrix = np.zeros(0)
+    if (
+        matrix.shape != (3, 3)
+        or not np.abs(matrix @ matrix.T - np.eye(3)).max() <= _ORTHOGONAL
+        or np.linalg.det(matrix) < 0.0
+    ):
+        raise ValueError(f"{name} must be a rotation (3, 3), got {value!r}")
+    return matrix
 
 
 def as_number(name: str, value: object) -> float:

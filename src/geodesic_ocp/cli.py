@@ -22,12 +22,11 @@ from geodesic_ocp.analysis import Analysis, analyse
 from geodesic_ocp.errors import GeodesicOcpError, RecordingError
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.catalogue import catalogue
-from geodesic_ocp.model.human import human_arm
+from geodesic_ocp.model.human import DEFAULT_HEIGHT, DEFAULT_MASS, human_arm
 from geodesic_ocp.motion.motion import Motion
 from geodesic_ocp.motion.readers import read_motion
 from geodesic_ocp.motion.segmentation import as_threshold
 
-_DEFAULT_HEIGHT, _DEFAULT_MASS = 1.75, 70.0  # [m], [kg]
 _SLOWEST = 1.0  # [s] between samples: no recording of an arm is that slow
 _EXIT = """exit codes: 0 done; 2 wrong input, named in one line; 3 a solver or integration failed;
 130 interrupted"""
@@ -180,10 +179,10 @@ def _run(
 ) -> None:
     assumed = []
     if height is None and (height := motion.subject.height) is None:
-        height = _DEFAULT_HEIGHT
+        height = DEFAULT_HEIGHT
         assumed.append(f"height {height} m")
     if mass is None and (mass := motion.subject.mass) is None:
-        mass = _DEFAULT_MASS
+        mass = DEFAULT_MASS
         assumed.append(f"mass {mass} kg")
     arm = human_arm(side, height, mass)
     as_threshold(options.threshold)

@@ -65,7 +65,7 @@ def test_what_cannot_be_combined(arms: tuple[go.Model, go.Model]) -> None:
         go.combine(arms[0])
     with pytest.raises(ValueError, match="placements must be one for each of 2 models"):
         go.combine(*arms, placements=[(0.0, 0.0, 0.0)])
-    with pytest.raises(ValueError, match=r"placements\[1\]: not a rotation"):
+    with pytest.raises(ValueError, match=r"placements\[1\] must be a rotation"):
         go.combine(*arms, placements=[(0, 0, 0), (2 * np.eye(3), (0, 0, 0))])
     with pytest.raises(ValueError, match=r"placements\[0\] must have shape \(3,\)"):
         go.combine(*arms, placements=[(0, 0), (0, 0, 0)])

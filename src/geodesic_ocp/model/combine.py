@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from geodesic_ocp.arrays import as_vector
+from geodesic_ocp.arrays import as_rotation, as_vector
 from geodesic_ocp.model.joints import distinct_frames, restore_frames
 from geodesic_ocp.model.model import Model
 
-_SAME = 1e-9  # of gravity [m/s^2] and of rotations
+_SAME = 1e-9  # of gravity [m/s^2]
 
 
 def combine(*models: Model, placements: Sequence[Any] | None = None) -> Model:
@@ -70,17 +70,7 @@ def _placement(name: str, given: Any) -> pin.SE3:
     rotation, place = np.eye(3), given
     if isinstance(given, (tuple, list)) and len(given) == 2 and np.ndim(given[0]) > 0:
         rotation, place = given
-    try:
-        matrix = np.array(rotation, dtype=float)
-    except (TypeError, ValueError):
-        matrix = np.zeros(0)
-    if (
-        matrix.shape != (3, 3)
-        or not np.abs(matrix @ matrix.T - np.eye(3)).max() <= _SAME
-        or np.linalg.det(matrix) < 0.0
-    ):
-        raise ValueError(f"{name}: not a rotation (3, 3): {rotation!r}")
-    return pin.SE3(matrix, as_vector(name, place, 3))
+    return pin.SE3(as_rotation(name, rotation), as_vector(name, place, 3))
 
 
 def _own_names(models: Sequence[Model]) -> list[dict[str, str]]:

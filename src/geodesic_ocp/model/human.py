@@ -16,6 +16,7 @@ from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.model.anthropometry import Segment, Sex, Side, Table, anthropometry
 from geodesic_ocp.model.model import Model
 
+DEFAULT_HEIGHT, DEFAULT_MASS = 1.75, 70.0  # [m], [kg]
 _TALLEST, _HEAVIEST = 3.0, 1000.0  # [m], [kg]: more is another unit, not a person
 _TOOL_CENTRE = {"right": (-0.015, 0.0, -0.037), "left": (0.015, 0.0, -0.037)}  # [height]
 _LIMITS = {  # [rad]
@@ -54,8 +55,8 @@ def as_stature(height: float, mass: float) -> tuple[float, float]:
 
 def human_arm(
     side: Side = "right",
-    height: float = 1.75,
-    mass: float = 70.0,
+    height: float = DEFAULT_HEIGHT,
+    mass: float = DEFAULT_MASS,
     *,
     table: Table = "winter",
     sex: Sex | None = None,

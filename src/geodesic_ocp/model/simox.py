@@ -16,9 +16,8 @@ import numpy as np
 import pinocchio as pin
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.human import as_stature
+from geodesic_ocp.model.human import DEFAULT_HEIGHT, DEFAULT_MASS, as_stature
 
-DEFAULT_HEIGHT, DEFAULT_MASS = 1.75, 70.0  # [m], [kg]
 _LENGTHS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}  # [m]
 _ANGLES = {"radian": 1.0, "rad": 1.0, "degree": np.pi / 180.0, "deg": np.pi / 180.0}  # [rad]
 _MASSES = {"kg": 1.0, "g": 1e-3}  # [kg]

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_vector
+from geodesic_ocp.arrays import Array, as_rotation, as_vector
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.solve import Ipopt
@@ -27,18 +27,6 @@ def rotation_error(rotation: ca.SX, wanted: ca.SX) -> ca.SX:
     turn = wanted.T @ rotation
     skew = ca.inv_skew(turn - turn.T) / 2
     return skew / ca.sqrt(ca.fmax(1 + ca.trace(turn), 0) + _TINY)
-
-
-def as_rotation(name: str, rotation: ArrayLike) -> Array:
-    """The argument of that name as a rotation (3, 3); ValueError if it is none."""
-    matrix = np.array(rotation, dtype=float)
-    if (
-        matrix.shape != (3, 3)
-        or not np.abs(matrix @ matrix.T - np.eye(3)).max() <= 1e-6
-        or np.linalg.det(matrix) < 0.0
-    ):
-        raise ValueError(f"{name} must be a rotation (3, 3), got {rotation!r}")
-    return matrix
 
 
 def find_posture(

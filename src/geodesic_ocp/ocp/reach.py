@@ -10,11 +10,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_vector
+from geodesic_ocp.arrays import Array, as_rotation, as_vector
 from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.ocp.posture import as_rotation, find_posture, rotation_error
+from geodesic_ocp.ocp.posture import find_posture, rotation_error
 from geodesic_ocp.ocp.problem import Equality, Inequality, Problem, along, as_speed
 
 

@@ -60,7 +60,6 @@ class Found:
     q0: Array
     q1: Array
     velocity: Array
-    miss: float
     solution: Solution | None
 
     @property
@@ -88,7 +87,7 @@ def from_path(
     """
     problem = PointToPoint(metric, q0, q1)  # type: ignore[arg-type]
     if np.abs(q1 - q0).max() < _VANISHING:
-        return Found(q0, q1, q1 - q0, 0.0, None)
+        return Found(q0, q1, q1 - q0, None)
     reasons = []
     solution: Solution | None = None
     nearest = np.inf
@@ -113,7 +112,7 @@ def from_path(
                 break
             continue
         if miss <= TOLERANCE:
-            return Found(q0, q1, velocity, miss, solution)
+            return Found(q0, q1, velocity, solution)
         reasons.append(f"{label}: integrated forward it misses the goal by {miss:.1e}")
         if not patient and miss > _LITTLE * nearest:
             break
@@ -170,7 +169,7 @@ def _shot(metric: Metric, q0: Array, q1: Array, velocity: Array) -> Found:
             inverse = np.asarray(np.linalg.inv(jacobian), dtype=float)
             velocity, miss = _corrected(metric, q0, q1, velocity, inverse)
             if miss <= TOLERANCE:
-                return Found(q0, q1, velocity, miss, None)
+                return Found(q0, q1, velocity, None)
             break
         step, share = np.linalg.solve(jacobian, gap), 1.0
         while share > _SHORTEST_SHOT:

@@ -82,15 +82,20 @@ def conditions(problem: Problem) -> Conditions:
     boundary, along = [], []
     # Expressions are those of the problem with symbols, bounds those of the one with numbers.
     at_ends = (q0, q1, v0, v1) if _takes_velocities(problem) else (q0, q1)
-    entries = _pairs("boundary", symbolic.boundary(*at_ends), problem.boundary(*at_ends))
-    for place, written, given in entries:
-        expression, _, name = _entry(written, place, "expression, value")
-        value = _entry(given, place, "expression, value")[1]
+    written = symbolic.boundary(*at_ends)
+    given = written if symbolic is problem else problem.boundary(*at_ends)
+    entries = _pairs("boundary", written, given)
+    for place, one, other in entries:
+        expression, _, name = _entry(one, place, "expression, value")
+        value = _entry(other, place, "expression, value")[1]
         boundary.append(_term(name, value, expression, value, ca.vertcat(q0, q1)))
-    entries = _pairs("constraints", symbolic.constraints(q, v), problem.constraints(q, v))
-    for place, written, given in entries:
-        _, expression, _, name = _entry(written, place, "lower, expression, upper")
-        low, _, high, _ = _entry(given, place, "lower, expression, upper")
+    held = symbolic.constraints(q, v)
+    entries = _pairs(
+        "constraints", held, held if symbolic is problem else problem.constraints(q, v)
+    )
+    for place, one, other in entries:
+        _, expression, _, name = _entry(one, place, "lower, expression, upper")
+        low, _, high, _ = _entry(other, place, "lower, expression, upper")
         along.append(_term(name, low, expression, high, ca.vertcat(q, v)))
     names = [term.name for term in boundary + along]
     if len(set(names)) < len(names):
