@@ -11,6 +11,7 @@ import pytest
 
 import geodesic_ocp as go
 from geodesic_ocp import cli
+from geodesic_ocp.model import catalogue
 from geodesic_ocp.model.robots import ROBOTS
 
 
@@ -88,6 +89,20 @@ def test_models(capsys: pytest.CaptureFixture[str]) -> None:
     assert "RSx_joint" in text
     for robot in ROBOTS:
         assert f" {robot}" in text
+    assert all(len(line) <= 100 for line in text.splitlines() if "cannot be imported" not in line)
+
+
+def test_models_without_any_robots(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(catalogue, "folder", lambda package: None)
+    monkeypatch.setattr(catalogue, "described", dict)
+    monkeypatch.setattr(catalogue, "on_demand", tuple)
+    assert cli.main(["models"]) == 0
+    text = capsys.readouterr().out
+    assert "not here, for lack of armar and example-robot-data:\n  pip install armar" in text
+    for robot in ROBOTS:
+        assert robot in text
     assert all(len(line) <= 100 for line in text.splitlines() if "cannot be imported" not in line)
 
 

@@ -45,7 +45,8 @@ def catalogue() -> Iterator[str]:
     absent = [name for name in ROBOTS if name not in here]
     if absent:
         packages = sorted({ROBOTS[name].package for name in absent})
-        yield f"not here, for lack of {' and '.join(packages)}: {INSTALL}"
+        yield f"not here, for lack of {' and '.join(packages)}:"
+        yield f"  {INSTALL}"
         yield from _listed(absent)
     if names := sorted(described()):
         yield (
