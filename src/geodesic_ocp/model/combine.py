@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from geodesic_ocp.arrays import as_rotation, as_vector
+from geodesic_ocp.model.bodies import Body
 from geodesic_ocp.model.joints import distinct_frames, restore_frames
 from geodesic_ocp.model.model import Model
 
@@ -55,7 +58,17 @@ def combine(*models: Model, placements: Sequence[Any] | None = None) -> Model:
     continuous = [
         own[name] for model, own in zip(models, names, strict=True) for name in model.continuous
     ]
-    return Model(whole, names[0][models[0].hand], models[0].backend, tuple(continuous))
+    shapes = partial(_bodies, models, names)
+    return Model(whole, names[0][models[0].hand], models[0].backend, tuple(continuous), shapes)
+
+
+def _bodies(models: Sequence[Model], names: Sequence[Mapping[str, str]]) -> tuple[Body, ...]:
+    """The bodies of all models, at links by their new names."""
+    return tuple(
+        replace(body, link=own[str(body.link)], name=own.get(body.name, body.name))
+        for model, own in zip(models, names, strict=True)
+        for body in model.bodies
+    )
 
 
 def _placements(given: Sequence[Any] | None, count: int) -> list[pin.SE3]:

@@ -10,8 +10,10 @@ from pathlib import Path
 
 import pinocchio as pin
 
+from geodesic_ocp.model.bodies import Bodies
 from geodesic_ocp.model.mimic import Mimic
 from geodesic_ocp.model.mjcf import mjcf_model
+from geodesic_ocp.model.shapes import Shapes
 from geodesic_ocp.model.simox import simox_model
 from geodesic_ocp.model.urdf import urdf_model
 
@@ -28,11 +30,13 @@ class Description:
         pin: the model, with all joints of the file.
         mimics: by name, the joints that follow another.
         warnings: what was wrong in the text and how it was read, one sentence each.
+        shapes: bodies of the links, or a function that reads them from the file.
     """
 
     pin: pin.Model
     mimics: Mapping[str, Mimic] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    shapes: Bodies = ()
 
 
 def read_file(file: Path, height: float | None, mass: float | None) -> Description:
@@ -80,10 +84,19 @@ def read_description(
     if height is not None or mass is not None:
         raise ValueError(f"height and mass scale MMM models, and {name} is not one")
     if root.tag == "robot":
-        return Description(*urdf_model(root, text, name))
+        return _with_shapes(urdf_model(root, text, name), name, folder)
     if root.tag == "mujoco":
-        return Description(*mjcf_model(root, name, folder))
+        return _with_shapes(mjcf_model(root, name, folder), name, folder)
     raise ValueError(
         f"{name} is neither URDF (<robot>), MJCF (<mujoco>) nor Simox (<Robot>): its root element "
         f"is <{root.tag}>"
     )
+
+
+def _with_shapes(
+    read: tuple[pin.Model, Mapping[str, Mimic], tuple[str, ...], str],
+    name: str,
+    folder: Path | None,
+) -> Description:
+    model, mimics, warnings, text = read
+    return Description(model, mimics, warnings, Shapes(model, text, name, folder))

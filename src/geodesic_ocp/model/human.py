@@ -14,11 +14,15 @@ import pinocchio as pin
 
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.model.anthropometry import Segment, Sex, Side, Table, anthropometry
+from geodesic_ocp.model.bodies import Capsule
 from geodesic_ocp.model.model import Model
 
 DEFAULT_HEIGHT, DEFAULT_MASS = 1.75, 70.0  # [m], [kg]
 _TALLEST, _HEAVIEST = 3.0, 1000.0  # [m], [kg]: more is another unit, not a person
 _TOOL_CENTRE = {"right": (-0.015, 0.0, -0.037), "left": (0.015, 0.0, -0.037)}  # [height]
+# Winter, Biomechanics and Motor Control of Human Movement, tables of length and density.
+_HAND_LENGTH = 0.108  # [height], to the finger tips
+_DENSITY = {"upper arm": 1070.0, "forearm": 1130.0, "hand": 1160.0}  # [kg/m^3]
 _LIMITS = {  # [rad]
     "right": {
         "Sx": (-1.22173, 3.31613),
@@ -65,7 +69,9 @@ def human_arm(
     """A person's arm: shoulder (x, z, y), elbow (x, z) and wrist (x, y), with the tool centre.
 
     The base frame sits in the shoulder: x to the person's right, y forward, z up; at q = 0 the arm
-    hangs down with the palm towards the body. The hand's frame is "hand".
+    hangs down with the palm towards the body. The hand's frame is "hand". Bodies are capsules along
+    the links "right upper arm", "right forearm" and "right hand" (or left), as wide as a cylinder
+    with the segment's mass and density.
 
     Args:
         side: "right" or "left"; joints are named as in MMM files (RSx_joint, ..., LWy_joint).
@@ -106,7 +112,20 @@ def human_arm(
             arm.appendBodyToJoint(parent, _body(segment, height, mass), pin.SE3.Identity())
     tool = pin.SE3(pin.rpy.rpyToMatrix(np.pi, 0.0, 0.0), height * np.array(_TOOL_CENTRE[side]))
     arm.addFrame(pin.Frame("hand", parent, tool, pin.FrameType.OP_FRAME))
-    return Model(arm, "hand", backend)
+    lengths = {
+        "upper arm": (figures.upper_arm_length, figures.upper_arm),
+        "forearm": (figures.forearm_length, figures.forearm),
+        "hand": (_HAND_LENGTH, figures.hand),
+    }
+    bodies = []
+    for (name, (length, segment)), index in zip(lengths.items(), (3, 5, 7), strict=True):
+        link = f"{side} {name}"
+        arm.addFrame(pin.Frame(link, index, pin.SE3.Identity(), pin.FrameType.BODY))
+        ends = (0.0, 0.0, 0.0), (0.0, 0.0, -length * height)
+        volume = segment.mass * mass / _DENSITY[name]
+        radius = np.sqrt(volume / (np.pi * length * height))
+        bodies.append(Capsule(*ends, float(radius), link))
+    return Model(arm, "hand", backend, shapes=tuple(bodies))
 
 
 def _body(segment: Segment, height: float, mass: float) -> pin.Inertia:

@@ -75,7 +75,7 @@ def load_model(
     check_inertias(model)
     if isinstance(source, str) and source in ROBOTS:
         model.name = source
-    return Model(model, hand, backend, _give_limits(model))
+    return Model(model, hand, backend, _give_limits(model), description.shapes)
 
 
 def _give_limits(model: pin.Model) -> tuple[str, ...]:

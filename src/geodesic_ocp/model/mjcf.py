@@ -27,8 +27,8 @@ _Defaults = dict[str, dict[str, dict[str, str]]]  # class -> tag -> attribute ->
 
 def mjcf_model(
     root: ET.Element, name: str, folder: Path | None
-) -> tuple[pin.Model, dict[str, Mimic], tuple[str, ...]]:
-    """The model, its followers (joint equalities), and what was left out without effect on it.
+) -> tuple[pin.Model, dict[str, Mimic], tuple[str, ...], str]:
+    """The model, its followers (joint equalities), what was left out, and the text as rewritten.
 
     Args:
         root: the element <mujoco>; it is changed.
@@ -61,7 +61,19 @@ def mjcf_model(
             model.lowerPositionLimit[start] = -np.inf
             model.upperPositionLimit[start] = np.inf
     mimics, warnings = _equalities(root, name)
-    return model, mimics, tuple(warnings)
+    if folder is not None:
+        _find_meshes(root, folder.absolute())
+    return model, mimics, tuple(warnings), ET.tostring(root, encoding="unicode")
+
+
+def _find_meshes(root: ET.Element, folder: Path) -> None:
+    """Write down where meshes are, wherever the text may go."""
+    compiler = root.find("compiler")
+    if compiler is None:
+        compiler = ET.SubElement(root, "compiler")
+    for key in ("meshdir", "assetdir"):
+        if key in compiler.attrib or key == "meshdir":
+            compiler.set(key, str(folder / compiler.get(key, compiler.get("assetdir", ""))))
 
 
 def _include(element: ET.Element, name: str, folder: Path | None, before: tuple[Path, ...]) -> None:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, as_vector, evaluate, is_symbolic
 from geodesic_ocp.model.angles import continuous_joints, with_angles
+from geodesic_ocp.model.bodies import Ball, Bodies, Body, Capsule
 from geodesic_ocp.model.inertia import body_inertia
 from geodesic_ocp.model.joints import frame_index, motion_subspace
 from geodesic_ocp.model.reach import reach
@@ -30,6 +31,8 @@ class Model:
         backend: "pinocchio.casadi" or "built-in"; None takes the first that is available.
         continuous: names of the joints that turn fully, so that postures a turn apart are the same;
             continuous joints of `pin` are added, and become angles within +-2 pi rad.
+        shapes: capsules and spheres that are fixed to its frames, or a function that reads them
+            when `bodies` is first asked for.
 
     Configurations are 1-d arrays [rad or m] in the order of `joint_names`. Two models are equal
     only if they are the same object.
@@ -42,6 +45,7 @@ class Model:
     hand: str
     backend: str | None = None
     continuous: tuple[str, ...] = ()
+    shapes: Bodies = ()
     _hand_id: int = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -81,6 +85,13 @@ class Model:
         return tuple(name for name, joint in sorted(joints, key=lambda pair: pair[1].idx_v))
 
     @cached_property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each coordinate, "rad" or "m"."""
+        joints = sorted(range(1, self.pin.njoints), key=lambda index: self.pin.joints[index].idx_v)
+        turns = (np.any(motion_subspace(self.pin, index)[3:]) for index in joints)
+        return tuple("rad" if turning else "m" for turning in turns)
+
+    @cached_property
     def lower(self) -> Array:
         """Lower limits (n,) [rad or m]; -inf where there is none."""
         return self._limits(np.array(self.pin.lowerPositionLimit))
@@ -95,6 +106,15 @@ class Model:
         limits[far] = np.sign(limits[far]) * np.inf
         limits.flags.writeable = False
         return limits
+
+    @cached_property
+    def bodies(self) -> tuple[Body, ...]:
+        """Capsules and spheres around its links: of a file's geometry, or of a table.
+
+        Raises:
+            ValueError: the file's geometry cannot be read; names the link.
+        """
+        return self.shapes() if callable(self.shapes) else tuple(self.shapes)
 
     @cached_property
     def mass(self) -> float:
@@ -119,11 +139,20 @@ class Model:
         return rigid_body(self.backend).mass_matrix(self.pin, q)
 
     @cached_property
+    def _poses(self) -> dict[int, ca.Function]:
+        return {}
+
+    def _pose_function(self, frame: int) -> ca.Function:
+        if frame not in self._poses:
+            assert self.backend is not None
+            q = ca.SX.sym("q", self.dof)
+            pose = rigid_body(self.backend).frame_pose(self.pin, q, frame)
+            self._poses[frame] = ca.Function("frame_pose", [q], list(pose), ["q"], ["R", "p"])
+        return self._poses[frame]
+
+    @property
     def _hand_pose(self) -> ca.Function:
-        assert self.backend is not None
-        q = ca.SX.sym("q", self.dof)
-        rotation, position = rigid_body(self.backend).frame_pose(self.pin, q, self._hand_id)
-        return ca.Function("hand_pose", [q], [rotation, position], ["q"], ["R", "p"])
+        return self._pose_function(self._hand_id)
 
     @cached_property
     def _hand_jacobian(self) -> ca.Function:
@@ -155,13 +184,33 @@ class Model:
 
         For k configurations (k, n): rotations (k, 3, 3) and positions (k, 3).
         """
+        return self._pose(self._hand_id, q)
+
+    def frame_pose(self, frame: str, q: Any) -> Any:
+        """Pose of another frame of `pin`, as `hand_pose` gives that of the hand.
+
+        Raises:
+            ValueError: there is no such frame.
+        """
+        return self._pose(frame_index(self.pin, frame), q)
+
+    def moves(self, frame: str) -> bool:
+        """Whether the frame moves with any of the joints.
+
+        Raises:
+            ValueError: there is no such frame.
+        """
+        return bool(self.pin.frames[frame_index(self.pin, frame)].parentJoint > 0)
+
+    def _pose(self, frame: int, q: Any) -> Any:
+        function = self._pose_function(frame)
         if is_symbolic(q) or np.ndim(q) < 2:
-            rotation, position = evaluate(self._hand_pose, self._checked(q))
+            rotation, position = evaluate(function, self._checked(q))
             return rotation, position if is_symbolic(q) else position[:, 0]
         many = np.asarray(q, dtype=float)
         if many.ndim != 2 or many.shape[1] != self.dof or not np.all(np.isfinite(many)):
             raise ValueError(f"q must be finite, of shape (k, {self.dof}), got {many.shape}")
-        rotations, positions = evaluate(self._hand_pose.map(len(many)), many.T)
+        rotations, positions = evaluate(function.map(len(many)), many.T)
         return rotations.reshape(3, -1, 3).transpose(1, 0, 2), positions.reshape(3, -1).T
 
     def hand_jacobian(self, q: Any) -> Any:
@@ -246,3 +295,15 @@ class Model:
             ValueError: there is no such frame.
         """
         return replace(self, hand=hand)
+
+    def with_bodies(self, *bodies: Body) -> Model:
+        """The model with these capsules and spheres, each at a link, for its bodies.
+
+        Raises:
+            ValueError: a body has no link, or one that is not a frame of the model.
+        """
+        for body in bodies:
+            if not isinstance(body, (Capsule, Ball)) or body.link is None:
+                raise ValueError(f"bodies must be Capsule or Ball with a link, got {body!r}")
+            frame_index(self.pin, body.link)
+        return replace(self, shapes=bodies)

@@ -17,8 +17,8 @@ _VECTOR = re.compile(r"""\b(rpy|xyz)\s*=\s*(["'])([^"']*,[^"']*)\2""")
 
 def urdf_model(
     root: ET.Element, text: str, name: str
-) -> tuple[pin.Model, dict[str, Mimic], tuple[str, ...]]:
-    """The model, its followers, and what was repaired or looks wrong.
+) -> tuple[pin.Model, dict[str, Mimic], tuple[str, ...], str]:
+    """The model, its followers, what was repaired or looks wrong, and the text as repaired.
 
     Raises:
         ValueError: Pinocchio cannot read it, or a joint is faulty; names the place if it is known.
@@ -34,8 +34,9 @@ def urdf_model(
             raise ValueError(f"{name}, line {line}: {match.group()} is not three numbers")
         warnings.append(f"{name}, line {line}: the comma in {match.group()} is read as a blank")
     _check(root, name)
+    text = _VECTOR.sub(lambda m: m.group().replace(",", " "), text)
     try:
-        model = pin.buildModelFromXML(_VECTOR.sub(lambda m: m.group().replace(",", " "), text))
+        model = pin.buildModelFromXML(text)
     except Exception as error:
         raise ValueError(f"{name} is not a URDF that Pinocchio can read: {error}") from None
     moving = [joint for joint in root.iter("joint") if joint.get("name") in model.names]
@@ -45,7 +46,7 @@ def urdf_model(
     for joint in lost:
         leader = mimics.pop(joint).leader
         warnings.append(f"{name}: joint {joint!r} mimics {leader!r}, which is no joint that moves")
-    return model, mimics, tuple(warnings)
+    return model, mimics, tuple(warnings), text
 
 
 def _check(root: ET.Element, name: str) -> None:

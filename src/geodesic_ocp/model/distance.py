@@ -1,0 +1,169 @@
+"""Distances between capsules, spheres and half-spaces, as CasADi expressions.
+
+Nearest points of two segments: Ericson, Real-Time Collision Detection (2005), 5.1.9. The distance
+is exact, and continuously differentiable but where it is zero or segments are parallel; there a
+share of 1e-8 rounds the jump of the nearest point from one end to the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from geodesic_ocp.arrays import as_vector
+from geodesic_ocp.model.bodies import Ball, Body, Capsule, HalfSpace, Obstacle, as_capsule
+from geodesic_ocp.model.model import Model
+
+_PARALLEL = 1e-8
+_TOUCHING = 1e-20  # [m^2]: a distance of 1e-10 m still has a direction
+
+
+def clearances(
+    model: Model,
+    q: Any,
+    obstacles: Sequence[Obstacle] = (),
+    *,
+    links: Sequence[str] | None = None,
+    pairs: Sequence[tuple[str, str]] = (),
+) -> dict[str, Any]:
+    """Distances [m] of a model's bodies from obstacles and from each other; negative inside.
+
+    Args:
+        model: with bodies (`Model.bodies`).
+        q: configuration (n,), numbers or symbols.
+        obstacles: that stand still, or move with a link that is named in them.
+        links: whose bodies are to stay clear of obstacles; None: all that move.
+        pairs: of links that are to stay clear of each other.
+
+    Returns:
+        By name, as "forearm to table", numbers or expressions; of a half-space the heights of both
+        ends of a capsule, the second as "forearm to table (2)".
+
+    Raises:
+        ValueError: there are no bodies, or none of a link that is named.
+    """
+    symbolic = isinstance(q, (ca.SX, ca.MX))
+    x = q if isinstance(q, ca.SX) else ca.SX.sym("q", model.dof)
+    expressions = _expressions(model, x, obstacles, links, pairs)
+    if isinstance(q, ca.SX) or not expressions:
+        return expressions
+    function = ca.Function("clearances", [x], [ca.vertcat(*expressions.values())])
+    if symbolic:
+        return dict(zip(expressions, ca.vertsplit(function(q)), strict=True))
+    values = function(as_vector("q", q, model.dof)).full()[:, 0]
+    return dict(zip(expressions, values.tolist(), strict=True))
+
+
+def _expressions(
+    model: Model,
+    q: ca.SX,
+    obstacles: Sequence[Obstacle],
+    links: Sequence[str] | None,
+    pairs: Sequence[tuple[str, str]],
+) -> dict[str, ca.SX]:
+    found: dict[str, ca.SX] = {}
+    moving = _moving(model) if links is None else _of_links(model, links, "links")
+    for number, obstacle in enumerate(obstacles):
+        if not isinstance(obstacle, (Capsule, Ball, HalfSpace)):
+            raise ValueError(f"obstacles must be Ball, Capsule or HalfSpace, got {obstacle!r}")
+        if not moving:
+            raise ValueError(f"{model.name!r} has no bodies; give it some with Model.with_bodies")
+        other = obstacle.name or f"obstacle {number}"
+        for body in moving:
+            for distance in _distances(model, q, body, obstacle):
+                _add(found, f"{_name(body)} to {other}", distance)
+    for pair in pairs:
+        if isinstance(pair, str) or len(pair) != 2 or pair[0] == pair[1]:
+            raise ValueError(f"pairs must be of two different links, got {pair!r}")
+        one, other_one = (_of_links(model, [link], "pairs") for link in pair)
+        for body in one:
+            for second in other_one:
+                for distance in _distances(model, q, body, second):
+                    _add(found, f"{_name(body)} to {_name(second)}", distance)
+    return found
+
+
+def _add(found: dict[str, ca.SX], name: str, distance: ca.SX) -> None:
+    own, number = name, 1
+    while own in found:
+        number += 1
+        own = f"{name} ({number})"
+    found[own] = distance
+
+
+def _name(body: Body) -> str:
+    return body.name or str(body.link)
+
+
+def _moving(model: Model) -> list[Body]:
+    return [body for body in model.bodies if body.link is not None and model.moves(body.link)]
+
+
+def _of_links(model: Model, links: Sequence[str], what: str) -> list[Body]:
+    found = []
+    for link in links:
+        own = [body for body in model.bodies if body.link == link]
+        if not own:
+            known = ", ".join(dict.fromkeys(str(body.link) for body in model.bodies)) or "none"
+            raise ValueError(f"{what}: {model.name!r} has no body at {link!r}; bodies are: {known}")
+        found += own
+    return found
+
+
+def _distances(model: Model, q: ca.SX, body: Body, obstacle: Obstacle) -> list[ca.SX]:
+    one, radius = _segment(model, q, body), body.radius
+    if isinstance(obstacle, HalfSpace):
+        # The nearer of the two ends may change on the way: each is a smooth condition.
+        ends = [one.start] if one.square == 0.0 else [one.start, one.start + one.along]
+        normal, point = ca.DM(obstacle.normal), ca.DM(obstacle.point)
+        return [ca.dot(normal, end - point) - radius for end in ends]
+    distance = segment_distance(one, _segment(model, q, obstacle))
+    return [distance - (radius + obstacle.radius)]
+
+
+def _segment(model: Model, q: ca.SX, body: Body) -> Segment:
+    capsule = as_capsule(body)
+    start, along = ca.SX(capsule.start), ca.SX(np.subtract(capsule.end, capsule.start))
+    square = float(np.sum(np.subtract(capsule.end, capsule.start) ** 2))
+    if capsule.link is not None:
+        rotation, position = model.frame_pose(capsule.link, q)
+        start, along = position + rotation @ start, rotation @ along
+    return Segment(start, along, square)
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """A segment by its start (3, 1), its direction (3, 1) and its length^2, zero for a point."""
+
+    start: ca.SX
+    along: ca.SX
+    square: float
+
+
+def segment_distance(one: Segment, other: Segment) -> ca.SX:
+    """Distance of two segments."""
+    between, u, w = one.start - other.start, one.along, other.along
+    if one.square == 0.0 == other.square:
+        return _norm(between)
+    if one.square == 0.0:
+        return _norm(between - _share(ca.dot(w, between), other.square) * w)
+    if other.square == 0.0:
+        return _norm(between + _share(-ca.dot(u, between), one.square) * u)
+    a, b, e = one.square, ca.dot(u, w), other.square
+    c, f = ca.dot(u, between), ca.dot(w, between)
+    s = _share(b * f - c * e, (1.0 + _PARALLEL) * a * e - b * b)
+    t = _share(b * s + f, e)
+    s = _share(b * t - c, a)
+    return _norm(between + s * u - t * w)
+
+
+def _share(numerator: ca.SX, denominator: ca.SX | float) -> ca.SX:
+    return ca.fmin(ca.fmax(numerator / denominator, 0.0), 1.0)
+
+
+def _norm(vector: ca.SX) -> ca.SX:
+    return ca.sqrt(ca.sumsqr(vector) + _TOUCHING)
