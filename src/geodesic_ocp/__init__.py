@@ -20,43 +20,57 @@ from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
 from geodesic_ocp.manifold.metric import Euclidean, Metric
 from geodesic_ocp.manifold.region_avoiding import RegionAvoiding
 from geodesic_ocp.manifold.transport import parallel_transport
+from geodesic_ocp.model.bodies import Ball, Capsule, HalfSpace, enclosing_capsule
 from geodesic_ocp.model.combine import combine
+from geodesic_ocp.model.distance import clearances
 from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.model.library import load_model
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.motion.archive import load_synergies, save_synergies
 from geodesic_ocp.motion.baselines import track_hand
 from geodesic_ocp.motion.evaluation import Errors, evaluate
-from geodesic_ocp.motion.motion import Motion, Subject
 from geodesic_ocp.motion.readers import read_motion
 from geodesic_ocp.motion.segmentation import segment, segment_zero_velocity
 from geodesic_ocp.motion.synergies import Reconstruction, Synergy, reconstruct
-from geodesic_ocp.ocp.archive import load_solution, save_solution
+from geodesic_ocp.ocp.archive import save_solution
+from geodesic_ocp.ocp.callback import Iterate
 from geodesic_ocp.ocp.certificate import Certificate, certify
 from geodesic_ocp.ocp.grid import Grid
+from geodesic_ocp.ocp.live import LivePlot
+from geodesic_ocp.ocp.loading import load_solution
 from geodesic_ocp.ocp.logarithm import Geodesic, distance, geodesic, geodesics, log
 from geodesic_ocp.ocp.mean import mean
+from geodesic_ocp.ocp.nlp import NLP
 from geodesic_ocp.ocp.path import Path
+from geodesic_ocp.ocp.point_to_point import PointToPoint
 from geodesic_ocp.ocp.posture import find_posture
-from geodesic_ocp.ocp.problem import PointToPoint, Problem
+from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.reach import Reach
+from geodesic_ocp.ocp.restricted import avoid
 from geodesic_ocp.ocp.solution import Solution, Stats
 from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.ocp.timing import TimeLaw, time_law
+from geodesic_ocp.sampled import Motion, Subject
 
 __version__ = _version("geodesic_ocp")
 
 __all__ = [
+    "NLP",
     "Analysis",
+    "Ball",
+    "Capsule",
     "Certificate",
     "Errors",
     "Euclidean",
     "Geodesic",
     "GeodesicOcpError",
     "Grid",
+    "HalfSpace",
     "IntegrationFailed",
+    "Iterate",
     "Jacobi",
     "KineticEnergy",
+    "LivePlot",
     "Metric",
     "Model",
     "Motion",
@@ -74,9 +88,12 @@ __all__ = [
     "Synergy",
     "TimeLaw",
     "analyse",
+    "avoid",
     "certify",
+    "clearances",
     "combine",
     "distance",
+    "enclosing_capsule",
     "evaluate",
     "exp",
     "find_posture",

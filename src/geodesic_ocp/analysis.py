@@ -18,9 +18,9 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.motion.archive import save_synergies
 from geodesic_ocp.motion.baselines import track_hand
 from geodesic_ocp.motion.evaluation import Errors, evaluate
-from geodesic_ocp.motion.motion import Motion
 from geodesic_ocp.motion.segmentation import segment, segment_zero_velocity
 from geodesic_ocp.motion.synergies import Reconstruction, Synergy, reconstruct
+from geodesic_ocp.sampled import Motion
 from geodesic_ocp.table import Table
 
 _METHODS = {

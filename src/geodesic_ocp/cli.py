@@ -23,9 +23,9 @@ from geodesic_ocp.errors import GeodesicOcpError, RecordingError
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.catalogue import catalogue
 from geodesic_ocp.model.human import DEFAULT_HEIGHT, DEFAULT_MASS, human_arm
-from geodesic_ocp.motion.motion import Motion
 from geodesic_ocp.motion.readers import read_motion
 from geodesic_ocp.motion.segmentation import as_threshold
+from geodesic_ocp.sampled import Motion
 
 _SLOWEST = 1.0  # [s] between samples: no recording of an arm is that slow
 _EXIT = """exit codes: 0 done; 2 wrong input, named in one line; 3 a solver or integration failed;

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.patches import Polygon
 
 from geodesic_ocp.arrays import Array
 
@@ -14,6 +16,13 @@ from geodesic_ocp.arrays import Array
 OBSERVED: dict[str, Any] = {"color": "#1b3a5c", "linewidth": 2.0}
 PREDICTED: dict[str, Any] = {"color": "#e07b00", "linewidth": 1.5, "linestyle": (0, (4, 1.5))}
 _SHADES = ("#dfe6ee", "#ffffff")
+_DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
+_SOLID: dict[str, Any] = {
+    "facecolor": "#d9d2c5",
+    "edgecolor": "#6b6257",
+    "linewidth": 1.0,
+    "zorder": 0,
+}
 
 
 def shade_segments(axes: Axes, time: Array, segments: Sequence[tuple[int, int]]) -> None:
@@ -53,3 +62,65 @@ def widest_columns(values: Array, count: int) -> list[int]:
     """Indices of the columns (k, m) with the largest range, in their own order."""
     order = np.argsort(-np.ptp(values, axis=0), kind="stable")
     return sorted(int(column) for column in order[:count])
+
+
+def line_styles(count: int) -> list[dict[str, Any]]:
+    """Styles of so many lines: colours from dark to light, and dashes that differ in grey print."""
+    shades = colormaps["viridis"](np.linspace(0.0, 0.85, max(count, 2)))
+    return [
+        {"color": shades[index], "linestyle": _DASHES[index % len(_DASHES)], "linewidth": 1.6}
+        for index in range(count)
+    ]
+
+
+def draw_coordinates(axes: Axes, s: Array, values: Array, names: Sequence[str]) -> None:
+    """Coordinates (k, n) over s (k,), each with its name."""
+    for name, column, style in zip(names, values.T, line_styles(len(names)), strict=True):
+        axes.plot(s, column, label=name, **style)
+    axes.set_xlim(s[0], s[-1])
+
+
+def draw_way(axes: Axes, way: Array, stops: Array, names: tuple[str, str]) -> None:
+    """A path (k, 2) with marks at its ends and at via points (m, 2)."""
+    axes.plot(*way.T, **OBSERVED)
+    hollow = {"color": "white", "markeredgecolor": OBSERVED["color"], "markersize": 6}
+    axes.plot(*way[:1].T, "o", label="start", **hollow)
+    if len(stops):
+        axes.plot(*stops.T, "D", label="via point", color="#7a7a7a", markersize=6)
+    axes.plot(*way[-1:].T, "s", label="end", color=PREDICTED["color"], markersize=6)
+    axes.set_xlabel(names[0])
+    axes.set_ylabel(names[1])
+    axes.set_aspect("equal", adjustable="datalim")
+
+
+def draw_ellipses(axes: Axes, centres: Array, matrices: Array, size: float) -> None:
+    """Circles of the metrics (k, 2, 2) around points (k, 2), drawn so that the largest has a size.
+
+    Each is the set of velocities of one length: where it is narrow, to go is expensive.
+    """
+    turns = np.linspace(0.0, 2.0 * np.pi, 73)
+    circle = np.array([np.cos(turns), np.sin(turns)])
+    outlines = np.linalg.solve(np.linalg.cholesky(matrices).transpose(0, 2, 1), circle)
+    scale = size / np.abs(outlines).max()
+    for index, (centre, outline) in enumerate(zip(centres, outlines, strict=True)):
+        label = "circles of the metric" if index == 0 else None
+        axes.plot(*(centre[:, None] + scale * outline), color="#8fa3b8", linewidth=1.0, label=label)
+
+
+def draw_capsule(axes: Axes, start: Array, end: Array, radius: float, label: str | None) -> None:
+    """The outline of a capsule in the plane, of its segment's ends (2,)."""
+    along = end - start
+    angle = float(np.arctan2(along[1], along[0]))
+    turns = np.linspace(angle - np.pi / 2.0, angle + np.pi / 2.0, 37)
+    arc = radius * np.column_stack([np.cos(turns), np.sin(turns)])
+    axes.fill(*np.concatenate([end + arc, start - arc]).T, label=label, **_SOLID)
+
+
+def draw_half_plane(axes: Axes, point: Array, normal: Array, label: str | None) -> None:
+    """What lies behind a line through a point (2,) with a normal (2,), as far as the axes show."""
+    far = 10.0 * max(float(np.abs([axes.get_xlim(), axes.get_ylim()]).max()), 1.0)
+    across = np.array([-normal[1], normal[0]])
+    near = [point - far * across, point + far * across]
+    corners = [*near, near[1] - far * normal, near[0] - far * normal]
+    # Added as an artist, it leaves the axes' limits alone.
+    axes.add_artist(Polygon(corners, label=label, **_SOLID))

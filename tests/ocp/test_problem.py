@@ -244,8 +244,18 @@ def test_what_is_missed_is_named_with_value_and_place(arm: go.Model) -> None:
         def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
             return [(-np.inf, ca.sin(q[3]), 0.2, "elbow"), (0.0, ca.dot(v, v), 1.0, "speed")]
 
-    with pytest.raises(go.NotConverged, match=r"elbow exceeds 0\.2 by 0\.096 at s = 1\.00") as info:
+    with pytest.raises(ValueError, match=r"elbow exceeds 0\.2 by 0\.096 at s = 1\.00"):
         go.solve(Hurried(arm))
+
+    class Barely(Hurried):
+        """Conditions in the velocity cannot be judged before the solve."""
+
+        def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+            (low, elbow, high, name), speed = super().constraints(q, v)
+            return [(low, elbow + 1e-12 * v[3], high, name), speed]
+
+    with pytest.raises(go.NotConverged, match=r"elbow exceeds 0\.2 by 0\.096 at s = 1\.00") as info:
+        go.solve(Barely(arm))
     assert "speed exceeds 1 by" in str(info.value)
     worst = info.value.solution.violations[0]
     assert worst.amount == pytest.approx(worst.value - worst.limit)

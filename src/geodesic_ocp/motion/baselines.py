@@ -6,8 +6,8 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.motion.motion import Motion
 from geodesic_ocp.motion.rotations import rotation_vector
+from geodesic_ocp.sampled import Motion
 
 # A joint moves no more than this in one step of the controller [rad or m].
 _LARGEST_STEP = 0.05

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.motion.motion import Motion
 from geodesic_ocp.motion.rotations import rotation_vector
+from geodesic_ocp.sampled import Motion
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array, as_positive, evaluate
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.transport import transport_between
-from geodesic_ocp.motion.motion import Motion
+from geodesic_ocp.sampled import Motion
 
 # Joints that all stay within this never move: it is below the noise of motion capture [rad or m].
 _STILL = 1e-3

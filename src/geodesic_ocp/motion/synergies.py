@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.motion.motion import Motion
 from geodesic_ocp.motion.segmentation import observed_velocity, speeds
 from geodesic_ocp.ocp.logarithm import geodesic
 from geodesic_ocp.ocp.path import Path
 from geodesic_ocp.ocp.timing import TimeLaw, time_law
+from geodesic_ocp.sampled import Motion
 
 # A segment that comes back to where it began has a path too short for its end speeds: none is
 # more than this many times the mean speed along the path.

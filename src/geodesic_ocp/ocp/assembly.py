@@ -76,12 +76,25 @@ def on_diagonal(blocks: ca.MX, grid: Grid, n: int) -> ca.MX:
     return ca.diagcat(*(ca.reshape(blocks[:, k], n, n) for k in range(grid.size)))
 
 
+def on_node(block: ca.MX, grid: Grid, n: int, node: int) -> ca.MX:
+    """vec(H), (n^2, 1), of one node, as of all nodes."""
+    rows = np.zeros((1, grid.size))
+    rows[0, node] = 1.0
+    return _spread(ca.reshape(block, n, n), rows)
+
+
 def on_ends(block: ca.MX, grid: Grid, n: int) -> ca.MX:
     """vec(H), (16 n^2, 1), of positions and velocities at both ends, as of all nodes."""
-    size, width = grid.size, grid.degree + 1
-    rows = np.zeros((4, size))
+    width = grid.degree + 1
+    rows = np.zeros((4, grid.size))
     rows[0, 0] = rows[1, -1] = 1.0
     rows[2, :width] = grid.differentiation[0][0]
     rows[3, -width:] = grid.differentiation[-1][-1]
-    to_ends = ca.sparsify(ca.DM(np.kron(rows, np.eye(n))))
-    return to_ends.T @ ca.reshape(block, 4 * n, 4 * n) @ to_ends
+    return _spread(ca.reshape(block, 4 * n, 4 * n), rows)
+
+
+def _spread(matrix: ca.MX, rows: np.ndarray) -> ca.MX:
+    """The Hessian in what each of the rows makes of all nodes, as one in the nodes."""
+    n = matrix.shape[0] // len(rows)
+    to_rows = ca.sparsify(ca.DM(np.kron(rows, np.eye(n))))
+    return to_rows.T @ matrix @ to_rows

@@ -20,7 +20,8 @@ from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.manifold.exponential import exp
 from geodesic_ocp.ocp.grid import Grid
 from geodesic_ocp.ocp.path import Path
-from geodesic_ocp.ocp.prepared import structure_of_geodesics, transcribed
+from geodesic_ocp.ocp.point_to_point import structure_of_geodesics
+from geodesic_ocp.ocp.prepared import transcribed
 from geodesic_ocp.ocp.transcription import Transcription, Units
 
 # Eigenvalues of the second variation this much below the largest are rounding.

@@ -6,7 +6,8 @@ interpolation and the differentiation matrix; the nodes are the zeros of (1 - x^
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from numbers import Integral
 
@@ -29,14 +30,17 @@ class Grid:
         segments: how many.
         degree: of the polynomials.
         ends: where segments meet and end, from 0 to 1, (segments + 1,); None: all are equally long.
+        stations: which of these ends, by number, a problem's via points lie on.
 
     Raises:
-        ValueError: fewer than one segment, a degree below 2 or above 100, or ends that are not so.
+        ValueError: fewer than one segment, a degree below 2 or above 100, ends or stations that
+            are not so.
     """
 
     segments: int = 1
     degree: int = 20
     ends: tuple[float, ...] | None = None
+    stations: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("segments", "degree"):
@@ -53,6 +57,45 @@ class Grid:
             if ends[0] != 0.0 or ends[-1] != 1.0 or not np.all(np.diff(ends) > 0.0):
                 raise ValueError(f"ends must increase from 0 to 1, got {ends}")
             object.__setattr__(self, "ends", tuple(ends.tolist()))
+        edges = [0, *self.stations, self.segments]
+        if self.stations and not np.all(np.diff(edges) > 0):
+            raise ValueError(
+                f"stations must increase between 0 and {self.segments}, got {self.stations}"
+            )
+
+    def through(self, shares: Sequence[float]) -> Grid:
+        """The grid with via points at these s, increasing between 0 and 1.
+
+        Each piece between two of them has segments of one length; the number is that of the old
+        grid, divided in proportion, where that leaves each piece with two at least.
+
+        Raises:
+            ValueError: the shares do not increase between 0 and 1.
+        """
+        edges = np.array([0.0, *shares, 1.0])
+        if not np.all(np.diff(edges) > 0.0):
+            raise ValueError(f"via points must increase between s = 0 and 1, got {list(shares)}")
+        counts = np.maximum(2, np.round(self.segments * np.diff(edges)).astype(int))
+        stations = np.cumsum(counts)
+        ends = np.interp(np.arange(stations[-1] + 1), [0, *stations], edges)
+        inner = tuple(stations[:-1].tolist())
+        return Grid(len(ends) - 1, self.degree, tuple(ends.tolist()), inner)
+
+    def moved(self, shares: Sequence[float]) -> Grid:
+        """The grid with its via points at other s; the segments between them are stretched."""
+        old = [0.0, *self.breakpoints[list(self.stations)], 1.0]
+        ends = np.interp(self.breakpoints, old, [0.0, *shares, 1.0])
+        return replace(self, ends=tuple(ends.tolist()))
+
+    @property
+    def shares(self) -> Array:
+        """Where the via points lie, s of each."""
+        return self.breakpoints[list(self.stations)]
+
+    @property
+    def station_nodes(self) -> list[int]:
+        """The nodes on which the via points lie."""
+        return [self.degree * station for station in self.stations]
 
     @property
     def size(self) -> int:

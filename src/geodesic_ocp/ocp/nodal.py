@@ -68,7 +68,11 @@ class NodeBounds:
             at_end, columns = np.divmod(np.array(term.coordinates), n)
             in_x.append(_Values(term, (columns + at_end * n * (grid.size - 1))[None, :]))
 
-        groups = ((terms.ends, 1), (terms.still, grid.size), (terms.moving, grid.collocations))
+        at_via = tuple(term for station in terms.via for term in station)
+        groups = (
+            *((terms.ends, 1), (at_via, 1), (terms.smooth, 1)),
+            *((terms.still, grid.size), (terms.moving, grid.collocations)),
+        )
         in_g, start = [], 0
         for group, count in groups:
             in_g += list(_interleaved(group, count, start))

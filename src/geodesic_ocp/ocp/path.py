@@ -12,6 +12,9 @@ from geodesic_ocp.arrays import Array, evaluate
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.ocp.grid import Grid
 
+_NEWTON = 4
+_TINY = float(np.finfo(float).tiny)
+
 
 @dataclass(frozen=True, eq=False)
 class Path:
@@ -77,6 +80,11 @@ class Path:
         speeds = evaluate(function, positions.reshape(-1, n).T, slopes.reshape(-1, n).T)
         return np.asarray(speeds.ravel())
 
+    @property
+    def energy_at_nodes(self) -> float:
+        """Energy by the grid's own quadrature, which is what a solver minimises."""
+        return float(self.grid.weights.ravel() @ self.speeds_at_nodes**2) / 2.0
+
     @cached_property
     def _speeds(self) -> tuple[Array, Array]:
         """Quadrature weights and speeds |q'|_G, twice as fine as the path's own polynomials."""
@@ -100,3 +108,69 @@ class Path:
         """Energy: half the integral of |q'(s)|_G^2 over s; at least length^2 / 2."""
         weights, speeds = self._speeds
         return float(0.5 * weights @ speeds**2)
+
+    def at_length(self, lengths: ArrayLike) -> Array:
+        """The s (k,) up to which the path is as long as each of the lengths (k,).
+
+        Raises:
+            ValueError: a length below zero, or beyond the path's own.
+        """
+        wanted, total = np.asarray(lengths, dtype=float), self.length
+        slack = 1e-9 * total
+        if wanted.ndim != 1 or not np.all((wanted >= -slack) & (wanted <= total + slack)):
+            raise ValueError(f"lengths must be (k,) between 0 and {total:.6g}, got {lengths!r}")
+        s, upto = self._lengths
+        found = np.interp(wanted, upto, s)
+        below, above = (
+            s[np.clip(np.searchsorted(upto, wanted) + k, 0, s.size - 1)] for k in (-1, 0)
+        )
+        for _ in range(_NEWTON):
+            rates = evaluate(self.metric.speed.map(found.size), self(found).T, self(found, 1).T)
+            here = self._length_upto(found)
+            step = np.divide(here - wanted, rates[0], out=np.zeros_like(found), where=rates[0] > 0)
+            found = np.clip(found - step, below, above)
+        return np.asarray(found)
+
+    @cached_property
+    def _antiderivative(self) -> tuple[Grid, Array]:
+        """The length from each segment's start, as polynomials on a grid twice as fine."""
+        fine = replace(self.grid, degree=min(2 * self.grid.degree, 100))
+        _, speeds = self._speeds
+        speeds = speeds.reshape(fine.segments, -1)
+        # D y = speeds with y = 0 at the first node: exact for the speeds' polynomials, but one.
+        inner = fine.differentiation[:, 1:, 1:]
+        rest = np.linalg.solve(inner, speeds[:, 1:, None])[:, :, 0]
+        return fine, np.concatenate([np.zeros((fine.segments, 1)), rest], axis=1)
+
+    @cached_property
+    def _lengths(self) -> tuple[Array, Array]:
+        """Values of s, and the length up to there, at the nodes of the finer grid."""
+        fine, parts = self._antiderivative
+        before = np.concatenate([[0.0], np.cumsum(parts[:, -1])])
+        upto = np.append((before[:-1, None] + parts[:, :-1]).ravel(), before[-1])
+        return fine.nodes, np.maximum.accumulate(upto) * (self.length / max(before[-1], _TINY))
+
+    def _length_upto(self, s: Array) -> Array:
+        fine, parts = self._antiderivative
+        before = np.concatenate([[0.0], np.cumsum(parts[:, -1])])
+        segment = np.clip(np.searchsorted(fine.breakpoints, s, side="right") - 1, 0, None)
+        segment = np.minimum(segment, fine.segments - 1)
+        here = fine.interpolate(parts[:, :, None], s)[:, 0]
+        return np.asarray((before[segment] + here) * (self.length / max(before[-1], _TINY)))
+
+    def resample(self, count: int, by: str = "length") -> Array:
+        """Positions (count, n) from one end to the other, evenly spaced.
+
+        Args:
+            count: how many, at least two.
+            by: "length", equally far from each other in the metric, or "s".
+
+        Raises:
+            ValueError: fewer than two, or another word.
+        """
+        if int(count) != count or count < 2:
+            raise ValueError(f"count must be an integer above one, got {count!r}")
+        if by not in ("length", "s"):
+            raise ValueError(f"by must be 'length' or 's', got {by!r}")
+        shares = np.linspace(0.0, 1.0, int(count))
+        return self(shares if by == "s" else self.at_length(shares * self.length))

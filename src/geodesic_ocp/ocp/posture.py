@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import null_space
 
-from geodesic_ocp.arrays import Array, as_rotation, as_vector
+from geodesic_ocp.arrays import Array, as_number, as_rotation, as_vector
 from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.model.bodies import Obstacle
+from geodesic_ocp.model.distance import clearances
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.ocp.solve import Ipopt
+from geodesic_ocp.ocp.ipopt import Ipopt
 
 # A rotation by pi is taken for none by the error below, but is left by any small step.
 _TINY = 1e-14
@@ -36,6 +41,11 @@ def find_posture(
     rotation: ArrayLike | None = None,
     *,
     limits: bool = True,
+    free: ArrayLike | None = None,
+    obstacles: Sequence[Obstacle] = (),
+    links: Sequence[str] | None = None,
+    pairs: Sequence[tuple[str, str]] = (),
+    margin: float = 0.0,
 ) -> Array:
     """The posture (n,) nearest to another, joint by joint, with this hand's pose.
 
@@ -48,6 +58,9 @@ def find_posture(
         position: of the hand (3,) [m] in the base's frame; None leaves it free.
         rotation: of the hand (3, 3); None leaves it free.
         limits: whether the joints stay within their limits.
+        free: directions in which the position may differ, (3,) or (k, 3).
+        obstacles, links, pairs: that bodies keep clear of, see `clearances`.
+        margin: least distance [m] from them.
 
     Raises:
         ValueError: wrong shapes or values, or neither position nor rotation.
@@ -65,13 +78,19 @@ def find_posture(
     wide = ~(upper - lower <= 2.0 * np.pi)
     lower = np.where(wide, np.maximum(lower, inside - np.pi), lower)
     upper = np.where(wide, np.minimum(upper, inside + np.pi), upper)
-    solver = _program(model, position is not None, rotation is not None)
+    held = tuple(map(tuple, across(as_directions("free", free)).tolist()))
+    clear = (tuple(obstacles), None if links is None else tuple(links), tuple(map(tuple, pairs)))
+    solver, equalities = _program(
+        model, held if position is not None else (), rotation is not None, clear
+    )
+    upper_g = np.where(np.arange(solver.size_g) < equalities, 0.0, np.inf)
+    lower_g = np.where(upper_g == 0.0, 0.0, as_number("margin", margin))
     rng = np.random.default_rng(0)
     p = np.concatenate([start, place, turn.ravel(order="F")])
     found, nearest = [], np.inf
     for x0 in (inside, *rng.uniform(lower, upper, (_STARTS - 1, model.dof))):
-        outcome = solver(x0=x0, p=p, lbx=lower, ubx=upper, lbg=0.0, ubg=0.0)
-        miss = float(np.abs(outcome.g).max())
+        outcome = solver(x0=x0, p=p, lbx=lower, ubx=upper, lbg=lower_g, ubg=upper_g)
+        miss = float(np.maximum(lower_g - outcome.g, outcome.g - upper_g).max())
         nearest = min(nearest, miss)
         if outcome.success and miss <= _REACHED:
             found.append(outcome.x)
@@ -84,22 +103,69 @@ def find_posture(
             if given is not None
         ]
         raise NotConverged(
-            f"no posture of {model.name!r}{' within its limits' if limits else ''} has the hand's "
+            f"no posture of {model.name!r}{' within its limits' if limits else ''}"
+            f"{', clear of bodies,' if obstacles or pairs else ''} has the hand's "
             f"{' and '.join(what)}: the nearest one misses {'them' if len(what) > 1 else 'it'} by "
             f"{nearest:.3g} (m, or sine of half an angle)"
         )
     return min(found, key=lambda q: float(np.linalg.norm(q - start)))
 
 
+def as_directions(name: str, given: ArrayLike | None) -> Array:
+    """Directions (k, 3) of none, one (3,) or several (k, 3), at most two of them independent.
+
+    Raises:
+        ValueError: wrong shapes, a direction of no length, or no place is left to be given.
+    """
+    if given is None:
+        return np.zeros((0, 3))
+    try:
+        directions = np.atleast_2d(np.array(given, dtype=float))
+    except (TypeError, ValueError):
+        directions = np.zeros(0)
+    if directions.shape == (1, 0) or directions.shape == (0, 3):
+        return np.zeros((0, 3))
+    sizes = np.linalg.norm(directions, axis=-1)
+    if (
+        directions.ndim != 2
+        or directions.shape[1] != 3
+        or not np.all(np.isfinite(directions))
+        or not np.all(sizes > 0.0)
+        or np.linalg.matrix_rank(directions) > 2
+    ):
+        raise ValueError(
+            f"{name} must be a direction (3,), or (k, 3) of at most two independent ones, not "
+            f"zero, got {given!r}"
+        )
+    return np.asarray(directions / sizes[:, None])
+
+
+def across(directions: Array) -> Array:
+    """Orthonormal rows (3 - k, 3) at right angles to the directions."""
+    if not len(directions):
+        return np.eye(3)
+    return np.asarray(null_space(directions).T)
+
+
 @lru_cache(maxsize=32)
-def _program(model: Model, placed: bool, turned: bool) -> Ipopt:
+def _program(
+    model: Model,
+    held: tuple[tuple[float, ...], ...],
+    turned: bool,
+    clear: tuple[Any, Any, Any],
+) -> tuple[Ipopt, int]:
+    """The program, and how many of its conditions are equalities; the others are distances."""
     n = model.dof
     q, p = ca.SX.sym("q", n), ca.SX.sym("p", n + 12)
     rotation, position = model.hand_pose(q)
     away = q - p[:n]
     conditions = []
-    if placed:
-        conditions.append(position - p[n : n + 3])
+    if held:
+        conditions.append(ca.DM(held) @ (position - p[n : n + 3]))
     if turned:
         conditions.append(rotation_error(rotation, ca.reshape(p[n + 3 :], 3, 3)))
-    return Ipopt({"x": q, "p": p, "f": ca.sumsqr(away) / 2, "g": ca.vertcat(*conditions)})
+    equalities = ca.vertcat(*conditions)
+    obstacles, links, pairs = clear
+    distances = clearances(model, q, obstacles, links=links, pairs=pairs)
+    g = ca.vertcat(equalities, *distances.values())
+    return Ipopt({"x": q, "p": p, "f": ca.sumsqr(away) / 2, "g": g}), int(equalities.shape[0])

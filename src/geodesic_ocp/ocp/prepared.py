@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable
 from dataclasses import dataclass, field
 from functools import lru_cache
-
-import casadi as ca
+from typing import TYPE_CHECKING
 
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.ocp.grid import Grid
-from geodesic_ocp.ocp.problem import Equality, PointToPoint, Problem, key_of
 from geodesic_ocp.ocp.terms import Conditions, conditions
 from geodesic_ocp.ocp.transcription import Transcription, transcribe
+
+if TYPE_CHECKING:
+    from geodesic_ocp.ocp.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -42,21 +43,6 @@ def transcribed(structure: Structure, grid: Grid) -> Transcription:
 def transcription_of(problem: Problem, grid: Grid) -> Transcription:
     """The NLP of the problem on the grid."""
     return transcribed(Structure.of(problem, conditions(problem)), grid)
-
-
-def structure_of_geodesics(metric: Metric) -> Structure:
-    """The structure of every `PointToPoint` in the metric, wherever its ends may be."""
-    return Structure((PointToPoint, key_of(metric)), metric, conditions(_Anywhere(metric)))
-
-
-@dataclass(frozen=True, eq=False)
-class _Anywhere(Problem):
-    """Fixed ends, of which nothing is asked."""
-
-    metric: Metric
-
-    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Equality]:
-        return [(q0, 0.0), (q1, 0.0)]
 
 
 def _built(structure: Structure, grid: Grid) -> Transcription:

@@ -1,4 +1,4 @@
-"""Problems: which path is sought, written as a class; and the ones that come with the package."""
+"""Problem: which path is sought, written as a class."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, TypeAlias
 
 import casadi as ca
-import numpy as np
+from matplotlib.axes import Axes
 
-from geodesic_ocp.arrays import Array, as_vector
-from geodesic_ocp.manifold.metric import Metric, as_metric
-from geodesic_ocp.model.model import Model
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.ocp.grid import Grid
+from geodesic_ocp.ocp.nlp import NLP, program
+from geodesic_ocp.ocp.path import Path
 
 # (expression, value) or (expression, value, name)
 Equality: TypeAlias = tuple[Any, Any] | tuple[Any, Any, str]
@@ -25,7 +26,7 @@ class Problem(ABC):
     """A path of least energy 1/2 int |q'(s)|_G^2 ds, s in [0, 1], under boundary conditions.
 
     A subclass, usually a frozen dataclass whose fields all have defaults, gives `metric` and
-    `boundary`, and where it needs them `constraints`, `cost`, `guess` and the closed form.
+    `boundary`, and where it needs them `constraints`, `via`, `cost`, `guess` and the closed form.
     Expressions are built from CasADi SX symbols; a bare coordinate, such as `q0` or `q[2]`, becomes
     a bound.
 
@@ -33,10 +34,17 @@ class Problem(ABC):
         metric: of the manifold.
         parameters: names of the fields, numbers or arrays of them, that may change from one solve
             to the next without a new NLP: expressions are built with symbols in their place.
+        passing: s of each via point; None: where the mean square of the speed is the same before
+            and after, which costs least.
+        smooth: whether the velocity is continuous at via points. The path of least energy has a
+            corner there, unless it is a geodesic through the point by chance; a continuous one
+            rounds it within the segments of the grid beside it, the closer the finer they are.
     """
 
     metric: Metric
     parameters: ClassVar[Sequence[str]] = ()
+    passing: ClassVar[Sequence[float] | None] = None
+    smooth: ClassVar[bool] = True
 
     @abstractmethod
     def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Equality]:
@@ -50,6 +58,10 @@ class Problem(ABC):
         """Bounds (lower, expression, upper[, name]) along the path in q and v = q'(s)."""
         return ()
 
+    def via(self, q: ca.SX) -> Sequence[Sequence[Equality]]:
+        """For each via point, in order, equalities (expression, value[, name]) in q there."""
+        return ()
+
     def cost(self, q: ca.SX, v: ca.SX) -> Any:
         """Integrand of what is minimised in addition to the energy; zero by default."""
         return 0.0
@@ -61,6 +73,14 @@ class Problem(ABC):
         """
         return None
 
+    def draw(self, axes: Axes, columns: tuple[int, int]) -> None:  # noqa: B027
+        """Draw what belongs to a picture of the path besides it, such as obstacles.
+
+        Args:
+            axes: where the path in the plane of two coordinates, or the hand's path, is drawn.
+            columns: which coordinates, or which of the hand's x, y and z, are shown.
+        """
+
     @property
     def grid(self) -> Grid:
         """Grid to solve on unless another is asked for.
@@ -68,8 +88,19 @@ class Problem(ABC):
         Smooth paths are best served by one polynomial of high degree, paths with constraints by
         segments of low degree.
         """
-        symbols = (ca.SX.sym(name, self.metric.dim) for name in "qv")
-        return Grid(16, 4) if len(self.constraints(*symbols)) else Grid(1, 20)
+        q, v = (ca.SX.sym(name, self.metric.dim) for name in "qv")
+        smooth = not len(self.constraints(q, v)) and not len(self.via(q))
+        return Grid(1, 20) if smooth else Grid(16, 4)
+
+    def nlp(self, grid: Grid | None = None, guess: Path | None = None) -> NLP:
+        """The nonlinear program of this problem on a grid, its own by default.
+
+        Args:
+            grid: nodes of the path; via points that are not fixed lie where the guess has them,
+                or evenly.
+            guess: to start from.
+        """
+        return program(self, self.grid if grid is None else grid, guess)
 
     @property
     def structure(self) -> Hashable | None:
@@ -93,26 +124,6 @@ class Problem(ABC):
     def exact_length(self) -> float | None:
         """The solution's length in closed form, where it is known."""
         return None
-
-
-def as_speed(speed: Any, dim: int) -> tuple[float, ...] | None:
-    """The largest speeds (n,) of one number or n of them; ValueError if they are not positive."""
-    if speed is None:
-        return None
-    speeds = as_vector("speed", np.broadcast_to(speed, dim) if np.ndim(speed) == 0 else speed, dim)
-    if not np.all(speeds > 0.0):
-        raise ValueError(f"speed must be positive, got {speed!r}")
-    return tuple(speeds.tolist())
-
-
-def along(model: Model | None, speed: Any, q: ca.SX, v: ca.SX) -> list[Inequality]:
-    """Joint limits of a model and bounds of |q'(s)|, each where there are any."""
-    conditions: list[Inequality] = []
-    if model is not None:
-        conditions.append((model.lower, q, model.upper, "joint limits"))
-    if speed is not None:
-        conditions.append((-np.array(speed), v, np.array(speed), "speed"))
-    return conditions
 
 
 def _hashable(value: object) -> bool:
@@ -139,50 +150,3 @@ class _Identity:
 def key_of(value: object) -> Hashable:
     """The value, or its identity where it has no hash."""
     return value if _hashable(value) else _Identity(value)
-
-
-@dataclass(frozen=True)
-class PointToPoint(Problem):
-    """The geodesic between two configurations.
-
-    Attributes:
-        metric: of the manifold.
-        q0, q1: start and goal (n,) [rad or m].
-        limits: whether the joints stay within the limits of the metric's model.
-        speed: largest |dq_j / ds|, for all coordinates or (n,); None: any.
-
-    Raises:
-        ValueError: wrong shapes or numbers that are not finite, or the metric is singular there;
-            limits of a metric without a model.
-    """
-
-    metric: Metric
-    q0: tuple[float, ...]
-    q1: tuple[float, ...]
-    limits: bool = False
-    speed: float | tuple[float, ...] | None = None
-
-    def __post_init__(self) -> None:
-        metric = as_metric(self.metric)
-        for name in ("q0", "q1"):
-            vector = metric.point(name, getattr(self, name))
-            object.__setattr__(self, name, tuple(vector.tolist()))
-        if self.limits and getattr(metric, "model", None) is None:
-            raise ValueError(f"limits: {type(metric).__name__} has no model with limits")
-        object.__setattr__(self, "speed", as_speed(self.speed, metric.dim))
-
-    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Equality]:
-        """Both ends."""
-        return [(q0, self.q0, "start"), (q1, self.q1, "goal")]
-
-    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Inequality]:
-        """Joint limits and speed, where they are asked for."""
-        model = getattr(self.metric, "model", None) if self.limits else None
-        return along(model, self.speed, q, v)
-
-    @property
-    def structure(self) -> Hashable:
-        """The metric, or its identity where it has no hash, and what constraints there are."""
-        key = key_of(self.metric)
-        plain = not self.limits and self.speed is None
-        return key if plain else (key, self.limits, self.speed is None)

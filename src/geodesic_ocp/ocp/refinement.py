@@ -49,7 +49,7 @@ def refined(
     rounds: list[Round] = []
     for _ in range(_ROUNDS):
         solution = solve_on(grid, guess)
-        stats = solution.stats
+        stats, grid = solution.stats, solution.path.grid  # whose via points may have moved
         rounds.append(
             Round(grid.segments, stats.iterations, stats.seconds, stats.objective, stats.between)
         )
@@ -108,4 +108,5 @@ def _halved(grid: Grid, coarse: NDArray[np.bool_]) -> Grid:
     ends = grid.breakpoints
     middle = (ends[:-1] + ends[1:])[coarse] / 2.0
     every = np.sort(np.concatenate([ends, middle]))
-    return Grid(every.size - 1, grid.degree, tuple(every.tolist()))
+    stations = tuple(np.searchsorted(every, grid.shares).tolist())
+    return Grid(every.size - 1, grid.degree, tuple(every.tolist()), stations)

@@ -21,8 +21,8 @@ from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.variation import exp_with_derivative
 from geodesic_ocp.ocp.grid import Grid
 from geodesic_ocp.ocp.path import Path
+from geodesic_ocp.ocp.point_to_point import PointToPoint
 from geodesic_ocp.ocp.prepared import transcription_of
-from geodesic_ocp.ocp.problem import PointToPoint
 from geodesic_ocp.ocp.solution import Solution
 from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.ocp.transcription import Units

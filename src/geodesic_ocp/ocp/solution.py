@@ -5,12 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from os import PathLike
+from pathlib import Path as FilePath
+
+from matplotlib.figure import Figure
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.ocp.archive import save_solution
 from geodesic_ocp.ocp.certificate import Attempt, Certificate
+from geodesic_ocp.ocp.in_time import moved_along
 from geodesic_ocp.ocp.path import Path
+from geodesic_ocp.ocp.picture import draw
 from geodesic_ocp.ocp.problem import Problem
+from geodesic_ocp.ocp.timing import TimeLaw
 from geodesic_ocp.ocp.violations import Violation
+from geodesic_ocp.sampled import Motion
 
 
 @dataclass(frozen=True)
@@ -94,3 +103,29 @@ class Solution:
         conditions that hold the path back stay met.
         """
         return self.attempt.certificate()
+
+    def save(self, file: str | PathLike[str]) -> FilePath:
+        """Write the solution as JSON; see `save_solution`, and `load_solution` to read it."""
+        return save_solution(file, self)
+
+    def resample(self, count: int, by: str = "length") -> Array:
+        """Positions (count, n) along the path; see `Path.resample`."""
+        return self.path.resample(count, by)
+
+    def to_motion(self, timing: float | TimeLaw, rate: float = 100.0) -> Motion:
+        """The path in time, with velocities.
+
+        Args:
+            timing: the duration [s], in which the path is travelled from rest to rest with the
+                least square of the acceleration s''(t) along it (`time_law`); or a time law.
+            rate: samples a second [Hz], rounded so that they are evenly spaced up to the end.
+
+        Raises:
+            ValueError: a duration or rate that is not positive, a path of no length, or a time law
+                of another length.
+        """
+        return moved_along(self.path, timing, rate)
+
+    def plot(self) -> Figure:
+        """Coordinates, speed, and the hand's path or, of two coordinates, the path in the plane."""
+        return draw(self)

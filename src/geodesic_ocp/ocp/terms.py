@@ -6,13 +6,15 @@ import copy
 import inspect
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.ocp.problem import Problem
+
+if TYPE_CHECKING:
+    from geodesic_ocp.ocp.problem import Problem
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +54,9 @@ class Conditions:
         bounds: bare coordinates along the path, which become bounds of nodes (symbols q, v).
         still: other constraints along the path in q alone.
         moving: constraints along the path in q and v.
+        via: equalities (symbols q) at each via point.
+        smooth: for each via point, that the velocity before it (symbols v0) is that after it (v1);
+            empty where it may jump.
     """
 
     q0: ca.SX
@@ -68,6 +73,8 @@ class Conditions:
     bounds: tuple[Term, ...]
     still: tuple[Term, ...]
     moving: tuple[Term, ...]
+    via: tuple[tuple[Term, ...], ...]
+    smooth: tuple[Term, ...]
 
 
 def conditions(problem: Problem) -> Conditions:
@@ -85,10 +92,7 @@ def conditions(problem: Problem) -> Conditions:
     written = symbolic.boundary(*at_ends)
     given = written if symbolic is problem else problem.boundary(*at_ends)
     entries = _pairs("boundary", written, given)
-    for place, one, other in entries:
-        expression, _, name = _entry(one, place, "expression, value")
-        value = _entry(other, place, "expression, value")[1]
-        boundary.append(_term(name, value, expression, value, ca.vertcat(q0, q1)))
+    boundary += [_equality(*entry, ca.vertcat(q0, q1)) for entry in entries]
     held = symbolic.constraints(q, v)
     entries = _pairs(
         "constraints", held, held if symbolic is problem else problem.constraints(q, v)
@@ -97,7 +101,12 @@ def conditions(problem: Problem) -> Conditions:
         _, expression, _, name = _entry(one, place, "lower, expression, upper")
         low, _, high, _ = _entry(other, place, "lower, expression, upper")
         along.append(_term(name, low, expression, high, ca.vertcat(q, v)))
-    names = [term.name for term in boundary + along]
+    via = _via(problem, symbolic, q)
+    smooth = []
+    if problem.smooth:
+        for number in range(len(via)):
+            smooth.append(_term(f"velocity at via[{number}]", 0.0, v1 - v0, 0.0, ca.SX(0, 1)))
+    names = [term.name for term in (*boundary, *along, *smooth, *(t for each in via for t in each))]
     if len(set(names)) < len(names):
         raise ValueError(f"conditions must have different names, got {', '.join(names)}")
 
@@ -114,7 +123,29 @@ def conditions(problem: Problem) -> Conditions:
         bounds=tuple(bounds),
         still=tuple(term for term in functions if term not in moving),
         moving=tuple(moving),
+        via=via,
+        smooth=tuple(smooth),
     )
+
+
+def _via(problem: Problem, symbolic: Problem, q: ca.SX) -> tuple[tuple[Term, ...], ...]:
+    written = symbolic.via(q)
+    given = written if symbolic is problem else problem.via(q)
+    points = []
+    for place, station, same in _pairs("via", written, given):
+        if not isinstance(station, Sequence) or not len(station):
+            raise ValueError(f"{place} must be a list of equalities, got {station!r}")
+        points.append(
+            tuple(_equality(*entry, ca.SX(0, 1)) for entry in _pairs(place, station, same))
+        )
+    return tuple(points)
+
+
+def _equality(place: str, one: Any, other: Any, symbols: ca.SX) -> Term:
+    """A term of the entries (expression, value[, name]) with symbols and with numbers."""
+    expression, _, name = _entry(one, place, "expression, value")
+    value = _entry(other, place, "expression, value")[1]
+    return _term(name, value, expression, value, symbols)
 
 
 def _takes_velocities(problem: Problem) -> bool:

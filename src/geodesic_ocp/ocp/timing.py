@@ -19,7 +19,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.ocp.solve import Ipopt, Outcome
+from geodesic_ocp.ocp.ipopt import Ipopt, Outcome
 
 _PIECES = 64
 _MAX_PIECES = 4096

@@ -20,7 +20,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.ocp.assembly import assemble, on_diagonal, on_ends, segment_matrices
+from geodesic_ocp.ocp.assembly import assemble, on_diagonal, on_ends, on_node, segment_matrices
 from geodesic_ocp.ocp.grid import Grid
 from geodesic_ocp.ocp.terms import Conditions, Term, stacked
 
@@ -65,8 +65,9 @@ class Transcription:
         dim: number n of coordinates.
         size_p: number n + 2 + k of parameters.
         objective: (x, p) -> (f, gradient); f is the energy and the cost in the unit of energy.
-        constraints: (x, p) -> g: at the ends; in q at one node after the other; in q and v at one
-            node after the other of one segment after the other (`Conditions`, in its order).
+        constraints: (x, p) -> g: at the ends; at one via point after the other, then the jumps of
+            the velocity there; in q at one node after the other; in q and v at one node after the
+            other of one segment after the other (`Conditions`, in its order).
         hessian: (x, p, lam_f, lam_g) -> upper triangle of the Lagrangian's Hessian.
     """
 
@@ -108,6 +109,7 @@ def transcribe(metric: Metric, terms: Conditions, grid: Grid) -> Transcription:
     q, v = terms.q, terms.v
     at_ends = _Block("ends", ca.vertcat(terms.q0, terms.q1, terms.v0, terms.v1), own, terms.ends)
     at_nodes = _Block("node", q, own, terms.still)
+    at_via = [_Block("via", q, own, station) for station in terms.via]
     in_segments = _Block("moving", ca.vertcat(q, v), own, terms.moving)
     density = metric.inner(q, v, v) / 2 + terms.cost
     lagrangian = _Block("energy", ca.vertcat(q, v), own, terms.moving, density)
@@ -128,12 +130,19 @@ def transcribe(metric: Metric, terms: Conditions, grid: Grid) -> Transcription:
     gradient = ca.vec(slope[:n, :] @ select + slope[n:, :] @ differentiate) * (length / scale)
     g = ca.vertcat(
         at_ends.value(ends, values),
+        *(
+            block.value(positions[:, node], values)
+            for block, node in zip(at_via, grid.station_nodes, strict=True)
+        ),
+        *(_jump(slopes, grid, station) for station in grid.stations if terms.smooth),
         ca.vec(at_nodes.value(positions, values)),
         ca.vec(in_segments.value(states, values)),
     )
 
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.shape[0])
-    first, second = at_ends.size, at_ends.size + at_nodes.size * grid.size
+    of_via = np.cumsum([at_ends.size, *(block.size for block in at_via)]).tolist()
+    first = of_via[-1] + n * len(terms.smooth)
+    second = first + at_nodes.size * grid.size
     lam_nodes = ca.reshape(lam_g[first:second], at_nodes.size, grid.size)
     lam_moving = ca.reshape(lam_g[second:], in_segments.size, grid.collocations)
     factors = ca.vertcat(weights * lam_f / scale, lam_moving)
@@ -141,7 +150,11 @@ def transcribe(metric: Metric, terms: Conditions, grid: Grid) -> Transcription:
     if at_nodes.size:
         hessian += on_diagonal(at_nodes.second(positions, values, lam_nodes), grid, n)
     if at_ends.size:
-        hessian += on_ends(at_ends.second(ends, values, lam_g[:first]), grid, n)
+        hessian += on_ends(at_ends.second(ends, values, lam_g[: at_ends.size]), grid, n)
+    for number, (block, node) in enumerate(zip(at_via, grid.station_nodes, strict=True)):
+        factors = lam_g[of_via[number] : of_via[number + 1]]
+        second_derivatives = block.second(positions[:, node], values, factors)
+        hessian += on_node(second_derivatives, grid, n, node)
 
     return Transcription(
         grid,
@@ -157,6 +170,12 @@ def transcribe(metric: Metric, terms: Conditions, grid: Grid) -> Transcription:
             ["triu_hess_gamma_x_x"],
         ),
     )
+
+
+def _jump(slopes: ca.MX, grid: Grid, station: int) -> ca.MX:
+    """By how much the velocity after a segment's end differs from that before, (n, 1)."""
+    after = station * (grid.degree + 1)
+    return slopes[:, after] - slopes[:, after - 1]
 
 
 class _Block:

@@ -13,6 +13,7 @@ from geodesic_ocp.arrays import Array, evaluate
 from geodesic_ocp.ocp.path import Path
 from geodesic_ocp.ocp.terms import Conditions, Term
 
+NEGLIGIBLE = 1e-6  # violations that are passed over before a solve, and in messages
 _PER_NODE = 4  # places looked at between two nodes
 
 # Of a path: places s (k,), and the largest violation there (k,) of any condition along it.
@@ -58,7 +59,21 @@ def violations(
 
     Places are the nodes, and others between them.
     """
-    found = [*_at_ends(terms, path, joint_names), *_along(terms, path, joint_names)]
+    found = [
+        *_at_ends(terms, path, joint_names),
+        *_at_via(terms, path, joint_names),
+        *_along(terms, path, joint_names),
+    ]
+    return tuple(sorted(found, key=lambda one: -one.amount))
+
+
+def violations_at(terms: Conditions, q: Array, s: float) -> tuple[Violation, ...]:
+    """Every condition along the path, other than bounds, that a configuration (n,) at s misses."""
+    found: list[Violation] = []
+    for term in terms.still:
+        function = ca.Function("term", [terms.q, terms.p], [term.expression])
+        values = evaluate(function, q, terms.values)
+        found += _worst(term, values, np.array([s]), q.size, None)
     return tuple(sorted(found, key=lambda one: -one.amount))
 
 
@@ -111,6 +126,17 @@ def _at_ends(
         values = evaluate(ca.Function("term", symbols, [term.expression]), *states)
         place = None if first == last else np.array([float(last)])
         yield from _worst(term, values, place, n, joint_names)
+
+
+def _at_via(
+    terms: Conditions, path: Path, joint_names: Sequence[str] | None
+) -> Iterator[Violation]:
+    grid = path.grid
+    for share, node, station in zip(grid.shares, grid.station_nodes, terms.via, strict=True):
+        for term in station:
+            function = ca.Function("term", [terms.q, terms.p], [term.expression])
+            values = evaluate(function, path.nodes[node], terms.values)
+            yield from _worst(term, values, np.array([share]), path.metric.dim, joint_names)
 
 
 def _along(terms: Conditions, path: Path, joint_names: Sequence[str] | None) -> Iterator[Violation]:

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.motion.motion import Motion
 from geodesic_ocp.motion.readers.mmm import read_mmm
 from geodesic_ocp.motion.readers.table import read_table
+from geodesic_ocp.sampled import Motion
 
 _READERS = {".xml": read_mmm, ".csv": read_table}
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.motion.motion import Motion, Subject
+from geodesic_ocp.sampled import Motion, Subject
 
 
 def read_mmm(file: Path, joints: Sequence[str] | None = None) -> Motion:

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.motion.motion import Motion, Subject
+from geodesic_ocp.sampled import Motion, Subject
 
 _READ = ("unit", "height", "mass", "subject")
 _UNITS = {"rad": 1.0, "deg": np.pi / 180.0}

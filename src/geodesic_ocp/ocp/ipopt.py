@@ -1,0 +1,120 @@
+"""Ipopt: the only place that calls nlpsol and reads its success."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from geodesic_ocp.arrays import Array
+
+# The objective is scaled to be of the order of one, so these are relative to the path's energy.
+# Ipopt widens bounds by 1e-8 for its own ease; the answer keeps the ones that were asked for.
+_IPOPT = {
+    "tol": 1e-10,
+    "max_iter": 300,
+    "print_level": 0,
+    "sb": "yes",
+    "honor_original_bounds": "yes",
+}
+NOT_FINITE = "the metric or a condition is not finite on the way"
+_SENTENCES = {
+    "Solve_Succeeded": "Ipopt found a local solution",
+    "Solved_To_Acceptable_Level": "Ipopt could not reach its tolerance, only its acceptable level",
+    "Infeasible_Problem_Detected": "no path near the guess meets all conditions",
+    "Maximum_Iterations_Exceeded": "Ipopt used up its iterations (raise ipopt={'max_iter': ...})",
+    "Maximum_CpuTime_Exceeded": "Ipopt used up its time",
+    "Restoration_Failed": "Ipopt could not return to paths that meet the conditions",
+    "Invalid_Number_Detected": NOT_FINITE,
+    "Search_Direction_Becomes_Too_Small": "Ipopt's steps became too small",
+    "Diverging_Iterates": "the iterates run away to infinity",
+    "Error_In_Step_Computation": "the linear system of a step could not be solved",
+    "User_Requested_Stop": "the callback stopped Ipopt",
+    "Not_Enough_Degrees_Of_Freedom": "there are more equalities than variables",
+}
+
+# CasADi turns Ctrl-C during a solve into one of these.
+_INTERRUPTED = ("NonIpopt_Exception_Thrown", "User_Requested_Stop")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What Ipopt returned: success, a sentence, iterations, wall time and the last iterate."""
+
+    success: bool
+    status: str
+    iterations: int
+    seconds: float
+    x: Array
+    g: Array
+    lam_x: Array
+    lam_g: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Ipopt:
+    """An NLP and Ipopt, ready to be called with values.
+
+    Args:
+        nlp: CasADi's dictionary of expressions or a function; x, p -> f, g.
+        derivatives: functions for nlpsol's options grad_f, hess_lag; CasADi's own where missing.
+        options: Ipopt's own, by name, over the package's.
+        relay: called in every iteration; to return other than zero stops Ipopt.
+
+    Raises:
+        ValueError: there is no such option, or its value is of another type.
+    """
+
+    nlp: Any
+    derivatives: Mapping[str, ca.Function] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
+    relay: ca.Callback | None = None
+    _solver: ca.Function = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        options: dict[str, Any] = {
+            "print_time": False,
+            "error_on_fail": False,
+            "show_eval_warnings": False,
+            "ipopt": {**_IPOPT, **self.options},
+            **self.derivatives,
+        }
+        if self.relay is not None:
+            options["iteration_callback"] = self.relay
+        try:
+            solver = ca.nlpsol("nlp", "ipopt", self.nlp, options)
+        except RuntimeError as error:
+            if not self.options:
+                raise
+            reason = str(error).strip().splitlines()[-1]
+            raise ValueError(f"Ipopt does not take ipopt={self.options}: {reason}") from error
+        object.__setattr__(self, "_solver", solver)
+
+    @property
+    def size_g(self) -> int:
+        """Number of constraint functions."""
+        return int(self._solver.size1_in("lbg"))
+
+    def __call__(self, **values: Any) -> Outcome:
+        """Solve with nlpsol's x0, p, lbx, ubx, lbg, ubg."""
+        start = time.perf_counter()
+        try:
+            result = self._solver(**values)
+        except SystemError as error:  # a Ctrl-C that CasADi noticed, as of Python 3.13
+            if isinstance(error.__cause__, KeyboardInterrupt):
+                raise KeyboardInterrupt from error
+            raise
+        seconds = time.perf_counter() - start
+        stats = self._solver.stats()
+        word = stats["return_status"]
+        if word in _INTERRUPTED and not getattr(self.relay, "stopped", False):
+            raise KeyboardInterrupt
+        status = _SENTENCES.get(word, f"Ipopt stopped: {word.replace('_', ' ').lower()}")
+        arrays = [result[name].full()[:, 0] for name in ("x", "g", "lam_x", "lam_g")]
+        success = bool(stats["success"]) and word == "Solve_Succeeded"
+        success = success and all(np.all(np.isfinite(array)) for array in arrays)
+        return Outcome(success, status, int(stats["iter_count"]), seconds, *arrays)

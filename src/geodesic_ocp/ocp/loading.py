@@ -1,0 +1,125 @@
+"""Solutions from the files that `archive` writes."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import fields
+from os import PathLike
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.ocp.archive import FORMAT, VERSION
+from geodesic_ocp.ocp.certificate import Attempt
+from geodesic_ocp.ocp.grid import Grid
+from geodesic_ocp.ocp.path import Path
+from geodesic_ocp.ocp.prepared import transcription_of
+from geodesic_ocp.ocp.problem import Problem
+from geodesic_ocp.ocp.solution import Round, Solution, Stats
+from geodesic_ocp.ocp.terms import conditions
+from geodesic_ocp.ocp.transcription import Units
+from geodesic_ocp.ocp.violations import violations
+from geodesic_ocp.records import read_record
+
+_SAME = 1e-9  # of the energy, relative
+
+
+def load_solution(file: str | PathLike[str], problem: Problem | None = None) -> Solution:
+    """Read a solution that `save_solution` wrote.
+
+    Args:
+        file: the JSON file.
+        problem: that was solved. None: an instance of the class of that name, in the module that
+            had it when it was saved and is imported already, with the fields in the file; fields
+            that are models or metrics, which the file does not hold, must have defaults.
+
+    Raises:
+        RecordingError: the file is missing, is not such a file, or not of such a problem; or the
+            path has another energy than when it was saved, as in the metric of another model.
+    """
+    path = FilePath(file)
+    record = read_record(path, FORMAT, VERSION, "a solution")
+    solved = record.get("problem")
+    if problem is None:
+        problem = _problem(record, path)
+    if solved != type(problem).__name__:
+        raise RecordingError(f"{path} has a solution of {solved}, not of {type(problem).__name__}")
+    names = problem.metric.joint_names
+    if record.get("joint_names") != (None if names is None else list(names)):
+        raise RecordingError(
+            f"{path}: its joints {record.get('joint_names')} are not the problem's"
+        )
+    try:
+        solution = _solution(record, problem)
+    except (KeyError, TypeError, ValueError) as error:
+        what = f"{error} is missing" if isinstance(error, KeyError) else str(error)
+        raise RecordingError(f"{path}: {what}") from None
+    energy, saved = solution.path.energy_at_nodes, solution.stats.energy
+    if np.isfinite(saved) and not abs(energy - saved) <= _SAME * abs(saved):
+        raise RecordingError(
+            f"{path}: its path has the energy {energy:.9g} in this problem's metric and was saved "
+            f"with {saved:.9g}; give the problem that was solved"
+        )
+    return solution
+
+
+def _problem(record: dict[str, Any], path: FilePath) -> Problem:
+    """The problem that the record describes, of a class that is imported already."""
+    name, module = str(record.get("problem")), str(record.get("module"))
+    kind = getattr(sys.modules.get(module), name, None)
+    given, saved = f"load_solution({path.name!r}, problem)", record.get("fields")
+    if not (isinstance(kind, type) and issubclass(kind, Problem)) or not isinstance(saved, dict):
+        raise RecordingError(
+            f"{path} has a solution of {name} of the module {module}, which is not imported here; "
+            f"import it, or use {given}"
+        )
+    try:
+        return kind(**{key: _as_tuple(value) for key, value in saved.items()})
+    except (TypeError, ValueError) as error:
+        raise RecordingError(
+            f"{path}: {name} cannot be made of the fields in the file ({error}); use {given}"
+        ) from None
+
+
+def _as_tuple(value: Any) -> Any:
+    return tuple(map(_as_tuple, value)) if isinstance(value, list) else _number(value)
+
+
+def _solution(record: dict[str, Any], problem: Problem) -> Solution:
+    saved = record["grid"]
+    ends = None if saved["ends"] is None else tuple(saved["ends"])
+    grid = Grid(saved["segments"], saved["degree"], ends, tuple(saved.get("stations", ())))
+    path = Path(problem.metric, grid, _array(record["nodes"]))
+    figures = {field.name: _number(record["stats"][field.name]) for field in fields(Stats)}
+    rounds = [
+        {key: _number(value) for key, value in each.items()} for each in figures.pop("rounds")
+    ]
+    stats = Stats(**figures, rounds=tuple(Round(**each) for each in rounds))
+    nlp, terms = record["nlp"], conditions(problem)
+    attempt = Attempt(
+        path,
+        transcription_of(problem, grid),
+        Units(_array(nlp["origin"]), float(nlp["length"]), float(nlp["scale"])),
+        _array(nlp["values"]),
+        x=_array(nlp["x"]),
+        lam_x=_array(nlp["lam_x"]),
+        lam_g=_array(nlp["lam_g"]),
+        held_x=np.array(nlp["held_x"], dtype=bool),
+        held_g=np.array(nlp["held_g"], dtype=bool),
+        success=stats.success,
+        of_energy=bool(nlp["of_energy"]),
+    )
+    multipliers = {name: _array(values) for name, values in record["multipliers"].items()}
+    missed = violations(terms, path, problem.metric.joint_names)
+    return Solution(problem, path, stats, multipliers, missed, attempt)
+
+
+def _number(value: Any) -> Any:
+    return float(value) if isinstance(value, str) and value in ("inf", "-inf", "nan") else value
+
+
+def _array(values: Any) -> Array:
+    return np.array(values, dtype=float)  # which reads "inf" and "nan", too

@@ -1,0 +1,144 @@
+"""Distances between bodies, against coal's and against differences."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import coal
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import geodesic_ocp as go
+from geodesic_ocp.model.distance import Segment, segment_distance
+
+
+def segment(start: Any, end: Any) -> Segment:
+    square = float(np.sum(np.subtract(end, start) ** 2))
+    return Segment(ca.SX(ca.DM(start)), ca.SX(ca.DM(np.subtract(end, start))), square)
+
+
+def distance(one: np.ndarray, other: np.ndarray) -> float:
+    return float(ca.DM(segment_distance(segment(*one), segment(*other))))
+
+
+def coals_distance(one: np.ndarray, other: np.ndarray) -> float:
+    """Of thin capsules along the segments, by coal, on radii that are taken off again."""
+    radius, placed = 1e-3, []
+    for start, end in (one, other):
+        along = end - start
+        length = float(np.linalg.norm(along))
+        z = along / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
+        x = np.linalg.svd(z[None])[2][1]
+        rotation = np.column_stack([x, np.cross(z, x), z])
+        placed.append((coal.Capsule(radius, length), coal.Transform3s(rotation, (start + end) / 2)))
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    (first, at_first), (second, at_second) = placed
+    found = coal.distance(first, at_first, second, at_second, request, result)
+    return float(found + 2.0 * radius)
+
+
+def test_random_capsules_are_as_far_apart_as_coal_says(rng: np.random.Generator) -> None:
+    for _ in range(500):
+        one, other = rng.normal(size=(2, 2, 3)) * rng.uniform(0.05, 1.0, (2, 1, 1))
+        other = other + rng.normal(size=3)
+        expected = coals_distance(one, other)
+        if expected > 1e-2:
+            assert distance(one, other) == pytest.approx(expected, abs=1e-7)
+
+
+def test_the_distance_is_that_of_all_points(rng: np.random.Generator) -> None:
+    """Independent of any geometry library: no pair of points on the segments is nearer."""
+    shares = np.linspace(0.0, 1.0, 201)[:, None]
+    for _ in range(50):
+        one, other = rng.normal(size=(2, 2, 3))
+        points = [start + shares * (end - start) for start, end in (one, other)]
+        apart = np.linalg.norm(points[0][:, None] - points[1][None], axis=2).min()
+        found = distance(one, other)
+        assert found <= apart + 1e-12
+        assert found >= apart - 0.03  # of the grid's steps
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "expected"),
+    [
+        ([(0, 0, 0), (1, 0, 0)], [(0, 1, 0), (1, 1, 0)], 1.0),  # parallel, side by side
+        ([(0, 0, 0), (1, 0, 0)], [(3, 0, 0), (2, 0, 0)], 1.0),  # in one line
+        ([(0, 0, 0), (1, 0, 0)], [(0.3, 2, 0), (0.7, 2, 0)], 2.0),  # one beside a part of the other
+        ([(0, 0, 0), (1, 0, 0)], [(4, 4, 0), (5, 4, 0)], 5.0),
+        ([(0, 0, 0), (0, 0, 0)], [(0, -1, 2), (0, 1, 2)], 2.0),  # a point
+        ([(0, -1, 2), (0, 1, 2)], [(0, 3, 2), (0, 3, 2)], 2.0),
+        ([(0, 0, 0), (0, 0, 0)], [(0, 3, 4), (0, 3, 4)], 5.0),
+        ([(-1, 0, 0), (1, 0, 0)], [(0, -1, 0), (0, 1, 0)], 0.0),  # crossing
+    ],
+)
+def test_special_places(one: Any, other: Any, expected: float) -> None:
+    assert distance(np.array(one), np.array(other)) == pytest.approx(expected, abs=1e-9)
+
+
+@given(st.integers(0, 10_000))
+def test_derivatives_are_those_of_the_distance(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    x = ca.SX.sym("x", 6)
+    other = segment(*(rng.normal(size=(2, 3)) + np.array([2.0, 0.0, 0.0])))
+    along = x[3:] - x[:3]
+    # The square of the length is a constant of bodies: here of a body that is turned and moved.
+    given_ends = rng.normal(size=6)
+    square = float(np.sum((given_ends[3:] - given_ends[:3]) ** 2))
+    expression = segment_distance(Segment(x[:3], along, square), other)
+    function = ca.Function("d", [x], [expression, ca.gradient(expression, x)])
+    turn = ca.skew(rng.normal(size=3)).full()
+    twist = np.concatenate([turn @ end + [0.1, 0.2, 0.3] for end in np.split(given_ends, 2)])
+    step = 1e-5
+    ahead, behind = (float(function(given_ends + h * twist)[0]) for h in (step, -step))
+    slope = float(ca.dot(function(given_ends)[1], twist))
+    assert slope == pytest.approx((ahead - behind) / (2.0 * step), abs=2e-4)
+
+
+def test_numbers_and_symbols_agree(arm: go.Model, rng: np.random.Generator) -> None:
+    obstacles = [
+        go.Ball((0.1, 0.3, -0.2), 0.05, name="lamp"),
+        go.Capsule((0.0, 0.4, -0.5), (0.3, 0.4, -0.5), 0.02),
+        go.HalfSpace((0.0, 0.0, -0.6), (0.0, 0.0, 2.0), "table"),
+    ]
+    pairs = [("right upper arm", "right hand")]
+    q, x = rng.uniform(arm.lower, arm.upper), ca.MX.sym("q", arm.dof)
+    numbers = go.clearances(arm, q, obstacles, pairs=pairs)
+    symbols = go.clearances(arm, x, obstacles, pairs=pairs)
+    assert list(numbers) == list(symbols)
+    assert len(numbers) == 3 * 4 + 1
+    assert {"right hand to lamp", "right forearm to obstacle 1", "right hand to table"} <= set(
+        numbers
+    )
+    function = ca.Function("distances", [x], [ca.vertcat(*symbols.values())])
+    assert function(q).full()[:, 0] == pytest.approx(list(numbers.values()), abs=1e-15)
+
+
+def test_heights_above_a_table(arm: go.Model) -> None:
+    """Of the hanging arm: joints and finger tips at their heights, less the radius."""
+    found = go.clearances(arm, np.zeros(7), [go.HalfSpace((5.0, 5.0, -1.0), (0, 0, 3.0), "table")])
+    upper, fore, hand = (body.radius for body in arm.bodies)
+    elbow, wrist = 0.188 * 1.75, (0.188 + 0.145) * 1.75
+    assert found["right upper arm to table"] == pytest.approx(1.0 - upper)
+    assert found["right upper arm to table (2)"] == pytest.approx(1.0 - elbow - upper)
+    assert found["right forearm to table (2)"] == pytest.approx(1.0 - wrist - fore)
+    assert found["right hand to table (2)"] == pytest.approx(1.0 - wrist - 0.108 * 1.75 - hand)
+
+
+def test_links_are_named_where_they_are_wrong(arm: go.Model) -> None:
+    ball, q = go.Ball((1.0, 0.0, 0.0), 0.1), np.zeros(7)
+    assert list(go.clearances(arm, q, [ball], links=["right hand"])) == ["right hand to obstacle 0"]
+    with pytest.raises(ValueError, match=r"links: .* has no body at 'hand'; bodies are: right upp"):
+        go.clearances(arm, q, [ball], links=["hand"])
+    with pytest.raises(ValueError, match=r"pairs: .* no body at 'left hand'"):
+        go.clearances(arm, q, pairs=[("right hand", "left hand")])
+    with pytest.raises(ValueError, match="pairs must be of two different links"):
+        go.clearances(arm, q, pairs=[("right hand", "right hand")])
+    with pytest.raises(ValueError, match="obstacles must be Ball, Capsule or HalfSpace"):
+        go.clearances(arm, q, ["wall"])
+    with pytest.raises(ValueError, match="has no bodies"):
+        go.clearances(arm.with_bodies(), q, [ball])
+    with pytest.raises(ValueError, match="q must have shape"):
+        go.clearances(arm, q[:3], [ball])

@@ -1,0 +1,134 @@
+"""Paths past obstacles and clear of the own body; free directions of a reach."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+from known_metrics import Sphere
+from numpy.testing import assert_allclose
+from scipy.linalg import null_space
+
+import geodesic_ocp as go
+from geodesic_ocp.ocp.prepared import transcription_of
+
+START = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
+TARGET = (0.1, 0.45, 0.1)  # [m]
+LAMP = go.Ball((0.2, 0.35, -0.15), 0.06, name="lamp")
+
+
+def nearest(arm: go.Model, path: go.Path, **what: object) -> float:
+    places = path(np.linspace(0.0, 1.0, 301))
+    return min(min(go.clearances(arm, q, **what).values()) for q in places)
+
+
+def test_the_arm_goes_around_a_ball(arm: go.Model) -> None:
+    free = go.solve(go.Reach(arm, START, TARGET))
+    assert nearest(arm, free.path, obstacles=[LAMP]) < -0.01
+    around = go.solve(go.Reach(arm, START, TARGET, obstacles=[LAMP]), tolerance=1e-6)
+    assert nearest(arm, around.path, obstacles=[LAMP]) > -2e-6
+    assert around.path.energy > free.path.energy
+    assert np.abs(around.multipliers["right forearm to lamp"]).max() > 1e-4
+    wider = go.solve(go.Reach(arm, START, TARGET, obstacles=[LAMP], margin=0.02), tolerance=1e-4)
+    assert nearest(arm, wider.path, obstacles=[LAMP]) > 0.02 - 2e-4
+    assert wider.path.energy > around.path.energy
+
+
+def test_only_the_named_links_stay_clear(arm: go.Model) -> None:
+    hand = go.solve(go.Reach(arm, START, TARGET, obstacles=[LAMP], links=["right hand"]))
+    assert "right hand to lamp" in hand.multipliers
+    assert "right forearm to lamp" not in hand.multipliers
+
+
+def test_the_hand_keeps_off_the_upper_arm(arm: go.Model) -> None:
+    """An elbow that bends to its limit brings the hand to the shoulder."""
+    pairs = [("right upper arm", "right hand")]
+    goal = [0.3, 0.1, -0.4, 2.5, 0.1, 0.0, 0.1]
+    metric = go.KineticEnergy(arm)
+    there = go.clearances(arm, goal, pairs=pairs)["right upper arm to right hand"]
+    with pytest.raises(
+        ValueError, match=r"the end that is given: right upper arm to right hand falls below"
+    ):
+        go.solve(go.PointToPoint(metric, START, goal, pairs=pairs, margin=there + 0.01))
+    clear = go.PointToPoint(metric, START, goal, pairs=pairs, margin=there - 1e-3)
+    assert nearest(arm, go.solve(clear, tolerance=1e-5).path, pairs=pairs) > there - 1.1e-3
+
+
+def test_a_start_that_collides_is_said_before_the_solve(arm: go.Model) -> None:
+    shelf = go.HalfSpace((0.0, 0.0, -0.3), (0.0, 0.0, 1.0), "shelf")
+    with pytest.raises(
+        ValueError,
+        match=r"the start that is given: .*right upper arm to shelf \(2\) falls below 0 by 0\.0",
+    ):
+        go.solve(go.PointToPoint(go.KineticEnergy(arm), START, START + 0.2, obstacles=[shelf]))
+
+
+def test_a_goal_behind_a_wall_is_said_before_the_solve(arm: go.Model) -> None:
+    ceiling = go.HalfSpace((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), "ceiling")
+    reach = go.Reach(arm, START, TARGET, obstacles=[ceiling], links=["right hand"])
+    with pytest.raises(go.NotConverged, match="within its limits, clear of bodies, has the hand's"):
+        go.solve(reach)
+
+
+def test_postures_keep_clear(arm: go.Model) -> None:
+    there = go.find_posture(arm, START, TARGET)
+    assert_allclose(arm.hand_pose(there)[1], TARGET, rtol=0, atol=1e-6)
+    elbow = arm.frame_pose("right forearm", there)[1]
+    ball = go.Ball(tuple(elbow), 0.05)
+    clear = go.find_posture(arm, START, TARGET, obstacles=[ball], margin=0.01)
+    assert_allclose(arm.hand_pose(clear)[1], TARGET, rtol=0, atol=1e-6)
+    assert min(go.clearances(arm, clear, [ball]).values()) > 0.01 - 1e-7
+
+
+def test_other_obstacles_are_another_nlp(arm: go.Model) -> None:
+    grid, one = go.Grid(4, 4), go.Reach(arm, START, TARGET, obstacles=[LAMP])
+    moved = go.Reach(arm, START + 0.01, (0.1, 0.4, 0.1), obstacles=[LAMP])
+    other = go.Reach(arm, START, TARGET, obstacles=[go.Ball((0.2, 0.35, -0.14), 0.06)])
+    assert transcription_of(moved, grid) is transcription_of(one, grid)
+    assert transcription_of(other, grid) is not transcription_of(one, grid)
+
+
+def test_what_needs_bodies_says_so() -> None:
+    with pytest.raises(ValueError, match="obstacles: Sphere has no model with bodies"):
+        go.PointToPoint(Sphere(), (1.0, 0.0), (1.2, 0.3), obstacles=[LAMP])
+    with pytest.raises(ValueError, match="margin must be a finite number"):
+        go.Reach(go.human_arm(), START, TARGET, obstacles=[LAMP], margin=np.nan)
+
+
+@pytest.mark.parametrize("free", [(0.0, 0.0, 2.0), [(0.0, 0.0, 1.0), (1.0, 1.0, 0.0)]])
+def test_the_hand_arrives_on_a_line_or_a_plane(arm: go.Model, free: object) -> None:
+    """At a right angle, in the metric, to all postures with the hand there."""
+    problem = go.Reach(arm, START, TARGET, free=free, limits=False)
+    solution = go.solve(problem, tolerance=1e-9)
+    end, velocity = solution.path(1.0), solution.path(1.0, 1)
+    directions = np.atleast_2d(free) / np.linalg.norm(np.atleast_2d(free), axis=1, keepdims=True)
+    held = null_space(directions).T
+    position = arm.hand_pose(end)[1]
+    assert_allclose(held @ (position - TARGET), 0.0, atol=1e-8)
+    assert np.linalg.norm(position - TARGET) > 0.01
+    tangents = null_space(held @ arm.hand_jacobian(end)[:3])
+    assert tangents.shape[1] == 4 + len(directions)
+    momentum = problem.metric.matrix(end) @ velocity
+    assert np.abs(tangents.T @ momentum).max() < 1e-4 * np.linalg.norm(momentum)
+    assert solution.path.length < go.solve(go.Reach(arm, START, TARGET, limits=False)).path.length
+
+
+def test_free_directions_that_make_no_sense(arm: go.Model) -> None:
+    for free in ((0.0, 0.0, 0.0), np.eye(3), (1.0, 0.0), (np.nan, 0.0, 0.0)):
+        with pytest.raises(ValueError, match="free must be a direction"):
+            go.Reach(arm, START, TARGET, free=free)
+    with pytest.raises(ValueError, match="free: directions are those of a position"):
+        go.Reach(arm, START, rotation=np.eye(3), free=(0.0, 0.0, 1.0))
+
+
+def test_constraints_of_a_users_own(arm: go.Model) -> None:
+    """`avoid` gives what a class's `constraints` returns."""
+    q = ca.SX.sym("q", arm.dof)
+    rows = go.avoid(arm, q, [LAMP], pairs=[("right upper arm", "right hand")], margin=0.01)
+    assert [row[3] for row in rows] == [
+        "right upper arm to lamp",
+        "right forearm to lamp",
+        "right hand to lamp",
+        "right upper arm to right hand",
+    ]
+    assert all(row[0] == 0.01 and row[2] == np.inf for row in rows)

@@ -1,0 +1,210 @@
+"""What can be done with a solution: waypoints, motions, pictures; the NLP and its iterations."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import casadi as ca
+import matplotlib.figure
+import numpy as np
+import pytest
+from known_metrics import HalfPlane, Sphere
+from known_problems import PlaneAroundDisc
+from numpy.testing import assert_allclose
+
+import geodesic_ocp as go
+
+START = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
+TARGET = (0.1, 0.45, -0.05)  # [m]
+
+
+@pytest.fixture(scope="module")
+def uneven() -> go.Path:
+    """A path whose speed is not constant: s^2 along a great circle, then straight on."""
+    grid = go.Grid(3, 8)
+    angle = 0.2 + grid.nodes**2
+    return go.Path(Sphere(), grid, np.column_stack([np.full(grid.size, 1.2), angle]))
+
+
+def test_waypoints_are_equally_far_apart(uneven: go.Path) -> None:
+    points = uneven.resample(7)
+    assert_allclose(points[:, 1], 0.2 + np.linspace(0.0, 1.0, 7), atol=1e-9)
+    assert_allclose(uneven.resample(5, by="s"), uneven(np.linspace(0.0, 1.0, 5)))
+    assert_allclose(
+        uneven.at_length(uneven.length * np.array([0.0, 0.25, 1.0])), [0.0, 0.5, 1.0], atol=1e-8
+    )
+    for count in (1, 2.5):
+        with pytest.raises(ValueError, match="count must be an integer above one"):
+            uneven.resample(count)
+    with pytest.raises(ValueError, match="by must be"):
+        uneven.resample(3, by="time")
+    with pytest.raises(ValueError, match="lengths must be"):
+        uneven.at_length([2.0 * uneven.length])
+
+
+def test_lengths_are_found_where_the_path_stands_still() -> None:
+    grid = go.Grid(4, 4)
+    nodes = np.where(grid.nodes < 0.5, 0.0, grid.nodes - 0.5)[:, None] * [[1.0, 1.0]]
+    path = go.Path(go.Euclidean(2), grid, nodes)
+    assert_allclose(path.resample(3)[:, 0], [0.0, 0.25, 0.5], atol=1e-9)
+
+
+def test_a_motion_from_rest_to_rest(arm: go.Model) -> None:
+    solution = go.solve(go.Reach(arm, START, TARGET), tolerance=1e-6)
+    motion = solution.to_motion(1.25, rate=400.0)
+    assert motion.joint_names == arm.joint_names
+    assert motion.duration == pytest.approx(1.25)
+    assert motion.rate == pytest.approx(400.0)
+    assert_allclose(motion.q[[0, -1]], [START, solution.path(1.0)], atol=1e-9)
+    assert motion.velocity is not None
+    assert_allclose(motion.velocity[[0, -1]], 0.0, atol=1e-9)
+    slopes = np.gradient(motion.q, motion.time, axis=0)
+    assert_allclose(motion.velocity[1:-1], slopes[1:-1], atol=2e-4)
+    # The least acceleration from rest to rest is a cubic: 1.5 times the mean speed in the middle.
+    speeds = [
+        solution.path.metric.norm(q, v) for q, v in zip(motion.q, motion.velocity, strict=True)
+    ]
+    assert max(speeds) == pytest.approx(1.5 * solution.path.length / 1.25, rel=1e-5)
+
+
+def test_a_motion_by_a_time_law(arm: go.Model) -> None:
+    solution = go.solve(go.Reach(arm, START, TARGET), tolerance=1e-6)
+    law = go.time_law(solution.path.length, 0.8, 0.3, 0.2)
+    motion = solution.to_motion(law)
+    assert motion.velocity is not None
+    assert solution.path.metric.norm(motion.q[0], motion.velocity[0]) == pytest.approx(0.3)
+    with pytest.raises(ValueError, match="the time law covers a length of"):
+        solution.to_motion(go.time_law(2.0 * solution.path.length, 0.8, 0.3, 0.2))
+    with pytest.raises(ValueError, match="duration must be positive"):
+        solution.to_motion(0.0)
+    with pytest.raises(ValueError, match="rate must be positive"):
+        solution.to_motion(1.0, rate=0.0)
+
+
+def test_a_motion_needs_a_way() -> None:
+    still = go.solve(go.PointToPoint(go.Euclidean(2), (1.0, 1.0), (1.0, 1.0)))
+    with pytest.raises(ValueError, match="no length"):
+        still.to_motion(1.0)
+
+
+def test_coordinates_of_a_motion_have_names() -> None:
+    solution = go.solve(go.PointToPoint(HalfPlane(), (0.0, 1.0), (1.0, 2.0)))
+    assert solution.to_motion(1.0, rate=20.0).joint_names == ("q[0]", "q[1]")
+
+
+def test_pictures_show_what_there_is(arm: go.Model, tmp_path: Path) -> None:
+    post = go.Capsule((0.45, 0.35, -0.4), (0.45, 0.35, 0.1), 0.04, name="post")
+    table = go.HalfSpace((0.0, 0.0, -0.62), (0.0, 0.0, 1.0), "table")
+    reach = go.Reach(arm, START, TARGET, obstacles=[post, table], through=[(0.3, 0.3, -0.2)])
+    figure = go.solve(reach).plot()
+    joints, speed, hand = figure.axes
+    assert [line.get_label() for line in joints.get_lines()][:7] == list(arm.joint_names)
+    assert joints.get_ylabel() == "coordinates q [rad]"
+    assert speed.get_xlabel() == "path parameter s"
+    assert hand.get_xlabel().startswith("hand ")
+    labels = [text.get_text() for text in hand.get_legend().get_texts()]
+    assert {"start", "via point", "end", "obstacle"} <= set(labels)
+    figure.savefig(tmp_path / "reach.png")
+
+    flat = go.solve(PlaneAroundDisc()).plot()
+    assert flat.axes[2].get_xlabel() == "q[0]"
+    solid = go.solve(go.PointToPoint(go.Euclidean(3), (0.0, 0.0, 0.0), (1.0, 2.0, 2.0))).plot()
+    assert isinstance(solid, matplotlib.figure.Figure)
+    assert len(solid.axes) == 2
+    for each in (flat, solid):
+        each.savefig(tmp_path / "other.png")
+
+
+def test_a_file_brings_its_problem_back(tmp_path: Path, arm: go.Model) -> None:
+    solution = go.solve(PlaneAroundDisc(radius=0.4))
+    file = solution.save(tmp_path / "disc.json")
+    again = go.load_solution(file)
+    assert isinstance(again.problem, PlaneAroundDisc)
+    assert again.problem.radius == 0.4
+    assert again.path.length == solution.path.length
+
+    record = json.loads(file.read_text())
+    for change, message in (
+        ({"problem": "Missing"}, "a solution of Missing of the module .*, which is not imported"),
+        ({"module": "os"}, "which is not imported here"),
+        ({"problem": "Any", "module": "typing"}, "which is not imported here"),
+        ({"fields": {"radius": 0.4, "colour": 1}}, "cannot be made of the fields in the file"),
+    ):
+        bad = tmp_path / "bad.json"
+        bad.write_text(json.dumps(record | change))
+        with pytest.raises(go.RecordingError, match=message):
+            go.load_solution(bad)
+    reach = go.solve(go.Reach(arm, START, TARGET)).save(tmp_path / "reach.json")
+    with pytest.raises(go.RecordingError, match=r"use load_solution\('reach.json', problem\)"):
+        go.load_solution(reach)
+
+
+def test_a_file_is_not_of_another_model(tmp_path: Path, arm: go.Model) -> None:
+    file = go.solve(go.Reach(arm, START, TARGET)).save(tmp_path / "reach.json")
+    taller = go.Reach(go.human_arm("right", height=1.9), START, TARGET)
+    with pytest.raises(go.RecordingError, match=r"its path has the energy .* in this problem's"):
+        go.load_solution(file, taller)
+
+
+def test_the_nlp_is_there_for_other_solvers() -> None:
+    nlp = PlaneAroundDisc().nlp(go.Grid(8, 4))
+    quiet = {"print_time": False, "error_on_fail": True, "ipopt": {"print_level": 0, "sb": "yes"}}
+    # With derivatives of CasADi's own instead of the package's.
+    solver = ca.nlpsol("other", "ipopt", nlp.expressions, quiet)
+    path = nlp.path(solver(**nlp.values)["x"].full())
+    expected = go.solve(PlaneAroundDisc(), grid=go.Grid(8, 4)).path
+    assert path.energy == pytest.approx(expected.energy, rel=1e-6)
+    assert PlaneAroundDisc().nlp().grid == PlaneAroundDisc().grid
+
+
+def test_iterations_are_told() -> None:
+    seen: list[go.Iterate] = []
+    solution = go.solve(PlaneAroundDisc(), callback=seen.append)
+    assert [iterate.number for iterate in seen] == list(range(solution.stats.iterations + 1))
+    assert seen[-1].objective == pytest.approx(solution.stats.objective, rel=1e-8)
+    assert seen[-1].violation <= 1e-7
+    assert_allclose(seen[-1].path.nodes, solution.path.nodes, atol=1e-6)
+
+
+def test_a_callback_stops_the_solver() -> None:
+    with pytest.raises(go.NotConverged, match="the callback stopped Ipopt") as info:
+        go.solve(PlaneAroundDisc(), callback=lambda iterate: iterate.number == 2)
+    assert info.value.solution.stats.iterations == 2
+    with pytest.raises(ZeroDivisionError):
+        go.solve(PlaneAroundDisc(), callback=lambda iterate: 1 / 0)
+
+
+def test_a_live_picture_in_a_notebook(monkeypatch: pytest.MonkeyPatch) -> None:
+    display = pytest.importorskip("IPython.display", reason="IPython is not installed here")
+    shown: list[object] = []
+
+    class Handle:
+        def update(self, figure: object) -> None:
+            shown.append(figure)
+
+    def show(figure: object, display_id: bool) -> Handle:
+        shown.append(figure)
+        return Handle()
+
+    monkeypatch.setattr(display, "display", show)
+    problem = PlaneAroundDisc()
+    with go.LivePlot(problem, interval=1e9) as live:
+        solution = go.solve(problem, callback=live)
+    assert len(shown) == 2  # the first, and the last when it was closed
+    assert shown[0] is shown[1]
+    title = shown[-1].get_suptitle()  # type: ignore[attr-defined]
+    assert f"iteration {solution.stats.iterations}" in title
+
+
+def test_what_is_not_finite_on_the_guess_is_named() -> None:
+    @dataclass(frozen=True)
+    class Straight(PlaneAroundDisc):
+        metric: go.Metric = field(default_factory=lambda: go.Euclidean(2))
+
+        def guess(self, s: np.ndarray) -> None:
+            return None
+
+    with pytest.raises(go.NotConverged, match=r"not finite: 'disc' at s = 0\.50"):
+        go.solve(Straight(), grid=go.Grid(2, 4))

@@ -1,0 +1,185 @@
+"""Paths through via points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from known_metrics import Sphere
+from known_problems import check_derivatives
+from numpy.testing import assert_allclose
+from scipy.linalg import null_space
+
+import geodesic_ocp as go
+from geodesic_ocp.ocp.prepared import transcription_of
+
+START = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
+TARGET, POINT = (0.1, 0.45, -0.05), (0.3, 0.3, -0.2)  # [m]
+
+
+@dataclass(frozen=True)
+class Mirror(go.Problem):
+    """In the plane from one point to another by way of the line y = 1, as light goes."""
+
+    end: tuple[float, float] = (3.0, 0.5)
+    smooth: bool = False
+    passing: tuple[float, ...] | None = None
+
+    @property
+    def metric(self) -> go.Metric:
+        return go.Euclidean(2)
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+        return [(q0, (0.0, 0.0)), (q1, self.end)]
+
+    def via(self, q: ca.SX) -> Sequence[Sequence[Any]]:
+        return [[(q[1], 1.0, "mirror")]]
+
+
+@dataclass(frozen=True)
+class Corners(Mirror):
+    """Through two points, in this order."""
+
+    points: tuple[tuple[float, float], ...] = ((1.0, 1.0), (2.0, -1.0))
+
+    def via(self, q: ca.SX) -> Sequence[Sequence[Any]]:
+        return [[(q, point)] for point in self.points]
+
+
+def test_light_is_reflected() -> None:
+    """The image of the end behind the mirror lies on a straight line."""
+    solution = go.solve(Mirror())
+    assert solution.path.length == pytest.approx(np.hypot(3.0, 1.5), rel=1e-9)
+    (share,) = solution.path.grid.shares
+    assert share == pytest.approx(1.0 / 1.5, abs=1e-4)
+    assert_allclose(solution.path(share), [2.0, 1.0], atol=1e-3)
+    # Equal angles before and after, at one speed.
+    before, after = solution.path(share - 1e-6, 1), solution.path(share + 1e-6, 1)
+    assert_allclose(after, before * [1.0, -1.0], atol=1e-3)
+    assert solution.multipliers["mirror"].shape == (1,)
+    refined = go.solve(Mirror(), tolerance=1e-9)
+    assert refined.path.length == pytest.approx(np.hypot(3.0, 1.5), rel=1e-9)
+
+
+def test_points_are_passed_in_their_order() -> None:
+    solution = go.solve(Corners())
+    ways = [np.hypot(1.0, 1.0), np.hypot(1.0, 2.0), np.hypot(1.0, 1.5)]
+    assert solution.path.length == pytest.approx(sum(ways), rel=1e-9)
+    assert_allclose(solution.path.grid.shares, np.cumsum(ways)[:2] / sum(ways), atol=1e-5)
+    assert_allclose(solution.path(solution.path.grid.shares), Corners.points, atol=1e-9)
+
+
+def test_when_they_are_passed_can_be_given() -> None:
+    solution = go.solve(Corners(passing=(0.2, 0.5)))
+    assert list(solution.path.grid.shares) == [0.2, 0.5]
+    assert_allclose(solution.path([0.2, 0.5]), Corners.points, atol=1e-9)
+    energy = sum(
+        length**2 / (2.0 * share)
+        for length, share in zip(
+            [np.hypot(1.0, 1.0), np.hypot(1.0, 2.0), np.hypot(1.0, 1.5)],
+            [0.2, 0.3, 0.5],
+            strict=True,
+        )
+    )
+    assert solution.path.energy == pytest.approx(energy, rel=1e-9)
+    with pytest.raises(ValueError, match="passing must have s for 2 via points"):
+        go.solve(Corners(passing=(0.2,)))
+    with pytest.raises(ValueError, match="via points must increase between"):
+        go.solve(Corners(passing=(0.5, 0.2)))
+
+
+def test_a_smooth_path_has_one_velocity_there() -> None:
+    """It costs more, the less the finer the grid is."""
+    corner, energies = go.solve(Mirror()).path.energy, []
+    for segments in (8, 16, 32):
+        path = go.solve(Mirror(smooth=True), grid=go.Grid(segments, 4)).path
+        (share,) = path.grid.shares
+        before, after = path(share - 1e-9, 1), path(share + 1e-9, 1)
+        assert_allclose(after, before, atol=1e-4)
+        assert path(share)[1] == pytest.approx(1.0, abs=1e-9)
+        energies.append(path.energy)
+    assert energies[0] > energies[1] > energies[2] > corner
+    assert energies[2] - corner < 0.6 * (energies[1] - corner)
+    with pytest.raises(ValueError, match="has a corner at its via points"):
+        go.solve(Mirror(smooth=True), tolerance=1e-4)
+
+
+def test_the_hand_passes_points_in_whatever_posture_costs_least(arm: go.Model) -> None:
+    """There the momentum jumps, but for its share along the postures with the hand there."""
+    problem = go.Reach(arm, START, TARGET, through=[POINT], smooth=False, limits=False)
+    solution = go.solve(problem, tolerance=1e-7)
+    (share,) = solution.path.grid.shares
+    q = solution.path(share)
+    assert_allclose(arm.hand_pose(q)[1], POINT, rtol=0, atol=1e-8)
+    jump = solution.path(share + 1e-12, 1) - solution.path(share - 1e-12, 1)
+    momentum, tangents = problem.metric.matrix(q) @ jump, null_space(arm.hand_jacobian(q)[:3])
+    assert np.linalg.norm(momentum) > 0.01
+    assert np.abs(tangents.T @ momentum).max() < 1e-3 * np.linalg.norm(momentum)
+    smooth = go.solve(go.Reach(arm, START, TARGET, through=[POINT], limits=False))
+    assert smooth.path.energy > solution.path.energy
+    (share,) = smooth.path.grid.shares
+    after, before = smooth.path(share + 1e-12, 1), smooth.path(share - 1e-12, 1)
+    assert_allclose(after, before, atol=1e-6)
+
+
+def test_points_move_without_a_new_nlp(arm: go.Model) -> None:
+    grid = go.Grid(8, 4).through([0.4])
+    one = go.Reach(arm, START, TARGET, through=[POINT])
+    other = go.Reach(arm, START, TARGET, through=[(0.25, 0.3, -0.2)])
+    two = go.Reach(arm, START, TARGET, through=[POINT, (0.2, 0.4, -0.1)])
+    assert transcription_of(other, grid) is transcription_of(one, grid)
+    assert transcription_of(two, go.Grid(8, 4).through([0.3, 0.6])).grid.stations
+    with pytest.raises(ValueError, match=r"through\[1\] must have shape \(3,\)"):
+        go.Reach(arm, START, TARGET, through=[POINT, (0.2, 0.4)])
+
+
+def test_gradient_and_hessian_are_those_of_the_graph(rng: np.random.Generator) -> None:
+    class Bent(Mirror):
+        @property
+        def metric(self) -> go.Metric:
+            return Sphere()
+
+        def via(self, q: ca.SX) -> Sequence[Sequence[Any]]:
+            return [[(ca.sin(q[0]) * q[1], 1.0)], [(q[0] ** 3, 1.0), (ca.cos(q[1]), 0.0)]]
+
+    for smooth in (True, False):
+        grid = go.Grid(6, 3).through([0.3, 0.6])
+        transcription = transcription_of(Bent(smooth=smooth), grid)
+        p = np.concatenate([[1.3, 0.7], rng.normal(size=2)])
+        check_derivatives(transcription, p, rng)
+
+
+def test_a_solution_is_where_the_next_begins() -> None:
+    first = go.solve(Corners())
+    again = go.solve(Corners(), grid=go.Grid(24, 5), guess=first)
+    assert again.path.length == pytest.approx(first.path.length, rel=1e-9)
+    assert_allclose(again.path.grid.shares, first.path.grid.shares, atol=1e-5)
+
+
+def test_via_points_that_are_malformed() -> None:
+    class Flat(Mirror):
+        def via(self, q: ca.SX) -> Sequence[Any]:
+            return [(q[1], 1.0)]
+
+    with pytest.raises(ValueError, match=r"via\[0\]"):
+        go.solve(Flat())
+    with pytest.raises(ValueError, match="the grid has 1 via points, the problem none"):
+        go.solve(
+            go.PointToPoint(go.Euclidean(2), (0.0, 0.0), (1.0, 0.0)),
+            grid=go.Grid(8, 4).through([0.5]),
+        )
+    with pytest.raises(ValueError, match="stations must increase between 0 and 8"):
+        go.Grid(8, 4, None, (3, 9))
+
+
+def test_what_is_missed_there_is_named() -> None:
+    class Apart(Mirror):
+        def via(self, q: ca.SX) -> Sequence[Sequence[Any]]:
+            return [[(q[1], 1.0, "mirror"), (q[1], 2.0, "wall")]]
+
+    with pytest.raises(go.NotConverged, match=r"(mirror|wall) .* at s = 0\.[0-9]+"):
+        go.solve(Apart(passing=(0.5,)))
