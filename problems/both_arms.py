@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import casadi as ca
+import numpy as np
+from matplotlib.axes import Axes
 
 import geodesic_ocp as go
 
@@ -43,3 +45,9 @@ class BothArms(go.Problem):
 
     def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
         return [(self.arms.lower, q, self.arms.upper, "joint limits")]
+
+    def draw(self, axes: Axes, path: go.Path, columns: tuple[int, int]) -> None:
+        """The right hand's path, beside that of the left."""
+        places = path(np.linspace(0.0, 1.0, 101))
+        _, hand = self.arms.frame_pose("human right arm/hand", places)
+        axes.plot(*hand[:, columns].T, color="#e07b00", linestyle="--", label="right hand")

@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pinocchio as pin
+from matplotlib.axes import Axes
 
 import geodesic_ocp as go
 
@@ -46,3 +47,12 @@ class TwoLinkChallenge(go.Problem):
 
     def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
         return [(q0, self.start, "start"), (q1, self.goal, "goal")]
+
+    def draw(self, axes: Axes, path: go.Path, columns: tuple[int, int]) -> None:
+        """The other geodesics that are found."""
+        _, *others = go.geodesics(self.metric, self.start, self.goal)
+        for other in others:
+            name = f"length {other.length:.4f}, index {other.certificate.index}"
+            style = "--" if other.certificate.index == 0 else ":"
+            places = other(np.linspace(0.0, 1.0, 201))
+            axes.plot(*places.T, color="#e07b00", linestyle=style, label=name)

@@ -16,7 +16,7 @@ LAYERS = [
     ("manifold",),
     ("ocp",),
     ("motion",),
-    ("analysis",),
+    ("analysis", "gallery"),
     ("cli",),
     ("__init__",),
 ]

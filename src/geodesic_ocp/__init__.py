@@ -42,6 +42,7 @@ from geodesic_ocp.ocp.logarithm import Geodesic, distance, geodesic, geodesics, 
 from geodesic_ocp.ocp.mean import mean
 from geodesic_ocp.ocp.nlp import NLP
 from geodesic_ocp.ocp.path import Path
+from geodesic_ocp.ocp.picture import draw_obstacle
 from geodesic_ocp.ocp.point_to_point import PointToPoint
 from geodesic_ocp.ocp.posture import find_posture
 from geodesic_ocp.ocp.problem import Problem
@@ -93,6 +94,7 @@ __all__ = [
     "clearances",
     "combine",
     "distance",
+    "draw_obstacle",
     "enclosing_capsule",
     "evaluate",
     "exp",

@@ -1,8 +1,9 @@
-"""The command line: geodesic-ocp analyse | demo | models."""
+"""The command line: geodesic-ocp analyse | demo | solve | models."""
 
 from __future__ import annotations
 
 import argparse
+import inspect
 import os
 import signal
 import sys
@@ -20,11 +21,13 @@ from tqdm import tqdm
 
 from geodesic_ocp.analysis import Analysis, analyse
 from geodesic_ocp.errors import GeodesicOcpError, RecordingError
+from geodesic_ocp.gallery import figures, problem_classes, with_fields
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.catalogue import catalogue
 from geodesic_ocp.model.human import DEFAULT_HEIGHT, DEFAULT_MASS, human_arm
 from geodesic_ocp.motion.readers import read_motion
 from geodesic_ocp.motion.segmentation import as_threshold
+from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.sampled import Motion
 
 _SLOWEST = 1.0  # [s] between samples: no recording of an arm is that slow
@@ -109,6 +112,24 @@ def _parser() -> argparse.ArgumentParser:
     command = commands.add_parser("demo", help="analyse the bundled recording", epilog=_EXIT)
     _add_analysis_options(command)
     command.set_defaults(run=_demo)
+
+    command = commands.add_parser(
+        "solve", help="solve and plot the problems that a file of Python defines", epilog=_EXIT
+    )
+    command.add_argument("file", type=Path, help="such as problems/great_circle.py; it is run")
+    command.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="FIELD=VALUE",
+        help='of the problem, as Python writes it: --set radius=0.4 --set "goal=(1, 2)"',
+    )
+    command.add_argument("--problem", metavar="CLASS", help="one of several in the file")
+    command.add_argument(
+        "--tolerance", type=float, help="divide the grid until conditions hold to this everywhere"
+    )
+    command.add_argument("--out", type=Path, help="folder for pictures and solutions (JSON)")
+    command.set_defaults(run=_solve)
 
     command = commands.add_parser("models", help="say which models and back ends there are")
     command.set_defaults(run=_models)
@@ -243,6 +264,32 @@ def _summarise(
         f"{1000 * errors.position:.0f} mm on average (found in {seconds:.1f} s)"
     )
     print(f"\nmean errors against the filtered recording\n\n{analysis.table()}")
+
+
+def _solve(options: argparse.Namespace) -> None:
+    _check_folder(options.out)
+    kinds = problem_classes(options.file)
+    if options.problem is not None:
+        names = [kind.__name__ for kind in kinds]
+        if options.problem not in names:
+            raise ValueError(f"{options.file} has no {options.problem}; it has {', '.join(names)}")
+        kinds = [kinds[names.index(options.problem)]]
+    settings = {}
+    for each in options.set:
+        name, equals, value = each.partition("=")
+        if not equals:
+            raise ValueError(f"--set {each}: it must be FIELD=VALUE")
+        settings[name.strip()] = value.strip()
+    for kind in kinds:
+        solution = solve(with_fields(kind, settings), tolerance=options.tolerance)
+        about = (inspect.getdoc(kind) or "").partition("\n")[0]
+        print(f"{kind.__name__}: {about}\n\n{figures(solution)}\n\n{solution.certificate}")
+        if options.out is not None:
+            options.out.mkdir(parents=True, exist_ok=True)
+            stem = options.out / kind.__name__
+            solution.plot().savefig(stem.with_suffix(".png"), dpi=110)
+            solution.save(stem.with_suffix(".json"))
+            print(f"\nwrote {stem}.png\nwrote {stem}.json")
 
 
 def _models(options: argparse.Namespace) -> None:

@@ -98,6 +98,8 @@ def draw_ellipses(axes: Axes, centres: Array, matrices: Array, size: float) -> N
 
     Each is the set of velocities of one length: where it is narrow, to go is expensive.
     """
+    if not len(centres):
+        return
     turns = np.linspace(0.0, 2.0 * np.pi, 73)
     circle = np.array([np.cos(turns), np.sin(turns)])
     outlines = np.linalg.solve(np.linalg.cholesky(matrices).transpose(0, 2, 1), circle)

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, evaluate
 from geodesic_ocp.model.bodies import Capsule, HalfSpace, Obstacle, as_capsule
 from geodesic_ocp.ocp.path import Path
 from geodesic_ocp.plot import (
@@ -91,7 +91,8 @@ def _draw_coordinates(axes: Axes, path: Path) -> None:
 
 def _draw_speed(axes: Axes, path: Path) -> None:
     s = np.linspace(0.0, 1.0, _PLACES)
-    speeds = np.array([path.metric.norm(*each) for each in zip(path(s), path(s, 1), strict=True)])
+    function = path.metric.speed.map(s.size)
+    speeds = evaluate(function, path(s).T, path(s, 1).T).ravel()  # NaN where there is no metric
     axes.plot(s, speeds, **OBSERVED)
     if np.ptp(speeds) <= 0.02 * speeds.max():  # else noise would fill the panel
         axes.set_ylim(0.9 * speeds.max(), 1.1 * speeds.max())
@@ -109,8 +110,9 @@ def _draw_plane(axes: Axes, problem: Problem, path: Path) -> None:
     draw_way(axes, way, path.nodes[path.grid.station_nodes], (labels[0], labels[1]))
     centres = path(np.linspace(0.0, 1.0, _ELLIPSES))
     matrices = np.array([path.metric.matrix(centre) for centre in centres])
-    draw_ellipses(axes, centres, matrices, _SIZE * float(np.ptp(way, axis=0).max()))
-    problem.draw(axes, (0, 1))
+    there = np.array([np.all(np.linalg.eigvalsh(np.nan_to_num(m)) > 0.0) for m in matrices])
+    draw_ellipses(axes, centres[there], matrices[there], _SIZE * float(np.ptp(way, axis=0).max()))
+    problem.draw(axes, path, (0, 1))
 
 
 def _draw_hand(axes: Axes, problem: Problem, path: Path) -> None:
@@ -125,7 +127,7 @@ def _draw_hand(axes: Axes, problem: Problem, path: Path) -> None:
     draw_way(
         axes, way[:, columns], stops, (f"hand {'xyz'[first]} [m]", f"hand {'xyz'[second]} [m]")
     )
-    problem.draw(axes, (first, second))
+    problem.draw(axes, path, (first, second))
 
 
 def draw_obstacle(

@@ -73,11 +73,12 @@ class Problem(ABC):
         """
         return None
 
-    def draw(self, axes: Axes, columns: tuple[int, int]) -> None:  # noqa: B027
+    def draw(self, axes: Axes, path: Path, columns: tuple[int, int]) -> None:  # noqa: B027
         """Draw what belongs to a picture of the path besides it, such as obstacles.
 
         Args:
             axes: where the path in the plane of two coordinates, or the hand's path, is drawn.
+            path: that is drawn, which need not be a solution yet.
             columns: which coordinates, or which of the hand's x, y and z, are shown.
         """
 

@@ -7,8 +7,8 @@ between the nodes, or where the polynomials' last terms still carry energy.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -24,19 +24,28 @@ _ROUNDS = 20
 _MOST_SEGMENTS = 400
 # Halved are the segments that carry the larger part of what is too much, and this share of it.
 _SHARE = 0.1
+# After so many rounds an objective that is larger by so much is astray.
+_PATIENCE, _WORSE = 3, 1.2
+
+
+class SolveOn(Protocol):
+    """The solution on a grid, from a path to start from; `near` tells that it is nearly one."""
+
+    def __call__(self, grid: Grid, guess: Path | None, near: bool) -> Solution:
+        """The solution, or the record of an attempt."""
 
 
 def refined(
-    solve_on: Callable[[Grid, Path | None], Solution],
-    misses: Misses,
-    grid: Grid,
-    tolerance: float,
-    guess: Path | None,
+    solve_on: SolveOn, misses: Misses, grid: Grid, tolerance: float, guess: Path | None
 ) -> Solution:
     """The solution on a grid on which it holds to the tolerance.
 
+    On a coarse grid there are solutions that no path is like: they leap from node to node. Finer
+    grids then lead on to ever worse ones, and polynomials of low degree, which leap less, are tried
+    for a start.
+
     Args:
-        solve_on: the solution on a grid, from a path to start from.
+        solve_on: the solution on a grid.
         misses: by how much a path violates the conditions, and where.
         grid: the first.
         tolerance: of violations between nodes, in the condition's unit, and of the objective,
@@ -46,23 +55,49 @@ def refined(
     Where the grid became too large or a solve failed, `stats.success` is False.
     """
     tolerance = as_positive("tolerance", tolerance)
+    solution = _divided(solve_on, misses, grid, tolerance, guess)
+    if solution.stats.success:
+        return solution
+    rough = solve_on(_regrid(grid, 4 * grid.segments, 2), guess, False)
+    if not rough.stats.success:
+        return solution
+    finer = _regrid(rough.path.grid, 2 * grid.segments, grid.degree)
+    again = _divided(solve_on, misses, finer, tolerance, rough.path)
+    if not again.stats.success:
+        return solution
+    rounds = (*solution.stats.rounds, _round(rough), *again.stats.rounds)
+    return replace(again, stats=replace(again.stats, rounds=rounds))
+
+
+def _regrid(grid: Grid, segments: int, degree: int) -> Grid:
+    even = Grid(segments, degree)
+    return even.through(grid.shares.tolist()) if grid.stations else even
+
+
+def _round(solution: Solution) -> Round:
+    stats, segments = solution.stats, solution.path.grid.segments
+    return Round(segments, stats.iterations, stats.seconds, stats.objective, stats.between)
+
+
+def _divided(
+    solve_on: SolveOn, misses: Misses, grid: Grid, tolerance: float, guess: Path | None
+) -> Solution:
     rounds: list[Round] = []
-    for _ in range(_ROUNDS):
-        solution = solve_on(grid, guess)
+    for turn in range(_ROUNDS):
+        solution = solve_on(grid, guess, turn > 0)
         stats, grid = solution.stats, solution.path.grid  # whose via points may have moved
-        rounds.append(
-            Round(grid.segments, stats.iterations, stats.seconds, stats.objective, stats.between)
-        )
+        rounds.append(_round(solution))
         solution = replace(solution, stats=replace(stats, rounds=tuple(rounds)))
         if not stats.success:
             return solution
-        settled = len(rounds) > 1 and (
+        settled = turn > 0 and (
             abs(stats.objective - rounds[-2].objective) <= tolerance * abs(stats.objective)
         )
         if settled and stats.between <= tolerance:
             return solution
         coarse = _coarse(solution.path, misses(solution.path), tolerance)
-        if grid.segments + int(coarse.sum()) > _MOST_SEGMENTS:
+        astray = turn >= _PATIENCE and stats.objective > _WORSE * rounds[0].objective > 0.0
+        if astray or grid.segments + int(coarse.sum()) > _MOST_SEGMENTS:
             break
         grid, guess = _halved(grid, coarse), solution.path
     change = abs(rounds[-1].objective - rounds[-2].objective)

@@ -14,6 +14,7 @@ from geodesic_ocp.arrays import as_number, as_vector
 from geodesic_ocp.model.bodies import Obstacle
 from geodesic_ocp.model.distance import clearances
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.ocp.path import Path
 from geodesic_ocp.ocp.picture import draw_obstacle
 from geodesic_ocp.ocp.problem import Inequality, Problem, key_of
 
@@ -104,7 +105,7 @@ class Restricted(Problem):
             )
         return conditions
 
-    def draw(self, axes: Axes, columns: tuple[int, int]) -> None:
+    def draw(self, axes: Axes, path: Path, columns: tuple[int, int]) -> None:
         """Outlines of the obstacles that stand still."""
         for number, obstacle in enumerate(self.obstacles):
             draw_obstacle(axes, obstacle, columns, "obstacle" if number == 0 else None)

@@ -26,6 +26,8 @@ from geodesic_ocp.ocp.transcription import Transcription
 from geodesic_ocp.ocp.violations import NEGLIGIBLE, misses, violations
 
 _LISTED = 3  # violations in a message
+# Where the guess is nearly a solution, Ipopt must not push it far from its bounds.
+_NEAR = {"bound_push": 1e-6, "bound_frac": 1e-6, "mu_init": 1e-4}
 
 Options: TypeAlias = tuple[tuple[str, Any], ...]  # Ipopt's, by name
 
@@ -69,18 +71,18 @@ def solve(
     grid = problem.grid if grid is None else grid
     start = guess.path if isinstance(guess, Solution) else guess
     terms = conditions(problem)
-    options = tuple(sorted((ipopt or {}).items()))
+    options = dict(ipopt or {})
 
-    def solve_on(grid: Grid, start: Path | None) -> Solution:
-        nlp = program(problem, grid, start, terms)
-        solution = _solved(nlp, options, callback)
+    def solve_on(grid: Grid, guess: Path | None, near: bool) -> Solution:
+        nlp = program(problem, grid, guess, terms)
+        solution = _solved(nlp, {**_NEAR, **options} if near else options, callback)
         return solution if problem.passing is not None else passed(solution, again)
 
     def again(grid: Grid, start: Path) -> Solution:
-        return _solved(program(problem, grid, start, terms), options, callback)
+        return _solved(program(problem, grid, start, terms), {**_NEAR, **options}, callback)
 
     if tolerance is None:
-        solution = solve_on(grid, start)
+        solution = solve_on(grid, start, False)
     elif terms.smooth:
         raise ValueError(
             "tolerance: the path of least energy has a corner at its via points, which a smooth "
@@ -93,8 +95,9 @@ def solve(
     return solution
 
 
-def _solved(nlp: NLP, options: Options, callback: Callback | None) -> Solution:
+def _solved(nlp: NLP, ipopt: Mapping[str, Any], callback: Callback | None) -> Solution:
     """The solution of the NLP, or the record of the attempt."""
+    options = tuple(sorted(ipopt.items()))
     if callback is not None:
         relay = Relay(nlp, callback)
         outcome = _ipopt(nlp.transcription, options, relay)(**nlp.values)

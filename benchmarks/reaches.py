@@ -1,0 +1,49 @@
+"""Random reaches within joint limits: how many converge, and how well limits hold between nodes."""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+import numpy as np
+
+import geodesic_ocp as go
+
+TOLERANCE = 1e-6  # [rad] and [m]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=5)
+    parser.add_argument("--models", nargs="+", default=["human", "panda"])
+    options = parser.parse_args()
+    for name in options.models:
+        run(name, options.count, options.seed)
+
+
+def run(name: str, count: int, seed: int) -> None:
+    """From a random posture to where the hand is in another."""
+    model = go.human_arm() if name == "human" else go.load_model(name)
+    rng = np.random.default_rng(seed)
+    seconds, worst = [], 0.0
+    for number in range(count):
+        start, end = rng.uniform(model.lower, model.upper, (2, model.dof))
+        reach = go.Reach(model, start, model.hand_pose(end)[1])
+        begin = time.perf_counter()
+        try:
+            solution = go.solve(reach, tolerance=TOLERANCE)
+        except go.NotConverged as error:
+            print(f"{name} {number}: {error}")
+            continue
+        seconds.append(time.perf_counter() - begin)
+        q = solution.path(np.linspace(0.0, 1.0, 2001))
+        worst = max(worst, float(np.max([model.lower - q, q - model.upper])))
+    print(
+        f"{name}: {len(seconds)} of {count} converged, median {np.median(seconds):.2f} s, longest "
+        f"{max(seconds):.1f} s; limits at 2001 places violated by at most {max(worst, 0.0):.1e}"
+    )
+
+
+if __name__ == "__main__":
+    main()

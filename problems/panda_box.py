@@ -1,0 +1,69 @@
+"""Panda and a box: the robot's hand goes around a box of balls to its other side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from matplotlib.axes import Axes
+
+import geodesic_ocp as go
+
+
+def panda() -> go.Model:
+    """The robot with capsules around its meshes; `pip install example-robot-data` brings them."""
+    return go.load_model("panda")
+
+
+@dataclass(frozen=True)
+class PandaBox(go.Problem):
+    """From a posture on one side of the box to a point on the other, within the joints' limits."""
+
+    robot: go.Model = field(default_factory=panda)
+    start: tuple[float, ...] = (-0.8, 0.6, 0.0, -1.8, 0.0, 2.4, 0.8)  # [rad]
+    target: tuple[float, float, float] = (0.40, 0.40, 0.25)  # [m], from the robot's base
+    centre: tuple[float, float, float] = (0.50, 0.0, 0.20)  # [m], of the box
+    counts: tuple[int, int, int] = (2, 2, 3)  # of balls along x, y and z
+    radius: float = 0.08  # [m] of a ball
+    margin: float = 0.01  # [m]
+    links: tuple[str, ...] = ("panda_link4", "panda_link5", "panda_link6", "panda_hand")
+
+    @property
+    def metric(self) -> go.Metric:
+        return go.KineticEnergy(self.robot)
+
+    @property
+    def box(self) -> list[go.Ball]:
+        steps = [
+            1.5 * self.radius * (np.arange(count) - (count - 1) / 2.0) for count in self.counts
+        ]
+        places = np.array(np.meshgrid(*steps)).reshape(3, -1).T + self.centre
+        return [
+            go.Ball(tuple(place), self.radius, name=f"ball {k}") for k, place in enumerate(places)
+        ]
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+        return [(q0, self.start, "start"), (self.robot.hand_pose(q1)[1], self.target, "hand")]
+
+    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+        return [
+            (self.robot.lower, q, self.robot.upper, "joint limits"),
+            *go.avoid(self.robot, q, self.box, links=self.links, margin=self.margin),
+        ]
+
+    def guess(self, s: np.ndarray) -> np.ndarray:
+        """The straight line to a posture there, with the elbow raised on the way."""
+        start = np.array(self.start)
+        goal = go.find_posture(self.robot, start * [-1, 1, 1, 1, 1, 1, 1], self.target)
+        return (
+            start
+            + s[:, None] * (goal - start)
+            - np.outer(np.sin(np.pi * s), [0, 0.6, 0, 0.4, 0, 0, 0])
+        )
+
+    def draw(self, axes: Axes, path: go.Path, columns: tuple[int, int]) -> None:
+        for number, ball in enumerate(self.box):
+            go.draw_obstacle(axes, ball, columns, "box of balls" if number == 0 else None)

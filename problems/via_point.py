@@ -1,0 +1,39 @@
+"""Via point: the hand hits a mark on its way, in whatever posture and when it costs least."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+
+import geodesic_ocp as go
+
+
+@dataclass(frozen=True)
+class ViaPoint(go.Problem):
+    """From a posture past a mark to a point, within the joints' limits.
+
+    Without `smooth` the path has a corner at the mark, which costs least: the elbow and the wrist
+    change their velocities at once.
+    """
+
+    arm: go.Model = field(default_factory=go.human_arm)
+    start: tuple[float, ...] = (0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1)  # [rad]
+    mark: tuple[float, float, float] = (0.30, 0.30, -0.20)  # [m], from the shoulder
+    target: tuple[float, float, float] = (0.10, 0.45, -0.05)  # [m]
+    smooth: bool = True
+
+    @property
+    def metric(self) -> go.Metric:
+        return go.KineticEnergy(self.arm)
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+        return [(q0, self.start, "start"), (self.arm.hand_pose(q1)[1], self.target, "hand")]
+
+    def via(self, q: ca.SX) -> Sequence[Sequence[Any]]:
+        return [[(self.arm.hand_pose(q)[1], self.mark, "mark")]]
+
+    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+        return [(self.arm.lower, q, self.arm.upper, "joint limits")]
