@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 
 import numpy as np
@@ -17,13 +18,16 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--seed", type=int, default=5)
     parser.add_argument("--models", nargs="+", default=["human", "panda"])
+    parser.add_argument("--check", action="store_true", help="fail if one in fifty is not found")
     options = parser.parse_args()
     for name in options.models:
-        run(name, options.count, options.seed)
+        found = run(name, options.count, options.seed)
+        if options.check and found < 0.98 * options.count:
+            sys.exit(f"{name}: only {found} of {options.count}")
 
 
-def run(name: str, count: int, seed: int) -> None:
-    """From a random posture to where the hand is in another."""
+def run(name: str, count: int, seed: int) -> int:
+    """From a random posture to where the hand is in another; how many converged."""
     model = go.human_arm() if name == "human" else go.load_model(name)
     rng = np.random.default_rng(seed)
     seconds, worst = [], 0.0
@@ -43,6 +47,7 @@ def run(name: str, count: int, seed: int) -> None:
         f"{name}: {len(seconds)} of {count} converged, median {np.median(seconds):.2f} s, longest "
         f"{max(seconds):.1f} s; limits at 2001 places violated by at most {max(worst, 0.0):.1e}"
     )
+    return len(seconds)
 
 
 if __name__ == "__main__":

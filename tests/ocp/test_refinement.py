@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -13,6 +13,9 @@ from known_metrics import Sphere
 from known_problems import PlaneAroundDisc
 
 import geodesic_ocp as go
+from geodesic_ocp.ocp.refinement import refined
+from geodesic_ocp.ocp.terms import conditions
+from geodesic_ocp.ocp.violations import misses
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-7])
@@ -94,3 +97,35 @@ def test_what_cannot_be_reached_is_said() -> None:
     record = go.solve(PlaneAroundDisc(), tolerance=1e-6, throw=False, ipopt={"max_iter": 2})
     assert not record.stats.success
     assert len(record.stats.rounds) == 1
+
+
+def test_low_degrees_give_the_start_where_high_ones_lead_astray() -> None:
+    """Here finer grids fail until polynomials of degree two were tried."""
+    problem, seen = PlaneAroundDisc(), []
+
+    def solve_on(grid: go.Grid, guess: go.Path | None, near: bool) -> go.Solution:
+        solution = go.solve(problem, grid=grid, guess=guess)
+        seen.append((grid.degree, guess is None, near))
+        lost = near and all(degree > 2 for degree, _, _ in seen)
+        return replace(solution, stats=replace(solution.stats, success=not lost))
+
+    found = refined(solve_on, misses(conditions(problem)), go.Grid(8, 4), 1e-5, None)
+    assert found.stats.success
+    assert found.stats.between <= 1e-5
+    assert seen[:4] == [(4, True, False), (4, False, True), (2, True, False), (4, False, False)]
+    assert all(near for _, _, near in seen[4:])
+    first, _, rough, again = [each.segments for each in found.stats.rounds[:4]]
+    assert (first, rough, again) == (8, 32, 16)
+
+
+@pytest.mark.slow
+def test_a_reach_past_leaps_between_nodes() -> None:
+    """On a coarse grid the elbow, nearly straight, has cheap ways that no path is like."""
+    arm, rng = go.human_arm(), np.random.default_rng(5)
+    for _ in range(18):
+        start, end = rng.uniform(arm.lower, arm.upper, (2, 7))
+    reach = go.Reach(arm, start, arm.hand_pose(end)[1])
+    solution = go.solve(reach, tolerance=1e-6)
+    assert solution.stats.between <= 1e-6
+    # On the first grid the objective is 0.6488, and the path through its nodes costs 0.7512.
+    assert solution.path.energy == pytest.approx(0.56081265, rel=1e-5)

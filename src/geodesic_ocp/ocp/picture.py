@@ -94,7 +94,8 @@ def _draw_speed(axes: Axes, path: Path) -> None:
     function = path.metric.speed.map(s.size)
     speeds = evaluate(function, path(s).T, path(s, 1).T).ravel()  # NaN where there is no metric
     axes.plot(s, speeds, **OBSERVED)
-    if np.ptp(speeds) <= 0.02 * speeds.max():  # else noise would fill the panel
+    # Noise would fill the panel.
+    if 0.0 < speeds.max() and np.ptp(speeds) <= 0.02 * speeds.max():
         axes.set_ylim(0.9 * speeds.max(), 1.1 * speeds.max())
     axes.set_xlim(0.0, 1.0)
     axes.set_xlabel("path parameter s")

@@ -56,7 +56,7 @@ def refined(
     """
     tolerance = as_positive("tolerance", tolerance)
     solution = _divided(solve_on, misses, grid, tolerance, guess)
-    if solution.stats.success:
+    if solution.stats.success or len(solution.stats.rounds) == 1:  # no solution on any grid so far
         return solution
     rough = solve_on(_regrid(grid, 4 * grid.segments, 2), guess, False)
     if not rough.stats.success:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
+from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import casadi as ca
 
+from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.ocp.callback import Callback, Relay
 from geodesic_ocp.ocp.certificate import Attempt
@@ -25,9 +27,21 @@ from geodesic_ocp.ocp.terms import conditions
 from geodesic_ocp.ocp.transcription import Transcription
 from geodesic_ocp.ocp.violations import NEGLIGIBLE, misses, violations
 
+# Polynomials of a higher degree are not solved without a start on this grid, if an end is free.
+_STIFF, _ROUGH = 8, Grid(8, 2)
 _LISTED = 3  # violations in a message
 # Where the guess is nearly a solution, Ipopt must not push it far from its bounds.
 _NEAR = {"bound_push": 1e-6, "bound_frac": 1e-6, "mu_init": 1e-4}
+# Where there are multipliers besides, it need not find them anew.
+_KNOWN = {
+    "warm_start_init_point": "yes",
+    "warm_start_bound_push": 1e-8,
+    "warm_start_bound_frac": 1e-8,
+    "warm_start_slack_bound_push": 1e-8,
+    "warm_start_slack_bound_frac": 1e-8,
+    "warm_start_mult_bound_push": 1e-8,
+    "mu_init": 1e-6,
+}
 
 Options: TypeAlias = tuple[tuple[str, Any], ...]  # Ipopt's, by name
 
@@ -69,20 +83,30 @@ def solve(
     if not isinstance(problem, Problem):
         raise ValueError(f"problem must be an instance of a Problem class, got {problem!r}")
     grid = problem.grid if grid is None else grid
+    before = guess if isinstance(guess, Solution) else None
     start = guess.path if isinstance(guess, Solution) else guess
     terms = conditions(problem)
     options = dict(ipopt or {})
 
     def solve_on(grid: Grid, guess: Path | None, near: bool) -> Solution:
         nlp = program(problem, grid, guess, terms)
-        solution = _solved(nlp, {**_NEAR, **options} if near else options, callback)
+        known = _multipliers(nlp, before) if near and before is not None else {}
+        usual = {**_NEAR, **(_KNOWN if known else {})} if near else {}
+        solution = _solved(nlp, {**usual, **options}, callback, known)
         return solution if problem.passing is not None else passed(solution, again)
 
     def again(grid: Grid, start: Path) -> Solution:
         return _solved(program(problem, grid, start, terms), {**_NEAR, **options}, callback)
 
+    rough = None
+    if start is None and terms.ends and grid.degree > _STIFF:
+        # With a free end, one polynomial of high degree has many ways to twist: not for a start.
+        rough = solve_on(_ROUGH, None, False)
+        start = rough.path if rough.stats.success else None
     if tolerance is None:
-        solution = solve_on(grid, start, False)
+        solution = solve_on(grid, start, before is not None)
+        if before is not None and not solution.stats.success:
+            solution = solve_on(grid, start, False)
     elif terms.smooth:
         raise ValueError(
             "tolerance: the path of least energy has a corner at its via points, which a smooth "
@@ -90,23 +114,44 @@ def solve(
         )
     else:
         solution = refined(solve_on, misses(terms), grid, tolerance, start)
+    if rough is not None:
+        stats = solution.stats
+        iterations = stats.iterations + rough.stats.iterations
+        seconds = stats.seconds + rough.stats.seconds
+        solution = replace(solution, stats=replace(stats, iterations=iterations, seconds=seconds))
     if throw and not solution.stats.success:
         raise NotConverged(_explanation(solution), solution)
     return solution
 
 
-def _solved(nlp: NLP, ipopt: Mapping[str, Any], callback: Callback | None) -> Solution:
-    """The solution of the NLP, or the record of the attempt."""
+def _multipliers(nlp: NLP, before: Solution) -> dict[str, Array]:
+    """Those of another solution in the NLP's units, if they are of the same conditions and grid."""
+    old, units = before.attempt, nlp.units
+    if before.path.grid != nlp.grid or old.lam_g.size != nlp.bounds.lower_g.size:
+        return {}
+    energies = old.units.scale / units.scale
+    lam_x = old.lam_x * energies * (units.length / old.units.length)
+    return {"lam_x0": lam_x, "lam_g0": old.lam_g * energies}
+
+
+def _solved(
+    nlp: NLP,
+    ipopt: Mapping[str, Any],
+    callback: Callback | None,
+    known: Mapping[str, Array] = MappingProxyType({}),
+) -> Solution:
+    """The solution of the NLP, from known multipliers, or the record of the attempt."""
+    values = {**nlp.values, **known}
     options = tuple(sorted(ipopt.items()))
     if callback is not None:
         relay = Relay(nlp, callback)
-        outcome = _ipopt(nlp.transcription, options, relay)(**nlp.values)
+        outcome = _ipopt(nlp.transcription, options, relay)(**values)
         if relay.failure is not None:
             raise relay.failure
     elif nlp.structure.key is not None:
-        outcome = _shared(nlp.structure, nlp.grid, options)(**nlp.values)
+        outcome = _shared(nlp.structure, nlp.grid, options)(**values)
     else:
-        outcome = _ipopt(nlp.transcription, options)(**nlp.values)
+        outcome = _ipopt(nlp.transcription, options)(**values)
     if outcome.status == NOT_FINITE and (names := nlp.not_finite()):
         outcome = replace(outcome, status=f"on the guess already, not finite: {', '.join(names)}")
     return _solution(nlp, outcome)

@@ -1,0 +1,133 @@
+"""Problems in files, by the command line: found, changed, solved, drawn."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import geodesic_ocp as go
+from geodesic_ocp import cli
+from geodesic_ocp.gallery import problem_classes, with_fields
+
+GALLERY = Path(__file__).resolve().parents[1] / "problems"
+DISC = str(GALLERY / "around_disc.py")
+
+OWN = '''
+from dataclasses import dataclass
+import geodesic_ocp as go
+from beside import END
+
+@dataclass(frozen=True)
+class Straight(go.Problem):
+    """A straight line."""
+    end: tuple = END
+    steps: int = 3
+    named: bool = False
+    @property
+    def metric(self): return go.Euclidean(2)
+    def boundary(self, q0, q1): return [(q0, (0.0, 0.0)), (q1, self.end)]
+
+@dataclass(frozen=True)
+class Longer(Straight):
+    """Another."""
+    end: tuple = (3.0, 4.0)
+'''
+
+
+@pytest.fixture
+def own(tmp_path: Path) -> Path:
+    (tmp_path / "beside.py").write_text("END = (1.0, 1.0)\n")
+    file = tmp_path / "own.py"
+    file.write_text(OWN)
+    return file
+
+
+def test_a_problem_is_solved_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "new" / "folder"
+    arguments = ["solve", DISC, "--set", "radius=0.4", "--tolerance", "1e-6", "--out", str(out)]
+    assert cli.main(arguments) == 0
+    text = capsys.readouterr().out
+    assert text.startswith("AroundDisc: From (-1, 0) to (1, 0) [m] around a disc")
+    assert "exact length" in text
+    assert "2.162243" in text
+    assert "shortest among the paths near it" in text
+    assert (out / "AroundDisc.png").stat().st_size > 10_000
+    again = go.load_solution(out / "AroundDisc.json")
+    assert again.problem.radius == 0.4  # type: ignore[attr-defined]
+
+
+def test_every_class_of_a_file(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["solve", str(own)]) == 0
+    text = capsys.readouterr().out
+    assert text.index("Straight: A straight line.") < text.index("Longer: Another.")
+    assert cli.main(["solve", str(own), "--problem", "Longer", "--set", "end=[6, 8]"]) == 0
+    text = capsys.readouterr().out
+    assert "Straight" not in text
+    rows = dict(line.rsplit(maxsplit=1) for line in text.splitlines() if line.startswith("length"))
+    assert rows == {"length": "10"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--set", "end=(1, 2, 3)"], "Straight.end has 2 entries, got 3"),
+        (["--set", "end=3"], "Straight.end is (1.0, 1.0) by default; 3 is of another kind"),
+        (["--set", "steps='three'"], "Straight.steps is 3 by default; 'three' is of another kind"),
+        (["--set", "named=1"], "Straight.named is False by default; 1 is of another kind"),
+        (
+            ["--set", "ende=(1, 2)"],
+            "Straight has no field 'ende'; its fields are end, steps, named",
+        ),
+        (["--set", "end=import os"], "end='import os' is not a number, a text in quotes"),
+        (["--set", "end"], "--set end: it must be FIELD=VALUE"),
+        (["--problem", "Curved"], "has no Curved; it has Straight, Longer"),
+        (["--tolerance", "-1"], "tolerance must be positive"),
+    ],
+)
+def test_wrong_settings_are_named(
+    own: Path, arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["solve", str(own), *arguments]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_fields_that_cannot_be_given_are_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["solve", str(GALLERY / "throw.py"), "--set", "ball=3"]) == 2
+    assert "Throw.ball cannot be given as text" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("x = 1\n", "defines no problem"),
+        ("x = \n", "cannot be run: SyntaxError"),
+        ("import nothing_of_that_name\n", "cannot be run: ModuleNotFoundError"),
+        ("from geodesic_ocp import PointToPoint\n", "defines no problem"),
+    ],
+)
+def test_files_without_problems(
+    tmp_path: Path, content: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "file.py"
+    file.write_text(content)
+    assert cli.main(["solve", str(file)]) == 2
+    assert message in capsys.readouterr().err
+    assert cli.main(["solve", str(tmp_path / "missing.py")]) == 2
+    assert "missing.py is not a file of Python" in capsys.readouterr().err
+
+
+def test_a_problem_that_is_not_solved(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "apart.py"
+    file.write_text(
+        OWN.replace("from beside import END", "END = (1.0, 1.0)")
+        + "    def constraints(self, q, v): return [(5.0, q[0] + q[1], 6.0, 'far')]\n"
+    )
+    assert cli.main(["solve", str(file), "--problem", "Longer"]) == 2
+    assert "the start that is given: far falls below 5 by 5" in capsys.readouterr().err
+
+
+def test_fields_are_set(own: Path) -> None:
+    straight, _ = problem_classes(own)
+    problem = with_fields(straight, {"end": "[2, 0]", "steps": "4", "named": "True"})
+    assert (problem.end, problem.steps, problem.named) == ((2, 0), 4, True)  # type: ignore[attr-defined]
