@@ -21,6 +21,7 @@ _IPOPT = {
     "sb": "yes",
     "honor_original_bounds": "yes",
 }
+STOPPED = "the callback stopped Ipopt"
 NOT_FINITE = "the metric or a condition is not finite on the way"
 _SENTENCES = {
     "Solve_Succeeded": "Ipopt found a local solution",
@@ -33,7 +34,7 @@ _SENTENCES = {
     "Search_Direction_Becomes_Too_Small": "Ipopt's steps became too small",
     "Diverging_Iterates": "the iterates run away to infinity",
     "Error_In_Step_Computation": "the linear system of a step could not be solved",
-    "User_Requested_Stop": "the callback stopped Ipopt",
+    "User_Requested_Stop": STOPPED,
     "Not_Enough_Degrees_Of_Freedom": "there are more equalities than variables",
 }
 

@@ -16,7 +16,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.ocp.grid import Grid
 from geodesic_ocp.ocp.path import Path
-from geodesic_ocp.ocp.solution import Solution
+from geodesic_ocp.ocp.solution import Solution, added
 
 _TURNS = 30
 _SETTLED = 1e-5  # in s; the energy is off by the square
@@ -29,7 +29,6 @@ def passed(solution: Solution, solve_on: Callable[[Grid, Path], Solution]) -> So
         solution: with via points anywhere.
         solve_on: the solution on another grid, from a path to start from.
     """
-    iterations, seconds = solution.stats.iterations, solution.stats.seconds
     tried: list[Array] = []
     residuals: list[Array] = []
     for _ in range(_TURNS):
@@ -41,11 +40,8 @@ def passed(solution: Solution, solve_on: Callable[[Grid, Path], Solution]) -> So
         if np.abs(residuals[-1]).max() <= _SETTLED:
             return solution
         moved = grid.moved(_next(tried, residuals).tolist())
-        solution = solve_on(moved, Path(solution.path.metric, moved, solution.path.nodes))
-        iterations += solution.stats.iterations
-        seconds += solution.stats.seconds
-        stats = replace(solution.stats, iterations=iterations, seconds=seconds)
-        solution = replace(solution, stats=stats)
+        start = Path(solution.path.metric, moved, solution.path.nodes)
+        solution = added(solve_on(moved, start), solution.stats)
     status = f"where to pass the via points did not settle in {_TURNS} turns"
     return replace(solution, stats=replace(solution.stats, success=False, status=status))
 

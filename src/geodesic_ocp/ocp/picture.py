@@ -95,7 +95,7 @@ def _draw_speed(axes: Axes, path: Path) -> None:
     speeds = evaluate(function, path(s).T, path(s, 1).T).ravel()  # NaN where there is no metric
     axes.plot(s, speeds, **OBSERVED)
     # Noise would fill the panel.
-    if 0.0 < speeds.max() and np.ptp(speeds) <= 0.02 * speeds.max():
+    if speeds.max() > 0.0 and np.ptp(speeds) <= 0.02 * speeds.max():
         axes.set_ylim(0.9 * speeds.max(), 1.1 * speeds.max())
     axes.set_xlim(0.0, 1.0)
     axes.set_xlabel("path parameter s")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from os import PathLike
 from pathlib import Path as FilePath
@@ -129,3 +129,10 @@ class Solution:
     def plot(self) -> Figure:
         """Coordinates, speed, and the hand's path or, of two coordinates, the path in the plane."""
         return draw(self)
+
+
+def added(solution: Solution, before: Stats) -> Solution:
+    """The solution with the iterations and seconds of a solve that led to it."""
+    stats = solution.stats
+    iterations, seconds = stats.iterations + before.iterations, stats.seconds + before.seconds
+    return replace(solution, stats=replace(stats, iterations=iterations, seconds=seconds))

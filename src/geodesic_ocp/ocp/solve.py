@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, TypeAlias
@@ -15,20 +15,20 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.ocp.callback import Callback, Relay
 from geodesic_ocp.ocp.certificate import Attempt
 from geodesic_ocp.ocp.grid import Grid
-from geodesic_ocp.ocp.ipopt import NOT_FINITE, Ipopt, Outcome
+from geodesic_ocp.ocp.ipopt import NOT_FINITE, STOPPED, Ipopt, Outcome
 from geodesic_ocp.ocp.nlp import NLP, program
 from geodesic_ocp.ocp.passing import passed
 from geodesic_ocp.ocp.path import Path
 from geodesic_ocp.ocp.prepared import Structure, transcribed
 from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.refinement import refined
-from geodesic_ocp.ocp.solution import Solution, Stats
-from geodesic_ocp.ocp.terms import conditions
+from geodesic_ocp.ocp.solution import Solution, Stats, added
+from geodesic_ocp.ocp.terms import Conditions, conditions
 from geodesic_ocp.ocp.transcription import Transcription
 from geodesic_ocp.ocp.violations import NEGLIGIBLE, misses, violations
 
 # Polynomials of a higher degree are not solved without a start on this grid, if an end is free.
-_STIFF, _ROUGH = 8, Grid(8, 2)
+_STIFF, _COARSE = 8, Grid(8, 2)
 _LISTED = 3  # violations in a message
 # Where the guess is nearly a solution, Ipopt must not push it far from its bounds.
 _NEAR = {"bound_push": 1e-6, "bound_frac": 1e-6, "mu_init": 1e-4}
@@ -71,7 +71,7 @@ def solve(
         throw: raise NotConverged where there is no solution; otherwise the record of the attempt
             is returned, with stats.success False.
         callback: called with an `Iterate` in every iteration of Ipopt; one that returns True stops
-            it there.
+            it there. Numbers begin anew where the grid changes.
         ipopt: options for Ipopt, by its names.
 
     Raises:
@@ -85,43 +85,69 @@ def solve(
     grid = problem.grid if grid is None else grid
     before = guess if isinstance(guess, Solution) else None
     start = guess.path if isinstance(guess, Solution) else guess
-    terms = conditions(problem)
-    options = dict(ipopt or {})
-
-    def solve_on(grid: Grid, guess: Path | None, near: bool) -> Solution:
-        nlp = program(problem, grid, guess, terms)
-        known = _multipliers(nlp, before) if near and before is not None else {}
-        usual = {**_NEAR, **(_KNOWN if known else {})} if near else {}
-        solution = _solved(nlp, {**usual, **options}, callback, known)
-        return solution if problem.passing is not None else passed(solution, again)
-
-    def again(grid: Grid, start: Path) -> Solution:
-        return _solved(program(problem, grid, start, terms), {**_NEAR, **options}, callback)
-
-    rough = None
-    if start is None and terms.ends and grid.degree > _STIFF:
-        # With a free end, one polynomial of high degree has many ways to twist: not for a start.
-        rough = solve_on(_ROUGH, None, False)
-        start = rough.path if rough.stats.success else None
+    solver = _Solver(problem, conditions(problem), dict(ipopt or {}), callback, before)
     if tolerance is None:
-        solution = solve_on(grid, start, before is not None)
-        if before is not None and not solution.stats.success:
-            solution = solve_on(grid, start, False)
-    elif terms.smooth:
+        solution = solver.started(grid, start)
+    elif solver.terms.smooth:
         raise ValueError(
             "tolerance: the path of least energy has a corner at its via points, which a smooth "
             "one comes the closer to the finer the grid; set smooth = False, or leave tolerance out"
         )
     else:
-        solution = refined(solve_on, misses(terms), grid, tolerance, start)
-    if rough is not None:
-        stats = solution.stats
-        iterations = stats.iterations + rough.stats.iterations
-        seconds = stats.seconds + rough.stats.seconds
-        solution = replace(solution, stats=replace(stats, iterations=iterations, seconds=seconds))
+        solution = refined(solver, misses(solver.terms), grid, tolerance, start)
     if throw and not solution.stats.success:
         raise NotConverged(_explanation(solution), solution)
     return solution
+
+
+@dataclass(frozen=True, eq=False)
+class _Solver:
+    """A problem with all that stays the same from one grid to the next."""
+
+    problem: Problem
+    terms: Conditions
+    options: Mapping[str, Any]
+    callback: Callback | None
+    before: Solution | None
+
+    def __call__(self, grid: Grid, guess: Path | None, near: bool) -> Solution:
+        """The solution on a grid, or the record of the attempt; near: the guess is nearly one."""
+        if guess is None and self.terms.ends and grid.degree > _STIFF:
+            return self._from_coarse(grid)
+        solution = self._once(grid, guess, _NEAR if near else {})
+        return solution if self.problem.passing is not None else passed(solution, self._again)
+
+    def started(self, grid: Grid, start: Path | None) -> Solution:
+        """The solution on a grid from another solution, if there was one, or else from a path."""
+        if self.before is None:
+            return self(grid, start, False)
+        nlp = program(self.problem, grid, start, self.terms)
+        known = _multipliers(nlp, self.before)
+        usual = {**_NEAR, **(_KNOWN if known else {})}
+        solution = _solved(nlp, {**usual, **self.options}, self.callback, known)
+        if self.problem.passing is None:
+            solution = passed(solution, self._again)
+        if solution.stats.success or solution.stats.status == STOPPED:
+            return solution
+        return self(grid, start, False)
+
+    def _from_coarse(self, grid: Grid) -> Solution:
+        """For problems with a free end: polynomials of high degree have many ways to twist."""
+        rough = self(_COARSE, None, False)
+        if rough.stats.status == STOPPED:
+            return rough
+        if rough.stats.success:
+            solution = self(grid, rough.path, True)
+        else:
+            solution = self._once(grid, None, {})
+        return added(solution, rough.stats)
+
+    def _again(self, grid: Grid, start: Path) -> Solution:
+        return self._once(grid, start, _NEAR)
+
+    def _once(self, grid: Grid, guess: Path | None, usual: Mapping[str, Any]) -> Solution:
+        nlp = program(self.problem, grid, guess, self.terms)
+        return _solved(nlp, {**usual, **self.options}, self.callback)
 
 
 def _multipliers(nlp: NLP, before: Solution) -> dict[str, Array]:
