@@ -17,6 +17,7 @@ from geodesic_ocp.model.angles import continuous_joints, with_angles
 from geodesic_ocp.model.bodies import Ball, Bodies, Body, Capsule
 from geodesic_ocp.model.inertia import body_inertia
 from geodesic_ocp.model.joints import frame_index, motion_subspace
+from geodesic_ocp.model.limits import changed
 from geodesic_ocp.model.reach import reach
 from geodesic_ocp.model.rigid_body import choose_backend, rigid_body
 
@@ -257,8 +258,8 @@ class Model:
             ValueError: wrong shapes or names, not numbers, or a lower limit above its upper one.
         """
         limits = [
-            self._changed("lower", lower, self.lower),
-            self._changed("upper", upper, self.upper),
+            changed("lower", lower, self.lower, self.joint_names),
+            changed("upper", upper, self.upper, self.joint_names),
         ]
         for joint, low, high in zip(self.joint_names, *limits, strict=True):
             if low > high or low == np.inf or high == -np.inf:  # of which there are none between
@@ -266,27 +267,6 @@ class Model:
         limited = self.pin.copy()
         limited.lowerPositionLimit, limited.upperPositionLimit = limits
         return replace(self, pin=limited)
-
-    def _changed(
-        self, name: str, given: ArrayLike | Mapping[str, float] | None, old: Array
-    ) -> Array:
-        if given is None:
-            return old
-        if isinstance(given, Mapping):
-            for joint in given:
-                if joint not in self.joint_names:
-                    known = ", ".join(self.joint_names)
-                    raise ValueError(f"{name}: {joint!r} is not one of the joints {known}")
-            given = [
-                given.get(joint, value) for joint, value in zip(self.joint_names, old, strict=True)
-            ]
-        try:
-            new = np.array(given, dtype=float)
-        except (TypeError, ValueError):
-            new = np.zeros(0)
-        if new.shape != (self.dof,) or np.any(np.isnan(new)):
-            raise ValueError(f"{name} must be {self.dof} numbers, got {given!r}")
-        return new
 
     def with_hand(self, hand: str) -> Model:
         """The model with another of its frames for hand.
