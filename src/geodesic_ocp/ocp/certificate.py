@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import null_space, solve_triangular
+from scipy.linalg import cholesky_banded, null_space, solve_triangular
 
 from geodesic_ocp.arrays import Array, as_vector, evaluate
 from geodesic_ocp.errors import IntegrationFailed
@@ -74,7 +74,8 @@ class Certificate:
             kind = "shortest among the paths near it"
         else:
             where = f", first conjugate point at s = {self.conjugate:.4g}" if self.conjugate else ""
-            kind = f"stationary, not shortest: {self.index} directions make it shorter{where}"
+            ways = "1 direction makes" if self.index == 1 else f"{self.index} directions make"
+            kind = f"stationary, not shortest: {ways} it shorter{where}"
         return f"{kind}; residual {self.residual:.1e}, drift {self.drift:.1e}"
 
 
@@ -105,10 +106,12 @@ def certify(path: Path, velocity: ArrayLike | None = None) -> Certificate:
 
 def _first_conjugate(path: Path) -> float:
     n, below, above = path.metric.dim, 0.0, 1.0
+    width = n * (max(path.grid.degree, _COARSER.degree) + 1)
     for _ in range(_BISECTIONS):
         middle = (below + above) / 2.0
         _, hessian = _derivatives(path, middle)
-        falls = _factor(hessian[n:-n, n:-n]) is None
+        # A segment's nodes know of no others; 30 dense factors would take most of the time.
+        falls = not _is_positive(hessian[n:-n, n:-n], width)
         below, above = (below, middle) if falls else (middle, above)
     return above
 
@@ -166,6 +169,19 @@ def _judged(gradient: Array, hessian: Array) -> tuple[bool, int]:
     along = vectors.T @ gradient
     decrease = float(np.sum(along**2 / np.maximum(np.abs(eigenvalues), max(rounding, _TINY))))
     return decrease <= _DECREASE, int(np.sum(eigenvalues < -rounding))
+
+
+def _is_positive(matrix: Array, width: int) -> bool:
+    """Whether a matrix is positive definite, of which entries further apart than a width are 0."""
+    size = len(matrix)
+    band = np.zeros((min(width, size), size))
+    for row in range(len(band)):
+        band[row, : size - row] = np.diagonal(matrix, -row)
+    try:
+        cholesky_banded(band, lower=True, check_finite=False)
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
 
 def _factor(matrix: Array) -> Array | None:
