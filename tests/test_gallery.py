@@ -51,7 +51,7 @@ def test_a_problem_is_solved_and_drawn(tmp_path: Path, capsys: pytest.CaptureFix
     assert text.startswith("AroundDisc: From (-1, 0) to (1, 0) [m] around a disc")
     assert "exact length" in text
     assert "2.162243" in text
-    assert "shortest among the paths near it" in text
+    assert "shortest among the paths near it that meet its conditions" in text
     assert (out / "AroundDisc.png").stat().st_size > 10_000
     again = go.load_solution(out / "AroundDisc.json")
     assert again.problem.radius == 0.4  # type: ignore[attr-defined]

@@ -31,8 +31,8 @@ from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.sampled import Motion
 
 _SLOWEST = 1.0  # [s] between samples: no recording of an arm is that slow
-_EXIT = """exit codes: 0 done; 2 wrong input, named in one line; 3 a solver or integration failed;
-130 interrupted"""
+_EXIT = """exit codes: 0 done; 1 an error in a problem's own code, shown whole;
+2 wrong input, named in one line; 3 a solver or integration failed; 130 interrupted"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -6,6 +6,7 @@ import ast
 import importlib.util
 import inspect
 import sys
+import traceback
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import MISSING, Field
@@ -36,7 +37,12 @@ def problem_classes(file: str | Path) -> list[type[Problem]]:
         with _importing_from(path.parent):
             spec.loader.exec_module(module)
     except Exception as error:
-        raise ValueError(f"{path} cannot be run: {type(error).__name__}: {error}") from error
+        own = [
+            each for each in traceback.extract_tb(error.__traceback__) if each.filename == str(path)
+        ]
+        where = f", line {own[-1].lineno}" if own else ""
+        reason = f"{type(error).__name__}: {error}"
+        raise ValueError(f"{path}{where} cannot be run: {reason}") from error
     classes = [
         value
         for value in vars(module).values()
@@ -124,9 +130,10 @@ def figures(solution: Solution) -> Table:
     rows: list[tuple[str | int | float, ...]] = [
         ("variables", stats.variables),
         ("constraints", stats.constraints),
-        ("iterations", stats.iterations),
-        ("seconds in Ipopt", stats.seconds),
-        ("energy", f"{solution.path.energy:.8g}"),
+        ("grids", max(1, len(stats.rounds))),
+        ("iterations", sum(each.iterations for each in stats.rounds) or stats.iterations),
+        ("seconds in Ipopt", sum(each.seconds for each in stats.rounds) or stats.seconds),
+        ("energy", f"{stats.energy:.8g}"),
         ("length", f"{solution.path.length:.8g}"),
         ("largest violation between nodes", stats.between),
     ]

@@ -82,7 +82,7 @@ def draw_coordinates(axes: Axes, s: Array, values: Array, names: Sequence[str]) 
 
 def draw_way(axes: Axes, way: Array, stops: Array, names: tuple[str, str]) -> None:
     """A path (k, 2) with marks at its ends and at via points (m, 2)."""
-    axes.plot(*way.T, **OBSERVED)
+    axes.plot(*way.T, **OBSERVED, label="path")
     hollow = {"color": "white", "markeredgecolor": OBSERVED["color"], "markersize": 6}
     axes.plot(*way[:1].T, "o", label="start", **hollow)
     if len(stops):

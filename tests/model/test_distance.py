@@ -17,7 +17,9 @@ from geodesic_ocp.model.distance import Segment, segment_distance
 
 def segment(start: Any, end: Any) -> Segment:
     square = float(np.sum(np.subtract(end, start) ** 2))
-    return Segment(ca.SX(ca.DM(start)), ca.SX(ca.DM(np.subtract(end, start))), square)
+    return Segment(
+        ca.SX(ca.DM(start)), ca.SX(ca.DM(np.subtract(end, start))), ca.SX(square), square == 0.0
+    )
 
 
 def distance(one: np.ndarray, other: np.ndarray) -> float:
@@ -87,7 +89,7 @@ def test_derivatives_are_those_of_the_distance(seed: int) -> None:
     # The square of the length is a constant of bodies: here of a body that is turned and moved.
     given_ends = rng.normal(size=6)
     square = float(np.sum((given_ends[3:] - given_ends[:3]) ** 2))
-    expression = segment_distance(Segment(x[:3], along, square), other)
+    expression = segment_distance(Segment(x[:3], along, ca.SX(square), False), other)
     function = ca.Function("d", [x], [expression, ca.gradient(expression, x)])
     turn = ca.skew(rng.normal(size=3)).full()
     twist = np.concatenate([turn @ end + [0.1, 0.2, 0.3] for end in np.split(given_ends, 2)])
@@ -134,7 +136,7 @@ def test_links_are_named_where_they_are_wrong(arm: go.Model) -> None:
         go.clearances(arm, q, [ball], links=["hand"])
     with pytest.raises(ValueError, match=r"pairs: .* no body at 'left hand'"):
         go.clearances(arm, q, pairs=[("right hand", "left hand")])
-    with pytest.raises(ValueError, match="pairs must be of two different links"):
+    with pytest.raises(ValueError, match="pairs must be a list of pairs of two different links"):
         go.clearances(arm, q, pairs=[("right hand", "right hand")])
     with pytest.raises(ValueError, match="obstacles must be Ball, Capsule or HalfSpace"):
         go.clearances(arm, q, ["wall"])

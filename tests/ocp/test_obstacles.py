@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -132,3 +136,47 @@ def test_constraints_of_a_users_own(arm: go.Model) -> None:
         "right upper arm to right hand",
     ]
     assert all(row[0] == 0.01 and row[2] == np.inf for row in rows)
+
+
+@dataclass(frozen=True)
+class Moving(go.Problem):
+    """Past a ball that may be elsewhere, and of another size, next time."""
+
+    arm: go.Model
+    centre: tuple[float, ...] = LAMP.centre
+    radius: float = LAMP.radius
+    height: tuple[float, ...] = (0.0, 0.0, -0.65)
+    parameters = ("centre", "radius", "height")
+
+    @property
+    def metric(self) -> go.Metric:
+        return go.KineticEnergy(self.arm)
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+        return [(q0, START), (self.arm.hand_pose(q1)[1], TARGET)]
+
+    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+        bodies = [
+            go.Ball(self.centre, self.radius, name="lamp"),
+            go.HalfSpace(self.height, (0, 0, 1)),
+        ]
+        return [(self.arm.lower, q, self.arm.upper, "limits"), *go.avoid(self.arm, q, bodies)]
+
+
+def test_obstacles_may_be_parameters(arm: go.Model) -> None:
+    first, other = Moving(arm), Moving(arm, (0.2, 0.35, -0.1), 0.05)
+    assert transcription_of(first, first.grid) is transcription_of(other, other.grid)
+    lamp = go.Ball(other.centre, other.radius)
+    solution = go.solve(other, tolerance=1e-5)
+    assert -2e-5 < nearest(arm, solution.path, obstacles=[lamp]) < 1e-3
+    with pytest.raises(ValueError, match=r"centre must have shape \(3, 1\)"):
+        go.Ball(ca.SX.sym("c", 2), 0.1)
+
+
+def test_single_things_where_lists_belong(arm: go.Model) -> None:
+    with pytest.raises(ValueError, match="obstacles must be a list, got Ball"):
+        go.Reach(arm, START, TARGET, obstacles=LAMP)
+    with pytest.raises(ValueError, match="links must be a list, got 'right hand'"):
+        go.Reach(arm, START, TARGET, obstacles=[LAMP], links="right hand")
+    with pytest.raises(ValueError, match="pairs must be a list of pairs"):
+        go.Reach(arm, START, TARGET, pairs=("right upper arm", "right hand"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 
 import casadi as ca
 import matplotlib.figure
@@ -137,7 +138,7 @@ def test_a_file_brings_its_problem_back(tmp_path: Path, arm: go.Model) -> None:
         with pytest.raises(go.RecordingError, match=message):
             go.load_solution(bad)
     reach = go.solve(go.Reach(arm, START, TARGET)).save(tmp_path / "reach.json")
-    with pytest.raises(go.RecordingError, match=r"use load_solution\('reach.json', problem\)"):
+    with pytest.raises(go.RecordingError, match=r"use load_solution\('.*reach.json', problem\)"):
         go.load_solution(reach)
 
 
@@ -177,7 +178,10 @@ def test_a_callback_stops_the_solver() -> None:
 
 
 def test_a_live_picture_in_a_notebook(monkeypatch: pytest.MonkeyPatch) -> None:
-    display = pytest.importorskip("IPython.display", reason="IPython is not installed here")
+    ipython = pytest.importorskip("IPython", reason="IPython is not installed here")
+    display = pytest.importorskip("IPython.display")
+    with pytest.raises(ValueError, match="draws into a notebook, and this is none"):
+        go.LivePlot(PlaneAroundDisc())
     shown: list[object] = []
 
     class Handle:
@@ -189,6 +193,7 @@ def test_a_live_picture_in_a_notebook(monkeypatch: pytest.MonkeyPatch) -> None:
         return Handle()
 
     monkeypatch.setattr(display, "display", show)
+    monkeypatch.setattr(ipython, "get_ipython", lambda: SimpleNamespace(kernel=object()))
     problem = PlaneAroundDisc()
     with go.LivePlot(problem, interval=1e9) as live:
         solution = go.solve(problem, callback=live)
@@ -206,5 +211,56 @@ def test_what_is_not_finite_on_the_guess_is_named() -> None:
         def guess(self, s: np.ndarray) -> None:
             return None
 
-    with pytest.raises(go.NotConverged, match=r"not finite: 'disc' at s = 0\.50"):
+    with pytest.raises(go.NotConverged, match=r"not differentiable: 'disc' at s = 0\.50"):
         go.solve(Straight(), grid=go.Grid(2, 4))
+
+
+class Priced(go.Problem):
+    """A cost bends the straight line."""
+
+    metric = go.Euclidean(2)
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> list[object]:
+        return [(q0, (0.0, 0.0)), (q1, (1.0, 0.0))]
+
+    def cost(self, q: ca.SX, v: ca.SX) -> ca.SX:
+        return 3.0 * (q[1] - 0.5) ** 2
+
+
+class Quick(Priced):
+    """A velocity is asked for at the end."""
+
+    def boundary(self, q0: ca.SX, q1: ca.SX, v0: ca.SX, v1: ca.SX) -> list[object]:
+        return [*super().boundary(q0, q1), (v1, (0.0, 1.0), "arrival")]
+
+
+def test_certificates_say_of_what_they_are() -> None:
+    priced = go.solve(Priced()).certificate
+    assert priced.priced
+    assert str(priced) == "cheapest among the paths near it; no geodesic"
+    bent = go.solve(PlaneAroundDisc()).certificate
+    assert bent.bent
+    assert str(bent) == "shortest among the paths near it that meet its conditions; no geodesic"
+    reach = go.solve(go.Reach(go.human_arm(), START, TARGET, limits=False)).certificate
+    assert not reach.bent
+    assert "residual" in str(reach)
+
+
+def test_a_velocity_at_an_end_has_no_least_energy() -> None:
+    assert_allclose(go.solve(Quick()).path(1.0, 1), [0.0, 1.0], atol=1e-7)
+    with pytest.raises(ValueError, match=r"no path of least energy has a velocity .* \(arrival\)"):
+        go.solve(Quick(), tolerance=1e-4)
+
+
+def test_classes_that_are_not_finished() -> None:
+    class Blank(Priced):
+        metric = None  # type: ignore[assignment]
+
+    class Mute(Priced):
+        def boundary(self, q0: ca.SX, q1: ca.SX) -> None:  # type: ignore[override]
+            return None
+
+    with pytest.raises(ValueError, match="Blank gives no metric"):
+        go.solve(Blank())
+    with pytest.raises(ValueError, match="boundary must give a list of conditions, got None"):
+        go.solve(Mute())

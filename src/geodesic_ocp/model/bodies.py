@@ -6,12 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
+import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 from scipy.spatial import ConvexHull, QhullError
 
-from geodesic_ocp.arrays import Array, as_positive, as_vector
+from geodesic_ocp.arrays import Array, as_positive, as_vector, is_symbolic
 
 Point: TypeAlias = tuple[float, float, float]
 
@@ -29,6 +30,8 @@ class Capsule:
         link: frame of the model that the body is fixed to; None: it stands still.
         name: by which conditions and messages call it; the link's by default.
 
+    Places and radius may be SX expressions, as of a problem's `parameters`.
+
     Raises:
         ValueError: wrong shapes, numbers that are not finite, or a radius that is not positive.
     """
@@ -42,7 +45,7 @@ class Capsule:
     def __post_init__(self) -> None:
         for key in ("start", "end"):
             object.__setattr__(self, key, _point(key, getattr(self, key)))
-        object.__setattr__(self, "radius", as_positive("radius", self.radius, "m"))
+        _check_radius(self)
 
 
 @dataclass(frozen=True)
@@ -64,7 +67,7 @@ class Ball:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "centre", _point("centre", self.centre))
-        object.__setattr__(self, "radius", as_positive("radius", self.radius, "m"))
+        _check_radius(self)
 
 
 @dataclass(frozen=True)
@@ -86,6 +89,8 @@ class HalfSpace:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "point", _point("point", self.point))
+        if isinstance(self.normal, ca.SX):
+            raise ValueError("normal must be numbers; a plane's point may be a parameter")
         normal = as_vector("normal", self.normal, 3)
         if not np.linalg.norm(normal) > 0.0:
             raise ValueError("normal must not be zero")
@@ -98,7 +103,17 @@ Obstacle: TypeAlias = Capsule | Ball | HalfSpace
 Bodies: TypeAlias = tuple[Body, ...] | Callable[[], tuple[Body, ...]]
 
 
+def _check_radius(body: Body) -> None:
+    if not is_symbolic(body.radius):
+        object.__setattr__(body, "radius", as_positive("radius", body.radius, "m"))
+
+
 def _point(name: str, value: Any) -> Point:
+    """The value as three numbers; expressions, as of a problem's parameters, stay what they are."""
+    if isinstance(value, ca.SX):
+        if value.shape != (3, 1):
+            raise ValueError(f"{name} must have shape (3, 1), got {value.shape}")
+        return value  # type: ignore[return-value]
     x, y, z = as_vector(name, value, 3).tolist()
     return x, y, z
 

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from geodesic_ocp.arrays import as_vector
 from geodesic_ocp.model.bodies import Ball, Body, Capsule, HalfSpace, Obstacle, as_capsule
@@ -37,11 +36,13 @@ def clearances(
         q: configuration (n,), numbers or symbols.
         obstacles: that stand still, or move with a link that is named in them.
         links: whose bodies are to stay clear of obstacles; None: all that move.
-        pairs: of links that are to stay clear of each other.
+        pairs: of links that are to stay clear of each other. Neighbours do not: their capsules
+            overlap at the joint between them.
 
     Returns:
-        By name, as "forearm to table", numbers or expressions; of a half-space the heights of both
-        ends of a capsule, the second as "forearm to table (2)".
+        By name, as "forearm to table", numbers or expressions. Where there are several of a name,
+        as with the heights of both ends of a capsule above a half-space, or several bodies of a
+        link, the others are "forearm to table (2)" and so on.
 
     Raises:
         ValueError: there are no bodies, or none of a link that is named.
@@ -77,14 +78,19 @@ def _expressions(
             for distance in _distances(model, q, body, obstacle):
                 _add(found, f"{_name(body)} to {other}", distance)
     for pair in pairs:
-        if isinstance(pair, str) or len(pair) != 2 or pair[0] == pair[1]:
-            raise ValueError(f"pairs must be of two different links, got {pair!r}")
-        one, other_one = (_of_links(model, [link], "pairs") for link in pair)
+        one, other_one = (_of_links(model, [link], "pairs") for link in as_pair(pair))
         for body in one:
             for second in other_one:
                 for distance in _distances(model, q, body, second):
                     _add(found, f"{_name(body)} to {_name(second)}", distance)
     return found
+
+
+def as_pair(pair: Any) -> tuple[str, str]:
+    """A pair of two links; ValueError if it is none."""
+    if not isinstance(pair, (list, tuple)) or len(pair) != 2 or pair[0] == pair[1]:
+        raise ValueError(f"pairs must be a list of pairs of two different links, got {pair!r}")
+    return pair[0], pair[1]
 
 
 def _add(found: dict[str, ca.SX], name: str, distance: ca.SX) -> None:
@@ -105,6 +111,8 @@ def _moving(model: Model) -> list[Body]:
 
 def _of_links(model: Model, links: Sequence[str], what: str) -> list[Body]:
     found = []
+    if isinstance(links, str):
+        raise ValueError(f"{what} must be a list of links, got {links!r}")
     for link in links:
         own = [body for body in model.bodies if body.link == link]
         if not own:
@@ -118,8 +126,8 @@ def _distances(model: Model, q: ca.SX, body: Body, obstacle: Obstacle) -> list[c
     one, radius = _segment(model, q, body), body.radius
     if isinstance(obstacle, HalfSpace):
         # The nearer of the two ends may change on the way: each is a smooth condition.
-        ends = [one.start] if one.square == 0.0 else [one.start, one.start + one.along]
-        normal, point = ca.DM(obstacle.normal), ca.DM(obstacle.point)
+        ends = [one.start] if one.point else [one.start, one.start + one.along]
+        normal, point = ca.DM(obstacle.normal), ca.SX(obstacle.point)
         return [ca.dot(normal, end - point) - radius for end in ends]
     distance = segment_distance(one, _segment(model, q, obstacle))
     return [distance - (radius + obstacle.radius)]
@@ -127,31 +135,32 @@ def _distances(model: Model, q: ca.SX, body: Body, obstacle: Obstacle) -> list[c
 
 def _segment(model: Model, q: ca.SX, body: Body) -> Segment:
     capsule = as_capsule(body)
-    start, along = ca.SX(capsule.start), ca.SX(np.subtract(capsule.end, capsule.start))
-    square = float(np.sum(np.subtract(capsule.end, capsule.start) ** 2))
+    start, along = ca.SX(capsule.start), ca.SX(capsule.end) - ca.SX(capsule.start)
+    square = ca.sumsqr(along)  # before it is turned, which keeps it
     if capsule.link is not None:
         rotation, position = model.frame_pose(capsule.link, q)
         start, along = position + rotation @ start, rotation @ along
-    return Segment(start, along, square)
+    return Segment(start, along, square, bool(square.is_zero()))
 
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """A segment by its start (3, 1), its direction (3, 1) and its length^2, zero for a point."""
+    """A segment by its start (3, 1), direction (3, 1), length^2, and whether it is a point."""
 
     start: ca.SX
     along: ca.SX
-    square: float
+    square: ca.SX
+    point: bool
 
 
 def segment_distance(one: Segment, other: Segment) -> ca.SX:
     """Distance of two segments."""
     between, u, w = one.start - other.start, one.along, other.along
-    if one.square == 0.0 == other.square:
+    if one.point and other.point:
         return _norm(between)
-    if one.square == 0.0:
+    if one.point:
         return _norm(between - _share(ca.dot(w, between), other.square) * w)
-    if other.square == 0.0:
+    if other.point:
         return _norm(between + _share(-ca.dot(u, between), one.square) * u)
     a, b, e = one.square, ca.dot(u, w), other.square
     c, f = ca.dot(u, between), ca.dot(w, between)
@@ -161,7 +170,7 @@ def segment_distance(one: Segment, other: Segment) -> ca.SX:
     return _norm(between + s * u - t * w)
 
 
-def _share(numerator: ca.SX, denominator: ca.SX | float) -> ca.SX:
+def _share(numerator: ca.SX, denominator: ca.SX) -> ca.SX:
     return ca.fmin(ca.fmax(numerator / denominator, 0.0), 1.0)
 
 

@@ -54,6 +54,9 @@ class Certificate:
             second order; None of others.
         conjugate: s, to 1e-6, of the first point of a geodesic between fixed ends that is conjugate
             to its start: up to there it is locally shortest. None: there is none inside.
+        bent: whether conditions along the path hold it back, so that it is no geodesic.
+        priced: whether a cost of the problem's own is minimised with the energy, to which
+            `stationary` and `index` then refer.
     """
 
     residual: float
@@ -61,21 +64,30 @@ class Certificate:
     stationary: bool
     index: int | None
     conjugate: float | None = None
+    bent: bool = False
+    priced: bool = False
 
     @property
     def locally_shortest(self) -> bool:
-        """Whether no path near this one that meets its conditions is shorter, to second order."""
+        """Whether no path near this one that meets its conditions is shorter, to second order.
+
+        With a cost of the problem's own: whether none has less of energy and cost.
+        """
         return self.stationary and self.index == 0
 
     def __str__(self) -> str:
         if not self.stationary:
             kind = "not stationary"
         elif self.locally_shortest:
-            kind = "shortest among the paths near it"
+            kind = f"{'cheapest' if self.priced else 'shortest'} among the paths near it"
+            kind += " that meet its conditions" if self.bent else ""
         else:
             where = f", first conjugate point at s = {self.conjugate:.4g}" if self.conjugate else ""
             ways = "1 direction makes" if self.index == 1 else f"{self.index} directions make"
-            kind = f"stationary, not shortest: {ways} it shorter{where}"
+            much = ("cheapest", "cheaper") if self.priced else ("shortest", "shorter")
+            kind = f"stationary, not {much[0]}: {ways} it {much[1]}{where}"
+        if self.bent or self.priced:
+            return f"{kind}; no geodesic"
         return f"{kind}; residual {self.residual:.1e}, drift {self.drift:.1e}"
 
 
@@ -222,6 +234,7 @@ class Attempt:
         n = self.path.metric.dim
         held_x = self.held_x | (np.abs(self.lam_x) > _HOLDING)
         held_g = self.held_g | (np.abs(self.lam_g) > _HOLDING)
+        priced = not self.of_energy
         free = np.flatnonzero(~held_x)
         p = self.units.with_values(self.values)
         _, gradient = self.transcription.objective(self.x, p)
@@ -233,7 +246,7 @@ class Attempt:
             start = np.linalg.solve(self.path.metric.matrix(self.path.nodes[0]), momentum)
         residual = _residual(self.path, start)
         if not self.success or not np.isfinite(drift):
-            return Certificate(residual, drift, stationary=False, index=None)
+            return Certificate(residual, drift, stationary=False, index=None, priced=priced)
         reduced = _hessian(self.transcription, self.x, p, self.lam_g)[np.ix_(free, free)]
         if np.any(held_g):
             normals = self._jacobian()[np.ix_(np.flatnonzero(held_g), free)]
@@ -246,7 +259,9 @@ class Attempt:
             whole = certify(self.path)
             # A grid that is too coarse has stationary points that are no geodesics.
             return replace(whole, residual=residual)
-        return Certificate(residual, drift, stationary=True, index=index)
+        along = held_g[self.transcription.size_ends :]
+        bent = bool(np.any(along) or np.any(held_x[n:-n]))
+        return Certificate(residual, drift, True, index, bent=bent, priced=priced)
 
     def _jacobian(self) -> Array:
         x, p = ca.MX.sym("x", self.x.size), ca.MX.sym("p", self.transcription.size_p)

@@ -21,6 +21,7 @@ _IPOPT = {
     "sb": "yes",
     "honor_original_bounds": "yes",
 }
+NO_VALUE = "not finite, or not differentiable"
 STOPPED = "the callback stopped Ipopt"
 NOT_FINITE = "the metric or a condition is not finite on the way"
 _SENTENCES = {
@@ -79,6 +80,7 @@ class Ipopt:
     def __post_init__(self) -> None:
         options: dict[str, Any] = {
             "print_time": False,
+            "calc_lam_p": False,  # nobody asks, and where a solve failed CasADi would print so
             "error_on_fail": False,
             "show_eval_warnings": False,
             "ipopt": {**_IPOPT, **self.options},

@@ -20,18 +20,21 @@ class LivePlot:
         interval: least time between two pictures [s]; the last one is drawn by `close`.
 
     Raises:
-        ValueError: IPython is not installed, without which there is no notebook.
+        ValueError: it is not called in a notebook.
 
     Use it as `with go.LivePlot(problem) as live: go.solve(problem, callback=live)`.
     """
 
     def __init__(self, problem: Problem, interval: float = 0.1) -> None:
         try:
+            from IPython import get_ipython
             from IPython.display import display
         except ImportError as error:
             raise ValueError(
                 "LivePlot needs IPython: pip install 'geodesic_ocp[notebooks]'"
             ) from error
+        if getattr(get_ipython(), "kernel", None) is None:
+            raise ValueError("LivePlot draws into a notebook, and this is none")
         self._problem, self._interval = problem, interval
         self._display: Any = display
         self._handle: Any = None

@@ -69,8 +69,8 @@ def load_solution(file: str | PathLike[str], problem: Problem | None = None) -> 
 def _problem(record: dict[str, Any], path: FilePath) -> Problem:
     """The problem that the record describes, of a class that is imported already."""
     name, module = str(record.get("problem")), str(record.get("module"))
-    kind = getattr(sys.modules.get(module), name, None)
-    given, saved = f"load_solution({path.name!r}, problem)", record.get("fields")
+    given, saved = f"load_solution({str(path)!r}, problem)", record.get("fields")
+    kind = _class(module, name)
     if not (isinstance(kind, type) and issubclass(kind, Problem)) or not isinstance(saved, dict):
         raise RecordingError(
             f"{path} has a solution of {name} of the module {module}, which is not imported here; "
@@ -82,6 +82,17 @@ def _problem(record: dict[str, Any], path: FilePath) -> Problem:
         raise RecordingError(
             f"{path}: {name} cannot be made of the fields in the file ({error}); use {given}"
         ) from None
+
+
+def _class(module: str, name: str) -> Any:
+    """The class of that name in the module, or in another of that file's name."""
+    last = module.rpartition(".")[2]
+    near = [each for each in list(sys.modules) if each.rpartition(".")[2] == last]
+    for each in (module, *near):
+        kind = getattr(sys.modules.get(each), name, None)
+        if isinstance(kind, type) and issubclass(kind, Problem):
+            return kind
+    return None
 
 
 def _as_tuple(value: Any) -> Any:

@@ -35,7 +35,7 @@ def draw(solution: Solution) -> Figure:
     return draw_path(
         solution.problem,
         solution.path,
-        f"{type(solution.problem).__name__}: energy {solution.path.energy:.4g}, "
+        f"{type(solution.problem).__name__}: energy {solution.stats.energy:.4g}, "
         f"length {solution.path.length:.4g}",
     )
 

@@ -21,9 +21,13 @@ class PointToPoint(Restricted):
     Attributes:
         metric: of the manifold.
         q0, q1: start and goal (n,) [rad or m].
-
-    The keywords `limits`, `speed`, `obstacles`, `links`, `pairs` and `margin` are those of
-    `Restricted`; by default nothing holds the path back.
+        limits: whether the joints stay within the limits of the metric's model.
+        speed: largest |dq_j / ds| [rad or m for the whole path], for all coordinates or (n,); a
+            motion at constant speed in a duration T has speeds 1 / T times these. None: any.
+        obstacles: balls, capsules and half-spaces that the model's bodies keep clear of.
+        links: whose bodies those are; None: of all that move.
+        pairs: of links that keep clear of each other.
+        margin: least distance [m] from obstacles and in pairs.
 
     Raises:
         ValueError: wrong shapes or numbers that are not finite, or the metric is singular there;

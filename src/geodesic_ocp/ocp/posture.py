@@ -21,6 +21,11 @@ from geodesic_ocp.ocp.ipopt import Ipopt
 # A rotation by pi is taken for none by the error below, but is left by any small step.
 _TINY = 1e-14
 _STARTS, _ENOUGH = 60, 4
+_UNITS = {
+    (True, False): "m",
+    (False, True): "(sine of half an angle)",
+    (True, True): "(m, or sine of half an angle)",
+}
 _REACHED = 1e-6  # [m], or sine of half an angle
 
 
@@ -106,7 +111,7 @@ def find_posture(
             f"no posture of {model.name!r}{' within its limits' if limits else ''}"
             f"{', clear of bodies,' if obstacles or pairs else ''} has the hand's "
             f"{' and '.join(what)}: the nearest one misses {'them' if len(what) > 1 else 'it'} by "
-            f"{nearest:.3g} (m, or sine of half an angle)"
+            f"{nearest:.3g} {_UNITS[position is not None, rotation is not None]}"
         )
     return min(found, key=lambda q: float(np.linalg.norm(q - start)))
 

@@ -33,7 +33,8 @@ class Problem(ABC):
     Attributes:
         metric: of the manifold.
         parameters: names of the fields, numbers or arrays of them, that may change from one solve
-            to the next without a new NLP: expressions are built with symbols in their place.
+            to the next without a new NLP: expressions are built with symbols in their place. The
+            other fields must be equal, models and metrics the very same object.
         passing: s of each via point; None: where the mean square of the speed is the same before
             and after, which costs least.
         smooth: whether the velocity is continuous at via points. The path of least energy has a
@@ -51,7 +52,9 @@ class Problem(ABC):
         """Equalities (expression, value[, name]) in the path's ends q0 and q1, (n, 1) each.
 
         A method that takes four arguments, boundary(self, q0, q1, v0, v1), is given v = q'(s) at
-        both ends, too.
+        both ends, too. Without such conditions the path arrives with the velocity that costs least;
+        with them it takes that of the grid's first or last segment, and the finer the grid is, the
+        less it costs: a grid is part of such a problem.
         """
 
     def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Inequality]:

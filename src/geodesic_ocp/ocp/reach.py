@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_rotation, as_vector
+from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
@@ -32,15 +33,18 @@ class Reach(Restricted):
         start: posture (n,) [rad or m].
         position: of the hand at the end, in the base's frame, (3,) [m]; None leaves it free.
         rotation: of the hand at the end, (3, 3); None leaves it free.
-        limits: whether the joints stay within their limits.
         free: directions in which the position may differ, in the base's axes, (3,) or (k, 3): one
             makes it a line, two a plane.
         through: positions (k, 3) [m] that the hand passes on the way, in this order, in whatever
             postures cost least.
         smooth: whether the velocity is continuous there; see `Problem`.
-
-    The keywords `limits`, `speed`, `obstacles`, `links`, `pairs` and `margin` are those of
-    `Restricted`; joint limits are kept unless `limits=False`.
+        limits: whether the joints stay within the limits of the metric's model.
+        speed: largest |dq_j / ds| [rad or m for the whole path], for all coordinates or (n,); a
+            motion at constant speed in a duration T has speeds 1 / T times these. None: any.
+        obstacles: balls, capsules and half-spaces that the model's bodies keep clear of.
+        links: whose bodies those are; None: of all that move.
+        pairs: of links that keep clear of each other.
+        margin: least distance [m] from obstacles and in pairs.
 
     Raises:
         ValueError: wrong shapes or values, or neither position nor rotation.
@@ -126,11 +130,17 @@ class Reach(Restricted):
         }
         corners = [np.asarray(self.start)]
         for point in np.asarray(self.through):
-            corners.append(find_posture(self.model, corners[-1], point, **keep))
+            corners.append(self._posture(f"through {point}", corners[-1], point, **keep))
         pose = (self.position, self.rotation)
-        corners.append(find_posture(self.model, corners[-1], *pose, free=self.free, **keep))
+        corners.append(self._posture("the end", corners[-1], *pose, free=self.free, **keep))
         knots = np.linspace(0.0, 1.0, len(corners))
         return np.column_stack([np.interp(s, knots, column) for column in np.transpose(corners)])
+
+    def _posture(self, what: str, *given: Any, **keep: Any) -> Array:
+        try:
+            return find_posture(self.model, *given, **keep)
+        except NotConverged as error:
+            raise NotConverged(f"{what}: {error}") from None
 
 
 def _rows(points: Any) -> list[Any]:

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 
 from geodesic_ocp.arrays import as_number, as_vector
 from geodesic_ocp.model.bodies import Obstacle
-from geodesic_ocp.model.distance import clearances
+from geodesic_ocp.model.distance import as_pair, clearances
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.path import Path
 from geodesic_ocp.ocp.picture import draw_obstacle
@@ -52,7 +52,8 @@ class Restricted(Problem):
 
     Attributes:
         limits: whether the joints stay within the limits of the metric's model.
-        speed: largest |dq_j / ds|, for all coordinates or (n,); None: any.
+        speed: largest |dq_j / ds| [rad or m for the whole path], for all coordinates or (n,); a
+            motion at constant speed in a duration T has speeds 1 / T times these. None: any.
         obstacles: balls, capsules and half-spaces that the model's bodies keep clear of.
         links: whose bodies those are; None: of all that move.
         pairs: of links that keep clear of each other.
@@ -77,8 +78,12 @@ class Restricted(Problem):
                 kind = type(self.metric).__name__
                 raise ValueError(f"{keyword}: {kind} has no model with {what}")
         object.__setattr__(self, "speed", _as_speed(self.speed, self.metric.dim))
+        for keyword in ("obstacles", "links", "pairs"):
+            given = getattr(self, keyword)
+            if given is not None and not isinstance(given, (list, tuple)):
+                raise ValueError(f"{keyword} must be a list, got {given!r}")
         object.__setattr__(self, "obstacles", tuple(self.obstacles))
-        object.__setattr__(self, "pairs", tuple(map(tuple, self.pairs)))
+        object.__setattr__(self, "pairs", tuple(map(as_pair, self.pairs)))
         if self.links is not None:
             object.__setattr__(self, "links", tuple(self.links))
         q, v = (ca.SX.sym(name, self.metric.dim) for name in "qv")

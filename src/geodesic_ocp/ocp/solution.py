@@ -47,8 +47,8 @@ class Stats:
     Attributes:
         success: whether the path is a local solution, to Ipopt's tolerance.
         status: how the solver stopped, a sentence.
-        iterations: of Ipopt.
-        seconds: wall time of the solver.
+        iterations: of Ipopt; of several grids, on the last (`rounds` has all).
+        seconds: wall time of the solver, likewise.
         variables, constraints: sizes of the NLP, bounds not counted.
         energy: of the path on its grid, 1/2 int |q'|_G^2 ds.
         objective: what was minimised, the energy and the problem's own cost.
@@ -117,7 +117,8 @@ class Solution:
 
         Args:
             timing: the duration [s], in which the path is travelled from rest to rest with the
-                least square of the acceleration s''(t) along it (`time_law`); or a time law.
+                least square of the acceleration s''(t) along it (`time_law`); or a time law, which
+                may have speeds at its ends.
             rate: samples a second [Hz], rounded so that they are evenly spaced up to the end.
 
         Raises:

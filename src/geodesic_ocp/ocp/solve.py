@@ -15,7 +15,7 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.ocp.callback import Callback, Relay
 from geodesic_ocp.ocp.certificate import Attempt
 from geodesic_ocp.ocp.grid import Grid
-from geodesic_ocp.ocp.ipopt import NOT_FINITE, STOPPED, Ipopt, Outcome
+from geodesic_ocp.ocp.ipopt import NO_VALUE, NOT_FINITE, STOPPED, Ipopt, Outcome
 from geodesic_ocp.ocp.nlp import NLP, program
 from geodesic_ocp.ocp.passing import passed
 from geodesic_ocp.ocp.path import Path
@@ -76,12 +76,15 @@ def solve(
 
     Raises:
         ValueError: the problem is malformed, its fixed ends violate its own conditions, or a
-            tolerance is asked of a path that is to be smooth at via points, which no path that
-            costs least is.
-        NotConverged: Ipopt stopped elsewhere than at a solution; carries the record.
+            tolerance is asked of a path that is to be smooth at via points, or to have a velocity
+            at an end, which no path that costs least does.
+        NotConverged: Ipopt stopped elsewhere than at a solution, or the callback stopped it; the
+            record is its `solution`.
     """
     if not isinstance(problem, Problem):
         raise ValueError(f"problem must be an instance of a Problem class, got {problem!r}")
+    if getattr(problem, "metric", None) is None:
+        raise ValueError(f"{type(problem).__name__} gives no metric")
     grid = problem.grid if grid is None else grid
     before = guess if isinstance(guess, Solution) else None
     start = guess.path if isinstance(guess, Solution) else guess
@@ -92,6 +95,12 @@ def solve(
         raise ValueError(
             "tolerance: the path of least energy has a corner at its via points, which a smooth "
             "one comes the closer to the finer the grid; set smooth = False, or leave tolerance out"
+        )
+    elif quick := solver.terms.on_velocities:
+        raise ValueError(
+            f"tolerance: no path of least energy has a velocity at an end that is given ({quick}): "
+            "the finer the grid, the shorter the piece on which the velocity is reached; leave "
+            "tolerance out"
         )
     else:
         solution = refined(solver, misses(solver.terms), grid, tolerance, start)
@@ -179,7 +188,7 @@ def _solved(
     else:
         outcome = _ipopt(nlp.transcription, options)(**values)
     if outcome.status == NOT_FINITE and (names := nlp.not_finite()):
-        outcome = replace(outcome, status=f"on the guess already, not finite: {', '.join(names)}")
+        outcome = replace(outcome, status=f"on the guess already, {NO_VALUE}: {', '.join(names)}")
     return _solution(nlp, outcome)
 
 
@@ -241,8 +250,12 @@ def _explanation(solution: Solution) -> str:
     stats = solution.stats
     large = [each for each in solution.violations if each.amount > NEGLIGIBLE][:_LISTED]
     missed = f": {'; '.join(map(str, large))}" if large else ""
+    advice = (
+        ". Can its conditions be met together? If so, try another guess (guess(s) or solve(..., "
+        "guess=path)) or a finer grid"
+    )
+    advice = "" if stats.status == STOPPED or len(stats.rounds) > 1 else advice
     return (
         f"{type(solution.problem).__name__} was not solved: {stats.status}, after "
-        f"{stats.iterations} iterations{missed}. Try another guess (guess(s) or solve(..., "
-        "guess=path)) or a finer grid."
+        f"{stats.iterations} iterations{missed}{advice}."
     )

@@ -76,6 +76,12 @@ class Conditions:
     via: tuple[tuple[Term, ...], ...]
     smooth: tuple[Term, ...]
 
+    @property
+    def on_velocities(self) -> str:
+        """Names of the conditions on velocities at the ends."""
+        velocities = ca.vertcat(self.v0, self.v1)
+        return ", ".join(t.name for t in self.ends if ca.depends_on(t.expression, velocities))
+
 
 def conditions(problem: Problem) -> Conditions:
     """The problem's boundary conditions, constraints and cost.
@@ -173,6 +179,9 @@ def _with_symbols(problem: Problem) -> tuple[Problem, ca.SX, Array]:
 
 
 def _pairs(what: str, written: Sequence[Any], given: Sequence[Any]) -> list[tuple[str, Any, Any]]:
+    for sequence in (written, given):
+        if not isinstance(sequence, (list, tuple)):
+            raise ValueError(f"{what} must give a list of conditions, got {sequence!r}")
     if len(written) != len(given):
         raise ValueError(f"{what}: how many conditions there are must not depend on parameters")
     pairs = enumerate(zip(written, given, strict=True))

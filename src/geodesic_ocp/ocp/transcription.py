@@ -64,6 +64,7 @@ class Transcription:
         grid: of the nodes.
         dim: number n of coordinates.
         size_p: number n + 2 + k of parameters.
+        size_ends: number of constraints at the ends, the first of all.
         objective: (x, p) -> (f, gradient); f is the energy and the cost in the unit of energy.
         constraints: (x, p) -> g: at the ends; at one via point after the other, then the jumps of
             the velocity there; in q at one node after the other; in q and v at one node after the
@@ -74,6 +75,7 @@ class Transcription:
     grid: Grid
     dim: int
     size_p: int
+    size_ends: int
     objective: ca.Function
     constraints: ca.Function
     hessian: ca.Function
@@ -160,6 +162,7 @@ def transcribe(metric: Metric, terms: Conditions, grid: Grid) -> Transcription:
         grid,
         n,
         p.shape[0],
+        at_ends.size,
         ca.Function("nlp_grad_f", [x, p], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
         ca.Function("nlp_g", [x, p], [g], ["x", "p"], ["g"]),
         ca.Function(
