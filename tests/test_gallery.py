@@ -81,6 +81,8 @@ def test_every_class_of_a_file(own: Path, capsys: pytest.CaptureFixture[str]) ->
         ),
         (["--set", "end=import os"], "end='import os' is not a number, a text in quotes"),
         (["--set", "end"], "--set end: it must be FIELD=VALUE"),
+        (["--set", "steps=2.5"], "Straight.steps is 3 by default; 2.5 is of another kind"),
+        (["--set", "end=('a', 2)"], "Straight.end[0] is 1.0 by default; 'a' is of another kind"),
         (["--problem", "Curved"], "has no Curved; it has Straight, Longer"),
         (["--tolerance", "-1"], "tolerance must be positive"),
     ],
@@ -104,6 +106,8 @@ def test_fields_that_cannot_be_given_are_named(capsys: pytest.CaptureFixture[str
         ("x = \n", "cannot be run: SyntaxError"),
         ("import nothing_of_that_name\n", "cannot be run: ModuleNotFoundError"),
         ("from geodesic_ocp import PointToPoint\n", "defines no problem"),
+        ("x = 1\nx = {}['a']\n", "line 2 cannot be run: KeyError: 'a'"),
+        ("import sys\nsys.exit(0)\n", "line 2 cannot be run: SystemExit"),
     ],
 )
 def test_files_without_problems(

@@ -280,8 +280,9 @@ def _solve(options: argparse.Namespace) -> None:
         if not equals:
             raise ValueError(f"--set {each}: it must be FIELD=VALUE")
         settings[name.strip()] = value.strip()
-    for kind in kinds:
-        solution = solve(with_fields(kind, settings), tolerance=options.tolerance)
+    for problem in [with_fields(kind, settings) for kind in kinds]:
+        kind = type(problem)
+        solution = solve(problem, tolerance=options.tolerance)
         about = (inspect.getdoc(kind) or "").partition("\n")[0]
         print(f"{kind.__name__}: {about}\n\n{figures(solution)}\n\n{solution.certificate}")
         if options.out is not None:

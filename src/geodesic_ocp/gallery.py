@@ -36,7 +36,7 @@ def problem_classes(file: str | Path) -> list[type[Problem]]:
     try:
         with _importing_from(path.parent):
             spec.loader.exec_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         own = [
             each for each in traceback.extract_tb(error.__traceback__) if each.filename == str(path)
         ]
@@ -79,7 +79,10 @@ def with_fields(kind: type[Problem], settings: Mapping[str, str]) -> Problem:
     for name, text in settings.items():
         if name not in known:
             listed = ", ".join(known) or "none"
-            raise ValueError(f"{kind.__name__} has no field {name!r}; its fields are {listed}")
+            raise ValueError(
+                f"{kind.__name__} has no field {name!r}; its fields are {listed} (--problem picks "
+                "one of several classes)"
+            )
         values[name] = _value(name, text)
         if known[name].default is not MISSING:
             _check_kind(f"{kind.__name__}.{name}", known[name].default, values[name])
@@ -92,7 +95,10 @@ def with_fields(kind: type[Problem], settings: Mapping[str, str]) -> Problem:
     ]
     if missing:
         raise ValueError(f"{kind.__name__} has no default for {', '.join(missing)}")
-    return kind(**values)
+    try:
+        return kind(**values)
+    except TypeError as error:
+        raise ValueError(f"{kind.__name__} cannot be made without arguments: {error}") from error
 
 
 def _value(name: str, text: str) -> Any:
@@ -112,16 +118,14 @@ def _as_tuple(value: Any) -> Any:
 def _check_kind(name: str, default: Any, value: Any) -> None:
     if default is None or value is None:
         return
-    number = isinstance(default, (int, float)) and not isinstance(default, bool)
-    fits = (
-        isinstance(value, (int, float)) and not isinstance(value, bool)
-        if number
-        else isinstance(value, type(default))
-    )
-    if not fits:
+    kinds: Any = (int, float) if isinstance(default, float) else type(default)
+    if not isinstance(value, kinds) or isinstance(value, bool) != isinstance(default, bool):
         raise ValueError(f"{name} is {default!r} by default; {value!r} is of another kind")
-    if isinstance(default, tuple) and len(default) and len(value) != len(default):
-        raise ValueError(f"{name} has {len(default)} entries, got {len(value)}")
+    if isinstance(default, tuple) and len(default):
+        if len(value) != len(default):
+            raise ValueError(f"{name} has {len(default)} entries, got {len(value)}")
+        for index, pair in enumerate(zip(default, value, strict=True)):
+            _check_kind(f"{name}[{index}]", *pair)
 
 
 def figures(solution: Solution) -> Table:

@@ -23,7 +23,7 @@ def read_record(file: str | PathLike[str], form: str, version: int, what: str) -
         record = json.loads(path.read_text(encoding="utf-8"))
     except OSError as failure:
         raise RecordingError(f"{path}: cannot be read: {failure}") from None
-    except ValueError as failure:
+    except (ValueError, RecursionError) as failure:
         raise RecordingError(f"{path}: is not JSON: {failure}") from None
     if not isinstance(record, dict) or record.get("format") != form:
         raise RecordingError(f"{path}: is not a file of {what}")

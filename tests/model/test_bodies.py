@@ -191,3 +191,55 @@ def test_pandas_meshes_lie_in_its_capsules() -> None:
             assert frame.name == body.link
             assert within(points, body)
             assert volume(body) < 8.0 * ConvexHull(points).volume
+
+
+def test_a_urdfs_capsule_is_one_beside_others() -> None:
+    shapes = (
+        '<collision><geometry><sphere radius="0.07"/></geometry></collision>'
+        '<collision><origin xyz="0.1 0 0" rpy="0 1.5707963267948966 0"/>'
+        '<geometry><capsule radius="0.05" length="0.4"/></geometry></collision>'
+    )
+    text = urdf().replace('<link name="two">', f'<link name="two">{shapes}')
+    ball, capsule = go.load_model(text, hand="grip").bodies
+    assert isinstance(ball, go.Ball)
+    assert isinstance(capsule, go.Capsule)
+    assert sorted([capsule.start[0], capsule.end[0]]) == pytest.approx([-0.1, 0.3])
+    assert (capsule.radius, capsule.link) == (0.05, "two")
+    strange = text.replace("capsule", "cone")
+    with pytest.raises(ValueError, match="collision geometry of 'two' is cone, not one of box"):
+        assert go.load_model(strange, hand="grip").bodies
+
+
+def test_a_meshs_scale_may_be_a_default(tmp_path: Path) -> None:
+    points = "v 0 0 0\nv 200 0 0\nv 0 100 0\nv 0 0 300\n"
+    (tmp_path / "wedge.obj").write_text(points + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+    text = """<mujoco model="m"><compiler angle="radian"/>
+      <default><mesh scale="0.001 0.001 0.001"/></default>
+      <asset><mesh name="wedge" file="wedge.obj"/></asset>
+      <worldbody><geom type="plane" size="1 1 1"/><body name="a"><joint name="j"/>
+      <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/><geom type="mesh" mesh="wedge"/></body>
+      </worldbody></mujoco>"""
+    file = tmp_path / "wedge.xml"
+    file.write_text(text)
+    (body,) = go.load_model(file, hand="a").bodies
+    assert 0.1 < volume(body) ** (1.0 / 3.0) < 0.3
+    file.write_text(text.replace('file="wedge.obj"', 'file="wedge.obj" refpos="0 0 1"'))
+    with pytest.raises(ValueError, match="refpos and refquat of a mesh are not read"):
+        assert go.load_model(file, hand="a").bodies
+
+
+def test_meshes_are_found_from_another_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mesh = '<collision><geometry><mesh filename="package://gadget/w.obj"/></geometry></collision>'
+    (tmp_path / "gadget").mkdir()
+    (tmp_path / "gadget" / "w.obj").write_text(
+        "v 0 0 0\nv 0.2 0 0\nv 0 0.1 0\nv 0 0 0.3\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    )
+    (tmp_path / "gadget" / "g.urdf").write_text(
+        urdf().replace('<link name="two">', f'<link name="two">{mesh}')
+    )
+    monkeypatch.chdir(tmp_path)
+    robot = go.load_model("gadget/g.urdf", hand="grip")
+    monkeypatch.chdir(tmp_path.parent)
+    assert len(robot.bodies) == 1

@@ -144,3 +144,13 @@ def test_links_are_named_where_they_are_wrong(arm: go.Model) -> None:
         go.clearances(arm.with_bodies(), q, [ball])
     with pytest.raises(ValueError, match="q must have shape"):
         go.clearances(arm, q[:3], [ball])
+
+
+def test_a_tool_meets_other_links_alone(arm: go.Model) -> None:
+    """What moves with a link is no obstacle for it; no links have no distances."""
+    tool = go.Capsule((0.0, 0.0, -0.2), (0.0, 0.0, -0.4), 0.01, "right hand", "tool")
+    names = list(go.clearances(arm, np.zeros(7), [tool]))
+    assert names == ["right upper arm to tool", "right forearm to tool"]
+    assert go.clearances(arm, np.zeros(7), [tool], links=[]) == {}
+    with pytest.raises(ValueError, match="links must be a list of links, got 'right hand'"):
+        go.clearances(arm, np.zeros(7), [tool], links="right hand")

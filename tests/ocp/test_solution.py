@@ -6,6 +6,7 @@ import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import casadi as ca
 import matplotlib.figure
@@ -175,6 +176,97 @@ def test_a_callback_stops_the_solver() -> None:
     assert info.value.solution.stats.iterations == 2
     with pytest.raises(ZeroDivisionError):
         go.solve(PlaneAroundDisc(), callback=lambda iterate: 1 / 0)
+
+
+@dataclass(frozen=True)
+class Around(PlaneAroundDisc):
+    """Fields of many kinds."""
+
+    centre: Any = (0.0, 0.0)
+    title: str = "nan"
+    far: float = np.inf
+    lamps: tuple[go.Ball, ...] = ()
+
+
+def test_fields_come_back_as_they_were(tmp_path: Path) -> None:
+    problem = Around(radius=np.float32(0.25), centre=np.array([0.5, -1.0]), title="inf")
+    again = go.load_solution(go.solve(problem).save(tmp_path / "a.json")).problem
+    assert isinstance(again, Around)
+    assert again.radius == 0.25
+    assert isinstance(again.centre, np.ndarray)
+    assert np.array_equal(again.centre, problem.centre)
+    assert (again.title, again.far) == ("inf", np.inf)
+    lamps = Around(lamps=(go.Ball((0.0, 0.0, 0.0), 0.1),))
+    file = go.solve(lamps).save(tmp_path / "b.json")
+    with pytest.raises(go.RecordingError, match="not hold the fields lamps; use load_solution"):
+        go.load_solution(file)
+    assert go.load_solution(file, lamps).stats.success
+
+
+def test_files_of_another_problem_or_damaged_ones_are_refused(tmp_path: Path) -> None:
+    file = go.solve(PlaneAroundDisc(radius=0.5)).save(tmp_path / "disc.json")
+    with pytest.raises(go.RecordingError, match=r"misses this problem's conditions by 0\.1"):
+        go.load_solution(file, PlaneAroundDisc(radius=0.6))
+    record = json.loads(file.read_text())
+    for part, key, value, message in (
+        ("nlp", "lam_g", [1.0], "nlp.lam_g must be 65 numbers"),
+        ("nlp", "origin", [1.0], "nlp.origin must be 2 numbers"),
+        ("nlp", "scale", 0, "nlp.length and nlp.scale positive"),
+        ("stats", "success", "false", "stats.success must be true or false"),
+        ("stats", "rounds", [1], "has no attribute"),
+        ("stats", "energy", "abc", "bad.json"),
+        ("grid", "stations", [1.5], "stations must be integers"),
+        ("grid", "stations", [3], "the path has 1 via points, not 0"),
+    ):
+        bad = tmp_path / "bad.json"
+        bad.write_text(json.dumps(record | {part: record[part] | {key: value}}))
+        with pytest.raises(go.RecordingError, match=message):
+            go.load_solution(bad, PlaneAroundDisc())
+    bad.write_text(json.dumps(record | {"multipliers": None}))
+    with pytest.raises(go.RecordingError):
+        go.load_solution(bad, PlaneAroundDisc())
+    bad.write_text("[" * 100_000)
+    with pytest.raises(go.RecordingError, match="is not JSON"):
+        go.load_solution(bad, PlaneAroundDisc())
+
+
+def test_a_callback_stops_every_grid() -> None:
+    grids: list[int] = []
+
+    def second(iterate: go.Iterate) -> object:
+        grids.append(iterate.number)
+        return np.bool_(grids.count(0) == 2)
+
+    stopped = go.solve(PlaneAroundDisc(), tolerance=1e-6, callback=second, throw=False)
+    assert not stopped.stats.success
+    assert grids.count(0) == 2
+    assert grids[-1] == 0
+
+
+def test_a_changed_array_is_another_problem() -> None:
+    @dataclass(frozen=True, eq=False)
+    class Shifted(PlaneAroundDisc):
+        radius: float = 0.5
+        place: Any = None
+        parameters = ("radius",)
+
+        def constraints(self, q: ca.SX, v: ca.SX) -> list[object]:
+            return [(self.radius, ca.norm_2(q - ca.DM(self.place)), np.inf, "disc")]
+
+    place = np.array([0.0, 0.0])
+    problem = Shifted(place=place)
+    go.solve(problem)
+    place[1] = 0.2
+    afresh = go.solve(Shifted(place=place.copy()))
+    assert go.solve(problem).stats.objective == afresh.stats.objective
+
+
+def test_options_and_grids_of_odd_types() -> None:
+    with pytest.raises(ValueError, match="ipopt: options are numbers and texts"):
+        go.solve(PlaneAroundDisc(), ipopt={"tol": [1e-8]})
+    assert hash(go.Grid(4, 4, None, [2])) == hash(go.Grid(4, 4, None, (2,)))
+    start = go.solve(PlaneAroundDisc())
+    assert PlaneAroundDisc().nlp(go.Grid(8, 4), start).grid.segments == 8
 
 
 def test_a_live_picture_in_a_notebook(monkeypatch: pytest.MonkeyPatch) -> None:

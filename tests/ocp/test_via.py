@@ -183,3 +183,31 @@ def test_what_is_missed_there_is_named() -> None:
 
     with pytest.raises(go.NotConverged, match=r"(mirror|wall) .* at s = 0\.[0-9]+"):
         go.solve(Apart(passing=(0.5,)))
+
+
+@pytest.mark.parametrize(
+    ("points", "end", "close"),
+    [
+        (((0.0, 0.0),), (3.0, 0.5), r"the start and via\[0\]"),
+        (((3.0, 0.5),), (3.0, 0.5), r"via\[0\] and the end"),
+        (((1.0, 1.0), (1.0, 1.0)), (3.0, 0.5), r"via\[0\] and via\[1\]"),
+        (((1.0, 1.0), (1.0 + 1e-5, 1.0)), (3.0, 0.5), r"via\[0\] and via\[1\]"),
+    ],
+)
+def test_points_that_are_one_are_named(points: Any, end: Any, close: str) -> None:
+    problem = Corners(points=points, end=end)
+    with pytest.raises(go.NotConverged, match=f"no way left between {close}: are they one point"):
+        go.solve(problem)
+
+
+def test_motions_along_rounded_corners_are_exact() -> None:
+    """Where a corner is rounded the speed has nearly a kink, and lengths need more than a look."""
+    solution = go.solve(Mirror(smooth=True, end=(1.5, 0.2)))
+    motion = solution.to_motion(1.0, rate=10_000.0)
+    assert motion.velocity is not None
+    slopes = np.gradient(motion.q, motion.time, axis=0)
+    # But at the few samples beside ends of segments, where a polynomial's velocity may jump.
+    off = np.abs(motion.velocity - slopes)[2:-2].max(axis=1)
+    assert np.mean(off > 5e-3) < 1e-3
+    steps = np.linalg.norm(np.diff(solution.resample(2001), axis=0), axis=1)
+    assert_allclose(steps, solution.path.length / 2000, rtol=2e-3)

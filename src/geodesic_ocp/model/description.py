@@ -99,4 +99,6 @@ def _with_shapes(
     folder: Path | None,
 ) -> Description:
     model, mimics, warnings, text = read
-    return Description(model, mimics, warnings, Shapes(model, text, name, folder))
+    return Description(
+        model, mimics, warnings, Shapes(model, text, name, folder and folder.absolute())
+    )

@@ -71,10 +71,14 @@ def _expressions(
     for number, obstacle in enumerate(obstacles):
         if not isinstance(obstacle, (Capsule, Ball, HalfSpace)):
             raise ValueError(f"obstacles must be Ball, Capsule or HalfSpace, got {obstacle!r}")
-        if not moving:
+        if not moving and links is None:
             raise ValueError(f"{model.name!r} has no bodies; give it some with Model.with_bodies")
         other = obstacle.name or f"obstacle {number}"
         for body in moving:
+            if obstacle_link(obstacle) is not None and model.joint_of(str(body.link)) == (
+                model.joint_of(str(obstacle_link(obstacle)))
+            ):
+                continue  # one rigid body
             for distance in _distances(model, q, body, obstacle):
                 _add(found, f"{_name(body)} to {other}", distance)
     for pair in pairs:
@@ -84,6 +88,11 @@ def _expressions(
                 for distance in _distances(model, q, body, second):
                     _add(found, f"{_name(body)} to {_name(second)}", distance)
     return found
+
+
+def obstacle_link(obstacle: Obstacle) -> str | None:
+    """The link that an obstacle moves with."""
+    return None if isinstance(obstacle, HalfSpace) else obstacle.link
 
 
 def as_pair(pair: Any) -> tuple[str, str]:

@@ -140,7 +140,7 @@ def _write_defaults_out(root: ET.Element, name: str) -> None:
     for default in root.findall("default"):
         collect(default, "main")
         root.remove(default)
-    for section in root.iterfind("worldbody"):
+    for section in (*root.iterfind("asset"), *root.iterfind("worldbody")):
         write(section, "main")
 
 

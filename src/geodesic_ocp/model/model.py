@@ -201,7 +201,15 @@ class Model:
         Raises:
             ValueError: there is no such frame.
         """
-        return bool(self.pin.frames[frame_index(self.pin, frame)].parentJoint > 0)
+        return self.joint_of(frame) > 0
+
+    def joint_of(self, frame: str) -> int:
+        """Number in `pin` of the joint that a frame moves with; 0 of one that stands still.
+
+        Raises:
+            ValueError: there is no such frame.
+        """
+        return int(self.pin.frames[frame_index(self.pin, frame)].parentJoint)
 
     def _pose(self, frame: int, q: Any) -> Any:
         function = self._pose_function(frame)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,7 @@ from scipy.spatial import ConvexHull
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.bodies import Ball, Body, Capsule, enclosing_capsule
 
+_KNOWN = ("box", "cylinder", "sphere", "capsule", "mesh")
 _RIM = 24  # points of a circle, a little outside of it
 
 
@@ -40,6 +42,7 @@ class Shapes:
         Raises:
             ValueError: a mesh is missing or cannot be read.
         """
+        self._check()
         try:
             geometry = self._geometry()
         except Exception as error:
@@ -47,7 +50,20 @@ class Shapes:
             raise ValueError(
                 f"{self.name}: its collision geometry cannot be read: {reason}"
             ) from None
-        return tuple(_bodies(self.pin, geometry, self.name))
+        return (*_bodies(self.pin, geometry, self.name), *self._capsules())
+
+    def _check(self) -> None:
+        root = ET.fromstring(self.text)
+        for link, shape in _shapes_of_urdf(root):
+            kinds = [child.tag for child in shape.iterfind("geometry/*")]
+            if len(kinds) != 1 or kinds[0] not in _KNOWN:
+                raise ValueError(
+                    f"{self.name}: the collision geometry of {link.get('name')!r} is "
+                    f"{' and '.join(kinds) or 'empty'}, not one of {', '.join(_KNOWN)}"
+                )
+        for mesh in root.iterfind("asset/mesh"):
+            if "refpos" in mesh.attrib or "refquat" in mesh.attrib:
+                raise ValueError(f"{self.name}: refpos and refquat of a mesh are not read")
 
     def _geometry(self) -> pin.GeometryModel:
         kind = pin.GeometryType.COLLISION
@@ -56,10 +72,35 @@ class Shapes:
                 written = Path(scratch) / "model.xml"
                 written.write_text(self.text, encoding="utf-8")
                 return pin.buildGeomFromMJCF(self.pin, str(written), kind)
-        folders = [] if self.folder is None else [self.folder, *self.folder.absolute().parents]
-        return pin.buildGeomFromUrdfString(
-            self.pin, self.text, kind, package_dirs=[str(each) for each in folders]
-        )
+        folders = [] if self.folder is None else [self.folder, *self.folder.parents]
+        root = ET.fromstring(self.text)
+        for link, shape in _shapes_of_urdf(root):
+            # One that urdfdom does not know would cost the link all its shapes.
+            if shape.find("geometry/capsule") is not None:
+                link.remove(shape)
+        text = ET.tostring(root, encoding="unicode")
+        places = [str(each) for each in folders]
+        return pin.buildGeomFromUrdfString(self.pin, text, kind, package_dirs=places)
+
+    def _capsules(self) -> Iterator[Body]:
+        """Capsules of a URDF, along z about their origin, without their caps as long as it says."""
+        for link, shape in _shapes_of_urdf(ET.fromstring(self.text)):
+            if (capsule := shape.find("geometry/capsule")) is not None:
+                origin = shape.find("origin")
+                values = {} if origin is None else origin.attrib
+                place = np.array(values.get("xyz", "0 0 0").split(), dtype=float)
+                turn = pin.rpy.rpyToMatrix(
+                    np.array(values.get("rpy", "0 0 0").split(), dtype=float)
+                )
+                along = turn[:, 2] * float(capsule.get("length", "nan")) / 2.0
+                ends = tuple(place - along), tuple(place + along)
+                yield Capsule(*ends, float(capsule.get("radius", "nan")), link.get("name"))
+
+
+def _shapes_of_urdf(root: ET.Element) -> list[tuple[ET.Element, ET.Element]]:
+    """Links and their collision shapes; none of another format."""
+    links = root.findall("link") if root.tag == "robot" else []
+    return [(link, shape) for link in links for shape in link.findall("collision")]
 
 
 def _bodies(model: pin.Model, geometry: pin.GeometryModel, name: str) -> Iterator[Body]:
@@ -74,7 +115,7 @@ def _bodies(model: pin.Model, geometry: pin.GeometryModel, name: str) -> Iterato
             along = at_link.rotation[:, 2] * shape.geometry.halfLength
             ends = tuple(at_link.translation - along), tuple(at_link.translation + along)
             yield Capsule(*ends, float(shape.geometry.radius), link)
-        else:
+        elif kind not in ("Halfspace", "Plane"):  # of a floor, which no link is
             points = _points(shape.geometry, kind)
             if points is None:
                 raise ValueError(

@@ -10,6 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.model.model import Model
+
 if TYPE_CHECKING:
     from geodesic_ocp.ocp.solution import Solution
 
@@ -35,7 +38,7 @@ def save_solution(file: str | PathLike[str], solution: Solution) -> FilePath:
         "version": VERSION,
         "problem": type(solution.problem).__name__,
         "module": type(solution.problem).__module__,
-        "fields": _plain_fields(solution.problem),
+        **_fields(solution.problem),
         "joint_names": solution.path.metric.joint_names,
         "grid": asdict(grid),
         "s": grid.nodes,
@@ -56,27 +59,54 @@ def save_solution(file: str | PathLike[str], solution: Solution) -> FilePath:
     return path
 
 
-def _plain_fields(problem: object) -> dict[str, Any]:
-    """The fields that JSON can hold; models and metrics are not among them."""
-    found = {}
+def _fields(problem: object) -> dict[str, Any]:
+    """The fields as JSON can hold them, and the names of those that it cannot."""
+    kept: dict[str, Any] = {}
+    left_out = []
     for each in fields(problem) if is_dataclass(problem) else ():
-        value = _plain(getattr(problem, each.name))
-        if _is_plain(value) and each.init:
-            found[each.name] = value
-    return found
+        value = getattr(problem, each.name)
+        try:
+            kept[each.name] = _encoded(value)
+        except TypeError:
+            if not isinstance(value, (Model, Metric)):  # which the path's energy tells apart
+                left_out.append(each.name)
+    return {"fields": kept, "left_out": left_out}
 
 
-def _is_plain(value: Any) -> bool:
-    if isinstance(value, list):
-        return all(map(_is_plain, value))
-    return value is None or isinstance(value, (bool, int, float, str))
+def _encoded(value: Any) -> Any:
+    """A value that `decoded` brings back; TypeError of what JSON cannot hold."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, np.ndarray):
+        if value.dtype.kind not in "biuf":
+            raise TypeError
+        return {"array": [_encoded(each) for each in value.ravel().tolist()], "shape": value.shape}
+    if isinstance(value, (list, tuple)):
+        return {type(value).__name__: [_encoded(each) for each in value]}
+    if isinstance(value, float) and not np.isfinite(value):
+        return {"number": str(value)}
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
+    raise TypeError
+
+
+def decoded(value: Any) -> Any:
+    """What `_encoded` was given."""
+    if not isinstance(value, dict):
+        return value
+    if "array" in value:
+        return np.array([decoded(each) for each in value["array"]]).reshape(value["shape"])
+    if "number" in value:
+        return float(value["number"])
+    kind, entries = next(iter(value.items()))
+    return {"tuple": tuple, "list": list}[kind](map(decoded, entries))
 
 
 def _plain(value: Any) -> Any:
     """Lists and numbers of JSON; what is not finite by its name."""
     if isinstance(value, dict):
         return {key: _plain(each) for key, each in value.items()}
-    if isinstance(value, np.ndarray):
+    if isinstance(value, (np.ndarray, np.generic)):
         value = value.tolist()
     if isinstance(value, (list, tuple)):
         return [_plain(each) for each in value]

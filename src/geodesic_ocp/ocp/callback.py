@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import casadi as ca
+import numpy as np
 
 from geodesic_ocp.ocp.nlp import NLP
 from geodesic_ocp.ocp.path import Path
@@ -69,7 +70,8 @@ class Relay(ca.Callback):
         violation, _ = self._nlp.bounds.worst(path.nodes, values["g"].full()[:, 0])
         objective = float(values["f"]) * self._nlp.units.scale
         try:
-            self.stopped = self._callback(Iterate(self._number, objective, violation, path)) is True
+            answer = self._callback(Iterate(self._number, objective, violation, path))
+            self.stopped = isinstance(answer, (bool, np.bool_)) and bool(answer)
         except BaseException as error:  # CasADi would turn it into a warning
             self.failure, self.stopped = error, True
         self._number += 1

@@ -57,6 +57,9 @@ class Grid:
             if ends[0] != 0.0 or ends[-1] != 1.0 or not np.all(np.diff(ends) > 0.0):
                 raise ValueError(f"ends must increase from 0 to 1, got {ends}")
             object.__setattr__(self, "ends", tuple(ends.tolist()))
+        if not all(isinstance(each, Integral) for each in self.stations):
+            raise ValueError(f"stations must be integers, got {self.stations!r}")
+        object.__setattr__(self, "stations", tuple(int(each) for each in self.stations))
         edges = [0, *self.stations, self.segments]
         if self.stations and not np.all(np.diff(edges) > 0):
             raise ValueError(

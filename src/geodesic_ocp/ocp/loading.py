@@ -12,19 +12,20 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.ocp.archive import FORMAT, VERSION
+from geodesic_ocp.ocp.archive import FORMAT, VERSION, decoded
 from geodesic_ocp.ocp.certificate import Attempt
 from geodesic_ocp.ocp.grid import Grid
 from geodesic_ocp.ocp.path import Path
 from geodesic_ocp.ocp.prepared import transcription_of
 from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.solution import Round, Solution, Stats
-from geodesic_ocp.ocp.terms import conditions
+from geodesic_ocp.ocp.terms import Conditions, conditions
 from geodesic_ocp.ocp.transcription import Units
 from geodesic_ocp.ocp.violations import violations
 from geodesic_ocp.records import read_record
 
 _SAME = 1e-9  # of the energy, relative
+_MISSED = 1e-8  # of conditions, which rounding may change
 
 
 def load_solution(file: str | PathLike[str], problem: Problem | None = None) -> Solution:
@@ -54,7 +55,14 @@ def load_solution(file: str | PathLike[str], problem: Problem | None = None) -> 
         )
     try:
         solution = _solution(record, problem)
-    except (KeyError, TypeError, ValueError) as error:
+    except (
+        ArithmeticError,
+        AttributeError,
+        LookupError,
+        RuntimeError,
+        TypeError,
+        ValueError,
+    ) as error:
         what = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         raise RecordingError(f"{path}: {what}") from None
     energy, saved = solution.path.energy_at_nodes, solution.stats.energy
@@ -62,6 +70,12 @@ def load_solution(file: str | PathLike[str], problem: Problem | None = None) -> 
         raise RecordingError(
             f"{path}: its path has the energy {energy:.9g} in this problem's metric and was saved "
             f"with {saved:.9g}; give the problem that was solved"
+        )
+    missed = solution.violations[0].amount if solution.violations else 0.0
+    if not abs(missed - solution.stats.between) <= _MISSED:
+        raise RecordingError(
+            f"{path}: its path misses this problem's conditions by {missed:.3g} and was saved with "
+            f"{solution.stats.between:.3g}; give the problem that was solved"
         )
     return solution
 
@@ -76,9 +90,11 @@ def _problem(record: dict[str, Any], path: FilePath) -> Problem:
             f"{path} has a solution of {name} of the module {module}, which is not imported here; "
             f"import it, or use {given}"
         )
+    if left_out := record.get("left_out"):
+        raise RecordingError(f"{path} does not hold the fields {', '.join(left_out)}; use {given}")
     try:
-        return kind(**{key: _as_tuple(value) for key, value in saved.items()})
-    except (TypeError, ValueError) as error:
+        return kind(**{key: decoded(value) for key, value in saved.items()})
+    except (AttributeError, LookupError, TypeError, ValueError) as error:
         raise RecordingError(
             f"{path}: {name} cannot be made of the fields in the file ({error}); use {given}"
         ) from None
@@ -93,10 +109,6 @@ def _class(module: str, name: str) -> Any:
         if isinstance(kind, type) and issubclass(kind, Problem):
             return kind
     return None
-
-
-def _as_tuple(value: Any) -> Any:
-    return tuple(map(_as_tuple, value)) if isinstance(value, list) else _number(value)
 
 
 def _solution(record: dict[str, Any], problem: Problem) -> Solution:
@@ -123,9 +135,28 @@ def _solution(record: dict[str, Any], problem: Problem) -> Solution:
         success=stats.success,
         of_energy=bool(nlp["of_energy"]),
     )
+    _check(attempt, grid, terms)
     multipliers = {name: _array(values) for name, values in record["multipliers"].items()}
     missed = violations(terms, path, problem.metric.joint_names)
     return Solution(problem, path, stats, multipliers, missed, attempt)
+
+
+def _check(attempt: Attempt, grid: Grid, terms: Conditions) -> None:
+    """ValueError where the arrays are not those of an NLP of these conditions on the grid."""
+    n = attempt.path.metric.dim
+    size_g = attempt.transcription.constraints.size1_out(0)
+    sizes = {"x": n * grid.size, "lam_x": n * grid.size, "held_x": n * grid.size}
+    sizes |= {"lam_g": size_g, "held_g": size_g, "values": terms.values.size}
+    for name, size in sizes.items():
+        if getattr(attempt, name).shape != (size,):
+            raise ValueError(f"nlp.{name} must be {size} numbers")
+    units = attempt.units
+    if units.origin.shape != (n,) or not (units.length > 0.0 and units.scale > 0.0):
+        raise ValueError(f"nlp.origin must be {n} numbers, nlp.length and nlp.scale positive")
+    if not isinstance(attempt.success, bool):
+        raise ValueError("stats.success must be true or false")
+    if len(grid.stations) != len(terms.via):
+        raise ValueError(f"the path has {len(grid.stations)} via points, not {len(terms.via)}")
 
 
 def _number(value: Any) -> Any:

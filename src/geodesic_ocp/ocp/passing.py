@@ -19,6 +19,7 @@ from geodesic_ocp.ocp.path import Path
 from geodesic_ocp.ocp.solution import Solution, added
 
 _TURNS = 30
+_NO_WAY = 1e-4  # of the length: pieces that are shorter are none
 _SETTLED = 1e-5  # in s; the energy is off by the square
 
 
@@ -33,7 +34,11 @@ def passed(solution: Solution, solve_on: Callable[[Grid, Path], Solution]) -> So
     residuals: list[Array] = []
     for _ in range(_TURNS):
         grid = solution.path.grid
-        if not grid.stations or not solution.stats.success:
+        if not grid.stations:
+            return solution
+        if close := _close(solution.path):
+            return _failed(solution, f"there is no way left between {close}: are they one point?")
+        if not solution.stats.success:
             return solution
         tried.append(grid.shares)
         residuals.append(_shares(solution.path) - grid.shares)
@@ -42,8 +47,21 @@ def passed(solution: Solution, solve_on: Callable[[Grid, Path], Solution]) -> So
         moved = grid.moved(_next(tried, residuals).tolist())
         start = Path(solution.path.metric, moved, solution.path.nodes)
         solution = added(solve_on(moved, start), solution.stats)
-    status = f"where to pass the via points did not settle in {_TURNS} turns"
+    return _failed(solution, f"where to pass the via points did not settle in {_TURNS} turns")
+
+
+def _failed(solution: Solution, status: str) -> Solution:
     return replace(solution, stats=replace(solution.stats, success=False, status=status))
+
+
+def _close(path: Path) -> str:
+    """Names of two neighbours among ends and via points that are nearly one; empty if none are."""
+    lengths = _lengths(path)
+    shortest = int(np.argmin(lengths))
+    if not lengths[shortest] <= _NO_WAY * lengths.sum():
+        return ""
+    names = ["the start", *(f"via[{k}]" for k in range(len(lengths) - 1)), "the end"]
+    return f"{names[shortest]} and {names[shortest + 1]}"
 
 
 def _next(tried: list[Array], residuals: list[Array]) -> Array:
@@ -59,11 +77,16 @@ def _next(tried: list[Array], residuals: list[Array]) -> Array:
 
 
 def _shares(path: Path) -> Array:
-    """S of each via point at which the pieces' mean square speeds would be the same."""
+    """Where each via point would be for the pieces' mean square speeds to be the same."""
+    lengths = _lengths(path)
+    return np.asarray(np.cumsum(lengths)[:-1] / lengths.sum())
+
+
+def _lengths(path: Path) -> Array:
+    """Of the pieces between the via points, at their mean square speeds."""
     grid = path.grid
     squares = (path.speeds_at_nodes**2).reshape(grid.segments, -1)
     energies = (grid.weights * squares).sum(axis=1)
     pieces = np.split(energies, grid.stations)
     widths = np.diff([0.0, *grid.shares, 1.0])
-    lengths = np.sqrt([width * piece.sum() for width, piece in zip(widths, pieces, strict=True)])
-    return np.asarray(np.cumsum(lengths)[:-1] / lengths.sum())
+    return np.sqrt([width * piece.sum() for width, piece in zip(widths, pieces, strict=True)])

@@ -8,11 +8,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, evaluate
+from geodesic_ocp.arrays import Array, as_number, evaluate
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.ocp.grid import Grid
 
 _NEWTON = 4
+_HALVINGS, _RESOLVED = 5, 1e-10  # of the length, relative
 _TINY = float(np.finfo(float).tiny)
 
 
@@ -85,29 +86,51 @@ class Path:
         """Energy by the grid's own quadrature, which is what a solver minimises."""
         return float(self.grid.weights.ravel() @ self.speeds_at_nodes**2) / 2.0
 
-    @cached_property
-    def _speeds(self) -> tuple[Array, Array]:
-        """Quadrature weights and speeds |q'|_G, twice as fine as the path's own polynomials."""
-        fine = replace(self.grid, degree=min(2 * self.grid.degree, 100))
+    def _speeds_on(self, fine: Grid) -> Array:
+        """Speeds |q'|_G (segments, degree + 1) at the nodes of a grid that divides the path's."""
         by_segment = fine.in_segments(fine.nodes)
         # One-sided at the segments' ends, where the derivative may jump.
         middle = by_segment.mean(axis=1, keepdims=True)
         s = (middle + (1.0 - 1e-12) * (by_segment - middle)).ravel()
         function = self.metric.speed
-        speeds = evaluate(function.map(s.size), self(s).T, self(s, 1).T).ravel()
-        return fine.weights.ravel(), speeds
+        speeds = evaluate(function.map(s.size), self(s).T, self(s, 1).T)
+        return np.asarray(speeds.reshape(by_segment.shape))
+
+    @cached_property
+    def _speeds(self) -> tuple[Grid, Array]:
+        """A grid that resolves the speed, and the speeds at its nodes, by segment.
+
+        It is twice as fine as the path's own polynomials, and finer where that changes the length:
+        where a corner is rounded the speed has nearly a kink.
+        """
+        fine = replace(self.grid, degree=min(2 * self.grid.degree, 100), stations=())
+        speeds = self._speeds_on(fine)
+        for _ in range(_HALVINGS):
+            ends = np.interp(
+                np.arange(2 * fine.segments + 1) / 2.0,
+                np.arange(fine.segments + 1),
+                fine.breakpoints,
+            )
+            halved = Grid(2 * fine.segments, fine.degree, tuple(ends.tolist()))
+            finer = self._speeds_on(halved)
+            length = float(np.sum(fine.weights * speeds))
+            change = float(np.sum(halved.weights * finer)) - length
+            if not abs(change) > _RESOLVED * length:
+                break
+            fine, speeds = halved, finer
+        return fine, speeds
 
     @property
     def length(self) -> float:
         """Length: the integral of |q'(s)|_G over s."""
-        weights, speeds = self._speeds
-        return float(weights @ speeds)
+        fine, speeds = self._speeds
+        return float(np.sum(fine.weights * speeds))
 
     @property
     def energy(self) -> float:
         """Energy: half the integral of |q'(s)|_G^2 over s; at least length^2 / 2."""
-        weights, speeds = self._speeds
-        return float(0.5 * weights @ speeds**2)
+        fine, speeds = self._speeds
+        return float(0.5 * np.sum(fine.weights * speeds**2))
 
     def at_length(self, lengths: ArrayLike) -> Array:
         """The s (k,) up to which the path is as long as each of the lengths (k,).
@@ -117,6 +140,8 @@ class Path:
         """
         wanted, total = np.asarray(lengths, dtype=float), self.length
         slack = 1e-9 * total
+        if wanted.size == 0:
+            return np.zeros(0)
         if wanted.ndim != 1 or not np.all((wanted >= -slack) & (wanted <= total + slack)):
             raise ValueError(f"lengths must be (k,) between 0 and {total:.6g}, got {lengths!r}")
         s, upto = self._lengths
@@ -133,10 +158,8 @@ class Path:
 
     @cached_property
     def _antiderivative(self) -> tuple[Grid, Array]:
-        """The length from each segment's start, as polynomials on a grid twice as fine."""
-        fine = replace(self.grid, degree=min(2 * self.grid.degree, 100))
-        _, speeds = self._speeds
-        speeds = speeds.reshape(fine.segments, -1)
+        """The length from each segment's start, as polynomials on the grid of the speeds."""
+        fine, speeds = self._speeds
         # D y = speeds with y = 0 at the first node: exact for the speeds' polynomials, but one.
         inner = fine.differentiation[:, 1:, 1:]
         rest = np.linalg.solve(inner, speeds[:, 1:, None])[:, :, 0]
@@ -168,7 +191,7 @@ class Path:
         Raises:
             ValueError: fewer than two, or another word.
         """
-        if int(count) != count or count < 2:
+        if not (np.isfinite(as_number("count", count)) and int(count) == count >= 2):
             raise ValueError(f"count must be an integer above one, got {count!r}")
         if by not in ("length", "s"):
             raise ValueError(f"by must be 'length' or 's', got {by!r}")

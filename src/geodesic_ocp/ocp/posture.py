@@ -131,18 +131,19 @@ def as_directions(name: str, given: ArrayLike | None) -> Array:
     if directions.shape == (1, 0) or directions.shape == (0, 3):
         return np.zeros((0, 3))
     sizes = np.linalg.norm(directions, axis=-1)
+    scaled = directions / np.where(sizes > 0.0, sizes, 1.0)[..., None]
     if (
         directions.ndim != 2
         or directions.shape[1] != 3
         or not np.all(np.isfinite(directions))
         or not np.all(sizes > 0.0)
-        or np.linalg.matrix_rank(directions) > 2
+        or np.linalg.matrix_rank(np.nan_to_num(scaled)) > 2
     ):
         raise ValueError(
             f"{name} must be a direction (3,), or (k, 3) of at most two independent ones, not "
             f"zero, got {given!r}"
         )
-    return np.asarray(directions / sizes[:, None])
+    return np.asarray(scaled)
 
 
 def across(directions: Array) -> Array:

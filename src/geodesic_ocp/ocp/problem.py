@@ -5,9 +5,10 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 import casadi as ca
+import numpy as np
 from matplotlib.axes import Axes
 
 from geodesic_ocp.arrays import Array
@@ -15,6 +16,9 @@ from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.ocp.grid import Grid
 from geodesic_ocp.ocp.nlp import NLP, program
 from geodesic_ocp.ocp.path import Path
+
+if TYPE_CHECKING:
+    from geodesic_ocp.ocp.solution import Solution
 
 # (expression, value) or (expression, value, name)
 Equality: TypeAlias = tuple[Any, Any] | tuple[Any, Any, str]
@@ -96,7 +100,7 @@ class Problem(ABC):
         smooth = not len(self.constraints(q, v)) and not len(self.via(q))
         return Grid(1, 20) if smooth else Grid(16, 4)
 
-    def nlp(self, grid: Grid | None = None, guess: Path | None = None) -> NLP:
+    def nlp(self, grid: Grid | None = None, guess: Path | Solution | None = None) -> NLP:
         """The nonlinear program of this problem on a grid, its own by default.
 
         Args:
@@ -104,7 +108,8 @@ class Problem(ABC):
                 or evenly.
             guess: to start from.
         """
-        return program(self, self.grid if grid is None else grid, guess)
+        start = guess if guess is None or isinstance(guess, Path) else guess.path
+        return program(self, self.grid if grid is None else grid, start)
 
     @property
     def structure(self) -> Hashable | None:
@@ -152,5 +157,9 @@ class _Identity:
 
 
 def key_of(value: object) -> Hashable:
-    """The value, or its identity where it has no hash."""
+    """The value; of arrays and lists their contents; of others without a hash their identity."""
+    if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
+        return ("array", value.shape, value.dtype.str, value.tobytes())
+    if isinstance(value, (list, tuple)):
+        return (type(value).__name__, *map(key_of, value))
     return value if _hashable(value) else _Identity(value)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.ocp.grid import Grid
+from geodesic_ocp.ocp.ipopt import STOPPED
 from geodesic_ocp.ocp.path import Path
 from geodesic_ocp.ocp.solution import Round, Solution
 from geodesic_ocp.ocp.violations import Misses
@@ -56,7 +57,8 @@ def refined(
     """
     tolerance = as_positive("tolerance", tolerance)
     solution = _divided(solve_on, misses, grid, tolerance, guess)
-    if solution.stats.success or len(solution.stats.rounds) == 1:  # no solution on any grid so far
+    stopped = solution.stats.status == STOPPED
+    if solution.stats.success or stopped or len(solution.stats.rounds) == 1:  # none on any grid
         return solution
     rough = solve_on(_regrid(grid, 4 * grid.segments, 2), guess, False)
     if not rough.stats.success:

@@ -73,10 +73,6 @@ class Restricted(Problem):
         Raises:
             ValueError: wrong shapes or values, links without bodies, or a metric without a model.
         """
-        for keyword, what in _OF_A_MODEL.items():
-            if getattr(self, keyword) and self._model is None:
-                kind = type(self.metric).__name__
-                raise ValueError(f"{keyword}: {kind} has no model with {what}")
         object.__setattr__(self, "speed", _as_speed(self.speed, self.metric.dim))
         for keyword in ("obstacles", "links", "pairs"):
             given = getattr(self, keyword)
@@ -86,6 +82,10 @@ class Restricted(Problem):
         object.__setattr__(self, "pairs", tuple(map(as_pair, self.pairs)))
         if self.links is not None:
             object.__setattr__(self, "links", tuple(self.links))
+        for keyword, what in _OF_A_MODEL.items():
+            if getattr(self, keyword) and self._model is None:
+                kind = type(self.metric).__name__
+                raise ValueError(f"{keyword}: {kind} has no model with {what}")
         q, v = (ca.SX.sym(name, self.metric.dim) for name in "qv")
         self.constraints(q, v)
 

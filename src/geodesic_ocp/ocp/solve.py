@@ -178,6 +178,10 @@ def _solved(
     """The solution of the NLP, from known multipliers, or the record of the attempt."""
     values = {**nlp.values, **known}
     options = tuple(sorted(ipopt.items()))
+    try:
+        hash(options)
+    except TypeError:
+        raise ValueError(f"ipopt: options are numbers and texts, got {dict(ipopt)}") from None
     if callback is not None:
         relay = Relay(nlp, callback)
         outcome = _ipopt(nlp.transcription, options, relay)(**values)
