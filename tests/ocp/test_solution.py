@@ -214,7 +214,7 @@ def test_files_of_another_problem_or_damaged_ones_are_refused(tmp_path: Path) ->
         ("nlp", "scale", 0, "nlp.length and nlp.scale positive"),
         ("stats", "success", "false", "stats.success must be true or false"),
         ("stats", "rounds", [1], "has no attribute"),
-        ("stats", "energy", "abc", "bad.json"),
+        ("stats", "energy", "abc", "stats.energy must be a number"),
         ("grid", "stations", [1.5], "stations must be integers"),
         ("grid", "stations", [3], "the path has 1 via points, not 0"),
     ):

@@ -135,13 +135,13 @@ def _solution(record: dict[str, Any], problem: Problem) -> Solution:
         success=stats.success,
         of_energy=bool(nlp["of_energy"]),
     )
-    _check(attempt, grid, terms)
+    _check(attempt, stats, grid, terms)
     multipliers = {name: _array(values) for name, values in record["multipliers"].items()}
     missed = violations(terms, path, problem.metric.joint_names)
     return Solution(problem, path, stats, multipliers, missed, attempt)
 
 
-def _check(attempt: Attempt, grid: Grid, terms: Conditions) -> None:
+def _check(attempt: Attempt, stats: Stats, grid: Grid, terms: Conditions) -> None:
     """ValueError where the arrays are not those of an NLP of these conditions on the grid."""
     n = attempt.path.metric.dim
     size_g = attempt.transcription.constraints.size1_out(0)
@@ -153,8 +153,11 @@ def _check(attempt: Attempt, grid: Grid, terms: Conditions) -> None:
     units = attempt.units
     if units.origin.shape != (n,) or not (units.length > 0.0 and units.scale > 0.0):
         raise ValueError(f"nlp.origin must be {n} numbers, nlp.length and nlp.scale positive")
-    if not isinstance(attempt.success, bool):
+    if not isinstance(stats.success, bool):
         raise ValueError("stats.success must be true or false")
+    for name in ("energy", "between"):
+        if not isinstance(getattr(stats, name), float):
+            raise ValueError(f"stats.{name} must be a number")
     if len(grid.stations) != len(terms.via):
         raise ValueError(f"the path has {len(grid.stations)} via points, not {len(terms.via)}")
 
