@@ -122,6 +122,8 @@ def _solution(record: dict[str, Any], problem: Problem) -> Solution:
     ]
     stats = Stats(**figures, rounds=tuple(Round(**each) for each in rounds))
     nlp, terms = record["nlp"], conditions(problem)
+    if len(grid.stations) != len(terms.via):
+        raise ValueError(f"the path has {len(grid.stations)} via points, not {len(terms.via)}")
     attempt = Attempt(
         path,
         transcription_of(problem, grid),
@@ -135,15 +137,15 @@ def _solution(record: dict[str, Any], problem: Problem) -> Solution:
         success=stats.success,
         of_energy=bool(nlp["of_energy"]),
     )
-    _check(attempt, stats, grid, terms)
+    _check(attempt, stats, terms)
     multipliers = {name: _array(values) for name, values in record["multipliers"].items()}
     missed = violations(terms, path, problem.metric.joint_names)
     return Solution(problem, path, stats, multipliers, missed, attempt)
 
 
-def _check(attempt: Attempt, stats: Stats, grid: Grid, terms: Conditions) -> None:
+def _check(attempt: Attempt, stats: Stats, terms: Conditions) -> None:
     """ValueError where the arrays are not those of an NLP of these conditions on the grid."""
-    n = attempt.path.metric.dim
+    n, grid = attempt.path.metric.dim, attempt.path.grid
     size_g = attempt.transcription.constraints.size1_out(0)
     sizes = {"x": n * grid.size, "lam_x": n * grid.size, "held_x": n * grid.size}
     sizes |= {"lam_g": size_g, "held_g": size_g, "values": terms.values.size}
@@ -158,8 +160,6 @@ def _check(attempt: Attempt, stats: Stats, grid: Grid, terms: Conditions) -> Non
     for name in ("energy", "between"):
         if not isinstance(getattr(stats, name), float):
             raise ValueError(f"stats.{name} must be a number")
-    if len(grid.stations) != len(terms.via):
-        raise ValueError(f"the path has {len(grid.stations)} via points, not {len(terms.via)}")
 
 
 def _number(value: Any) -> Any:
