@@ -22,7 +22,7 @@ from geodesic_ocp.manifold.region_avoiding import RegionAvoiding
 from geodesic_ocp.manifold.transport import parallel_transport
 from geodesic_ocp.model.bodies import Ball, Capsule, HalfSpace, enclosing_capsule
 from geodesic_ocp.model.combine import combine
-from geodesic_ocp.model.distance import clearances
+from geodesic_ocp.model.distance import clearances, separate_pairs
 from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.model.library import load_model
 from geodesic_ocp.model.model import Model
@@ -117,6 +117,7 @@ __all__ = [
     "sectional_curvature",
     "segment",
     "segment_zero_velocity",
+    "separate_pairs",
     "solve",
     "time_law",
     "track_hand",

@@ -154,3 +154,17 @@ def test_a_tool_meets_other_links_alone(arm: go.Model) -> None:
     assert go.clearances(arm, np.zeros(7), [tool], links=[]) == {}
     with pytest.raises(ValueError, match="links must be a list of links, got 'right hand'"):
         go.clearances(arm, np.zeros(7), [tool], links="right hand")
+
+
+def test_pairs_that_may_keep_clear() -> None:
+    arms = go.combine(
+        go.human_arm("left"), go.human_arm("right"), placements=((-0.2, 0, 0), (0.2, 0, 0))
+    )
+    pairs = go.separate_pairs(arms, np.zeros(14))
+    assert ("left hand", "right hand") in pairs
+    assert ("left upper arm", "left hand") in pairs
+    assert ("left upper arm", "left forearm") not in pairs
+    assert len(pairs) == 9 + 2  # any two of different arms, and the ends of each
+    assert go.separate_pairs(arms, np.zeros(14), margin=1.0) == []
+    with pytest.raises(ValueError, match="q must have shape"):
+        go.separate_pairs(arms, np.zeros(7))

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
+from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import as_vector
 from geodesic_ocp.model.bodies import Ball, Body, Capsule, HalfSpace, Obstacle, as_capsule
@@ -37,7 +38,7 @@ def clearances(
         obstacles: that stand still, or move with a link that is named in them.
         links: whose bodies are to stay clear of obstacles; None: all that move.
         pairs: of links that are to stay clear of each other. Neighbours do not: their capsules
-            overlap at the joint between them.
+            overlap at the joint between them (`separate_pairs`).
 
     Returns:
         By name, as "forearm to table", numbers or expressions. Where there are several of a name,
@@ -57,6 +58,31 @@ def clearances(
         return dict(zip(expressions, ca.vertsplit(function(q)), strict=True))
     values = function(as_vector("q", q, model.dof)).full()[:, 0]
     return dict(zip(expressions, values.tolist(), strict=True))
+
+
+def separate_pairs(model: Model, q: ArrayLike, margin: float = 0.0) -> list[tuple[str, str]]:
+    """Pairs of links that move against each other and are apart in a posture.
+
+    A start for `pairs`: neighbours, whose capsules overlap at their joint, are not among them.
+
+    Args:
+        model: with bodies.
+        q: a posture (n,) in which nothing touches.
+        margin: least distance [m].
+
+    Raises:
+        ValueError: a wrong shape.
+    """
+    links = list(dict.fromkeys(str(body.link) for body in model.bodies))
+    pairs = [
+        (one, other)
+        for index, one in enumerate(links)
+        for other in links[index + 1 :]
+        if model.joint_of(one) != model.joint_of(other)
+    ]
+    return [
+        pair for pair in pairs if min(clearances(model, q, pairs=[pair]).values()) > float(margin)
+    ]
 
 
 def _expressions(

@@ -9,7 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from geodesic_ocp.arrays import Array, evaluate
+from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.bodies import Capsule, HalfSpace, Obstacle, as_capsule
+from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.path import Path
 from geodesic_ocp.plot import (
     OBSERVED,
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
 
 _PLACES = 201
 _ELLIPSES, _SIZE = 7, 0.06  # how many on the path, and how large beside it
+_TOUCHED = 1e-6  # of the room between two limits
 _ROUNDING = 1e-9  # of the speed, relative
 
 
@@ -82,11 +85,30 @@ def _draw_coordinates(axes: Axes, path: Path) -> None:
     s = np.linspace(0.0, 1.0, _PLACES)
     names, units = _names(path)
     draw_coordinates(axes, s, path(s), names)
+    for line, limit in zip(axes.get_lines(), _limits_reached(path), strict=True):
+        for value in limit:
+            axes.axhline(value, color=line.get_color(), linewidth=0.8, linestyle=":")
     for share in path.grid.shares:
         axes.axvline(float(share), color="#7a7a7a", linewidth=1.0, linestyle=":")
     axes.set_ylabel(f"coordinates q{units}")
     axes.tick_params(labelbottom=False)
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
+
+
+def _limits_reached(path: Path) -> list[list[float]]:
+    """For each coordinate the joint limits that the path touches."""
+    model: Model | None = getattr(path.metric, "model", None)
+    if model is None:
+        return [[] for _ in range(path.metric.dim)]
+    near = _TOUCHED * np.minimum(model.upper - model.lower, 1.0)
+    return [
+        [
+            float(limit)
+            for limit in limits
+            if np.any(np.abs(column - limit) <= close) and np.ptp(column) > 0.0
+        ]
+        for column, *limits, close in zip(path.nodes.T, model.lower, model.upper, near, strict=True)
+    ]
 
 
 def _draw_speed(axes: Axes, path: Path) -> None:
@@ -99,7 +121,8 @@ def _draw_speed(axes: Axes, path: Path) -> None:
         axes.set_ylim(0.9 * speeds.max(), 1.1 * speeds.max())
     axes.set_xlim(0.0, 1.0)
     axes.set_xlabel("path parameter s")
-    axes.set_ylabel("speed |q'|")
+    unit = r" [kg$^{1/2}$ m]" if isinstance(path.metric, KineticEnergy) else ""
+    axes.set_ylabel(f"speed |q'|{unit}")
 
 
 def _draw_plane(axes: Axes, problem: Problem, path: Path) -> None:
