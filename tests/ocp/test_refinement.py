@@ -129,3 +129,13 @@ def test_a_reach_past_leaps_between_nodes() -> None:
     assert solution.stats.between <= 1e-6
     # On the first grid the objective is 0.6488, and the path through its nodes costs 0.7512.
     assert solution.path.energy == pytest.approx(0.56081265, rel=1e-5)
+
+
+def test_bumps_between_the_places_that_are_looked_at_are_found() -> None:
+    """Where only four places a node were looked at, this reach left a limit by 3e-5."""
+    arm, rng = go.human_arm(), np.random.default_rng(5)
+    for _ in range(9):
+        start, end = rng.uniform(arm.lower, arm.upper, (2, 7))
+    path = go.solve(go.Reach(arm, start, arm.hand_pose(end)[1]), tolerance=1e-6).path
+    q = path(np.linspace(0.0, 1.0, 20_001))
+    assert np.max([arm.lower - q, q - arm.upper]) <= 1.05e-6

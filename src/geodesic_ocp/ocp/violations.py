@@ -15,6 +15,7 @@ from geodesic_ocp.ocp.terms import Conditions, Term
 
 NEGLIGIBLE = 1e-6  # violations that are passed over before a solve, and in messages
 _PER_NODE = 4  # places looked at between two nodes
+_POLISHED = 3  # times that a parabola's top is added to them
 
 # Of a path: places s (k,), and the largest violation there (k,) of any condition along it.
 Misses: TypeAlias = Callable[[Path], tuple[Array, Array]]
@@ -79,30 +80,71 @@ def violations_at(terms: Conditions, q: Array, s: float) -> tuple[Violation, ...
 
 def misses(terms: Conditions) -> Misses:
     """By how much paths violate the conditions along them, and where."""
-    functions = (*terms.still, *terms.moving)
-    rows = [ca.SX(0, 1), *(term.expression for term in functions)]
-    function = ca.Function("along", [terms.q, terms.v, terms.p], [ca.vertcat(*rows)])
+    look = _Look(terms)
 
     def along(path: Path) -> tuple[Array, Array]:
-        s = places_between(path)
-        positions, excess = path(s), np.zeros(s.size)
-        for term in terms.bounds:
-            excess = np.maximum(excess, _excess(term, positions[:, list(term.coordinates or ())].T))
-        if functions:
-            own = np.tile(terms.values[:, None], s.size)
-            values = evaluate(function.map(s.size), positions.T, path(s, 1).T, own)
-            ends = np.cumsum([term.size for term in functions])[:-1]
-            for term, part in zip(functions, np.split(values, ends), strict=True):
-                excess = np.maximum(excess, _excess(term, part))
-        return s, excess
+        s, found = look(path)
+        excess = [_signed(term, values).max(axis=0, initial=0.0) for term, values in found]
+        return s, np.maximum.reduce([np.zeros(s.size), *excess])
 
     return along
 
 
-def _excess(term: Term, values: Array) -> Array:
-    """Largest violation (k,) of a term's values (m, k); NaN is an infinite one."""
+def _signed(term: Term, values: Array) -> Array:
+    """By how much values (m, k) are outside the bounds, negative inside; NaN is infinitely far."""
     excess = np.maximum(term.lower[:, None] - values, values - term.upper[:, None])
-    return np.asarray(np.where(np.isnan(excess), np.inf, excess).max(axis=0, initial=0.0))
+    return np.asarray(np.where(np.isnan(excess), np.inf, excess))
+
+
+class _Look:
+    """Values of the conditions along paths, also where between other places they are worst."""
+
+    def __init__(self, terms: Conditions) -> None:
+        self._terms, self._functions = terms, (*terms.still, *terms.moving)
+        rows = [ca.SX(0, 1), *(term.expression for term in self._functions)]
+        self._function = ca.Function("along", [terms.q, terms.v, terms.p], [ca.vertcat(*rows)])
+
+    def __call__(self, path: Path) -> tuple[Array, list[tuple[Term, Array]]]:
+        """Places s (k,), and of each condition along the path the values (m, k) there."""
+        s = places_between(path)
+        found = self._values(path, s)
+        for _ in range(_POLISHED):
+            peaks = [_peaks(s, _signed(term, values)) for term, values in found]
+            new = np.setdiff1d(np.concatenate([np.zeros(0), *peaks]), s)
+            if not new.size:
+                break
+            s = np.sort(np.concatenate([s, new]))
+            found = self._values(path, s)
+        return s, found
+
+    def _values(self, path: Path, s: Array) -> list[tuple[Term, Array]]:
+        positions = path(s)
+        found = [
+            (term, positions[:, list(term.coordinates or ())].T) for term in self._terms.bounds
+        ]
+        if self._functions:
+            own = np.tile(self._terms.values[:, None], s.size)
+            values = evaluate(self._function.map(s.size), positions.T, path(s, 1).T, own)
+            ends = np.cumsum([term.size for term in self._functions])[:-1]
+            found += zip(self._functions, np.split(values, ends), strict=True)
+        return found
+
+
+def _peaks(s: Array, excess: Array) -> Array:
+    """Where parabolas through three neighbours of excess (m, k) have their tops outside."""
+    if s.size < 3:
+        return np.zeros(0)
+    left, middle, right = excess[:, :-2], excess[:, 1:-1], excess[:, 2:]
+    a, b = np.diff(s)[:-1], np.diff(s)[1:]
+    with np.errstate(all="ignore"):  # there may be infinities
+        before, after = (middle - left) / a, (right - middle) / b
+        bend = (after - before) / (a + b)
+        slope = before + bend * a
+        top = middle - slope**2 / (4.0 * bend)
+        place = s[1:-1] - slope / (2.0 * bend)
+        inside = (place > s[:-2]) & (place < s[2:])
+        there = (bend < 0.0) & (middle >= left) & (middle >= right) & (top > 0.0) & inside
+    return np.asarray(place[there])
 
 
 def _at_ends(
@@ -140,18 +182,10 @@ def _at_via(
 
 
 def _along(terms: Conditions, path: Path, joint_names: Sequence[str] | None) -> Iterator[Violation]:
-    functions = (*terms.still, *terms.moving)
-    if not functions and not terms.bounds:
-        return
-    s, n = places_between(path), path.metric.dim
-    positions = path(s)
-    for term in terms.bounds:
-        assert term.coordinates is not None
-        yield from _worst(term, positions[:, list(term.coordinates)].T, s, n, joint_names)
-    states = [positions.T, path(s, 1).T, np.tile(terms.values[:, None], s.size)]
-    for term in functions:
-        function = ca.Function("term", [terms.q, terms.v, terms.p], [term.expression])
-        yield from _worst(term, evaluate(function.map(s.size), *states), s, n, joint_names)
+    if terms.still or terms.moving or terms.bounds:
+        s, found = _Look(terms)(path)
+        for term, values in found:
+            yield from _worst(term, values, s, path.metric.dim, joint_names)
 
 
 def places_between(path: Path) -> Array:
@@ -167,9 +201,7 @@ def _worst(
     term: Term, values: Array, s: Array | None, n: int, joint_names: Sequence[str] | None
 ) -> Iterator[Violation]:
     """The worst miss of a term's values (m, k), if there is any; NaN is an infinite one."""
-    lower, upper = term.lower[:, None], term.upper[:, None]
-    excess = np.maximum(lower - values, values - upper)
-    excess = np.where(np.isnan(excess), np.inf, excess)
+    excess = _signed(term, values)
     if not np.any(excess > 0.0):
         return
     row, place = np.unravel_index(int(np.argmax(excess)), excess.shape)
