@@ -26,10 +26,10 @@ class PandaBox(go.Problem):
     start: tuple[float, ...] = (-0.8, 0.6, 0.0, -1.8, 0.0, 2.4, 0.8)  # [rad]
     target: tuple[float, float, float] = (0.40, 0.40, 0.25)  # [m], from the robot's base
     centre: tuple[float, float, float] = (0.50, 0.0, 0.20)  # [m], of the box
-    counts: tuple[int, int, int] = (2, 2, 3)  # of balls along x, y and z
-    radius: float = 0.08  # [m] of a ball
+    counts: tuple[int, int, int] = (2, 2, 2)  # of balls along x, y and z
+    radius: float = 0.1  # [m] of a ball
     margin: float = 0.01  # [m]
-    links: tuple[str, ...] = ("panda_link4", "panda_link5", "panda_link6", "panda_hand")
+    links: tuple[str, ...] = ("panda_link5", "panda_link6", "panda_hand")
 
     @property
     def metric(self) -> go.Metric:
