@@ -15,6 +15,7 @@ from geodesic_ocp.ocp.terms import Conditions, Term
 
 NEGLIGIBLE = 1e-6  # violations that are passed over before a solve, and in messages
 _PER_NODE = 4  # places looked at between two nodes
+_CLOSE = 1e-2  # of the range of a condition's values
 _POLISHED = 3  # times that a parabola's top is added to them
 
 # Of a path: places s (k,), and the largest violation there (k,) of any condition along it.
@@ -131,7 +132,7 @@ class _Look:
 
 
 def _peaks(s: Array, excess: Array) -> Array:
-    """Where parabolas through three neighbours of excess (m, k) have their tops outside."""
+    """Where parabolas through three neighbours of excess (m, k) have tops outside, or nearly."""
     if s.size < 3:
         return np.zeros(0)
     left, middle, right = excess[:, :-2], excess[:, 1:-1], excess[:, 2:]
@@ -143,7 +144,9 @@ def _peaks(s: Array, excess: Array) -> Array:
         top = middle - slope**2 / (4.0 * bend)
         place = s[1:-1] - slope / (2.0 * bend)
         inside = (place > s[:-2]) & (place < s[2:])
-        there = (bend < 0.0) & (middle >= left) & (middle >= right) & (top > 0.0) & inside
+        finite = np.where(np.isfinite(excess), excess, 0.0)
+        near = -_CLOSE * np.ptp(finite, axis=1, keepdims=True)  # a parabola may miss a top
+        there = (bend < 0.0) & (top > near) & inside
     return np.asarray(place[there])
 
 
