@@ -100,10 +100,10 @@ def _expressions(
         if not moving and links is None:
             raise ValueError(f"{model.name!r} has no bodies; give it some with Model.with_bodies")
         other = obstacle.name or f"obstacle {number}"
+        link = None if isinstance(obstacle, HalfSpace) else obstacle.link
+        joint = None if link is None else model.joint_of(link)
         for body in moving:
-            if obstacle_link(obstacle) is not None and model.joint_of(str(body.link)) == (
-                model.joint_of(str(obstacle_link(obstacle)))
-            ):
+            if joint is not None and joint == model.joint_of(str(body.link)):
                 continue  # one rigid body
             for distance in _distances(model, q, body, obstacle):
                 _add(found, f"{_name(body)} to {other}", distance)
@@ -114,11 +114,6 @@ def _expressions(
                 for distance in _distances(model, q, body, second):
                     _add(found, f"{_name(body)} to {_name(second)}", distance)
     return found
-
-
-def obstacle_link(obstacle: Obstacle) -> str | None:
-    """The link that an obstacle moves with."""
-    return None if isinstance(obstacle, HalfSpace) else obstacle.link
 
 
 def as_pair(pair: Any) -> tuple[str, str]:
