@@ -281,6 +281,6 @@ def test_bounded_joints_are_named_by_themselves(arm: go.Model) -> None:
     path = go.geodesic(inside.metric, np.zeros(7), [1.4, 0.2, -0.6, 0.9, 0.0, 0.0, 0.0])
     found = violations(terms, path, arm.joint_names)
     elbow = next(each for each in found if each.name == "elbow")
-    assert str(elbow).startswith("joint REx_joint exceeds 0.2 by ")
+    assert str(elbow).startswith("joint REx_joint exceeds its upper limit 0.2 rad by ")
     assert elbow.value == pytest.approx(path(elbow.s)[3])
     assert elbow.amount >= path(np.linspace(0.0, 1.0, 101))[:, 3].max() - 0.2 - 1e-3

@@ -121,7 +121,7 @@ def _draw_speed(axes: Axes, path: Path) -> None:
         axes.set_ylim(0.9 * speeds.max(), 1.1 * speeds.max())
     axes.set_xlim(0.0, 1.0)
     axes.set_xlabel("path parameter s")
-    unit = r" [kg$^{1/2}$ m]" if isinstance(path.metric, KineticEnergy) else ""
+    unit = "\n[kg$^{1/2}$ m]" if isinstance(path.metric, KineticEnergy) else ""
     axes.set_ylabel(f"speed |q'|{unit}")
 
 

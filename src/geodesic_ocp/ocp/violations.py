@@ -32,6 +32,7 @@ class Violation:
         value: what was found.
         limit: the bound or value that it misses.
         s: where on the path; None of a condition on both ends.
+        unit: of a coordinate's limit, where the model tells it; None of other conditions.
     """
 
     name: str
@@ -39,6 +40,7 @@ class Violation:
     value: float
     limit: float
     s: float | None
+    unit: str | None = None
 
     @property
     def amount(self) -> float:
@@ -48,8 +50,12 @@ class Violation:
     def __str__(self) -> str:
         side = "exceeds" if self.value > self.limit else "falls below"
         where = "at both ends" if self.s is None else f"at s = {self.s:.2f}"
+        bound = f"{self.limit:.4g}"
+        if self.unit is not None:
+            which = "upper" if self.value > self.limit else "lower"
+            bound = f"its {which} limit {bound} {self.unit}".rstrip()
         return (
-            f"{self.component} {side} {self.limit:.4g} by {self.amount:.2g} {where}"
+            f"{self.component} {side} {bound} by {self.amount:.2g} {where}"
             f" (condition {self.name!r})"
         )
 
@@ -187,8 +193,11 @@ def _at_via(
 def _along(terms: Conditions, path: Path, joint_names: Sequence[str] | None) -> Iterator[Violation]:
     if terms.still or terms.moving or terms.bounds:
         s, found = _Look(terms)(path)
+        n = path.metric.dim
+        units = getattr(getattr(path.metric, "model", None), "units", ("",) * n)
         for term, values in found:
-            yield from _worst(term, values, s, path.metric.dim, joint_names)
+            of_bounds = units if term in terms.bounds else None
+            yield from _worst(term, values, s, n, joint_names, of_bounds)
 
 
 def places_between(path: Path) -> Array:
@@ -201,9 +210,18 @@ def places_between(path: Path) -> Array:
 
 
 def _worst(
-    term: Term, values: Array, s: Array | None, n: int, joint_names: Sequence[str] | None
+    term: Term,
+    values: Array,
+    s: Array | None,
+    n: int,
+    joint_names: Sequence[str] | None,
+    units: Sequence[str] | None = None,
 ) -> Iterator[Violation]:
-    """The worst miss of a term's values (m, k), if there is any; NaN is an infinite one."""
+    """The worst miss of a term's values (m, k), if there is any; NaN is an infinite one.
+
+    Units (n,) are given for limits of coordinates.
+    """
+    unit = None
     excess = _signed(term, values)
     if not np.any(excess > 0.0):
         return
@@ -213,8 +231,9 @@ def _worst(
     component = f"{term.name}[{row}]" if term.size > 1 else term.name
     if term.coordinates is not None:
         coordinate = term.coordinates[int(row)] % n
+        unit = None if units is None else units[coordinate]
         component = (
             f"q[{coordinate}]" if joint_names is None else f"joint {joint_names[coordinate]}"
         )
     where = None if s is None else float(s[min(int(place), s.size - 1)])
-    yield Violation(term.name, component, value, limit, where)
+    yield Violation(term.name, component, value, limit, where, unit)
