@@ -16,7 +16,8 @@ LAYERS = [
     ("manifold",),
     ("ocp",),
     ("motion",),
-    ("analysis", "gallery"),
+    ("analysis", "gallery", "viewer"),
+    ("retargeted", "retargeting"),
     ("cli",),
     ("__init__",),
 ]

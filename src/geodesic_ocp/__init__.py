@@ -20,6 +20,7 @@ from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
 from geodesic_ocp.manifold.metric import Euclidean, Metric
 from geodesic_ocp.manifold.region_avoiding import RegionAvoiding
 from geodesic_ocp.manifold.transport import parallel_transport
+from geodesic_ocp.model.alignment import Alignment, alignment
 from geodesic_ocp.model.bodies import Ball, Capsule, HalfSpace, enclosing_capsule
 from geodesic_ocp.model.combine import combine
 from geodesic_ocp.model.distance import clearances, separate_pairs
@@ -29,6 +30,7 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.motion.archive import load_synergies, save_synergies
 from geodesic_ocp.motion.baselines import track_hand
 from geodesic_ocp.motion.evaluation import Errors, evaluate
+from geodesic_ocp.motion.merging import Group, merged
 from geodesic_ocp.motion.readers import read_motion
 from geodesic_ocp.motion.segmentation import segment, segment_zero_velocity
 from geodesic_ocp.motion.synergies import Reconstruction, Synergy, reconstruct
@@ -38,7 +40,7 @@ from geodesic_ocp.ocp.certificate import Certificate, certify
 from geodesic_ocp.ocp.grid import Grid
 from geodesic_ocp.ocp.live import LivePlot
 from geodesic_ocp.ocp.loading import load_solution
-from geodesic_ocp.ocp.logarithm import Geodesic, distance, geodesic, geodesics, log
+from geodesic_ocp.ocp.logarithm import Geodesic, distance, geodesic, geodesics, log, shoot
 from geodesic_ocp.ocp.mean import mean
 from geodesic_ocp.ocp.nlp import NLP
 from geodesic_ocp.ocp.path import Path
@@ -51,12 +53,16 @@ from geodesic_ocp.ocp.restricted import avoid
 from geodesic_ocp.ocp.solution import Solution, Stats
 from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.ocp.timing import TimeLaw, time_law
+from geodesic_ocp.ocp.to_pose import ToPose, geodesic_to_pose
+from geodesic_ocp.retargeted import RetargetedArm, Retargeting
+from geodesic_ocp.retargeting import retarget
 from geodesic_ocp.sampled import Motion, Subject
 
 __version__ = _version("geodesic_ocp")
 
 __all__ = [
     "NLP",
+    "Alignment",
     "Analysis",
     "Ball",
     "Capsule",
@@ -66,6 +72,7 @@ __all__ = [
     "Geodesic",
     "GeodesicOcpError",
     "Grid",
+    "Group",
     "HalfSpace",
     "IntegrationFailed",
     "Iterate",
@@ -83,11 +90,15 @@ __all__ = [
     "Reconstruction",
     "RecordingError",
     "RegionAvoiding",
+    "RetargetedArm",
+    "Retargeting",
     "Solution",
     "Stats",
     "Subject",
     "Synergy",
     "TimeLaw",
+    "ToPose",
+    "alignment",
     "analyse",
     "avoid",
     "certify",
@@ -100,6 +111,7 @@ __all__ = [
     "exp",
     "find_posture",
     "geodesic",
+    "geodesic_to_pose",
     "geodesics",
     "human_arm",
     "load_model",
@@ -107,9 +119,11 @@ __all__ = [
     "load_synergies",
     "log",
     "mean",
+    "merged",
     "parallel_transport",
     "read_motion",
     "reconstruct",
+    "retarget",
     "riemann_curvature",
     "save_solution",
     "save_synergies",
@@ -118,6 +132,7 @@ __all__ = [
     "segment",
     "segment_zero_velocity",
     "separate_pairs",
+    "shoot",
     "solve",
     "time_law",
     "track_hand",

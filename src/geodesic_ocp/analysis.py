@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path as FilePath
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from geodesic_ocp import plot
@@ -34,7 +33,8 @@ _FAR_OUTSIDE = 2.0
 Progress = Callable[[str, int, int], object]
 
 
-def _no_progress(label: str, done: int, total: int) -> None:
+def no_progress(label: str, done: int, total: int) -> None:
+    """Progress that nobody asked for."""
     del label, done, total
 
 
@@ -79,42 +79,25 @@ class Analysis:
     def plot(self) -> Figure:
         """Hand and three joints over time, observed and predicted, and the hand's path."""
         figure = Figure(figsize=(11.0, 7.5), layout="constrained")
-        grid = figure.add_gridspec(5, 2, width_ratios=(1.5, 1.0))
         time = self.motion.time - self.motion.time[0]
-        hands = [self.model.hand_pose(motion.q)[1] for motion in (self.motion, self.predicted)]
-        axes_shown = plot.widest_columns(hands[0], 2)
-        rows = [
-            (f"hand {'xyz'[axis]}\n[m]", *(hand[:, axis] for hand in hands)) for axis in axes_shown
+        hands = (
+            self.model.hand_pose(self.motion.q)[1],
+            self.model.hand_pose(self.predicted.q)[1],
+        )
+        joints = [
+            (
+                f"{self.model.joint_names[joint].removesuffix('_joint')}\n[rad]",
+                self.motion.q[:, joint],
+                self.predicted.q[:, joint],
+            )
+            for joint in plot.widest_of_thirds(self.motion.q)
         ]
-        for joint in self._shown_joints():
-            name = self.model.joint_names[joint].removesuffix("_joint")
-            rows.append((f"{name}\n[rad]", self.motion.q[:, joint], self.predicted.q[:, joint]))
-        panels: list[Axes] = []
-        for row, (label, observed, predicted) in enumerate(rows):
-            axes = figure.add_subplot(grid[row, 0], sharex=panels[0] if panels else None)
-            plot.shade_segments(axes, time, self.segments)
-            plot.draw_over_time(axes, time, observed, predicted, label)
-            axes.label_outer()
-            panels.append(axes)
-        panels[-1].set_xlabel("time [s]")
-        figure.align_ylabels(panels)
-
-        path = figure.add_subplot(grid[:, 1])
-        names = tuple("xyz"[axis] for axis in axes_shown)
-        observed, predicted = (hand[:, axes_shown] for hand in hands)
-        plot.draw_hand_path(path, observed, predicted, self.segments, (names[0], names[1]))
-        figure.legend(*path.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+        plot.draw_overview(figure, time, self.segments, hands, joints)
         figure.suptitle(
             f"{self.model.name}: {len(self.segments)} geodesic synergies "
             f"(threshold {self.threshold:g} rad)"
         )
         return figure
-
-    def _shown_joints(self) -> list[int]:
-        """The joint that moves most in each third of the chain: shoulder, elbow, wrist."""
-        thirds = [third for third in np.array_split(np.arange(self.model.dof), 3) if len(third)]
-        widest = [plot.widest_columns(self.motion.q[:, third], 1)[0] for third in thirds]
-        return [int(third[index]) for third, index in zip(thirds, widest, strict=True)]
 
     def save(self, folder: str | FilePath) -> list[FilePath]:
         """Write table.csv, table.md, figure.png, figure.pdf and synergies.json to the folder.
@@ -172,7 +155,7 @@ def analyse(
             moves or is too short to filter, or the threshold is out of range.
         NotConverged: no geodesic was found for a segment.
     """
-    report = progress or _no_progress
+    report = progress or no_progress
     motion = motion.select(model.joint_names)
     _plausible(model, motion)
     if motion.velocity is None:

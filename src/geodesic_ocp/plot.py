@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.figure import FigureBase
 from matplotlib.patches import Polygon
 
 from geodesic_ocp.arrays import Array
@@ -15,6 +16,10 @@ from geodesic_ocp.arrays import Array
 # Dark blue and orange differ in hue and in lightness, and stay apart in grey print.
 OBSERVED: dict[str, Any] = {"color": "#1b3a5c", "linewidth": 2.0}
 PREDICTED: dict[str, Any] = {"color": "#e07b00", "linewidth": 1.5, "linestyle": (0, (4, 1.5))}
+OTHER: dict[str, Any] = {"color": "#6a9a3a", "linewidth": 1.3, "linestyle": (0, (1, 1))}
+Names = tuple[str, str]
+NAMES: Names = ("observed", "predicted")
+_TICKS: dict[str, Any] = {"color": "#1b3a5c", "markersize": 9, "clip_on": False}
 _SHADES = ("#dfe6ee", "#ffffff")
 _DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
 _SOLID: dict[str, Any] = {
@@ -32,11 +37,70 @@ def shade_segments(axes: Axes, time: Array, segments: Sequence[tuple[int, int]])
     axes.set_xlim(time[0], time[-1])
 
 
-def draw_over_time(axes: Axes, time: Array, observed: Array, predicted: Array, label: str) -> None:
-    """One coordinate over time [s], observed (k,) and predicted (k,)."""
-    axes.plot(time, observed, **OBSERVED, label="observed")
-    axes.plot(time, predicted, **PREDICTED, label="predicted")
+def draw_over_time(
+    axes: Axes,
+    time: Array,
+    observed: Array,
+    predicted: Array,
+    label: str,
+    names: Names = NAMES,
+    style: Mapping[str, Any] = OBSERVED,
+) -> None:
+    """One coordinate over time [s], observed (k,), in a style of its own, and predicted (k,)."""
+    axes.plot(time, observed, **style, label=names[0])
+    axes.plot(time, predicted, **PREDICTED, label=names[1])
     axes.set_ylabel(label)
+
+
+def draw_overview(
+    figure: FigureBase,
+    time: Array,
+    segments: Sequence[tuple[int, int]],
+    hands: tuple[Array, Array],
+    joints: Sequence[tuple[str, Array, Array]],
+    names: Names = NAMES,
+    other: str | None = None,
+    ticks: Array | None = None,
+) -> None:
+    """Hand and joints over time in panels, and the hand's path beside them.
+
+    Args:
+        figure: to draw in.
+        time: of the samples (k,) [s].
+        segments: whose spans of time are shaded.
+        hands: positions (k, 3) [m] of the observed and the predicted hand.
+        joints: label, observed (k,) and predicted (k,) of each joint that is shown.
+        names: of what is observed and what is predicted.
+        other: what is beside the predicted joints, where that is not what is observed.
+        ticks: instants [s] that are marked on the upper edge.
+    """
+    columns = widest_columns(hands[0], 2)
+    rows = [(f"hand {'xyz'[axis]}\n[m]", hands[0][:, axis], hands[1][:, axis]) for axis in columns]
+    rows += joints
+    grid = figure.add_gridspec(len(rows), 2, width_ratios=(1.5, 1.0))
+    panels: list[Axes] = []
+    for row, (label, observed, predicted) in enumerate(rows):
+        axes = figure.add_subplot(grid[row, 0], sharex=panels[0] if panels else None)
+        shade_segments(axes, time, segments)
+        if other is None or row < len(columns):
+            draw_over_time(axes, time, observed, predicted, label, names)
+        else:
+            draw_over_time(axes, time, observed, predicted, label, (other, names[1]), OTHER)
+        axes.label_outer()
+        panels.append(axes)
+    if ticks is not None:
+        top = panels[0].get_xaxis_transform()
+        panels[0].plot(ticks, np.ones(ticks.size), "|", transform=top, **_TICKS)
+    panels[-1].set_xlabel("time [s]")
+    figure.align_ylabels(panels)
+
+    path = figure.add_subplot(grid[:, 1])
+    axis_names = ("xyz"[columns[0]], "xyz"[columns[1]])
+    observed, predicted = (hand[:, columns] for hand in hands)
+    draw_hand_path(path, observed, predicted, segments, axis_names, names)
+    shown = dict(zip(*path.get_legend_handles_labels()[::-1], strict=True))
+    shown |= dict(zip(*panels[-1].get_legend_handles_labels()[::-1], strict=True))
+    figure.legend(shown.values(), shown.keys(), loc="outside lower center", ncols=len(shown))
 
 
 def draw_hand_path(
@@ -45,10 +109,11 @@ def draw_hand_path(
     predicted: Array,
     segments: Sequence[tuple[int, int]],
     axis_names: tuple[str, str],
+    names: Names = NAMES,
 ) -> None:
     """The hand's path (k, 2) [m] in two axes, with a mark where each segment begins."""
-    axes.plot(*observed.T, **OBSERVED, label="observed")
-    axes.plot(*predicted.T, **PREDICTED, label="predicted")
+    axes.plot(*observed.T, **OBSERVED, label=names[0])
+    axes.plot(*predicted.T, **PREDICTED, label=names[1])
     starts = [start for start, _ in segments]
     marks = observed[[*starts, segments[-1][1]]]
     style = {"color": "white", "markeredgecolor": OBSERVED["color"], "markersize": 5}
@@ -62,6 +127,12 @@ def widest_columns(values: Array, count: int) -> list[int]:
     """Indices of the columns (k, m) with the largest range, in their own order."""
     order = np.argsort(-np.ptp(values, axis=0), kind="stable")
     return sorted(int(column) for column in order[:count])
+
+
+def widest_of_thirds(values: Array) -> list[int]:
+    """The widest column of each third of (k, m): of an arm's joints, shoulder, elbow and wrist."""
+    thirds = [third for third in np.array_split(np.arange(values.shape[1]), 3) if len(third)]
+    return [int(third[widest_columns(values[:, third], 1)[0]]) for third in thirds]
 
 
 def line_styles(count: int) -> list[dict[str, Any]]:

@@ -123,8 +123,8 @@ def test_no_velocity_and_wrong_times_are_named(motion: go.Motion) -> None:
     synergy = go.reconstruct(go.Euclidean(7), motion, [(0, 80)]).synergies[0]
     with pytest.raises(ValueError, match=r"t must lie in \[0, 0\.8\] s"):
         synergy(0.9)
-    with pytest.raises(ValueError, match="order must be 0 or 1"):
-        synergy(0.1, 2)
+    with pytest.raises(ValueError, match="order must be 0, 1 or 2"):
+        synergy(0.1, 3)
 
 
 def test_files_of_synergies(metric: go.KineticEnergy, motion: go.Motion, tmp_path: Path) -> None:

@@ -12,26 +12,36 @@ from geodesic_ocp.model.joints import motion_subspace
 _STARTS = 16
 
 
-def reach(model: pin.Model, frame: int, lower: Array, upper: Array) -> float:
-    """Largest distance [m] found of a frame from the first joint that moves it, at its zero.
+def reach(
+    model: pin.Model, frame: int, lower: Array, upper: Array, joint: int | None = None
+) -> float:
+    """Largest distance [m] found of a frame from a joint, wherever that is.
 
-    Minimises -|p(q) - p_joint|^2 within the limits from random postures.
+    Minimises -|p(q) - p_joint(q)|^2 within the limits from random postures.
 
     Args:
         model: with one coordinate for each joint.
         frame: number of the frame.
         lower, upper: limits (n,) [rad or m]; angles without any are taken within a turn, and a
             slide without any reaches to infinity.
+        joint: number of the joint; None: the first that moves the frame, at its zero.
     """
-    data, joint = model.createData(), model.frames[frame].parentJoint
-    chain = list(model.supports[joint])[1:]
+    data = model.createData()
+    chain = list(model.supports[model.frames[frame].parentJoint])[1:]
     if not chain:
         return 0.0
-    origin = model.jointPlacements[chain[0]].translation
+
+    axes = pin.LOCAL_WORLD_ALIGNED
 
     def negative_square(q: Array) -> tuple[float, Array]:
-        jacobian = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[:3]
-        arm = pin.updateFramePlacement(model, data, frame).translation - origin
+        jacobian = pin.computeFrameJacobian(model, data, q, frame, axes)[:3]
+        place = pin.updateFramePlacement(model, data, frame).translation
+        if joint is None:
+            arm = place - model.jointPlacements[chain[0]].translation
+        else:
+            pin.computeJointJacobians(model, data, q)
+            arm = place - data.oMi[joint].translation
+            jacobian = jacobian - pin.getJointJacobian(model, data, joint, axes)[:3]
         return -float(arm @ arm), -2.0 * jacobian.T @ arm
 
     slides = [np.linalg.norm(motion_subspace(model, index)[3:]) == 0.0 for index in chain]

@@ -52,6 +52,14 @@ class Shapes:
             ) from None
         return (*_bodies(self.pin, geometry, self.name), *self._capsules())
 
+    def visual(self) -> tuple[pin.GeometryModel, tuple[Body, ...]]:
+        """Geometry that the file draws its links with, and capsules of a URDF, which it leaves out.
+
+        Raises:
+            Exception: of many kinds, as Pinocchio does: a mesh is missing or cannot be read.
+        """
+        return self._geometry(pin.GeometryType.VISUAL), tuple(self._capsules("visual"))
+
     def _check(self) -> None:
         root = ET.fromstring(self.text)
         for link, shape in _shapes_of_urdf(root):
@@ -65,8 +73,7 @@ class Shapes:
             if "refpos" in mesh.attrib or "refquat" in mesh.attrib:
                 raise ValueError(f"{self.name}: refpos and refquat of a mesh are not read")
 
-    def _geometry(self) -> pin.GeometryModel:
-        kind = pin.GeometryType.COLLISION
+    def _geometry(self, kind: pin.GeometryType = pin.GeometryType.COLLISION) -> pin.GeometryModel:
         if self.text.lstrip().startswith("<mujoco"):
             with tempfile.TemporaryDirectory() as scratch:
                 written = Path(scratch) / "model.xml"
@@ -74,7 +81,8 @@ class Shapes:
                 return pin.buildGeomFromMJCF(self.pin, str(written), kind)
         folders = [] if self.folder is None else [self.folder, *self.folder.parents]
         root = ET.fromstring(self.text)
-        for link, shape in _shapes_of_urdf(root):
+        tag = "visual" if kind == pin.GeometryType.VISUAL else "collision"
+        for link, shape in _shapes_of_urdf(root, tag):
             # One that urdfdom does not know would cost the link all its shapes.
             if shape.find("geometry/capsule") is not None:
                 link.remove(shape)
@@ -82,9 +90,9 @@ class Shapes:
         places = [str(each) for each in folders]
         return pin.buildGeomFromUrdfString(self.pin, text, kind, package_dirs=places)
 
-    def _capsules(self) -> Iterator[Body]:
+    def _capsules(self, tag: str = "collision") -> Iterator[Body]:
         """Capsules of a URDF, along z about their origin, without their caps as long as it says."""
-        for link, shape in _shapes_of_urdf(ET.fromstring(self.text)):
+        for link, shape in _shapes_of_urdf(ET.fromstring(self.text), tag):
             if (capsule := shape.find("geometry/capsule")) is not None:
                 origin = shape.find("origin")
                 values = {} if origin is None else origin.attrib
@@ -97,10 +105,12 @@ class Shapes:
                 yield Capsule(*ends, float(capsule.get("radius", "nan")), link.get("name"))
 
 
-def _shapes_of_urdf(root: ET.Element) -> list[tuple[ET.Element, ET.Element]]:
-    """Links and their collision shapes; none of another format."""
+def _shapes_of_urdf(
+    root: ET.Element, tag: str = "collision"
+) -> list[tuple[ET.Element, ET.Element]]:
+    """Links and their shapes, for collisions or the eye; none of another format."""
     links = root.findall("link") if root.tag == "robot" else []
-    return [(link, shape) for link in links for shape in link.findall("collision")]
+    return [(link, shape) for link in links for shape in link.findall(tag)]
 
 
 def _bodies(model: pin.Model, geometry: pin.GeometryModel, name: str) -> Iterator[Body]:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.motion.segmentation import observed_velocity, speeds
+from geodesic_ocp.ocp.in_time import at_times
 from geodesic_ocp.ocp.logarithm import geodesic
 from geodesic_ocp.ocp.path import Path
 from geodesic_ocp.ocp.timing import TimeLaw, time_law
@@ -24,12 +25,13 @@ _FASTEST = 100.0
 
 @dataclass(frozen=True, eq=False)
 class Synergy:
-    """One planned segment: q(t) = path(law(t) / length).
+    """One planned segment: at time t it has come as far along its path as the law says.
 
     Attributes:
         start, stop: indices of its first and last sample in the recording.
         start_time: of its first sample [s].
-        path: the geodesic between the observed postures at its ends.
+        path: the geodesic between the observed postures at its ends; of a robot's, the path that
+            brings the hand to its pose.
         law: distance along the path over time from the start.
     """
 
@@ -50,23 +52,16 @@ class Synergy:
         return self.law.length
 
     def __call__(self, t: ArrayLike, order: int = 0) -> Array:
-        """Posture (k, n), or velocity for order 1, at times t (k,) [s] of the recording.
+        """Posture (k, n), or velocity for order 1, acceleration for 2, at times t (k,) [s].
 
         Raises:
-            ValueError: t lies outside the synergy, or the order is above 1.
+            ValueError: t lies outside the synergy, or the order is above 2.
         """
-        if order not in (0, 1):
-            raise ValueError(f"order must be 0 or 1, got {order}")
-        since = np.asarray(t, dtype=float) - self.start_time
-        if self.length == 0.0:
-            share, rate = np.zeros(since.shape), np.zeros(since.shape)
-        else:
-            share, rate = self.law(since) / self.length, self.law(since, 1) / self.length
-        # A law that is bound to go forward stays in [0, 1] up to rounding.
-        share = np.clip(share, 0.0, 1.0)
-        if order == 0:
-            return self.path(share)
-        return self.path(share, 1) * np.asarray(rate)[..., None]
+        if order not in (0, 1, 2):
+            raise ValueError(f"order must be 0, 1 or 2, got {order}")
+        since = np.atleast_1d(np.asarray(t, dtype=float)) - self.start_time
+        found = at_times(self.path, self.law, since)[order]
+        return found[0] if np.ndim(t) == 0 else found
 
 
 class Reconstruction(NamedTuple):

@@ -45,12 +45,13 @@ _INTERRUPTED = ("NonIpopt_Exception_Thrown", "User_Requested_Stop")
 
 @dataclass(frozen=True)
 class Outcome:
-    """What Ipopt returned: success, a sentence, iterations, wall time and the last iterate."""
+    """What Ipopt returned: success, a sentence, iterations, time, objective and last iterate."""
 
     success: bool
     status: str
     iterations: int
     seconds: float
+    objective: float
     x: Array
     g: Array
     lam_x: Array
@@ -120,4 +121,5 @@ class Ipopt:
         arrays = [result[name].full()[:, 0] for name in ("x", "g", "lam_x", "lam_g")]
         success = bool(stats["success"]) and word == "Solve_Succeeded"
         success = success and all(np.all(np.isfinite(array)) for array in arrays)
-        return Outcome(success, status, int(stats["iter_count"]), seconds, *arrays)
+        iterations, objective = int(stats["iter_count"]), float(result["f"])
+        return Outcome(success, status, iterations, seconds, objective, *arrays)

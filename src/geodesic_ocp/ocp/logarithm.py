@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_vector
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
-from geodesic_ocp.manifold.exponential import trajectory
+from geodesic_ocp.manifold.exponential import exp, trajectory
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.manifold.rows import by_rows
 from geodesic_ocp.ocp.certificate import Certificate, certify
@@ -118,6 +118,21 @@ def geodesics(
     for sharp in failures:
         warnings.warn(f"left out: {sharp}", RuntimeWarning, stacklevel=2)
     return tuple(drawn)
+
+
+def shoot(metric: Metric, q0: ArrayLike, v0: ArrayLike) -> Geodesic:
+    """The geodesic that starts at q0 (n,) with velocity v0 (n,), as a path up to Exp_q0(v0).
+
+    Raises:
+        ValueError: wrong shapes, numbers that are not finite, or v0 is zero.
+        IntegrationFailed: see `exp`.
+        NotConverged: it turns too sharply to be drawn.
+    """
+    metric = as_metric(metric)
+    start, velocity = metric.point("q0", q0), as_vector("v0", v0, metric.dim)
+    if not np.any(velocity):
+        raise ValueError("v0 must not be zero: there is no geodesic that stands still")
+    return _drawn(metric, Found(start, exp(metric, start, velocity), velocity, None))
 
 
 def _search(metric: Metric, q0: ArrayLike, q1: ArrayLike, starts: int, seed: int) -> list[Found]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -14,7 +14,7 @@ from scipy.linalg import null_space
 from geodesic_ocp.arrays import Array, as_number, as_rotation, as_vector
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.model.bodies import Obstacle
-from geodesic_ocp.model.distance import clearances
+from geodesic_ocp.model.distance import as_pair, clearances
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.ipopt import Ipopt
 
@@ -27,6 +27,32 @@ _UNITS = {
     (True, True): "(m, or sine of half an angle)",
 }
 _REACHED = 1e-6  # [m], or sine of half an angle
+
+
+class Clear(NamedTuple):
+    """Bodies that are kept apart: see `clearances`."""
+
+    obstacles: tuple[Obstacle, ...] = ()
+    links: tuple[str, ...] | None = None
+    pairs: tuple[tuple[str, str], ...] = ()
+    margin: float = 0.0
+
+    @classmethod
+    def of(
+        cls,
+        obstacles: Sequence[Obstacle],
+        links: Sequence[str] | None,
+        pairs: Sequence[tuple[str, str]],
+        margin: float,
+    ) -> Clear:
+        """Of keywords as users give them; ValueError where the margin is no number."""
+        links = None if links is None else tuple(links)
+        return cls(tuple(obstacles), links, tuple(map(as_pair, pairs)), as_number("margin", margin))
+
+    @property
+    def bodies(self) -> tuple[Any, Any, Any]:
+        """All but the margin, which is a bound and no part of a program."""
+        return self.obstacles, self.links, self.pairs
 
 
 def rotation_error(rotation: ca.SX, wanted: ca.SX) -> ca.SX:
@@ -71,25 +97,32 @@ def find_posture(
         ValueError: wrong shapes or values, or neither position nor rotation.
         NotConverged: no such posture was found from any of several starts; says how near one came.
     """
+    clear = Clear.of(obstacles, links, pairs, margin)
+    return find_postures(model, near, position, rotation, limits, free, clear)[0]
+
+
+def find_postures(
+    model: Model,
+    near: ArrayLike,
+    position: ArrayLike | None,
+    rotation: ArrayLike | None,
+    limits: bool,
+    free: ArrayLike | None,
+    clear: Clear,
+) -> list[Array]:
+    """Up to four such postures, from as many starts, the nearest first: see `find_posture`."""
     start = as_vector("near", near, model.dof)
     place = np.zeros(3) if position is None else as_vector("position", position, 3)
     turn = np.eye(3) if rotation is None else as_rotation("rotation", rotation)
     if position is None and rotation is None:
         raise ValueError("find_posture needs a position, a rotation or both")
-    lower = model.lower if limits else np.full(model.dof, -np.inf)
-    upper = model.upper if limits else np.full(model.dof, np.inf)
-    inside = np.clip(start, lower, upper)
-    # Where there is more room, half a turn leads anywhere; unbounded steps would wind the arm up.
-    wide = ~(upper - lower <= 2.0 * np.pi)
-    lower = np.where(wide, np.maximum(lower, inside - np.pi), lower)
-    upper = np.where(wide, np.minimum(upper, inside + np.pi), upper)
+    lower, upper, inside = room(model, start, limits)
     held = tuple(map(tuple, across(as_directions("free", free)).tolist()))
-    clear = (tuple(obstacles), None if links is None else tuple(links), tuple(map(tuple, pairs)))
     solver, equalities = _program(
-        model, held if position is not None else (), rotation is not None, clear
+        model, held if position is not None else (), rotation is not None, clear.bodies
     )
     upper_g = np.where(np.arange(solver.size_g) < equalities, 0.0, np.inf)
-    lower_g = np.where(upper_g == 0.0, 0.0, as_number("margin", margin))
+    lower_g = np.where(upper_g == 0.0, 0.0, clear.margin)
     rng = np.random.default_rng(0)
     p = np.concatenate([start, place, turn.ravel(order="F")])
     found, nearest = [], np.inf
@@ -109,11 +142,26 @@ def find_posture(
         ]
         raise NotConverged(
             f"no posture of {model.name!r}{' within its limits' if limits else ''}"
-            f"{', clear of bodies,' if obstacles or pairs else ''} has the hand's "
+            f"{', clear of bodies,' if clear.obstacles or clear.pairs else ''} has the hand's "
             f"{' and '.join(what)}: the nearest one misses {'them' if len(what) > 1 else 'it'} by "
             f"{nearest:.3g} {_UNITS[position is not None, rotation is not None]}"
         )
-    return min(found, key=lambda q: float(np.linalg.norm(q - start)))
+    return sorted(found, key=lambda q: float(np.linalg.norm(q - start)))
+
+
+def room(model: Model, start: Array, limits: bool) -> tuple[Array, Array, Array]:
+    """Bounds (n,) of a search for postures, and the start within them.
+
+    Where there is more room than a turn, half a turn leads anywhere; unbounded steps would wind
+    the arm up.
+    """
+    lower = model.lower if limits else np.full(model.dof, -np.inf)
+    upper = model.upper if limits else np.full(model.dof, np.inf)
+    inside = np.clip(start, lower, upper)
+    wide = ~(upper - lower <= 2.0 * np.pi)
+    lower = np.where(wide, np.maximum(lower, inside - np.pi), lower)
+    upper = np.where(wide, np.minimum(upper, inside + np.pi), upper)
+    return lower, upper, np.asarray(inside)
 
 
 def as_directions(name: str, given: ArrayLike | None) -> Array:

@@ -1,0 +1,228 @@
+"""One arm's motion on a robot: poses carried over, paths, times, and the baseline."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
+from geodesic_ocp.model.alignment import Alignment, alignment
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.motion.baselines import steps_between, track_poses
+from geodesic_ocp.motion.merging import Group, merged
+from geodesic_ocp.motion.retiming import Arm, Timing, hand_over_speeds
+from geodesic_ocp.motion.segmentation import speeds
+from geodesic_ocp.motion.synergies import Synergy
+from geodesic_ocp.motion.trajectory import Trajectory
+from geodesic_ocp.motion.transfer import (
+    Conditions,
+    Pose,
+    Transfer,
+    first_posture,
+    out_of_reach,
+    transferred,
+    velocity_limits,
+)
+from geodesic_ocp.sampled import Motion
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked of every arm; see `retarget`.
+
+    Attributes:
+        scale, mirror, drop, merge: None for the defaults.
+        placing, turning: whether the hand's position and its rotation count.
+        conditions: of the paths.
+    """
+
+    scale: float | None
+    mirror: bool | None
+    drop: float | None
+    merge: float | None
+    placing: bool
+    turning: bool
+    conditions: Conditions
+
+
+@dataclass(frozen=True, eq=False)
+class Carrying:
+    """From a person's postures to poses of a robot's hand.
+
+    Attributes:
+        model: of the person's arm.
+        source, target: alignments of the person and of the robot.
+        scale: of positions.
+        mirror: whether left and right are exchanged.
+    """
+
+    model: Model
+    source: Alignment
+    target: Alignment
+    scale: float
+    mirror: bool
+
+    @classmethod
+    def between(cls, model: Model, target: Alignment, request: Request) -> Carrying:
+        """With the ratio of the arms' lengths, mirrored where the sides differ, unless asked."""
+        source, mirror, scale = alignment(model), request.mirror, request.scale
+        if mirror is None:
+            mirror = None not in (source.side, target.side) and source.side != target.side
+        if scale is None:
+            scale = target.length / source.length
+        return cls(model, source, target, as_positive("scale", scale), bool(mirror))
+
+    def __call__(self, q: Array) -> tuple[Array, Array]:
+        """Rotations (k, 3, 3) and positions (k, 3) [m] in the robot's base, of postures (k, n)."""
+        rotation, position = self.source.person(*self.model.hand_pose(q))
+        return self.target.carried(rotation, position, scale=self.scale, mirror=self.mirror)
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """One arm's motion and what is to become of it.
+
+    Attributes:
+        motion: of the person.
+        synergies: of the person.
+        robot: the arm.
+        carrying: from the person's postures to poses of the robot's hand.
+        groups: the synergies, dropped and merged.
+        wanted: rotations (k, 3, 3) and positions (k, 3) of the robot's hand at all samples.
+        poses: that are asked for: the first, and one at the end of each group.
+        start: posture of the robot to begin in (n,).
+        far: by the number of a pose that is out of reach, how far the nearest is [m], [rad].
+        conditions: of the paths.
+    """
+
+    motion: Motion
+    synergies: Sequence[Synergy]
+    robot: Model
+    carrying: Carrying
+    groups: tuple[Group, ...]
+    wanted: tuple[Array, Array]
+    poses: tuple[Pose, ...]
+    start: Array
+    far: dict[int, tuple[float, float]]
+    conditions: Conditions
+
+    @classmethod
+    def of(
+        cls,
+        motion: Motion,
+        synergies: Sequence[Synergy],
+        robot: Model,
+        carrying: Carrying,
+        first: ArrayLike | None,
+        request: Request,
+    ) -> Task:
+        """With the poses carried over, and the first posture found.
+
+        Raises:
+            ValueError: the first posture that is given does not fit, or thresholds do not.
+            NotConverged: no posture is clear of bodies.
+        """
+        conditions = request.conditions
+        groups = merged(synergies, drop=request.drop, merge=request.merge)
+        rotations, positions = carrying(motion.q)
+        poses = tuple(
+            Pose(
+                rotations[k] if request.turning else None, positions[k] if request.placing else None
+            )
+            for k in _samples(groups)
+        )
+        start = first_posture(robot, poses[0], conditions, first)
+        asked = [0] if first is None else []
+        asked += [k + 1 for k, group in enumerate(groups) if group.kind != "rest"]
+        missed = out_of_reach(robot, start, [poses[k] for k in asked], conditions)
+        far = {asked[k]: amounts for k, amounts in missed.items()}
+        wanted = (rotations, positions)
+        return cls(
+            motion, synergies, robot, carrying, groups, wanted, poses, start, far, conditions
+        )
+
+    @property
+    def edges(self) -> Array:
+        """Instants of the recording at which groups begin and end [s]."""
+        return np.asarray(self.motion.time[_samples(self.groups)])
+
+    def planned(self, throw: bool, progress: Callable[[int], object]) -> list[Transfer]:
+        """The robot's paths, one for each group; see `transferred`."""
+        poses = [
+            None if group.kind == "rest" else pose
+            for group, pose in zip(self.groups, self.poses[1:], strict=True)
+        ]
+        return transferred(
+            self.robot,
+            self.start,
+            poses,
+            np.diff(self.edges).tolist(),
+            [number + 1 in self.far for number in range(len(poses))],
+            self.conditions,
+            throw=throw,
+            progress=progress,
+        )
+
+    def to_be_timed(self, transfers: Sequence[Transfer], speed_limits: bool) -> Arm:
+        """The paths with the speeds at which they hand over."""
+        of_person = speeds(KineticEnergy(self.carrying.model), self.motion)
+        lengths = [
+            sum(self.synergies[number].length for number in group.members) for group in self.groups
+        ]
+        paths = [transfer.path for transfer in transfers]
+        handing = hand_over_speeds(
+            of_person[_samples(self.groups)],
+            np.array(lengths),
+            np.diff(self.edges),
+            np.array([path.length for path in paths]),
+        )
+        fastest = velocity_limits(self.robot)
+        return Arm(
+            self.edges, paths, handing, fastest if speed_limits else np.full_like(fastest, np.inf)
+        )
+
+    def in_time(
+        self, transfers: Sequence[Transfer], timing: Timing, number: int
+    ) -> tuple[tuple[Synergy, ...], Trajectory]:
+        """The robot's synergies, and its trajectory at the recording's samples."""
+        time = timing(self.motion.time)
+        synergies = tuple(
+            Synergy(group.start, group.stop, float(time[group.start]), transfer.path, law)
+            for group, transfer, law in zip(
+                self.groups, transfers, timing.laws[number], strict=True
+            )
+        )
+        positions, velocities, accelerations = np.empty((3, time.size, self.robot.dof))
+        for synergy in synergies:
+            # A shared sample belongs to the synergy that begins there.
+            here = slice(synergy.start, synergy.stop + 1)
+            positions[here] = synergy(time[here])
+            velocities[here] = synergy(time[here], 1)
+            accelerations[here] = synergy(time[here], 2)
+        names = self.robot.joint_names
+        return synergies, Trajectory(time, positions, velocities, accelerations, names)
+
+    def followed(self, timing: Timing) -> Motion:
+        """The baseline: the whole way of the hand, followed by a velocity controller."""
+        motion, time = self.motion, timing(self.motion.time)
+
+        def poses(instants: Array) -> tuple[Array, Array]:
+            # Back from the robot's time, which is stretched evenly between two samples.
+            return self.carrying(motion(np.interp(instants, time, motion.time)))
+
+        turning = self.poses[0].rotation is not None
+        placing = self.poses[0].position is not None
+        counts = steps_between(motion)
+        followed = track_poses(
+            self.robot, self.start, time, poses, counts=counts, turning=turning, placing=placing
+        )
+        return replace(followed, subject=motion.subject)
+
+
+def _samples(groups: Sequence[Group]) -> list[int]:
+    """At which groups begin and end (k + 1,)."""
+    return [groups[0].start, *(group.stop for group in groups)]

@@ -1,0 +1,310 @@
+"""What `retarget` returns: a robot's synergies and motion, figures, tables and files."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path as FilePath
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from geodesic_ocp import plot
+from geodesic_ocp.analysis import Analysis
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
+from geodesic_ocp.model.alignment import Alignment
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.motion.archive import save_synergies
+from geodesic_ocp.motion.evaluation import Errors, pose_errors, work
+from geodesic_ocp.motion.merging import Group
+from geodesic_ocp.motion.retiming import Timing
+from geodesic_ocp.motion.synergies import Synergy
+from geodesic_ocp.motion.trajectory import Trajectory
+from geodesic_ocp.motion.transfer import Transfer, velocity_limits
+from geodesic_ocp.sampled import Motion
+from geodesic_ocp.table import Table
+
+_METHODS = {"synergies": "geodesic synergies", "ik": "inverse kinematics"}
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Figures of one motion of a robot.
+
+    Attributes:
+        energy: int 1/2 |q'|_G^2 dt of the whole motion [J s].
+        peak_speed: largest joint speed as a share of that joint's limit; 0 where it has none.
+        position, orientation: mean distance [m] and angle [rad] of the hand from the person's,
+            carried over, sample by sample.
+        outside: by how much joints exceed their limits at most [rad or m].
+    """
+
+    energy: float
+    peak_speed: float
+    position: float
+    orientation: float
+    outside: float
+
+
+@dataclass(frozen=True, eq=False)
+class RetargetedArm:
+    """One arm's part of a retargeting.
+
+    Attributes:
+        analysis: of the person's motion.
+        robot: the arm; joints have its URDF's names.
+        alignment: of shoulder and hand.
+        scale: of positions.
+        mirror: whether left and right were exchanged.
+        groups: how the person's synergies were dropped and merged.
+        transfers: for each group the path, and how well the hand's pose is met at its end.
+        synergies: for each group the path and its time law, in the robot's time.
+        trajectory: at the recording's samples, in the robot's time.
+        wanted: rotations (k, 3, 3) and positions (k, 3) [m] of the hand, carried over from the
+            person, in the robot's base frame, at all samples.
+        baseline: what a velocity controller does that follows the whole way of the hand.
+        out_of_reach: by number (0 is the first, k + 1 the end of synergy k) of a pose that no
+            posture has, distance [m] and angle [rad] of the nearest.
+    """
+
+    analysis: Analysis
+    robot: Model
+    alignment: Alignment
+    scale: float
+    mirror: bool
+    groups: tuple[Group, ...]
+    transfers: tuple[Transfer, ...]
+    synergies: tuple[Synergy, ...]
+    trajectory: Trajectory
+    wanted: tuple[Array, Array]
+    baseline: Motion
+    out_of_reach: Mapping[int, tuple[float, float]]
+
+    @cached_property
+    def motion(self) -> Motion:
+        """The robot's motion, at the recording's samples, in the robot's time."""
+        found = self.trajectory
+        subject = self.analysis.motion.subject
+        return Motion(found.time, found.positions, found.joint_names, found.velocities, subject)
+
+    @cached_property
+    def figures(self) -> Mapping[str, Figures]:
+        """Of the "synergies" and of "ik", inverse kinematics on the same robot in the same time."""
+        return {"synergies": self._figures(self.motion), "ik": self._figures(self.baseline)}
+
+    def _figures(self, motion: Motion) -> Figures:
+        robot = self.robot
+        assert motion.velocity is not None
+        errors: Errors = pose_errors(robot.hand_pose(motion.q), self.wanted)
+        outside = np.maximum(robot.lower - motion.q, motion.q - robot.upper)
+        return Figures(
+            energy=work(KineticEnergy(robot), motion),
+            peak_speed=float((np.abs(motion.velocity) / velocity_limits(robot)).max()),
+            position=errors.position,
+            orientation=errors.orientation,
+            outside=max(0.0, float(outside.max())),
+        )
+
+    @property
+    def title(self) -> str:
+        """Of whom and on what."""
+        mirrored = " (mirrored)" if self.mirror else ""
+        return f"{self.analysis.model.name}{mirrored} on {self.robot.name}"
+
+
+@dataclass(frozen=True, eq=False)
+class Retargeting:
+    """A person's synergies on a robot, or on several arms at once.
+
+    Attributes:
+        arms: what became of each; as a rule there is one.
+        timing: the robot's time over the recording's, with the factors by which it is stretched.
+        formulation: in which the paths were sought.
+        seconds: that it took.
+    """
+
+    arms: tuple[RetargetedArm, ...]
+    timing: Timing
+    formulation: str
+    seconds: float
+
+    @property
+    def synergies(self) -> tuple[Synergy, ...]:
+        """The robot's synergies, of all arms, one arm after the other."""
+        return tuple(synergy for arm in self.arms for synergy in arm.synergies)
+
+    @cached_property
+    def joint_names(self) -> tuple[str, ...]:
+        """Of all arms; where two have a name in common, with the person's side in front."""
+        names = [name for arm in self.arms for name in arm.robot.joint_names]
+        if len(set(names)) == len(names):
+            return tuple(names)
+        return tuple(
+            f"{arm.analysis.model.name}/{name}"
+            for arm in self.arms
+            for name in arm.robot.joint_names
+        )
+
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """Positions, velocities and accelerations of all joints."""
+        return Trajectory.side_by_side([arm.trajectory for arm in self.arms], self.joint_names)
+
+    @cached_property
+    def motion(self) -> Motion:
+        """The robot's motion, all joints, at the recording's samples, in the robot's time."""
+        found = self.trajectory
+        return Motion(found.time, found.positions, found.joint_names, found.velocities)
+
+    @property
+    def stretch(self) -> float:
+        """The whole duration over the person's; 1 where no joint was too fast."""
+        edges = self.timing.edges
+        return float(self.timing(edges[-1:])[0] / (edges[-1] - edges[0]))
+
+    def table(self) -> Table:
+        """Energy, speed and the hand's errors of the synergies and of inverse kinematics."""
+        header = (
+            "arm",
+            "method",
+            "energy [J s]",
+            "peak speed [limit]",
+            "hand [m]",
+            "hand [rad]",
+            "outside limits [rad or m]",
+        )
+        rows = [
+            (
+                arm.title,
+                _METHODS[method],
+                found.energy,
+                found.peak_speed,
+                found.position,
+                found.orientation,
+                found.outside,
+            )
+            for arm in self.arms
+            for method, found in arm.figures.items()
+        ]
+        return Table(header, tuple(rows))
+
+    def synergy_table(self) -> Table:
+        """The robot's synergies beside those of the person that they are made of."""
+        header = (
+            "arm",
+            "synergy",
+            "of the person's",
+            "dropped",
+            "kind",
+            "start [s]",
+            "duration [s]",
+            "stretched by",
+            "length",
+            "hand [m]",
+            "hand [rad]",
+            "iterations",
+            "status",
+        )
+        rows: list[tuple[str | int | float, ...]] = []
+        for arm in self.arms:
+            time = arm.analysis.motion.time
+            for number, (group, synergy, transfer) in enumerate(
+                zip(arm.groups, arm.synergies, arm.transfers, strict=True)
+            ):
+                seconds = float(time[group.stop] - time[group.start])
+                rows.append(
+                    (
+                        arm.robot.name,
+                        number,
+                        _span(group.members),
+                        _span(group.dropped),
+                        group.kind,
+                        synergy.start_time,
+                        synergy.duration,
+                        synergy.duration / seconds,
+                        synergy.length,
+                        transfer.position_error,
+                        transfer.rotation_error,
+                        transfer.iterations,
+                        transfer.status,
+                    )
+                )
+        return Table(header, tuple(rows))
+
+    def plot(self) -> Figure:
+        """Hand and three joints over time, and the hand's path, of every arm.
+
+        The person's hand, carried over, beside the robot's; spans of the robot's synergies are
+        shaded, and marks on the upper edge tell where the person's began. Joints are those of the
+        robot, beside what inverse kinematics does.
+        """
+        count = len(self.arms)
+        figure = Figure(figsize=(11.0, 7.5 * count), layout="constrained")
+        parts = figure.subfigures(count, 1, squeeze=False)[:, 0]
+        for arm, part in zip(self.arms, parts, strict=True):
+            time = arm.trajectory.time
+            segments = [(group.start, group.stop) for group in arm.groups]
+            hands = (arm.wanted[1], arm.robot.hand_pose(arm.motion.q)[1])
+            joints = []
+            for joint in plot.widest_of_thirds(arm.motion.q):
+                name, unit = arm.robot.joint_names[joint], arm.robot.units[joint]
+                label = f"{_short(name)}\n[{unit}]"
+                joints.append((label, arm.baseline.q[:, joint], arm.motion.q[:, joint]))
+            ticks = time[[synergy.start for synergy in arm.analysis.synergies]]
+            names, other = ("person's hand, carried over", "geodesic synergies"), _METHODS["ik"]
+            plot.draw_overview(part, time, segments, hands, joints, names, other, ticks)
+            part.suptitle(
+                f"{arm.title}: {len(arm.groups)} synergies of {len(arm.analysis.synergies)}"
+            )
+        return figure
+
+    def save(self, folder: str | FilePath) -> list[FilePath]:
+        """Write tables, figure, synergies and trajectory to the folder.
+
+        table.csv and table.md, synergies.csv and synergies.md (`synergy_table`), figure.png and
+        figure.pdf, trajectory.csv, trajectory.json (the message JointTrajectory of ROS 2), and for
+        each arm synergies.json, or synergies_0.json and so on.
+
+        Returns:
+            The files' paths.
+
+        Raises:
+            OSError: the folder cannot be made or written to.
+        """
+        target = FilePath(folder)
+        target.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=target, prefix=".writing-") as temporary:
+            made = FilePath(temporary)
+            for name, table in (("table", self.table()), ("synergies", self.synergy_table())):
+                (made / f"{name}.csv").write_text(table.csv(), encoding="utf-8")
+                (made / f"{name}.md").write_text(table.markdown(), encoding="utf-8")
+            (made / "trajectory.csv").write_text(self.trajectory.csv(), encoding="utf-8")
+            (made / "trajectory.json").write_text(self.trajectory.json(), encoding="utf-8")
+            figure = self.plot()
+            figure.savefig(made / "figure.png", dpi=150)
+            figure.savefig(made / "figure.pdf")
+            for number, arm in enumerate(self.arms):
+                name = "synergies.json" if len(self.arms) == 1 else f"synergies_{number}.json"
+                save_synergies(made / name, arm.synergies, arm.robot.joint_names)
+            return sorted(file.replace(target / file.name) for file in made.iterdir())
+
+
+def _span(numbers: tuple[int, ...]) -> str:
+    """Numbers as a text: "3", "3-5", "3, 5", or "-" for none."""
+    parts: list[str] = []
+    first = last = None
+    for number in (*numbers, None):
+        if last is not None and number == last + 1:
+            last = number
+            continue
+        if first is not None:
+            parts.append(f"{first}" if first == last else f"{first}-{last}")
+        first = last = number
+    return ", ".join(parts) or "-"
+
+
+def _short(name: str) -> str:
+    return name.removesuffix("_joint").removeprefix("panda_")
