@@ -17,7 +17,9 @@ LAYERS = [
     ("ocp",),
     ("motion",),
     ("analysis", "gallery", "viewer"),
-    ("retargeted", "retargeting"),
+    ("retargeted_arm", "retargeted", "retargeting"),
+    ("report",),
+    ("commands",),
     ("cli",),
     ("__init__",),
 ]

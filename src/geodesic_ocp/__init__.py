@@ -54,7 +54,8 @@ from geodesic_ocp.ocp.solution import Solution, Stats
 from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.ocp.timing import TimeLaw, time_law
 from geodesic_ocp.ocp.to_pose import ToPose, geodesic_to_pose
-from geodesic_ocp.retargeted import RetargetedArm, Retargeting
+from geodesic_ocp.retargeted import Retargeting
+from geodesic_ocp.retargeted_arm import RetargetedArm
 from geodesic_ocp.retargeting import retarget
 from geodesic_ocp.sampled import Motion, Subject
 

@@ -20,6 +20,7 @@ OTHER: dict[str, Any] = {"color": "#6a9a3a", "linewidth": 1.3, "linestyle": (0, 
 Names = tuple[str, str]
 NAMES: Names = ("observed", "predicted")
 _TICKS: dict[str, Any] = {"color": "#1b3a5c", "markersize": 9, "clip_on": False}
+_LONG = 12  # letters of a label beside a panel
 _SHADES = ("#dfe6ee", "#ffffff")
 _DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
 _SOLID: dict[str, Any] = {
@@ -49,7 +50,8 @@ def draw_over_time(
     """One coordinate over time [s], observed (k,), in a style of its own, and predicted (k,)."""
     axes.plot(time, observed, **style, label=names[0])
     axes.plot(time, predicted, **PREDICTED, label=names[1])
-    axes.set_ylabel(label)
+    long = max(map(len, label.splitlines())) > _LONG
+    axes.set_ylabel(label, fontsize="small" if long else None)
 
 
 def draw_overview(

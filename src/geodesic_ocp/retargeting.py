@@ -21,7 +21,8 @@ from geodesic_ocp.motion.retiming import timed
 from geodesic_ocp.motion.transfer import Conditions, Formulation
 from geodesic_ocp.ocp.posture import Clear
 from geodesic_ocp.ocp.to_pose import ENERGY_WEIGHT
-from geodesic_ocp.retargeted import RetargetedArm, Retargeting
+from geodesic_ocp.retargeted import Retargeting
+from geodesic_ocp.retargeted_arm import RetargetedArm
 
 
 def retarget(

@@ -19,12 +19,13 @@ class Table:
     header: tuple[str, ...]
     rows: tuple[tuple[str | int | float, ...], ...]
 
-    def _shown(self) -> list[list[str]]:
+    def shown(self) -> list[list[str]]:
+        """Header and rows as texts."""
         rows = [[f"{e:#.3g}" if isinstance(e, float) else str(e) for e in row] for row in self.rows]
         return [list(self.header), *rows]
 
     def __str__(self) -> str:
-        rows = self._shown()
+        rows = self.shown()
         widths = [max(len(row[column]) for row in rows) for column in range(len(self.header))]
         lines = [
             "  ".join(
@@ -37,7 +38,7 @@ class Table:
 
     def markdown(self) -> str:
         """As a Markdown table."""
-        header, *rows = ("| " + " | ".join(row) + " |" for row in self._shown())
+        header, *rows = ("| " + " | ".join(row) + " |" for row in self.shown())
         rule = "| --- |" + " ---: |" * (len(self.header) - 1)
         return "\n".join([header, rule, *rows]) + "\n"
 

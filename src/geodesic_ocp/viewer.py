@@ -70,6 +70,7 @@ class Actor:
         trail: positions (m, 3) [m] of the hand in the scene, drawn as a line; None: those of the
             model's hand.
         target: positions (m, 3) [m] in the scene where the hand should go, if any.
+        hidden: links that are not drawn.
 
     Of a trail or a target with k positions, the one at the time that is shown gets a dot.
 
@@ -84,6 +85,7 @@ class Actor:
     position: Array = field(default_factory=lambda: np.zeros(3))
     trail: Array | None = None
     target: Array | None = None
+    hidden: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "q", _rows("q", self.q, self.model.dof))
@@ -109,6 +111,7 @@ def viewer(
     scenes: Sequence[tuple[str, Sequence[Actor]]],
     *,
     view: tuple[float, float] = (50.0, 22.0),
+    target: str = "target",
 ) -> str:
     """HTML of scenes side by side, with one button and slider for the time of all.
 
@@ -121,6 +124,7 @@ def viewer(
         scenes: titles and who moves in them.
         view: where the eye is at first [deg]: how far to the right of straight ahead of the models
             (0: it looks back at them), and how high.
+        target: what the actors' targets are called.
 
     Raises:
         ValueError: wrong shapes, or a time that does not increase.
@@ -151,7 +155,8 @@ def viewer(
     figures = "\n".join(_figure(title, actors) for title, actors in scenes)
     legend = f'<b><i style="border-color: {HAND}"></i>path of the hand</b>'
     if any(actor.target is not None for actor in everyone):
-        legend += f'<b><i style="border-color: {TARGET}; border-top-style: dashed"></i>target</b>'
+        line = f"border-color: {TARGET}; border-top-style: dashed"
+        legend += f'<b><i style="{line}"></i>{html.escape(target)}</b>'
     start, end = (repr(float(value)) for value in clock[[0, -1]])
     script = (files("geodesic_ocp") / "data" / "viewer.js").read_text(encoding="utf-8")
     return f"""<div class="viewer">
@@ -230,6 +235,8 @@ def _scene(
     for actor, number in zip(actors, numbers, strict=True):
         poses = {}
         for mesh in bodies[number]:
+            if mesh.link in actor.hidden:
+                continue
             moves = actor.model.moves(mesh.link)
             if mesh.link not in poses:
                 # One pose is enough for what stands still.

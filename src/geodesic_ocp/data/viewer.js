@@ -297,6 +297,7 @@
     for (const actor of scene.actors)
       for (const part of actor.parts) {
         const poses = actor.poses[part.link]; // the link's axes and place; one if it stands still
+        if (!poses) continue; // a link that is hidden
         const first = poses.length > 12 ? 12 * frame : 0;
         for (let k = 0; k < 12; k++) model[4 * Math.floor(k / 3) + (k % 3)] = poses[first + k];
         gl.uniformMatrix4fv(at("model"), false, model);
