@@ -15,7 +15,7 @@ from geodesic_ocp.commands.retarget_file import demo_on_robot, retarget_file
 from geodesic_ocp.commands.solve_file import solve_file
 from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.model.catalogue import catalogue
-from geodesic_ocp.motion.transfer import Formulation
+from geodesic_ocp.motion.goals import Formulation
 
 _EXIT = """exit codes: 0 done; 1 an error in a problem's own code, shown whole;
 2 wrong input, named in one line; 3 a solver or integration failed; 130 interrupted"""

@@ -16,9 +16,9 @@ from geodesic_ocp.model.alignment import Alignment
 from geodesic_ocp.model.alignment import alignment as default_alignment
 from geodesic_ocp.model.bodies import Obstacle
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.motion.goals import Conditions, Formulation
 from geodesic_ocp.motion.retarget import Carrying, Request, Task
 from geodesic_ocp.motion.retiming import timed
-from geodesic_ocp.motion.transfer import Conditions, Formulation
 from geodesic_ocp.ocp.posture import Clear
 from geodesic_ocp.ocp.to_pose import ENERGY_WEIGHT
 from geodesic_ocp.retargeted import Retargeting
@@ -173,9 +173,9 @@ def retarget(
                 transfers=tuple(transfers),
                 synergies=synergies,
                 trajectory=trajectory,
-                wanted=task.wanted,
+                wanted=task.hand,
                 baseline=task.followed(timing),
-                out_of_reach=task.far,
+                out_of_reach=task.out_of_reach,
             )
         )
     report("done", total, total)
@@ -199,7 +199,7 @@ def _each(name: str, given: Any, count: int) -> list[Any]:
 def _say_out_of_reach(tasks: Sequence[Task]) -> None:
     lines = []
     for task in tasks:
-        for number, (away, angle) in task.far.items():
+        for number, (away, angle) in task.out_of_reach.items():
             which = "the first pose" if number == 0 else f"the end of synergy {number - 1}"
             lines.append(f"{which} of {task.robot.name} by {away:.3g} m and {angle:.3g} rad")
     if lines:

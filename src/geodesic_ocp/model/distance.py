@@ -93,7 +93,10 @@ def _expressions(
     pairs: Sequence[tuple[str, str]],
 ) -> dict[str, ca.SX]:
     found: dict[str, ca.SX] = {}
-    moving = _moving(model) if links is None else _of_links(model, links, "links")
+    # Reading a file's bodies takes a while, and is put off until somebody asks.
+    moving = _moving(model) if links is None and obstacles else []
+    if links is not None:
+        moving = _of_links(model, links, "links")
     for number, obstacle in enumerate(obstacles):
         if not isinstance(obstacle, (Capsule, Ball, HalfSpace)):
             raise ValueError(f"obstacles must be Ball, Capsule or HalfSpace, got {obstacle!r}")

@@ -13,20 +13,20 @@ from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.alignment import Alignment, alignment
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.motion.baselines import steps_between, track_poses
+from geodesic_ocp.motion.goals import (
+    REACHED,
+    Conditions,
+    Goal,
+    Pose,
+    first_posture,
+    goals,
+)
 from geodesic_ocp.motion.merging import Group, merged
 from geodesic_ocp.motion.retiming import Arm, Timing, hand_over_speeds
 from geodesic_ocp.motion.segmentation import speeds
 from geodesic_ocp.motion.synergies import Synergy
 from geodesic_ocp.motion.trajectory import Trajectory
-from geodesic_ocp.motion.transfer import (
-    Conditions,
-    Pose,
-    Transfer,
-    first_posture,
-    out_of_reach,
-    transferred,
-    velocity_limits,
-)
+from geodesic_ocp.motion.transfer import Transfer, transferred, velocity_limits
 from geodesic_ocp.sampled import Motion
 
 
@@ -92,10 +92,12 @@ class Task:
         robot: the arm.
         carrying: from the person's postures to poses of the robot's hand.
         groups: the synergies, dropped and merged.
-        wanted: rotations (k, 3, 3) and positions (k, 3) of the robot's hand at all samples.
-        poses: that are asked for: the first, and one at the end of each group.
+        hand: rotations (k, 3, 3) and positions (k, 3) of the robot's hand at all samples, carried
+            over.
+        first: pose at the beginning.
         start: posture of the robot to begin in (n,).
-        far: by the number of a pose that is out of reach, how far the nearest is [m], [rad].
+        begin: by how much that misses the first pose [m], [rad]; nothing where it was given.
+        goals: the pose at the end of each group; None of a rest.
         conditions: of the paths.
     """
 
@@ -104,10 +106,11 @@ class Task:
     robot: Model
     carrying: Carrying
     groups: tuple[Group, ...]
-    wanted: tuple[Array, Array]
-    poses: tuple[Pose, ...]
+    hand: tuple[Array, Array]
+    first: Pose
     start: Array
-    far: dict[int, tuple[float, float]]
+    begin: tuple[float, float]
+    goals: tuple[Goal | None, ...]
     conditions: Conditions
 
     @classmethod
@@ -136,14 +139,38 @@ class Task:
             for k in _samples(groups)
         )
         start = first_posture(robot, poses[0], conditions, first)
-        asked = [0] if first is None else []
-        asked += [k + 1 for k, group in enumerate(groups) if group.kind != "rest"]
-        missed = out_of_reach(robot, start, [poses[k] for k in asked], conditions)
-        far = {asked[k]: amounts for k, amounts in missed.items()}
-        wanted = (rotations, positions)
+        found = [
+            None if group.kind == "rest" else pose
+            for group, pose in zip(groups, poses[1:], strict=True)
+        ]
+        asked = [pose for pose in found if pose is not None]
+        reached = iter(goals(robot, start, asked, conditions))
+        wanted = tuple(None if pose is None else next(reached) for pose in found)
+        begin = (0.0, 0.0) if first is not None else poses[0].miss(robot, start)
+        hand = (rotations, positions)
         return cls(
-            motion, synergies, robot, carrying, groups, wanted, poses, start, far, conditions
+            motion,
+            synergies,
+            robot,
+            carrying,
+            groups,
+            hand,
+            poses[0],
+            start,
+            begin,
+            wanted,
+            conditions,
         )
+
+    @property
+    def out_of_reach(self) -> dict[int, tuple[float, float]]:
+        """By number of the pose how far the nearest is [m], [rad]; 0 is the first."""
+        far = {
+            number + 1: goal.missed
+            for number, goal in enumerate(self.goals)
+            if goal is not None and not goal.within_reach
+        }
+        return far if max(self.begin) <= REACHED else {0: self.begin, **far}
 
     @property
     def edges(self) -> Array:
@@ -152,16 +179,11 @@ class Task:
 
     def planned(self, throw: bool, progress: Callable[[int], object]) -> list[Transfer]:
         """The robot's paths, one for each group; see `transferred`."""
-        poses = [
-            None if group.kind == "rest" else pose
-            for group, pose in zip(self.groups, self.poses[1:], strict=True)
-        ]
         return transferred(
             self.robot,
             self.start,
-            poses,
+            self.goals,
             np.diff(self.edges).tolist(),
-            [number + 1 in self.far for number in range(len(poses))],
             self.conditions,
             throw=throw,
             progress=progress,
@@ -214,8 +236,8 @@ class Task:
             # Back from the robot's time, which is stretched evenly between two samples.
             return self.carrying(motion(np.interp(instants, time, motion.time)))
 
-        turning = self.poses[0].rotation is not None
-        placing = self.poses[0].position is not None
+        turning = self.first.rotation is not None
+        placing = self.first.position is not None
         counts = steps_between(motion)
         followed = track_poses(
             self.robot, self.start, time, poses, counts=counts, turning=turning, placing=placing

@@ -109,8 +109,12 @@ def find_postures(
     limits: bool,
     free: ArrayLike | None,
     clear: Clear,
+    enough: int = _ENOUGH,
 ) -> list[Array]:
-    """Up to four such postures, from as many starts, the nearest first: see `find_posture`."""
+    """So many such postures, from as many starts, the nearest first: see `find_posture`.
+
+    The first start is `near` itself.
+    """
     start = as_vector("near", near, model.dof)
     place = np.zeros(3) if position is None else as_vector("position", position, 3)
     turn = np.eye(3) if rotation is None else as_rotation("rotation", rotation)
@@ -132,7 +136,7 @@ def find_postures(
         nearest = min(nearest, miss)
         if outcome.success and miss <= _REACHED:
             found.append(outcome.x)
-            if len(found) == _ENOUGH:
+            if len(found) == enough:
                 break
     if not found:
         what = [
