@@ -44,13 +44,13 @@ class Retargeting:
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
-        """Of all arms; where two have a name in common, with the person's side in front."""
+        """Of all arms; where two have a name in common, with the arm's number in front."""
         names = [name for arm in self.arms for name in arm.robot.joint_names]
         if len(set(names)) == len(names):
             return tuple(names)
         return tuple(
-            f"{arm.analysis.model.name}/{name}"
-            for arm in self.arms
+            f"{number}/{name}"
+            for number, arm in enumerate(self.arms)
             for name in arm.robot.joint_names
         )
 

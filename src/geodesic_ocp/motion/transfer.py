@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -230,14 +229,20 @@ def _shot(
     """The geodesic that comes nearest, from inverse kinematics and from standing still."""
     arm = metric.model
     found: list[ToPose] = []
-    iterations, status = 0, ""
-    for towards in chain(ends(arm, q, goal, conditions), [None]):
+    iterations, reached, status = 0, 0, ""
+    towards_which = ends(arm, q, goal, conditions)
+    # The logarithm of a far posture is no better a start than none, and often a worse one.
+    for towards in (*towards_which[:1], None, *towards_which[1:]):
+        # Out of reach the nearest pose within the limits takes its place.
+        wanted = goal.pose
+        if not goal.within_reach:
+            wanted = wanted.of(arm, goal.posture if towards is None else towards)
         try:
             outcome = geodesic_to_pose(
                 arm,
                 q,
-                goal.pose.position,
-                goal.pose.rotation,
+                wanted.position,
+                wanted.rotation,
                 towards=towards,
                 weights=conditions.weights,
                 energy_weight=conditions.energy_weight,
@@ -250,8 +255,8 @@ def _shot(
         status = status or outcome.status
         if outcome.success and outcome.path is not None:
             found.append(outcome)
-            near = max(outcome.position_error, outcome.rotation_error) <= REACHED
-            if (near or not goal.within_reach) and len(found) >= conditions.starts:
+            reached += max(outcome.position_error, outcome.rotation_error) <= REACHED
+            if reached > conditions.starts:
                 break
     if not found:
         return _still(metric, q), iterations, False, status

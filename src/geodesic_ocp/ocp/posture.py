@@ -81,7 +81,7 @@ def find_posture(
     """The posture (n,) nearest to another, joint by joint, with this hand's pose.
 
     min |q - near|^2 over q with the hand at the position, turned as the rotation, or both; from
-    several starts, and within half a turn of joints whose limits are a turn apart or more.
+    several starts, and within a turn of joints whose limits are further apart.
 
     Args:
         model: whose hand is placed.
@@ -156,15 +156,17 @@ def find_postures(
 def room(model: Model, start: Array, limits: bool) -> tuple[Array, Array, Array]:
     """Bounds (n,) of a search for postures, and the start within them.
 
-    Where there is more room than a turn, half a turn leads anywhere; unbounded steps would wind
-    the arm up.
+    Where there is more room than a turn, one turn leads anywhere; unbounded steps would wind the
+    arm up. It is half a turn to either side, or what is left on one side and the rest on the other.
     """
     lower = model.lower if limits else np.full(model.dof, -np.inf)
     upper = model.upper if limits else np.full(model.dof, np.inf)
     inside = np.clip(start, lower, upper)
     wide = ~(upper - lower <= 2.0 * np.pi)
-    lower = np.where(wide, np.maximum(lower, inside - np.pi), lower)
-    upper = np.where(wide, np.minimum(upper, inside + np.pi), upper)
+    with np.errstate(invalid="ignore"):  # of slides without limits
+        first = np.clip(inside - np.pi, lower, upper - 2.0 * np.pi)
+    lower = np.where(wide, first, lower)
+    upper = np.where(wide, first + 2.0 * np.pi, upper)
     return lower, upper, np.asarray(inside)
 
 

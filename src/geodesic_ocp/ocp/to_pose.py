@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import casadi as ca
 import numpy as np
@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from scipy.integrate import DOP853
 
 from geodesic_ocp.arrays import Array, as_positive, as_rotation, as_vector
-from geodesic_ocp.errors import IntegrationFailed, NotConverged
+from geodesic_ocp.errors import GeodesicOcpError, IntegrationFailed, NotConverged
 from geodesic_ocp.manifold.exponential import exp
 from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
 from geodesic_ocp.manifold.transport import parallel_transport
@@ -32,7 +32,9 @@ Method = Literal["newton", "transport"]
 ENERGY_WEIGHT = 1e-8
 # Steps of the integrator within the program, and how well they must agree with `exp`.
 _STEPS, _MOST_STEPS, _AGREES = 4, 64, 1e-8
-_ITERATIONS = {"newton": 200, "transport": 2000}
+# Iterations of one solve; and the weights of the energy that lead on where it takes more.
+_PATIENCE, _SHRINKING = 60, (1.0, 1e-2, 1e-4, 1e-6)
+_ITERATIONS = 2000  # of the gradient method
 _DONE = 1e-9  # of the gradient method: the miss, or what a step gains of it
 _HALVINGS = 30
 _CUT = 1e-3  # of the Jacobian's largest singular value: what the pseudo-inverse leaves alone
@@ -170,8 +172,13 @@ class _Target:
         self, v: Array, given: Array, iterations: int, success: bool, status: str
     ) -> ToPose:
         """The record of a velocity."""
-        path = shoot(self.metric, self.q0, v) if np.any(v) else None
-        posture = self.q0 if path is None else path.nodes[-1]
+        path, posture = None, self.q0
+        if np.any(v):
+            try:
+                path = shoot(self.metric, self.q0, v)
+                posture = path.nodes[-1]
+            except GeodesicOcpError as error:
+                success, status = False, f"{status}; {error}"
         rotation, position = self.model.hand_pose(posture)
         away, angle = pose_miss(rotation, position, self.rotation, self.position)
         energy = float(self.metric.inner(self.q0, v, v)) / 2.0
@@ -197,25 +204,51 @@ def _miss(model: Model) -> ca.Function:
 
 
 def _newton(target: _Target, v: Array, small: float) -> tuple[Array, int, bool, str]:
-    """The NLP, with as many steps of its integrator as agree with `exp`."""
+    """The NLP; where it is not solved at once, with a large weight of the energy that shrinks."""
+    direct = _with_steps(target, v, small, _PATIENCE)
+    if direct.success:
+        return direct.x, direct.iterations, True, direct.status
+    iterations, best, reached = direct.iterations, direct, np.inf
+    weights = [weight for weight in _SHRINKING if weight > small]
+    for weight in (*weights, small):
+        outcome = _with_steps(target, best.x if best.success else v, weight, _PATIENCE)
+        iterations += outcome.iterations
+        if not outcome.success:
+            if best.success:
+                status = f"{best.status}, but with weight {reached:g} of the energy only"
+                return best.x, iterations, False, status
+            break
+        best, reached = outcome, weight
+    return best.x, iterations, best.success, best.status
+
+
+class _Outcome(NamedTuple):
+    x: Array
+    iterations: int
+    success: bool
+    status: str
+
+
+def _with_steps(target: _Target, v: Array, small: float, patience: int) -> _Outcome:
+    """The NLP with one weight, and as many steps of its integrator as agree with `exp`."""
     steps, iterations = _STEPS, 0
     while True:
-        outcome = _shot(target, v, small, steps)
+        outcome = _shot(target, v, small, steps, patience)
         iterations += outcome.iterations
         found = outcome.x[: target.q0.size]
         if not outcome.success:
             found = found if np.all(np.isfinite(found)) else v
-            return found, iterations, False, outcome.status
+            return _Outcome(found, iterations, False, outcome.status)
         end = _flow(target.model, steps)(target.q0, found).full()[:, 0]
         if np.abs(end - exp(target.metric, target.q0, found)).max() <= _AGREES:
-            return found, iterations, True, outcome.status
+            return _Outcome(found, iterations, True, outcome.status)
         if steps >= _MOST_STEPS:
             status = f"{steps} steps of the integrator are too few for this geodesic"
-            return found, iterations, False, status
+            return _Outcome(found, iterations, False, status)
         steps, v = 2 * steps, found
 
 
-def _shot(target: _Target, v: Array, small: float, steps: int) -> Outcome:
+def _shot(target: _Target, v: Array, small: float, steps: int, patience: int) -> Outcome:
     """In x = (v, r), where r is the miss in units of the square root of the energy's weight."""
     metric, q0 = target.metric, target.q0
     matrix = metric.matrix(q0)
@@ -224,12 +257,12 @@ def _shot(target: _Target, v: Array, small: float, steps: int) -> Outcome:
     first = target.miss(_flow(target.model, steps)(q0, v).full()[:, 0]) / root
     p = np.concatenate([q0, target.position, target.rotation.ravel(order="F")])
     p = np.concatenate([p, target.weights, [root], (matrix / scale).ravel(order="F")])
-    solver = _program(target.model, steps)
+    solver = _program(target.model, steps, patience)
     return solver(x0=np.concatenate([v, first]), p=p, lbg=0.0, ubg=0.0)
 
 
 @lru_cache(maxsize=32)
-def _program(model: Model, steps: int) -> Ipopt:
+def _program(model: Model, steps: int, patience: int) -> Ipopt:
     n = model.dof
     x, p = ca.MX.sym("x", n + 6), ca.MX.sym("p", n + 15 + n * n)
     v, r = x[:n], x[n:]
@@ -241,7 +274,7 @@ def _program(model: Model, steps: int) -> Ipopt:
     missed = _miss(model)(rotation, position, place, ca.reshape(turn, 3, 3), weights)
     f = (ca.bilin(ca.reshape(matrix, n, n), v, v) + ca.sumsqr(r)) / 2
     # The misses are divided by the root of a small number: finer is beyond rounding.
-    options = {"max_iter": _ITERATIONS["newton"], "nlp_scaling_method": "none", "tol": 1e-8}
+    options = {"max_iter": patience, "nlp_scaling_method": "none", "tol": 1e-8}
     return Ipopt({"x": x, "p": p, "f": f, "g": missed / root - r}, options=options)
 
 
@@ -271,7 +304,7 @@ def _descended(target: _Target, v: Array) -> tuple[Array, int, bool, str]:
     end = exp(metric, q0, v)
     missed = target.miss(end)
     rows = np.repeat(target.weights, 3)
-    for iteration in range(_ITERATIONS["transport"]):
+    for iteration in range(_ITERATIONS):
         size = float(np.linalg.norm(missed))
         if size <= _DONE:
             return v, iteration, True, "the hand is at the pose"
@@ -296,7 +329,7 @@ def _descended(target: _Target, v: Array) -> tuple[Array, int, bool, str]:
         v, end, missed = v + share * step, new, new_missed
         if size - np.linalg.norm(missed) <= _DONE * size:
             return v, iteration + 1, True, "the hand comes no nearer"
-    return v, _ITERATIONS["transport"], False, "too many iterations"
+    return v, _ITERATIONS, False, "too many iterations"
 
 
 def nearest_of(found: Sequence[ToPose]) -> ToPose:

@@ -1,0 +1,167 @@
+"""Alignment: a person's hand on a robot, and back; left and right; known robots."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+import geodesic_ocp as go
+from geodesic_ocp.model.alignment import arm_length
+from geodesic_ocp.model.robots import folder
+
+DOWN, FORWARD, RIGHT = np.array([0.0, 0.0, -1.0]), np.array([0.0, 1.0, 0.0]), np.array([1.0, 0, 0])
+
+
+@pytest.fixture
+def some(rng: np.random.Generator) -> go.Alignment:
+    base, hand = Rotation.random(2, random_state=3).as_matrix()
+    return go.Alignment(rng.normal(size=3), base, hand, 1.2)
+
+
+def test_the_way_there_and_back(some: go.Alignment, rng: np.random.Generator) -> None:
+    rotations = Rotation.random(5, random_state=1).as_matrix()
+    positions = rng.normal(size=(5, 3))
+    there = some.carried(rotations, positions, scale=1.0)
+    back = some.person(*there)
+    assert_allclose(back[0], rotations, atol=1e-12)
+    assert_allclose(back[1], positions, atol=1e-12)
+    one = some.carried(rotations[2], positions[2], scale=1.0)
+    assert_allclose(one[1], there[1][2], atol=1e-12)
+
+
+def test_positions_are_scaled_from_the_shoulder(some: go.Alignment) -> None:
+    axes = np.eye(3)
+    _, at_shoulder = some.carried(axes, np.zeros(3), scale=2.0)
+    _, away = some.carried(axes, np.array([0.1, 0.2, -0.3]), scale=2.0)
+    assert_allclose(at_shoulder, some.shoulder)
+    assert np.linalg.norm(away - at_shoulder) == pytest.approx(
+        2.0 * np.linalg.norm([0.1, 0.2, 0.3])
+    )
+
+
+def test_a_mirrored_arm_is_the_other_arm() -> None:
+    """Mirrored postures of the right arm have the poses of the left arm, frame by frame."""
+    right, left = go.human_arm("right", 1.8), go.human_arm("left", 1.8)
+    here = go.alignment(right)
+    rng = np.random.default_rng(4)
+    for q in rng.uniform(right.lower, right.upper, (5, 7)):
+        # Joints about y and z turn the other way on the other side.
+        signs = np.array([1.0 if name[2] == "x" else -1.0 for name in right.joint_names])
+        mirrored = here.carried(*right.hand_pose(q), scale=1.0, mirror=True)
+        of_left = left.hand_pose(signs * q)
+        assert_allclose(mirrored[0], of_left[0], atol=1e-9)
+        assert_allclose(mirrored[1], of_left[1], atol=1e-9)
+
+
+def test_a_person_is_aligned_with_another() -> None:
+    small, tall = go.human_arm("left", 1.5), go.human_arm("left", 2.0)
+    found = go.alignment(tall.with_payload(1.0))
+    assert found.side == "left"
+    assert found.length / go.alignment(small).length == pytest.approx(2.0 / 1.5, rel=1e-6)
+    assert_allclose(found.base, np.eye(3))
+
+
+def test_changes_and_robots_that_are_not_known() -> None:
+    arm = go.human_arm()
+    assert go.alignment(arm, side=None).side is None
+    with pytest.raises(ValueError, match=r"alignment: .*'colour'"):
+        go.alignment(arm, colour="red")
+    stranger = pin.buildSampleModelManipulator()
+    model = go.Model(stranger, stranger.frames[-1].name)
+    with pytest.raises(ValueError, match=r"no default alignment for .*go\.Alignment\(shoulder"):
+        go.alignment(model)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"shoulder": (0, 0)}, "shoulder"),
+        ({"base": np.ones((3, 3))}, "base must be a rotation"),
+        ({"hand": -np.eye(3)}, "hand must be a rotation"),
+        ({"length": 0.0}, "length must be positive"),
+        ({"side": "up"}, "side must be"),
+    ],
+)
+def test_wrong_fields_are_named(change: dict[str, Any], message: str) -> None:
+    fields: dict[str, Any] = {
+        "shoulder": np.zeros(3),
+        "base": np.eye(3),
+        "hand": np.eye(3),
+        "length": 1.0,
+    }
+    with pytest.raises(ValueError, match=message):
+        go.Alignment(**{**fields, **change})
+
+
+def test_the_arm_length_moves_with_the_joint() -> None:
+    """Of two links of one metre each the hand is a metre from the elbow, wherever that is."""
+    chain = pin.Model()
+    at = pin.SE3(np.eye(3), np.array([1.0, 0.0, 0.0]))
+    shoulder = chain.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "shoulder")
+    elbow = chain.addJoint(shoulder, pin.JointModelRZ(), at, "elbow")
+    for joint, name in ((shoulder, "shoulder"), (elbow, "elbow")):
+        chain.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Identity())
+        chain.addFrame(pin.Frame(name, joint, pin.SE3.Identity(), pin.FrameType.JOINT))
+    chain.addFrame(pin.Frame("hand", elbow, at, pin.FrameType.OP_FRAME))
+    chain.lowerPositionLimit, chain.upperPositionLimit = np.array([[-3.0, 0.2], [3.0, 2.0]])
+    model = go.Model(chain, "hand")
+    assert arm_length(model, "elbow") == pytest.approx(1.0, rel=1e-9)
+    assert arm_length(model, "shoulder") == pytest.approx(2.0 * np.cos(0.1), rel=1e-6)
+
+
+def hanging(name: str, package: str) -> tuple[go.Alignment, np.ndarray, np.ndarray]:
+    """The pose on a robot of the hanging arm of a person, of the robot's side."""
+    if folder(package) is None:
+        pytest.skip(f"{package} is not installed: make robots")
+    robot = go.load_model(name)
+    aligned = go.alignment(robot)
+    person = go.human_arm(aligned.side or "right")
+    scale = aligned.length / person.reach
+    pose = aligned.carried(*person.hand_pose(np.zeros(7)), scale=scale)
+    return aligned, *pose
+
+
+@pytest.mark.filterwarnings("ignore:.*comma in rpy")
+@pytest.mark.parametrize(
+    ("name", "package", "fingers", "palm"),
+    [  # in the hand's frame: where the fingers point, and the palm's normal up to its sign
+        ("panda", "example-robot-data", (0, 0, 1), (0, 1, 0)),
+        ("xarm7", "example-robot-data", (0, 0, 1), (0, 1, 0)),
+        ("talos-left-arm", "example-robot-data", (0, 0, -1), (0, 1, 0)),
+        ("talos-right-arm", "example-robot-data", (0, 0, -1), (0, 1, 0)),
+        ("armar6-left", "armar", (0, 0, 1), (-1, 0, 0)),
+        ("armar6-right", "armar", (0, 0, 1), (-1, 0, 0)),
+    ],
+)
+def test_hanging_hands_of_robots(
+    name: str, package: str, fingers: tuple[int, ...], palm: tuple[int, ...]
+) -> None:
+    """Fingers point down, the palm to the side, and the hand is below the shoulder."""
+    aligned, rotation, position = hanging(name, package)
+    base = np.asarray(aligned.base)
+    assert_allclose(base.T @ rotation @ fingers, DOWN, atol=1e-9)
+    assert abs(RIGHT @ base.T @ rotation @ palm) == pytest.approx(1.0, abs=1e-9)
+    below = base.T @ (position - np.asarray(aligned.shoulder))
+    assert -below[2] == pytest.approx(aligned.length, rel=1e-2)
+
+
+@pytest.mark.filterwarnings("ignore:.*comma in rpy")
+@pytest.mark.parametrize(("side", "thumb"), [("left", (0, 1, 0)), ("right", (0, -1, 0))])
+def test_palms_and_thumbs_of_armar(side: str, thumb: tuple[int, ...]) -> None:
+    """As its meshes show: palms face -x, to the body, and thumbs point forward."""
+    aligned, rotation, _ = hanging(f"armar6-{side}", "armar")
+    assert aligned.side == side
+    to_body = np.array([1.0 if side == "left" else -1.0, 0.0, 0.0])
+    assert_allclose(rotation @ (-1, 0, 0), to_body, atol=1e-9)
+    assert_allclose(rotation @ thumb, FORWARD, atol=1e-9)
+
+
+def test_the_hand_of_the_person_is_as_described() -> None:
+    """Of the hanging arm: x to the right, y backward, z along the fingers."""
+    rotation, _ = go.human_arm().hand_pose(np.zeros(7))
+    assert_allclose(rotation, np.diag([1.0, -1.0, -1.0]), atol=1e-12)

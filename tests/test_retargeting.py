@@ -1,0 +1,341 @@
+"""A person's synergies on a robot: the whole way, on arms that need no other package."""
+
+from __future__ import annotations
+
+import csv
+import json
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import geodesic_ocp as go
+from geodesic_ocp.model.robots import folder
+from geodesic_ocp.motion.goals import REACHED
+from geodesic_ocp.report import report
+
+
+@pytest.fixture(scope="module")
+def analysis(reach_file: Path) -> go.Analysis:
+    """The reach at the end of the bundled recording."""
+    motion = go.read_motion(reach_file).filtered()
+    start = len(motion) - 170
+    cut = go.Motion(
+        motion.time[start:],
+        motion.q[start:],
+        motion.joint_names,
+        motion.velocity[start:],  # type: ignore[index]
+    )
+    return go.analyse(go.human_arm("left", 1.78), cut)
+
+
+@pytest.fixture(scope="module")
+def robot() -> go.Model:
+    """Another person's arm, on the other side, whose joints are not fast."""
+    arm = go.human_arm("right", 1.95, 90.0)
+    chain = arm.pin.copy()
+    chain.velocityLimit = np.full(7, 2.5)
+    return go.Model(chain, "hand", shapes=arm.bodies)
+
+
+@pytest.fixture(scope="module")
+def found(analysis: go.Analysis, robot: go.Model) -> go.Retargeting:
+    return go.retarget(analysis, robot)
+
+
+def outside(model: go.Model, q: np.ndarray) -> float:
+    return float(np.max([model.lower - q, q - model.upper]))
+
+
+def test_the_hand_is_at_the_poses(found: go.Retargeting, analysis: go.Analysis) -> None:
+    (arm,) = found.arms
+    assert arm.mirror
+    assert not arm.out_of_reach
+    assert arm.scale == pytest.approx(1.95 / 1.78, rel=1e-6)
+    assert len(arm.groups) <= len(analysis.synergies)
+    assert len(arm.groups) == len(arm.synergies) == len(arm.transfers) > 1
+    for group, transfer in zip(arm.groups, arm.transfers, strict=True):
+        assert transfer.success
+        assert max(transfer.position_error, transfer.rotation_error) <= REACHED
+        if group.kind != "rest":
+            rotation, position = arm.robot.hand_pose(transfer.path.nodes[-1])
+            assert_allclose(position, arm.wanted[1][group.stop], atol=1e-6)
+            assert_allclose(rotation, arm.wanted[0][group.stop], atol=2e-6)
+    for one, other in pairwise(arm.transfers):
+        assert_allclose(one.path.nodes[-1], other.path.nodes[0], atol=1e-12)
+
+
+def test_limits_are_kept_everywhere(found: go.Retargeting) -> None:
+    (arm,) = found.arms
+    s = np.linspace(0.0, 1.0, 1001)
+    for synergy in arm.synergies:
+        assert outside(arm.robot, synergy.path(s)) <= 0.0
+        times = synergy.start_time + np.linspace(0.0, synergy.duration, 501)
+        assert np.abs(synergy(times, 1)).max() <= 2.5 * (1.0 + 1e-3)
+    assert found.stretch >= 1.0
+    assert arm.figures["synergies"].peak_speed <= 1.001
+    assert arm.figures["synergies"].outside == 0.0
+
+
+def test_it_costs_less_than_to_follow_the_hand(found: go.Retargeting) -> None:
+    figures = found.arms[0].figures
+    assert figures["synergies"].energy < figures["ik"].energy
+    # That follows the whole way, and this the poses at the ends alone.
+    assert figures["ik"].position < 0.01
+    assert figures["synergies"].position < 0.1
+
+
+def test_the_motion_is_that_of_the_synergies(found: go.Retargeting) -> None:
+    (arm,) = found.arms
+    motion, time = found.motion, found.motion.time
+    assert motion.joint_names == arm.robot.joint_names
+    assert len(motion) == len(arm.analysis.motion)
+    assert time[0] == 0.0
+    assert time[-1] == pytest.approx(found.stretch * arm.analysis.motion.duration)
+    for synergy in arm.synergies:
+        inner = slice(synergy.start, synergy.stop)
+        assert_allclose(motion.q[inner], synergy(time[inner]), atol=1e-12)
+        assert_allclose(found.trajectory.velocities[inner], synergy(time[inner], 1), atol=1e-12)
+    # Speeds in the metric are continuous where synergies meet, directions need not be.
+    metric = go.KineticEnergy(arm.robot)
+    for one, other in pairwise(arm.synergies):
+        at = other.start_time
+        before, after = (metric.norm(each(at), each(at, 1)) for each in (one, other))
+        assert before == pytest.approx(after, rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_the_same_person_does_the_same(analysis: go.Analysis) -> None:
+    """On the own arm, from the own posture, the poses are the recording's."""
+    first = analysis.motion.q[0]
+    found = go.retarget(analysis, analysis.model, start=first, drop=0.0, merge=0.3)
+    (arm,) = found.arms
+    assert arm.scale == pytest.approx(1.0)
+    assert not arm.mirror
+    observed = analysis.model.hand_pose(analysis.motion.q)
+    assert_allclose(arm.wanted[1], observed[1], atol=1e-12)
+    assert_allclose(arm.wanted[0], observed[0], atol=1e-12)
+    assert_allclose(found.motion.q[0], first, atol=3e-6)
+
+
+@pytest.mark.slow
+def test_free_geodesics_cost_less(
+    analysis: go.Analysis, robot: go.Model, found: go.Retargeting
+) -> None:
+    free = go.retarget(analysis, robot, formulation="geodesic", speed_limits=False, starts=3)
+    (arm,) = free.arms
+    assert free.stretch == 1.0
+    metric = go.KineticEnergy(robot)
+    for group, transfer in zip(arm.groups, arm.transfers, strict=True):
+        assert max(transfer.position_error, transfer.rotation_error) <= REACHED
+        if group.kind != "rest":
+            velocity = transfer.path(0.0, 1)
+            there = go.exp(metric, transfer.path.nodes[0], velocity)
+            assert_allclose(there, transfer.path.nodes[-1], atol=1e-4)
+    first = next(k for k, group in enumerate(arm.groups) if group.kind != "rest")
+    held = found.arms[0].transfers[first].path
+    assert_allclose(held.nodes[0], arm.transfers[first].path.nodes[0], atol=1e-5)
+    assert arm.transfers[first].path.energy <= held.energy * (1.0 + 1e-6)
+
+
+@pytest.mark.slow
+def test_position_alone(analysis: go.Analysis, robot: go.Model) -> None:
+    found = go.retarget(analysis, robot, orientation_weight=0.0, merge=0.4)
+    (arm,) = found.arms
+    assert all(transfer.rotation_error == 0.0 for transfer in arm.transfers)
+    ends = [group.stop for group in arm.groups if group.kind != "rest"]
+    positions = [
+        robot.hand_pose(transfer.path.nodes[-1])[1]
+        for group, transfer in zip(arm.groups, arm.transfers, strict=True)
+        if group.kind != "rest"
+    ]
+    assert_allclose(positions, arm.wanted[1][ends], atol=1e-6)
+
+
+@pytest.mark.slow
+def test_out_of_reach_is_said_before_and_the_nearest_taken(
+    analysis: go.Analysis, robot: go.Model
+) -> None:
+    said: list[str] = []
+
+    def progress(label: str, done: int, total: int) -> None:
+        del total
+        said.append(f"{label} {done}")
+
+    with pytest.warns(
+        UserWarning, match=r"out of reach, the nearest pose is taken: .* by 0\.\d+ m"
+    ):
+        found = go.retarget(analysis, robot, scale=1.5, merge=0.4, progress=progress)
+    assert said[0].startswith("planning")
+    (arm,) = found.arms
+    assert arm.out_of_reach
+    for number, (away, _) in arm.out_of_reach.items():
+        if number > 0:
+            transfer = arm.transfers[number - 1]
+            assert not transfer.within_reach
+            assert transfer.position_error == pytest.approx(away, rel=0.05, abs=1e-3)
+            assert "out of reach" in transfer.status
+    assert outside(robot, found.motion.q) <= 0.0
+
+
+@pytest.mark.slow
+def test_bodies_are_kept_apart(analysis: go.Analysis, robot: go.Model) -> None:
+    free = go.retarget(analysis, robot, merge=0.4)
+    way = robot.hand_pose(free.motion.q)[1]
+    k = len(way) * 7 // 8  # on the way up
+    beside = np.cross(way[k + 1] - way[k - 1], way[-1] - way[0] + np.array([0.0, 0.0, 1.0]))
+    place = way[k] + 0.07 * beside / np.linalg.norm(beside)
+    ball, links = go.Ball(tuple(place), 0.05, name="lamp"), ("right hand",)
+    touching = [min(go.clearances(robot, q, [ball], links=links).values()) for q in free.motion.q]
+    assert min(touching) < 0.0 < min(touching[0], touching[-1])
+    kept = go.retarget(analysis, robot, merge=0.4, obstacles=[ball], links=links, margin=0.01)
+    clear = [min(go.clearances(robot, q, [ball], links=links).values()) for q in kept.motion.q[::3]]
+    assert min(clear) > 0.01 - 2e-6
+
+
+def test_a_start_that_collides_is_said_before(analysis: go.Analysis, robot: go.Model) -> None:
+    start = np.array([0.2, 0.0, -0.3, 1.0, 0.0, 0.0, 0.0])
+    place = robot.hand_pose(start)[1]
+    called: list[str] = []
+    with pytest.raises(ValueError, match=r"start: right forearm to lamp is -0\.\d+ m, and must"):
+        go.retarget(
+            analysis,
+            robot,
+            start=start,
+            obstacles=[go.Ball(tuple(place), 0.1, name="lamp")],
+            progress=lambda label, done, total: called.append(label),
+        )
+    assert not called
+
+
+@pytest.mark.parametrize(
+    ("keywords", "message"),
+    [
+        ({"formulation": "magic"}, "formulation must be one of constrained, geodesic"),
+        ({"scale": -1.0}, "scale must be positive"),
+        ({"drop": 2.0, "merge": 1.0}, "drop and merge must be"),
+        ({"start": np.zeros(3)}, "start"),
+        ({"start": np.full(7, 3.0)}, "start: RSx_joint|start: RSz_joint is at 3, outside"),
+        ({"position_weight": 0.0, "orientation_weight": 0.0}, "not both zero"),
+        ({"orientation_weight": -1.0}, "zero or above"),
+        ({"energy_weight": 0.0}, "energy_weight must be positive"),
+        ({"starts": 0}, "starts must be an integer above zero"),
+        ({"pairs": [("right hand",)]}, "pairs must be a list of pairs"),
+        ({"links": ["tail"], "obstacles": [go.Ball((9, 9, 9), 0.1)]}, "no body at 'tail'"),
+        ({"alignment": []}, "alignment must be one for each of 1 robots"),
+        (
+            {"formulation": "geodesic", "obstacles": [go.Ball((9, 9, 9), 0.1)]},
+            "'geodesic' knows no bodies",
+        ),
+    ],
+)
+def test_wrong_arguments_are_named(
+    analysis: go.Analysis, robot: go.Model, keywords: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        go.retarget(analysis, robot, **keywords)
+
+
+def test_wrong_analyses_and_robots_are_named(analysis: go.Analysis, robot: go.Model) -> None:
+    with pytest.raises(ValueError, match="2 analyses for 1 robots"):
+        go.retarget([analysis, analysis], robot)
+    with pytest.raises(ValueError, match="robot must be Model"):
+        go.retarget(analysis, "panda")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="analysis must be Analysis"):
+        go.retarget(robot, robot)  # type: ignore[arg-type]
+
+
+def test_tables_and_picture(found: go.Retargeting) -> None:
+    table = found.table()
+    assert [row[1] for row in table.rows] == ["geodesic synergies", "inverse kinematics"]
+    synergies = found.synergy_table()
+    (arm,) = found.arms
+    assert len(synergies.rows) == len(arm.groups)
+    assert [row[4] for row in synergies.rows] == [group.kind for group in arm.groups]
+    last = arm.groups[-1].members
+    assert str(synergies.rows[-1][2]).endswith(str(last[-1]))
+    figure = found.plot()
+    (part,) = figure.subfigs
+    panels = part.axes
+    labels = [panel.get_ylabel() for panel in panels]
+    assert [label.partition(" ")[0] for label in labels[:2]] == ["hand", "hand"]
+    assert all(label.endswith("[rad]") for label in labels[2:5])
+    assert len(panels[0].patches) == len(arm.groups)
+    (legend,) = part.legends
+    assert [text.get_text() for text in legend.get_texts()] == [
+        "person's hand, carried over",
+        "geodesic synergies",
+        "segment ends",
+        "inverse kinematics",
+    ]
+
+
+def test_files(found: go.Retargeting, tmp_path: Path) -> None:
+    files = {file.name for file in found.save(tmp_path / "new" / "folder")}
+    assert files == {
+        "figure.pdf",
+        "figure.png",
+        "synergies.csv",
+        "synergies.json",
+        "synergies.md",
+        "table.csv",
+        "table.md",
+        "trajectory.csv",
+        "trajectory.json",
+    }
+    folder = tmp_path / "new" / "folder"
+    (arm,) = found.arms
+    metric = go.KineticEnergy(arm.robot)
+    again = go.load_synergies(folder / "synergies.json", metric)
+    assert len(again) == len(arm.synergies)
+    times = again[-1].start_time + np.array([0.0, 0.4, 1.0]) * again[-1].duration
+    assert_allclose(again[-1](times), arm.synergies[-1](times), atol=1e-9)
+    message = json.loads((folder / "trajectory.json").read_text())
+    assert tuple(message["joint_names"]) == arm.robot.joint_names
+    assert len(message["points"]) == len(found.motion)
+    rows = list(csv.reader((folder / "trajectory.csv").read_text().splitlines()))
+    assert np.array_equal(np.array(rows[1:], dtype=float)[:, 1:8], found.motion.q)
+
+
+def test_the_report(found: go.Retargeting, tmp_path: Path) -> None:
+    file = report(found, tmp_path / "report.html")
+    text = file.read_text(encoding="utf-8")
+    assert "Human left arm (mirrored) on human right arm" in text
+    assert text.count("<canvas") == 2
+    assert text.count("<table>") == 2
+    assert "data:image/png;base64," in text
+    assert "http://" not in text
+    assert "https://" not in text
+
+
+@pytest.mark.slow
+def test_both_arms_at_once(analysis: go.Analysis, robot: go.Model, tmp_path: Path) -> None:
+    other = go.human_arm("left", 1.8)
+    found = go.retarget([analysis, analysis], [other, robot], merge=0.4)
+    assert [arm.mirror for arm in found.arms] == [False, True]
+    assert found.motion.joint_names == (*other.joint_names, *robot.joint_names)
+    assert found.motion.q.shape[1] == 14
+    assert_allclose(found.arms[0].trajectory.time, found.arms[1].trajectory.time)
+    assert len(found.synergies) == sum(len(arm.groups) for arm in found.arms)
+    assert len(found.plot().subfigs) == 2
+    twice = go.retarget([analysis, analysis], [other, other], merge=0.4, drop=0.3)
+    assert len(set(twice.joint_names)) == 14
+    names = {file.name for file in found.save(tmp_path)}
+    assert {"synergies_0.json", "synergies_1.json"} <= names
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(folder("example-robot-data") is None, reason="needs robots: make robots")
+def test_on_panda(analysis: go.Analysis) -> None:
+    found = go.retarget(analysis, go.load_model("panda"), merge=0.3)
+    (arm,) = found.arms
+    assert arm.mirror
+    for transfer in arm.transfers:
+        assert max(transfer.position_error, transfer.rotation_error) <= REACHED
+    assert outside(arm.robot, found.motion.q) <= 0.0
+    figures = arm.figures
+    assert figures["synergies"].energy < figures["ik"].energy
+    assert figures["synergies"].peak_speed <= 1.001
