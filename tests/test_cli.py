@@ -12,7 +12,7 @@ import pytest
 import geodesic_ocp as go
 from geodesic_ocp import cli
 from geodesic_ocp.model import catalogue
-from geodesic_ocp.model.robots import ROBOTS
+from geodesic_ocp.model.robots import ROBOTS, folder
 
 
 @pytest.fixture
@@ -262,3 +262,72 @@ def test_failed_solvers_and_interruptions_have_their_own_codes(
         printed = capsys.readouterr().err
         assert printed.startswith("geodesic-ocp: error: ")
         assert printed.count("\n") == 1
+
+
+def test_robots_that_cannot_be_are_named(
+    short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["retarget", str(short_file), "--side", "left", "--robot"]
+    assert cli.main([*command, "pandora"]) == 2
+    assert "'pandora'" in capsys.readouterr().err
+    assert cli.main([*command, "one", "two"]) == 2
+    assert "--robot: one robot, got one, two" in capsys.readouterr().err
+    assert cli.main(["retarget", str(short_file), "--side", "both", "--robot", "panda"]) == 2
+    assert "two robots, of the right and of the left arm" in capsys.readouterr().err
+    assert cli.main(["demo", "--robot", "pandora", "--out", str(tmp_path)]) == 2
+    assert not any(tmp_path.glob("*/figure.png"))
+
+
+needs_robots = pytest.mark.skipif(
+    folder("example-robot-data") is None, reason="needs robots: make robots"
+)
+
+
+@needs_robots
+def test_robots_without_an_alignment_are_named(
+    short_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["retarget", str(short_file), "--side", "left", "--robot", "double_pendulum"]
+    assert cli.main(command) == 2
+    captured = capsys.readouterr()
+    assert "hand must name a frame" in captured.err
+    assert "synergies" not in captured.out  # before the recording is analysed
+
+
+@needs_robots
+@pytest.mark.slow
+def test_retarget(short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    arguments = ["retarget", str(short_file), "--side", "left", "--robot", "panda", "--report"]
+    assert cli.main([*arguments, "--out", str(out), "--position-only"]) == 0
+    text = capsys.readouterr().out
+    assert "human left arm (mirrored) on panda" in text
+    assert "geodesic synergies" in text
+    assert "inverse kinematics" in text
+    for name in ("report.html", "trajectory.json", "figure.png", "synergies.md"):
+        assert f"wrote {out / name}" in text
+        assert (out / name).stat().st_size > 0
+    assert cli.main([*arguments[:-1], "--no-limits", "--formulation", "geodesic"]) == 0
+    text = capsys.readouterr().out
+    assert "wrote" not in text
+    assert "time is the person's" in text
+
+
+@needs_robots
+@pytest.mark.slow
+def test_demo_on_a_robot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["demo", "--robot", "xarm7", "--out", str(tmp_path)]) == 0
+    assert (tmp_path / "figure.png").is_file()
+    assert (tmp_path / "xarm7" / "report.html").is_file()
+    assert "32 synergies become 7" in capsys.readouterr().out
+
+
+@needs_robots
+@pytest.mark.slow
+def test_both_arms_of_a_recording(shared: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = shared / "data" / "kit" / "take_book_from_shelf_right_arm_02.xml"
+    arguments = ["retarget", str(file), "--side", "both", "--threshold", "1.5"]
+    assert cli.main([*arguments, "--robot", "talos-right-arm", "talos-left-arm"]) == 0
+    text = capsys.readouterr().out
+    assert "human right arm on talos-right-arm" in text
+    assert "human left arm on talos-left-arm" in text

@@ -16,7 +16,7 @@ def test_readme_runs(
 ) -> None:
     monkeypatch.chdir(tmp_path)  # one block writes a file
     blocks = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
-    assert len(blocks) == 9
+    assert len(blocks) == 10
     names: dict[str, object] = {}
     for block in blocks:
         exec(compile(block, str(README), "exec"), names)

@@ -226,6 +226,7 @@ def test_a_start_that_collides_is_said_before(analysis: go.Analysis, robot: go.M
         ({"pairs": [("right hand",)]}, "pairs must be a list of pairs"),
         ({"links": ["tail"], "obstacles": [go.Ball((9, 9, 9), 0.1)]}, "no body at 'tail'"),
         ({"alignment": []}, "alignment must be one for each of 1 robots"),
+        ({"alignment": ["panda"]}, "alignment must be an Alignment"),
         (
             {"formulation": "geodesic", "obstacles": [go.Ball((9, 9, 9), 0.1)]},
             "'geodesic' knows no bodies",

@@ -31,6 +31,7 @@ def retarget(
     *,
     formulation: Formulation = "constrained",
     alignment: Alignment | Sequence[Alignment] | None = None,
+    person: Alignment | Sequence[Alignment] | None = None,
     start: ArrayLike | Sequence[ArrayLike] | None = None,
     scale: float | None = None,
     mirror: bool | None = None,
@@ -66,7 +67,9 @@ def retarget(
             the pose exactly (`Reach`), under all that follows, or where there is none, to the
             nearest; or "geodesic", the free geodesic whose end is nearest to the pose
             (`geodesic_to_pose`), which knows no limits and no bodies.
-        alignment: of shoulders and hands; by default the known robot's (`go.alignment`).
+        alignment: of shoulders and hands; by default the known robot's (`go.alignment`). For
+            several robots one each.
+        person: likewise of the person's arm, where that is not a `human_arm`.
         start: posture (n,) to begin in [rad or m]; by default, by inverse kinematics, the one with
             the first pose that is nearest to the middle of the joints' ranges. For several robots
             one each.
@@ -102,8 +105,8 @@ def retarget(
     robots = _listed("robot", robot, Model)
     if len(analyses) != len(robots):
         raise ValueError(f"there are {len(analyses)} analyses for {len(robots)} robots")
-    given = [alignment] if isinstance(alignment, Alignment) else alignment
-    alignments = _each("alignment", given, len(robots))
+    targets = _aligned("alignment", alignment, robots)
+    sources = _aligned("person", person, [each.model for each in analyses])
     several = len(robots) > 1 or (isinstance(start, (list, tuple)) and np.ndim(start[0]) > 0)
     beginnings = _each("start", start if several or start is None else [start], len(robots))
     if formulation not in get_args(Formulation):
@@ -137,9 +140,10 @@ def retarget(
         scale, mirror, drop, merge, position_weight > 0.0, orientation_weight > 0.0, conditions
     )
     tasks = []
-    for each, arm, aligned, first in zip(analyses, robots, alignments, beginnings, strict=True):
-        target = default_alignment(arm) if aligned is None else aligned
-        carrying = Carrying.between(each.model, target, request)
+    for each, arm, source, target, first in zip(
+        analyses, robots, sources, targets, beginnings, strict=True
+    ):
+        carrying = Carrying.between(each.model, source, target, request)
         tasks.append(Task.of(each.motion, each.synergies, arm, carrying, first, request))
     _say_out_of_reach(tasks)
 
@@ -194,6 +198,17 @@ def _each(name: str, given: Any, count: int) -> list[Any]:
     if len(found) != count:
         raise ValueError(f"{name} must be one for each of {count} robots, got {len(found)}")
     return found
+
+
+def _aligned(name: str, given: Any, models: Sequence[Model]) -> list[Alignment]:
+    """One for each model, by default the model's own."""
+    found = _each(name, [given] if isinstance(given, Alignment) else given, len(models))
+    if not all(each is None or isinstance(each, Alignment) for each in found):
+        raise ValueError(f"{name} must be an Alignment, or a list of them, got {given!r}")
+    return [
+        default_alignment(model) if each is None else each
+        for model, each in zip(models, found, strict=True)
+    ]
 
 
 def _say_out_of_reach(tasks: Sequence[Task]) -> None:

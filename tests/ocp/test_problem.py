@@ -16,7 +16,7 @@ from numpy.testing import assert_allclose
 import geodesic_ocp as go
 from geodesic_ocp.ocp.prepared import transcription_of
 from geodesic_ocp.ocp.terms import conditions
-from geodesic_ocp.ocp.transcription import Units, transcribe
+from geodesic_ocp.ocp.transcription import Blocks, Units, transcribe
 from geodesic_ocp.ocp.violations import violations
 
 
@@ -147,7 +147,7 @@ def test_assembled_derivatives_equal_casadis(grid: go.Grid, rng: np.random.Gener
     problem = Everything()
     terms = conditions(problem)
     assert_allclose(terms.values, [0.7, 0.2, 0.3, 1.0, 3.0, 2.0, 4.0])
-    transcription = transcribe(problem.metric, terms, grid)
+    transcription = transcribe(Blocks.of(problem.metric, terms), grid)
     p = Units(rng.normal(size=2), 0.7, 3.0).with_values(rng.normal(size=7))
     check_derivatives(transcription, p, rng)
 

@@ -15,7 +15,7 @@ from known_problems import PlaneAroundDisc, check_derivatives
 import geodesic_ocp as go
 from geodesic_ocp.ocp.prepared import transcription_of
 from geodesic_ocp.ocp.terms import conditions
-from geodesic_ocp.ocp.transcription import Units, transcribe
+from geodesic_ocp.ocp.transcription import Blocks, Units, transcribe
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def test_assembled_derivatives_equal_casadis(grid: go.Grid, rng: np.random.Gener
     terms = conditions(problem)
     assert [len(group) for group in (terms.fixed, terms.ends, terms.bounds)] == [1, 1, 1]
     assert [len(group) for group in (terms.still, terms.moving)] == [1, 1]
-    transcription = transcribe(problem.metric, terms, grid)
+    transcription = transcribe(Blocks.of(problem.metric, terms), grid)
     p = Units(rng.normal(size=7), 0.7, 3.0).parameters
     check_derivatives(transcription, p, rng)
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
-from geodesic_ocp.model.alignment import Alignment, alignment
+from geodesic_ocp.model.alignment import Alignment
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.motion.baselines import steps_between, track_poses
 from geodesic_ocp.motion.goals import (
@@ -67,9 +67,11 @@ class Carrying:
     mirror: bool
 
     @classmethod
-    def between(cls, model: Model, target: Alignment, request: Request) -> Carrying:
+    def between(
+        cls, model: Model, source: Alignment, target: Alignment, request: Request
+    ) -> Carrying:
         """With the ratio of the arms' lengths, mirrored where the sides differ, unless asked."""
-        source, mirror, scale = alignment(model), request.mirror, request.scale
+        mirror, scale = request.mirror, request.scale
         if mirror is None:
             mirror = None not in (source.side, target.side) and source.side != target.side
         if scale is None:

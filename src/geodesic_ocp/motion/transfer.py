@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.errors import GeodesicOcpError, NotConverged
+from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.motion.goals import (
@@ -33,6 +33,7 @@ from geodesic_ocp.ocp.to_pose import ToPose, geodesic_to_pose, nearest_of
 
 # A law from rest to rest is half as fast again in the middle as on average.
 _PEAK = 1.5
+_COARSE = Grid(8, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,27 +231,27 @@ def _shot(
     arm = metric.model
     found: list[ToPose] = []
     iterations, reached, status = 0, 0, ""
-    towards_which = ends(arm, q, goal, conditions)
-    # The logarithm of a far posture is no better a start than none, and often a worse one.
-    for towards in (*towards_which[:1], None, *towards_which[1:]):
-        # Out of reach the nearest pose within the limits takes its place.
+    ends_found = ends(arm, q, goal, conditions)
+    for towards in (*ends_found[:1], None, *ends_found[1:]):
+        # Out of reach the nearest pose takes its place.
         wanted = goal.pose
         if not goal.within_reach:
             wanted = wanted.of(arm, goal.posture if towards is None else towards)
-        try:
-            outcome = geodesic_to_pose(
-                arm,
-                q,
-                wanted.position,
-                wanted.rotation,
-                towards=towards,
-                weights=conditions.weights,
-                energy_weight=conditions.energy_weight,
-                throw=False,
-            )
-        except GeodesicOcpError as error:
-            status = status or str(error)
-            continue
+        velocity = np.zeros(arm.dof)
+        if towards is not None:
+            rough = _rough(metric, q, wanted, towards)
+            iterations += rough.stats.iterations
+            velocity = rough.path(0.0, 1) if rough.stats.success else towards - q
+        outcome = geodesic_to_pose(
+            arm,
+            q,
+            wanted.position,
+            wanted.rotation,
+            velocity=velocity,
+            weights=conditions.weights,
+            energy_weight=conditions.energy_weight,
+            throw=False,
+        )
         iterations += outcome.iterations
         status = status or outcome.status
         if outcome.success and outcome.path is not None:
@@ -263,3 +264,9 @@ def _shot(
     best = nearest_of(found)
     assert best.path is not None
     return best.path, iterations, True, best.status
+
+
+def _rough(metric: KineticEnergy, q: Array, pose: Pose, towards: Array) -> Solution:
+    """The path of least energy on a coarse grid, whose velocity is near that of a geodesic."""
+    problem = Reach(metric.model, q, pose.position, pose.rotation, limits=False)
+    return solve(problem, grid=_COARSE, guess=_line(metric, q, towards), throw=False)

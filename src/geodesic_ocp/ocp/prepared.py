@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.ocp.grid import Grid
 from geodesic_ocp.ocp.terms import Conditions, conditions
-from geodesic_ocp.ocp.transcription import Transcription, transcribe
+from geodesic_ocp.ocp.transcription import Blocks, Transcription, transcribe
 
 if TYPE_CHECKING:
     from geodesic_ocp.ocp.problem import Problem
@@ -45,8 +45,19 @@ def transcription_of(problem: Problem, grid: Grid) -> Transcription:
     return transcribed(Structure.of(problem, conditions(problem)), grid)
 
 
+# Derivatives take longest, and are the same on every grid.
+_own_blocks = lru_cache(maxsize=4)(Blocks.of)
+
+
 def _built(structure: Structure, grid: Grid) -> Transcription:
-    return transcribe(structure.metric, structure.terms, grid)
+    return transcribe(_own_blocks(structure.metric, structure.terms), grid)
 
 
-_shared = lru_cache(maxsize=32)(_built)
+@lru_cache(maxsize=32)
+def _shared_blocks(structure: Structure) -> Blocks:
+    return Blocks.of(structure.metric, structure.terms)
+
+
+@lru_cache(maxsize=32)
+def _shared(structure: Structure, grid: Grid) -> Transcription:
+    return transcribe(_shared_blocks(structure), grid)

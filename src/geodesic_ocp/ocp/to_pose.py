@@ -31,7 +31,7 @@ from geodesic_ocp.ocp.pose_error import pose_miss, rotation_log
 Method = Literal["newton", "transport"]
 ENERGY_WEIGHT = 1e-8
 # Steps of the integrator within the program, and how well they must agree with `exp`.
-_STEPS, _MOST_STEPS, _AGREES = 4, 64, 1e-8
+_STEPS, _CAREFUL, _MOST_STEPS, _AGREES = 2, 4, 64, 1e-7
 # Iterations of one solve; and the weights of the energy that lead on where it takes more.
 _PATIENCE, _SHRINKING = 60, (1.0, 1e-2, 1e-4, 1e-6)
 _ITERATIONS = 2000  # of the gradient method
@@ -205,13 +205,13 @@ def _miss(model: Model) -> ca.Function:
 
 def _newton(target: _Target, v: Array, small: float) -> tuple[Array, int, bool, str]:
     """The NLP; where it is not solved at once, with a large weight of the energy that shrinks."""
-    direct = _with_steps(target, v, small, _PATIENCE)
+    direct = _with_steps(target, v, small, _STEPS)
     if direct.success:
         return direct.x, direct.iterations, True, direct.status
     iterations, best, reached = direct.iterations, direct, np.inf
     weights = [weight for weight in _SHRINKING if weight > small]
     for weight in (*weights, small):
-        outcome = _with_steps(target, best.x if best.success else v, weight, _PATIENCE)
+        outcome = _with_steps(target, best.x if best.success else v, weight, _CAREFUL)
         iterations += outcome.iterations
         if not outcome.success:
             if best.success:
@@ -229,18 +229,22 @@ class _Outcome(NamedTuple):
     status: str
 
 
-def _with_steps(target: _Target, v: Array, small: float, patience: int) -> _Outcome:
+def _with_steps(target: _Target, v: Array, small: float, steps: int) -> _Outcome:
     """The NLP with one weight, and as many steps of its integrator as agree with `exp`."""
-    steps, iterations = _STEPS, 0
+    iterations = 0
     while True:
-        outcome = _shot(target, v, small, steps, patience)
+        outcome = _shot(target, v, small, steps)
         iterations += outcome.iterations
         found = outcome.x[: target.q0.size]
         if not outcome.success:
             found = found if np.all(np.isfinite(found)) else v
             return _Outcome(found, iterations, False, outcome.status)
         end = _flow(target.model, steps)(target.q0, found).full()[:, 0]
-        if np.abs(end - exp(target.metric, target.q0, found)).max() <= _AGREES:
+        try:
+            agrees = np.abs(end - exp(target.metric, target.q0, found)).max() <= _AGREES
+        except IntegrationFailed as error:
+            return _Outcome(found, iterations, False, str(error))
+        if agrees:
             return _Outcome(found, iterations, True, outcome.status)
         if steps >= _MOST_STEPS:
             status = f"{steps} steps of the integrator are too few for this geodesic"
@@ -248,21 +252,23 @@ def _with_steps(target: _Target, v: Array, small: float, patience: int) -> _Outc
         steps, v = 2 * steps, found
 
 
-def _shot(target: _Target, v: Array, small: float, steps: int, patience: int) -> Outcome:
+def _shot(target: _Target, v: Array, small: float, steps: int) -> Outcome:
     """In x = (v, r), where r is the miss in units of the square root of the energy's weight."""
     metric, q0 = target.metric, target.q0
     matrix = metric.matrix(q0)
     scale = float(np.trace(matrix))
     root = np.sqrt(small)
-    first = target.miss(_flow(target.model, steps)(q0, v).full()[:, 0]) / root
+    end = _flow(target.model, steps)(q0, v).full()[:, 0]
+    # Too fast for so few steps: the program will say so.
+    first = target.miss(end if np.all(np.isfinite(end)) else q0) / root
     p = np.concatenate([q0, target.position, target.rotation.ravel(order="F")])
     p = np.concatenate([p, target.weights, [root], (matrix / scale).ravel(order="F")])
-    solver = _program(target.model, steps, patience)
+    solver = _program(target.model, steps)
     return solver(x0=np.concatenate([v, first]), p=p, lbg=0.0, ubg=0.0)
 
 
 @lru_cache(maxsize=32)
-def _program(model: Model, steps: int, patience: int) -> Ipopt:
+def _program(model: Model, steps: int) -> Ipopt:
     n = model.dof
     x, p = ca.MX.sym("x", n + 6), ca.MX.sym("p", n + 15 + n * n)
     v, r = x[:n], x[n:]
@@ -274,7 +280,7 @@ def _program(model: Model, steps: int, patience: int) -> Ipopt:
     missed = _miss(model)(rotation, position, place, ca.reshape(turn, 3, 3), weights)
     f = (ca.bilin(ca.reshape(matrix, n, n), v, v) + ca.sumsqr(r)) / 2
     # The misses are divided by the root of a small number: finer is beyond rounding.
-    options = {"max_iter": patience, "nlp_scaling_method": "none", "tol": 1e-8}
+    options = {"max_iter": _PATIENCE, "nlp_scaling_method": "none", "tol": 1e-8}
     return Ipopt({"x": x, "p": p, "f": f, "g": missed / root - r}, options=options)
 
 

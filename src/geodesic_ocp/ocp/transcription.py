@@ -105,18 +105,50 @@ class Transcription:
         return ca.Function("momentum", [x, p], outputs)
 
 
-def transcribe(metric: Metric, terms: Conditions, grid: Grid) -> Transcription:
-    """The NLP of least energy in the metric under these conditions, on the grid."""
-    n, own = metric.dim, terms.p
-    q, v = terms.q, terms.v
-    at_ends = _Block("ends", ca.vertcat(terms.q0, terms.q1, terms.v0, terms.v1), own, terms.ends)
-    at_nodes = _Block("node", q, own, terms.still)
-    at_via = [_Block("via", q, own, station) for station in terms.via]
-    in_segments = _Block("moving", ca.vertcat(q, v), own, terms.moving)
-    density = metric.inner(q, v, v) / 2 + terms.cost
-    lagrangian = _Block("energy", ca.vertcat(q, v), own, terms.moving, density)
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """Functions of single nodes, of which the NLP on any grid is made, with their derivatives.
 
-    x, p = ca.MX.sym("x", n * grid.size), ca.MX.sym("p", n + 2 + own.shape[0])
+    Attributes:
+        dim: n of the metric.
+        own: number of the problem's parameters.
+        joins: number of via points at which the velocity is continuous.
+        at_ends, at_nodes, at_via, in_segments: the conditions.
+        lagrangian: energy and cost, with the conditions in q and v.
+    """
+
+    dim: int
+    own: int
+    joins: int
+    at_ends: _Block
+    at_nodes: _Block
+    at_via: tuple[_Block, ...]
+    in_segments: _Block
+    lagrangian: _Block
+
+    @classmethod
+    def of(cls, metric: Metric, terms: Conditions) -> Blocks:
+        """Of least energy in the metric under these conditions."""
+        own, q, state = terms.p, terms.q, ca.vertcat(terms.q, terms.v)
+        ends = ca.vertcat(terms.q0, terms.q1, terms.v0, terms.v1)
+        density = metric.inner(q, terms.v, terms.v) / 2 + terms.cost
+        return cls(
+            dim=metric.dim,
+            own=own.shape[0],
+            joins=len(terms.smooth),
+            at_ends=_Block("ends", ends, own, terms.ends),
+            at_nodes=_Block("node", q, own, terms.still),
+            at_via=tuple(_Block("via", q, own, station) for station in terms.via),
+            in_segments=_Block("moving", state, own, terms.moving),
+            lagrangian=_Block("energy", state, own, terms.moving, density),
+        )
+
+
+def transcribe(blocks: Blocks, grid: Grid) -> Transcription:
+    """The NLP of these functions on the grid."""
+    n, at_ends, at_nodes, at_via = blocks.dim, blocks.at_ends, blocks.at_nodes, blocks.at_via
+    in_segments, lagrangian = blocks.in_segments, blocks.lagrangian
+    x, p = ca.MX.sym("x", n * grid.size), ca.MX.sym("p", n + 2 + blocks.own)
     scale, length, origin, values = p[0], p[1], p[2 : n + 2], p[n + 2 :]
     scaled = ca.reshape(x, n, grid.size)
     positions = ca.repmat(origin, 1, grid.size) + length * scaled
@@ -136,14 +168,14 @@ def transcribe(metric: Metric, terms: Conditions, grid: Grid) -> Transcription:
             block.value(positions[:, node], values)
             for block, node in zip(at_via, grid.station_nodes, strict=True)
         ),
-        *(_jump(slopes, grid, station) for station in grid.stations if terms.smooth),
+        *(_jump(slopes, grid, station) for station in grid.stations if blocks.joins),
         ca.vec(at_nodes.value(positions, values)),
         ca.vec(in_segments.value(states, values)),
     )
 
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.shape[0])
     of_via = np.cumsum([at_ends.size, *(block.size for block in at_via)]).tolist()
-    first = of_via[-1] + n * len(terms.smooth)
+    first = of_via[-1] + n * blocks.joins
     second = first + at_nodes.size * grid.size
     lam_nodes = ca.reshape(lam_g[first:second], at_nodes.size, grid.size)
     lam_moving = ca.reshape(lam_g[second:], in_segments.size, grid.collocations)
@@ -205,41 +237,43 @@ class _Block:
         self._outputs = ca.densify(outputs)
         self.size = int(outputs.shape[0])
 
+    @cached_property
+    def _value(self) -> ca.Function:
+        return self._function("", [self._outputs])
+
+    @cached_property
+    def _first(self) -> ca.Function:
+        gradient = ca.densify(ca.cse(ca.gradient(self._outputs[0], self._symbols)))
+        return self._function("_gradient", [self._outputs[0], gradient])
+
+    @cached_property
+    def _second(self) -> ca.Function:
+        weights = ca.SX.sym("factors", self.size)
+        hessian, _ = ca.hessian(ca.dot(weights, self._outputs), self._symbols)
+        return self._function("_hessian", [ca.vec(ca.densify(ca.cse(hessian)))], weights)
+
+    def _function(self, suffix: str, outputs: list[ca.SX], *more: ca.SX) -> ca.Function:
+        own = [self._own] if self._own.shape[0] else []
+        return ca.Function(self._name + suffix, [self._symbols, *own, *more], outputs)
+
     def value(self, columns: ca.MX, values: ca.MX) -> ca.MX:
         """All outputs, (size, columns)."""
         if not self.size:
             return ca.MX(0, columns.shape[1])
-        return self._mapped("", [self._outputs], columns, values)[0]
+        return self._mapped(self._value, columns, values)[0]
 
     def first(self, columns: ca.MX, values: ca.MX) -> tuple[ca.MX, ca.MX]:
         """The first output (1, columns) and its gradient (symbols, columns)."""
-        gradient = ca.densify(ca.cse(ca.gradient(self._outputs[0], self._symbols)))
-        outputs = [self._outputs[0], gradient]
-        value, slope = self._mapped("_gradient", outputs, columns, values)
+        value, slope = self._mapped(self._first, columns, values)
         return value, slope
 
     def second(self, columns: ca.MX, values: ca.MX, factors: ca.MX) -> ca.MX:
         """Hessian of factors' * outputs, (symbols^2, columns)."""
-        weights = ca.SX.sym("factors", self.size)
-        hessian, _ = ca.hessian(ca.dot(weights, self._outputs), self._symbols)
-        output = ca.vec(ca.densify(ca.cse(hessian)))
-        return self._mapped("_hessian", [output], columns, values, (weights, factors))[0]
+        return self._mapped(self._second, columns, values, factors)[0]
 
     def _mapped(
-        self,
-        suffix: str,
-        outputs: list[ca.SX],
-        columns: ca.MX,
-        values: ca.MX,
-        more: tuple[ca.SX, ca.MX] | None = None,
+        self, function: ca.Function, columns: ca.MX, values: ca.MX, *more: ca.MX
     ) -> list[ca.MX]:
         count = columns.shape[1]
-        inputs, arguments = [self._symbols], [columns]
-        if self._own.shape[0]:
-            inputs.append(self._own)
-            arguments.append(ca.repmat(values, 1, count))
-        if more is not None:
-            inputs.append(more[0])
-            arguments.append(more[1])
-        function = ca.Function(self._name + suffix, inputs, outputs)
-        return list(function.map(count).call(arguments))
+        own = [ca.repmat(values, 1, count)] if self._own.shape[0] else []
+        return list(function.map(count).call([columns, *own, *more]))
