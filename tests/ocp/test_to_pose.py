@@ -80,6 +80,7 @@ def test_from_inverse_kinematics(arm: go.Model, pose: tuple[Any, Any]) -> None:
     assert found.energy == pytest.approx(go.geodesic_to_pose(arm, START, *pose).energy, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("away", [0.7, 1.0])
 def test_out_of_reach_it_comes_as_near_as_it_can(arm: go.Model, away: float) -> None:
     """The hand of the stretched arm, without limits, is as far out as the arm is long."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -29,6 +28,7 @@ from geodesic_ocp.ocp.point_to_point import PointToPoint
 from geodesic_ocp.ocp.reach import Reach
 from geodesic_ocp.ocp.solution import Solution
 from geodesic_ocp.ocp.solve import solve
+from geodesic_ocp.ocp.target import metric_of
 from geodesic_ocp.ocp.to_pose import ToPose, geodesic_to_pose, nearest_of
 
 # A law from rest to rest is half as fast again in the middle as on average.
@@ -86,7 +86,7 @@ def transferred(
         NotConverged: a path was not found; names it by its number.
     """
     arm = narrowed(robot) if conditions.limits else robot
-    metric, q = _metric(arm), start
+    metric, q = metric_of(arm), start
     result: list[Transfer] = []
     for number, (goal, duration) in enumerate(zip(wanted, durations, strict=True)):
         if goal is None:
@@ -131,11 +131,6 @@ def _one(
     path = path if success else _still(metric, q)
     away = pose.miss(arm, path.nodes[-1])
     return Transfer(path, pose, goal.within_reach, *away, iterations, success, status)
-
-
-@lru_cache(maxsize=16)
-def _metric(arm: Model) -> KineticEnergy:
-    return KineticEnergy(arm)
 
 
 def _line(metric: KineticEnergy, q0: Array, q1: Array) -> Path:

@@ -9,35 +9,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, get_args
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.integrate import DOP853
 
 from geodesic_ocp.arrays import Array, as_positive, as_rotation, as_vector
-from geodesic_ocp.errors import GeodesicOcpError, IntegrationFailed, NotConverged
-from geodesic_ocp.manifold.exponential import exp
-from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
-from geodesic_ocp.manifold.transport import parallel_transport
+from geodesic_ocp.errors import GeodesicOcpError, NotConverged
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.ocp.ipopt import Ipopt, Outcome
+from geodesic_ocp.ocp.descent import descended
 from geodesic_ocp.ocp.logarithm import Geodesic, log, shoot
-from geodesic_ocp.ocp.path import Path
-from geodesic_ocp.ocp.pose_error import pose_miss, rotation_log
+from geodesic_ocp.ocp.pose_error import pose_miss
+from geodesic_ocp.ocp.shooting import shot
+from geodesic_ocp.ocp.target import Found, Target, metric_of
 
 Method = Literal["newton", "transport"]
 ENERGY_WEIGHT = 1e-8
-# Steps of the integrator within the program, and how well they must agree with `exp`.
-_STEPS, _CAREFUL, _MOST_STEPS, _AGREES = 2, 4, 64, 1e-7
-# Iterations of one solve; and the weights of the energy that lead on where it takes more.
-_PATIENCE, _SHRINKING = 60, (1.0, 1e-2, 1e-4, 1e-6)
-_ITERATIONS = 2000  # of the gradient method
-_DONE = 1e-9  # of the gradient method: the miss, or what a step gains of it
-_HALVINGS = 30
-_CUT = 1e-3  # of the Jacobian's largest singular value: what the pseudo-inverse leaves alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,17 +106,16 @@ def geodesic_to_pose(
     given = np.array([position is not None, rotation is not None])
     factors = given * [as_positive(f"weights[{k}]", weights[k]) for k in (0, 1)]
     v0 = _first_velocity(model, q0, velocity, towards)
-    target = _Target(model, q0, place, turn, factors)
+    target = Target(model, q0, place, turn, factors)
     if method == "newton":
-        small = as_positive("energy_weight", energy_weight)
-        v0, iterations, success, status = _newton(target, v0, small)
+        found = shot(target, v0, as_positive("energy_weight", energy_weight))
     else:
-        v0, iterations, success, status = _descended(target, v0)
-    result = target.reached(v0, given, iterations, success, status)
-    if throw and not success:
+        found = descended(target, v0)
+    result = _record(target, found, given)
+    if throw and not result.success:
         raise NotConverged(
-            f"no geodesic to the pose was found: {status}, after {iterations} iterations; the hand "
-            f"misses it by {result.position_error:.3g} m and {result.rotation_error:.3g} rad",
+            f"no geodesic to the pose was found: {result.status}, after {result.iterations} "
+            f"iterations; the hand misses it by {result.position_error:.3g} m and {result.rotation_error:.3g} rad",
             result,
         )
     return result
@@ -141,201 +127,35 @@ def _first_velocity(
     if velocity is not None and towards is not None:
         raise ValueError("give velocity or towards, not both")
     if towards is not None:
-        return log(KineticEnergy(model), q0, as_vector("towards", towards, model.dof))
+        return log(metric_of(model), q0, as_vector("towards", towards, model.dof))
     if velocity is not None:
         return as_vector("velocity", velocity, model.dof)
     return np.zeros(model.dof)
 
 
-@dataclass(frozen=True, eq=False)
-class _Target:
-    """A pose to come near to from a posture; weights that are zero leave it free."""
-
-    model: Model
-    q0: Array
-    position: Array
-    rotation: Array
-    weights: Array
-
-    @property
-    def metric(self) -> KineticEnergy:
-        return _metric(self.model)
-
-    def miss(self, q: Array) -> Array:
-        """Weighted position and rotation vector (6,) from the hand at q to the pose."""
-        pose = self.model.hand_pose(q)
-        return np.asarray(_miss(self.model)(*pose, self.position, self.rotation, self.weights))[
-            :, 0
-        ]
-
-    def reached(
-        self, v: Array, given: Array, iterations: int, success: bool, status: str
-    ) -> ToPose:
-        """The record of a velocity."""
-        path, posture = None, self.q0
-        if np.any(v):
-            try:
-                path = shoot(self.metric, self.q0, v)
-                posture = path.nodes[-1]
-            except GeodesicOcpError as error:
-                success, status = False, f"{status}; {error}"
-        rotation, position = self.model.hand_pose(posture)
-        away, angle = pose_miss(rotation, position, self.rotation, self.position)
-        energy = float(self.metric.inner(self.q0, v, v)) / 2.0
-        away, angle = away if given[0] else 0.0, angle if given[1] else 0.0
-        return ToPose(path, v, posture, away, angle, energy, iterations, success, status)
-
-
-@lru_cache(maxsize=32)
-def _metric(model: Model) -> KineticEnergy:
-    return KineticEnergy(model)
-
-
-@lru_cache(maxsize=32)
-def _miss(model: Model) -> ca.Function:
-    """Pose, pose wanted and weights (2,) -> weighted difference (6,), in the base's axes."""
-    del model
-    rotation, wanted = ca.SX.sym("R", 3, 3), ca.SX.sym("R1", 3, 3)
-    position, place, weights = ca.SX.sym("p", 3), ca.SX.sym("p1", 3), ca.SX.sym("w", 2)
-    difference = ca.vertcat(
-        weights[0] * (place - position), weights[1] * rotation_log(wanted @ rotation.T)
-    )
-    return ca.Function("miss", [rotation, position, place, wanted, weights], [difference])
-
-
-def _newton(target: _Target, v: Array, small: float) -> tuple[Array, int, bool, str]:
-    """The NLP; where it is not solved at once, with a large weight of the energy that shrinks."""
-    direct = _with_steps(target, v, small, _STEPS)
-    if direct.success:
-        return direct.x, direct.iterations, True, direct.status
-    iterations, best, reached = direct.iterations, direct, np.inf
-    weights = [weight for weight in _SHRINKING if weight > small]
-    for weight in (*weights, small):
-        outcome = _with_steps(target, best.x if best.success else v, weight, _CAREFUL)
-        iterations += outcome.iterations
-        if not outcome.success:
-            if best.success:
-                status = f"{best.status}, but with weight {reached:g} of the energy only"
-                return best.x, iterations, False, status
-            break
-        best, reached = outcome, weight
-    return best.x, iterations, best.success, best.status
-
-
-class _Outcome(NamedTuple):
-    x: Array
-    iterations: int
-    success: bool
-    status: str
-
-
-def _with_steps(target: _Target, v: Array, small: float, steps: int) -> _Outcome:
-    """The NLP with one weight, and as many steps of its integrator as agree with `exp`."""
-    iterations = 0
-    while True:
-        outcome = _shot(target, v, small, steps)
-        iterations += outcome.iterations
-        found = outcome.x[: target.q0.size]
-        if not outcome.success:
-            found = found if np.all(np.isfinite(found)) else v
-            return _Outcome(found, iterations, False, outcome.status)
-        end = _flow(target.model, steps)(target.q0, found).full()[:, 0]
+def _record(target: Target, found: Found, given: Array) -> ToPose:
+    """What was found, with the path, and the errors of what was given."""
+    velocity, iterations, success, status = found
+    path, posture = None, target.q0
+    if np.any(velocity):
         try:
-            agrees = np.abs(end - exp(target.metric, target.q0, found)).max() <= _AGREES
-        except IntegrationFailed as error:
-            return _Outcome(found, iterations, False, str(error))
-        if agrees:
-            return _Outcome(found, iterations, True, outcome.status)
-        if steps >= _MOST_STEPS:
-            status = f"{steps} steps of the integrator are too few for this geodesic"
-            return _Outcome(found, iterations, False, status)
-        steps, v = 2 * steps, found
-
-
-def _shot(target: _Target, v: Array, small: float, steps: int) -> Outcome:
-    """In x = (v, r), where r is the miss in units of the square root of the energy's weight."""
-    metric, q0 = target.metric, target.q0
-    matrix = metric.matrix(q0)
-    scale = float(np.trace(matrix))
-    root = np.sqrt(small)
-    end = _flow(target.model, steps)(q0, v).full()[:, 0]
-    # Too fast for so few steps: the program will say so.
-    first = target.miss(end if np.all(np.isfinite(end)) else q0) / root
-    p = np.concatenate([q0, target.position, target.rotation.ravel(order="F")])
-    p = np.concatenate([p, target.weights, [root], (matrix / scale).ravel(order="F")])
-    solver = _program(target.model, steps)
-    return solver(x0=np.concatenate([v, first]), p=p, lbg=0.0, ubg=0.0)
-
-
-@lru_cache(maxsize=32)
-def _program(model: Model, steps: int) -> Ipopt:
-    n = model.dof
-    x, p = ca.MX.sym("x", n + 6), ca.MX.sym("p", n + 15 + n * n)
-    v, r = x[:n], x[n:]
-    q0, place, turn, weights, root, matrix = ca.vertsplit(
-        p, np.cumsum([0, n, 3, 9, 2, 1, n * n]).tolist()
+            path = shoot(target.metric, target.q0, velocity)
+            posture = path.nodes[-1]
+        except GeodesicOcpError as error:
+            success, status = False, f"{status}; {error}"
+    rotation, position = target.model.hand_pose(posture)
+    away, angle = pose_miss(rotation, position, target.rotation, target.position)
+    return ToPose(
+        path,
+        velocity,
+        posture,
+        away if given[0] else 0.0,
+        angle if given[1] else 0.0,
+        float(target.metric.inner(target.q0, velocity, velocity)) / 2.0,
+        iterations,
+        success,
+        status,
     )
-    end = _flow(model, steps)(q0, v)
-    rotation, position = _pose(model)(end)
-    missed = _miss(model)(rotation, position, place, ca.reshape(turn, 3, 3), weights)
-    f = (ca.bilin(ca.reshape(matrix, n, n), v, v) + ca.sumsqr(r)) / 2
-    # The misses are divided by the root of a small number: finer is beyond rounding.
-    options = {"max_iter": _PATIENCE, "nlp_scaling_method": "none", "tol": 1e-8}
-    return Ipopt({"x": x, "p": p, "f": f, "g": missed / root - r}, options=options)
-
-
-@lru_cache(maxsize=32)
-def _pose(model: Model) -> ca.Function:
-    q = ca.SX.sym("q", model.dof)
-    return ca.Function("pose", [q], list(model.hand_pose(q)))
-
-
-@lru_cache(maxsize=32)
-def _flow(model: Model, steps: int) -> ca.Function:
-    """(q, v) -> Exp_q(v) by steps of the method of order 8 of Dormand and Prince, all alike."""
-    n, rate = model.dof, _metric(model).geodesic_equation
-    y = ca.MX.sym("y", 2 * n)
-    slopes: list[ca.MX] = [rate(y)]
-    for stage in range(1, DOP853.n_stages):
-        weights = ca.DM(DOP853.A[stage, :stage]) / steps
-        slopes.append(rate(y + ca.horzcat(*slopes) @ weights))
-    step = ca.Function("step", [y], [y + ca.horzcat(*slopes) @ ca.DM(DOP853.B) / steps])
-    q, v = ca.MX.sym("q", n), ca.MX.sym("v", n)
-    return ca.Function("flow", [q, v], [step.fold(steps)(ca.vertcat(q, v))[:n]])
-
-
-def _descended(target: _Target, v: Array) -> tuple[Array, int, bool, str]:
-    """Steps along the miss, by the pseudo-inverse and parallel transport, that make it smaller."""
-    metric, q0 = target.metric, target.q0
-    end = exp(metric, q0, v)
-    missed = target.miss(end)
-    rows = np.repeat(target.weights, 3)
-    for iteration in range(_ITERATIONS):
-        size = float(np.linalg.norm(missed))
-        if size <= _DONE:
-            return v, iteration, True, "the hand is at the pose"
-        jacobian = rows[:, None] * target.model.hand_jacobian(end)
-        step = np.linalg.pinv(jacobian, rcond=_CUT) @ missed
-        if np.any(v):
-            path = shoot(metric, q0, v)
-            back = Path(metric, path.grid, path.nodes[::-1])  # its grids are symmetric
-            step = parallel_transport(metric, back, step)
-        share = 1.0
-        for _ in range(_HALVINGS):
-            try:
-                new = exp(metric, q0, v + share * step)
-                new_missed = target.miss(new)
-            except IntegrationFailed:
-                new_missed = np.full(6, np.inf)
-            if np.linalg.norm(new_missed) < size:
-                break
-            share /= 2.0
-        else:
-            return v, iteration, False, "no step along the gradient brings the hand nearer"
-        v, end, missed = v + share * step, new, new_missed
-        if size - np.linalg.norm(missed) <= _DONE * size:
-            return v, iteration + 1, True, "the hand comes no nearer"
-    return v, _ITERATIONS, False, "too many iterations"
 
 
 def nearest_of(found: Sequence[ToPose]) -> ToPose:
