@@ -115,7 +115,8 @@ def geodesic_to_pose(
     if throw and not result.success:
         raise NotConverged(
             f"no geodesic to the pose was found: {result.status}, after {result.iterations} "
-            f"iterations; the hand misses it by {result.position_error:.3g} m and {result.rotation_error:.3g} rad",
+            f"iterations; the hand misses it by {result.position_error:.3g} m and "
+            f"{result.rotation_error:.3g} rad",
             result,
         )
     return result
