@@ -122,10 +122,8 @@ def test_the_same_person_does_the_same(analysis: go.Analysis) -> None:
 
 
 @pytest.mark.slow
-def test_free_geodesics_cost_less(
-    analysis: go.Analysis, robot: go.Model, found: go.Retargeting
-) -> None:
-    free = go.retarget(analysis, robot, formulation="geodesic", speed_limits=False, starts=3)
+def test_free_geodesics(analysis: go.Analysis, robot: go.Model) -> None:
+    free = go.retarget(analysis, robot, formulation="geodesic", speed_limits=False, merge=0.4)
     (arm,) = free.arms
     assert free.stretch == 1.0
     metric = go.KineticEnergy(robot)
@@ -135,15 +133,23 @@ def test_free_geodesics_cost_less(
             velocity = transfer.path(0.0, 1)
             there = go.exp(metric, transfer.path.nodes[0], velocity)
             assert_allclose(there, transfer.path.nodes[-1], atol=1e-4)
-    first = next(k for k, group in enumerate(arm.groups) if group.kind != "rest")
-    held = found.arms[0].transfers[first].path
-    assert_allclose(held.nodes[0], arm.transfers[first].path.nodes[0], atol=1e-5)
-    assert arm.transfers[first].path.energy <= held.energy * (1.0 + 1e-6)
+
+
+@pytest.mark.slow
+def test_from_rest_to_rest(analysis: go.Analysis, robot: go.Model) -> None:
+    """The recording is cut in the middle of a motion, which no robot can begin with."""
+    moving, resting = (
+        go.retarget(analysis, robot, merge=0.4, rest=rest, orientation_weight=0.0)
+        for rest in (False, True)
+    )
+    ends = [0, -1]
+    assert np.abs(moving.trajectory.velocities[ends]).max() > 0.1
+    assert_allclose(resting.trajectory.velocities[ends], 0.0, atol=1e-9)
 
 
 @pytest.mark.slow
 def test_position_alone(analysis: go.Analysis, robot: go.Model) -> None:
-    found = go.retarget(analysis, robot, orientation_weight=0.0, merge=0.4)
+    found = go.retarget(analysis, robot, orientation_weight=0.0, merge=0.4, speed_limits=False)
     (arm,) = found.arms
     assert all(transfer.rotation_error == 0.0 for transfer in arm.transfers)
     ends = [group.stop for group in arm.groups if group.kind != "rest"]
@@ -168,7 +174,9 @@ def test_out_of_reach_is_said_before_and_the_nearest_taken(
     with pytest.warns(
         UserWarning, match=r"out of reach, the nearest pose is taken: .* by 0\.\d+ m"
     ):
-        found = go.retarget(analysis, robot, scale=1.5, merge=0.4, progress=progress)
+        found = go.retarget(
+            analysis, robot, scale=1.5, merge=0.4, progress=progress, speed_limits=False
+        )
     assert said[0].startswith("planning")
     (arm,) = found.arms
     assert arm.out_of_reach
@@ -183,15 +191,17 @@ def test_out_of_reach_is_said_before_and_the_nearest_taken(
 
 @pytest.mark.slow
 def test_bodies_are_kept_apart(analysis: go.Analysis, robot: go.Model) -> None:
-    free = go.retarget(analysis, robot, merge=0.4)
+    free = go.retarget(analysis, robot, merge=0.4, speed_limits=False)
     way = robot.hand_pose(free.motion.q)[1]
-    k = len(way) * 7 // 8  # on the way up
+    k = len(way) * 3 // 4  # on the way up
     beside = np.cross(way[k + 1] - way[k - 1], way[-1] - way[0] + np.array([0.0, 0.0, 1.0]))
     place = way[k] + 0.07 * beside / np.linalg.norm(beside)
     ball, links = go.Ball(tuple(place), 0.05, name="lamp"), ("right hand",)
     touching = [min(go.clearances(robot, q, [ball], links=links).values()) for q in free.motion.q]
-    assert min(touching) < 0.0 < min(touching[0], touching[-1])
-    kept = go.retarget(analysis, robot, merge=0.4, obstacles=[ball], links=links, margin=0.01)
+    assert min(touching) < 0.0
+    assert min(touching[0], touching[-1]) > 0.02
+    keep: dict[str, Any] = {"obstacles": [ball], "links": links, "margin": 0.01}
+    kept = go.retarget(analysis, robot, merge=0.4, speed_limits=False, **keep)
     clear = [min(go.clearances(robot, q, [ball], links=links).values()) for q in kept.motion.q[::3]]
     assert min(clear) > 0.01 - 2e-6
 
@@ -315,7 +325,7 @@ def test_the_report(found: go.Retargeting, tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_both_arms_at_once(analysis: go.Analysis, robot: go.Model, tmp_path: Path) -> None:
     other = go.human_arm("left", 1.8)
-    found = go.retarget([analysis, analysis], [other, robot], merge=0.4)
+    found = go.retarget([analysis, analysis], [other, robot], merge=0.4, speed_limits=False)
     assert [arm.mirror for arm in found.arms] == [False, True]
     assert found.motion.joint_names == (*other.joint_names, *robot.joint_names)
     assert found.motion.q.shape[1] == 14

@@ -30,7 +30,7 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.motion.archive import load_synergies, save_synergies
 from geodesic_ocp.motion.baselines import track_hand
 from geodesic_ocp.motion.evaluation import Errors, evaluate
-from geodesic_ocp.motion.merging import Group, merged
+from geodesic_ocp.motion.merging import SynergyGroup, merge_synergies
 from geodesic_ocp.motion.readers import read_motion
 from geodesic_ocp.motion.segmentation import segment, segment_zero_velocity
 from geodesic_ocp.motion.synergies import Reconstruction, Synergy, reconstruct
@@ -58,6 +58,7 @@ from geodesic_ocp.retargeted import Retargeting
 from geodesic_ocp.retargeted_arm import RetargetedArm
 from geodesic_ocp.retargeting import retarget
 from geodesic_ocp.sampled import Motion, Subject
+from geodesic_ocp.table import Table
 
 __version__ = _version("geodesic_ocp")
 
@@ -73,7 +74,6 @@ __all__ = [
     "Geodesic",
     "GeodesicOcpError",
     "Grid",
-    "Group",
     "HalfSpace",
     "IntegrationFailed",
     "Iterate",
@@ -97,6 +97,8 @@ __all__ = [
     "Stats",
     "Subject",
     "Synergy",
+    "SynergyGroup",
+    "Table",
     "TimeLaw",
     "ToPose",
     "alignment",
@@ -120,7 +122,7 @@ __all__ = [
     "load_synergies",
     "log",
     "mean",
-    "merged",
+    "merge_synergies",
     "parallel_transport",
     "read_motion",
     "reconstruct",

@@ -78,8 +78,8 @@ class Retargeting:
             "method",
             "energy [J s]",
             "peak speed [limit]",
-            "hand [m]",
-            "hand [rad]",
+            "hand, mean [m]",
+            "hand, mean [rad]",
             "outside limits [rad or m]",
         )
         rows = [
@@ -87,7 +87,7 @@ class Retargeting:
                 arm.title,
                 _METHODS[method],
                 found.energy,
-                found.peak_speed,
+                found.peak_speed if arm.has_speed_limits else "-",
                 found.position,
                 found.orientation,
                 found.outside,
@@ -109,8 +109,8 @@ class Retargeting:
             "duration [s]",
             "stretched by",
             "length [kg^1/2 m]",
-            "hand [m]",
-            "hand [rad]",
+            "miss [m]",
+            "miss [rad]",
             "iterations",
             "status",
         )

@@ -14,7 +14,7 @@ from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.alignment import Alignment
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.motion.evaluation import Errors, pose_errors, work
-from geodesic_ocp.motion.merging import Group
+from geodesic_ocp.motion.merging import SynergyGroup
 from geodesic_ocp.motion.synergies import Synergy
 from geodesic_ocp.motion.trajectory import Trajectory
 from geodesic_ocp.motion.transfer import Transfer, velocity_limits
@@ -66,7 +66,7 @@ class RetargetedArm:
     alignment: Alignment
     scale: float
     mirror: bool
-    groups: tuple[Group, ...]
+    groups: tuple[SynergyGroup, ...]
     transfers: tuple[Transfer, ...]
     synergies: tuple[Synergy, ...]
     trajectory: Trajectory
@@ -98,6 +98,11 @@ class RetargetedArm:
             orientation=errors.orientation,
             outside=max(0.0, float(outside.max())),
         )
+
+    @property
+    def has_speed_limits(self) -> bool:
+        """Whether any joint's speed is limited."""
+        return bool(np.any(np.isfinite(velocity_limits(self.robot))))
 
     @property
     def title(self) -> str:

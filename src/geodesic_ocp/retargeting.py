@@ -47,16 +47,17 @@ def retarget(
     orientation_weight: float = 1.0,
     energy_weight: float = ENERGY_WEIGHT,
     starts: int = 1,
+    rest: bool = False,
     throw: bool = True,
     progress: Progress | None = None,
 ) -> Retargeting:
     """Transfer a person's synergies to a robot, by the pose of the hand at their ends.
 
-    Short synergies are dropped and small ones merged (`go.merged`); the hand's poses at the ends of
-    what is left, from the shoulder and scaled by the ratio of the arms' lengths, are carried over
-    (`go.Alignment`). From the first posture on, each synergy of the robot begins where the last
-    ended. It takes the person's time, and hands over at the person's speed in proportion to the
-    lengths; where a joint would be too fast, time is stretched.
+    Short synergies are dropped and small ones merged (`go.merge_synergies`); the hand's poses at
+    the ends of what is left, from the shoulder and scaled by the ratio of the arms' lengths, are
+    carried over (`go.Alignment`). From the first posture on, each synergy of the robot begins where
+    the last ended. It takes the person's time, and hands over at the person's speed in proportion
+    to the lengths; where a joint would be too fast, time is stretched.
 
     Args:
         analysis: of the person's motion (`analyse`); of several arms for several robots, such as
@@ -87,6 +88,8 @@ def retarget(
         starts: how many solutions are sought for each synergy, from different postures of inverse
             kinematics; the one of least energy is taken. The next posture is also tried after a
             failure.
+        rest: whether the motion begins and ends at rest; by default it does so at the person's
+            speed, which a robot cannot do where the recording begins or ends in motion.
         throw: raise where a path is not found; else the arm stays where it is, which the result's
             transfers say.
         progress: called with what is being done, how much is done and how much there is.
@@ -158,7 +161,7 @@ def retarget(
         planned.append(task.planned(throw, advance))
         before += len(task.groups)
     to_be_timed = [
-        task.to_be_timed(transfers, speed_limits)
+        task.to_be_timed(transfers, speed_limits, rest)
         for task, transfers in zip(tasks, planned, strict=True)
     ]
     timing = timed(to_be_timed)

@@ -26,11 +26,12 @@ def some(rng: np.random.Generator) -> go.Alignment:
 def test_the_way_there_and_back(some: go.Alignment, rng: np.random.Generator) -> None:
     rotations = Rotation.random(5, random_state=1).as_matrix()
     positions = rng.normal(size=(5, 3))
-    there = some.carried(rotations, positions, scale=1.0)
-    back = some.person(*there)
-    assert_allclose(back[0], rotations, atol=1e-12)
-    assert_allclose(back[1], positions, atol=1e-12)
-    one = some.carried(rotations[2], positions[2], scale=1.0)
+    for mirror in (True, False):
+        there = some.carried(rotations, positions, scale=1.3, mirror=mirror)
+        back = some.person(*there, scale=1.3, mirror=mirror)
+        assert_allclose(back[0], rotations, atol=1e-12)
+        assert_allclose(back[1], positions, atol=1e-12)
+    one = some.carried(rotations[2], positions[2], scale=1.3)
     assert_allclose(one[1], there[1][2], atol=1e-12)
 
 

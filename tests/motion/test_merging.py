@@ -35,14 +35,14 @@ def synergies(pieces: list[tuple[float, int]]) -> list[go.Synergy]:
 
 
 def of(*pieces: tuple[float, int]) -> list[tuple[str, tuple[int, ...], tuple[int, ...]]]:
-    groups = go.merged(synergies(list(pieces)), drop=DROP, merge=MERGE)
+    groups = go.merge_synergies(synergies(list(pieces)), drop=DROP, merge=MERGE)
     return [(group.kind, group.members, group.dropped) for group in groups]
 
 
 @given(pieces=LENGTHS)
 def test_groups_are_without_gaps_and_long_ones_stay(pieces: list[tuple[float, int]]) -> None:
     given_ones = synergies(pieces)
-    groups = go.merged(given_ones, drop=DROP, merge=MERGE)
+    groups = go.merge_synergies(given_ones, drop=DROP, merge=MERGE)
     assert [number for group in groups for number in group.members] == list(range(len(pieces)))
     for group in groups:
         assert group.start == given_ones[group.members[0]].start
@@ -63,7 +63,7 @@ def test_groups_are_without_gaps_and_long_ones_stay(pieces: list[tuple[float, in
 
 @given(pieces=LENGTHS)
 def test_nothing_short_is_left_beside_what_moves(pieces: list[tuple[float, int]]) -> None:
-    groups = go.merged(synergies(pieces), drop=DROP, merge=MERGE)
+    groups = go.merge_synergies(synergies(pieces), drop=DROP, merge=MERGE)
     for one, other in pairwise(groups):
         if "rest" not in (one.kind, other.kind):
             for group in (one, other):
@@ -115,18 +115,18 @@ def test_what_is_still_small_joins_its_shorter_neighbour() -> None:
 def test_thresholds_are_shares_of_the_longest() -> None:
     pieces = [(1.0, 9), (0.14, 9), (0.02, 2), (1.0, 9), (0.16, 9)]
     for scale in (1.0, 7.0):
-        groups = go.merged(synergies([(scale * length, n) for length, n in pieces]))
+        groups = go.merge_synergies(synergies([(scale * length, n) for length, n in pieces]))
         assert [group.members for group in groups] == [(0, 1), (2, 3), (4,)]
 
 
 def test_zero_thresholds_leave_everything() -> None:
-    groups = go.merged(synergies([(0.5, 9), (0.001, 9), (0.1, 9)]), drop=0.0, merge=0.0)
+    groups = go.merge_synergies(synergies([(0.5, 9), (0.001, 9), (0.1, 9)]), drop=0.0, merge=0.0)
     assert [group.kind for group in groups] == ["kept", "kept", "kept"]
 
 
 @pytest.mark.parametrize(("drop", "merge"), [(-1.0, 0.1), (0.2, 0.1), (float("nan"), 1.0)])
 def test_wrong_thresholds_are_named(drop: float, merge: float) -> None:
     with pytest.raises(ValueError, match="drop"):
-        go.merged(synergies([(0.5, 9)]), drop=drop, merge=merge)
+        go.merge_synergies(synergies([(0.5, 9)]), drop=drop, merge=merge)
     with pytest.raises(ValueError, match="no synergies"):
-        go.merged([])
+        go.merge_synergies([])

@@ -70,6 +70,7 @@ def _transfer(
             speed_limits=options.limits,
             orientation_weight=0.0 if options.position_only else 1.0,
             starts=options.starts,
+            rest=options.rest,
             progress=bar,
         )
     _summarise(found)

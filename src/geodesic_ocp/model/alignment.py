@@ -74,10 +74,15 @@ class Alignment:
             rotation, position = _MIRROR @ rotation @ _MIRROR, position @ _MIRROR
         return base @ rotation @ hand, shoulder + scale * position @ base.T
 
-    def person(self, rotation: Array, position: Array) -> tuple[Array, Array]:
+    def person(
+        self, rotation: Array, position: Array, *, scale: float = 1.0, mirror: bool = False
+    ) -> tuple[Array, Array]:
         """Poses in the person's axes, from the shoulder, of a hand of this arm: the way back."""
         base, hand, shoulder = (np.asarray(each) for each in (self.base, self.hand, self.shoulder))
-        return base.T @ rotation @ hand.T, (position - shoulder) @ base
+        rotation, position = base.T @ rotation @ hand.T, (position - shoulder) @ base / scale
+        if mirror:
+            rotation, position = _MIRROR @ rotation @ _MIRROR, position @ _MIRROR
+        return rotation, position
 
 
 @dataclass(frozen=True)

@@ -108,6 +108,7 @@ def human_arm(
         placement = pin.SE3(np.eye(3), np.array([0.0, 0.0, -length * height]))
         name = f"{side[0].upper()}{joint}_joint"
         parent = arm.addJoint(parent, kind, placement, name, unlimited, unlimited, lower, upper)
+        arm.addJointFrame(parent)
         if segment is not None:
             arm.appendBodyToJoint(parent, _body(segment, height, mass), pin.SE3.Identity())
     tool = pin.SE3(pin.rpy.rpyToMatrix(np.pi, 0.0, 0.0), height * np.array(_TOOL_CENTRE[side]))

@@ -20,7 +20,7 @@ Kind = Literal["kept", "merged", "rest"]
 
 
 @dataclass(frozen=True)
-class Group:
+class SynergyGroup:
     """One synergy of the robot, and those of the person from which it is made.
 
     Attributes:
@@ -58,9 +58,9 @@ class _Piece:
         )
 
 
-def merged(
+def merge_synergies(
     synergies: Sequence[Synergy], *, drop: float | None = None, merge: float | None = None
-) -> tuple[Group, ...]:
+) -> tuple[SynergyGroup, ...]:
     """The synergies in groups, each to become one; without gaps, in their order.
 
     1. Neighbours shorter than `drop` count as one. Where all of them together are shorter than
@@ -145,11 +145,11 @@ def _attached(pieces: list[_Piece], merge: float) -> list[_Piece]:
             return pieces
 
 
-def _group(piece: _Piece, synergies: Sequence[Synergy], drop: float) -> Group:
+def _group(piece: _Piece, synergies: Sequence[Synergy], drop: float) -> SynergyGroup:
     members = tuple(range(piece.first, piece.last + 1))
     start, stop = synergies[piece.first].start, synergies[piece.last].stop
     if piece.still:
-        return Group(start, stop, members, members, "rest")
+        return SynergyGroup(start, stop, members, members, "rest")
     # Only what was dropped as a whole: short ones in a row may be a movement together.
     dropped: list[int] = []
     for short, run in groupby(members, key=lambda index: synergies[index].length < drop):
@@ -157,4 +157,4 @@ def _group(piece: _Piece, synergies: Sequence[Synergy], drop: float) -> Group:
         if short and sum(synergies[index].length for index in numbers) < drop:
             dropped += numbers
     kind: Kind = "kept" if len(members) - len(dropped) == 1 else "merged"
-    return Group(start, stop, members, tuple(dropped), kind)
+    return SynergyGroup(start, stop, members, tuple(dropped), kind)

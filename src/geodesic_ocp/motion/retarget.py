@@ -21,7 +21,7 @@ from geodesic_ocp.motion.goals import (
     first_posture,
     goals,
 )
-from geodesic_ocp.motion.merging import Group, merged
+from geodesic_ocp.motion.merging import SynergyGroup, merge_synergies
 from geodesic_ocp.motion.retiming import Arm, Timing, hand_over_speeds
 from geodesic_ocp.motion.segmentation import speeds
 from geodesic_ocp.motion.synergies import Synergy
@@ -107,7 +107,7 @@ class Task:
     synergies: Sequence[Synergy]
     robot: Model
     carrying: Carrying
-    groups: tuple[Group, ...]
+    groups: tuple[SynergyGroup, ...]
     hand: tuple[Array, Array]
     first: Pose
     start: Array
@@ -132,7 +132,7 @@ class Task:
             NotConverged: no posture is clear of bodies.
         """
         conditions = request.conditions
-        groups = merged(synergies, drop=request.drop, merge=request.merge)
+        groups = merge_synergies(synergies, drop=request.drop, merge=request.merge)
         rotations, positions = carrying(motion.q)
         poses = tuple(
             Pose(
@@ -191,8 +191,8 @@ class Task:
             progress=progress,
         )
 
-    def to_be_timed(self, transfers: Sequence[Transfer], speed_limits: bool) -> Arm:
-        """The paths with the speeds at which they hand over."""
+    def to_be_timed(self, transfers: Sequence[Transfer], speed_limits: bool, rest: bool) -> Arm:
+        """The paths with the speeds at which they hand over; from rest to rest on demand."""
         of_person = speeds(KineticEnergy(self.carrying.model), self.motion)
         lengths = [
             sum(self.synergies[number].length for number in group.members) for group in self.groups
@@ -204,6 +204,8 @@ class Task:
             np.diff(self.edges),
             np.array([path.length for path in paths]),
         )
+        if rest:
+            handing[[0, -1]] = 0.0
         fastest = velocity_limits(self.robot)
         return Arm(
             self.edges, paths, handing, fastest if speed_limits else np.full_like(fastest, np.inf)
@@ -247,6 +249,6 @@ class Task:
         return replace(followed, subject=motion.subject)
 
 
-def _samples(groups: Sequence[Group]) -> list[int]:
+def _samples(groups: Sequence[SynergyGroup]) -> list[int]:
     """At which groups begin and end (k + 1,)."""
     return [groups[0].start, *(group.stop for group in groups)]

@@ -33,6 +33,10 @@ from geodesic_ocp.ocp.to_pose import ToPose, geodesic_to_pose, nearest_of
 
 # A law from rest to rest is half as fast again in the middle as on average.
 _PEAK = 1.5
+# By how much a path may be too fast, so that the least of these is taken.
+_STRETCHES = (1.0, 1.5, 2.5)
+_UNBOUNDED = 1e6  # [rad or m]
+_BRIEFLY = {"max_iter": 100}
 _COARSE = Grid(8, 2)
 
 
@@ -202,10 +206,15 @@ def _solved(
     reached = np.abs(solution.path(np.linspace(0.0, 1.0, 101), 1)).max(axis=0)
     if np.all(reached <= fastest):
         return solution
-    speed = tuple(np.where(np.isfinite(fastest), fastest, 1e6).tolist())
-    slower = replace(problem, speed=speed)
-    again = solve(slower, guess=solution, tolerance=TOLERANCE, throw=False)
-    return again if again.stats.success else solution
+    excess = float((reached / fastest).max())
+    for stretch in (each for each in _STRETCHES if each < excess):
+        # Other paths may be fast enough, or nearly; the rest is left to a longer time.
+        speed = np.where(np.isfinite(fastest), stretch * fastest, _UNBOUNDED)
+        slower = replace(problem, speed=tuple(speed.tolist()))
+        again = solve(slower, guess=solution, tolerance=TOLERANCE, throw=False, ipopt=_BRIEFLY)
+        if again.stats.success:
+            return again
+    return solution
 
 
 def velocity_limits(robot: Model) -> Array:

@@ -19,7 +19,7 @@ from geodesic_ocp.ocp.posture import Clear, room
 
 # Among postures that are equally near, the one near the start: a share too small to matter.
 _STAY = 1e-6
-_STARTS, _ENOUGH = 24, 6
+_STARTS = 24
 
 
 def nearest_posture(
@@ -65,8 +65,6 @@ def nearest_posture(
         outcome = solver(x0=x0, p=p, lbx=lower, ubx=upper, lbg=least, ubg=np.inf)
         if outcome.success:
             found.append((outcome.objective, outcome.x))
-            if len(found) == _ENOUGH:
-                break
     if not found:
         raise NotConverged(f"no posture of {model.name!r} was found near the hand's pose")
     return min(found, key=lambda each: each[0])[1]

@@ -17,6 +17,7 @@ from geodesic_ocp.ocp.target import MISS, Found, Target, metric_of
 
 # Steps of the integrator within the program, and how well they must agree with `exp`.
 _STEPS, _CAREFUL, _MOST_STEPS, _AGREES = 2, 4, 64, 1e-7
+_FOLLOWS = 1e-4  # likewise, of the velocity to start from
 # Iterations of one solve; and the weights of the energy that lead on where it takes more.
 _PATIENCE, _SHRINKING = 60, (1.0, 1e-2, 1e-4, 1e-6)
 
@@ -42,7 +43,7 @@ def shot(target: Target, v: Array, small: float) -> Found:
 
 def _with_steps(target: Target, v: Array, small: float, steps: int) -> Found:
     """The NLP with one weight, and as many steps of its integrator as agree with `exp`."""
-    iterations = 0
+    iterations, steps = 0, _enough(target, v, steps)
     while True:
         outcome = _shot(target, v, small, steps)
         iterations += outcome.iterations
@@ -61,6 +62,20 @@ def _with_steps(target: Target, v: Array, small: float, steps: int) -> Found:
             status = f"{steps} steps of the integrator are too few for this geodesic"
             return Found(found, iterations, False, status)
         steps, v = 2 * steps, found
+
+
+def _enough(target: Target, v: Array, steps: int) -> int:
+    """So many steps, or more where they do not follow the geodesic of the first velocity."""
+    try:
+        there = exp(target.metric, target.q0, v)
+    except IntegrationFailed:
+        return steps
+    while steps < _MOST_STEPS:
+        end = _flow(target.model, steps)(target.q0, v).full()[:, 0]
+        if np.abs(np.nan_to_num(end, nan=np.inf) - there).max() <= _FOLLOWS:
+            break
+        steps *= 2
+    return steps
 
 
 def _shot(target: Target, v: Array, small: float, steps: int) -> Outcome:
