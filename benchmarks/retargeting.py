@@ -32,8 +32,10 @@ def main() -> None:
             recordings.append((f"{file.stem} {side}", _read(file, side)))
     with as_file(files("geodesic_ocp") / "data" / "reach.csv") as file:
         recordings.append(("bundled left", _read(file, "left")))
-    print("| recording | robot | synergies | out of reach | met | position [m] | rotation [rad] | ")
-    print("outside limits | energy over IK | stretch | iterations | seconds |")
+    print(
+        "| recording | robot | synergies | out of reach | met | position [m] | rotation [rad] "
+        "| outside limits | energy over IK | stretch | iterations | seconds |"
+    )
     print("| --- | --- " + "| ---: " * 10 + "|")
     failed = False
     for name, analysis in recordings:

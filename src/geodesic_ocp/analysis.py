@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path as FilePath
@@ -19,6 +18,7 @@ from geodesic_ocp.motion.baselines import track_hand
 from geodesic_ocp.motion.evaluation import Errors, evaluate
 from geodesic_ocp.motion.segmentation import segment, segment_zero_velocity
 from geodesic_ocp.motion.synergies import Reconstruction, Synergy, reconstruct
+from geodesic_ocp.records import write_together
 from geodesic_ocp.sampled import Motion
 from geodesic_ocp.table import Table
 
@@ -110,17 +110,15 @@ class Analysis:
         Raises:
             OSError: the folder cannot be made or written to.
         """
-        target = FilePath(folder)
-        target.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=target, prefix=".writing-") as temporary:
-            made = FilePath(temporary)
-            table, figure = self.table(), self.plot()
-            (made / "table.csv").write_text(table.csv(), encoding="utf-8")
-            (made / "table.md").write_text(table.markdown(), encoding="utf-8")
-            figure.savefig(made / "figure.png", dpi=150)
-            figure.savefig(made / "figure.pdf")
-            save_synergies(made / "synergies.json", self.synergies, self.motion.joint_names)
-            return sorted(file.replace(target / file.name) for file in made.iterdir())
+        return write_together(folder, self._write)
+
+    def _write(self, made: FilePath) -> None:
+        table, figure = self.table(), self.plot()
+        (made / "table.csv").write_text(table.csv(), encoding="utf-8")
+        (made / "table.md").write_text(table.markdown(), encoding="utf-8")
+        figure.savefig(made / "figure.png", dpi=150)
+        figure.savefig(made / "figure.pdf")
+        save_synergies(made / "synergies.json", self.synergies, self.motion.joint_names)
 
 
 def _plausible(model: Model, motion: Motion) -> None:

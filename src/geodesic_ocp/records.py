@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import tempfile
+from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -30,3 +32,17 @@ def read_record(file: str | PathLike[str], form: str, version: int, what: str) -
     if record.get("version") != version:
         raise RecordingError(f"{path}: has version {record.get('version')}, expected {version}")
     return record
+
+
+def write_together(folder: str | Path, write: Callable[[Path], object]) -> list[Path]:
+    """Let files be written to a folder elsewhere, and move them in together; their paths.
+
+    Raises:
+        OSError: the folder cannot be made or written to.
+    """
+    target = Path(folder)
+    target.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=target, prefix=".writing-") as temporary:
+        made = Path(temporary)
+        write(made)
+        return sorted(file.replace(target / file.name) for file in made.iterdir())

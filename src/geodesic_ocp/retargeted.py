@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path as FilePath
@@ -14,6 +13,7 @@ from geodesic_ocp.motion.archive import save_synergies
 from geodesic_ocp.motion.retiming import Timing
 from geodesic_ocp.motion.synergies import Synergy
 from geodesic_ocp.motion.trajectory import Trajectory
+from geodesic_ocp.records import write_together
 from geodesic_ocp.retargeted_arm import RetargetedArm
 from geodesic_ocp.sampled import Motion
 from geodesic_ocp.table import Table
@@ -180,22 +180,20 @@ class Retargeting:
         Raises:
             OSError: the folder cannot be made or written to.
         """
-        target = FilePath(folder)
-        target.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=target, prefix=".writing-") as temporary:
-            made = FilePath(temporary)
-            for name, table in (("table", self.table()), ("synergies", self.synergy_table())):
-                (made / f"{name}.csv").write_text(table.csv(), encoding="utf-8")
-                (made / f"{name}.md").write_text(table.markdown(), encoding="utf-8")
-            (made / "trajectory.csv").write_text(self.trajectory.csv(), encoding="utf-8")
-            (made / "trajectory.json").write_text(self.trajectory.json(), encoding="utf-8")
-            figure = self.plot()
-            figure.savefig(made / "figure.png", dpi=150)
-            figure.savefig(made / "figure.pdf")
-            for number, arm in enumerate(self.arms):
-                name = "synergies.json" if len(self.arms) == 1 else f"synergies_{number}.json"
-                save_synergies(made / name, arm.synergies, arm.robot.joint_names)
-            return sorted(file.replace(target / file.name) for file in made.iterdir())
+        return write_together(folder, self._write)
+
+    def _write(self, made: FilePath) -> None:
+        for name, table in (("table", self.table()), ("synergies", self.synergy_table())):
+            (made / f"{name}.csv").write_text(table.csv(), encoding="utf-8")
+            (made / f"{name}.md").write_text(table.markdown(), encoding="utf-8")
+        (made / "trajectory.csv").write_text(self.trajectory.csv(), encoding="utf-8")
+        (made / "trajectory.json").write_text(self.trajectory.json(), encoding="utf-8")
+        figure = self.plot()
+        figure.savefig(made / "figure.png", dpi=150)
+        figure.savefig(made / "figure.pdf")
+        for number, arm in enumerate(self.arms):
+            name = "synergies.json" if len(self.arms) == 1 else f"synergies_{number}.json"
+            save_synergies(made / name, arm.synergies, arm.robot.joint_names)
 
 
 def _span(numbers: tuple[int, ...]) -> str:
