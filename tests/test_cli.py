@@ -11,6 +11,7 @@ import pytest
 
 import geodesic_ocp as go
 from geodesic_ocp import cli
+from geodesic_ocp.commands import recording
 from geodesic_ocp.model import catalogue
 from geodesic_ocp.model.robots import ROBOTS, folder
 
@@ -257,7 +258,7 @@ def test_failed_solvers_and_interruptions_have_their_own_codes(
         def fail(*arguments: object, error: BaseException = error, **options: object) -> None:
             raise error
 
-        monkeypatch.setattr(cli, "analyse", fail)
+        monkeypatch.setattr(recording, "analyse", fail)
         assert cli.main(arguments) == code
         printed = capsys.readouterr().err
         assert printed.startswith("geodesic-ocp: error: ")
@@ -270,7 +271,7 @@ def test_robots_that_cannot_be_are_named(
     command = ["retarget", str(short_file), "--side", "left", "--robot"]
     assert cli.main([*command, "pandora"]) == 2
     assert "'pandora'" in capsys.readouterr().err
-    assert cli.main([*command, "one", "two"]) == 2
+    assert cli.main([*command, "one", "--robot", "two"]) == 2
     assert "--robot: one robot, got one, two" in capsys.readouterr().err
     assert cli.main(["retarget", str(short_file), "--side", "both", "--robot", "panda"]) == 2
     assert "two robots, of the right and of the left arm" in capsys.readouterr().err
@@ -327,7 +328,7 @@ def test_demo_on_a_robot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
 def test_both_arms_of_a_recording(shared: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = shared / "data" / "kit" / "take_book_from_shelf_right_arm_02.xml"
     arguments = ["retarget", str(file), "--side", "both", "--threshold", "1.5"]
-    assert cli.main([*arguments, "--robot", "talos-right-arm", "talos-left-arm"]) == 0
+    assert cli.main([*arguments, "--robot", "talos-right-arm", "--robot", "talos-left-arm"]) == 0
     text = capsys.readouterr().out
     assert "human right arm on talos-right-arm" in text
     assert "human left arm on talos-left-arm" in text

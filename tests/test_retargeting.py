@@ -162,6 +162,25 @@ def test_position_alone(analysis: go.Analysis, robot: go.Model) -> None:
 
 
 @pytest.mark.slow
+def test_orientation_alone_with_slow_joints(analysis: go.Analysis, robot: go.Model) -> None:
+    found = go.retarget(analysis, robot, position_weight=0.0, merge=0.4)
+    for transfer in found.arms[0].transfers:
+        assert transfer.rotation_error <= REACHED
+        assert transfer.position_error == 0.0
+
+
+@pytest.mark.slow
+def test_inverse_kinematics_begins_at_the_first_pose(
+    analysis: go.Analysis, robot: go.Model
+) -> None:
+    """Wherever the synergies begin; or it would rush there first."""
+    start = np.array([0.2, 0.0, -0.3, 1.9, 0.0, 0.0, 0.0])
+    (arm,) = go.retarget(analysis, robot, start=start, merge=0.4, speed_limits=False).arms
+    assert_allclose(arm.motion.q[0], start, atol=3e-6)
+    assert_allclose(robot.hand_pose(arm.baseline.q[0])[1], arm.wanted[1][0], atol=1e-5)
+
+
+@pytest.mark.slow
 def test_out_of_reach_is_said_before_and_the_nearest_taken(
     analysis: go.Analysis, robot: go.Model
 ) -> None:
@@ -233,6 +252,10 @@ def test_a_start_that_collides_is_said_before(analysis: go.Analysis, robot: go.M
         ({"orientation_weight": -1.0}, "zero or above"),
         ({"energy_weight": 0.0}, "energy_weight must be positive"),
         ({"starts": 0}, "starts must be an integer above zero"),
+        ({"starts": None}, "starts must be an integer above zero"),
+        ({"start": []}, "start"),
+        ({"alignment": "panda"}, "alignment must be one for each of 1 robots, got 'panda'"),
+        ({"mirror": "yes"}, "mirror must be"),
         ({"pairs": [("right hand",)]}, "pairs must be a list of pairs"),
         ({"links": ["tail"], "obstacles": [go.Ball((9, 9, 9), 0.1)]}, "no body at 'tail'"),
         ({"alignment": []}, "alignment must be one for each of 1 robots"),
@@ -253,6 +276,11 @@ def test_wrong_arguments_are_named(
 def test_wrong_analyses_and_robots_are_named(analysis: go.Analysis, robot: go.Model) -> None:
     with pytest.raises(ValueError, match="2 analyses for 1 robots"):
         go.retarget([analysis, analysis], robot)
+    motion = analysis.motion
+    later = go.Motion(motion.time + 1.0, motion.q, motion.joint_names, motion.velocity)
+    other = go.analyse(analysis.model, later)
+    with pytest.raises(ValueError, match="must be of one recording"):
+        go.retarget([analysis, other], [robot, analysis.model])
     with pytest.raises(ValueError, match="robot must be Model"):
         go.retarget(analysis, "panda")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="analysis must be Analysis"):

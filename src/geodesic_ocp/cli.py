@@ -75,13 +75,17 @@ def _parser() -> argparse.ArgumentParser:
     _add_recording(command, ("right", "left", "both"))
     command.add_argument(
         "--robot",
-        nargs="+",
+        action="append",
         required=True,
         metavar="NAME",
-        help="such as panda (`geodesic-ocp models`); with --side both, right and left",
+        help="such as panda (`geodesic-ocp models`); with --side both twice, right and left",
     )
     _add_transfer_options(command)
-    command.add_argument("--report", action="store_true", help="write a page with moving models")
+    command.add_argument(
+        "--report",
+        action="store_true",
+        help="write a page with moving models (without --out to geodesic_ocp_retarget)",
+    )
     _add_analysis_options(command)
     command.set_defaults(run=retarget_file)
 
@@ -121,7 +125,11 @@ def _add_analysis_options(command: argparse.ArgumentParser) -> None:
         default=0.6,
         help="angle at which a new synergy begins [rad] (default: %(default)s)",
     )
-    command.add_argument("--out", type=Path, help="folder for table, figure and synergies")
+    command.add_argument(
+        "--out",
+        type=Path,
+        help="folder for tables, figure, synergies and, on a robot, its trajectory",
+    )
 
 
 def _add_recording(command: argparse.ArgumentParser, sides: Sequence[str]) -> None:

@@ -65,9 +65,10 @@ def report(retargeting: Retargeting, file: str | PathLike[str]) -> Path:
 
 
 def _sentences(retargeting: Retargeting) -> str:
+    held = "under the robot's limits" if retargeting.limits else "without limits"
     kind = {
         "constrained": "Each synergy is the path of least energy to the hand's pose at its end, "
-        "under the robot's limits.",
+        f"{held}.",
         "geodesic": "Each synergy is the geodesic that brings the hand nearest to the pose at the "
         "person's; joint limits are not looked at.",
     }[retargeting.formulation]
@@ -99,8 +100,10 @@ def _person(arm: RetargetedArm, count: int) -> Actor:
 def _robots(arms: tuple[RetargetedArm, ...]) -> list[Actor]:
     """Each robot with its shoulder where the person's is; two arms of one robot on one body."""
     frames = [{str(frame.name) for frame in arm.robot.pin.frames} for arm in arms]
-    one_body = len(arms) > 1 and all(names == frames[0] for names in frames)
-    middle = np.mean([np.asarray(arm.alignment.shoulder) for arm in arms], axis=0)
+    shoulders = np.array([np.asarray(arm.alignment.shoulder) for arm in arms])
+    apart = len(np.unique(shoulders.round(6), axis=0)) == len(arms)
+    one_body = len(arms) > 1 and apart and all(names == frames[0] for names in frames)
+    middle = shoulders.mean(axis=0)
     actors = []
     for number, arm in enumerate(arms):
         back = np.asarray(arm.alignment.base).T

@@ -29,12 +29,14 @@ class Retargeting:
         arms: what became of each; as a rule there is one.
         timing: the robot's time over the recording's, with the factors by which it is stretched.
         formulation: in which the paths were sought.
+        limits: whether joints were kept within their limits.
         seconds: that it took.
     """
 
     arms: tuple[RetargetedArm, ...]
     timing: Timing
     formulation: str
+    limits: bool
     seconds: float
 
     @property
@@ -132,8 +134,8 @@ class Retargeting:
                         synergy.duration,
                         synergy.duration / seconds,
                         synergy.length,
-                        transfer.position_error,
-                        transfer.rotation_error,
+                        "-" if group.kind == "rest" else transfer.position_error,
+                        "-" if group.kind == "rest" else transfer.rotation_error,
                         transfer.iterations,
                         transfer.status,
                     )
@@ -169,6 +171,11 @@ class Retargeting:
 
     def save(self, folder: str | FilePath) -> list[FilePath]:
         """Write tables, figure, synergies and trajectory to the folder.
+
+        The trajectory begins and ends at the person's speed (`retarget(..., rest=True)`: at rest,
+        as many controllers ask for). Its velocities jump where synergies meet, as directions do,
+        and its accelerations are those between, rough to about a hundredth where a limit holds a
+        path back: the path is a polynomial in pieces.
 
         table.csv and table.md, synergies.csv and synergies.md (`synergy_table`), figure.png and
         figure.pdf, trajectory.csv, trajectory.json (the message JointTrajectory of ROS 2), and for

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Sequence
+from numbers import Integral
 from typing import Any, get_args
 
 import numpy as np
@@ -91,7 +92,7 @@ def retarget(
         rest: whether the motion begins and ends at rest; by default it does so at the person's
             speed, which a robot cannot do where the recording begins or ends in motion.
         throw: raise where a path is not found; else the arm stays where it is, which the result's
-            transfers say.
+            transfers say. That no posture at all is clear of the bodies is always raised.
         progress: called with what is being done, how much is done and how much there is.
 
     Warns:
@@ -108,9 +109,13 @@ def retarget(
     robots = _listed("robot", robot, Model)
     if len(analyses) != len(robots):
         raise ValueError(f"there are {len(analyses)} analyses for {len(robots)} robots")
+    if not all(np.array_equal(each.motion.time, analyses[0].motion.time) for each in analyses):
+        raise ValueError(
+            "analysis: arms that move at once must be of one recording, sample by sample"
+        )
     targets = _aligned("alignment", alignment, robots)
     sources = _aligned("person", person, [each.model for each in analyses])
-    several = len(robots) > 1 or (isinstance(start, (list, tuple)) and np.ndim(start[0]) > 0)
+    several = len(robots) > 1 or (isinstance(start, (list, tuple)) and np.ndim(start) > 1)
     beginnings = _each("start", start if several or start is None else [start], len(robots))
     if formulation not in get_args(Formulation):
         raise ValueError(
@@ -124,8 +129,10 @@ def retarget(
             "position_weight and orientation_weight must be zero or above, and not both zero, got "
             f"{position_weight:g} and {orientation_weight:g}"
         )
-    if int(starts) != starts or starts < 1:
+    if not isinstance(starts, Integral) or starts < 1:
         raise ValueError(f"starts must be an integer above zero, got {starts!r}")
+    if mirror not in (None, True, False):
+        raise ValueError(f"mirror must be True, False or None, got {mirror!r}")
     clear = Clear.of(obstacles, links, pairs, margin)
     free = formulation == "geodesic"
     if free and (clear.obstacles or clear.pairs):
@@ -186,7 +193,8 @@ def retarget(
             )
         )
     report("done", total, total)
-    return Retargeting(tuple(arms), timing, formulation, time.perf_counter() - begin)
+    seconds = time.perf_counter() - begin
+    return Retargeting(tuple(arms), timing, formulation, conditions.limits, seconds)
 
 
 def _listed(name: str, given: Any, kind: type) -> list[Any]:
@@ -197,6 +205,8 @@ def _listed(name: str, given: Any, kind: type) -> list[Any]:
 
 
 def _each(name: str, given: Any, count: int) -> list[Any]:
+    if given is not None and not isinstance(given, (list, tuple, np.ndarray)):
+        raise ValueError(f"{name} must be one for each of {count} robots, got {given!r}")
     found = [None] * count if given is None else list(given)
     if len(found) != count:
         raise ValueError(f"{name} must be one for each of {count} robots, got {len(found)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import replace
 
 import casadi as ca
@@ -148,3 +149,12 @@ def test_postures_are_found_near_and_within_limits(arm: go.Model, rng: np.random
         assert np.all(q <= arm.upper)
     with pytest.raises(ValueError, match="find_posture needs a position, a rotation or both"):
         go.find_posture(arm, START)
+
+
+def test_a_reach_can_be_changed() -> None:
+    """Also where no position is given, of which directions could be free."""
+    arm = go.human_arm()
+    reach = go.Reach(arm, np.zeros(7), rotation=np.eye(3), limits=False)
+    assert dataclasses.replace(reach, limits=True).limits
+    with pytest.raises(ValueError, match="free: directions"):
+        go.Reach(arm, np.zeros(7), rotation=np.eye(3), free=(1.0, 0.0, 0.0))

@@ -35,7 +35,7 @@ def recorded(options: argparse.Namespace, side: Side) -> Analysis:
     try:
         motion = read_motion(options.file, human_arm(side).joint_names)
     except RecordingError as error:
-        other = next(side for side in get_args(Side) if side != side)
+        other = next(each for each in get_args(Side) if each != side)
         with suppress(RecordingError):
             read_motion(options.file, human_arm(other).joint_names)
             raise ValueError(f"{error}; try --side {other}") from None

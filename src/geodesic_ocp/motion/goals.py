@@ -24,6 +24,7 @@ TOLERANCE = 1e-6
 REACHED = 1e-6  # [m] and [rad]
 _SEVERAL = 8  # postures of inverse kinematics
 _SAME = 1e-3  # [rad or m]
+_CLOSE = 1e-3  # [m] and [rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,6 +169,13 @@ def _cost(arm: Model, q0: Array, q1: Array) -> float:
     """Energy of the straight line, with the mass matrix at three places of it."""
     matrices = [arm.mass_matrix(q0 + share * (q1 - q0)) for share in (0.0, 0.5, 1.0)]
     return float((q1 - q0) @ np.mean(matrices, axis=0) @ (q1 - q0))
+
+
+def near_posture(robot: Model, start: Array, pose: Pose, conditions: Conditions) -> Array:
+    """The start, if it has the pose, or the posture near it that has, or the nearest to it."""
+    if max(pose.miss(robot, start)) <= _CLOSE:
+        return start
+    return _posture(narrowed(robot) if conditions.limits else robot, start, pose, conditions)
 
 
 def goals(robot: Model, start: Array, poses: Sequence[Pose], conditions: Conditions) -> list[Goal]:

@@ -20,6 +20,7 @@ from geodesic_ocp.motion.goals import (
     Pose,
     first_posture,
     goals,
+    near_posture,
 )
 from geodesic_ocp.motion.merging import SynergyGroup, merge_synergies
 from geodesic_ocp.motion.retiming import Arm, Timing, hand_over_speeds
@@ -243,8 +244,10 @@ class Task:
         turning = self.first.rotation is not None
         placing = self.first.position is not None
         counts = steps_between(motion)
+        # From a posture of one's own it would first rush to the hand's place.
+        start = near_posture(self.robot, self.start, self.first, self.conditions)
         followed = track_poses(
-            self.robot, self.start, time, poses, counts=counts, turning=turning, placing=placing
+            self.robot, start, time, poses, counts=counts, turning=turning, placing=placing
         )
         return replace(followed, subject=motion.subject)
 

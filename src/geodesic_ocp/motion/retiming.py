@@ -80,9 +80,14 @@ def hand_over_speeds(speeds: Array, lengths: Array, durations: Array, paths: Arr
     mean = paths / durations
     inner = (ratio[:-1] + ratio[1:]) / 2.0
     found = speeds * np.concatenate([ratio[:1], inner, ratio[-1:]])
-    cap = _FASTEST * np.concatenate([mean[:1], np.minimum(mean[:-1], mean[1:]), mean[-1:]])
     still = np.concatenate([~moving[:1], ~(moving[:-1] & moving[1:]), ~moving[-1:]])
-    return np.where(still, 0.0, np.minimum(found, cap))
+    return np.where(still, 0.0, np.minimum(found, _cap(mean)))
+
+
+def _cap(mean: Array) -> Array:
+    """Largest speeds (k + 1,) at the ends of k paths with these mean speeds."""
+    least = np.concatenate([mean[:1], np.minimum(mean[:-1], mean[1:]), mean[-1:]])
+    return np.asarray(_FASTEST * least)
 
 
 def timed(arms: Sequence[Arm]) -> Timing:
@@ -115,7 +120,9 @@ def _laws(arm: Arm, edges: Array, stretches: Array) -> tuple[TimeLaw, ...]:
     durations = np.diff(later[places])
     before = np.concatenate([[1.0], stretches])[places]
     after = np.concatenate([stretches, [1.0]])[places]
-    speeds = arm.speeds / np.maximum(before, after)
+    # A neighbour may be stretched more, or another arm: then this one must not creep and dash.
+    mean = np.array([path.length for path in arm.paths]) / durations
+    speeds = np.minimum(arm.speeds / np.maximum(before, after), _cap(mean))
     laws = []
     for path, duration, start, end in zip(
         arm.paths, durations, speeds[:-1], speeds[1:], strict=True

@@ -33,10 +33,9 @@ from geodesic_ocp.ocp.to_pose import ToPose, geodesic_to_pose, nearest_of
 
 # A law from rest to rest is half as fast again in the middle as on average.
 _PEAK = 1.5
-# By how much a path may be too fast, so that the least of these is taken.
-_STRETCHES = (1.0, 1.5, 2.5)
+# How many times too fast another path may be, where the first one is more than so many times.
+_ALLOWED = ((1.0, 1.0), (2.0, 4.0))
 _UNBOUNDED = 1e6  # [rad or m]
-_BRIEFLY = {"max_iter": 100}
 _COARSE = Grid(8, 2)
 
 
@@ -207,13 +206,14 @@ def _solved(
     if np.all(reached <= fastest):
         return solution
     excess = float((reached / fastest).max())
-    for stretch in (each for each in _STRETCHES if each < excess):
-        # Other paths may be fast enough, or nearly; the rest is left to a longer time.
-        speed = np.where(np.isfinite(fastest), stretch * fastest, _UNBOUNDED)
-        slower = replace(problem, speed=tuple(speed.tolist()))
-        again = solve(slower, guess=solution, tolerance=TOLERANCE, throw=False, ipopt=_BRIEFLY)
-        if again.stats.success:
-            return again
+    for allowed, above in _ALLOWED:
+        if excess > above:
+            # Another path may be fast enough, or nearly; the rest is left to a longer time.
+            speed = np.where(np.isfinite(fastest), allowed * fastest, _UNBOUNDED)
+            slower = replace(problem, speed=tuple(speed.tolist()))
+            again = solve(slower, guess=solution, tolerance=TOLERANCE, throw=False)
+            if again.stats.success:
+                return again
     return solution
 
 

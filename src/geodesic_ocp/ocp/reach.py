@@ -67,9 +67,9 @@ class Reach(Restricted):
             object.__setattr__(self, "position", as_vector("position", self.position, 3))
         if self.rotation is not None:
             object.__setattr__(self, "rotation", as_rotation("rotation", self.rotation))
-        if self.free is not None and self.position is None:
-            raise ValueError("free: directions are those of a position, and there is none")
         object.__setattr__(self, "free", as_directions("free", self.free))
+        if len(np.asarray(self.free)) and self.position is None:
+            raise ValueError("free: directions are those of a position, and there is none")
         points = [as_vector(f"through[{k}]", each, 3) for k, each in enumerate(_rows(self.through))]
         object.__setattr__(self, "through", np.array(points).reshape(-1, 3))
         self.check_restrictions()
