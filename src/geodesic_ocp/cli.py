@@ -84,7 +84,7 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument(
         "--report",
         action="store_true",
-        help="write a page with moving models (without --out to geodesic_ocp_retarget)",
+        help="write a page with moving models (default folder: geodesic_ocp_retarget)",
     )
     _add_analysis_options(command)
     command.set_defaults(run=retarget_file)
@@ -128,7 +128,7 @@ def _add_analysis_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--out",
         type=Path,
-        help="folder for tables, figure, synergies and, on a robot, its trajectory",
+        help="folder for tables, figure, synergies, a robot's trajectory",
     )
 
 

@@ -129,10 +129,7 @@ def retarget(
             "position_weight and orientation_weight must be zero or above, and not both zero, got "
             f"{position_weight:g} and {orientation_weight:g}"
         )
-    if not isinstance(starts, Integral) or starts < 1:
-        raise ValueError(f"starts must be an integer above zero, got {starts!r}")
-    if mirror not in (None, True, False):
-        raise ValueError(f"mirror must be True, False or None, got {mirror!r}")
+    _check_kinds(starts, mirror)
     clear = Clear.of(obstacles, links, pairs, margin)
     free = formulation == "geodesic"
     if free and (clear.obstacles or clear.pairs):
@@ -195,6 +192,13 @@ def retarget(
     report("done", total, total)
     seconds = time.perf_counter() - begin
     return Retargeting(tuple(arms), timing, formulation, conditions.limits, seconds)
+
+
+def _check_kinds(starts: Any, mirror: Any) -> None:
+    if not isinstance(starts, Integral) or starts < 1:
+        raise ValueError(f"starts must be an integer above zero, got {starts!r}")
+    if mirror not in (None, True, False):
+        raise ValueError(f"mirror must be True, False or None, got {mirror!r}")
 
 
 def _listed(name: str, given: Any, kind: type) -> list[Any]:
