@@ -317,9 +317,9 @@ def test_retarget(short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixtur
 @needs_robots
 @pytest.mark.slow
 def test_demo_on_a_robot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["demo", "--robot", "xarm7", "--out", str(tmp_path)]) == 0
+    assert cli.main(["demo", "--robot", "panda", "--no-limits", "--out", str(tmp_path)]) == 0
     assert (tmp_path / "figure.png").is_file()
-    assert (tmp_path / "xarm7" / "report.html").is_file()
+    assert (tmp_path / "panda" / "report.html").is_file()
     assert "32 synergies become 7" in capsys.readouterr().out
 
 
@@ -327,7 +327,7 @@ def test_demo_on_a_robot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
 @pytest.mark.slow
 def test_both_arms_of_a_recording(shared: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = shared / "data" / "kit" / "take_book_from_shelf_right_arm_02.xml"
-    arguments = ["retarget", str(file), "--side", "both", "--threshold", "1.5"]
+    arguments = ["retarget", str(file), "--side", "both", "--threshold", "1.5", "--no-limits"]
     assert cli.main([*arguments, "--robot", "talos-right-arm", "--robot", "talos-left-arm"]) == 0
     text = capsys.readouterr().out
     assert "human right arm on talos-right-arm" in text
