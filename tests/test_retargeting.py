@@ -15,7 +15,6 @@ from numpy.testing import assert_allclose
 import geodesic_ocp as go
 from geodesic_ocp.model.robots import folder
 from geodesic_ocp.motion.goals import REACHED
-from geodesic_ocp.report import report
 
 
 @pytest.fixture(scope="module")
@@ -340,7 +339,7 @@ def test_files(found: go.Retargeting, tmp_path: Path) -> None:
 
 
 def test_the_report(found: go.Retargeting, tmp_path: Path) -> None:
-    file = report(found, tmp_path / "report.html")
+    file = go.report(found, tmp_path / "report.html")
     text = file.read_text(encoding="utf-8")
     assert "Human left arm (mirrored) on human right arm" in text
     assert text.count("<canvas") == 2

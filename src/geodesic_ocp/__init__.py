@@ -54,6 +54,7 @@ from geodesic_ocp.ocp.solution import Solution, Stats
 from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.ocp.timing import TimeLaw, time_law
 from geodesic_ocp.ocp.to_pose import ToPose, geodesic_to_pose
+from geodesic_ocp.report import report
 from geodesic_ocp.retargeted import Retargeting
 from geodesic_ocp.retargeted_arm import RetargetedArm
 from geodesic_ocp.retargeting import retarget
@@ -126,6 +127,7 @@ __all__ = [
     "parallel_transport",
     "read_motion",
     "reconstruct",
+    "report",
     "retarget",
     "riemann_curvature",
     "save_solution",
