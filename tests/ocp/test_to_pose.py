@@ -61,6 +61,7 @@ def test_the_gradient_of_the_paper_comes_there_in_more_steps(
     assert gradient.iterations > newton.iterations
 
 
+@pytest.mark.slow
 def test_position_alone_costs_less(arm: go.Model, pose: tuple[Any, Any]) -> None:
     position, _ = pose
     whole = go.geodesic_to_pose(arm, START, *pose)
@@ -117,6 +118,7 @@ def test_wrong_arguments_are_named(arm: go.Model, keywords: dict[str, Any], mess
         go.geodesic_to_pose(arm, START, **keywords)
 
 
+@pytest.mark.slow
 def test_not_converged_says_how_far(arm: go.Model) -> None:
     """The gradient gets stuck where the miss is at a right angle to all that the hand can do."""
     rotation, position = arm.hand_pose(START)
