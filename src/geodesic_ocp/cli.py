@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import get_args
 
 from geodesic_ocp.commands.interrupts import Interrupts, in_main_thread, on_interrupt
-from geodesic_ocp.commands.recording import bundled, check_folder, recorded
+from geodesic_ocp.commands.recording import bundled, check_folder, recorded, save
 from geodesic_ocp.commands.retarget_file import demo_on_robot, retarget_file
 from geodesic_ocp.commands.solve_file import solve_file
 from geodesic_ocp.errors import GeodesicOcpError
@@ -166,11 +166,7 @@ def _add_transfer_options(command: argparse.ArgumentParser) -> None:
 
 def _analyse(options: argparse.Namespace) -> None:
     check_folder(options.out)
-    analysis = recorded(options, options.side)
-    if options.out is not None:
-        print()
-        for file in analysis.save(options.out):
-            print(f"wrote {file}")
+    save(recorded(options, options.side), options.out)
 
 
 def _demo(options: argparse.Namespace) -> None:
@@ -179,10 +175,7 @@ def _demo(options: argparse.Namespace) -> None:
     if options.robot is not None:
         demo_on_robot(options)
         return
-    analysis = bundled(options)
-    print()
-    for file in analysis.save(options.out):
-        print(f"wrote {file}")
+    save(bundled(options), options.out)
 
 
 def _models(options: argparse.Namespace) -> None:

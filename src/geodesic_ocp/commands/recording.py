@@ -63,6 +63,14 @@ def bundled(options: argparse.Namespace) -> Analysis:
     return analysed(motion, "left", None, None, options)
 
 
+def save(analysis: Analysis, folder: Path | None) -> None:
+    """Write the analysis, if there is a folder for it, and say what was written."""
+    if folder is not None:
+        print()
+        for file in analysis.save(folder):
+            print(f"wrote {file}")
+
+
 def check_folder(folder: Path | None) -> None:
     """Find what stands in the way of the output before any work is done."""
     if folder is None:

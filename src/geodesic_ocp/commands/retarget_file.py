@@ -10,7 +10,7 @@ from pathlib import Path
 
 from geodesic_ocp.analysis import Analysis
 from geodesic_ocp.commands.interrupts import Bar
-from geodesic_ocp.commands.recording import bundled, check_folder, recorded
+from geodesic_ocp.commands.recording import bundled, check_folder, recorded, save
 from geodesic_ocp.model.alignment import alignment
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.library import load_model
@@ -39,9 +39,7 @@ def demo_on_robot(options: argparse.Namespace) -> None:
     robots = _robots([options.robot], 1)
     options.report = True
     analysis = bundled(options)
-    print()
-    for file in analysis.save(options.out):
-        print(f"wrote {file}")
+    save(analysis, options.out)
     print()
     options.out = options.out / options.robot
     _transfer([analysis], robots, options)

@@ -227,9 +227,7 @@ class Task:
         for synergy in synergies:
             # A shared sample belongs to the synergy that begins there.
             here = slice(synergy.start, synergy.stop + 1)
-            positions[here] = synergy(time[here])
-            velocities[here] = synergy(time[here], 1)
-            accelerations[here] = synergy(time[here], 2)
+            positions[here], velocities[here], accelerations[here] = synergy.states(time[here])
         names = self.robot.joint_names
         return synergies, Trajectory(time, positions, velocities, accelerations, names)
 

@@ -59,9 +59,12 @@ class Synergy:
         """
         if order not in (0, 1, 2):
             raise ValueError(f"order must be 0, 1 or 2, got {order}")
-        since = np.atleast_1d(np.asarray(t, dtype=float)) - self.start_time
-        found = at_times(self.path, self.law, since)[order]
+        found = self.states(np.atleast_1d(np.asarray(t, dtype=float)))[order]
         return found[0] if np.ndim(t) == 0 else found
+
+    def states(self, t: Array) -> tuple[Array, Array, Array]:
+        """Postures, velocities and accelerations, (k, n) each, at times t (k,) [s]."""
+        return at_times(self.path, self.law, t - self.start_time)
 
 
 class Reconstruction(NamedTuple):
@@ -131,5 +134,5 @@ def _predicted(motion: Motion, synergies: Sequence[Synergy]) -> Motion:
     for synergy in synergies:
         # A shared sample belongs to the synergy that begins there.
         here = slice(synergy.start, synergy.stop + 1)
-        q[here], velocity[here] = synergy(motion.time[here]), synergy(motion.time[here], 1)
+        q[here], velocity[here], _ = synergy.states(motion.time[here])
     return Motion(motion.time, q, motion.joint_names, velocity, motion.subject)

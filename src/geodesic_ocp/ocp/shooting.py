@@ -13,7 +13,7 @@ from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.manifold.exponential import exp
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.ipopt import Ipopt, Outcome
-from geodesic_ocp.ocp.target import MISS, Found, Target, metric_of
+from geodesic_ocp.ocp.target import Found, Target, metric_of, miss_function
 
 # Steps of the integrator within the program, and how well they must agree with `exp`.
 _STEPS, _CAREFUL, _MOST_STEPS, _AGREES = 2, 4, 64, 1e-7
@@ -103,7 +103,7 @@ def _program(model: Model, steps: int) -> Ipopt:
     )
     end = _flow(model, steps)(q0, v)
     rotation, position = _pose(model)(end)
-    missed = MISS(rotation, position, place, ca.reshape(turn, 3, 3), weights)
+    missed = miss_function()(rotation, position, place, ca.reshape(turn, 3, 3), weights)
     f = (ca.bilin(ca.reshape(matrix, n, n), v, v) + ca.sumsqr(r)) / 2
     # The misses are divided by the root of a small number: finer is beyond rounding.
     options = {"max_iter": _PATIENCE, "nlp_scaling_method": "none", "tol": 1e-8}

@@ -49,7 +49,7 @@ class Target:
     def miss(self, q: Array) -> Array:
         """Weighted position and rotation vector (6,) from the hand at q to the pose."""
         pose = self.model.hand_pose(q)
-        missed = MISS(*pose, self.position, self.rotation, self.weights)
+        missed = miss_function()(*pose, self.position, self.rotation, self.weights)
         return np.asarray(missed.full()[:, 0])
 
 
@@ -59,7 +59,8 @@ def metric_of(model: Model) -> KineticEnergy:
     return KineticEnergy(model)
 
 
-def _miss() -> ca.Function:
+@lru_cache(maxsize=1)
+def miss_function() -> ca.Function:
     """Pose, pose wanted and weights (2,) -> weighted difference (6,), in the base's axes."""
     rotation, wanted = ca.SX.sym("R", 3, 3), ca.SX.sym("R1", 3, 3)
     position, place, weights = ca.SX.sym("p", 3), ca.SX.sym("p1", 3), ca.SX.sym("w", 2)
@@ -67,6 +68,3 @@ def _miss() -> ca.Function:
     turned = weights[1] * rotation_log(wanted @ rotation.T)
     inputs = [rotation, position, place, wanted, weights]
     return ca.Function("miss", inputs, [ca.vertcat(away, turned)])
-
-
-MISS = _miss()
