@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import geodesic_ocp as go
-from geodesic_ocp.model.robots import ROBOTS, folder
+from geodesic_ocp.model.formats.robots import ROBOTS, folder
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "problems"))
 from two_link_challenge import TwoLinkChallenge

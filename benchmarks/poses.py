@@ -10,9 +10,9 @@ import warnings
 import numpy as np
 
 import geodesic_ocp as go
-from geodesic_ocp.motion.goals import Conditions, Pose, goals
-from geodesic_ocp.motion.transfer import transferred
-from geodesic_ocp.ocp.posture import Clear
+from geodesic_ocp.ocp.ik.inverse_kinematics import Clear
+from geodesic_ocp.retargeting.targets import Conditions, Pose, goals
+from geodesic_ocp.retargeting.transfer import transferred
 
 ROBOTS = ("armar6-left", "armar6-right", "panda", "talos-left-arm", "xarm7")
 REACHED = 1e-6  # [m] and [rad]

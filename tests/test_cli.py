@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp import cli
-from geodesic_ocp.commands import recording
-from geodesic_ocp.model import catalogue
-from geodesic_ocp.model.robots import ROBOTS, folder
+from geodesic_ocp.cli import main as cli
+from geodesic_ocp.cli import recording
+from geodesic_ocp.model.formats import catalogue
+from geodesic_ocp.model.formats.robots import ROBOTS, folder
 
 
 @pytest.fixture

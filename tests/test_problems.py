@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.gallery import problem_classes
-from geodesic_ocp.ocp.terms import conditions
+from geodesic_ocp.cli.problem_file import problem_classes
+from geodesic_ocp.ocp.nlp.conditions import conditions
 
 GALLERY = Path(__file__).resolve().parents[1] / "problems"
 

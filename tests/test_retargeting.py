@@ -13,8 +13,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.model.robots import folder
-from geodesic_ocp.motion.goals import REACHED
+from geodesic_ocp.model.formats.robots import folder
+from geodesic_ocp.retargeting.targets import REACHED
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from known_models import free_rotor, planar_arm
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.manifold.exponential import integrated, trajectory
+from geodesic_ocp.manifold.exp import integrated, trajectory
 
 DIRECTION = st.floats(-np.pi, np.pi)
 # A geodesic through a pole of the chart is not the chart's to compute.

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from known_metrics import PolarPlane, Sphere
 
 import geodesic_ocp as go
-from geodesic_ocp.manifold.exponential import trajectory
+from geodesic_ocp.manifold.exp import trajectory
 
 
 def circle_of_latitude(colatitude: float, samples: int) -> go.Motion:

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 import geodesic_ocp as go
-from geodesic_ocp.model.bodies import distances_to_segment
-from geodesic_ocp.model.robots import folder, locate
+from geodesic_ocp.model.formats.robots import folder, locate
+from geodesic_ocp.model.primitives import distances_to_segment
 
 COLLISION = """
 <collision><origin xyz="0.1 0 0" rpy="0 1.5707963267948966 0"/>

@@ -12,8 +12,8 @@ from gadget import INERTIAL, MASSLESS, MIMIC, MJCF, OTHER, POINT, urdf
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
+from geodesic_ocp.model.formats.robots import ROBOTS, folder
 from geodesic_ocp.model.rigid_body import BACKENDS, why_unavailable
-from geodesic_ocp.model.robots import ROBOTS, folder
 
 MMM = Path("data") / "models" / "mmm.xml"
 

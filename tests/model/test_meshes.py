@@ -11,8 +11,8 @@ from gadget import MJCF, urdf
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.model.meshes import TRIANGLES, Mesh, _clustered, _round, _thinned, meshes
-from geodesic_ocp.model.robots import ROBOTS, folder
+from geodesic_ocp.model.formats.robots import ROBOTS, folder
+from geodesic_ocp.model.geometry.meshes import TRIANGLES, Mesh, _clustered, _round, _thinned, meshes
 
 SHAPES = {
     "box": '<box size="0.2 0.4 0.6"/>',

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.motion.rotations import rotation_vector
+from geodesic_ocp.rotations import rotation_vector
 
 TIME = np.arange(0.0, 2.0, 0.01)
 

@@ -9,8 +9,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.motion.retiming import Arm, hand_over_speeds, timed
-from geodesic_ocp.ocp.in_time import at_times
+from geodesic_ocp.retargeting.time_scaling import Arm, hand_over_speeds, timed
+from geodesic_ocp.trajectory.timed_path import at_times
 
 
 def lines(*corners: tuple[float, float]) -> list[go.Path]:

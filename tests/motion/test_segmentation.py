@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import geodesic_ocp as go
-from geodesic_ocp.manifold.exponential import trajectory
+from geodesic_ocp.manifold.exp import trajectory
 
 STEP = 0.01
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.manifold.exponential import trajectory
+from geodesic_ocp.manifold.exp import trajectory
 
 TIME = np.linspace(0.0, 0.8, 81)
 

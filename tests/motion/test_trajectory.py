@@ -9,7 +9,7 @@ import json
 import numpy as np
 from numpy.testing import assert_allclose
 
-from geodesic_ocp.motion.trajectory import Trajectory
+from geodesic_ocp.trajectory.joint_trajectory import Trajectory
 
 TIME = np.array([0.0, 0.25, 1.9999999999])
 

@@ -11,7 +11,7 @@ from known_problems import PlaneAroundDisc
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.manifold.exponential import trajectory
+from geodesic_ocp.manifold.exp import trajectory
 
 
 @pytest.fixture(scope="module")

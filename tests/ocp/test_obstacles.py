@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose
 from scipy.linalg import null_space
 
 import geodesic_ocp as go
-from geodesic_ocp.ocp.prepared import transcription_of
+from geodesic_ocp.ocp.nlp.structure import transcription_of
 
 START = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
 TARGET = (0.1, 0.45, 0.1)  # [m]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from geodesic_ocp.ocp.pose_error import pose_miss, rotation_log
+from geodesic_ocp.ocp.ik.pose_error import pose_miss, rotation_log
 
 TURN = ca.SX.sym("R", 3, 3)
 LOG = ca.Function("log", [TURN], [rotation_log(TURN)])

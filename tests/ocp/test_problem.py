@@ -14,10 +14,10 @@ from known_problems import PlaneAroundDisc, check_derivatives
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.ocp.prepared import transcription_of
-from geodesic_ocp.ocp.terms import conditions
-from geodesic_ocp.ocp.transcription import Blocks, Units, transcribe
-from geodesic_ocp.ocp.violations import violations
+from geodesic_ocp.ocp.nlp.conditions import conditions
+from geodesic_ocp.ocp.nlp.structure import transcription_of
+from geodesic_ocp.ocp.nlp.transcription import Blocks, Units, transcribe
+from geodesic_ocp.ocp.nlp.violations import violations
 
 
 @dataclass(frozen=True)

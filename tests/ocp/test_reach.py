@@ -14,8 +14,8 @@ from scipy.linalg import null_space
 from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
-from geodesic_ocp.ocp.posture import rotation_error
-from geodesic_ocp.ocp.prepared import transcription_of
+from geodesic_ocp.ocp.ik.inverse_kinematics import rotation_error
+from geodesic_ocp.ocp.nlp.structure import transcription_of
 
 START = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
 GOAL = np.array([1.1, -0.2, -0.9, 1.4, -0.3, 0.1, 0.4])

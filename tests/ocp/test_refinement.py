@@ -13,9 +13,9 @@ from known_metrics import Sphere
 from known_problems import PlaneAroundDisc
 
 import geodesic_ocp as go
-from geodesic_ocp.ocp.refinement import refined
-from geodesic_ocp.ocp.terms import conditions
-from geodesic_ocp.ocp.violations import misses
+from geodesic_ocp.ocp.nlp.conditions import conditions
+from geodesic_ocp.ocp.nlp.violations import misses
+from geodesic_ocp.ocp.solve.refinement import refined
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-7])

@@ -13,9 +13,9 @@ from known_metrics import Sphere
 from known_problems import PlaneAroundDisc, check_derivatives
 
 import geodesic_ocp as go
-from geodesic_ocp.ocp.prepared import transcription_of
-from geodesic_ocp.ocp.terms import conditions
-from geodesic_ocp.ocp.transcription import Blocks, Units, transcribe
+from geodesic_ocp.ocp.nlp.conditions import conditions
+from geodesic_ocp.ocp.nlp.structure import transcription_of
+from geodesic_ocp.ocp.nlp.transcription import Blocks, Units, transcribe
 
 
 @dataclass(frozen=True)

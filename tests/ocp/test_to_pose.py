@@ -10,8 +10,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.ocp.nearest import nearest_posture
-from geodesic_ocp.ocp.posture import Clear
+from geodesic_ocp.ocp.ik.inverse_kinematics import Clear
+from geodesic_ocp.ocp.ik.nearest import nearest_posture
 
 START = np.array([0.4, 0.1, -0.6, 1.2, 0.2, 0.0, 0.1])
 VELOCITY = np.array([0.5, -0.2, -0.3, 0.4, 0.3, -0.2, 0.2])

@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, as_expression, as_vector, evaluate, is_symbolic
-from geodesic_ocp.manifold.integration import Integrator
+from geodesic_ocp.manifold.integrator import Integrator
 from geodesic_ocp.manifold.singularity import is_singular, near_singularity
 
 

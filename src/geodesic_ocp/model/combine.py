@@ -12,9 +12,9 @@ import numpy as np
 import pinocchio as pin
 
 from geodesic_ocp.arrays import as_rotation, as_vector
-from geodesic_ocp.model.bodies import Body
 from geodesic_ocp.model.joints import distinct_frames, restore_frames
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.primitives import Body
 
 _SAME = 1e-9  # of gravity [m/s^2]
 

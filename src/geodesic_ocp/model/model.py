@@ -13,12 +13,12 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, as_vector, evaluate, is_symbolic
-from geodesic_ocp.model.angles import continuous_joints, with_angles
-from geodesic_ocp.model.bodies import Ball, Bodies, Body, Capsule
+from geodesic_ocp.model.continuous_joints import continuous_joints, with_angles
 from geodesic_ocp.model.inertia import body_inertia
 from geodesic_ocp.model.joints import frame_index, motion_subspace
 from geodesic_ocp.model.limits import changed
-from geodesic_ocp.model.reach import reach
+from geodesic_ocp.model.max_reach import reach
+from geodesic_ocp.model.primitives import Ball, Bodies, Body, Capsule
 from geodesic_ocp.model.rigid_body import choose_backend, rigid_body
 
 

@@ -1,0 +1,184 @@
+"""The command line: geodesic-ocp analyse | retarget | demo | solve | models."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import get_args
+
+from geodesic_ocp.cli.interrupts import Interrupts, in_main_thread, on_interrupt
+from geodesic_ocp.cli.recording import bundled, check_folder, recorded, save
+from geodesic_ocp.cli.retarget import demo_on_robot, retarget_file
+from geodesic_ocp.cli.solve import solve_file
+from geodesic_ocp.errors import GeodesicOcpError
+from geodesic_ocp.model.formats.catalogue import catalogue
+from geodesic_ocp.retargeting.targets import Formulation
+
+_EXIT = """exit codes: 0 done; 1 an error in a problem's own code, shown whole;
+2 wrong input, named in one line; 3 a solver or integration failed; 130 interrupted"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command; returns the exit code."""
+    options = _parser().parse_args(arguments)
+    previous = on_interrupt(Interrupts.note) if in_main_thread() else None
+    Interrupts.seen = False
+    try:
+        options.run(options)
+    except KeyboardInterrupt:
+        return _failed("interrupted", 130)
+    except Exception as error:
+        # CasADi turns a Ctrl-C inside any of its functions into errors of many kinds.
+        if Interrupts.seen:
+            return _failed("interrupted", 130)
+        if isinstance(error, (ValueError, OSError)):
+            return _failed(error, 2)
+        if isinstance(error, GeodesicOcpError):
+            return _failed(error, 3)
+        raise
+    finally:
+        if previous is not None:
+            on_interrupt(previous)
+    return 0
+
+
+def _failed(reason: object, code: int) -> int:
+    print("geodesic-ocp: error:", " ".join(str(reason).split()), file=sys.stderr)
+    return code
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="geodesic-ocp",
+        description="Geodesics of mechanical systems, and human arm motion as sequences of them.",
+        epilog=_EXIT,
+    )
+    release = version("geodesic_ocp")
+    parser.add_argument("--version", action="version", version=f"%(prog)s {release}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    command = commands.add_parser(
+        "analyse",
+        help="cut a recording into geodesic synergies and compare with the baselines",
+        epilog=_EXIT,
+    )
+    _add_recording(command, ("right", "left"))
+    _add_analysis_options(command)
+    command.set_defaults(run=_analyse)
+
+    command = commands.add_parser(
+        "retarget", help="transfer the synergies of a recording to a robot", epilog=_EXIT
+    )
+    _add_recording(command, ("right", "left", "both"))
+    command.add_argument(
+        "--robot",
+        action="append",
+        required=True,
+        metavar="NAME",
+        help="such as panda (`geodesic-ocp models`); with --side both twice, right and left",
+    )
+    _add_transfer_options(command)
+    command.add_argument(
+        "--report",
+        action="store_true",
+        help="write a page with moving models (default folder: geodesic_ocp_retarget)",
+    )
+    _add_analysis_options(command)
+    command.set_defaults(run=retarget_file)
+
+    command = commands.add_parser("demo", help="analyse the bundled recording", epilog=_EXIT)
+    command.add_argument("--robot", metavar="NAME", help="transfer it to this robot, too")
+    _add_transfer_options(command)
+    _add_analysis_options(command)
+    command.set_defaults(run=_demo)
+
+    command = commands.add_parser(
+        "solve", help="solve and plot the problems that a file of Python defines", epilog=_EXIT
+    )
+    command.add_argument("file", type=Path, help="such as problems/great_circle.py; it is run")
+    command.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="FIELD=VALUE",
+        help='of the problem, as Python writes it: --set radius=0.4 --set "goal=(1, 2)"',
+    )
+    command.add_argument("--problem", metavar="CLASS", help="one of several in the file")
+    command.add_argument(
+        "--tolerance", type=float, help="divide the grid until conditions hold to this everywhere"
+    )
+    command.add_argument("--out", type=Path, help="folder for pictures and solutions (JSON)")
+    command.set_defaults(run=solve_file)
+
+    command = commands.add_parser("models", help="say which models and back ends there are")
+    command.set_defaults(run=_models)
+    return parser
+
+
+def _add_analysis_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--threshold",
+        type=float,
+        default=0.6,
+        help="angle at which a new synergy begins [rad] (default: %(default)s)",
+    )
+    command.add_argument(
+        "--out",
+        type=Path,
+        help="folder for tables, figure, synergies, a robot's trajectory",
+    )
+
+
+def _add_recording(command: argparse.ArgumentParser, sides: Sequence[str]) -> None:
+    command.add_argument("file", type=Path, help="MMM motion (.xml) or table (.csv)")
+    command.add_argument("--side", choices=sides, default="right", help="the arm")
+    command.add_argument("--height", type=float, help="of the person [m]; default: the recording's")
+    command.add_argument("--mass", type=float, help="of the person [kg]; default: the recording's")
+    command.add_argument(
+        "--resample", type=float, metavar="HZ", help="for samples that are not evenly spaced"
+    )
+
+
+def _add_transfer_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--formulation",
+        choices=get_args(Formulation),
+        default="constrained",
+        help="least energy to the exact pose, or free geodesics (default: %(default)s)",
+    )
+    command.add_argument(
+        "--limits",
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help="keep the joints within their limits, of place and of speed",
+    )
+    command.add_argument(
+        "--position-only", action="store_true", help="leave the hand's orientation free"
+    )
+    command.add_argument("--rest", action="store_true", help="begin and end at rest")
+    command.add_argument(
+        "--starts", type=int, default=1, help="solutions sought for each synergy (default: 1)"
+    )
+
+
+def _analyse(options: argparse.Namespace) -> None:
+    check_folder(options.out)
+    save(recorded(options, options.side), options.out)
+
+
+def _demo(options: argparse.Namespace) -> None:
+    options.out = options.out or Path("geodesic_ocp_demo")
+    check_folder(options.out)
+    if options.robot is not None:
+        demo_on_robot(options)
+        return
+    save(bundled(options), options.out)
+
+
+def _models(options: argparse.Namespace) -> None:
+    del options
+    for line in catalogue():
+        print(line)

@@ -1,0 +1,129 @@
+"""Recordings read and analysed, as the command line asks for it."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from collections.abc import Sequence
+from contextlib import closing, suppress
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+
+from geodesic_ocp.cli.interrupts import Bar
+from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.model.human_arm import DEFAULT_HEIGHT, DEFAULT_MASS, human_arm
+from geodesic_ocp.synergies.analyse import Analysis, analyse
+from geodesic_ocp.synergies.read_motion import read_motion
+from geodesic_ocp.synergies.segment import as_threshold
+from geodesic_ocp.trajectory.motion import Motion
+
+_SLOWEST = 1.0  # [s] between samples: no recording of an arm is that slow
+
+
+def recorded(options: argparse.Namespace, side: Side) -> Analysis:
+    """The analysis of one side of the file, as asked for; what it found is printed.
+
+    Raises:
+        RecordingError: the file cannot be read, or has no arm of that side.
+        ValueError: time, height, mass or threshold cannot be.
+    """
+    try:
+        motion = read_motion(options.file, human_arm(side).joint_names)
+    except RecordingError as error:
+        other = next(each for each in get_args(Side) if each != side)
+        with suppress(RecordingError):
+            read_motion(options.file, human_arm(other).joint_names)
+            raise ValueError(f"{error}; try --side {other}") from None
+        raise
+    try:
+        motion = _in_seconds(motion, options.resample)
+    except ValueError as error:
+        raise ValueError(f"{options.file}: {error}") from None
+    return analysed(motion, side, options.height, options.mass, options)
+
+
+def _in_seconds(motion: Motion, rate: float | None) -> Motion:
+    step = float(np.median(np.diff(motion.time)))
+    if step >= _SLOWEST:
+        raise ValueError(f"samples are {step:g} s apart: is time in milliseconds? It must be in s")
+    return motion if rate is None else motion.resampled(rate)
+
+
+def bundled(options: argparse.Namespace) -> Analysis:
+    """The analysis of the recording that comes with the package; what it found is printed."""
+    options.file = "the bundled recording"
+    print("A person steps up and reaches with the left hand (motion capture, 4.4 s).")
+    with as_file(files("geodesic_ocp") / "data" / "reach.csv") as file:
+        motion = read_motion(file, human_arm("left").joint_names)
+    return analysed(motion, "left", None, None, options)
+
+
+def save(analysis: Analysis, folder: Path | None) -> None:
+    """Write the analysis, if there is a folder for it, and say what was written."""
+    if folder is not None:
+        print()
+        for file in analysis.save(folder):
+            print(f"wrote {file}")
+
+
+def check_folder(folder: Path | None) -> None:
+    """Find what stands in the way of the output before any work is done."""
+    if folder is None:
+        return
+    if folder.exists() and not folder.is_dir():
+        raise ValueError(f"--out {folder} is a file, not a folder")
+    nearest = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
+    if not nearest.is_dir() or not os.access(nearest, os.W_OK):
+        raise ValueError(f"--out {folder}: cannot write to {nearest}")
+
+
+def analysed(
+    motion: Motion,
+    side: Side,
+    height: float | None,
+    mass: float | None,
+    options: argparse.Namespace,
+) -> Analysis:
+    """The analysis of a recording; what it found is printed."""
+    assumed = []
+    if height is None and (height := motion.subject.height) is None:
+        height = DEFAULT_HEIGHT
+        assumed.append(f"height {height} m")
+    if mass is None and (mass := motion.subject.mass) is None:
+        mass = DEFAULT_MASS
+        assumed.append(f"mass {mass} kg")
+    arm = human_arm(side, height, mass)
+    as_threshold(options.threshold)
+    start = time.perf_counter()
+    try:
+        with closing(Bar()) as bar:
+            analysis = analyse(arm, motion, options.threshold, progress=bar)
+    except ValueError as error:
+        raise ValueError(f"{options.file}: {error}") from None
+    _summarise(analysis, height, mass, assumed, time.perf_counter() - start)
+    return analysis
+
+
+def _summarise(
+    analysis: Analysis, height: float, mass: float, assumed: Sequence[str], seconds: float
+) -> None:
+    motion = analysis.motion
+    who = f" of {motion.subject.name}" if motion.subject.name else ""
+    print(
+        f"{analysis.model.name}{who}, height {height:g} m, mass {mass:g} kg: "
+        f"{len(motion)} samples, {motion.duration:.2f} s at {motion.rate:.0f} Hz"
+    )
+    if assumed:
+        print(f"assumed, as the recording does not say: {', '.join(assumed)}")
+    errors = analysis.errors["riemannian"]
+    print(
+        f"{len(analysis.synergies)} geodesic synergies at a threshold of "
+        f"{analysis.threshold:g} rad explain the joints to {errors.joint:.3f} rad and the hand to "
+        f"{1000 * errors.position:.0f} mm on average (found in {seconds:.1f} s)"
+    )
+    print(f"\nmean errors against the filtered recording\n\n{analysis.table()}")

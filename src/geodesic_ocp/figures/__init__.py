@@ -1,0 +1,1 @@
+"""Functions that draw into matplotlib Axes."""

@@ -1,0 +1,1 @@
+"""Geodesics between two configurations, and from a configuration to a hand pose."""

@@ -1,0 +1,166 @@
+"""The geodesic from a posture on which the hand comes nearest to a pose: shooting.
+
+Least squares over the initial velocity (Klein, Jaquier, Meixner, Asfour 2022, section V) of the
+logarithm of poses on R^3 x S^3, in two ways: as a nonlinear program with exact derivatives, and by
+the gradient of that paper, which carries the hand's miss back along the geodesic in parallel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from geodesic_ocp.arrays import Array, as_positive, as_rotation, as_vector
+from geodesic_ocp.errors import GeodesicOcpError, NotConverged
+from geodesic_ocp.geodesics.log import Geodesic, log, shoot
+from geodesic_ocp.geodesics.pose_target import Found, Target, metric_of
+from geodesic_ocp.geodesics.shooting import shot
+from geodesic_ocp.geodesics.transported_gradient import descended
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.ocp.ik.pose_error import pose_miss
+
+Method = Literal["newton", "transport"]
+ENERGY_WEIGHT = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class ToPose:
+    """A geodesic to a pose of the hand.
+
+    Attributes:
+        path: the geodesic; None where it is a single posture.
+        velocity: q'(0), (n,).
+        posture: at its end, (n,).
+        position_error, rotation_error: of the hand there [m], [rad]; of what was asked for.
+        energy: 1/2 |q'(0)|_G^2.
+        iterations: that were needed.
+        success: whether the solver stopped at a solution: the nearest pose of such geodesics, which
+            need not be the one that was asked for.
+        status: how it stopped, a sentence.
+    """
+
+    path: Geodesic | None
+    velocity: Array
+    posture: Array
+    position_error: float
+    rotation_error: float
+    energy: float
+    iterations: int
+    success: bool
+    status: str
+
+
+def geodesic_to_pose(
+    model: Model,
+    start: ArrayLike,
+    position: ArrayLike | None = None,
+    rotation: ArrayLike | None = None,
+    *,
+    velocity: ArrayLike | None = None,
+    towards: ArrayLike | None = None,
+    weights: tuple[float, float] = (1.0, 1.0),
+    energy_weight: float = ENERGY_WEIGHT,
+    method: Method = "newton",
+    throw: bool = True,
+) -> ToPose:
+    """The geodesic from a posture whose end brings the hand nearest to a pose.
+
+    min over v = q'(0) of 1/2 |(a dp, b dr)|^2 + w/2 |v|_G^2 / tr G, where dp and dr are the way and
+    the rotation vector from the hand at Exp_start(v) to the pose; the rotation vector is twice as
+    long as the logarithm on S^3. The energy, with its small weight w, decides among the many
+    geodesics of a redundant arm; it keeps the hand from the pose by about w. Nothing else restricts
+    the path: for joint limits see `Reach`.
+
+    Args:
+        model: whose hand it is; the metric is its kinetic energy.
+        start: posture (n,) [rad or m].
+        position: of the hand, (3,) [m] in the base's frame; None leaves it free.
+        rotation: of the hand, (3, 3); None leaves it free.
+        velocity: (n,) to start the search from; zero by default.
+        towards: posture (n,) to start the search from: its logarithm is the velocity.
+        weights: a [1/m] and b [1/rad].
+        energy_weight: w of the energy in units of the metric's trace at the start. Not used by
+            "transport", which stops at whatever geodesic it comes to first.
+        method: "newton", an NLP in v and the miss, with exact first and second derivatives through
+            the integration; or "transport", the gradient of the paper: the miss through the
+            Jacobian's pseudo-inverse, carried back to the start in parallel, with a step that is
+            halved until the miss falls.
+        throw: raise NotConverged where the solver stops elsewhere than at a solution.
+
+    Raises:
+        ValueError: wrong shapes or values, or neither position nor rotation.
+        NotConverged: see `throw`.
+        IntegrationFailed: a geodesic cannot be integrated.
+    """
+    q0 = as_vector("start", start, model.dof)
+    if position is None and rotation is None:
+        raise ValueError("geodesic_to_pose needs a position, a rotation or both")
+    if method not in get_args(Method):
+        raise ValueError(f"method must be one of {', '.join(get_args(Method))}, got {method!r}")
+    place = np.zeros(3) if position is None else as_vector("position", position, 3)
+    turn = np.eye(3) if rotation is None else as_rotation("rotation", rotation)
+    given = np.array([position is not None, rotation is not None])
+    factors = given * [as_positive(f"weights[{k}]", weights[k]) for k in (0, 1)]
+    v0 = _first_velocity(model, q0, velocity, towards)
+    target = Target(model, q0, place, turn, factors)
+    if method == "newton":
+        found = shot(target, v0, as_positive("energy_weight", energy_weight))
+    else:
+        found = descended(target, v0)
+    result = _record(target, found, given)
+    if throw and not result.success:
+        raise NotConverged(
+            f"no geodesic to the pose was found: {result.status}, after {result.iterations} "
+            f"iterations; the hand misses it by {result.position_error:.3g} m and "
+            f"{result.rotation_error:.3g} rad",
+            result,
+        )
+    return result
+
+
+def _first_velocity(
+    model: Model, q0: Array, velocity: ArrayLike | None, towards: ArrayLike | None
+) -> Array:
+    if velocity is not None and towards is not None:
+        raise ValueError("give velocity or towards, not both")
+    if towards is not None:
+        return log(metric_of(model), q0, as_vector("towards", towards, model.dof))
+    if velocity is not None:
+        return as_vector("velocity", velocity, model.dof)
+    return np.zeros(model.dof)
+
+
+def _record(target: Target, found: Found, given: Array) -> ToPose:
+    """What was found, with the path, and the errors of what was given."""
+    velocity, iterations, success, status = found
+    path, posture = None, target.q0
+    if np.any(velocity):
+        try:
+            path = shoot(target.metric, target.q0, velocity)
+            posture = path.nodes[-1]
+        except GeodesicOcpError as error:
+            success, status = False, f"{status}; {error}"
+    rotation, position = target.model.hand_pose(posture)
+    away, angle = pose_miss(rotation, position, target.rotation, target.position)
+    return ToPose(
+        path,
+        velocity,
+        posture,
+        away if given[0] else 0.0,
+        angle if given[1] else 0.0,
+        float(target.metric.inner(target.q0, velocity, velocity)) / 2.0,
+        iterations,
+        success,
+        status,
+    )
+
+
+def nearest_of(found: Sequence[ToPose]) -> ToPose:
+    """The one that misses the pose least; among those that miss it alike, of least energy."""
+    least = min(each.position_error + each.rotation_error for each in found)
+    close = [each for each in found if each.position_error + each.rotation_error <= least + 1e-6]
+    return min(close, key=lambda each: each.energy)

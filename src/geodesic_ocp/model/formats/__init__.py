@@ -1,0 +1,1 @@
+"""Models from files: URDF, MJCF, the Master Motor Map, robots by name."""

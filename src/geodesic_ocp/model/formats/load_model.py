@@ -1,0 +1,183 @@
+"""load_model: a Model from a file, a string, a pin.Model or a robot's name."""
+
+from __future__ import annotations
+
+import difflib
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from geodesic_ocp.model.continuous_joints import DEFAULT_LIMIT
+from geodesic_ocp.model.formats.description import Description, read_description, read_file
+from geodesic_ocp.model.formats.reduction import based_at, locked
+from geodesic_ocp.model.formats.robots import INSTALL, ROBOTS, described, locate, on_demand
+from geodesic_ocp.model.inertia import check_inertias
+from geodesic_ocp.model.joints import frame_index, motion_subspace
+from geodesic_ocp.model.model import Model
+
+_ENDINGS = (".urdf", ".xml", ".mjcf", ".xacro")
+_LONGEST_NAME = 4096
+_UNLIMITED = 1e6  # [rad]: formats write infinity in their own ways
+
+
+def load_model(
+    source: str | PathLike[str] | pin.Model,
+    *,
+    hand: str | None = None,
+    joints: Sequence[str] | None = None,
+    base: str | None = None,
+    posture: Mapping[str, float] | None = None,
+    height: float | None = None,
+    mass: float | None = None,
+    backend: str | None = None,
+) -> Model:
+    """A Model of the joints between a base and a hand, or of any others, of a mechanical system.
+
+    Joints that are left out are locked; what they carry stays, as part of the links it is fixed to.
+    Continuous joints become angles, limited to +-2 pi rad (`Model.with_limits` changes that).
+
+    Args:
+        source: a URDF, MJCF or MMM/Simox file or its text, a pin.Model, or a robot's name
+            (`geodesic-ocp models` lists those that can be loaded).
+        hand: frame of the hand; known robots have one.
+        joints: names of the joints that move, in any order; the model has them in the file's.
+            None: all between `base` and `hand`.
+        base: frame that stands still, in which poses are given and whose axes gravity is turned to;
+            None: the root of the file.
+        posture: values [rad or m] at which joints are locked, by name; others are locked at zero,
+            or at the limit that is nearest to it; a mimic joint follows its leader.
+        height, mass: of the person [m], [kg], for MMM models; 1.75 m and 70 kg by default.
+        backend: of the symbolic rigid-body algorithms, see `Model`.
+
+    Raises:
+        ValueError: the source cannot be found or read; a name is not in it; a joint that moves has
+            not one degree of freedom of its own (spherical, free-flyer, mimic); a link that moves
+            has no mass or an inertia that is not positive definite. Names what is wrong.
+    """
+    description, hand, base = _read(source, hand, base, height, mass)
+    for fault in description.warnings:
+        warnings.warn(fault, UserWarning, stacklevel=2)
+    whole = description.pin
+    if hand is None:
+        raise ValueError(f"hand must name a frame of {whole.name!r}: {_known(_frames(whole))}")
+    hand_index = _frame("hand", whole, hand)
+    base_index = None if base is None else _frame("base", whole, base)
+    moving = _moving(whole, hand_index, base_index, joints)
+    model = locked(description, moving, posture or {})
+    if base is not None:
+        model = based_at(model, base)
+    if model.frames[frame_index(model, hand)].parentJoint == 0:
+        raise ValueError(f"hand {hand!r} does not move with any of the joints {_known(moving)}")
+    check_inertias(model)
+    if isinstance(source, str) and source in ROBOTS:
+        model.name = source
+    return Model(model, hand, backend, _give_limits(model), description.shapes)
+
+
+def _give_limits(model: pin.Model) -> tuple[str, ...]:
+    """Limit what turns without limits as continuous joints are, and name it."""
+    names = []
+    for index in range(1, model.njoints):
+        joint = model.joints[index]
+        if joint.nq == 1 and np.any(motion_subspace(model, index)[3:]):
+            lower, upper = (
+                limits[joint.idx_q]
+                for limits in (model.lowerPositionLimit, model.upperPositionLimit)
+            )
+            if lower <= -_UNLIMITED and upper >= _UNLIMITED and not _is_helical(joint):
+                model.lowerPositionLimit[joint.idx_q] = -DEFAULT_LIMIT
+                model.upperPositionLimit[joint.idx_q] = DEFAULT_LIMIT
+                names.append(str(model.names[index]))
+    return tuple(names)
+
+
+def _is_helical(joint: pin.JointModel) -> bool:
+    return "H" in joint.shortname().removeprefix("JointModel")  # a turn of a screw leads elsewhere
+
+
+def _read(
+    source: object, hand: str | None, base: str | None, height: float | None, mass: float | None
+) -> tuple[Description, str | None, str | None]:
+    """The description, and hand and base, which known robots have by themselves."""
+    if isinstance(source, pin.Model):
+        if height is not None or mass is not None:
+            raise ValueError("height and mass scale MMM models, and source is a pin.Model")
+        return Description(source.copy()), hand, base
+    if not isinstance(source, (str, PathLike)):
+        raise ValueError(f"source must be a file, its text, a pin.Model or a name, got {source!r}")
+    if isinstance(source, str) and source.removeprefix("\ufeff").lstrip().startswith("<"):
+        return read_description(source, "the text", height, mass), hand, base
+    if isinstance(source, str) and (len(source) > _LONGEST_NAME or "\0" in source):
+        raise ValueError(f"source is neither XML nor a name: {source[:40]!r}...")
+    file = Path(source)
+    if isinstance(source, str) and not file.is_file() and file.suffix not in _ENDINGS:
+        if (found := locate(source)) is None:
+            raise ValueError(_unknown(source))
+        robot = ROBOTS.get(source)
+        if robot is not None:
+            hand = robot.hand if hand is None else hand
+            base = robot.base if base is None else base
+        file = found
+    return read_file(file, height, mass), hand, base
+
+
+def _unknown(name: str) -> str:
+    if name in ROBOTS:
+        return f"{name!r} is described by {ROBOTS[name].package}, not installed here: {INSTALL}"
+    names = {*ROBOTS, *described(), *on_demand()}
+    near = difflib.get_close_matches(name, names)
+    hint = f"did you mean {', '.join(near)}?" if near else "`geodesic-ocp models` lists robots"
+    return f"there is no file and no robot {name!r}; {hint} ({INSTALL} describes more)"
+
+
+def _frame(argument: str, model: pin.Model, name: str) -> int:
+    if not isinstance(name, str) or not model.existFrame(name):
+        known = _known(_frames(model), name)
+        raise ValueError(f"{argument} {name!r} is not a frame of {model.name!r}: {known}")
+    return frame_index(model, name)
+
+
+def _frames(model: pin.Model) -> list[str]:
+    fixed = pin.FrameType.FIXED_JOINT
+    return [str(frame.name) for frame in model.frames if frame.type != fixed]
+
+
+def _known(names: Iterable[str], wanted: str = "") -> str:
+    """The names; of very many the ones like the one that was wanted, or the last."""
+    names = list(names)
+    if len(names) <= 40:
+        return ", ".join(names)
+    near = difflib.get_close_matches(str(wanted), names, n=10, cutoff=0.3)
+    return f"{', '.join(near or names[-10:])} and {len(names) - len(near or names[-10:])} more"
+
+
+def _moving(
+    model: pin.Model, hand: int, base: int | None, joints: Sequence[str] | None
+) -> tuple[str, ...]:
+    """Names of the joints that move: those given, or those between base and hand."""
+    if joints is None:
+        chain = list(model.supports[model.frames[hand].parentJoint])[1:]
+        if base is not None and (root := model.frames[base].parentJoint) > 0:
+            if root not in chain:
+                raise ValueError(
+                    f"base {model.frames[base].name!r} is not between the root and the hand "
+                    f"{model.frames[hand].name!r}; name the joints that move with joints=[...]"
+                )
+            chain = chain[chain.index(root) + 1 :]
+        if not chain:
+            raise ValueError(f"there is no joint before the hand {model.frames[hand].name!r}")
+        return tuple(str(model.names[index]) for index in chain)
+    if isinstance(joints, str) or not isinstance(joints, Iterable):
+        raise ValueError(f"joints must be a sequence of names, got {joints!r}")
+    names = tuple(joints)
+    known = list(model.names)[1:]
+    for name in names:
+        if name not in known:
+            raise ValueError(f"{name!r} is not a joint of {model.name!r}: {_known(known, name)}")
+    if len(set(names)) < len(names) or not names:
+        raise ValueError(f"joints must be names, at least one and each once, got {list(names)}")
+    return names

@@ -1,0 +1,131 @@
+"""A part of a Pinocchio model: joints locked in a posture, and another base."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from geodesic_ocp.arrays import Array, as_number
+from geodesic_ocp.model.formats.description import Description
+from geodesic_ocp.model.formats.mimic import follow
+from geodesic_ocp.model.joints import (
+    distinct_frames,
+    frame_index,
+    motion_subspace,
+    restore_frames,
+)
+
+_SLACK = 1e-6  # limits of files are rounded
+
+
+def locked(
+    description: Description, moving: Sequence[str], posture: Mapping[str, float]
+) -> pin.Model:
+    """The model in which only the joints `moving` move.
+
+    Raises:
+        ValueError: a joint that moves has not one degree of freedom of its own, or one that is
+            locked follows one that moves; a posture that the locked joints cannot take.
+    """
+    model = description.pin
+    for name in moving:
+        if name in description.mimics:
+            leader = description.mimics[name].leader
+            raise ValueError(f"joint {name!r} mimics {leader!r}: it cannot move by itself")
+        try:
+            motion_subspace(model, model.getJointId(name))
+        except ValueError as error:
+            raise ValueError(f"{error}; leave it out with base=... or joints=[...]") from None
+    for index in range(1, model.njoints):
+        if model.joints[index].shortname() == "JointModelMimic":
+            raise ValueError(
+                f"joint {model.names[index]!r} of the pin.Model is a JointModelMimic, which cannot "
+                "be locked; build the model without mimic joints"
+            )
+    for name, mimic in description.mimics.items():
+        if mimic.leader in moving and name not in posture:
+            raise ValueError(
+                f"joint {name!r} mimics {mimic.leader!r}, which moves; lock it with "
+                f"posture={{{name!r}: ...}}, or leave {mimic.leader!r} out of joints"
+            )
+    q = _configuration(description, moving, posture)
+    others = [index for index in range(1, model.njoints) if model.names[index] not in moving]
+    if not others:
+        return model.copy()
+    with distinct_frames(model) as names:
+        reduced = pin.buildReducedModel(model, others, q)
+    restore_frames(reduced, names)
+    reduced.name = model.name
+    return reduced
+
+
+def _configuration(
+    description: Description, moving: Sequence[str], posture: Mapping[str, float]
+) -> Array:
+    """Pinocchio's configuration (nq) at which joints are locked; others are at neutral."""
+    model = description.pin
+    q: Array = pin.neutral(model)
+    values = {str(name): 0.0 for name in list(model.names)[1:]}
+    if not isinstance(posture, Mapping):
+        raise ValueError(f"posture must be a mapping of joints to values, got {posture!r}")
+    for name, value in posture.items():
+        if name not in values or name in moving:
+            why = "moves" if name in values else f"is not a joint of {model.name!r}"
+            raise ValueError(f"posture: {name!r} {why}")
+        as_number(f"posture: {name!r}", value)
+    for index in range(1, model.njoints):
+        name, joint = str(model.names[index]), model.joints[index]
+        if name in moving:
+            continue
+        if joint.nv != 1:
+            if name in posture:
+                raise ValueError(f"posture: {name!r} is a {joint.shortname()}, not one number")
+            continue
+        if joint.nq == 1:
+            limits = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
+            values[name] = _value(name, posture.get(name), *limits)
+        else:
+            values[name] = float(posture.get(name, 0.0))
+    following = {name: mimic for name, mimic in description.mimics.items() if name not in posture}
+    values = follow(following, values)
+    for index in range(1, model.njoints):
+        joint, value = model.joints[index], values[str(model.names[index])]
+        if joint.nv == 1 and model.names[index] not in moving:
+            coordinates = [value] if joint.nq == 1 else [np.cos(value), np.sin(value)]
+            q[joint.idx_q : joint.idx_q + joint.nq] = coordinates
+    return q
+
+
+def _value(name: str, given: float | None, lower: float, upper: float) -> float:
+    if given is None:
+        return float(np.clip(0.0, lower, upper)) if lower <= upper else 0.0
+    if not lower - _SLACK <= given <= upper + _SLACK:
+        raise ValueError(
+            f"posture: {name!r} = {given:.6g} lies outside its limits {lower:.6g} to {upper:.6g}"
+        )
+    return float(given)
+
+
+def based_at(model: pin.Model, base: str) -> pin.Model:
+    """The model in the axes of a frame that stands still: places and gravity are turned to it.
+
+    Raises:
+        ValueError: the frame moves with one of the joints.
+    """
+    frame = model.frames[frame_index(model, base)]
+    if frame.parentJoint > 0:
+        raise ValueError(f"base {base!r} moves with joint {model.names[frame.parentJoint]!r}")
+    result = model.copy()
+    inverse = frame.placement.inverse()
+    for index in range(1, model.njoints):
+        if model.parents[index] == 0:
+            result.jointPlacements[index] = inverse * model.jointPlacements[index]
+    for index in range(1, model.nframes):  # the first is the universe, now the base
+        if model.frames[index].parentJoint == 0:
+            result.frames[index].placement = inverse * model.frames[index].placement
+    result.inertias[0] = inverse.act(model.inertias[0])
+    gravity = inverse.rotation @ model.gravity.linear
+    result.gravity = pin.Motion(gravity, np.zeros(3))
+    return result

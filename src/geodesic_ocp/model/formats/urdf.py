@@ -1,0 +1,107 @@
+"""URDF as a Pinocchio model, with the repair of vectors with commas."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+
+import pinocchio as pin
+
+from geodesic_ocp.model.formats.mimic import Mimic
+
+_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
+# <origin rpy="1.57, 0 0"/>: numbers of a vector are separated by blanks alone.
+_VECTOR = re.compile(r"""\b(rpy|xyz)\s*=\s*(["'])([^"']*,[^"']*)\2""")
+
+
+def urdf_model(
+    root: ET.Element, text: str, name: str
+) -> tuple[pin.Model, dict[str, Mimic], tuple[str, ...], str]:
+    """The model, its followers, what was repaired or looks wrong, and the text as repaired.
+
+    Raises:
+        ValueError: Pinocchio cannot read it, or a joint is faulty; names the place if it is known.
+    """
+    if any(element.tag.startswith("{") and "xacro" in element.tag for element in root.iter()):
+        raise ValueError(f"{name} is a xacro file; expand it to URDF first")
+    # Comments stay as long as they were, so that lines keep their numbers.
+    text = _COMMENT.sub(lambda found: re.sub(r"[^\n]", " ", found.group()), text)
+    warnings = []
+    for match in _VECTOR.finditer(text):
+        line = text.count("\n", 0, match.start()) + 1
+        if len(match.group(3).split()) != 3 and match.group(3).count(",") != 2:
+            raise ValueError(f"{name}, line {line}: {match.group()} is not three numbers")
+        warnings.append(f"{name}, line {line}: the comma in {match.group()} is read as a blank")
+    _check(root, name)
+    text = _VECTOR.sub(lambda m: m.group().replace(",", " "), text)
+    try:
+        model = pin.buildModelFromXML(text)
+    except Exception as error:
+        raise ValueError(f"{name} is not a URDF that Pinocchio can read: {error}") from None
+    moving = [joint for joint in root.iter("joint") if joint.get("name") in model.names]
+    warnings += _without_room(moving, name)
+    mimics = _mimics(moving, name)
+    lost = [joint for joint, mimic in mimics.items() if mimic.leader not in model.names]
+    for joint in lost:
+        leader = mimics.pop(joint).leader
+        warnings.append(f"{name}: joint {joint!r} mimics {leader!r}, which is no joint that moves")
+    return model, mimics, tuple(warnings), text
+
+
+def _check(root: ET.Element, name: str) -> None:
+    if not root.get("name"):
+        raise ValueError(f"{name}: <robot> has no name")
+    for joint in root.iterfind("joint"):
+        if joint.get("type") == "fixed":
+            continue
+        place = f"{name}: joint {joint.get('name')!r}"
+        limit, axis = joint.find("limit"), joint.find("axis")
+        if limit is None and joint.get("type") in ("revolute", "prismatic"):
+            raise ValueError(f"{place} is {joint.get('type')} and has no <limit>")
+        if limit is not None:
+            lower, upper = (_number(limit, key, 0.0, place) for key in ("lower", "upper"))
+            if lower > upper:
+                raise ValueError(
+                    f"{place}: its lower limit {lower:g} lies above the upper {upper:g}"
+                )
+        if axis is not None and not any(map(_nonzero, axis.get("xyz", "1 0 0").split())):
+            raise ValueError(f"{place}: its axis is zero")
+    for mass in root.iterfind("link/inertial/mass"):
+        _number(mass, "value", 0.0, f"{name}: a link's mass")
+
+
+def _nonzero(text: str) -> bool:
+    try:
+        return float(text.strip(",")) != 0.0
+    except ValueError:
+        return True  # Pinocchio says so
+
+
+def _without_room(joints: list[ET.Element], name: str) -> Iterator[str]:
+    """Joints whose limits are both zero, in most cases because they were left out."""
+    for joint in joints:
+        limit = joint.find("limit")
+        if joint.get("type") in ("revolute", "prismatic") and joint.find("mimic") is None:
+            given = [] if limit is None else [limit.get("lower"), limit.get("upper")]
+            if all(float(value or 0.0) == 0.0 for value in given):
+                yield f"{name}: joint {joint.get('name')!r} has no room between its limits, 0 and 0"
+
+
+def _mimics(joints: list[ET.Element], name: str) -> dict[str, Mimic]:
+    mimics = {}
+    for joint in joints:
+        if (mimic := joint.find("mimic")) is not None:
+            place = f"{name}: the mimic of joint {joint.get('name')!r}"
+            leader = mimic.get("joint", "")
+            multiplier = _number(mimic, "multiplier", 1.0, place)
+            offset = _number(mimic, "offset", 0.0, place)
+            mimics[joint.get("name", "")] = Mimic(leader, multiplier, offset)
+    return mimics
+
+
+def _number(element: ET.Element, key: str, default: float, place: str) -> float:
+    try:
+        return float(element.get(key, default))
+    except ValueError:
+        raise ValueError(f"{place}: {key} is {element.get(key)!r}, not a number") from None

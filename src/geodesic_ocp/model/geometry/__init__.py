@@ -1,0 +1,1 @@
+"""Geometry of links: signed distances, collision geometry, meshes, enclosing capsules."""

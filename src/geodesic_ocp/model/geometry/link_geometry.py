@@ -1,0 +1,162 @@
+"""Capsules around the collision geometry of URDF and MJCF files, one for each shape."""
+
+from __future__ import annotations
+
+import tempfile
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from scipy.spatial import ConvexHull
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.model.primitives import Ball, Body, Capsule, enclosing_capsule
+
+_KNOWN = ("box", "cylinder", "sphere", "capsule", "mesh")
+_RIM = 24  # points of a circle, a little outside of it
+
+
+@dataclass(frozen=True, eq=False)
+class Shapes:
+    """The bodies of a file's links, which are read when it is called.
+
+    Attributes:
+        pin: the model of the whole file.
+        text: of the file, as Pinocchio reads it.
+        name: of the file, for messages.
+        folder: where the file is; meshes are looked for in it and all folders above.
+    """
+
+    pin: pin.Model
+    text: str
+    name: str
+    folder: Path | None
+
+    def __call__(self) -> tuple[Body, ...]:
+        """Capsules and spheres in the axes of the links' frames.
+
+        Raises:
+            ValueError: a mesh is missing or cannot be read.
+        """
+        self._check()
+        try:
+            geometry = self._geometry()
+        except Exception as error:
+            reason = " ".join(str(error).split())
+            raise ValueError(
+                f"{self.name}: its collision geometry cannot be read: {reason}"
+            ) from None
+        return (*_bodies(self.pin, geometry, self.name), *self._capsules())
+
+    def visual(self) -> tuple[pin.GeometryModel, tuple[Body, ...]]:
+        """Geometry that the file draws its links with, and capsules of a URDF, which it leaves out.
+
+        Raises:
+            Exception: of many kinds, as Pinocchio does: a mesh is missing or cannot be read.
+        """
+        return self._geometry(pin.GeometryType.VISUAL), tuple(self._capsules("visual"))
+
+    def _check(self) -> None:
+        root = ET.fromstring(self.text)
+        for link, shape in _shapes_of_urdf(root):
+            kinds = [child.tag for child in shape.iterfind("geometry/*")]
+            if len(kinds) != 1 or kinds[0] not in _KNOWN:
+                raise ValueError(
+                    f"{self.name}: the collision geometry of {link.get('name')!r} is "
+                    f"{' and '.join(kinds) or 'empty'}, not one of {', '.join(_KNOWN)}"
+                )
+        for mesh in root.iterfind("asset/mesh"):
+            if "refpos" in mesh.attrib or "refquat" in mesh.attrib:
+                raise ValueError(f"{self.name}: refpos and refquat of a mesh are not read")
+
+    def _geometry(self, kind: pin.GeometryType = pin.GeometryType.COLLISION) -> pin.GeometryModel:
+        if self.text.lstrip().startswith("<mujoco"):
+            with tempfile.TemporaryDirectory() as scratch:
+                written = Path(scratch) / "model.xml"
+                written.write_text(self.text, encoding="utf-8")
+                return pin.buildGeomFromMJCF(self.pin, str(written), kind)
+        folders = [] if self.folder is None else [self.folder, *self.folder.parents]
+        root = ET.fromstring(self.text)
+        tag = "visual" if kind == pin.GeometryType.VISUAL else "collision"
+        for link, shape in _shapes_of_urdf(root, tag):
+            # One that urdfdom does not know would cost the link all its shapes.
+            if shape.find("geometry/capsule") is not None:
+                link.remove(shape)
+        text = ET.tostring(root, encoding="unicode")
+        places = [str(each) for each in folders]
+        return pin.buildGeomFromUrdfString(self.pin, text, kind, package_dirs=places)
+
+    def _capsules(self, tag: str = "collision") -> Iterator[Body]:
+        """Capsules of a URDF, along z about their origin, without their caps as long as it says."""
+        for link, shape in _shapes_of_urdf(ET.fromstring(self.text), tag):
+            if (capsule := shape.find("geometry/capsule")) is not None:
+                origin = shape.find("origin")
+                values = {} if origin is None else origin.attrib
+                place = np.array(values.get("xyz", "0 0 0").split(), dtype=float)
+                turn = pin.rpy.rpyToMatrix(
+                    np.array(values.get("rpy", "0 0 0").split(), dtype=float)
+                )
+                along = turn[:, 2] * float(capsule.get("length", "nan")) / 2.0
+                ends = tuple(place - along), tuple(place + along)
+                yield Capsule(*ends, float(capsule.get("radius", "nan")), link.get("name"))
+
+
+def _shapes_of_urdf(
+    root: ET.Element, tag: str = "collision"
+) -> list[tuple[ET.Element, ET.Element]]:
+    """Links and their shapes, for collisions or the eye; none of another format."""
+    links = root.findall("link") if root.tag == "robot" else []
+    return [(link, shape) for link in links for shape in link.findall(tag)]
+
+
+def _bodies(model: pin.Model, geometry: pin.GeometryModel, name: str) -> Iterator[Body]:
+    for shape in geometry.geometryObjects:
+        frame = model.frames[shape.parentFrame]
+        link = str(frame.name)
+        at_link = frame.placement.actInv(shape.placement)
+        kind = type(shape.geometry).__name__
+        if kind == "Sphere":
+            yield Ball(tuple(at_link.translation), float(shape.geometry.radius), link)
+        elif kind == "Capsule":
+            along = at_link.rotation[:, 2] * shape.geometry.halfLength
+            ends = tuple(at_link.translation - along), tuple(at_link.translation + along)
+            yield Capsule(*ends, float(shape.geometry.radius), link)
+        elif kind not in ("Halfspace", "Plane"):  # of a floor, which no link is
+            points = _points(shape.geometry, kind)
+            if points is None:
+                raise ValueError(
+                    f"{name}: the collision geometry of {link!r} is a {kind}, of which no capsule "
+                    "is made; use Model.with_bodies"
+                )
+            placed = points @ at_link.rotation.T + at_link.translation
+            yield enclosing_capsule(placed, link)
+
+
+def _points(shape: Any, kind: str) -> Array | None:
+    """Points (k, 3) whose convex hull holds the shape; None of a shape that is not known."""
+    if kind == "Box":
+        return np.asarray(_cube((-1.0, 1.0)) * np.array(shape.halfSide))
+    if kind in ("Cylinder", "Cone"):
+        angles = 2.0 * np.pi * np.arange(_RIM) / _RIM
+        radius, half = float(shape.radius) / np.cos(np.pi / _RIM), float(shape.halfLength)
+        rim = radius * np.column_stack([np.cos(angles), np.sin(angles)])
+        return np.concatenate([np.insert(rim, 2, height, axis=1) for height in (-half, half)])
+    if kind == "Ellipsoid":
+        directions = _cube((-1.0, 0.0, 1.0))
+        ball = directions[np.any(directions != 0.0, axis=1)]
+        ball /= np.linalg.norm(ball, axis=1, keepdims=True)
+        inside = -ConvexHull(ball).equations[:, 3].max()  # distance of the nearest face
+        return np.asarray(ball / inside * np.array(shape.radii))
+    vertices = getattr(shape, "vertices", None)
+    if vertices is None:
+        return None
+    found = np.array(vertices() if callable(vertices) else vertices, dtype=float)
+    return found if found.ndim == 2 and found.shape[1] == 3 and len(found) else None
+
+
+def _cube(values: tuple[float, ...]) -> Array:
+    return np.array(np.meshgrid(values, values, values)).reshape(3, -1).T

@@ -1,1 +1,0 @@
-"""What was measured, and what is made of it."""

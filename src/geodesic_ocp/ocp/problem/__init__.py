@@ -1,0 +1,1 @@
+"""Problems: which path is sought."""

@@ -1,0 +1,134 @@
+"""What ready-made problems may be asked to hold along the path: limits, speed, distances."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from matplotlib.axes import Axes
+
+from geodesic_ocp.arrays import as_number, as_vector
+from geodesic_ocp.figures.path_figure import draw_obstacle
+from geodesic_ocp.model.geometry.signed_distances import as_pair, clearances
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.primitives import Obstacle
+from geodesic_ocp.ocp.problem.problem import Inequality, Problem, key_of
+from geodesic_ocp.trajectory.path import Path
+
+_OF_A_MODEL = {"limits": "limits", "obstacles": "bodies", "pairs": "bodies"}
+
+
+def avoid(
+    model: Model,
+    q: ca.SX,
+    obstacles: Sequence[Obstacle] = (),
+    *,
+    links: Sequence[str] | None = None,
+    pairs: Sequence[tuple[str, str]] = (),
+    margin: float = 0.0,
+) -> list[Inequality]:
+    """Constraints that keep a model's bodies clear of obstacles and of each other.
+
+    Args:
+        model: with bodies (`Model.bodies`).
+        q: the configuration's symbols (n, 1).
+        obstacles, links, pairs: see `clearances`.
+        margin: least distance [m].
+
+    Raises:
+        ValueError: there are no bodies, or none of a link that is named.
+    """
+    margin = as_number("margin", margin)
+    distances = clearances(model, q, obstacles, links=links, pairs=pairs)
+    return [(margin, distance, np.inf, name) for name, distance in distances.items()]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Restricted(Problem):
+    """A problem with keywords for what holds along the path.
+
+    Attributes:
+        limits: whether the joints stay within the limits of the metric's model.
+        speed: largest |dq_j / ds| [rad or m for the whole path], for all coordinates or (n,); a
+            motion at constant speed in a duration T has speeds 1 / T times these. None: any.
+        obstacles: balls, capsules and half-spaces that the model's bodies keep clear of.
+        links: whose bodies those are; None: of all that move.
+        pairs: of links that keep clear of each other.
+        margin: least distance [m] from obstacles and in pairs.
+    """
+
+    limits: bool = False
+    speed: float | tuple[float, ...] | None = None
+    obstacles: tuple[Obstacle, ...] = ()
+    links: tuple[str, ...] | None = None
+    pairs: tuple[tuple[str, str], ...] = ()
+    margin: float = 0.0
+
+    def check_restrictions(self) -> None:
+        """Bring the keywords into their form.
+
+        Raises:
+            ValueError: wrong shapes or values, links without bodies, or a metric without a model.
+        """
+        object.__setattr__(self, "speed", _as_speed(self.speed, self.metric.dim))
+        for keyword in ("obstacles", "links", "pairs"):
+            given = getattr(self, keyword)
+            if given is not None and not isinstance(given, (list, tuple)):
+                raise ValueError(f"{keyword} must be a list, got {given!r}")
+        object.__setattr__(self, "obstacles", tuple(self.obstacles))
+        object.__setattr__(self, "pairs", tuple(map(as_pair, self.pairs)))
+        if self.links is not None:
+            object.__setattr__(self, "links", tuple(self.links))
+        for keyword, what in _OF_A_MODEL.items():
+            if getattr(self, keyword) and self._model is None:
+                kind = type(self.metric).__name__
+                raise ValueError(f"{keyword}: {kind} has no model with {what}")
+        q, v = (ca.SX.sym(name, self.metric.dim) for name in "qv")
+        self.constraints(q, v)
+
+    @property
+    def _model(self) -> Model | None:
+        return getattr(self.metric, "model", None)
+
+    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Inequality]:
+        """Joint limits, speed and distances, where they are asked for."""
+        conditions: list[Inequality] = []
+        model = self._model
+        if self.limits and model is not None:
+            conditions.append((model.lower, q, model.upper, "joint limits"))
+        if self.speed is not None:
+            conditions.append((-np.array(self.speed), v, np.array(self.speed), "speed"))
+        if model is not None and (self.obstacles or self.pairs):
+            conditions += avoid(
+                *(model, q, self.obstacles),
+                links=self.links,
+                pairs=self.pairs,
+                margin=self.margin,
+            )
+        return conditions
+
+    def draw(self, axes: Axes, path: Path, columns: tuple[int, int]) -> None:
+        """Outlines of the obstacles that stand still."""
+        for number, obstacle in enumerate(self.obstacles):
+            draw_obstacle(axes, obstacle, columns, "obstacle" if number == 0 else None)
+
+    @property
+    def restrictions(self) -> tuple[Hashable, ...]:
+        """What constraints there are, for `structure`; empty if there are none."""
+        if not (self.limits or self.speed or self.obstacles or self.pairs):
+            return ()
+        bodies = (self.obstacles, self.links, self.pairs)
+        return (self.limits, self.speed is None, *map(key_of, bodies))
+
+
+def _as_speed(speed: Any, dim: int) -> tuple[float, ...] | None:
+    """The largest speeds (n,) of one number or n of them; ValueError if they are not positive."""
+    if speed is None:
+        return None
+    speeds = as_vector("speed", np.broadcast_to(speed, dim) if np.ndim(speed) == 0 else speed, dim)
+    if not np.all(speeds > 0.0):
+        raise ValueError(f"speed must be positive, got {speed!r}")
+    return tuple(speeds.tolist())

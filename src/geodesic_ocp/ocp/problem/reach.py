@@ -1,0 +1,153 @@
+"""Reaching: from a posture to a pose of the hand, in whatever posture costs least."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from geodesic_ocp.arrays import Array, as_rotation, as_vector
+from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
+from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.ocp.ik.inverse_kinematics import (
+    across,
+    as_directions,
+    find_posture,
+    rotation_error,
+)
+from geodesic_ocp.ocp.problem.path_constraints import Restricted
+from geodesic_ocp.ocp.problem.problem import Equality
+
+
+@dataclass(frozen=True, eq=False)
+class Reach(Restricted):
+    """The geodesic from a posture to where the hand has a place, an orientation or both.
+
+    What the hand leaves open of the final posture is free: the path arrives at a right angle to
+    all postures with that pose (transversality). The straight line to a posture by inverse
+    kinematics is where the search starts. Start and pose can change without a new NLP.
+
+    Attributes:
+        model: whose hand reaches; the metric is its kinetic energy.
+        start: posture (n,) [rad or m].
+        position: of the hand at the end, in the base's frame, (3,) [m]; None leaves it free.
+        rotation: of the hand at the end, (3, 3); None leaves it free.
+        free: directions in which the position may differ, in the base's axes, (3,) or (k, 3): one
+            makes it a line, two a plane.
+        through: positions (k, 3) [m] that the hand passes on the way, in this order, in whatever
+            postures cost least.
+        smooth: whether the velocity is continuous there; see `Problem`.
+        limits: whether the joints stay within the limits of the metric's model.
+        speed: largest |dq_j / ds| [rad or m for the whole path], for all coordinates or (n,); a
+            motion at constant speed in a duration T has speeds 1 / T times these. None: any.
+        obstacles: balls, capsules and half-spaces that the model's bodies keep clear of.
+        links: whose bodies those are; None: of all that move.
+        pairs: of links that keep clear of each other.
+        margin: least distance [m] from obstacles and in pairs.
+
+    Raises:
+        ValueError: wrong shapes or values, or neither position nor rotation.
+    """
+
+    model: Model
+    start: ArrayLike
+    position: ArrayLike | None = None
+    rotation: ArrayLike | None = None
+    limits: bool = field(default=True, kw_only=True)
+    free: ArrayLike | None = field(default=None, kw_only=True)
+    through: ArrayLike = field(default=(), kw_only=True)
+    smooth: bool = field(default=True, kw_only=True)  # type: ignore[misc]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "start", as_vector("start", self.start, self.model.dof))
+        if self.position is None and self.rotation is None:
+            raise ValueError("Reach needs a position, a rotation or both")
+        if self.position is not None:
+            object.__setattr__(self, "position", as_vector("position", self.position, 3))
+        if self.rotation is not None:
+            object.__setattr__(self, "rotation", as_rotation("rotation", self.rotation))
+        object.__setattr__(self, "free", as_directions("free", self.free))
+        if len(np.asarray(self.free)) and self.position is None:
+            raise ValueError("free: directions are those of a position, and there is none")
+        points = [as_vector(f"through[{k}]", each, 3) for k, each in enumerate(_rows(self.through))]
+        object.__setattr__(self, "through", np.array(points).reshape(-1, 3))
+        self.check_restrictions()
+
+    @property
+    def metric(self) -> Metric:  # type: ignore[override]
+        """Kinetic energy of the model."""
+        return KineticEnergy(self.model)
+
+    @property
+    def parameters(self) -> Sequence[str]:  # type: ignore[override]
+        """What is given of the hand's pose and of its way."""
+        given = [name for name in ("position", "rotation") if getattr(self, name) is not None]
+        return [*given, "through"] if self._points else given
+
+    @property
+    def _points(self) -> int:
+        through: Any = self.through  # numbers, or symbols in their place
+        return int(through.shape[0])
+
+    @property
+    def structure(self) -> Hashable:
+        """Model and kinds of conditions."""
+        free = tuple(map(tuple, np.asarray(self.free).tolist()))
+        ways = (self._points, self.smooth)
+        return (self.model, *self.parameters, free, *ways, *self.restrictions)
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Equality]:
+        """The start, and the hand's pose at the end."""
+        rotation, position = self.model.hand_pose(q1)
+        wanted: dict[str, Any] = {name: getattr(self, name) for name in self.parameters}
+        conditions: list[Equality] = [(q0, self.start, "start")]
+        if "position" in wanted:
+            held = ca.DM(across(np.asarray(self.free)))
+            conditions.append((held @ (position - ca.SX(wanted["position"])), 0.0, "position"))
+        if "rotation" in wanted:
+            error = rotation_error(rotation, ca.SX(wanted["rotation"]))
+            conditions.append((error, 0.0, "rotation"))
+        return conditions
+
+    def via(self, q: ca.SX) -> Sequence[Sequence[Equality]]:
+        """The hand's place at each point on the way."""
+        given: Any = self.through  # numbers, or symbols in their place
+        points = ca.SX(given)
+        _, position = self.model.hand_pose(q)
+        names = (f"through[{k}]" for k in range(points.shape[0]))
+        return [[(position - points[k, :].T, 0.0, name)] for k, name in enumerate(names)]
+
+    def guess(self, s: Array) -> Array:
+        """Straight lines to the nearest posture with each pose, one after the other.
+
+        Raises:
+            NotConverged: there is none.
+        """
+        keep: dict[str, Any] = {
+            name: getattr(self, name)
+            for name in ("limits", "obstacles", "links", "pairs", "margin")
+        }
+        corners = [np.asarray(self.start)]
+        for point in np.asarray(self.through):
+            corners.append(self._posture(f"through {point}", corners[-1], point, **keep))
+        pose = (self.position, self.rotation)
+        corners.append(self._posture("the end", corners[-1], *pose, free=self.free, **keep))
+        knots = np.linspace(0.0, 1.0, len(corners))
+        return np.column_stack([np.interp(s, knots, column) for column in np.transpose(corners)])
+
+    def _posture(self, what: str, *given: Any, **keep: Any) -> Array:
+        try:
+            return find_posture(self.model, *given, **keep)
+        except NotConverged as error:
+            raise NotConverged(f"{what}: {error}") from None
+
+
+def _rows(points: Any) -> list[Any]:
+    """Points (k, 3), or one (3,), as a list of them."""
+    return [points] if len(points) and np.ndim(points[0]) == 0 else list(points)

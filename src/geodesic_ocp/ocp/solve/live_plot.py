@@ -1,0 +1,72 @@
+"""A picture in a notebook that follows the solver."""
+
+from __future__ import annotations
+
+from time import perf_counter
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from geodesic_ocp.figures.path_figure import draw_path
+from geodesic_ocp.ocp.problem.problem import Problem
+from geodesic_ocp.ocp.solve.callback import Iterate
+
+
+class LivePlot:
+    """A callback for `solve` that draws the path of every iteration into one notebook output.
+
+    Args:
+        problem: that is solved.
+        interval: least time between two pictures [s]; the last one is drawn by `close`.
+
+    Raises:
+        ValueError: it is not called in a notebook.
+
+    Use it as `with go.LivePlot(problem) as live: go.solve(problem, callback=live)`.
+    """
+
+    def __init__(self, problem: Problem, interval: float = 0.1) -> None:
+        try:
+            from IPython import get_ipython
+            from IPython.display import display
+        except ImportError as error:
+            raise ValueError(
+                "LivePlot needs IPython: pip install 'geodesic_ocp[notebooks]'"
+            ) from error
+        if getattr(get_ipython(), "kernel", None) is None:
+            raise ValueError("LivePlot draws into a notebook, and this is none")
+        self._problem, self._interval = problem, interval
+        self._display: Any = display
+        self._handle: Any = None
+        self._figure: Figure | None = None
+        self._drawn = -float("inf")
+        self._waiting: Iterate | None = None
+
+    def __call__(self, iterate: Iterate) -> None:
+        """Draw the iterate, unless the last one was drawn a moment ago."""
+        self._waiting = iterate
+        if perf_counter() - self._drawn >= self._interval:
+            self._draw(iterate)
+
+    def _draw(self, iterate: Iterate) -> None:
+        title = (
+            f"{type(self._problem).__name__}, iteration {iterate.number}: objective "
+            f"{iterate.objective:.6g}, largest violation {iterate.violation:.1e}"
+        )
+        self._figure = draw_path(self._problem, iterate.path, title, self._figure)
+        if self._handle is None:
+            self._handle = self._display(self._figure, display_id=True)
+        else:
+            self._handle.update(self._figure)
+        self._drawn, self._waiting = perf_counter(), None
+
+    def close(self) -> None:
+        """Draw the last iterate, if it was passed over."""
+        if self._waiting is not None:
+            self._draw(self._waiting)
+
+    def __enter__(self) -> LivePlot:
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self.close()

@@ -1,0 +1,1 @@
+"""Pages that show person and robot in motion."""

@@ -1,0 +1,147 @@
+"""A page that shows a person and the robot side by side, with figures."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.report.viewer import Actor, page, viewer
+from geodesic_ocp.retargeting.arm_result import RetargetedArm
+from geodesic_ocp.retargeting.result import Retargeting
+from geodesic_ocp.table import Table
+
+# Half of the distance of a person's shoulders, of the body's height: Winter, Biomechanics and Motor
+# Control of Human Movement.
+_HALF_WIDTH = 0.129
+_HEIGHT = 1.75  # [m], where the recording does not say
+
+
+def report(retargeting: Retargeting, file: str | PathLike[str]) -> Path:
+    """Write a page of HTML: both in motion, tables and the figure.
+
+    It needs nothing but a browser. The robot is drawn with the meshes of its file where there are
+    any, otherwise as capsules (`Model.bodies`), turned into the person's axes, so that they stand
+    side by side; its hand's path beside the person's, carried over.
+
+    Args:
+        retargeting: what `retarget` returned.
+        file: to be written; its folder must exist.
+
+    Returns:
+        The file's path.
+    """
+    arms = retargeting.arms
+    title = " and ".join(arm.title for arm in arms)
+    left = all((arm.alignment.side or "right") == "left" for arm in arms)
+    scenes = [
+        ("person", [_person(arm, len(arms)) for arm in arms]),
+        (" and ".join(dict.fromkeys(arm.robot.name for arm in arms)), _robots(arms)),
+    ]
+    moving = viewer(
+        retargeting.trajectory.time,
+        scenes,
+        view=(-50.0 if left else 50.0, 22.0),
+        target="the person's, carried over",
+    )
+    parts = [
+        f"<h1>{html.escape(title[:1].upper() + title[1:])}</h1>",
+        f"<p>{html.escape(_sentences(retargeting))}</p>",
+        moving,
+        "<h2>Against inverse kinematics that follows the whole way of the hand</h2>",
+        _of(retargeting.table()),
+        "<h2>The robot's synergies, and the person's of which they are made</h2>",
+        _of(retargeting.synergy_table()),
+        f'<p><img alt="hand and joints over time" src="{_picture(retargeting)}"></p>',
+    ]
+    target = Path(file)
+    target.write_text(page(title, "\n".join(parts)), encoding="utf-8")
+    return target
+
+
+def _sentences(retargeting: Retargeting) -> str:
+    held = "under the robot's limits" if retargeting.limits else "without limits"
+    kind = {
+        "constrained": "Each synergy is the path of least energy to the hand's pose at its end, "
+        f"{held}.",
+        "geodesic": "Each synergy is the geodesic that brings the hand nearest to the pose at the "
+        "person's; joint limits are not looked at.",
+    }[retargeting.formulation]
+    stretch = retargeting.stretch
+    time = (
+        f"The robot takes {stretch:.2f} times as long as the person, as its joints are not as fast."
+        if stretch > 1.0
+        else "The robot takes the person's time."
+    )
+    far = sum(len(arm.out_of_reach) for arm in retargeting.arms)
+    reach = f" Poses out of reach: {far}." if far else ""
+    return f"{kind} {time}{reach}"
+
+
+def _shoulder(arm: RetargetedArm, count: int) -> Array:
+    """Where the person's shoulder is in the scene: in the middle, or to its side."""
+    if count == 1:
+        return np.zeros(3)
+    height = arm.analysis.motion.subject.height or _HEIGHT
+    side = -1.0 if "left" in arm.analysis.model.name else 1.0
+    return np.array([side * _HALF_WIDTH * height, 0.0, 0.0])
+
+
+def _person(arm: RetargetedArm, count: int) -> Actor:
+    place = _shoulder(arm, count)
+    return Actor(arm.analysis.model.name, arm.analysis.model, arm.analysis.motion.q, position=place)
+
+
+def _robots(arms: tuple[RetargetedArm, ...]) -> list[Actor]:
+    """Each robot with its shoulder where the person's is; two arms of one robot on one body."""
+    frames = [{str(frame.name) for frame in arm.robot.pin.frames} for arm in arms]
+    shoulders = np.array([np.asarray(arm.alignment.shoulder) for arm in arms])
+    apart = len(np.unique(shoulders.round(6), axis=0)) == len(arms)
+    one_body = len(arms) > 1 and apart and all(names == frames[0] for names in frames)
+    middle = shoulders.mean(axis=0)
+    actors = []
+    for number, arm in enumerate(arms):
+        back = np.asarray(arm.alignment.base).T
+        if one_body:
+            place = -back @ middle
+        else:
+            place = _shoulder(arm, len(arms)) - back @ np.asarray(arm.alignment.shoulder)
+        others = [other.robot for other in arms[:number] if one_body]
+        later = [other.robot for other in arms[number + 1 :] if one_body]
+        hidden = {name for name in frames[number] if any(robot.moves(name) for robot in later)}
+        if others:  # who have drawn the body
+            hidden = {name for name in frames[number] if not arm.robot.moves(name)}
+        actors.append(
+            Actor(
+                arm.robot.name,
+                arm.robot,
+                arm.trajectory.positions,
+                back,
+                place,
+                target=arm.wanted[1] @ back.T + place,
+                hidden=frozenset(hidden),
+            )
+        )
+    return actors
+
+
+def _of(table: Table) -> str:
+    """A table as HTML."""
+    header, *rows = table.shown()
+    head = "".join(f"<th>{html.escape(entry)}</th>" for entry in header)
+    body = "".join(
+        f"<tr>{''.join(f'<td>{html.escape(entry)}</td>' for entry in row)}</tr>" for row in rows
+    )
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _picture(retargeting: Retargeting) -> str:
+    """The figure as a data URL."""
+    data = io.BytesIO()
+    retargeting.plot().savefig(data, format="png", dpi=110)
+    return f"data:image/png;base64,{base64.b64encode(data.getvalue()).decode()}"

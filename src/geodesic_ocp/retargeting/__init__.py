@@ -1,0 +1,1 @@
+"""Synergies of a person on a robot."""

@@ -1,0 +1,160 @@
+"""Fewer synergies for a robot: what is too short is dropped, what is small is merged."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from typing import Literal
+
+import numpy as np
+
+from geodesic_ocp.arrays import as_number
+from geodesic_ocp.synergies.reconstruct import Synergy
+
+# Of the arm's longest synergy.
+_DROPPED, _MERGED = 0.03, 0.15
+_REST = 0.1  # [s]: a shorter pause is not one
+
+Kind = Literal["kept", "merged", "rest"]
+
+
+@dataclass(frozen=True)
+class SynergyGroup:
+    """One synergy of the robot, and those of the person from which it is made.
+
+    Attributes:
+        start, stop: indices of its first and last sample in the recording.
+        members: numbers of the person's synergies in this span of time.
+        dropped: those of them that were too short to count.
+        kind: "kept", one synergy as it was; "merged", several; or "rest", in which the arm stays
+            where it is, as all of it was too short.
+    """
+
+    start: int
+    stop: int
+    members: tuple[int, ...]
+    dropped: tuple[int, ...]
+    kind: Kind
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """Neighbouring synergies on their way to become one."""
+
+    first: int
+    last: int
+    length: float
+    seconds: float
+    still: bool = False
+
+    def with_(self, other: _Piece) -> _Piece:
+        return replace(
+            self,
+            first=min(self.first, other.first),
+            last=max(self.last, other.last),
+            length=self.length + other.length,
+            seconds=self.seconds + other.seconds,
+        )
+
+
+def merge_synergies(
+    synergies: Sequence[Synergy], *, drop: float | None = None, merge: float | None = None
+) -> tuple[SynergyGroup, ...]:
+    """The synergies in groups, each to become one; without gaps, in their order.
+
+    1. Neighbours shorter than `drop` count as one. Where all of them together are shorter than
+       `drop`, too, they are dropped: pauses of 0.1 s and longer, and what is at the beginning and
+       the end, become rests; the time of others goes to the synergy that follows.
+    2. Of what is left, neighbours that are shorter than `merge` are joined one after the other
+       until they are as long as that together.
+    3. What is still shorter joins its shorter neighbour; it stays where rests surround it.
+    Synergies as long as `merge` are never joined with each other.
+
+    Args:
+        synergies: of one arm, one after the other.
+        drop, merge: lengths, in the unit of the synergies' own; by default 3 % and 15 % of the
+            longest of them.
+
+    Raises:
+        ValueError: there are no synergies, `drop` is negative or above `merge`.
+    """
+    if not synergies:
+        raise ValueError("there are no synergies to merge")
+    lengths = [synergy.length for synergy in synergies]
+    drop = _DROPPED * max(lengths) if drop is None else as_number("drop", drop)
+    merge = max(drop, _MERGED * max(lengths)) if merge is None else as_number("merge", merge)
+    if not 0.0 <= drop <= merge:
+        raise ValueError(f"drop and merge must be 0 <= drop <= merge, got {drop:g} and {merge:g}")
+    pieces = [
+        _Piece(index, index, synergy.length, synergy.duration)
+        for index, synergy in enumerate(synergies)
+    ]
+    pieces = _rested(_joined(pieces, drop, np.inf), drop)
+    pieces = _attached(_joined(pieces, merge, merge), merge)
+    return tuple(_group(piece, synergies, drop) for piece in pieces)
+
+
+def _joined(pieces: list[_Piece], below: float, enough: float) -> list[_Piece]:
+    """Neighbours below a length are one, up to where they are long enough together."""
+    result: list[_Piece] = []
+    is_open = False
+    for piece in pieces:
+        small = not piece.still and piece.length < below
+        if small and is_open:
+            result[-1] = result[-1].with_(piece)
+        else:
+            result.append(piece)
+        is_open = small and result[-1].length < enough
+    return result
+
+
+def _rested(pieces: list[_Piece], drop: float) -> list[_Piece]:
+    """Pieces below `drop` are rests, or go to the next one where they are brief."""
+    result: list[_Piece] = []
+    waiting: _Piece | None = None
+    for index, piece in enumerate(pieces):
+        if piece.length >= drop and piece.length > 0.0:
+            # What was dropped gives its time, and does not make the piece any longer.
+            result.append(piece if waiting is None else piece.with_(replace(waiting, length=0.0)))
+            waiting = None
+        elif piece.seconds >= _REST or index in (0, len(pieces) - 1):
+            result.append(replace(piece, still=True))
+        else:
+            waiting = piece
+    return result
+
+
+def _attached(pieces: list[_Piece], merge: float) -> list[_Piece]:
+    """Pieces below `merge` join the shorter of their neighbours that move."""
+    while True:
+        for index, piece in enumerate(pieces):
+            if piece.still or piece.length >= merge:
+                continue
+            around = [
+                other
+                for other in (index - 1, index + 1)
+                if 0 <= other < len(pieces) and not pieces[other].still
+            ]
+            if around:
+                other = min(around, key=lambda each: pieces[each].length)
+                low = min(index, other)
+                pieces = [*pieces[:low], piece.with_(pieces[other]), *pieces[low + 2 :]]
+                break
+        else:
+            return pieces
+
+
+def _group(piece: _Piece, synergies: Sequence[Synergy], drop: float) -> SynergyGroup:
+    members = tuple(range(piece.first, piece.last + 1))
+    start, stop = synergies[piece.first].start, synergies[piece.last].stop
+    if piece.still:
+        return SynergyGroup(start, stop, members, members, "rest")
+    # Only what was dropped as a whole: short ones in a row may be a movement together.
+    dropped: list[int] = []
+    for short, run in groupby(members, key=lambda index: synergies[index].length < drop):
+        numbers = list(run)
+        if short and sum(synergies[index].length for index in numbers) < drop:
+            dropped += numbers
+    kind: Kind = "kept" if len(members) - len(dropped) == 1 else "merged"
+    return SynergyGroup(start, stop, members, tuple(dropped), kind)

@@ -1,0 +1,128 @@
+"""Motions in the Master Motor Map's XML, in the legacy layout and in that of version 2.0.
+
+Legacy: Motion / JointOrder / Joint, Motion / MotionFrames / MotionFrame with Timestep and
+JointPosition. Version 2.0: Motion / Sensors / Sensor of type Kinematic with Configuration / Joint
+and Data / Measurement. The legacy files' JointVelocity is often all zeros and is not read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.trajectory.motion import Motion, Subject
+
+
+def read_mmm(file: Path, joints: Sequence[str] | None = None) -> Motion:
+    """The first motion in the file that has the joints (all joints, if none are named).
+
+    Raises:
+        RecordingError: the XML is broken, is not MMM, or has no such joints or no frames.
+    """
+    try:
+        root = ElementTree.parse(file).getroot()
+    except ElementTree.ParseError as failure:
+        line, column = failure.position
+        raise RecordingError(
+            f"{file}: broken XML at line {line}, column {column}: {failure}"
+        ) from None
+    except LookupError as failure:
+        raise RecordingError(f"{file}: {failure}") from None
+    motions = root.findall("Motion") if root.tag == "MMM" else []
+    if not motions:
+        raise RecordingError(
+            f"{file}: expected <MMM> with a <Motion>, found <{root.tag}>: not an MMM recording"
+        )
+    wanted, missing = list(joints or ()), []
+    for motion in motions:
+        for source in _sources(motion):
+            names = [joint.get("name", "") for joint in source.joints]
+            missing = [name for name in wanted if name not in names]
+            if names and not missing:
+                return _motion(file, motion, source, names, wanted or names)
+    if not missing:
+        raise RecordingError(f"{file}: no <Motion> in it names any joints")
+    raise RecordingError(f"{file}: there is no joint {', '.join(missing)} in this recording")
+
+
+@dataclass(frozen=True)
+class _Source:
+    """Joints, and the frames of their positions: the name of the place, time and positions."""
+
+    joints: list[ElementTree.Element]
+    frames: list[tuple[str, str | None, str | None]]
+
+
+def _sources(motion: ElementTree.Element) -> list[_Source]:
+    """The legacy layout's one, or every kinematic sensor of version 2.0."""
+    sensors = motion.findall("Sensors/Sensor[@type='Kinematic']")
+    if not sensors:
+        frames = [
+            (f"MotionFrame {index}", frame.findtext("Timestep"), frame.findtext("JointPosition"))
+            for index, frame in enumerate(motion.findall("MotionFrames/MotionFrame"))
+        ]
+        return [_Source(motion.findall("JointOrder/Joint"), frames)]
+    return [
+        _Source(
+            sensor.findall("Configuration/Joint"),
+            [
+                (f"Measurement {index}", frame.get("timestep"), frame.findtext("JointPosition"))
+                for index, frame in enumerate(sensor.findall("Data/Measurement"))
+            ],
+        )
+        for sensor in sensors
+    ]
+
+
+def _motion(
+    file: Path,
+    motion: ElementTree.Element,
+    source: _Source,
+    names: list[str],
+    wanted: list[str],
+) -> Motion:
+    columns = [names.index(name) for name in wanted]
+    times, rows = [], []
+    for place, time, positions in source.frames:
+        if time is None or positions is None:
+            raise RecordingError(
+                f"{file}: {place} has no {'time' if time is None else 'positions'}"
+            )
+        times.append(_numbers(file, f"the time of {place}", time, 1)[0])
+        row = _numbers(file, f"the JointPosition of {place}", positions, len(names))
+        rows.append(row[columns])
+    subject = _subject(file, motion)
+    shaped = np.array(rows).reshape(len(times), len(wanted))
+    try:
+        return Motion(np.array(times), shaped, tuple(wanted), subject=subject)
+    except ValueError as failure:
+        raise RecordingError(f"{file}: {failure}") from None
+
+
+def _subject(file: Path, motion: ElementTree.Element) -> Subject:
+    config = next(motion.iter("ModelProcessorConfig"), None)
+    figures: dict[str, float | None] = {"Height": None, "Mass": None}
+    for name in figures:
+        text = None if config is None else config.findtext(name)
+        if text is not None:
+            number = float(_numbers(file, f"ModelProcessorConfig/{name}", text, 1)[0])
+            if not np.isfinite(number) or number <= 0.0:
+                raise RecordingError(f"{file}: {name} of the subject must be positive, is {number}")
+            figures[name] = number
+    return Subject(figures["Height"], figures["Mass"], motion.get("name", ""))
+
+
+def _numbers(file: Path, place: str, text: str, count: int) -> Array:
+    try:
+        numbers = np.array(text.split(), dtype=float)
+    except ValueError:
+        raise RecordingError(f"{file}: {place} is not numbers: {text.strip()[:40]!r}") from None
+    if numbers.size != count:
+        raise RecordingError(f"{file}: {place} has {numbers.size} numbers, expected {count}")
+    return numbers

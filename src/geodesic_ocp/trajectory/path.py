@@ -1,0 +1,199 @@
+"""Path: a curve q(s), s in [0, 1], on a manifold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from geodesic_ocp.arrays import Array, as_number, evaluate
+from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.trajectory.grid import Grid
+
+_NEWTON = 4
+_HALVINGS, _RESOLVED = 5, 1e-10  # of the length, relative
+_TINY = float(np.finfo(float).tiny)
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A piecewise polynomial curve through the nodes of a grid.
+
+    Attributes:
+        metric: of the manifold on which the path lies.
+        grid: of its nodes.
+        nodes: positions at the grid's nodes, (grid.size, n).
+
+    Raises:
+        ValueError: the nodes' shape is not the grid's and the metric's, or not all are finite.
+    """
+
+    metric: Metric
+    grid: Grid
+    nodes: Array = field(repr=False)
+
+    def __post_init__(self) -> None:
+        nodes = np.array(self.nodes, dtype=float)
+        if nodes.shape != (self.grid.size, self.metric.dim):
+            raise ValueError(
+                f"nodes must have shape {(self.grid.size, self.metric.dim)}, got {nodes.shape}"
+            )
+        if not np.all(np.isfinite(nodes)):
+            raise ValueError("nodes must be finite")
+        nodes.flags.writeable = False
+        object.__setattr__(self, "nodes", nodes)
+
+    def __call__(self, s: ArrayLike, order: int = 0) -> Array:
+        """q(s) or its derivative of the given order by s: (n,) for a number, (k, n) for k of them.
+
+        Raises:
+            ValueError: s lies outside [0, 1] or is not finite, or the order is negative.
+        """
+        times = np.asarray(s, dtype=float)
+        if times.ndim > 1:
+            raise ValueError(f"s must be a number or have shape (k,), got {times.shape}")
+        if order < 0:
+            raise ValueError(f"order must not be negative, got {order}")
+        if not np.all((times >= -1e-9) & (times <= 1.0 + 1e-9)):
+            raise ValueError(f"s must lie in [0, 1], got {s!r}")
+        values = self.grid.in_segments(self.nodes)
+        for _ in range(order):
+            # A constant's derivative is zero to the last digit, and a short path keeps its digits.
+            values = values - values[:, :1]
+            values = self.grid.differentiation @ values
+        result = self.grid.interpolate(values, np.clip(np.atleast_1d(times), 0.0, 1.0))
+        return result[0] if times.ndim == 0 else result
+
+    @property
+    def breakpoints(self) -> Array:
+        """Ends of the grid's segments: between them the path is smooth."""
+        return self.grid.breakpoints
+
+    @cached_property
+    def speeds_at_nodes(self) -> Array:
+        """Speeds |q'|_G (grid.collocations,) at the nodes of every segment."""
+        grid, n = self.grid, self.metric.dim
+        positions = grid.in_segments(self.nodes)
+        slopes = grid.differentiation @ (positions - positions[:, :1])
+        function = self.metric.speed.map(grid.collocations)
+        speeds = evaluate(function, positions.reshape(-1, n).T, slopes.reshape(-1, n).T)
+        return np.asarray(speeds.ravel())
+
+    @property
+    def energy_at_nodes(self) -> float:
+        """Energy by the grid's own quadrature, which is what a solver minimises."""
+        return float(self.grid.weights.ravel() @ self.speeds_at_nodes**2) / 2.0
+
+    def _speeds_on(self, fine: Grid) -> Array:
+        """Speeds |q'|_G (segments, degree + 1) at the nodes of a grid that divides the path's."""
+        by_segment = fine.in_segments(fine.nodes)
+        # One-sided at the segments' ends, where the derivative may jump.
+        middle = by_segment.mean(axis=1, keepdims=True)
+        s = (middle + (1.0 - 1e-12) * (by_segment - middle)).ravel()
+        function = self.metric.speed
+        speeds = evaluate(function.map(s.size), self(s).T, self(s, 1).T)
+        return np.asarray(speeds.reshape(by_segment.shape))
+
+    @cached_property
+    def _speeds(self) -> tuple[Grid, Array]:
+        """A grid that resolves the speed, and the speeds at its nodes, by segment.
+
+        It is twice as fine as the path's own polynomials, and finer where that changes the length:
+        where a corner is rounded the speed has nearly a kink.
+        """
+        fine = replace(self.grid, degree=min(2 * self.grid.degree, 100), stations=())
+        speeds = self._speeds_on(fine)
+        for _ in range(_HALVINGS):
+            ends = np.interp(
+                np.arange(2 * fine.segments + 1) / 2.0,
+                np.arange(fine.segments + 1),
+                fine.breakpoints,
+            )
+            halved = Grid(2 * fine.segments, fine.degree, tuple(ends.tolist()))
+            finer = self._speeds_on(halved)
+            length = float(np.sum(fine.weights * speeds))
+            change = float(np.sum(halved.weights * finer)) - length
+            if not abs(change) > _RESOLVED * length:
+                break
+            fine, speeds = halved, finer
+        return fine, speeds
+
+    @property
+    def length(self) -> float:
+        """Length: the integral of |q'(s)|_G over s."""
+        fine, speeds = self._speeds
+        return float(np.sum(fine.weights * speeds))
+
+    @property
+    def energy(self) -> float:
+        """Energy: half the integral of |q'(s)|_G^2 over s; at least length^2 / 2."""
+        fine, speeds = self._speeds
+        return float(0.5 * np.sum(fine.weights * speeds**2))
+
+    def at_length(self, lengths: ArrayLike) -> Array:
+        """The s (k,) up to which the path is as long as each of the lengths (k,).
+
+        Raises:
+            ValueError: a length below zero, or beyond the path's own.
+        """
+        wanted, total = np.asarray(lengths, dtype=float), self.length
+        slack = 1e-9 * total
+        if wanted.size == 0:
+            return np.zeros(0)
+        if wanted.ndim != 1 or not np.all((wanted >= -slack) & (wanted <= total + slack)):
+            raise ValueError(f"lengths must be (k,) between 0 and {total:.6g}, got {lengths!r}")
+        s, upto = self._lengths
+        found = np.interp(wanted, upto, s)
+        below, above = (
+            s[np.clip(np.searchsorted(upto, wanted) + k, 0, s.size - 1)] for k in (-1, 0)
+        )
+        for _ in range(_NEWTON):
+            rates = evaluate(self.metric.speed.map(found.size), self(found).T, self(found, 1).T)
+            here = self._length_upto(found)
+            step = np.divide(here - wanted, rates[0], out=np.zeros_like(found), where=rates[0] > 0)
+            found = np.clip(found - step, below, above)
+        return np.asarray(found)
+
+    @cached_property
+    def _antiderivative(self) -> tuple[Grid, Array]:
+        """The length from each segment's start, as polynomials on the grid of the speeds."""
+        fine, speeds = self._speeds
+        # D y = speeds with y = 0 at the first node: exact for the speeds' polynomials, but one.
+        inner = fine.differentiation[:, 1:, 1:]
+        rest = np.linalg.solve(inner, speeds[:, 1:, None])[:, :, 0]
+        return fine, np.concatenate([np.zeros((fine.segments, 1)), rest], axis=1)
+
+    @cached_property
+    def _lengths(self) -> tuple[Array, Array]:
+        """Values of s, and the length up to there, at the nodes of the finer grid."""
+        fine, parts = self._antiderivative
+        before = np.concatenate([[0.0], np.cumsum(parts[:, -1])])
+        upto = np.append((before[:-1, None] + parts[:, :-1]).ravel(), before[-1])
+        return fine.nodes, np.maximum.accumulate(upto) * (self.length / max(before[-1], _TINY))
+
+    def _length_upto(self, s: Array) -> Array:
+        fine, parts = self._antiderivative
+        before = np.concatenate([[0.0], np.cumsum(parts[:, -1])])
+        segment = np.clip(np.searchsorted(fine.breakpoints, s, side="right") - 1, 0, None)
+        segment = np.minimum(segment, fine.segments - 1)
+        here = fine.interpolate(parts[:, :, None], s)[:, 0]
+        return np.asarray((before[segment] + here) * (self.length / max(before[-1], _TINY)))
+
+    def resample(self, count: int, by: str = "length") -> Array:
+        """Positions (count, n) from one end to the other, evenly spaced.
+
+        Args:
+            count: how many, at least two.
+            by: "length", equally far from each other in the metric, or "s".
+
+        Raises:
+            ValueError: fewer than two, or another word.
+        """
+        if not (np.isfinite(as_number("count", count)) and int(count) == count >= 2):
+            raise ValueError(f"count must be an integer above one, got {count!r}")
+        if by not in ("length", "s"):
+            raise ValueError(f"by must be 'length' or 's', got {by!r}")
+        shares = np.linspace(0.0, 1.0, int(count))
+        return self(shares if by == "s" else self.at_length(shares * self.length))

@@ -1,0 +1,241 @@
+"""The temporal path s(t): how far along a geodesic at what time.
+
+min int_0^T s''(t)^2 dt with s(0) = 0, s(T) = l and given end speeds (Klein et al. 2022; the
+minimum-acceleration counterpart of the minimum-jerk model of Flash and Hogan, J. Neuroscience 5,
+1985). Without inequalities the solution is a cubic. With them s is a cubic on each of equal pieces,
+s and s' continuous; s' is then a parabola on each piece, and bounds on the parabola's three Bezier
+coefficients hold it between the knots too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicHermiteSpline
+
+from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.ipopt import Ipopt, Outcome
+
+_PIECES = 64
+_MAX_PIECES = 4096
+# Of Ipopt; hard braking has multipliers so large that the finest is beyond rounding. The problem is
+# convex: every tolerance leads to the one solution.
+_TOLERANCES = (1e-9, 1e-7, 1e-6)
+# Slack for bounds that hold with equality, relative to the problem's speed scale.
+_SLACK = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class TimeLaw:
+    """s(t) on t in [0, duration], a piecewise cubic through knots.
+
+    Attributes:
+        knots: times (k,) [s].
+        positions: s at the knots (k,), in the metric's unit of length.
+        speeds: s' at the knots (k,).
+
+    Raises:
+        ValueError: arrays of different or wrong shapes, not finite, or knots not increasing from 0.
+    """
+
+    knots: Array
+    positions: Array
+    speeds: Array
+
+    def __post_init__(self) -> None:
+        arrays = {
+            name: np.array(getattr(self, name), dtype=float)
+            for name in ("knots", "positions", "speeds")
+        }
+        knots = arrays["knots"]
+        for name, array in arrays.items():
+            if array.shape != knots.shape or array.ndim != 1 or array.size < 2:
+                raise ValueError(f"{name} must have one shape (k,), k > 1, got {array.shape}")
+            if not np.all(np.isfinite(array)):
+                raise ValueError(f"{name} must be finite")
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        if knots[0] != 0.0 or np.any(np.diff(knots) <= 0.0):
+            raise ValueError("knots must increase from 0")
+
+    @property
+    def duration(self) -> float:
+        """[s]"""
+        return float(self.knots[-1])
+
+    @property
+    def length(self) -> float:
+        """Distance covered, in the metric's unit of length."""
+        return float(self.positions[-1])
+
+    def __call__(self, t: ArrayLike, order: int = 0) -> Array:
+        """s(t) or its derivative of the given order, in the shape of t.
+
+        Raises:
+            ValueError: t lies outside [0, duration], or the order is negative.
+        """
+        times = np.asarray(t, dtype=float)
+        slack = 1e-9 * self.duration
+        if not np.all((times >= -slack) & (times <= self.duration + slack)):
+            raise ValueError(f"t must lie in [0, {self.duration:.6g}] s, got {t!r}")
+        if order < 0:
+            raise ValueError(f"order must not be negative, got {order}")
+        if order > 3:
+            return np.zeros(times.shape)
+        spline = CubicHermiteSpline(self.knots, self.positions, self.speeds)
+        result: Array = np.asarray(spline(np.clip(times, 0.0, self.duration), nu=order))
+        return result
+
+    @property
+    def cost(self) -> float:
+        """Int s''(t)^2 dt."""
+        start, stop = self(self.knots[:-1], 2), _second_at_end(self)
+        return float(np.sum(np.diff(self.knots) * (start**2 + start * stop + stop**2) / 3.0))
+
+
+def _second_at_end(law: TimeLaw) -> Array:
+    """S'' at the end of each piece, from that piece."""
+    h = np.diff(law.knots)
+    chord = np.diff(law.positions) / h
+    return (2.0 * law.speeds[:-1] + 4.0 * law.speeds[1:] - 6.0 * chord) / h
+
+
+def time_law(
+    length: float,
+    duration: float,
+    start_speed: float,
+    end_speed: float,
+    *,
+    monotone: bool = False,
+    max_speed: float | None = None,
+) -> TimeLaw:
+    """The least-acceleration s(t) over a length in a duration, with the given end speeds.
+
+    Args:
+        length: l >= 0, in the metric's unit.
+        duration: T > 0 [s].
+        start_speed, end_speed: s'(0), s'(T), in the metric's unit per second.
+        monotone: keep s'(t) >= 0 at all times.
+        max_speed: keep s'(t) <= max_speed at all times.
+
+    Raises:
+        ValueError: a number is not finite or out of range, or no s(t) can meet the conditions; the
+            message says which.
+        NotConverged: the solver failed.
+    """
+    duration = as_positive("duration", duration, "s")
+    given = {"length": length, "start_speed": start_speed, "end_speed": end_speed}
+    numbers = {name: _finite(name, number) for name, number in given.items()}
+    length, start_speed, end_speed = numbers.values()
+    if length < 0.0:
+        raise ValueError(f"length must not be negative, got {length}")
+    lowest = 0.0 if monotone else -np.inf
+    highest = np.inf if max_speed is None else as_positive("max_speed", max_speed)
+    speed = max(length / duration, abs(start_speed), abs(end_speed))
+    if speed == 0.0:
+        return TimeLaw(np.array([0.0, duration]), np.zeros(2), np.zeros(2))
+    slack = _SLACK * speed
+    for name in ("start_speed", "end_speed"):
+        if not lowest - slack <= numbers[name] <= highest + slack:
+            raise ValueError(f"{name} {numbers[name]:.6g} lies outside [{lowest}, {highest:.6g}]")
+    if length > highest * duration * (1.0 + _SLACK):
+        raise ValueError(
+            f"max_speed {highest:.6g} is too low to cover {length:.6g} in {duration:.6g} s"
+        )
+
+    # Units in which the duration is one and the speeds are of order one.
+    scaled = [length / (speed * duration), start_speed / speed, end_speed / speed]
+    low, high = lowest / speed, highest / speed
+    law = _solved(1, scaled, -np.inf, np.inf)
+    if not _within(law, low, high):
+        law = _solved(_pieces(scaled, low, high), scaled, low, high)
+    return TimeLaw(duration * law.knots, speed * duration * law.positions, speed * law.speeds)
+
+
+def _finite(name: str, value: float) -> float:
+    """The value as a number that is finite, and not so large that its square is not."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be a number, got {value!r}") from None
+    if not abs(number) < 1e100:
+        raise ValueError(f"{name} must be finite and below 1e100, got {value}")
+    return number
+
+
+def _within(law: TimeLaw, low: float, high: float) -> bool:
+    """Whether a single cubic keeps its speed in the bounds at all times."""
+    start, rate = float(law(0.0, 2)), float(law(0.0, 3))
+    times = [0.0, 1.0]
+    if rate != 0.0 and 0.0 < -start / rate < 1.0:
+        times.append(-start / rate)
+    speeds = law(times, 1)
+    return bool(np.all((speeds >= low - _SLACK) & (speeds <= high + _SLACK)))
+
+
+def _pieces(scaled: list[float], low: float, high: float) -> int:
+    """Pieces fine enough that the bounds can be met: the first or last may have to brake at once.
+
+    On a piece of width h the speed cannot leave its end value u for the bound sooner than along
+    the parabola u (1 - t/h)^2, which covers u h / 3.
+    """
+    length, start, end = scaled
+    needed = 1.0
+    if low == 0.0:
+        needed = max(needed, (start + end) / (3.0 * length) if length > 0.0 else np.inf)
+    if np.isfinite(high):
+        room = high - length
+        braking = (high - start) + (high - end)
+        needed = max(needed, braking / (3.0 * room) if room > 0.0 else np.inf)
+    if needed > _MAX_PIECES / 4:
+        if start <= _SLACK and end <= _SLACK and length == 0.0:
+            return _PIECES
+        raise ValueError(
+            f"no time law on {_MAX_PIECES} pieces keeps its speed within the bounds: the length "
+            f"{'is too short to stop in' if low == 0.0 else 'needs the full speed throughout'}"
+        )
+    return max(_PIECES, int(np.ceil(4.0 * needed)))
+
+
+def _solved(pieces: int, scaled: list[float], low: float, high: float) -> TimeLaw:
+    """The NLP's solution in scaled units."""
+    length, start, end = scaled
+    knots = np.linspace(0.0, 1.0, pieces + 1)
+    lower = np.concatenate([np.full(pieces + 1, -np.inf), np.full(pieces + 1, low)])
+    upper = np.concatenate([np.full(pieces + 1, np.inf), np.full(pieces + 1, high)])
+    for place, value in ((0, 0.0), (pieces, length), (pieces + 1, start), (-1, end)):
+        lower[place] = upper[place] = value
+    guess = np.concatenate([knots * length, start + knots * (end - start)])
+    for tolerance in _TOLERANCES:
+        outcome: Outcome = _program(pieces, tolerance)(
+            x0=guess, lbx=lower, ubx=upper, lbg=np.full(pieces, low), ubg=np.full(pieces, high)
+        )
+        if outcome.success:
+            break
+    else:
+        raise NotConverged(f"the time law was not found: {outcome.status}")
+    positions, speeds = np.split(outcome.x, 2)
+    return TimeLaw(knots, positions, speeds)
+
+
+@lru_cache(maxsize=32)
+def _program(pieces: int, tolerance: float) -> Ipopt:
+    """Min sum over the pieces of int s''^2; g: the middle Bezier coefficient of s' on each."""
+    positions, speeds = ca.SX.sym("s", pieces + 1), ca.SX.sym("u", pieces + 1)
+    h = 1.0 / pieces
+    chord = (positions[1:] - positions[:-1]) / h
+    start, stop = speeds[:-1], speeds[1:]
+    # s'' is linear on a piece: its values at the piece's ends.
+    at_start = (6 * chord - 4 * start - 2 * stop) / h
+    at_stop = (2 * start + 4 * stop - 6 * chord) / h
+    cost = h / 3 * ca.sum1(at_start**2 + at_start * at_stop + at_stop**2)
+    middle = 3 * chord - start - stop
+    x = ca.vertcat(positions, speeds)
+    # Without relaxed bounds the speed is never negative, not even by Ipopt's usual 1e-8.
+    options = {"tol": tolerance, "bound_relax_factor": 0.0}
+    return Ipopt({"x": x, "f": cost, "g": middle}, options=options)
