@@ -37,7 +37,7 @@ def models() -> dict[str, Callable[[str], go.Model]]:
 
 
 def functions(model: go.Model) -> dict[str, ca.Function]:
-    """G, the Lagrangian's Hessian and FK of a posture (and velocity), as the package uses them."""
+    """G, the Lagrangian's Hessian and FK of a configuration (and velocity), as the package uses them."""
     q, v = ca.SX.sym("q", model.dof), ca.SX.sym("v", model.dof)
     matrix = model.mass_matrix(q)
     hessian, _ = ca.hessian(go.KineticEnergy(model).inner(q, v, v) / 2, ca.vertcat(q, v))

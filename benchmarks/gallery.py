@@ -35,7 +35,7 @@ def row(kind: type[go.Problem], options: argparse.Namespace) -> str:
     except ValueError as error:
         return f"| {kind.__name__} | not solved: {error} |"
     tolerance = options.tolerance
-    if problem.smooth and problem.via(ca.SX.sym("q", problem.metric.dim)):
+    if problem.continuous_velocity_at_via and problem.via(ca.SX.sym("q", problem.metric.dim)):
         tolerance = None
     start = time.perf_counter()
     solution = go.solve(problem, tolerance=tolerance)
@@ -49,7 +49,7 @@ def row(kind: type[go.Problem], options: argparse.Namespace) -> str:
         solution.plot().savefig(folder / f"{kind.__name__}.png", dpi=90)
     return (
         f"| {kind.__name__} | {stats.variables} | {stats.constraints} | {stats.iterations} | "
-        f"{seconds:.2f} | {stats.violation:.0e} | {stats.between:.0e} | {exact} |"
+        f"{seconds:.2f} | {stats.max_node_violation:.0e} | {stats.max_path_violation:.0e} | {exact} |"
     )
 
 

@@ -1,9 +1,9 @@
-"""Several geodesics between two postures, and logarithmic maps of robots: found, failed, seconds.
+"""Several geodesics between two configurations, and logarithmic maps of robots: found, failed, seconds.
 
 Usage: python benchmarks/geodesics.py [--pairs N] [--seeds N]
 
 Two uniform rods through a half turn, which three geodesics join, over several seeds; random pairs
-of postures of the human arm from ten starts each; log maps of the robots that are installed.
+of configurations of the human arm from ten starts each; log maps of the robots that are installed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,10 @@ from geodesic_ocp.model.formats.robots import ROBOTS, folder
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "problems"))
 from two_link_challenge import TwoLinkChallenge
 
-_HUMAN, _ROBOT = 0.3, 0.35  # half of the part of the limits' range that postures are taken from
+_HUMAN, _ROBOT = (
+    0.3,
+    0.35,
+)  # half of the part of the limits' range that configurations are taken from
 
 
 def main() -> None:
@@ -46,11 +49,11 @@ def main() -> None:
     certificates = []
     for q0, q1 in pairs(arm, _HUMAN, options.pairs):
         start = time.perf_counter()
-        paths = go.geodesics(metric, q0, q1, starts=10)
+        paths = go.geodesics(metric, q0, q1, num_starts=10)
         times.append(time.perf_counter() - start)
         several += len(paths) > 1
         start = time.perf_counter()
-        assert paths[0].certificate.residual < 1e-8
+        assert paths[0].certificate.endpoint_error < 1e-8
         certificates.append(time.perf_counter() - start)
     print(
         f"human arm, 10 starts, {options.pairs} pairs: median {np.median(times):.2f} s, worst "
@@ -74,7 +77,7 @@ def main() -> None:
 
 
 def pairs(model: go.Model, part: float, count: int) -> np.ndarray:
-    """Random pairs (count, 2, n) of postures about the middle of the limits, within a turn."""
+    """Random pairs (count, 2, n) of configurations about the middle of the limits, within a turn."""
     lower, upper = np.maximum(model.lower, -np.pi), np.minimum(model.upper, np.pi)
     middle, half = (lower + upper) / 2.0, part * (upper - lower)
     rng = np.random.default_rng(1)

@@ -2,7 +2,7 @@
 
 Usage: python benchmarks/log_map.py [--pairs N] [--check]
 
-Random pairs of postures in the middle of the arm's limits. Both solvers are judged by the same
+Random pairs of configurations in the middle of the arm's limits. Both solvers are judged by the same
 integration: the answer's initial velocity must lead to the goal. Times on a shared machine vary;
 the ratio of the two in one run is what counts. --check exits with 1 where the package is slower.
 """

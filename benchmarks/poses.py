@@ -1,4 +1,4 @@
-"""Random poses that a robot's hand can have, from random postures: how many paths are found."""
+"""Random poses that a robot's hand can have, from random configurations: how many paths are found."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ def main() -> None:
 
 
 def run(name: str, count: int, seed: int) -> int:
-    """From a random posture to where the hand is in another; how many converged."""
+    """From a random configuration to where the hand is in another; how many converged."""
     model = go.human_arm() if name == "human" else go.load_model(name)
     rng = np.random.default_rng(seed)
     seconds, worst = [], 0.0

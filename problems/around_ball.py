@@ -14,7 +14,7 @@ import geodesic_ocp as go
 
 @dataclass(frozen=True)
 class AroundBall(go.Problem):
-    """From a posture to a point, within the joints' limits and past a ball."""
+    """From a configuration to a point, within the joints' limits and past a ball."""
 
     arm: go.Model = field(default_factory=go.human_arm)
     start: tuple[float, ...] = (0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1)  # [rad]
@@ -37,7 +37,7 @@ class AroundBall(go.Problem):
     def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
         return [
             (self.arm.lower, q, self.arm.upper, "joint limits"),
-            *go.avoid(self.arm, q, [self.lamp], margin=self.margin),
+            *go.clearance_constraints(self.arm, q, [self.lamp], margin=self.margin),
         ]
 
     def draw(self, axes: Axes, path: go.Path, columns: tuple[int, int]) -> None:

@@ -22,7 +22,7 @@ def both_arms() -> go.Model:
 
 @dataclass(frozen=True)
 class BothArms(go.Problem):
-    """From a posture to where both hands are a given distance [m] apart; the place is free."""
+    """From a configuration to where both hands are a given distance [m] apart; the place is free."""
 
     arms: go.Model = field(default_factory=both_arms)
     left: tuple[float, ...] = (0.3, -0.1, 0.4, 0.9, 0.1, 0.0, 0.1)  # [rad]

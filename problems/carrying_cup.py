@@ -14,7 +14,7 @@ import geodesic_ocp as go
 
 @dataclass(frozen=True)
 class CarryingCup(go.Problem):
-    """From a posture in which the cup stands upright, to a point, within the joints' limits."""
+    """From a configuration in which the cup stands upright, to a point, within the joints' limits."""
 
     arm: go.Model = field(default_factory=go.human_arm)
     start: tuple[float, ...] = (0.2, 0.1, -0.4, 1.3, 0.1, 0.0, 0.1)  # [rad]

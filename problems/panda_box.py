@@ -20,7 +20,7 @@ def panda() -> go.Model:
 
 @dataclass(frozen=True)
 class PandaBox(go.Problem):
-    """From a posture on one side of the box to a point on the other, within the joints' limits."""
+    """From a configuration on one side of the box to a point on the other, within the joints' limits."""
 
     robot: go.Model = field(default_factory=panda)
     start: tuple[float, ...] = (-0.8, 0.6, 0.0, -1.8, 0.0, 2.4, 0.8)  # [rad]
@@ -51,13 +51,15 @@ class PandaBox(go.Problem):
     def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
         return [
             (self.robot.lower, q, self.robot.upper, "joint limits"),
-            *go.avoid(self.robot, q, self.box, links=self.links, margin=self.margin),
+            *go.clearance_constraints(
+                self.robot, q, self.box, links=self.links, margin=self.margin
+            ),
         ]
 
     def guess(self, s: np.ndarray) -> np.ndarray:
-        """The straight line to a posture there, with the elbow raised on the way."""
+        """The straight line to a configuration there, with the elbow raised on the way."""
         start = np.array(self.start)
-        goal = go.find_posture(self.robot, start * [-1, 1, 1, 1, 1, 1, 1], self.target)
+        goal = go.inverse_kinematics(self.robot, start * [-1, 1, 1, 1, 1, 1, 1], self.target)
         return (
             start
             + s[:, None] * (goal - start)

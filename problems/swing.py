@@ -39,7 +39,7 @@ def hanging_arm(lengths: tuple[float, float] = (0.33, 0.44), mass: float = 3.4) 
 
 @dataclass(frozen=True)
 class Swing(go.Problem):
-    """From behind the body to the front, at the speed that the energy leaves in each posture.
+    """From behind the body to the front, at the speed that the energy leaves in each configuration.
 
     The elbow bends by itself and swings out. With much less energy, or to where the arm comes after
     a first conjugate point, the swing is no shortest path and is not found from a straight line.
@@ -52,7 +52,9 @@ class Swing(go.Problem):
 
     @property
     def metric(self) -> go.Metric:
-        return go.Jacobi(self.arm, self.speed**2 / 2.0 + self.arm.potential_energy(self.start))
+        return go.JacobiMetric(
+            self.arm, self.speed**2 / 2.0 + self.arm.potential_energy(self.start)
+        )
 
     def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
         return [(q0, self.start, "start"), (q1, self.goal, "goal")]

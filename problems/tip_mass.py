@@ -28,7 +28,7 @@ def tip_mass_arm(lengths: tuple[float, float] = (1.0, 0.8), mass: float = 2.0) -
 
 @dataclass(frozen=True)
 class TipMass(go.Problem):
-    """From one posture to another, elbow bent the same way; the mass moves like a free point."""
+    """From one configuration to another, elbow bent the same way; the mass moves like a free point."""
 
     arm: go.Model = field(default_factory=tip_mass_arm)
     start: tuple[float, float] = (0.2, 1.2)  # [rad]

@@ -1,4 +1,4 @@
-"""Two uniform links through a half turn: three geodesics join these postures."""
+"""Two uniform links through a half turn: three geodesics join these configurations."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class TwoLinkChallenge(go.Problem):
         """The other geodesics that are found."""
         _, *others = go.geodesics(self.metric, self.start, self.goal)
         for other in others:
-            name = f"length {other.length:.4f}, index {other.certificate.index}"
-            style = "--" if other.certificate.index == 0 else ":"
+            name = f"length {other.length:.4f}, index {other.certificate.morse_index}"
+            style = "--" if other.certificate.morse_index == 0 else ":"
             places = other(np.linspace(0.0, 1.0, 201))
             axes.plot(*places.T, color="#e07b00", linestyle=style, label=name)

@@ -1,4 +1,4 @@
-"""Via point: the hand hits a mark on its way, in whatever posture and when it costs least."""
+"""Via point: the hand hits a mark on its way, in whatever configuration and when it costs least."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import geodesic_ocp as go
 
 @dataclass(frozen=True)
 class ViaPoint(go.Problem):
-    """From a posture past a mark to a point, within the joints' limits.
+    """From a configuration past a mark to a point, within the joints' limits.
 
     Without `smooth` the path has a corner at the mark, which costs least: the elbow and the wrist
     change their velocities at once.

@@ -15,7 +15,7 @@ import geodesic_ocp as go
 
 @dataclass(frozen=True)
 class WithinLimits(go.Problem):
-    """From one posture to another; `limits=False` is the same without, the picture shows both."""
+    """From one configuration to another; `limits=False` is the same without, the picture shows both."""
 
     arm: go.Model = field(default_factory=go.human_arm)
     start: tuple[float, ...] = (-0.3, 0.0, -0.6, 0.3, 0.0, 0.0, 0.0)  # [rad]

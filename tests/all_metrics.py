@@ -23,12 +23,12 @@ METRICS: dict[str, Callable[[], go.Metric]] = {
     "Euclidean": lambda: go.Euclidean(3),
     "planar arm": planar,
     "human arm": lambda: go.KineticEnergy(go.human_arm("left", 1.0, 1.0)),
-    "gravity": lambda: go.Jacobi(go.human_arm("right", 1.0, 1.0), 2.0),
+    "gravity": lambda: go.JacobiMetric(go.human_arm("right", 1.0, 1.0), 2.0),
     "region": lambda: go.RegionAvoiding(
         planar(),
         lambda q: [q[0] - 0.7, 1.8 - q[1], ca.norm_2(q) - 1.1],
         margin=0.3,
-        posture=(1.0, 1.0),
+        configuration=(1.0, 1.0),
     ),
     "joint limits": lambda: go.RegionAvoiding(
         go.KineticEnergy(

@@ -108,7 +108,7 @@ def test_the_motion_is_that_of_the_synergies(found: go.Retargeting) -> None:
 
 @pytest.mark.slow
 def test_the_same_person_does_the_same(analysis: go.Analysis) -> None:
-    """On the own arm, from the own posture, the poses are the recording's."""
+    """On the own arm, from the own configuration, the poses are the recording's."""
     first = analysis.motion.q[0]
     found = go.retarget(analysis, analysis.model, start=first, drop=0.0, merge=0.3)
     (arm,) = found.arms
@@ -215,12 +215,16 @@ def test_bodies_are_kept_apart(analysis: go.Analysis, robot: go.Model) -> None:
     beside = np.cross(way[k + 1] - way[k - 1], way[-1] - way[0] + np.array([0.0, 0.0, 1.0]))
     place = way[k] + 0.07 * beside / np.linalg.norm(beside)
     ball, links = go.Ball(tuple(place), 0.05, name="lamp"), ("right hand",)
-    touching = [min(go.clearances(robot, q, [ball], links=links).values()) for q in free.motion.q]
+    touching = [
+        min(go.signed_distances(robot, q, [ball], links=links).values()) for q in free.motion.q
+    ]
     assert min(touching) < 0.0
     assert min(touching[0], touching[-1]) > 0.02
     keep: dict[str, Any] = {"obstacles": [ball], "links": links, "margin": 0.01}
     kept = go.retarget(analysis, robot, merge=0.4, speed_limits=False, **keep)
-    clear = [min(go.clearances(robot, q, [ball], links=links).values()) for q in kept.motion.q[::3]]
+    clear = [
+        min(go.signed_distances(robot, q, [ball], links=links).values()) for q in kept.motion.q[::3]
+    ]
     assert min(clear) > 0.01 - 2e-6
 
 
@@ -250,8 +254,8 @@ def test_a_start_that_collides_is_said_before(analysis: go.Analysis, robot: go.M
         ({"position_weight": 0.0, "orientation_weight": 0.0}, "not both zero"),
         ({"orientation_weight": -1.0}, "zero or above"),
         ({"energy_weight": 0.0}, "energy_weight must be positive"),
-        ({"starts": 0}, "starts must be an integer above zero"),
-        ({"starts": None}, "starts must be an integer above zero"),
+        ({"num_starts": 0}, "num_starts must be an integer above zero"),
+        ({"num_starts": None}, "num_starts must be an integer above zero"),
         ({"start": []}, "start"),
         ({"alignment": "panda"}, "alignment must be one for each of 1 robots, got 'panda'"),
         ({"mirror": "yes"}, "mirror must be"),

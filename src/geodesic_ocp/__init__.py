@@ -9,29 +9,37 @@ from geodesic_ocp.errors import (
     RecordingError,
 )
 from geodesic_ocp.figures.path_figure import draw_obstacle
-from geodesic_ocp.geodesics.frechet_mean import mean
+from geodesic_ocp.geodesics.frechet_mean import frechet_mean
 from geodesic_ocp.geodesics.geodesic_to_pose import ToPose, geodesic_to_pose
-from geodesic_ocp.geodesics.log import Geodesic, distance, geodesic, geodesics, log, shoot
+from geodesic_ocp.geodesics.log import (
+    Geodesic,
+    distance,
+    geodesic,
+    geodesic_from_velocity,
+    geodesics,
+    log,
+)
 from geodesic_ocp.manifold.curvature import (
     riemann_curvature,
     scalar_curvature,
     sectional_curvature,
 )
+from geodesic_ocp.manifold.euclidean import Euclidean
 from geodesic_ocp.manifold.exp import exp
-from geodesic_ocp.manifold.jacobi_metric import Jacobi
+from geodesic_ocp.manifold.jacobi_metric import JacobiMetric
 from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
-from geodesic_ocp.manifold.metric import Euclidean, Metric
+from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.parallel_transport import parallel_transport
 from geodesic_ocp.manifold.region_avoiding import RegionAvoiding
 from geodesic_ocp.model.combine import combine
 from geodesic_ocp.model.formats.load_model import load_model
-from geodesic_ocp.model.geometry.signed_distances import clearances, separate_pairs
+from geodesic_ocp.model.geometry.signed_distances import collision_pairs, signed_distances
 from geodesic_ocp.model.human_arm import human_arm
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Ball, Capsule, HalfSpace, enclosing_capsule
-from geodesic_ocp.ocp.ik.inverse_kinematics import find_posture
+from geodesic_ocp.ocp.ik.inverse_kinematics import inverse_kinematics
 from geodesic_ocp.ocp.nlp.nlp import NLP
-from geodesic_ocp.ocp.problem.path_constraints import avoid
+from geodesic_ocp.ocp.problem.path_constraints import clearance_constraints
 from geodesic_ocp.ocp.problem.point_to_point import PointToPoint
 from geodesic_ocp.ocp.problem.problem import Problem
 from geodesic_ocp.ocp.problem.reach import Reach
@@ -49,7 +57,7 @@ from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, merge_synergi
 from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.retargeting.retarget import retarget
 from geodesic_ocp.synergies.analyse import Analysis, analyse
-from geodesic_ocp.synergies.evaluate import Errors, evaluate
+from geodesic_ocp.synergies.evaluate import MotionErrors, evaluate
 from geodesic_ocp.synergies.files import load_synergies, save_synergies
 from geodesic_ocp.synergies.read_motion import read_motion
 from geodesic_ocp.synergies.reconstruct import Reconstruction, Synergy, reconstruct
@@ -70,7 +78,6 @@ __all__ = [
     "Ball",
     "Capsule",
     "Certificate",
-    "Errors",
     "Euclidean",
     "Geodesic",
     "GeodesicOcpError",
@@ -78,12 +85,13 @@ __all__ = [
     "HalfSpace",
     "IntegrationFailed",
     "Iterate",
-    "Jacobi",
+    "JacobiMetric",
     "KineticEnergy",
     "LivePlot",
     "Metric",
     "Model",
     "Motion",
+    "MotionErrors",
     "NotConverged",
     "Path",
     "PointToPoint",
@@ -104,25 +112,26 @@ __all__ = [
     "ToPose",
     "alignment",
     "analyse",
-    "avoid",
     "certify",
-    "clearances",
+    "clearance_constraints",
+    "collision_pairs",
     "combine",
     "distance",
     "draw_obstacle",
     "enclosing_capsule",
     "evaluate",
     "exp",
-    "find_posture",
+    "frechet_mean",
     "geodesic",
+    "geodesic_from_velocity",
     "geodesic_to_pose",
     "geodesics",
     "human_arm",
+    "inverse_kinematics",
     "load_model",
     "load_solution",
     "load_synergies",
     "log",
-    "mean",
     "merge_synergies",
     "parallel_transport",
     "read_motion",
@@ -136,8 +145,7 @@ __all__ = [
     "sectional_curvature",
     "segment",
     "segment_zero_velocity",
-    "separate_pairs",
-    "shoot",
+    "signed_distances",
     "solve",
     "time_law",
     "track_hand",

@@ -15,7 +15,7 @@ from known_models import free_rotor, planar_arm
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.manifold.exp import integrated, trajectory
+from geodesic_ocp.manifold.exp import integrate_geodesic, sample_geodesic
 
 DIRECTION = st.floats(-np.pi, np.pi)
 # A geodesic through a pole of the chart is not the chart's to compute.
@@ -39,7 +39,7 @@ def test_great_circles(colatitude: float, heading: float, angle: float) -> None:
 def test_half_plane_circles(heading: float, length: float, height: float) -> None:
     """Geodesics are circles about points of the axis y = 0, at constant speed."""
     v = length * height * np.array([np.cos(heading), np.sin(heading)])
-    positions, velocities = trajectory(HalfPlane(), [0.0, height], v, np.linspace(0, 1, 9))
+    positions, velocities = sample_geodesic(HalfPlane(), [0.0, height], v, np.linspace(0, 1, 9))
     centre = height * np.tan(heading)
     radius = height / np.cos(heading)
     distance = np.hypot(positions[:, 0] - centre, positions[:, 1])
@@ -62,7 +62,7 @@ def test_tip_mass_moves_straight_at_constant_speed() -> None:
     arm = planar_arm((1.0, 0.8), (0.0, 2.0), (0.0, 0.8), (0.0, 0.0))
     metric = go.KineticEnergy(arm)
     times = np.linspace(0.0, 1.0, 11)
-    positions, _ = trajectory(metric, [0.3, 0.9], [-0.2, 0.4], times)
+    positions, _ = sample_geodesic(metric, [0.3, 0.9], [-0.2, 0.4], times)
     tips = arm.hand_pose(positions)[1]
     straight = tips[0] + times[:, None] * (tips[-1] - tips[0])
     assert tips == pytest.approx(straight, abs=1e-9)
@@ -79,7 +79,7 @@ def test_free_rotor_keeps_its_angular_momentum() -> None:
     """The three components in space: L = R I w, checked along a tumbling motion."""
     moments = (1.0, 2.0, 3.5)
     rotor = free_rotor(moments)
-    positions, velocities = trajectory(
+    positions, velocities = sample_geodesic(
         go.KineticEnergy(rotor), [0.3, 1.1, -0.2], [1.0, 0.8, 2.0], np.linspace(0.0, 1.0, 7)
     )
     momenta = []
@@ -94,7 +94,7 @@ def test_first_joints_momentum_is_conserved(arm_metric: go.KineticEnergy) -> Non
     """G does not depend on the angle of the first joint."""
     q = np.array([0.3, 0.2, -0.9, 1.2, 0.3, -0.1, 0.2])
     v = np.array([1.2, -0.4, 0.8, 1.1, -1.0, 0.6, 0.9])
-    positions, velocities = trajectory(arm_metric, q, v, np.linspace(0.0, 1.0, 5))
+    positions, velocities = sample_geodesic(arm_metric, q, v, np.linspace(0.0, 1.0, 5))
     momenta = [(arm_metric.matrix(a) @ b)[0] for a, b in zip(positions, velocities, strict=True)]
     assert momenta == pytest.approx([momenta[0]] * 5, rel=1e-8)
 
@@ -105,7 +105,7 @@ def test_a_momentum_is_conserved(kind: str, rng: np.random.Generator) -> None:
     metric, which = METRICS[kind](), 1 if kind == "sphere" else 0
     q, v = points(metric, rng, 1)[0], rng.normal(size=metric.dim)
     v *= 0.8 / metric.norm(q, v) * np.sqrt(metric.matrix(q)[0, 0])
-    positions, velocities = trajectory(metric, q, v, np.linspace(0.0, 1.0, 5))
+    positions, velocities = sample_geodesic(metric, q, v, np.linspace(0.0, 1.0, 5))
     momenta = [(metric.matrix(a) @ b)[which] for a, b in zip(positions, velocities, strict=True)]
     size = metric.norm(q, v) * np.sqrt(metric.matrix(q)[which, which])
     assert momenta == pytest.approx([momenta[0]] * 5, abs=1e-8 * size)
@@ -115,7 +115,7 @@ def test_a_momentum_is_conserved(kind: str, rng: np.random.Generator) -> None:
 def test_energy_is_conserved(seed: int) -> None:
     metric, rng = go.KineticEnergy(go.human_arm()), np.random.default_rng(seed)
     q, v = rng.uniform(-0.8, 0.8, 7), rng.normal(size=7)
-    positions, velocities = trajectory(metric, q, v, [0.0, 0.5, 1.0])
+    positions, velocities = sample_geodesic(metric, q, v, [0.0, 0.5, 1.0])
     speeds = [metric.norm(a, b) for a, b in zip(positions, velocities, strict=True)]
     assert speeds == pytest.approx([speeds[0]] * 3, rel=1e-8)
 
@@ -125,7 +125,7 @@ def test_geodesics_are_one_curve(share: float, seed: int) -> None:
     """exp(t v) lies on it, and what is left to go from there ends where exp(v) ends."""
     metric, rng = HalfPlane(), np.random.default_rng(seed)
     q, v = np.array([0.3, 1.0]), rng.uniform(-1.0, 1.0, 2)
-    positions, velocities = trajectory(metric, q, v, [0.0, share, 1.0])
+    positions, velocities = sample_geodesic(metric, q, v, [0.0, share, 1.0])
     assert go.exp(metric, q, share * v) == pytest.approx(positions[1], abs=1e-9)
     rest = go.exp(metric, positions[1], (1.0 - share) * velocities[1])
     assert rest == pytest.approx(positions[2], abs=1e-9)
@@ -149,7 +149,7 @@ def test_two_link_arm_of_an_independent_implementation(known_geodesics: dict[str
     q0, v0 = known["q0"], known["v0"]
     assert metric.matrix(q0) == pytest.approx(np.array(known["mass_matrix"]), abs=1e-7)
     assert metric.acceleration(q0, v0) == pytest.approx(np.array(known["acceleration"]), abs=1e-8)
-    positions, velocities = trajectory(metric, q0, v0, [0.0, 1.0])
+    positions, velocities = sample_geodesic(metric, q0, v0, [0.0, 1.0])
     assert positions[-1] == pytest.approx(np.array(known["exp"]), abs=1e-8)
     assert velocities[-1] == pytest.approx(np.array(known["velocity_at_1"]), abs=1e-8)
     assert metric.norm(q0, v0) == pytest.approx(known["length"], abs=1e-9)
@@ -182,7 +182,7 @@ def test_tolerance_is_of_the_end_point(seed: int) -> None:
     q, v = rng.uniform(arm.lower, arm.upper), 3.0 * rng.normal(size=7)
     try:
         found = go.exp(metric, q, v, tolerance=1e-6)
-        best = integrated(metric, q, v, np.array([0.0, 1.0]), 1e-13)[0][-1]
+        best = integrate_geodesic(metric, q, v, np.array([0.0, 1.0]), 1e-13)[0][-1]
     except go.IntegrationFailed:
         return
     assert np.abs(found - best).max() <= 1e-6
@@ -210,7 +210,7 @@ def test_singular_metric_says_where_it_stopped() -> None:
 
 def test_too_many_steps_say_where_they_ended(arm_metric: go.KineticEnergy) -> None:
     with pytest.raises(go.IntegrationFailed, match=r"50 steps were not enough.*too fast or the"):
-        integrated(
+        integrate_geodesic(
             arm_metric, np.full(7, 0.1), np.full(7, 30.0), np.array([0.0, 1.0]), 1e-11, max_steps=50
         )
 
@@ -293,7 +293,7 @@ def test_bad_arguments_are_named(arguments: tuple[object, object], message: str)
     with pytest.raises(ValueError, match="tolerance must be positive"):
         go.exp(Sphere(), [1.0, 0.0], [0.1, 0.1], tolerance=0.0)
     with pytest.raises(ValueError, match="two increasing numbers"):
-        trajectory(Sphere(), [1.0, 0.0], [0.1, 0.1], [0.0, 0.0])
+        sample_geodesic(Sphere(), [1.0, 0.0], [0.1, 0.1], [0.0, 0.0])
 
 
 def test_a_stopped_integration_says_where(arm_metric: go.KineticEnergy) -> None:
@@ -323,7 +323,7 @@ def test_exp_through_gimbal_lock_is_right_both_ways(arm_metric: go.KineticEnergy
     start = np.array([0.3, 1.2, -0.4, 0.9, 0.1, 0.0, 0.1])
     velocity = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     times = np.linspace(0.0, 1.0, 101)
-    positions, velocities = trajectory(arm_metric, start, velocity, times, tolerance=1e-9)
+    positions, velocities = sample_geodesic(arm_metric, start, velocity, times, tolerance=1e-9)
     assert positions[:, 1].max() > np.pi / 2 - 0.05
     assert_allclose(
         [arm_metric.norm(*state) for state in zip(positions, velocities, strict=True)],
@@ -342,7 +342,7 @@ def test_steps_converge_with_the_eighth_order() -> None:
     errors = []
     for count in counts:
         times = np.linspace(0.0, 1.0, count + 1)
-        positions, _ = integrated(metric, start, velocity, times, 1e3)
+        positions, _ = integrate_geodesic(metric, start, velocity, times, 1e3)
         errors.append(np.abs(positions[-1] - exact).max())
     assert max(errors) < 1e-4
     slope = np.polyfit(np.log(counts), np.log(errors), 1)[0]

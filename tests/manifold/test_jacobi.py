@@ -56,7 +56,7 @@ def test_geodesics_are_the_paths_of_free_motion(name: str) -> None:
     model, q0, v0 = SYSTEMS[name]()
     n, data = model.dof, model.pin.createData()
     energy = v0 @ model.mass_matrix(q0) @ v0 / 2.0 + model.potential_energy(q0)
-    metric = go.Jacobi(model, energy)
+    metric = go.JacobiMetric(model, energy)
     left = energy - model.potential_energy(q0)
 
     def rates(t: float, state: np.ndarray) -> np.ndarray:
@@ -75,7 +75,7 @@ def test_geodesics_are_the_paths_of_free_motion(name: str) -> None:
 def test_a_throw_is_a_parabola() -> None:
     """y = x v_y / v_x - g x^2 / (2 v_x^2), from the thrower's log to the whole path."""
     model, v0 = projectile(), np.array([3.0, 4.0])
-    metric = go.Jacobi(model, float(v0 @ v0))  # 2 kg
+    metric = go.JacobiMetric(model, float(v0 @ v0))  # 2 kg
     x = 1.0
     goal = np.array([x, x * v0[1] / v0[0] - 9.81 * x**2 / (2.0 * v0[0] ** 2)])
     path = go.geodesic(metric, [0.0, 0.0], goal)
@@ -91,7 +91,7 @@ def test_a_throw_is_a_parabola() -> None:
 def test_without_gravity_nothing_bends(arm: go.Model) -> None:
     native = arm.pin.copy()
     native.gravity = pin.Motion.Zero()
-    metric = go.Jacobi(go.Model(native, arm.hand), 3.0)
+    metric = go.JacobiMetric(go.Model(native, arm.hand), 3.0)
     q, v = np.full(7, 0.2), np.linspace(-0.5, 0.5, 7)
     assert go.exp(metric, q, v) == pytest.approx(go.exp(go.KineticEnergy(arm), q, v), abs=1e-9)
     assert metric.norm(q, v) ** 2 == pytest.approx(3.0 * go.KineticEnergy(arm).norm(q, v) ** 2)
@@ -100,7 +100,7 @@ def test_without_gravity_nothing_bends(arm: go.Model) -> None:
 def test_heights_that_the_energy_does_not_reach() -> None:
     """Hanging is possible with energy below that of the horizontal; horizontal is not."""
     model, down, level = SYSTEMS["pendulum"]()[0], [-np.pi / 2], [0.0]
-    metric = go.Jacobi(model, -1.0)
+    metric = go.JacobiMetric(model, -1.0)
     with pytest.raises(ValueError, match=r"q: the potential energy 0 J .* not below .* of -1 J"):
         go.exp(metric, level, [1.0])
     with pytest.raises(ValueError, match=r"q1: the potential energy .* the model cannot be there"):
@@ -110,4 +110,4 @@ def test_heights_that_the_energy_does_not_reach() -> None:
     with pytest.raises(go.IntegrationFailed, match="the metric is singular"):
         go.exp(metric, down, [3.0])
     with pytest.raises(ValueError, match="energy must be finite"):
-        go.Jacobi(model, np.nan)
+        go.JacobiMetric(model, np.nan)

@@ -32,7 +32,7 @@ def unrolled(y: float, margin: float) -> float:
 
 
 def excess(model: go.Model, q: np.ndarray) -> float:
-    """How far postures (k, n) are beyond the limits [rad]; negative inside."""
+    """How far configurations (k, n) are beyond the limits [rad]; negative inside."""
     return float(max((model.lower - q).max(), (q - model.upper).max()))
 
 
@@ -41,16 +41,16 @@ def inside(model: go.Model, rng: np.random.Generator, count: int) -> np.ndarray:
 
 
 def test_the_tensor_of_a_hand_above_a_table(arm: go.Model, rng: np.random.Generator) -> None:
-    """The hand's apparent mass, 1 / (J G^-1 J') at the posture, is added along its height."""
-    q, posture = inside(arm, rng, 2)
+    """The hand's apparent mass, 1 / (J G^-1 J') at the configuration, is added along its height."""
+    q, configuration = inside(arm, rng, 2)
     metric = go.RegionAvoiding(
         go.KineticEnergy(arm),
         lambda q: arm.hand_pose(q)[1][2] + 1.0,
         margin=0.05,
-        posture=posture,
+        configuration=configuration,
     )
-    there, here = arm.hand_jacobian(posture)[2], arm.hand_jacobian(q)[2]
-    mass = 1.0 / (there @ np.linalg.inv(arm.mass_matrix(posture)) @ there)
+    there, here = arm.hand_jacobian(configuration)[2], arm.hand_jacobian(q)[2]
+    mass = 1.0 / (there @ np.linalg.inv(arm.mass_matrix(configuration)) @ there)
     stretch = mass * (0.05 / (arm.hand_pose(q)[1][2] + 1.0)) ** 2
     expected = arm.mass_matrix(q) + stretch * np.outer(here, here)
     assert metric.matrix(q) == pytest.approx(expected, rel=1e-12, abs=1e-15)
@@ -69,7 +69,7 @@ def test_the_tensor_within_joint_limits(arm: go.Model, rng: np.random.Generator)
 
 
 def test_joints_without_limits_are_left_alone() -> None:
-    """One limit of two joints: weighed at zero, the posture nearest to it, by its own margin."""
+    """One limit of two joints: weighed at zero, the configuration nearest to it, by its own margin."""
     native = planar_arm((1.0, 0.8), (1.3, 0.7), (0.4, 0.5), (0.2, 0.1)).pin.copy()
     native.upperPositionLimit = np.array([np.inf, 2.0])
     plain = go.KineticEnergy(go.Model(native, "tip"))
@@ -155,10 +155,10 @@ def test_without_margin_it_is_the_given_metric(arm_metric: go.KineticEnergy) -> 
 
 def test_coordinates_and_units_of_the_functions_do_not_matter() -> None:
     """Around a disc, in polar and in Cartesian coordinates, with its radius in any unit."""
-    polar = go.RegionAvoiding(PolarPlane(), lambda q: q[0] - 1.0, posture=(2.0, 0.0))
-    plane = go.RegionAvoiding(go.Euclidean(2), outside_disc, posture=(2.0, 0.0))
+    polar = go.RegionAvoiding(PolarPlane(), lambda q: q[0] - 1.0, configuration=(2.0, 0.0))
+    plane = go.RegionAvoiding(go.Euclidean(2), outside_disc, configuration=(2.0, 0.0))
     unit = go.RegionAvoiding(
-        go.Euclidean(2), lambda q: [1000.0 * outside_disc(q)], (100.0,), posture=(2.0, 0.0)
+        go.Euclidean(2), lambda q: [1000.0 * outside_disc(q)], (100.0,), configuration=(2.0, 0.0)
     )
     a, b = np.array([1.2, 0.0]), np.array([1.5, 0.8])
     expected = go.distance(polar, a, b)
@@ -169,7 +169,7 @@ def test_coordinates_and_units_of_the_functions_do_not_matter() -> None:
 def test_regions_in_regions(arm: go.Model, rng: np.random.Generator) -> None:
     """A table under an arm in gravity, within its limits: the outer has the inner's model."""
     inner = go.RegionAvoiding(
-        go.Jacobi(arm, 40.0), lambda q: arm.hand_pose(q)[1][2] + 1.0, margin=0.05
+        go.JacobiMetric(arm, 40.0), lambda q: arm.hand_pose(q)[1][2] + 1.0, margin=0.05
     )
     (q,) = inside(arm, rng, 1)
     outer = go.RegionAvoiding(inner)
@@ -200,7 +200,7 @@ BAD_FUNCTIONS: dict[str, tuple[Any, str]] = {
     "vectors": (lambda q: [q], r"functions\[0\] must be a CasADi scalar, is of shape \(2, 1\)"),
     "a constant": (lambda q: ca.SX(2.0), r"functions\[0\] does not depend on q"),
     "free": (lambda q: q[0] + ca.SX.sym("r"), r"functions\[0\] depends on other symbols than q"),
-    "no slope": (lambda q: ca.sumsqr(q) - 1.0, r"posture: functions\[0\] has no slope at"),
+    "no slope": (lambda q: ca.sumsqr(q) - 1.0, r"configuration: functions\[0\] has no slope at"),
 }
 
 
@@ -221,7 +221,7 @@ def test_points_outside_are_named(arm_metric: go.KineticEnergy) -> None:
     limited = go.RegionAvoiding(arm_metric)
     with pytest.raises(ValueError, match=r"distance of RSy_joint to its upper limit 0 is -0\.2"):
         go.log(limited, [0.1, 0.0, 0.2, 0.5, 0.0, 0.0, 0.0], [0.1, 0.0, -0.2, 0.5, 0.0, 0.0, 0.0])
-    disc = go.RegionAvoiding(go.Euclidean(2), outside_disc, posture=(2.0, 0.0))
+    disc = go.RegionAvoiding(go.Euclidean(2), outside_disc, configuration=(2.0, 0.0))
     with pytest.raises(ValueError, match="not finite and positive along the guess"):
         go.log(disc, [-2.0, 0.1], [2.0, 0.1])
 
@@ -229,12 +229,12 @@ def test_points_outside_are_named(arm_metric: go.KineticEnergy) -> None:
 def test_bad_margins_and_metrics(arm_metric: go.KineticEnergy) -> None:
     for margin in (0.0, -1.0, [0.1, 0.0]):
         with pytest.raises(ValueError, match="margin must be positive"):
-            go.RegionAvoiding(go.Euclidean(2), lambda q: q, margin, posture=(1.0, 1.0))
+            go.RegionAvoiding(go.Euclidean(2), lambda q: q, margin, configuration=(1.0, 1.0))
     with pytest.raises(ValueError, match=r"margin must have shape \(7,\), got \(2,\)"):
         go.RegionAvoiding(arm_metric, margin=[0.1, 0.2])
-    with pytest.raises(ValueError, match=r"posture must have shape \(2,\), got \(1,\)"):
-        go.RegionAvoiding(go.Euclidean(2), height, posture=[1.0])
-    with pytest.raises(ValueError, match="posture: the metric is not positive definite"):
+    with pytest.raises(ValueError, match=r"configuration must have shape \(2,\), got \(1,\)"):
+        go.RegionAvoiding(go.Euclidean(2), height, configuration=[1.0])
+    with pytest.raises(ValueError, match="configuration: the metric is not positive definite"):
         go.RegionAvoiding(PolarPlane(), height)
     with pytest.raises(ValueError, match="Euclidean has no model: give functions"):
         go.RegionAvoiding(go.Euclidean(2))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from known_metrics import PolarPlane, Sphere
 
 import geodesic_ocp as go
-from geodesic_ocp.manifold.exp import trajectory
+from geodesic_ocp.manifold.exp import sample_geodesic
 
 
 def circle_of_latitude(colatitude: float, samples: int) -> go.Motion:
@@ -82,7 +82,9 @@ def test_samples_converge_with_the_fourth_order() -> None:
     errors, steps = [], np.array([8, 16, 32, 64])
     for count in steps:
         time = np.linspace(0.0, 1.0, count + 1)
-        positions, velocities = trajectory(sphere, [1.0, 0.0], [0.7, 1.5], time, tolerance=1e-12)
+        positions, velocities = sample_geodesic(
+            sphere, [1.0, 0.0], [0.7, 1.5], time, tolerance=1e-12
+        )
         motion = go.Motion(time, positions, ("t", "p"))
         carried = go.parallel_transport(sphere, motion, velocities[0], tolerance=1e-12)
         errors.append(np.abs(carried - velocities[-1]).max())
@@ -106,7 +108,7 @@ def test_paths_converge_with_the_order_of_their_degree() -> None:
     errors = []
     for count in counts:
         grid = go.Grid(int(count), degree)
-        nodes, velocities = trajectory(metric, start, velocity, grid.nodes, tolerance=1e-12)
+        nodes, velocities = sample_geodesic(metric, start, velocity, grid.nodes, tolerance=1e-12)
         path = go.Path(metric, grid, nodes)
         carried = go.parallel_transport(metric, path, velocity, tolerance=1e-12)
         errors.append(np.abs(carried - velocities[-1]).max())

@@ -46,7 +46,7 @@ def test_positions_are_scaled_from_the_shoulder(some: go.Alignment) -> None:
 
 
 def test_a_mirrored_arm_is_the_other_arm() -> None:
-    """Mirrored postures of the right arm have the poses of the left arm, frame by frame."""
+    """Mirrored configurations of the right arm have the poses of the left arm, frame by frame."""
     right, left = go.human_arm("right", 1.8), go.human_arm("left", 1.8)
     here = go.alignment(right)
     rng = np.random.default_rng(4)

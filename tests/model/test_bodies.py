@@ -113,16 +113,16 @@ def test_a_link_that_is_locked_keeps_its_place() -> None:
     collision = '<collision><geometry><sphere radius="0.07"/></geometry></collision>'
     text = urdf().replace('<link name="three">', f'<link name="three">{collision}')
     moving, locked = (
-        go.load_model(text, hand="grip", joints=joints, posture=posture, base="base")
-        for joints, posture in (
+        go.load_model(text, hand="grip", joints=joints, configuration=configuration, base="base")
+        for joints, configuration in (
             (["j_lift", "j_two", "j_three"], {"j_one": 0.5}),
             (["j_lift", "j_two"], {"j_one": 0.5, "j_three": 0.4}),
         )
     )
     q = np.array([0.3, 0.7, 0.4])
     ball = go.Ball((0.5, 0.1, 0.2), 0.05)
-    one = go.clearances(moving, q, [ball], links=["three"])
-    other = go.clearances(locked, q[:2], [ball], links=["three"])
+    one = go.signed_distances(moving, q, [ball], links=["three"])
+    other = go.signed_distances(locked, q[:2], [ball], links=["three"])
     assert one["three to obstacle 0"] == pytest.approx(other["three to obstacle 0"], abs=1e-12)
 
 
@@ -164,7 +164,7 @@ def test_both_arms_have_the_bodies_of_both() -> None:
     assert links == [
         f"{side} {part}" for side in ("left", "right") for part in ("upper arm", "forearm", "hand")
     ]
-    hanging = go.clearances(arms, np.zeros(14), pairs=[("left hand", "right hand")])
+    hanging = go.signed_distances(arms, np.zeros(14), pairs=[("left hand", "right hand")])
     hand = arms.bodies[2]
     assert hanging["left hand to right hand"] == pytest.approx(0.4 - 2.0 * hand.radius)
     twice = go.combine(go.human_arm("left"), go.human_arm("left"))

@@ -107,8 +107,8 @@ def test_numbers_and_symbols_agree(arm: go.Model, rng: np.random.Generator) -> N
     ]
     pairs = [("right upper arm", "right hand")]
     q, x = rng.uniform(arm.lower, arm.upper), ca.MX.sym("q", arm.dof)
-    numbers = go.clearances(arm, q, obstacles, pairs=pairs)
-    symbols = go.clearances(arm, x, obstacles, pairs=pairs)
+    numbers = go.signed_distances(arm, q, obstacles, pairs=pairs)
+    symbols = go.signed_distances(arm, x, obstacles, pairs=pairs)
     assert list(numbers) == list(symbols)
     assert len(numbers) == 3 * 4 + 1
     assert {"right hand to lamp", "right forearm to obstacle 1", "right hand to table"} <= set(
@@ -120,7 +120,9 @@ def test_numbers_and_symbols_agree(arm: go.Model, rng: np.random.Generator) -> N
 
 def test_heights_above_a_table(arm: go.Model) -> None:
     """Of the hanging arm: joints and finger tips at their heights, less the radius."""
-    found = go.clearances(arm, np.zeros(7), [go.HalfSpace((5.0, 5.0, -1.0), (0, 0, 3.0), "table")])
+    found = go.signed_distances(
+        arm, np.zeros(7), [go.HalfSpace((5.0, 5.0, -1.0), (0, 0, 3.0), "table")]
+    )
     upper, fore, hand = (body.radius for body in arm.bodies)
     elbow, wrist = 0.188 * 1.75, (0.188 + 0.145) * 1.75
     assert found["right upper arm to table"] == pytest.approx(1.0 - upper)
@@ -131,40 +133,42 @@ def test_heights_above_a_table(arm: go.Model) -> None:
 
 def test_links_are_named_where_they_are_wrong(arm: go.Model) -> None:
     ball, q = go.Ball((1.0, 0.0, 0.0), 0.1), np.zeros(7)
-    assert list(go.clearances(arm, q, [ball], links=["right hand"])) == ["right hand to obstacle 0"]
+    assert list(go.signed_distances(arm, q, [ball], links=["right hand"])) == [
+        "right hand to obstacle 0"
+    ]
     with pytest.raises(ValueError, match=r"links: .* has no body at 'hand'; bodies are: right upp"):
-        go.clearances(arm, q, [ball], links=["hand"])
+        go.signed_distances(arm, q, [ball], links=["hand"])
     with pytest.raises(ValueError, match=r"pairs: .* no body at 'left hand'"):
-        go.clearances(arm, q, pairs=[("right hand", "left hand")])
+        go.signed_distances(arm, q, pairs=[("right hand", "left hand")])
     with pytest.raises(ValueError, match="pairs must be a list of pairs of two different links"):
-        go.clearances(arm, q, pairs=[("right hand", "right hand")])
+        go.signed_distances(arm, q, pairs=[("right hand", "right hand")])
     with pytest.raises(ValueError, match="obstacles must be Ball, Capsule or HalfSpace"):
-        go.clearances(arm, q, ["wall"])
+        go.signed_distances(arm, q, ["wall"])
     with pytest.raises(ValueError, match="has no bodies"):
-        go.clearances(arm.with_bodies(), q, [ball])
+        go.signed_distances(arm.with_bodies(), q, [ball])
     with pytest.raises(ValueError, match="q must have shape"):
-        go.clearances(arm, q[:3], [ball])
+        go.signed_distances(arm, q[:3], [ball])
 
 
 def test_a_tool_meets_other_links_alone(arm: go.Model) -> None:
     """What moves with a link is no obstacle for it; no links have no distances."""
     tool = go.Capsule((0.0, 0.0, -0.2), (0.0, 0.0, -0.4), 0.01, "right hand", "tool")
-    names = list(go.clearances(arm, np.zeros(7), [tool]))
+    names = list(go.signed_distances(arm, np.zeros(7), [tool]))
     assert names == ["right upper arm to tool", "right forearm to tool"]
-    assert go.clearances(arm, np.zeros(7), [tool], links=[]) == {}
+    assert go.signed_distances(arm, np.zeros(7), [tool], links=[]) == {}
     with pytest.raises(ValueError, match="links must be a list of links, got 'right hand'"):
-        go.clearances(arm, np.zeros(7), [tool], links="right hand")
+        go.signed_distances(arm, np.zeros(7), [tool], links="right hand")
 
 
 def test_pairs_that_may_keep_clear() -> None:
     arms = go.combine(
         go.human_arm("left"), go.human_arm("right"), placements=((-0.2, 0, 0), (0.2, 0, 0))
     )
-    pairs = go.separate_pairs(arms, np.zeros(14))
+    pairs = go.collision_pairs(arms, np.zeros(14))
     assert ("left hand", "right hand") in pairs
     assert ("left upper arm", "left hand") in pairs
     assert ("left upper arm", "left forearm") not in pairs
     assert len(pairs) == 9 + 2  # any two of different arms, and the ends of each
-    assert go.separate_pairs(arms, np.zeros(14), margin=1.0) == []
+    assert go.collision_pairs(arms, np.zeros(14), margin=1.0) == []
     with pytest.raises(ValueError, match="q must have shape"):
-        go.separate_pairs(arms, np.zeros(7))
+        go.collision_pairs(arms, np.zeros(7))

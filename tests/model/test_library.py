@@ -32,11 +32,15 @@ def test_the_chain_from_base_to_hand_moves_and_the_rest_is_locked() -> None:
 def test_locked_joints_keep_their_inertia_in_their_posture(
     backend: str, rng: np.random.Generator
 ) -> None:
-    """The mass matrix is the whole one's block at the locked posture."""
+    """The mass matrix is the whole one's block at the locked configuration."""
     whole = pin.buildModelFromXML(urdf())
-    posture = {"j_lift": 0.7, "j_left": 0.3}  # the others at the limit nearest to zero
+    configuration = {"j_lift": 0.7, "j_left": 0.3}  # the others at the limit nearest to zero
     model = go.load_model(
-        urdf(), hand="grip", joints=["j_three", "j_one", "j_two"], posture=posture, backend=backend
+        urdf(),
+        hand="grip",
+        joints=["j_three", "j_one", "j_two"],
+        configuration=configuration,
+        backend=backend,
     )
     assert model.joint_names == ("j_one", "j_two", "j_three")  # the file's order
     one, two, three = rng.uniform(-1.0, 1.0, 3)
@@ -94,10 +98,10 @@ def test_file_text_and_pin_model_give_the_same(tmp_path: Path) -> None:
         ({}, {"joints": "j_one"}, "joints must be a sequence of names"),
         ({}, {"joints": ["j_left"]}, "hand 'grip' does not move with any of the joints j_left"),
         ({}, {"hand": "base"}, "no joint before the hand 'base'"),
-        ({}, {"posture": {"j_four": 0.0}}, "posture: 'j_four' is not a joint"),
-        ({}, {"posture": {"j_one": 0.3}}, "posture: 'j_one' moves"),
-        ({}, {"posture": {"j_left": 3.0}}, "'j_left' = 3 lies outside its limits 0.2 to 1"),
-        ({}, {"posture": {"j_left": np.nan}}, "'j_left' must be a finite number"),
+        ({}, {"configuration": {"j_four": 0.0}}, "configuration: 'j_four' is not a joint"),
+        ({}, {"configuration": {"j_one": 0.3}}, "configuration: 'j_one' moves"),
+        ({}, {"configuration": {"j_left": 3.0}}, "'j_left' = 3 lies outside its limits 0.2 to 1"),
+        ({}, {"configuration": {"j_left": np.nan}}, "'j_left' must be a finite number"),
         ({}, {"height": 1.7}, "height and mass scale MMM models"),
         ({"left_inertial": MASSLESS}, {"hand": "left"}, "link 'left' moves with .* no mass"),
         ({"two_inertial": POINT}, {}, "link 'two', 2 kg, has an inertia that is not positive"),
@@ -147,7 +151,7 @@ def test_an_idle_joint_is_named() -> None:
     parent = twice.addJoint(parent, pin.JointModelRX(), turned, "second")
     twice.appendBodyToJoint(parent, pin.Inertia(1.0, np.zeros(3), np.eye(3)), turned)
     twice.addFrame(pin.Frame("tip", parent, turned, pin.FrameType.OP_FRAME))
-    with pytest.raises(ValueError, match="singular in every posture"):
+    with pytest.raises(ValueError, match="singular in every configuration"):
         go.load_model(twice, hand="tip")
 
 
@@ -256,7 +260,7 @@ KINDS: dict[str, Callable[[str, Path], go.Model]] = {
 }
 
 
-def postures(model: go.Model, rng: np.random.Generator) -> np.ndarray:
+def configurations(model: go.Model, rng: np.random.Generator) -> np.ndarray:
     return rng.uniform(np.maximum(model.lower, -3.0), np.minimum(model.upper, 3.0), (5, model.dof))
 
 
@@ -266,7 +270,7 @@ def test_every_kind_of_model_agrees_with_numeric_pinocchio(
 ) -> None:
     model = KINDS[kind](backend, request.getfixturevalue("shared") if kind == "MMM" else Path())
     data, frame = model.pin.createData(), model.pin.getFrameId(model.hand)
-    for q in postures(model, rng):
+    for q in configurations(model, rng):
         upper = np.triu(pin.crba(model.pin, data, q))
         expected = upper + np.triu(upper, 1).T
         atol = 1e-11 * np.abs(expected).max()
@@ -286,7 +290,7 @@ def test_the_two_back_ends_agree_on_every_kind(
         pytest.skip(f"pinocchio.casadi cannot be imported: {missing}")
     shared = request.getfixturevalue("shared") if kind == "MMM" else Path()
     first, second = (KINDS[kind](backend, shared) for backend in BACKENDS)
-    for q in postures(first, rng):
+    for q in configurations(first, rng):
         expected = second.mass_matrix(q)
         atol = 1e-11 * np.abs(expected).max()
         assert_allclose(first.mass_matrix(q), expected, rtol=0, atol=atol)
@@ -327,9 +331,12 @@ def test_massless_fingers_of_a_robot_are_named() -> None:
     [
         ({"hand": 3}, "hand 3 is not a frame"),
         ({"joints": 1}, "joints must be a sequence of names, got 1"),
-        ({"posture": [0.1]}, "posture must be a mapping"),
-        ({"posture": {"j_left": "0.3"}}, "posture: 'j_left' must be a finite number, got '0.3'"),
-        ({"posture": {"j_left": None}}, "must be a finite number, got None"),
+        ({"configuration": [0.1]}, "configuration must be a mapping"),
+        (
+            {"configuration": {"j_left": "0.3"}},
+            "configuration: 'j_left' must be a finite number, got '0.3'",
+        ),
+        ({"configuration": {"j_left": None}}, "must be a finite number, got None"),
         ({"source": "x" * 5000}, "source is neither XML nor a name: 'xxx"),
         ({"source": "a\0b.urdf"}, "source is neither XML nor a name"),
         ({"source": Path(__file__).parent}, "cannot be read"),

@@ -29,10 +29,10 @@ def test_commas_in_vectors_are_repaired_and_told() -> None:
 
 
 def test_a_locked_mimic_joint_follows_its_leader() -> None:
-    follows = go.load_model(urdf(right_mimic=MIMIC), hand="grip", posture={"j_left": 0.4})
-    posture = {"j_left": 0.4, "j_right": -0.7}
+    follows = go.load_model(urdf(right_mimic=MIMIC), hand="grip", configuration={"j_left": 0.4})
+    configuration = {"j_left": 0.4, "j_right": -0.7}
     wide = urdf().replace('lower="0.2"', 'lower="-3"')
-    alone = go.load_model(wide, hand="grip", posture=posture | {"j_beside": 0.2})
+    alone = go.load_model(wide, hand="grip", configuration=configuration | {"j_beside": 0.2})
     q = [0.1, 0.2, 0.3, 0.4]
     assert_allclose(follows.mass_matrix(q), alone.mass_matrix(q), rtol=0, atol=1e-15)
 
@@ -41,10 +41,10 @@ def test_followers_follow_in_any_order() -> None:
     """j_beside follows j_right, which follows j_left."""
     second = '<mimic joint="j_right" multiplier="0.5"/>'
     chained = urdf(right_mimic=MIMIC, beside_mimic=second)
-    model = go.load_model(chained, hand="grip", posture={"j_left": 0.4})
-    posture = {"j_left": 0.4, "j_right": -0.7, "j_beside": -0.35}
+    model = go.load_model(chained, hand="grip", configuration={"j_left": 0.4})
+    configuration = {"j_left": 0.4, "j_right": -0.7, "j_beside": -0.35}
     wide = urdf().replace('lower="0.2"', 'lower="-3"')
-    alone = go.load_model(wide, hand="grip", posture=posture)
+    alone = go.load_model(wide, hand="grip", configuration=configuration)
     q = [0.1, 0.2, 0.3, 0.4]
     assert_allclose(model.mass_matrix(q), alone.mass_matrix(q), rtol=0, atol=1e-15)
     circle = urdf(left_mimic=OTHER, right_mimic=MIMIC)

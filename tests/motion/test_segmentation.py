@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import geodesic_ocp as go
-from geodesic_ocp.manifold.exp import trajectory
+from geodesic_ocp.manifold.exp import sample_geodesic
 
 STEP = 0.01
 
@@ -37,7 +37,7 @@ def of_geodesics(
     v = rng.uniform(-0.6, 0.6, metric.dim)
     positions, velocities, cuts = [q[None]], [v[None]], [0]
     for count in samples:
-        path, speeds = trajectory(metric, q, v, STEP * np.arange(count + 1))
+        path, speeds = sample_geodesic(metric, q, v, STEP * np.arange(count + 1))
         velocities[-1][-1] = v
         positions.append(path[1:])
         velocities.append(speeds[1:])
@@ -74,7 +74,7 @@ def test_a_curved_geodesic_is_one_synergy_where_straight_lines_see_many(
     q = np.array([0.3, 0.2, -0.9, 1.2, 0.3, -0.1, 0.2])
     v = 2.0 * np.array([1.2, -0.4, 0.8, 1.1, -1.0, 0.6, 0.9])
     time = np.linspace(0.0, 1.0, 101)
-    positions, velocities = trajectory(arm_metric, q, v, time)
+    positions, velocities = sample_geodesic(arm_metric, q, v, time)
     motion = go.Motion(time, positions, arm_metric.joint_names, velocities)
     assert go.segment(arm_metric, motion, 0.1) == [(0, 100)]
     assert len(go.segment(go.Euclidean(7), motion, 0.1)) > 1
@@ -85,7 +85,7 @@ def with_rest(
 ) -> go.Motion:
     """A geodesic, a rest whose velocity is noise, and the same geodesic onwards."""
     q, v = rng.uniform(-0.4, 0.4, metric.dim), rng.uniform(-0.6, 0.6, metric.dim)
-    path, velocity = trajectory(metric, q, v, STEP * np.arange(before + after + 1))
+    path, velocity = sample_geodesic(metric, q, v, STEP * np.arange(before + after + 1))
     still = np.tile(path[before], (rest, 1))
     wobble = noise * np.abs(v).max() * rng.uniform(-1.0, 1.0, (rest, metric.dim))
     positions = np.vstack([path[:before], still, path[before:]])
@@ -118,7 +118,7 @@ def test_rest_is_below_two_hundredths_of_the_largest_speed(
     for share, count in ((0.019, 3), (0.021, 1)):
         rates = np.concatenate([np.full(30, 1.0), np.full(50, share), np.full(30, 1.0)])
         along = STEP * np.concatenate([[0.0], np.cumsum(rates[:-1])])
-        path, velocity = trajectory(arm_metric, q, v, along)
+        path, velocity = sample_geodesic(arm_metric, q, v, along)
         time = STEP * np.arange(len(rates))
         names = arm_metric.joint_names
         motion = go.Motion(time, path, names, velocity * rates[:, None])

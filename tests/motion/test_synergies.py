@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.manifold.exp import trajectory
+from geodesic_ocp.manifold.exp import sample_geodesic
 
 TIME = np.linspace(0.0, 0.8, 81)
 
@@ -27,7 +27,7 @@ def motion(metric: go.KineticEnergy) -> go.Motion:
     q = np.array([0.2, 0.1, 0.6, 0.7, 0.1, -0.1, 0.2])
     share = 0.3 * TIME + 0.9 * TIME**2 - 0.2 * TIME**3
     rate = 0.3 + 1.8 * TIME - 0.6 * TIME**2
-    positions, velocities = trajectory(metric, q, v, share, tolerance=1e-12)
+    positions, velocities = sample_geodesic(metric, q, v, share, tolerance=1e-12)
     names = metric.model.joint_names
     return go.Motion(TIME, positions, names, velocities * rate[:, None], go.Subject(name="me"))
 

@@ -11,7 +11,7 @@ from known_problems import PlaneAroundDisc
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.manifold.exp import trajectory
+from geodesic_ocp.manifold.exp import sample_geodesic
 
 
 @pytest.fixture(scope="module")
@@ -28,13 +28,13 @@ def test_the_two_link_case_has_three_geodesics(
     lengths = [known["length"] for known in case["geodesics"]]
     found = go.geodesics(two_link, q0, q1)
     assert_allclose([path.length for path in found], lengths, rtol=0, atol=5e-7)  # six decimals
-    assert go.distance(two_link, q0, q1, starts=5) == pytest.approx(lengths[0], abs=5e-7)
+    assert go.distance(two_link, q0, q1, num_starts=5) == pytest.approx(lengths[0], abs=5e-7)
     assert_allclose(found[0].velocity, case["geodesics"][0]["v0"], rtol=0, atol=5e-6)
     for path in found:
         assert_allclose(path(1.0), q1, rtol=0, atol=1e-12)
         assert_allclose(go.exp(two_link, q0, path.velocity), q1, rtol=0, atol=1e-9)
     # Two are minima of the energy, the third is the pass between their valleys.
-    assert [path.certificate.index for path in found] == [0, 0, 1]
+    assert [path.certificate.morse_index for path in found] == [0, 0, 1]
 
 
 def on_great_circle(length: float, start: tuple[float, float] = (1.2, 0.3)) -> go.Path:
@@ -42,7 +42,7 @@ def on_great_circle(length: float, start: tuple[float, float] = (1.2, 0.3)) -> g
     velocity = np.array([0.3, 1.0])
     velocity *= length / metric.norm(start, velocity)
     grid = go.Grid(4, 20)
-    nodes, _ = trajectory(metric, start, velocity, grid.nodes)
+    nodes, _ = sample_geodesic(metric, start, velocity, grid.nodes)
     return go.Path(metric, grid, nodes)
 
 
@@ -50,9 +50,9 @@ def on_great_circle(length: float, start: tuple[float, float] = (1.2, 0.3)) -> g
 def test_before_the_antipode_a_great_circle_is_shortest(length: float) -> None:
     certificate = go.certify(on_great_circle(length))
     assert certificate.locally_shortest
-    assert certificate.index == 0
-    assert certificate.conjugate is None
-    assert certificate.residual < 1e-6  # its velocity is the path's, not the integration's
+    assert certificate.morse_index == 0
+    assert certificate.first_conjugate_point is None
+    assert certificate.endpoint_error < 1e-6  # its velocity is the path's, not the integration's
     assert certificate.drift < 1e-6
     assert str(certificate).startswith("shortest among the paths near it; residual")
 
@@ -61,8 +61,8 @@ def test_before_the_antipode_a_great_circle_is_shortest(length: float) -> None:
 def test_past_the_antipode_it_is_not(length: float) -> None:
     certificate = go.certify(on_great_circle(length))
     assert not certificate.locally_shortest
-    assert certificate.index == int(length / np.pi)  # Morse: conjugate points inside
-    assert certificate.conjugate == pytest.approx(np.pi / length, abs=1e-5)
+    assert certificate.morse_index == int(length / np.pi)  # Morse: conjugate points inside
+    assert certificate.first_conjugate_point == pytest.approx(np.pi / length, abs=1e-5)
     assert "stationary, not shortest" in str(certificate)
 
 
@@ -72,14 +72,14 @@ def test_every_solution_has_a_certificate(arm: go.Model) -> None:
     goal = np.array([1.2, -0.2, -0.9, 1.6, -0.3, 0.1, 0.4])
     path = go.geodesic(metric, start, goal)
     assert path.certificate.locally_shortest
-    assert path.certificate.residual <= 1e-9
+    assert path.certificate.endpoint_error <= 1e-9
     assert path.certificate.drift <= 1e-5
     solution = go.solve(go.PointToPoint(metric, start, goal))
     assert solution.certificate.locally_shortest
-    assert solution.certificate.residual < 1e-4  # as accurate as the grid
+    assert solution.certificate.endpoint_error < 1e-4  # as accurate as the grid
     with pytest.raises(go.NotConverged) as failure:
         go.solve(go.PointToPoint(metric, start, goal), ipopt={"max_iter": 1})
-    assert failure.value.solution.certificate.residual > 1e-4
+    assert failure.value.solution.certificate.endpoint_error > 1e-4
     assert not failure.value.solution.certificate.stationary
     assert str(failure.value.solution.certificate).startswith("not stationary")
 
@@ -106,7 +106,7 @@ def test_free_ends_count_in_the_second_variation(away: float, index: int) -> Non
     """Along the equator to a meridian: beyond the pole's distance, any other way is shorter."""
     solution = go.solve(Half(away), throw=False)
     assert_allclose(solution.path.nodes[:, 0], np.pi / 2, rtol=0, atol=1e-6)
-    assert solution.certificate.index == index
+    assert solution.certificate.morse_index == index
 
 
 class Strip(go.Metric):
@@ -122,7 +122,7 @@ class Strip(go.Metric):
 def test_a_path_that_a_constraint_bends_is_no_geodesic_but_shortest() -> None:
     certificate = go.solve(PlaneAroundDisc()).certificate
     assert certificate.locally_shortest
-    assert certificate.residual > 0.1
+    assert certificate.endpoint_error > 0.1
 
 
 def test_zero_length_has_a_certificate() -> None:
@@ -144,15 +144,15 @@ def test_goals_a_period_away_are_the_same_place() -> None:
     start, goal = np.array([0.1, 0.0]), np.array([6.0, 0.3])
     turn = np.array([2 * np.pi, 0.0])
     helices = [goal - turn - start, goal - start, goal - 2 * turn - start]  # shortest first
-    found = go.geodesics(Cylinder(), start, goal, starts=3)
+    found = go.geodesics(Cylinder(), start, goal, num_starts=3)
     assert_allclose([path.velocity for path in found], helices, rtol=0, atol=1e-9)
     assert_allclose(found[0](1.0), goal - turn, rtol=0, atol=1e-9)
-    assert_allclose(go.log(Cylinder(), start, goal, starts=3), helices[0], rtol=0, atol=1e-9)
+    assert_allclose(go.log(Cylinder(), start, goal, num_starts=3), helices[0], rtol=0, atol=1e-9)
     assert_allclose(go.log(Cylinder(), start, goal), helices[1], rtol=0, atol=1e-9)
 
 
 def test_continuous_joints_turn_the_short_way() -> None:
-    """Half a turn further the other way is the same posture."""
+    """Half a turn further the other way is the same configuration."""
     text = (
         '<robot name="fan"><link name="base"/><link name="blade"><inertial><mass value="1"/>'
         '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="2"/></inertial></link>'
@@ -161,10 +161,10 @@ def test_continuous_joints_turn_the_short_way() -> None:
     )
     metric = go.KineticEnergy(go.load_model(text, hand="blade"))
     assert metric.periods == (2 * np.pi,)
-    found = go.geodesics(metric, [-3.0], [3.0], starts=3)
+    found = go.geodesics(metric, [-3.0], [3.0], num_starts=3)
     turns = [path.velocity[0] for path in found]
     assert_allclose(turns, [6.0 - 2 * np.pi, 6.0, 6.0 - 4 * np.pi], rtol=0, atol=1e-9)
-    around = go.distance(metric, [0.0], [6 * np.pi + 0.1], starts=2)  # three turns and a bit
+    around = go.distance(metric, [0.0], [6 * np.pi + 0.1], num_starts=2)  # three turns and a bit
     assert around == pytest.approx(np.sqrt(2.0) * 0.1, abs=1e-8)
 
 
@@ -181,7 +181,7 @@ class Torus(go.Metric):
 @pytest.mark.parametrize("coordinate", [0, 7])
 def test_any_of_many_coordinates_may_come_round(coordinate: int) -> None:
     goal = 6.0 * np.eye(8)[coordinate]
-    assert go.distance(Torus(), np.zeros(8), goal, starts=2) == pytest.approx(2 * np.pi - 6.0)
+    assert go.distance(Torus(), np.zeros(8), goal, num_starts=2) == pytest.approx(2 * np.pi - 6.0)
 
 
 @pytest.mark.parametrize(
@@ -193,7 +193,7 @@ def test_wrong_periods_are_named(periods: object) -> None:
 
     Odd.periods = periods  # type: ignore[assignment]
     with pytest.raises(ValueError, match=r"Odd.periods must be 2 positive numbers"):
-        go.distance(Odd(), [1.0, 0.0], [1.0, 1.0], starts=2)
+        go.distance(Odd(), [1.0, 0.0], [1.0, 1.0], num_starts=2)
 
 
 def test_periods_in_which_the_metric_changes_are_named() -> None:
@@ -201,7 +201,7 @@ def test_periods_in_which_the_metric_changes_are_named() -> None:
         periods = (np.inf, 1.0)
 
     with pytest.raises(ValueError, match=r"not the same at .* and 1 further in q\[1\]"):
-        go.distance(Odd(), [0.0, 1.0], [0.0, 2.0], starts=2)
+        go.distance(Odd(), [0.0, 1.0], [0.0, 2.0], num_starts=2)
 
 
 def test_regions_keep_the_periods_that_they_have() -> None:
@@ -213,9 +213,9 @@ def test_regions_keep_the_periods_that_they_have() -> None:
 
     along = go.RegionAvoiding(Cylinder(), band)
     assert along.periods == (2 * np.pi, np.inf)
-    short = go.distance(along, [0.1, 0.0], [6.0, 0.0], starts=2)
+    short = go.distance(along, [0.1, 0.0], [6.0, 0.0], num_starts=2)
     assert short == pytest.approx(2 * np.pi - 5.9, abs=1e-8)
-    assert go.RegionAvoiding(Cylinder(), disc, posture=(1.0, 0.0)).periods == (np.inf, np.inf)
+    assert go.RegionAvoiding(Cylinder(), disc, configuration=(1.0, 0.0)).periods == (np.inf, np.inf)
 
 
 def test_a_forbidden_straight_line_is_one_start_among_others() -> None:
@@ -224,7 +224,7 @@ def test_a_forbidden_straight_line_is_one_start_among_others() -> None:
     with pytest.raises(ValueError, match="not finite and positive along the guess"):
         go.log(Strip(), *ends)
     with pytest.raises(go.NotConverged, match=r"from any of 2 starts\. From the straight"):
-        go.log(Strip(), *ends, starts=2, seed=3)
+        go.log(Strip(), *ends, num_starts=2, seed=3)
 
 
 def test_no_certificate_where_there_is_no_metric() -> None:
@@ -233,7 +233,7 @@ def test_no_certificate_where_there_is_no_metric() -> None:
     certificate = go.certify(go.Path(Strip(), grid, straight))
     assert not certificate.stationary
     assert not certificate.locally_shortest
-    assert certificate.index is None
+    assert certificate.morse_index is None
     assert certificate.drift == np.inf
     with pytest.raises(go.IntegrationFailed):
         go.exp(Strip(), [-1.0, 0.0], [2.0, 0.0])
@@ -274,18 +274,18 @@ def test_causes_are_named_in_few_words(arm_metric: go.KineticEnergy) -> None:
 def test_seed_must_be_natural(seed: object) -> None:
     for starts in (1, 2):
         with pytest.raises(ValueError, match="seed must be an integer, not negative"):
-            go.log(Sphere(), [1.0, 0.0], [1.0, 1.0], starts=starts, seed=seed)  # type: ignore[arg-type]
+            go.log(Sphere(), [1.0, 0.0], [1.0, 1.0], num_starts=starts, seed=seed)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("starts", [0, -1, 1.5, "many"])
+@pytest.mark.parametrize("num_starts", [0, -1, 1.5, "many"])
 def test_starts_must_be_a_positive_integer(starts: object) -> None:
-    with pytest.raises(ValueError, match="starts must be a positive integer"):
-        go.log(Sphere(), [1.0, 0.0], [1.0, 1.0], starts=starts)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="num_starts must be a positive integer"):
+        go.log(Sphere(), [1.0, 0.0], [1.0, 1.0], num_starts=starts)  # type: ignore[arg-type]
 
 
 def test_the_same_seed_gives_the_same_geodesics(two_link: go.KineticEnergy) -> None:
     ends = [0.0, 0.3], [1.5, -2.0]
-    first, second = (go.geodesics(two_link, *ends, starts=6, seed=7) for _ in range(2))
+    first, second = (go.geodesics(two_link, *ends, num_starts=6, seed=7) for _ in range(2))
     assert [path.length for path in first] == [path.length for path in second]
     lengths = [path.length for path in first]
     assert lengths == sorted(lengths)
@@ -293,8 +293,8 @@ def test_the_same_seed_gives_the_same_geodesics(two_link: go.KineticEnergy) -> N
 
 def test_rows_take_starts(two_link: go.KineticEnergy) -> None:
     goals = np.array([[1.0, 0.5], [2.0, -1.0]])
-    rows = go.log(two_link, [0.0, 0.3], goals, starts=3)
-    assert np.array_equal(rows[1], go.log(two_link, [0.0, 0.3], goals[1], starts=3))
+    rows = go.log(two_link, [0.0, 0.3], goals, num_starts=3)
+    assert np.array_equal(rows[1], go.log(two_link, [0.0, 0.3], goals[1], num_starts=3))
 
 
 class TorusOfRevolution(go.Metric):
@@ -312,7 +312,7 @@ def test_what_log_finds_can_be_drawn() -> None:
     ends = [0.3, 0.0], [2.0, 5.5]
     path = go.geodesic(TorusOfRevolution(), *ends)
     assert path.length == pytest.approx(go.distance(TorusOfRevolution(), *ends), rel=1e-9)
-    assert path.certificate.residual < 1e-8
+    assert path.certificate.endpoint_error < 1e-8
 
 
 def test_the_way_back_round_the_sphere_is_found() -> None:
@@ -321,6 +321,6 @@ def test_the_way_back_round_the_sphere_is_found() -> None:
     class Globe(Sphere):
         periods = (np.inf, 2 * np.pi)
 
-    found = go.geodesics(Globe(), [1.0, 0.0], [1.4, 1.9], starts=10, seed=1)
+    found = go.geodesics(Globe(), [1.0, 0.0], [1.4, 1.9], num_starts=10, seed=1)
     assert found[0].length + found[1].length == pytest.approx(2 * np.pi, abs=1e-8)
-    assert [path.certificate.index for path in found[:2]] == [0, 1]
+    assert [path.certificate.morse_index for path in found[:2]] == [0, 1]

@@ -23,7 +23,7 @@ LAMP = go.Ball((0.2, 0.35, -0.15), 0.06, name="lamp")
 
 def nearest(arm: go.Model, path: go.Path, **what: object) -> float:
     places = path(np.linspace(0.0, 1.0, 301))
-    return min(min(go.clearances(arm, q, **what).values()) for q in places)
+    return min(min(go.signed_distances(arm, q, **what).values()) for q in places)
 
 
 def test_the_arm_goes_around_a_ball(arm: go.Model) -> None:
@@ -49,7 +49,7 @@ def test_the_hand_keeps_off_the_upper_arm(arm: go.Model) -> None:
     pairs = [("right upper arm", "right hand")]
     goal = [0.3, 0.1, -0.4, 2.5, 0.1, 0.0, 0.1]
     metric = go.KineticEnergy(arm)
-    there = go.clearances(arm, goal, pairs=pairs)["right upper arm to right hand"]
+    there = go.signed_distances(arm, goal, pairs=pairs)["right upper arm to right hand"]
     with pytest.raises(
         ValueError, match=r"the end that is given: right upper arm to right hand falls below"
     ):
@@ -75,13 +75,13 @@ def test_a_goal_behind_a_wall_is_said_before_the_solve(arm: go.Model) -> None:
 
 
 def test_postures_keep_clear(arm: go.Model) -> None:
-    there = go.find_posture(arm, START, TARGET)
+    there = go.inverse_kinematics(arm, START, TARGET)
     assert_allclose(arm.hand_pose(there)[1], TARGET, rtol=0, atol=1e-6)
     elbow = arm.frame_pose("right forearm", there)[1]
     ball = go.Ball(tuple(elbow), 0.05)
-    clear = go.find_posture(arm, START, TARGET, obstacles=[ball], margin=0.01)
+    clear = go.inverse_kinematics(arm, START, TARGET, obstacles=[ball], margin=0.01)
     assert_allclose(arm.hand_pose(clear)[1], TARGET, rtol=0, atol=1e-6)
-    assert min(go.clearances(arm, clear, [ball]).values()) > 0.01 - 1e-7
+    assert min(go.signed_distances(arm, clear, [ball]).values()) > 0.01 - 1e-7
 
 
 def test_other_obstacles_are_another_nlp(arm: go.Model) -> None:
@@ -101,7 +101,7 @@ def test_what_needs_bodies_says_so() -> None:
 
 @pytest.mark.parametrize("free", [(0.0, 0.0, 2.0), [(0.0, 0.0, 1.0), (1.0, 1.0, 0.0)]])
 def test_the_hand_arrives_on_a_line_or_a_plane(arm: go.Model, free: object) -> None:
-    """At a right angle, in the metric, to all postures with the hand there."""
+    """At a right angle, in the metric, to all configurations with the hand there."""
     problem = go.Reach(arm, START, TARGET, free=free, limits=False)
     solution = go.solve(problem, tolerance=1e-9)
     end, velocity = solution.path(1.0), solution.path(1.0, 1)
@@ -128,7 +128,9 @@ def test_free_directions_that_make_no_sense(arm: go.Model) -> None:
 def test_constraints_of_a_users_own(arm: go.Model) -> None:
     """`avoid` gives what a class's `constraints` returns."""
     q = ca.SX.sym("q", arm.dof)
-    rows = go.avoid(arm, q, [LAMP], pairs=[("right upper arm", "right hand")], margin=0.01)
+    rows = go.clearance_constraints(
+        arm, q, [LAMP], pairs=[("right upper arm", "right hand")], margin=0.01
+    )
     assert [row[3] for row in rows] == [
         "right upper arm to lamp",
         "right forearm to lamp",
@@ -160,7 +162,10 @@ class Moving(go.Problem):
             go.Ball(self.centre, self.radius, name="lamp"),
             go.HalfSpace(self.height, (0, 0, 1)),
         ]
-        return [(self.arm.lower, q, self.arm.upper, "limits"), *go.avoid(self.arm, q, bodies)]
+        return [
+            (self.arm.lower, q, self.arm.upper, "limits"),
+            *go.clearance_constraints(self.arm, q, bodies),
+        ]
 
 
 def test_obstacles_may_be_parameters(arm: go.Model) -> None:

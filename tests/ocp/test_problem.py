@@ -58,7 +58,7 @@ def test_cost_is_added_to_the_energy(stiffness: float) -> None:
     assert solution.stats.energy == pytest.approx(solution.path.energy, rel=1e-9)
     assert solution.stats.energy < solution.stats.objective
     assert solution.certificate.stationary
-    assert solution.certificate.index == 0
+    assert solution.certificate.morse_index == 0
 
 
 def test_parameters_change_without_a_new_nlp() -> None:
@@ -219,7 +219,7 @@ def test_a_cost_must_be_one_number() -> None:
 
 @dataclass(frozen=True)
 class Stretched(go.Problem):
-    """Two postures of the arm whose geodesic bends the elbow too far."""
+    """Two configurations of the arm whose geodesic bends the elbow too far."""
 
     model: go.Model
 
@@ -264,14 +264,14 @@ def test_what_is_missed_is_named_with_value_and_place(arm: go.Model) -> None:
 
 def test_violations_are_sought_between_the_nodes() -> None:
     coarse, fine = (go.solve(PlaneAroundDisc(), grid=go.Grid(k, 4)) for k in (4, 32))
-    assert coarse.stats.violation < 1e-8
-    assert coarse.stats.between > 1e-4
+    assert coarse.stats.max_node_violation < 1e-8
+    assert coarse.stats.max_path_violation > 1e-4
     assert coarse.violations[0].name == "disc"
     assert 0.0 < coarse.violations[0].s < 1.0
-    assert fine.stats.between < 0.1 * coarse.stats.between
+    assert fine.stats.max_path_violation < 0.1 * coarse.stats.max_path_violation
     s = np.linspace(0.0, 1.0, 2001)
     inside = 0.5 - np.linalg.norm(coarse.path(s), axis=1)
-    assert coarse.stats.between == pytest.approx(inside.max(), rel=0.1)
+    assert coarse.stats.max_path_violation == pytest.approx(inside.max(), rel=0.1)
 
 
 def test_bounded_joints_are_named_by_themselves(arm: go.Model) -> None:

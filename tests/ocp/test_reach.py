@@ -33,7 +33,7 @@ def test_rotation_error_grows_up_to_half_a_turn(angle: float, rng: np.random.Gen
 
 @pytest.mark.parametrize("given", [("position",), ("rotation",), ("position", "rotation")])
 def test_the_pose_is_reached_with_least_energy(arm: go.Model, given: tuple[str, ...]) -> None:
-    """At the end the momentum has no share along the postures with that pose."""
+    """At the end the momentum has no share along the configurations with that pose."""
     pose = dict(zip(("rotation", "position"), arm.hand_pose(GOAL), strict=True))
     problem = go.Reach(arm, START, **{name: pose[name] for name in given}, limits=False)
     solution = go.solve(problem, tolerance=1e-9)
@@ -52,7 +52,7 @@ def test_the_pose_is_reached_with_least_energy(arm: go.Model, given: tuple[str, 
     metric = problem.metric
     momentum = metric.matrix(end) @ velocity
     assert np.abs(free.T @ momentum).max() < 1e-4 * np.linalg.norm(momentum)
-    # No worse than the way to the posture that the pose was taken from.
+    # No worse than the way to the configuration that the pose was taken from.
     assert solution.path.length <= go.distance(metric, START, GOAL) + 1e-6
     assert solution.certificate.locally_shortest
 
@@ -116,7 +116,7 @@ def test_joint_limits_by_a_keyword(arm: go.Model) -> None:
 
 def test_a_pose_out_of_reach_is_said_before_the_solve(arm: go.Model) -> None:
     with pytest.raises(
-        go.NotConverged, match=r"no posture of .* the nearest one misses it by"
+        go.NotConverged, match=r"no configuration of .* the nearest one misses it by"
     ) as info:
         go.solve(go.Reach(arm, START, position=[0.0, 2.0, 0.0]))
     miss = float(str(info.value).split("misses it by ")[1].split()[0])
@@ -142,13 +142,13 @@ def test_postures_are_found_near_and_within_limits(arm: go.Model, rng: np.random
     for _ in range(5):
         wanted = rng.uniform(arm.lower, arm.upper)
         rotation, position = arm.hand_pose(wanted)
-        q = go.find_posture(arm, START, position, rotation)
+        q = go.inverse_kinematics(arm, START, position, rotation)
         assert_allclose(arm.hand_pose(q)[0], rotation, rtol=0, atol=1e-6)
         assert_allclose(arm.hand_pose(q)[1], position, rtol=0, atol=1e-6)
         assert np.all(q >= arm.lower)
         assert np.all(q <= arm.upper)
-    with pytest.raises(ValueError, match="find_posture needs a position, a rotation or both"):
-        go.find_posture(arm, START)
+    with pytest.raises(ValueError, match="inverse_kinematics needs a position, a rotation or both"):
+        go.inverse_kinematics(arm, START)
 
 
 def test_a_reach_can_be_changed() -> None:

@@ -22,14 +22,14 @@ from geodesic_ocp.ocp.solve.refinement import refined
 def test_around_a_disc_to_any_tolerance(tolerance: float) -> None:
     solution = go.solve(PlaneAroundDisc(), tolerance=tolerance)
     stats = solution.stats
-    assert stats.between <= tolerance
+    assert stats.max_path_violation <= tolerance
     assert solution.path.length == pytest.approx(PlaneAroundDisc().exact_length, rel=tolerance)
     s = np.linspace(0.0, 1.0, 5001)
     inside = 0.5 - np.linalg.norm(solution.path(s), axis=1)
     assert inside.max() <= 1.1 * tolerance  # also where it was not looked at
-    assert len(stats.rounds) > 1
-    assert stats.rounds[-1].between == stats.between
-    assert stats.rounds[0].segments == 16
+    assert len(stats.mesh_history) > 1
+    assert stats.mesh_history[-1].between == stats.max_path_violation
+    assert stats.mesh_history[0].segments == 16
 
 
 def test_segments_are_divided_where_the_constraint_begins_and_ends() -> None:
@@ -64,7 +64,7 @@ class Limited(go.Problem):
 
 def test_joint_limits_hold_between_the_nodes(arm: go.Model) -> None:
     coarse = go.solve(Limited(arm))
-    assert coarse.stats.between > 1e-4
+    assert coarse.stats.max_path_violation > 1e-4
     solution = go.solve(Limited(arm), tolerance=1e-6, guess=coarse)
     q = solution.path(np.linspace(0.0, 1.0, 5001))
     assert np.all(q >= arm.lower - 1.1e-6)
@@ -79,7 +79,7 @@ def test_a_smooth_path_is_refined_until_its_energy_settles() -> None:
     assert solution.path.length == pytest.approx(
         go.distance(Sphere(), *problem_ends(problem)), rel=1e-9
     )
-    assert solution.stats.rounds[-1].segments > 1
+    assert solution.stats.mesh_history[-1].segments > 1
 
 
 def problem_ends(problem: go.PointToPoint) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -91,12 +91,12 @@ def test_what_cannot_be_reached_is_said() -> None:
         go.NotConverged, match=r"PlaneAroundDisc was not solved: not solved to 1e-13"
     ) as info:
         go.solve(PlaneAroundDisc(), tolerance=1e-13)
-    assert len(info.value.solution.stats.rounds) > 2
+    assert len(info.value.solution.stats.mesh_history) > 2
     with pytest.raises(ValueError, match="tolerance must be positive"):
         go.solve(PlaneAroundDisc(), tolerance=0.0)
     record = go.solve(PlaneAroundDisc(), tolerance=1e-6, throw=False, ipopt={"max_iter": 2})
     assert not record.stats.success
-    assert len(record.stats.rounds) == 1
+    assert len(record.stats.mesh_history) == 1
 
 
 def test_low_degrees_give_the_start_where_high_ones_lead_astray() -> None:
@@ -111,10 +111,10 @@ def test_low_degrees_give_the_start_where_high_ones_lead_astray() -> None:
 
     found = refined(solve_on, misses(conditions(problem)), go.Grid(8, 4), 1e-5, None)
     assert found.stats.success
-    assert found.stats.between <= 1e-5
+    assert found.stats.max_path_violation <= 1e-5
     assert seen[:4] == [(4, True, False), (4, False, True), (2, True, False), (4, False, False)]
     assert all(near for _, _, near in seen[4:])
-    first, _, rough, again = [each.segments for each in found.stats.rounds[:4]]
+    first, _, rough, again = [each.segments for each in found.stats.mesh_history[:4]]
     assert (first, rough, again) == (8, 32, 16)
 
 
@@ -126,7 +126,7 @@ def test_a_reach_past_leaps_between_nodes() -> None:
         start, end = rng.uniform(arm.lower, arm.upper, (2, 7))
     reach = go.Reach(arm, start, arm.hand_pose(end)[1])
     solution = go.solve(reach, tolerance=1e-6)
-    assert solution.stats.between <= 1e-6
+    assert solution.stats.max_path_violation <= 1e-6
     # On the first grid the objective is 0.6488, and the path through its nodes costs 0.7512.
     assert solution.path.energy == pytest.approx(0.56081265, rel=1e-5)
 

@@ -328,13 +328,13 @@ class Quick(Priced):
 
 def test_certificates_say_of_what_they_are() -> None:
     priced = go.solve(Priced()).certificate
-    assert priced.priced
+    assert priced.has_running_cost
     assert str(priced) == "cheapest among the paths near it; no geodesic"
     bent = go.solve(PlaneAroundDisc()).certificate
-    assert bent.bent
+    assert bent.has_active_constraints
     assert str(bent) == "shortest among the paths near it that meet its conditions; no geodesic"
     reach = go.solve(go.Reach(go.human_arm(), START, TARGET, limits=False)).certificate
-    assert not reach.bent
+    assert not reach.has_active_constraints
     assert "residual" in str(reach)
 
 

@@ -75,7 +75,7 @@ def test_every_kind_of_condition_is_met() -> None:
     problem = Mixed()
     solution = go.solve(problem)
     assert solution.stats.success
-    assert solution.stats.violation < 1e-8
+    assert solution.stats.max_node_violation < 1e-8
     nodes = solution.path.nodes
     assert np.array_equal(nodes[0], [0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
     assert np.all(nodes >= problem.model.lower - 1e-8)
@@ -113,7 +113,7 @@ def test_path_around_a_disc_has_its_known_length() -> None:
     errors = []
     for segments in (8, 16, 32):
         solution = go.solve(problem, grid=go.Grid(segments, 4))
-        assert solution.stats.violation < 1e-8
+        assert solution.stats.max_node_violation < 1e-8
         errors.append(abs(solution.path.length - problem.exact_length))
     assert errors[0] < 1e-2
     assert errors[2] < 1e-3
@@ -219,9 +219,9 @@ def test_unsolvable_problems_say_why_and_carry_the_record() -> None:
         go.solve(OutOfReach())
     record = info.value.solution
     assert isinstance(record, go.Solution)
-    assert record.stats.worst == "hand"
-    assert record.stats.violation > 1.0
-    assert record.violations[0].amount == pytest.approx(record.stats.between)
+    assert record.stats.worst_constraint == "hand"
+    assert record.stats.max_node_violation > 1.0
+    assert record.violations[0].amount == pytest.approx(record.stats.max_path_violation)
     again = go.solve(OutOfReach(), throw=False)
     assert not again.stats.success
     assert again.stats.status == record.stats.status

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 from geodesic_ocp.ocp.ik.inverse_kinematics import Clear
-from geodesic_ocp.ocp.ik.nearest import nearest_posture
+from geodesic_ocp.ocp.ik.nearest import nearest_configuration
 
 START = np.array([0.4, 0.1, -0.6, 1.2, 0.2, 0.0, 0.1])
 VELOCITY = np.array([0.5, -0.2, -0.3, 0.4, 0.3, -0.2, 0.2])
@@ -35,7 +35,7 @@ def test_it_ends_at_the_pose_and_is_a_geodesic(arm: go.Model, pose: tuple[Any, A
     assert found.success
     assert found.position_error < 1e-6
     assert found.rotation_error < 1e-6
-    assert_allclose(go.exp(metric, START, found.velocity), found.posture, atol=1e-8)
+    assert_allclose(go.exp(metric, START, found.velocity), found.configuration, atol=1e-8)
     # Of the many geodesics of a redundant arm it is none that costs more than the known one.
     assert found.energy < metric.inner(START, VELOCITY, VELOCITY) / 2.0 + 1e-9
     assert found.path is not None
@@ -47,7 +47,7 @@ def test_its_energy_is_that_of_the_collocated_reach(arm: go.Model, pose: tuple[A
     shot = go.geodesic_to_pose(arm, START, *pose)
     reach = go.solve(go.Reach(arm, START, *pose, limits=False))
     assert shot.energy == pytest.approx(reach.stats.energy, rel=1e-5)
-    assert_allclose(shot.posture, reach.path.nodes[-1], atol=1e-4)
+    assert_allclose(shot.configuration, reach.path.nodes[-1], atol=1e-4)
 
 
 def test_the_gradient_of_the_paper_comes_there_in_more_steps(
@@ -76,7 +76,7 @@ def test_position_alone_costs_less(arm: go.Model, pose: tuple[Any, Any]) -> None
 
 
 def test_from_inverse_kinematics(arm: go.Model, pose: tuple[Any, Any]) -> None:
-    towards = go.find_posture(arm, START, *pose)
+    towards = go.inverse_kinematics(arm, START, *pose)
     found = go.geodesic_to_pose(arm, START, *pose, towards=towards)
     assert found.energy == pytest.approx(go.geodesic_to_pose(arm, START, *pose).energy, rel=1e-6)
 
@@ -96,7 +96,7 @@ def test_the_hand_is_there_already(arm: go.Model) -> None:
     rotation, position = arm.hand_pose(START)
     found = go.geodesic_to_pose(arm, START, position, rotation)
     assert found.energy < 1e-12
-    assert_allclose(found.posture, START, atol=1e-6)
+    assert_allclose(found.configuration, START, atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -134,11 +134,11 @@ def test_not_converged_says_how_far(arm: go.Model) -> None:
 
 def test_shoot_draws_exp(arm: go.Model) -> None:
     metric = go.KineticEnergy(arm)
-    path = go.shoot(metric, START, VELOCITY)
+    path = go.geodesic_from_velocity(metric, START, VELOCITY)
     assert_allclose(path(1.0), go.exp(metric, START, VELOCITY), atol=1e-9)
     assert_allclose(path(0.0, 1), VELOCITY, atol=1e-5)
     with pytest.raises(ValueError, match="v0 must not be zero"):
-        go.shoot(metric, START, np.zeros(7))
+        go.geodesic_from_velocity(metric, START, np.zeros(7))
 
 
 def planar() -> go.Model:
@@ -158,7 +158,7 @@ def planar() -> go.Model:
 def test_the_nearest_posture_is_on_the_border_of_reach() -> None:
     """With the elbow bent by half a radian at least, the hand comes to 2 cos(1/4) m."""
     arm = planar()
-    q = nearest_posture(arm, (0.1, 1.0), (0.0, 3.0, 0.0), None, (1.0, 1.0), True, Clear())
+    q = nearest_configuration(arm, (0.1, 1.0), (0.0, 3.0, 0.0), None, (1.0, 1.0), True, Clear())
     reached = arm.hand_pose(q)[1]
     assert_allclose(reached, [0.0, 2.0 * np.cos(0.25), 0.0], atol=1e-4)
     assert q[1] == pytest.approx(0.5, abs=1e-6)
@@ -169,7 +169,7 @@ def test_weights_choose_between_place_and_direction() -> None:
     turn = np.diag([-1.0, -1.0, 1.0])
     place = (2.0 * np.cos(0.25), 0.0, 0.0)
     of_place, of_turn = (
-        nearest_posture(arm, (0.1, 1.0), place, turn, weights, True, Clear())
+        nearest_configuration(arm, (0.1, 1.0), place, turn, weights, True, Clear())
         for weights in ((1e3, 1e-3), (1e-3, 1e3))
     )
     assert_allclose(arm.hand_pose(of_place)[1], place, atol=1e-3)

@@ -54,7 +54,7 @@ def test_light_is_reflected() -> None:
     """The image of the end behind the mirror lies on a straight line."""
     solution = go.solve(Mirror())
     assert solution.path.length == pytest.approx(np.hypot(3.0, 1.5), rel=1e-9)
-    (share,) = solution.path.grid.shares
+    (share,) = solution.path.grid.via_s
     assert share == pytest.approx(1.0 / 1.5, abs=1e-4)
     assert_allclose(solution.path(share), [2.0, 1.0], atol=1e-3)
     # Equal angles before and after, at one speed.
@@ -69,13 +69,13 @@ def test_points_are_passed_in_their_order() -> None:
     solution = go.solve(Corners())
     ways = [np.hypot(1.0, 1.0), np.hypot(1.0, 2.0), np.hypot(1.0, 1.5)]
     assert solution.path.length == pytest.approx(sum(ways), rel=1e-9)
-    assert_allclose(solution.path.grid.shares, np.cumsum(ways)[:2] / sum(ways), atol=1e-5)
-    assert_allclose(solution.path(solution.path.grid.shares), Corners.points, atol=1e-9)
+    assert_allclose(solution.path.grid.via_s, np.cumsum(ways)[:2] / sum(ways), atol=1e-5)
+    assert_allclose(solution.path(solution.path.grid.via_s), Corners.points, atol=1e-9)
 
 
 def test_when_they_are_passed_can_be_given() -> None:
     solution = go.solve(Corners(passing=(0.2, 0.5)))
-    assert list(solution.path.grid.shares) == [0.2, 0.5]
+    assert list(solution.path.grid.via_s) == [0.2, 0.5]
     assert_allclose(solution.path([0.2, 0.5]), Corners.points, atol=1e-9)
     energy = sum(
         length**2 / (2.0 * share)
@@ -96,8 +96,8 @@ def test_a_smooth_path_has_one_velocity_there() -> None:
     """It costs more, the less the finer the grid is."""
     corner, energies = go.solve(Mirror()).path.energy, []
     for segments in (8, 16, 32):
-        path = go.solve(Mirror(smooth=True), grid=go.Grid(segments, 4)).path
-        (share,) = path.grid.shares
+        path = go.solve(Mirror(continuous_velocity_at_via=True), grid=go.Grid(segments, 4)).path
+        (share,) = path.grid.via_s
         before, after = path(share - 1e-9, 1), path(share + 1e-9, 1)
         assert_allclose(after, before, atol=1e-4)
         assert path(share)[1] == pytest.approx(1.0, abs=1e-9)
@@ -105,14 +105,16 @@ def test_a_smooth_path_has_one_velocity_there() -> None:
     assert energies[0] > energies[1] > energies[2] > corner
     assert energies[2] - corner < 0.6 * (energies[1] - corner)
     with pytest.raises(ValueError, match="has a corner at its via points"):
-        go.solve(Mirror(smooth=True), tolerance=1e-4)
+        go.solve(Mirror(continuous_velocity_at_via=True), tolerance=1e-4)
 
 
 def test_the_hand_passes_points_in_whatever_posture_costs_least(arm: go.Model) -> None:
-    """There the momentum jumps, but for its share along the postures with the hand there."""
-    problem = go.Reach(arm, START, TARGET, through=[POINT], smooth=False, limits=False)
+    """There the momentum jumps, but for its share along the configurations with the hand there."""
+    problem = go.Reach(
+        arm, START, TARGET, through=[POINT], continuous_velocity_at_via=False, limits=False
+    )
     solution = go.solve(problem, tolerance=1e-7)
-    (share,) = solution.path.grid.shares
+    (share,) = solution.path.grid.via_s
     q = solution.path(share)
     assert_allclose(arm.hand_pose(q)[1], POINT, rtol=0, atol=1e-8)
     jump = solution.path(share + 1e-12, 1) - solution.path(share - 1e-12, 1)
@@ -121,18 +123,18 @@ def test_the_hand_passes_points_in_whatever_posture_costs_least(arm: go.Model) -
     assert np.abs(tangents.T @ momentum).max() < 1e-3 * np.linalg.norm(momentum)
     smooth = go.solve(go.Reach(arm, START, TARGET, through=[POINT], limits=False))
     assert smooth.path.energy > solution.path.energy
-    (share,) = smooth.path.grid.shares
+    (share,) = smooth.path.grid.via_s
     after, before = smooth.path(share + 1e-12, 1), smooth.path(share - 1e-12, 1)
     assert_allclose(after, before, atol=1e-6)
 
 
 def test_points_move_without_a_new_nlp(arm: go.Model) -> None:
-    grid = go.Grid(8, 4).through([0.4])
+    grid = go.Grid(8, 4).with_via_points([0.4])
     one = go.Reach(arm, START, TARGET, through=[POINT])
     other = go.Reach(arm, START, TARGET, through=[(0.25, 0.3, -0.2)])
     two = go.Reach(arm, START, TARGET, through=[POINT, (0.2, 0.4, -0.1)])
     assert transcription_of(other, grid) is transcription_of(one, grid)
-    assert transcription_of(two, go.Grid(8, 4).through([0.3, 0.6])).grid.stations
+    assert transcription_of(two, go.Grid(8, 4).with_via_points([0.3, 0.6])).grid.via_segments
     with pytest.raises(ValueError, match=r"through\[1\] must have shape \(3,\)"):
         go.Reach(arm, START, TARGET, through=[POINT, (0.2, 0.4)])
 
@@ -147,7 +149,7 @@ def test_gradient_and_hessian_are_those_of_the_graph(rng: np.random.Generator) -
             return [[(ca.sin(q[0]) * q[1], 1.0)], [(q[0] ** 3, 1.0), (ca.cos(q[1]), 0.0)]]
 
     for smooth in (True, False):
-        grid = go.Grid(6, 3).through([0.3, 0.6])
+        grid = go.Grid(6, 3).with_via_points([0.3, 0.6])
         transcription = transcription_of(Bent(smooth=smooth), grid)
         p = np.concatenate([[1.3, 0.7], rng.normal(size=2)])
         check_derivatives(transcription, p, rng)
@@ -157,7 +159,7 @@ def test_a_solution_is_where_the_next_begins() -> None:
     first = go.solve(Corners())
     again = go.solve(Corners(), grid=go.Grid(24, 5), guess=first)
     assert again.path.length == pytest.approx(first.path.length, rel=1e-9)
-    assert_allclose(again.path.grid.shares, first.path.grid.shares, atol=1e-5)
+    assert_allclose(again.path.grid.via_s, first.path.grid.via_s, atol=1e-5)
 
 
 def test_via_points_that_are_malformed() -> None:
@@ -170,7 +172,7 @@ def test_via_points_that_are_malformed() -> None:
     with pytest.raises(ValueError, match="the grid has 1 via points, the problem none"):
         go.solve(
             go.PointToPoint(go.Euclidean(2), (0.0, 0.0), (1.0, 0.0)),
-            grid=go.Grid(8, 4).through([0.5]),
+            grid=go.Grid(8, 4).with_via_points([0.5]),
         )
     with pytest.raises(ValueError, match="stations must increase between 0 and 8"):
         go.Grid(8, 4, None, (3, 9))
@@ -202,7 +204,7 @@ def test_points_that_are_one_are_named(points: Any, end: Any, close: str) -> Non
 
 def test_motions_along_rounded_corners_are_exact() -> None:
     """Where a corner is rounded the speed has nearly a kink, and lengths need more than a look."""
-    solution = go.solve(Mirror(smooth=True, end=(1.5, 0.2)))
+    solution = go.solve(Mirror(continuous_velocity_at_via=True, end=(1.5, 0.2)))
     motion = solution.to_motion(1.0, rate=10_000.0)
     assert motion.velocity is not None
     slopes = np.gradient(motion.q, motion.time, axis=0)

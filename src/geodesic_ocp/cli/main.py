@@ -160,7 +160,7 @@ def _add_transfer_options(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument("--rest", action="store_true", help="begin and end at rest")
     command.add_argument(
-        "--starts", type=int, default=1, help="solutions sought for each synergy (default: 1)"
+        "--num-starts", type=int, default=1, help="solutions sought for each synergy (default: 1)"
     )
 
 

@@ -134,15 +134,15 @@ def figures(solution: Solution) -> Table:
     rows: list[tuple[str | int | float, ...]] = [
         ("variables", stats.variables),
         ("constraints", stats.constraints),
-        ("grids", max(1, len(stats.rounds))),
-        ("iterations", sum(each.iterations for each in stats.rounds) or stats.iterations),
-        ("seconds in Ipopt", sum(each.seconds for each in stats.rounds) or stats.seconds),
+        ("grids", max(1, len(stats.mesh_history))),
+        ("iterations", sum(each.iterations for each in stats.mesh_history) or stats.iterations),
+        ("seconds in Ipopt", sum(each.seconds for each in stats.mesh_history) or stats.seconds),
         ("energy", f"{stats.energy:.8g}"),
         ("length", f"{solution.path.length:.8g}"),
-        ("largest violation between nodes", stats.between),
+        ("largest violation between nodes", stats.max_path_violation),
     ]
     if (exact := problem.exact_length) is not None:
         rows.append(("exact length", f"{exact:.8g}"))
-    if solution.path.grid.stations:
-        rows.append(("via points at s", ", ".join(f"{s:.4f}" for s in solution.path.grid.shares)))
+    if solution.path.grid.via_segments:
+        rows.append(("via points at s", ", ".join(f"{s:.4f}" for s in solution.path.grid.via_s)))
     return Table(("figure", "value"), tuple(rows))

@@ -67,7 +67,7 @@ def _transfer(
             limits=options.limits,
             speed_limits=options.limits,
             orientation_weight=0.0 if options.position_only else 1.0,
-            starts=options.starts,
+            num_starts=options.num_starts,
             rest=options.rest,
             progress=bar,
         )

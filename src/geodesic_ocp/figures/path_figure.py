@@ -88,7 +88,7 @@ def _draw_coordinates(axes: Axes, path: Path) -> None:
     for line, limit in zip(axes.get_lines(), _limits_reached(path), strict=True):
         for value in limit:
             axes.axhline(value, color=line.get_color(), linewidth=0.8, linestyle=":")
-    for share in path.grid.shares:
+    for share in path.grid.via_s:
         axes.axvline(float(share), color="#7a7a7a", linewidth=1.0, linestyle=":")
     axes.set_ylabel(f"coordinates q{units}")
     axes.tick_params(labelbottom=False)
@@ -131,7 +131,7 @@ def _draw_plane(axes: Axes, problem: Problem, path: Path) -> None:
     names, _ = _names(path)
     units = getattr(getattr(path.metric, "model", None), "units", ("", ""))
     labels = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
-    draw_way(axes, way, path.nodes[path.grid.station_nodes], (labels[0], labels[1]))
+    draw_way(axes, way, path.nodes[path.grid.via_nodes], (labels[0], labels[1]))
     centres = path(np.linspace(0.0, 1.0, _ELLIPSES))
     matrices = np.array([path.metric.matrix(centre) for centre in centres])
     there = np.array([np.all(np.linalg.eigvalsh(np.nan_to_num(m)) > 0.0) for m in matrices])
@@ -146,8 +146,8 @@ def _draw_hand(axes: Axes, problem: Problem, path: Path) -> None:
     first, second = widest_columns(way, 2)
     columns = [first, second]
     stops = np.zeros((0, 2))
-    if path.grid.stations:
-        stops = model.model.hand_pose(path.nodes[path.grid.station_nodes])[1][:, columns]
+    if path.grid.via_segments:
+        stops = model.model.hand_pose(path.nodes[path.grid.via_nodes])[1][:, columns]
     draw_way(
         axes, way[:, columns], stops, (f"hand {'xyz'[first]} [m]", f"hand {'xyz'[second]} [m]")
     )

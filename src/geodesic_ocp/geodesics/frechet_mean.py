@@ -17,7 +17,7 @@ _MAX_STEPS = 100
 _SMALLEST_STEP = 1e-3
 
 
-def mean(metric: Metric, points: ArrayLike, weights: ArrayLike | None = None) -> Array:
+def frechet_mean(metric: Metric, points: ArrayLike, weights: ArrayLike | None = None) -> Array:
     """Fréchet mean (n,) of k points (k, n): where sum_i w_i d(x, x_i)^2 is least.
 
     Its first-order condition is sum_i w_i Log_x(x_i) = 0 (Karcher, "Riemannian center of mass and

@@ -1,4 +1,4 @@
-"""The geodesic from a posture on which the hand comes nearest to a pose: shooting.
+"""The geodesic from a configuration on which the hand comes nearest to a pose: shooting.
 
 Least squares over the initial velocity (Klein, Jaquier, Meixner, Asfour 2022, section V) of the
 logarithm of poses on R^3 x S^3, in two ways: as a nonlinear program with exact derivatives, and by
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, as_rotation, as_vector
 from geodesic_ocp.errors import GeodesicOcpError, NotConverged
-from geodesic_ocp.geodesics.log import Geodesic, log, shoot
+from geodesic_ocp.geodesics.log import Geodesic, geodesic_from_velocity, log
 from geodesic_ocp.geodesics.pose_target import Found, Target, metric_of
 from geodesic_ocp.geodesics.shooting import shot
 from geodesic_ocp.geodesics.transported_gradient import descended
@@ -32,9 +32,9 @@ class ToPose:
     """A geodesic to a pose of the hand.
 
     Attributes:
-        path: the geodesic; None where it is a single posture.
+        path: the geodesic; None where it is a single configuration.
         velocity: q'(0), (n,).
-        posture: at its end, (n,).
+        configuration: at its end, (n,).
         position_error, rotation_error: of the hand there [m], [rad]; of what was asked for.
         energy: 1/2 |q'(0)|_G^2.
         iterations: that were needed.
@@ -45,7 +45,7 @@ class ToPose:
 
     path: Geodesic | None
     velocity: Array
-    posture: Array
+    configuration: Array
     position_error: float
     rotation_error: float
     energy: float
@@ -67,7 +67,7 @@ def geodesic_to_pose(
     method: Method = "newton",
     throw: bool = True,
 ) -> ToPose:
-    """The geodesic from a posture whose end brings the hand nearest to a pose.
+    """The geodesic from a configuration whose end brings the hand nearest to a pose.
 
     min over v = q'(0) of 1/2 |(a dp, b dr)|^2 + w/2 |v|_G^2 / tr G, where dp and dr are the way and
     the rotation vector from the hand at Exp_start(v) to the pose; the rotation vector is twice as
@@ -77,11 +77,11 @@ def geodesic_to_pose(
 
     Args:
         model: whose hand it is; the metric is its kinetic energy.
-        start: posture (n,) [rad or m].
+        start: configuration (n,) [rad or m].
         position: of the hand, (3,) [m] in the base's frame; None leaves it free.
         rotation: of the hand, (3, 3); None leaves it free.
         velocity: (n,) to start the search from; zero by default.
-        towards: posture (n,) to start the search from: its logarithm is the velocity.
+        towards: configuration (n,) to start the search from: its logarithm is the velocity.
         weights: a [1/m] and b [1/rad].
         energy_weight: w of the energy in units of the metric's trace at the start. Not used by
             "transport", which stops at whatever geodesic it comes to first.
@@ -137,19 +137,19 @@ def _first_velocity(
 def _record(target: Target, found: Found, given: Array) -> ToPose:
     """What was found, with the path, and the errors of what was given."""
     velocity, iterations, success, status = found
-    path, posture = None, target.q0
+    path, configuration = None, target.q0
     if np.any(velocity):
         try:
-            path = shoot(target.metric, target.q0, velocity)
-            posture = path.nodes[-1]
+            path = geodesic_from_velocity(target.metric, target.q0, velocity)
+            configuration = path.nodes[-1]
         except GeodesicOcpError as error:
             success, status = False, f"{status}; {error}"
-    rotation, position = target.model.hand_pose(posture)
+    rotation, position = target.model.hand_pose(configuration)
     away, angle = pose_miss(rotation, position, target.rotation, target.position)
     return ToPose(
         path,
         velocity,
-        posture,
+        configuration,
         away if given[0] else 0.0,
         angle if given[1] else 0.0,
         float(target.metric.inner(target.q0, velocity, velocity)) / 2.0,

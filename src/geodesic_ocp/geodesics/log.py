@@ -14,12 +14,12 @@ from geodesic_ocp.arrays import Array, as_vector
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
 from geodesic_ocp.geodesics.multi_start import search
 from geodesic_ocp.geodesics.single_start import CHECK_TOLERANCE, TOLERANCE, Found
-from geodesic_ocp.manifold.exp import exp, trajectory
+from geodesic_ocp.manifold.exp import exp, sample_geodesic
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.ocp.solve.certificate import Certificate, certify
+from geodesic_ocp.over_rows import over_rows
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
-from geodesic_ocp.vectorized import by_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,11 +44,13 @@ class Geodesic(Path):
         return certify(self, self.velocity)
 
 
-@by_rows
-def log(metric: Metric, q0: ArrayLike, q1: ArrayLike, *, starts: int = 1, seed: int = 0) -> Array:
+@over_rows
+def log(
+    metric: Metric, q0: ArrayLike, q1: ArrayLike, *, num_starts: int = 1, seed: int = 0
+) -> Array:
     """Log_q0(q1): the velocity v0 (n,) with Exp_q0(v0) = q1.
 
-    Where several geodesics join the two points: the shortest of those found from `starts` starts,
+    Where several geodesics join the two points: the shortest of those found from `num_starts` starts,
     of which the first is the straight line; see `geodesics`. |Exp(q0, v0) - q1| <= 1e-9 in every
     coordinate, from more than one start up to whole periods of the metric's coordinates. For k
     points (k, n) at either end or both: k velocities (k, n).
@@ -58,19 +60,19 @@ def log(metric: Metric, q0: ArrayLike, q1: ArrayLike, *, starts: int = 1, seed: 
             on which the metric is not.
         NotConverged: no geodesic was found, or it does not end at q1 when integrated forward.
     """
-    return _search(metric, q0, q1, starts, seed)[0].velocity
+    return _search(metric, q0, q1, num_starts, seed)[0].velocity
 
 
-@by_rows
+@over_rows
 def distance(
-    metric: Metric, q0: ArrayLike, q1: ArrayLike, *, starts: int = 1, seed: int = 0
+    metric: Metric, q0: ArrayLike, q1: ArrayLike, *, num_starts: int = 1, seed: int = 0
 ) -> Any:
     """Length |Log_q0(q1)| of the geodesic of `log`, a float; for k pairs an array (k,)."""
-    return float(metric.norm(q0, log(metric, q0, q1, starts=starts, seed=seed)))
+    return float(metric.norm(q0, log(metric, q0, q1, num_starts=num_starts, seed=seed)))
 
 
 def geodesic(
-    metric: Metric, q0: ArrayLike, q1: ArrayLike, *, starts: int = 1, seed: int = 0
+    metric: Metric, q0: ArrayLike, q1: ArrayLike, *, num_starts: int = 1, seed: int = 0
 ) -> Geodesic:
     """The geodesic of `log` as a path from q0 to q1 at constant speed.
 
@@ -81,11 +83,11 @@ def geodesic(
         ValueError: wrong shapes, or numbers that are not finite.
         NotConverged: see `log`.
     """
-    return _drawn(metric, _search(metric, q0, q1, starts, seed)[0])
+    return _drawn(metric, _search(metric, q0, q1, num_starts, seed)[0])
 
 
 def geodesics(
-    metric: Metric, q0: ArrayLike, q1: ArrayLike, *, starts: int = 20, seed: int = 0
+    metric: Metric, q0: ArrayLike, q1: ArrayLike, *, num_starts: int = 20, seed: int = 0
 ) -> tuple[Geodesic, ...]:
     """All distinct geodesics from q0 to q1 that are found from several starts, shortest first.
 
@@ -98,7 +100,7 @@ def geodesics(
         metric: of the manifold.
         q0, q1: the ends (n,); paths may end whole periods away from q1, which is where the metric
             must be the same.
-        starts: how many, at least one.
+        num_starts: how many starts, at least one.
         seed: of the random numbers.
 
     A geodesic that turns too sharply to be drawn is left out with a RuntimeWarning.
@@ -108,7 +110,7 @@ def geodesics(
     """
     drawn: list[Geodesic] = []
     failures: list[NotConverged] = []
-    for found in _search(metric, q0, q1, starts, seed):
+    for found in _search(metric, q0, q1, num_starts, seed):
         try:
             drawn.append(_drawn(metric, found))
         except NotConverged as failure:
@@ -120,7 +122,7 @@ def geodesics(
     return tuple(drawn)
 
 
-def shoot(metric: Metric, q0: ArrayLike, v0: ArrayLike) -> Geodesic:
+def geodesic_from_velocity(metric: Metric, q0: ArrayLike, v0: ArrayLike) -> Geodesic:
     """The geodesic that starts at q0 (n,) with velocity v0 (n,), as a path up to Exp_q0(v0).
 
     Raises:
@@ -135,16 +137,20 @@ def shoot(metric: Metric, q0: ArrayLike, v0: ArrayLike) -> Geodesic:
     return _drawn(metric, Found(start, exp(metric, start, velocity), velocity, None))
 
 
-def _search(metric: Metric, q0: ArrayLike, q1: ArrayLike, starts: int, seed: int) -> list[Found]:
+def _search(
+    metric: Metric, q0: ArrayLike, q1: ArrayLike, num_starts: int, seed: int
+) -> list[Found]:
     metric = as_metric(metric)
-    return search(metric, metric.point("q0", q0), metric.point("q1", q1), starts, seed)
+    return search(metric, metric.point("q0", q0), metric.point("q1", q1), num_starts, seed)
 
 
 def _integrated(metric: Metric, found: Found, grid: Grid) -> tuple[Array, Array]:
     """Points and velocities at the grid's nodes, as exact as can be, to `TOLERANCE` at least."""
     for tolerance in (CHECK_TOLERANCE, TOLERANCE):
         try:
-            return trajectory(metric, found.q0, found.velocity, grid.nodes, tolerance=tolerance)
+            return sample_geodesic(
+                metric, found.q0, found.velocity, grid.nodes, tolerance=tolerance
+            )
         except IntegrationFailed as error:
             failure = error
     raise NotConverged(f"the geodesic cannot be drawn: {failure}")

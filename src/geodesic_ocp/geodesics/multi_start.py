@@ -30,15 +30,15 @@ _MOST = 6  # coordinates that are taken one more period either way
 _EQUAL = 1e-6
 
 
-def search(metric: Metric, q0: Array, q1: Array, starts: int, seed: int) -> list[Found]:
+def search(metric: Metric, q0: Array, q1: Array, num_starts: int, seed: int) -> list[Found]:
     """The distinct geodesics that were found from so many starts, shortest first.
 
     Raises:
-        ValueError: starts is not a positive integer, seed not a natural number, or the metric's
+        ValueError: num_starts is not a positive integer, seed not a natural number, or the metric's
             periods are wrong.
         NotConverged: none was found.
     """
-    count = _natural("starts", starts, 1)
+    count = _natural("num_starts", num_starts, 1)
     seed = _natural("seed", seed, 0)
     if count == 1:
         return [from_path(metric, q0, q1, None)]

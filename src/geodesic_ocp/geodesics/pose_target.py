@@ -26,11 +26,11 @@ class Found(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """A pose to come near to from a posture; weights that are zero leave it free.
+    """A pose to come near to from a configuration; weights that are zero leave it free.
 
     Attributes:
         model: whose hand it is.
-        q0: posture to start from (n,).
+        q0: configuration to start from (n,).
         position, rotation: of the hand (3,), (3, 3).
         weights: of both (2,).
     """

@@ -16,7 +16,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, evaluate
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
-from geodesic_ocp.manifold.exp import exp, integrated
+from geodesic_ocp.manifold.exp import exp, integrate_geodesic
 from geodesic_ocp.manifold.exp_derivative import exp_with_derivative
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.ocp.nlp.structure import transcription_of
@@ -142,9 +142,7 @@ def _cause(metric: Metric, solution: Solution) -> str:
             f"between {low} and {high} the square of a length along {names[worst]} grows by "
             f"{ratios[worst]:.0e}: one of them is near a singularity or a boundary"
         )
-    return (
-        "the start may be a poor one (starts=10 tries more), or the goal lies at a conjugate point"
-    )
+    return "the start may be a poor one (num_starts=10 tries more), or the goal lies at a conjugate point"
 
 
 def from_velocity(metric: Metric, q0: Array, q1: Array, velocity: Array) -> Found:
@@ -188,7 +186,7 @@ def _shot(metric: Metric, q0: Array, q1: Array, velocity: Array) -> Found:
 
 def _arrival(metric: Metric, q0: Array, velocity: Array) -> Array:
     steps = _COARSE_STEP_TOLERANCE
-    positions, _ = integrated(metric, q0, velocity, _UNIT, steps, max_steps=_MAX_STEPS)
+    positions, _ = integrate_geodesic(metric, q0, velocity, _UNIT, steps, max_steps=_MAX_STEPS)
     return np.asarray(positions[-1])
 
 
@@ -200,7 +198,7 @@ def _corrected(
     target = CHECK_TOLERANCE * min(1.0, float(np.abs(goal - start).max()))
     best, best_miss = velocity, np.inf
     for _ in range(_CORRECTIONS):
-        positions, _ = integrated(
+        positions, _ = integrate_geodesic(
             metric, start, velocity, _UNIT, _STEP_TOLERANCE, max_steps=_MAX_STEPS
         )
         gap = positions[-1] - goal

@@ -10,7 +10,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import IntegrationFailed
-from geodesic_ocp.geodesics.log import shoot
+from geodesic_ocp.geodesics.log import geodesic_from_velocity
 from geodesic_ocp.geodesics.pose_target import Found, Target
 from geodesic_ocp.manifold.exp import exp
 from geodesic_ocp.manifold.parallel_transport import parallel_transport
@@ -35,7 +35,7 @@ def descended(target: Target, v: Array) -> Found:
         jacobian = rows[:, None] * target.model.hand_jacobian(end)
         step = np.linalg.pinv(jacobian, rcond=_CUT) @ missed
         if np.any(v):
-            path = shoot(metric, q0, v)
+            path = geodesic_from_velocity(metric, q0, v)
             back = Path(metric, path.grid, path.nodes[::-1])  # its grids are symmetric
             step = parallel_transport(metric, back, step)
         share = 1.0

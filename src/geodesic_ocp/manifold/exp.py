@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, as_positive, as_vector
 from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.manifold.metric import Metric, as_metric
-from geodesic_ocp.vectorized import by_rows
+from geodesic_ocp.over_rows import over_rows
 
 # The error of each step is held this much below the tolerance at first, and at most.
 _STEP_SHARE = 0.02
@@ -25,7 +25,7 @@ _LOOSER = 30.0
 _ESTIMATE = 0.5
 
 
-@by_rows
+@over_rows
 def exp(metric: Metric, q: Any, v: Any, *, tolerance: float = 1e-9) -> Array:
     """Exp_q(v): the point at time 1 of the geodesic through q (n,) with velocity v (n,).
 
@@ -40,11 +40,11 @@ def exp(metric: Metric, q: Any, v: Any, *, tolerance: float = 1e-9) -> Array:
         IntegrationFailed: the metric becomes singular on the way, or the tolerance is unreachable;
             `time` and `state` say where.
     """
-    positions, _ = trajectory(metric, q, v, np.array([0.0, 1.0]), tolerance=tolerance)
+    positions, _ = sample_geodesic(metric, q, v, np.array([0.0, 1.0]), tolerance=tolerance)
     return np.asarray(positions[-1])
 
 
-def trajectory(
+def sample_geodesic(
     metric: Metric, q: Any, v: Any, times: ArrayLike, *, tolerance: float = 1e-9
 ) -> tuple[Array, Array]:
     """Positions and velocities, (k, n) each, at k increasing times of the geodesic of `exp`.
@@ -58,10 +58,10 @@ def trajectory(
     if instants.ndim != 1 or instants.size < 2 or not np.all(np.diff(instants) > 0):
         raise ValueError("times must be at least two increasing numbers")
     of_steps = max(_STEP_SHARE * tolerance, _SMALLEST)
-    positions, _ = integrated(metric, point, velocity, instants, _LOOSER * of_steps)
+    positions, _ = integrate_geodesic(metric, point, velocity, instants, _LOOSER * of_steps)
     while True:
         looser = positions
-        positions, velocities = integrated(metric, point, velocity, instants, of_steps)
+        positions, velocities = integrate_geodesic(metric, point, velocity, instants, of_steps)
         error = _ESTIMATE * float(np.abs(positions - looser).max())
         if error <= tolerance:
             _check_speed(metric, positions, velocities)
@@ -93,7 +93,7 @@ def _check_speed(metric: Metric, positions: Array, velocities: Array) -> None:
         )
 
 
-def integrated(
+def integrate_geodesic(
     metric: Metric,
     q: Array,
     v: Array,
@@ -102,7 +102,7 @@ def integrated(
     *,
     max_steps: int = 20_000,
 ) -> tuple[Array, Array]:
-    """One integration of the geodesic with this error of a step: `trajectory` without its check."""
+    """One integration of the geodesic with this error of a step: `sample_geodesic` without its check."""
     try:
         states = metric.geodesic_integrator(
             np.concatenate([q, v]), times, of_steps, max_steps=max_steps

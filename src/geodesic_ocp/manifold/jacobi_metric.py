@@ -13,7 +13,7 @@ from geodesic_ocp.manifold.kinetic_energy import ModelMetric
 
 
 @dataclass(frozen=True)
-class Jacobi(ModelMetric):
+class JacobiMetric(ModelMetric):
     """(E - V(q)) G(q): geodesics are the paths that the model takes by itself at total energy E.
 
     The principle of Maupertuis in Jacobi's form (Arnold, *Mathematical Methods of Classical

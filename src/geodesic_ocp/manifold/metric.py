@@ -12,7 +12,6 @@ from __future__ import annotations
 import functools
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -283,17 +282,3 @@ class Metric(ABC):
         if is_symbolic(q, v):
             return self.geodesic_equation(ca.vertcat(q, v))[self.dim :]
         return evaluate(self.geodesic_equation, np.concatenate([q, v]))[self.dim :, 0]
-
-
-@dataclass(frozen=True)
-class Euclidean(Metric):
-    """The flat metric of R^n: geodesics are straight lines."""
-
-    dim: int
-
-    def __post_init__(self) -> None:
-        as_metric(self)
-
-    def matrix(self, q: Any) -> Any:
-        """The identity (n, n)."""
-        return type(q).eye(self.dim)

@@ -89,8 +89,8 @@ def _region(h: ca.SX, q: ca.SX, labels: list[str], joints: list[int]) -> Region:
 
 
 def middle(model: Model) -> Array:
-    """The posture (n,) in the middle of the limits; nearest to zero where a joint has not both."""
+    """The configuration (n,) in the middle of the limits; nearest to zero where a joint has not both."""
     both = np.isfinite(model.lower) & np.isfinite(model.upper)
-    posture = np.clip(0.0, model.lower, model.upper)
-    posture[both] = (model.lower[both] + model.upper[both]) / 2.0
-    return np.asarray(posture)
+    configuration = np.clip(0.0, model.lower, model.upper)
+    configuration[both] = (model.lower[both] + model.upper[both]) / 2.0
+    return np.asarray(configuration)

@@ -31,7 +31,7 @@ class RegionAvoiding(Metric):
     Meixner, Asfour, "On the Design of Region-Avoiding Metrics for Collision-Safe Motion Generation
     on Riemannian Manifolds" (2023).
 
-    w_i = 1 / (grad h_i' G^-1 grad h_i) at `posture`, the inertia that is felt against h_i there:
+    w_i = 1 / (grad h_i' G^-1 grad h_i) at `configuration`, the inertia that is felt against h_i there:
     a joint's, or the hand's apparent mass, if h_i is its distance to a table.
 
     A factor 1 + sum_i (margin_i / h_i)^2 on G would do too, as in the hyperbolic half-plane, but
@@ -44,7 +44,7 @@ class RegionAvoiding(Metric):
             None takes the finite limits of the metric's model, q_j - lower_j and upper_j - q_j.
         margin: value of h_i [its unit] at which motion towards the boundary weighs double; one for
             all, one for each function, or, of joint limits, one for each joint [rad or m].
-        posture: q (n,) where w_i is measured, in the region or not; None is the middle of the
+        configuration: q (n,) where w_i is measured, in the region or not; None is the middle of the
             joints' limits, or the origin of a metric without a model.
 
     Functions are equal as Python has it: the same object. Where the straight line between two
@@ -52,13 +52,13 @@ class RegionAvoiding(Metric):
 
     Raises:
         ValueError: functions do not give scalar expressions in q, or are None and there is no model
-            with finite limits; a margin is not positive; or an h_i has no slope at the posture.
+            with finite limits; a margin is not positive; or an h_i has no slope at the configuration.
     """
 
     metric: Metric
     functions: Callable[[ca.SX], Any] | None = None
     margin: float | Sequence[float] = 0.1
-    posture: Sequence[float] | None = None
+    configuration: Sequence[float] | None = None
 
     def __post_init__(self) -> None:
         as_metric(self.metric)
@@ -70,9 +70,9 @@ class RegionAvoiding(Metric):
         if not np.all(np.asarray(margin) > 0.0):
             raise ValueError(f"margin must be positive, got {margin}")
         object.__setattr__(self, "margin", margin)
-        if self.posture is not None:
-            posture = tuple(as_vector("posture", self.posture, self.dim).tolist())
-            object.__setattr__(self, "posture", posture)
+        if self.configuration is not None:
+            configuration = tuple(as_vector("configuration", self.configuration, self.dim).tolist())
+            object.__setattr__(self, "configuration", configuration)
         # What is wrong with the functions shows here, where they were given.
         _ = self._barrier
 
@@ -120,17 +120,17 @@ class RegionAvoiding(Metric):
     def _lengths(self) -> Array:
         """margin_i sqrt(w_i), (m,): what a factor e of h_i adds to a path's length at least."""
         region = self._region
-        if self.posture is not None:
-            q = np.array(self.posture)
+        if self.configuration is not None:
+            q = np.array(self.configuration)
         else:
             model = getattr(self.metric, "model", None)
             q = np.zeros(self.dim) if model is None else middle(model)
-        q = self.metric.point("posture", q)
+        q = self.metric.point("configuration", q)
         slopes, tensor = region.slopes(q).full(), self.metric.matrix(q)
         mobilities = np.sum(slopes.T * np.linalg.solve(tensor, slopes.T), axis=0)
         for label, mobility in zip(region.labels, mobilities, strict=True):
             if not 0.0 < mobility < np.inf:
-                raise ValueError(f"posture: {label} has no slope at {q}: give another")
+                raise ValueError(f"configuration: {label} has no slope at {q}: give another")
         margin = np.atleast_1d(self.margin)
         if margin.size > 1 and region.joints:
             margin = margin[list(region.joints)]

@@ -110,7 +110,7 @@ _DE_LEVA = {
 def _de_leva(people: _People) -> Anthropometry:
     """Lengths are the mean ones, in proportion to stature.
 
-    The sagittal axis goes from back to front in the anatomical posture, with the palm forward:
+    The sagittal axis goes from back to front in the anatomical configuration, with the palm forward:
     through the palm, which in the hanging arm here looks along x, and the forearm turns with it.
     The upper arm does not: its sagittal axis is y.
     """

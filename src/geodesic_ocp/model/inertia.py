@@ -92,7 +92,7 @@ def _link_of(model: pin.Model, index: int) -> str:
 
 
 def _check_mass_matrix(model: pin.Model) -> None:
-    """Singular in every posture: some joint moves nothing, though there is mass beyond it."""
+    """Singular in every configuration: some joint moves nothing, though there is mass beyond it."""
     rng, data = np.random.default_rng(0), model.createData()
     weightless = model.copy()
     weightless.gravity = pin.Motion.Zero()
@@ -109,6 +109,6 @@ def _check_mass_matrix(model: pin.Model) -> None:
     joints = list(model.joints)
     index = next(i for i in range(1, model.njoints) if joints[i].idx_v == int(np.argmax(idle)))
     raise ValueError(
-        f"link {_link_of(model, index)!r}: the mass matrix is singular in every posture, as joint "
+        f"link {_link_of(model, index)!r}: the mass matrix is singular in every configuration, as joint "
         f"{model.names[index]!r} can move without moving any mass"
     )

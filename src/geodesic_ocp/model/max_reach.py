@@ -17,7 +17,7 @@ def reach(
 ) -> float:
     """Largest distance [m] found of a frame from a joint, wherever that is.
 
-    Minimises -|p(q) - p_joint(q)|^2 within the limits from random postures.
+    Minimises -|p(q) - p_joint(q)|^2 within the limits from random configurations.
 
     Args:
         model: with one coordinate for each joint.

@@ -30,7 +30,7 @@ class Model:
         pin: the Pinocchio model (a private copy is kept).
         hand: name of the hand's frame in `pin`.
         backend: "pinocchio.casadi" or "built-in"; None takes the first that is available.
-        continuous: names of the joints that turn fully, so that postures a turn apart are the same;
+        continuous: names of the joints that turn fully, so that configurations a turn apart are the same;
             continuous joints of `pin` are added, and become angles within +-2 pi rad.
         shapes: capsules and spheres that are fixed to its frames, or a function that reads them
             when `bodies` is first asked for.
@@ -126,7 +126,7 @@ class Model:
     def reach(self) -> float:
         """Largest distance [m] of the hand from where its first joint is, within the limits.
 
-        Found by optimisation from several postures: a lower bound, in practice the value.
+        Found by optimisation from several configurations: a lower bound, in practice the value.
         """
         return reach(self.pin, self._hand_id, self.lower, self.upper)
 

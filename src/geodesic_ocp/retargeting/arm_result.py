@@ -15,7 +15,7 @@ from geodesic_ocp.retargeting.alignment import Alignment
 from geodesic_ocp.retargeting.merge_synergies import SynergyGroup
 from geodesic_ocp.retargeting.transfer import Transfer, velocity_limits
 from geodesic_ocp.synergies.analyse import Analysis
-from geodesic_ocp.synergies.evaluate import Errors, pose_errors, work
+from geodesic_ocp.synergies.evaluate import MotionErrors, pose_errors, work
 from geodesic_ocp.synergies.reconstruct import Synergy
 from geodesic_ocp.trajectory.joint_trajectory import Trajectory
 from geodesic_ocp.trajectory.motion import Motion
@@ -58,7 +58,7 @@ class RetargetedArm:
             person, in the robot's base frame, at all samples.
         baseline: what a velocity controller does that follows the whole way of the hand.
         out_of_reach: by number (0 is the first, k + 1 the end of synergy k) of a pose that no
-            posture has, distance [m] and angle [rad] of the nearest.
+            configuration has, distance [m] and angle [rad] of the nearest.
     """
 
     analysis: Analysis
@@ -89,7 +89,7 @@ class RetargetedArm:
     def _figures(self, motion: Motion) -> Figures:
         robot = self.robot
         assert motion.velocity is not None
-        errors: Errors = pose_errors(robot.hand_pose(motion.q), self.wanted)
+        errors: MotionErrors = pose_errors(robot.hand_pose(motion.q), self.wanted)
         outside = np.maximum(robot.lower - motion.q, motion.q - robot.upper)
         return Figures(
             energy=work(KineticEnergy(robot), motion),

@@ -18,9 +18,9 @@ from geodesic_ocp.retargeting.targets import (
     Conditions,
     Goal,
     Pose,
-    first_posture,
+    first_configuration,
     goals,
-    near_posture,
+    near_configuration,
 )
 from geodesic_ocp.retargeting.time_scaling import Arm, Timing, hand_over_speeds
 from geodesic_ocp.retargeting.transfer import Transfer, transferred, velocity_limits
@@ -52,7 +52,7 @@ class Request:
 
 @dataclass(frozen=True, eq=False)
 class Carrying:
-    """From a person's postures to poses of a robot's hand.
+    """From a person's configurations to poses of a robot's hand.
 
     Attributes:
         model: of the person's arm.
@@ -80,7 +80,7 @@ class Carrying:
         return cls(model, source, target, as_positive("scale", scale), bool(mirror))
 
     def __call__(self, q: Array) -> tuple[Array, Array]:
-        """Rotations (k, 3, 3) and positions (k, 3) [m] in the robot's base, of postures (k, n)."""
+        """Rotations (k, 3, 3) and positions (k, 3) [m] in the robot's base, of configurations (k, n)."""
         rotation, position = self.source.person(*self.model.hand_pose(q))
         return self.target.carried(rotation, position, scale=self.scale, mirror=self.mirror)
 
@@ -93,12 +93,12 @@ class Task:
         motion: of the person.
         synergies: of the person.
         robot: the arm.
-        carrying: from the person's postures to poses of the robot's hand.
+        carrying: from the person's configurations to poses of the robot's hand.
         groups: the synergies, dropped and merged.
         hand: rotations (k, 3, 3) and positions (k, 3) of the robot's hand at all samples, carried
             over.
         first: pose at the beginning.
-        start: posture of the robot to begin in (n,).
+        start: configuration of the robot to begin in (n,).
         begin: by how much that misses the first pose [m], [rad]; nothing where it was given.
         goals: the pose at the end of each group; None of a rest.
         conditions: of the paths.
@@ -126,11 +126,11 @@ class Task:
         first: ArrayLike | None,
         request: Request,
     ) -> Task:
-        """With the poses carried over, and the first posture found.
+        """With the poses carried over, and the first configuration found.
 
         Raises:
-            ValueError: the first posture that is given does not fit, or thresholds do not.
-            NotConverged: no posture is clear of bodies.
+            ValueError: the first configuration that is given does not fit, or thresholds do not.
+            NotConverged: no configuration is clear of bodies.
         """
         conditions = request.conditions
         groups = merge_synergies(synergies, drop=request.drop, merge=request.merge)
@@ -141,7 +141,7 @@ class Task:
             )
             for k in _samples(groups)
         )
-        start = first_posture(robot, poses[0], conditions, first)
+        start = first_configuration(robot, poses[0], conditions, first)
         found = [
             None if group.kind == "rest" else pose
             for group, pose in zip(groups, poses[1:], strict=True)
@@ -242,8 +242,8 @@ class Task:
         turning = self.first.rotation is not None
         placing = self.first.position is not None
         counts = steps_between(motion)
-        # From a posture of one's own it would first rush to the hand's place.
-        start = near_posture(self.robot, self.start, self.first, self.conditions)
+        # From a configuration of one's own it would first rush to the hand's place.
+        start = near_configuration(self.robot, self.start, self.first, self.conditions)
         followed = track_poses(
             self.robot, start, time, poses, counts=counts, turning=turning, placing=placing
         )

@@ -47,7 +47,7 @@ def retarget(
     position_weight: float = 1.0,
     orientation_weight: float = 1.0,
     energy_weight: float = ENERGY_WEIGHT,
-    starts: int = 1,
+    num_starts: int = 1,
     rest: bool = False,
     throw: bool = True,
     progress: Progress | None = None,
@@ -56,7 +56,7 @@ def retarget(
 
     Short synergies are dropped and small ones merged (`go.merge_synergies`); the hand's poses at
     the ends of what is left, from the shoulder and scaled by the ratio of the arms' lengths, are
-    carried over (`go.Alignment`). From the first posture on, each synergy of the robot begins where
+    carried over (`go.Alignment`). From the first configuration on, each synergy of the robot begins where
     the last ended. It takes the person's time, and hands over at the person's speed in proportion
     to the lengths; where a joint would be too fast, time is stretched.
 
@@ -65,14 +65,14 @@ def retarget(
             both arms at once, which then share the stretched time. Arms are not planned around each
             other.
         robot: the arm, or as many as there are analyses.
-        formulation: "constrained", the path of least energy to any posture in which the hand has
+        formulation: "constrained", the path of least energy to any configuration in which the hand has
             the pose exactly (`Reach`), under all that follows, or where there is none, to the
             nearest; or "geodesic", the free geodesic whose end is nearest to the pose
             (`geodesic_to_pose`), which knows no limits and no bodies.
         alignment: of shoulders and hands; by default the known robot's (`go.alignment`). For
             several robots one each.
         person: likewise of the person's arm, where that is not a `human_arm`.
-        start: posture (n,) to begin in [rad or m]; by default, by inverse kinematics, the one with
+        start: configuration (n,) to begin in [rad or m]; by default, by inverse kinematics, the one with
             the first pose that is nearest to the middle of the joints' ranges. For several robots
             one each.
         scale: of positions; by default the ratio of the arms' lengths.
@@ -82,17 +82,17 @@ def retarget(
         speed_limits: whether the joints' limits of speed are kept, by other paths where there are,
             and by stretching time.
         obstacles, links, pairs, margin: bodies that are kept apart, in the robot's base frame; see
-            `Reach` and `separate_pairs`.
+            `Reach` and `collision_pairs`.
         position_weight, orientation_weight: [1/m] and [1/rad] of the hand's miss, where the pose is
             not reached; zero leaves the position or the orientation free altogether.
         energy_weight: of the energy, in the formulation "geodesic".
-        starts: how many solutions are sought for each synergy, from different postures of inverse
-            kinematics; the one of least energy is taken. The next posture is also tried after a
+        num_starts: how many solutions are sought for each synergy, from different configurations of inverse
+            kinematics; the one of least energy is taken. The next configuration is also tried after a
             failure.
         rest: whether the motion begins and ends at rest; by default it does so at the person's
             speed, which a robot cannot do where the recording begins or ends in motion.
         throw: raise where a path is not found; else the arm stays where it is, which the result's
-            transfers say. That no posture at all is clear of the bodies is always raised.
+            transfers say. That no configuration at all is clear of the bodies is always raised.
         progress: called with what is being done, how much is done and how much there is.
 
     Warns:
@@ -129,7 +129,7 @@ def retarget(
             "position_weight and orientation_weight must be zero or above, and not both zero, got "
             f"{position_weight:g} and {orientation_weight:g}"
         )
-    _check_kinds(starts, mirror)
+    _check_kinds(num_starts, mirror)
     clear = Clear.of(obstacles, links, pairs, margin)
     free = formulation == "geodesic"
     if free and (clear.obstacles or clear.pairs):
@@ -141,7 +141,7 @@ def retarget(
         clear,
         (position_weight or 1.0, orientation_weight or 1.0),
         as_positive("energy_weight", energy_weight),
-        int(starts),
+        int(num_starts),
     )
     request = Request(
         scale, mirror, drop, merge, position_weight > 0.0, orientation_weight > 0.0, conditions
@@ -194,9 +194,9 @@ def retarget(
     return Retargeting(tuple(arms), timing, formulation, conditions.limits, seconds)
 
 
-def _check_kinds(starts: Any, mirror: Any) -> None:
-    if not isinstance(starts, Integral) or starts < 1:
-        raise ValueError(f"starts must be an integer above zero, got {starts!r}")
+def _check_kinds(num_starts: Any, mirror: Any) -> None:
+    if not isinstance(num_starts, Integral) or num_starts < 1:
+        raise ValueError(f"num_starts must be an integer above zero, got {num_starts!r}")
     if mirror not in (None, True, False):
         raise ValueError(f"mirror must be True, False or None, got {mirror!r}")
 

@@ -1,4 +1,4 @@
-"""Poses that a robot's hand is to have, and postures that have them."""
+"""Poses that a robot's hand is to have, and configurations that have them."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_vector
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.model.geometry.signed_distances import clearances
+from geodesic_ocp.model.geometry.signed_distances import signed_distances
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.ocp.ik.inverse_kinematics import Clear, find_postures
-from geodesic_ocp.ocp.ik.nearest import nearest_posture
+from geodesic_ocp.ocp.ik.inverse_kinematics import Clear, inverse_kinematics_solutions
+from geodesic_ocp.ocp.ik.nearest import nearest_configuration
 from geodesic_ocp.ocp.ik.pose_error import pose_miss
 
 Formulation = Literal["constrained", "geodesic"]
 # Conditions hold to this between the nodes, and limits are narrowed by twice as much.
 TOLERANCE = 1e-6
 REACHED = 1e-6  # [m] and [rad]
-_SEVERAL = 8  # postures of inverse kinematics
+_SEVERAL = 8  # configurations of inverse kinematics
 _SAME = 1e-3  # [rad or m]
 _CLOSE = 1e-3  # [m] and [rad]
 
@@ -65,17 +65,17 @@ class Goal:
 
     Attributes:
         pose: that is asked for.
-        posture: with that pose, or with the nearest (n,).
+        configuration: with that pose, or with the nearest (n,).
         missed: distance [m] and angle [rad] of the hand from the pose there.
     """
 
     pose: Pose
-    posture: Array
+    configuration: Array
     missed: tuple[float, float]
 
     @property
     def within_reach(self) -> bool:
-        """Whether the posture has the pose."""
+        """Whether the configuration has the pose."""
         return max(self.missed) <= REACHED
 
 
@@ -89,7 +89,7 @@ class Conditions:
     clear: Clear
     weights: tuple[float, float]
     energy_weight: float
-    starts: int
+    num_starts: int
 
 
 @lru_cache(maxsize=16)
@@ -99,19 +99,19 @@ def narrowed(robot: Model) -> Model:
     return robot.with_limits(robot.lower + gap, robot.upper - gap)
 
 
-def first_posture(
+def first_configuration(
     robot: Model, pose: Pose, conditions: Conditions, given: ArrayLike | None
 ) -> Array:
-    """Posture (n,) to begin in: one that is given, or that has the pose and is near mid-range.
+    """Configuration (n,) to begin in: one that is given, or that has the pose and is near mid-range.
 
     Raises:
         ValueError: the one that is given is outside the limits, or too near to a body.
-        NotConverged: no posture is clear of the bodies.
+        NotConverged: no configuration is clear of the bodies.
     """
     arm, clear = narrowed(robot) if conditions.limits else robot, conditions.clear
     if given is None:
         middle = np.where(np.isfinite(arm.upper - arm.lower), (arm.upper + arm.lower) / 2.0, 0.0)
-        return _posture(arm, middle, pose, conditions, _SEVERAL)
+        return _configuration(arm, middle, pose, conditions, _SEVERAL)
     start = as_vector("start", given, robot.dof)
     if conditions.limits:
         for joint, value, low, high in zip(
@@ -131,38 +131,40 @@ def first_posture(
 
 
 def _clearances(robot: Model, q: Array, clear: Clear) -> dict[str, float]:
-    return clearances(robot, q, clear.obstacles, links=clear.links, pairs=clear.pairs)
+    return signed_distances(robot, q, clear.obstacles, links=clear.links, pairs=clear.pairs)
 
 
-def _posture(arm: Model, near: Array, pose: Pose, conditions: Conditions, enough: int = 1) -> Array:
-    """The posture with the pose, the nearest of so many, or the one nearest to it."""
+def _configuration(
+    arm: Model, near: Array, pose: Pose, conditions: Conditions, enough: int = 1
+) -> Array:
+    """The configuration with the pose, the nearest of so many, or the one nearest to it."""
     try:
-        return _postures(arm, near, pose, conditions, enough)[0]
+        return _configurations(arm, near, pose, conditions, enough)[0]
     except NotConverged:
         given = (pose.position, pose.rotation, conditions.weights, conditions.limits)
-        return nearest_posture(arm, near, *given, conditions.clear)
+        return nearest_configuration(arm, near, *given, conditions.clear)
 
 
-def _postures(
+def _configurations(
     arm: Model, near: Array, pose: Pose, conditions: Conditions, enough: int
 ) -> list[Array]:
     given = (pose.position, pose.rotation, conditions.limits, None, conditions.clear)
-    return find_postures(arm, near, *given, enough)
+    return inverse_kinematics_solutions(arm, near, *given, enough)
 
 
 def ends(arm: Model, near: Array, goal: Goal, conditions: Conditions) -> list[Array]:
-    """Postures in which a path may end, those to which a straight line costs least first."""
+    """Configurations in which a path may end, those to which a straight line costs least first."""
     if not goal.within_reach:
-        return [_posture(arm, near, goal.pose, conditions)]
+        return [_configuration(arm, near, goal.pose, conditions)]
     try:
-        found = _postures(arm, near, goal.pose, conditions, _SEVERAL)
+        found = _configurations(arm, near, goal.pose, conditions, _SEVERAL)
     except NotConverged:  # from here; it was found from elsewhere
-        return [goal.posture]
+        return [goal.configuration]
     distinct: list[Array] = []
-    for posture in found:
-        if all(np.abs(posture - other).max() > _SAME for other in distinct):
-            distinct.append(posture)
-    return sorted(distinct, key=lambda posture: _cost(arm, near, posture))
+    for configuration in found:
+        if all(np.abs(configuration - other).max() > _SAME for other in distinct):
+            distinct.append(configuration)
+    return sorted(distinct, key=lambda configuration: _cost(arm, near, configuration))
 
 
 def _cost(arm: Model, q0: Array, q1: Array) -> float:
@@ -171,18 +173,18 @@ def _cost(arm: Model, q0: Array, q1: Array) -> float:
     return float((q1 - q0) @ np.mean(matrices, axis=0) @ (q1 - q0))
 
 
-def near_posture(robot: Model, start: Array, pose: Pose, conditions: Conditions) -> Array:
-    """The start, if it has the pose, or the posture near it that has, or the nearest to it."""
+def near_configuration(robot: Model, start: Array, pose: Pose, conditions: Conditions) -> Array:
+    """The start, if it has the pose, or the configuration near it that has, or the nearest to it."""
     if max(pose.miss(robot, start)) <= _CLOSE:
         return start
-    return _posture(narrowed(robot) if conditions.limits else robot, start, pose, conditions)
+    return _configuration(narrowed(robot) if conditions.limits else robot, start, pose, conditions)
 
 
 def goals(robot: Model, start: Array, poses: Sequence[Pose], conditions: Conditions) -> list[Goal]:
-    """Postures with the poses, or the nearest to them, each found from the one before."""
+    """Configurations with the poses, or the nearest to them, each found from the one before."""
     arm = narrowed(robot) if conditions.limits else robot
     found, near = [], start
     for pose in poses:
-        near = _posture(arm, near, pose, conditions)
+        near = _configuration(arm, near, pose, conditions)
         found.append(Goal(pose, near, pose.miss(robot, near)))
     return found

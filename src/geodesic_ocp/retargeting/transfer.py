@@ -46,7 +46,7 @@ class Transfer:
     Attributes:
         path: least energy under what was asked for; of no length where the arm rests.
         pose: that was asked for.
-        within_reach: whether inverse kinematics found a posture with that pose, under the limits.
+        within_reach: whether inverse kinematics found a configuration with that pose, under the limits.
         position_error, rotation_error: of the hand at the path's end [m], [rad].
         iterations: of Ipopt, over all grids.
         success: whether the solver found the path.
@@ -77,7 +77,7 @@ def transferred(
 
     Args:
         robot: the arm.
-        start: posture (n,) to begin in.
+        start: configuration (n,) to begin in.
         wanted: poses of the hand; None: the arm stays where it is.
         durations: of each path [s], for the limits of speed.
         conditions: of all paths.
@@ -147,7 +147,7 @@ def _still(metric: KineticEnergy, q: Array) -> Path:
 def _constrained(
     metric: KineticEnergy, q: Array, goal: Goal, duration: float, conditions: Conditions
 ) -> tuple[Path, int, bool, str]:
-    """Least energy under the conditions: with the pose exactly, or to the nearest posture."""
+    """Least energy under the conditions: with the pose exactly, or to the nearest configuration."""
     arm, pose, keep = metric.model, goal.pose, _keywords(conditions)
     iterations = 0
     found: list[Solution] = []
@@ -156,13 +156,13 @@ def _constrained(
     tried: list[Array] = []
     for end in ends(arm, q, goal, conditions):
         tried.append(end)
-        # Out of reach the nearest pose takes its place, which other postures may have, too.
+        # Out of reach the nearest pose takes its place, which other configurations may have, too.
         wanted = pose if goal.within_reach else pose.of(arm, end)
         problem = Reach(arm, q, wanted.position, wanted.rotation, **keep)
         solution = _solved(problem, _line(metric, q, end), duration, conditions)
         iterations += _iterations(solution)
         (found if solution.stats.success else failures).append(solution)
-        if len(found) >= conditions.starts:
+        if len(found) >= conditions.num_starts:
             break
     for end in tried if not found else ():
         fixed = PointToPoint(metric, start, tuple(end.tolist()), **keep)
@@ -179,7 +179,9 @@ def _constrained(
     if not goal.within_reach:
         status = "the pose is out of reach; the path goes to the nearest"
     elif isinstance(best.problem, PointToPoint):
-        status = "the end posture is that of inverse kinematics, and not the one of least energy"
+        status = (
+            "the end configuration is that of inverse kinematics, and not the one of least energy"
+        )
     return best.path, iterations, True, status
 
 
@@ -224,8 +226,8 @@ def velocity_limits(robot: Model) -> Array:
 
 
 def _iterations(solution: Solution) -> int:
-    rounds = solution.stats.rounds
-    return sum(each.iterations for each in rounds) if rounds else solution.stats.iterations
+    history = solution.stats.mesh_history
+    return sum(each.iterations for each in history) if history else solution.stats.iterations
 
 
 def _shot(
@@ -240,7 +242,7 @@ def _shot(
         # Out of reach the nearest pose takes its place.
         wanted = goal.pose
         if not goal.within_reach:
-            wanted = wanted.of(arm, goal.posture if towards is None else towards)
+            wanted = wanted.of(arm, goal.configuration if towards is None else towards)
         velocity = np.zeros(arm.dof)
         if towards is not None:
             rough = _rough(metric, q, wanted, towards)
@@ -261,7 +263,7 @@ def _shot(
         if outcome.success and outcome.path is not None:
             found.append(outcome)
             reached += max(outcome.position_error, outcome.rotation_error) <= REACHED
-            if reached > conditions.starts:
+            if reached > conditions.num_starts:
                 break
     if not found:
         return _still(metric, q), iterations, False, status

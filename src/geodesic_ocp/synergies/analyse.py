@@ -10,11 +10,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from geodesic_ocp.figures import plot
+from geodesic_ocp.manifold.euclidean import Euclidean
 from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
-from geodesic_ocp.manifold.metric import Euclidean
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.records import write_together
-from geodesic_ocp.synergies.evaluate import Errors, evaluate
+from geodesic_ocp.synergies.evaluate import MotionErrors, evaluate
 from geodesic_ocp.synergies.files import save_synergies
 from geodesic_ocp.synergies.reconstruct import Reconstruction, Synergy, reconstruct
 from geodesic_ocp.synergies.segment import segment, segment_zero_velocity
@@ -64,7 +64,7 @@ class Analysis:
     predicted: Motion
     segment_counts: Mapping[str, int]
     predictions: Mapping[str, Motion]
-    errors: Mapping[str, Errors]
+    errors: Mapping[str, MotionErrors]
 
     def table(self) -> Table:
         """Numbers of segments and mean errors of all methods."""

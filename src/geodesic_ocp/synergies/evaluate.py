@@ -15,7 +15,7 @@ from geodesic_ocp.trajectory.motion import Motion
 
 
 @dataclass(frozen=True)
-class Errors:
+class MotionErrors:
     """Means over a motion's samples.
 
     Attributes:
@@ -29,7 +29,7 @@ class Errors:
     orientation: float
 
 
-def evaluate(model: Model, observed: Motion, predicted: Motion) -> Errors:
+def evaluate(model: Model, observed: Motion, predicted: Motion) -> MotionErrors:
     """Mean errors of a predicted motion against the observed one, sample by sample.
 
     Raises:
@@ -42,10 +42,10 @@ def evaluate(model: Model, observed: Motion, predicted: Motion) -> Errors:
     return replace(hands, joint=float(np.mean(np.abs(predicted.q - observed.q))))
 
 
-def pose_errors(poses: tuple[Array, Array], wanted: tuple[Array, Array]) -> Errors:
+def pose_errors(poses: tuple[Array, Array], wanted: tuple[Array, Array]) -> MotionErrors:
     """Mean errors of hands' poses, (k, 3, 3) and (k, 3) each; of no joints."""
     between = poses[0] @ wanted[0].transpose(0, 2, 1)
-    return Errors(
+    return MotionErrors(
         joint=0.0,
         position=float(np.mean(np.linalg.norm(poses[1] - wanted[1], axis=1))),
         orientation=float(np.mean(np.linalg.norm(rotation_vector(between), axis=1))),

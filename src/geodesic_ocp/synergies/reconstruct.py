@@ -30,7 +30,7 @@ class Synergy:
     Attributes:
         start, stop: indices of its first and last sample in the recording.
         start_time: of its first sample [s].
-        path: the geodesic between the observed postures at its ends; of a robot's, the path that
+        path: the geodesic between the observed configurations at its ends; of a robot's, the path that
             brings the hand to its pose.
         law: distance along the path over time from the start.
     """
@@ -52,7 +52,7 @@ class Synergy:
         return self.law.length
 
     def __call__(self, t: ArrayLike, order: int = 0) -> Array:
-        """Posture (k, n), or velocity for order 1, acceleration for 2, at times t (k,) [s].
+        """Configuration (k, n), or velocity for order 1, acceleration for 2, at times t (k,) [s].
 
         Raises:
             ValueError: t lies outside the synergy, or the order is above 2.
@@ -63,7 +63,7 @@ class Synergy:
         return found[0] if np.ndim(t) == 0 else found
 
     def states(self, t: Array) -> tuple[Array, Array, Array]:
-        """Postures, velocities and accelerations, (k, n) each, at times t (k,) [s]."""
+        """Configurations, velocities and accelerations, (k, n) each, at times t (k,) [s]."""
         return at_times(self.path, self.law, t - self.start_time)
 
 
@@ -83,7 +83,7 @@ def reconstruct(
 ) -> Reconstruction:
     """Plan every segment as a geodesic of the metric with a minimum-acceleration time law.
 
-    The path joins the observed postures at the segment's ends (`geodesic`), the time law takes the
+    The path joins the observed configurations at the segment's ends (`geodesic`), the time law takes the
     observed duration and end speeds |q'|_G (at most a hundred times the path's mean speed) and
     never runs backwards. With `Euclidean` the paths
     are straight lines.

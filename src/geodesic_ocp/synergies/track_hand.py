@@ -22,10 +22,10 @@ Poses = Callable[[Array], tuple[Array, Array]]
 def track_hand(
     model: Model, motion: Motion, *, gain: float = 20.0, damping: float = 0.02
 ) -> Motion:
-    """Follow the observed hand with a damped Jacobian controller, from the first posture.
+    """Follow the observed hand with a damped Jacobian controller, from the first configuration.
 
     The hand moves along the spline through the samples; see `track_poses`. The redundant arm keeps
-    no memory of the observed posture.
+    no memory of the observed configuration.
 
     Args:
         model: whose hand follows; its joints must be the motion's.
@@ -78,7 +78,7 @@ def track_poses(
     turning: bool = True,
     placing: bool = True,
 ) -> Motion:
-    """Follow poses of a hand with a damped Jacobian controller, from a posture.
+    """Follow poses of a hand with a damped Jacobian controller, from a configuration.
 
     q' = J' (J J' + damping^2)^-1 (hand velocity + gain * pose error). Damped least squares:
     Wampler, IEEE Trans. Systems, Man, and Cybernetics 16 (1986); the controller ignores joint
@@ -86,7 +86,7 @@ def track_poses(
 
     Args:
         model: whose hand follows.
-        start: posture (n,).
+        start: configuration (n,).
         time: increasing instants (k,) [s].
         poses: rotations (m, 3, 3) and positions (m, 3) [m] of the hand at m instants.
         gain: of the pose error [1/s].
@@ -106,20 +106,20 @@ def track_poses(
         count = 1 if counts is None else int(counts[k])
         instants = np.linspace(time[k], time[k + 1], count + 1)
         rotations, positions = poses(instants)
-        posture, step = q[k], float(instants[1] - instants[0])
+        configuration, step = q[k], float(instants[1] - instants[0])
         for index in range(count):
-            rotation, position = model.hand_pose(posture)
+            rotation, position = model.hand_pose(configuration)
             error = _twist(rotation, position, rotations[index], positions[index])
             forward = _twist(
                 rotations[index], positions[index], rotations[index + 1], positions[index + 1]
             )
             # A gain above 1/step would overshoot, above 2/step run away.
             wanted = (forward / step + min(gain, 1.0 / step) * error)[rows]
-            jacobian = model.hand_jacobian(posture)[rows]
+            jacobian = model.hand_jacobian(configuration)[rows]
             damped = jacobian @ jacobian.T + damping**2 * np.eye(len(jacobian))
-            posture = posture + step * jacobian.T @ np.linalg.solve(damped, wanted)
-        q[k + 1] = posture
-        velocity[k] = (posture - q[k]) / (time[k + 1] - time[k])
+            configuration = configuration + step * jacobian.T @ np.linalg.solve(damped, wanted)
+        q[k + 1] = configuration
+        velocity[k] = (configuration - q[k]) / (time[k + 1] - time[k])
     velocity[-1] = velocity[-2]
     return Motion(time, q, model.joint_names, velocity)
 

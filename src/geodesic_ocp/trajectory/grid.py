@@ -30,7 +30,7 @@ class Grid:
         segments: how many.
         degree: of the polynomials.
         ends: where segments meet and end, from 0 to 1, (segments + 1,); None: all are equally long.
-        stations: which of these ends, by number, a problem's via points lie on.
+        via_segments: which of these ends, by number, a problem's via points lie on.
 
     Raises:
         ValueError: fewer than one segment, a degree below 2 or above 100, ends or stations that
@@ -40,7 +40,7 @@ class Grid:
     segments: int = 1
     degree: int = 20
     ends: tuple[float, ...] | None = None
-    stations: tuple[int, ...] = ()
+    via_segments: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("segments", "degree"):
@@ -57,16 +57,16 @@ class Grid:
             if ends[0] != 0.0 or ends[-1] != 1.0 or not np.all(np.diff(ends) > 0.0):
                 raise ValueError(f"ends must increase from 0 to 1, got {ends}")
             object.__setattr__(self, "ends", tuple(ends.tolist()))
-        if not all(isinstance(each, Integral) for each in self.stations):
-            raise ValueError(f"stations must be integers, got {self.stations!r}")
-        object.__setattr__(self, "stations", tuple(int(each) for each in self.stations))
-        edges = [0, *self.stations, self.segments]
-        if self.stations and not np.all(np.diff(edges) > 0):
+        if not all(isinstance(each, Integral) for each in self.via_segments):
+            raise ValueError(f"via_segments must be integers, got {self.via_segments!r}")
+        object.__setattr__(self, "via_segments", tuple(int(each) for each in self.via_segments))
+        edges = [0, *self.via_segments, self.segments]
+        if self.via_segments and not np.all(np.diff(edges) > 0):
             raise ValueError(
-                f"stations must increase between 0 and {self.segments}, got {self.stations}"
+                f"via_segments must increase between 0 and {self.segments}, got {self.via_segments}"
             )
 
-    def through(self, shares: Sequence[float]) -> Grid:
+    def with_via_points(self, via_s: Sequence[float]) -> Grid:
         """The grid with via points at these s, increasing between 0 and 1.
 
         Each piece between two of them has segments of one length; the number is that of the old
@@ -75,30 +75,30 @@ class Grid:
         Raises:
             ValueError: the shares do not increase between 0 and 1.
         """
-        edges = np.array([0.0, *shares, 1.0])
+        edges = np.array([0.0, *via_s, 1.0])
         if not np.all(np.diff(edges) > 0.0):
-            raise ValueError(f"via points must increase between s = 0 and 1, got {list(shares)}")
+            raise ValueError(f"via points must increase between s = 0 and 1, got {list(via_s)}")
         counts = np.maximum(2, np.round(self.segments * np.diff(edges)).astype(int))
         stations = np.cumsum(counts)
         ends = np.interp(np.arange(stations[-1] + 1), [0, *stations], edges)
         inner = tuple(stations[:-1].tolist())
         return Grid(len(ends) - 1, self.degree, tuple(ends.tolist()), inner)
 
-    def moved(self, shares: Sequence[float]) -> Grid:
+    def with_via_points_at(self, via_s: Sequence[float]) -> Grid:
         """The grid with its via points at other s; the segments between them are stretched."""
-        old = [0.0, *self.breakpoints[list(self.stations)], 1.0]
-        ends = np.interp(self.breakpoints, old, [0.0, *shares, 1.0])
+        old = [0.0, *self.breakpoints[list(self.via_segments)], 1.0]
+        ends = np.interp(self.breakpoints, old, [0.0, *via_s, 1.0])
         return replace(self, ends=tuple(ends.tolist()))
 
     @property
-    def shares(self) -> Array:
+    def via_s(self) -> Array:
         """Where the via points lie, s of each."""
-        return self.breakpoints[list(self.stations)]
+        return self.breakpoints[list(self.via_segments)]
 
     @property
-    def station_nodes(self) -> list[int]:
+    def via_nodes(self) -> list[int]:
         """The nodes on which the via points lie."""
-        return [self.degree * station for station in self.stations]
+        return [self.degree * station for station in self.via_segments]
 
     @property
     def size(self) -> int:

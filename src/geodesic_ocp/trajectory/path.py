@@ -103,7 +103,7 @@ class Path:
         It is twice as fine as the path's own polynomials, and finer where that changes the length:
         where a corner is rounded the speed has nearly a kink.
         """
-        fine = replace(self.grid, degree=min(2 * self.grid.degree, 100), stations=())
+        fine = replace(self.grid, degree=min(2 * self.grid.degree, 100), via_segments=())
         speeds = self._speeds_on(fine)
         for _ in range(_HALVINGS):
             ends = np.interp(

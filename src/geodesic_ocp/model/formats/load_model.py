@@ -30,7 +30,7 @@ def load_model(
     hand: str | None = None,
     joints: Sequence[str] | None = None,
     base: str | None = None,
-    posture: Mapping[str, float] | None = None,
+    configuration: Mapping[str, float] | None = None,
     height: float | None = None,
     mass: float | None = None,
     backend: str | None = None,
@@ -48,7 +48,7 @@ def load_model(
             None: all between `base` and `hand`.
         base: frame that stands still, in which poses are given and whose axes gravity is turned to;
             None: the root of the file.
-        posture: values [rad or m] at which joints are locked, by name; others are locked at zero,
+        configuration: values [rad or m] at which joints are locked, by name; others are locked at zero,
             or at the limit that is nearest to it; a mimic joint follows its leader.
         height, mass: of the person [m], [kg], for MMM models; 1.75 m and 70 kg by default.
         backend: of the symbolic rigid-body algorithms, see `Model`.
@@ -67,7 +67,7 @@ def load_model(
     hand_index = _frame("hand", whole, hand)
     base_index = None if base is None else _frame("base", whole, base)
     moving = _moving(whole, hand_index, base_index, joints)
-    model = locked(description, moving, posture or {})
+    model = locked(description, moving, configuration or {})
     if base is not None:
         model = based_at(model, base)
     if model.frames[frame_index(model, hand)].parentJoint == 0:

@@ -1,4 +1,4 @@
-"""A part of a Pinocchio model: joints locked in a posture, and another base."""
+"""A part of a Pinocchio model: joints locked in a configuration, and another base."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ _SLACK = 1e-6  # limits of files are rounded
 
 
 def locked(
-    description: Description, moving: Sequence[str], posture: Mapping[str, float]
+    description: Description, moving: Sequence[str], configuration: Mapping[str, float]
 ) -> pin.Model:
     """The model in which only the joints `moving` move.
 
     Raises:
         ValueError: a joint that moves has not one degree of freedom of its own, or one that is
-            locked follows one that moves; a posture that the locked joints cannot take.
+            locked follows one that moves; a configuration that the locked joints cannot take.
     """
     model = description.pin
     for name in moving:
@@ -45,12 +45,12 @@ def locked(
                 "be locked; build the model without mimic joints"
             )
     for name, mimic in description.mimics.items():
-        if mimic.leader in moving and name not in posture:
+        if mimic.leader in moving and name not in configuration:
             raise ValueError(
                 f"joint {name!r} mimics {mimic.leader!r}, which moves; lock it with "
-                f"posture={{{name!r}: ...}}, or leave {mimic.leader!r} out of joints"
+                f"configuration={{{name!r}: ...}}, or leave {mimic.leader!r} out of joints"
             )
-    q = _configuration(description, moving, posture)
+    q = _configuration(description, moving, configuration)
     others = [index for index in range(1, model.njoints) if model.names[index] not in moving]
     if not others:
         return model.copy()
@@ -62,33 +62,39 @@ def locked(
 
 
 def _configuration(
-    description: Description, moving: Sequence[str], posture: Mapping[str, float]
+    description: Description, moving: Sequence[str], configuration: Mapping[str, float]
 ) -> Array:
     """Pinocchio's configuration (nq) at which joints are locked; others are at neutral."""
     model = description.pin
     q: Array = pin.neutral(model)
     values = {str(name): 0.0 for name in list(model.names)[1:]}
-    if not isinstance(posture, Mapping):
-        raise ValueError(f"posture must be a mapping of joints to values, got {posture!r}")
-    for name, value in posture.items():
+    if not isinstance(configuration, Mapping):
+        raise ValueError(
+            f"configuration must be a mapping of joints to values, got {configuration!r}"
+        )
+    for name, value in configuration.items():
         if name not in values or name in moving:
             why = "moves" if name in values else f"is not a joint of {model.name!r}"
-            raise ValueError(f"posture: {name!r} {why}")
-        as_number(f"posture: {name!r}", value)
+            raise ValueError(f"configuration: {name!r} {why}")
+        as_number(f"configuration: {name!r}", value)
     for index in range(1, model.njoints):
         name, joint = str(model.names[index]), model.joints[index]
         if name in moving:
             continue
         if joint.nv != 1:
-            if name in posture:
-                raise ValueError(f"posture: {name!r} is a {joint.shortname()}, not one number")
+            if name in configuration:
+                raise ValueError(
+                    f"configuration: {name!r} is a {joint.shortname()}, not one number"
+                )
             continue
         if joint.nq == 1:
             limits = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
-            values[name] = _value(name, posture.get(name), *limits)
+            values[name] = _value(name, configuration.get(name), *limits)
         else:
-            values[name] = float(posture.get(name, 0.0))
-    following = {name: mimic for name, mimic in description.mimics.items() if name not in posture}
+            values[name] = float(configuration.get(name, 0.0))
+    following = {
+        name: mimic for name, mimic in description.mimics.items() if name not in configuration
+    }
     values = follow(following, values)
     for index in range(1, model.njoints):
         joint, value = model.joints[index], values[str(model.names[index])]
@@ -103,7 +109,7 @@ def _value(name: str, given: float | None, lower: float, upper: float) -> float:
         return float(np.clip(0.0, lower, upper)) if lower <= upper else 0.0
     if not lower - _SLACK <= given <= upper + _SLACK:
         raise ValueError(
-            f"posture: {name!r} = {given:.6g} lies outside its limits {lower:.6g} to {upper:.6g}"
+            f"configuration: {name!r} = {given:.6g} lies outside its limits {lower:.6g} to {upper:.6g}"
         )
     return float(given)
 

@@ -22,7 +22,7 @@ _PARALLEL = 1e-8
 _TOUCHING = 1e-20  # [m^2]: a distance of 1e-10 m still has a direction
 
 
-def clearances(
+def signed_distances(
     model: Model,
     q: Any,
     obstacles: Sequence[Obstacle] = (),
@@ -38,7 +38,7 @@ def clearances(
         obstacles: that stand still, or move with a link that is named in them.
         links: whose bodies are to stay clear of obstacles; None: all that move.
         pairs: of links that are to stay clear of each other. Neighbours do not: their capsules
-            overlap at the joint between them (`separate_pairs`).
+            overlap at the joint between them (`collision_pairs`).
 
     Returns:
         By name, as "forearm to table", numbers or expressions. Where there are several of a name,
@@ -53,21 +53,21 @@ def clearances(
     expressions = _expressions(model, x, obstacles, links, pairs)
     if isinstance(q, ca.SX) or not expressions:
         return expressions
-    function = ca.Function("clearances", [x], [ca.vertcat(*expressions.values())])
+    function = ca.Function("signed_distances", [x], [ca.vertcat(*expressions.values())])
     if symbolic:
         return dict(zip(expressions, ca.vertsplit(function(q)), strict=True))
     values = function(as_vector("q", q, model.dof)).full()[:, 0]
     return dict(zip(expressions, values.tolist(), strict=True))
 
 
-def separate_pairs(model: Model, q: ArrayLike, margin: float = 0.0) -> list[tuple[str, str]]:
-    """Pairs of links that move against each other and are apart in a posture.
+def collision_pairs(model: Model, q: ArrayLike, margin: float = 0.0) -> list[tuple[str, str]]:
+    """Pairs of links that move against each other and are apart in a configuration.
 
     A start for `pairs`: neighbours, whose capsules overlap at their joint, are not among them.
 
     Args:
         model: with bodies.
-        q: a posture (n,) in which nothing touches.
+        q: a configuration (n,) in which nothing touches.
         margin: least distance [m].
 
     Raises:
@@ -81,7 +81,9 @@ def separate_pairs(model: Model, q: ArrayLike, margin: float = 0.0) -> list[tupl
         if model.joint_of(one) != model.joint_of(other)
     ]
     return [
-        pair for pair in pairs if min(clearances(model, q, pairs=[pair]).values()) > float(margin)
+        pair
+        for pair in pairs
+        if min(signed_distances(model, q, pairs=[pair]).values()) > float(margin)
     ]
 
 

@@ -1,4 +1,4 @@
-"""A posture in which the hand has a pose: inverse kinematics by optimisation."""
+"""A configuration in which the hand has a pose: inverse kinematics by optimisation."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from scipy.linalg import null_space
 from geodesic_ocp.arrays import Array, as_number, as_rotation, as_vector
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.ipopt import Ipopt
-from geodesic_ocp.model.geometry.signed_distances import as_pair, clearances
+from geodesic_ocp.model.geometry.signed_distances import as_pair, signed_distances
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Obstacle
 
@@ -30,7 +30,7 @@ _REACHED = 1e-6  # [m], or sine of half an angle
 
 
 class Clear(NamedTuple):
-    """Bodies that are kept apart: see `clearances`."""
+    """Bodies that are kept apart: see `signed_distances`."""
 
     obstacles: tuple[Obstacle, ...] = ()
     links: tuple[str, ...] | None = None
@@ -65,7 +65,7 @@ def rotation_error(rotation: ca.SX, wanted: ca.SX) -> ca.SX:
     return skew / ca.sqrt(ca.fmax(1 + ca.trace(turn), 0) + _TINY)
 
 
-def find_posture(
+def inverse_kinematics(
     model: Model,
     near: ArrayLike,
     position: ArrayLike | None = None,
@@ -78,30 +78,30 @@ def find_posture(
     pairs: Sequence[tuple[str, str]] = (),
     margin: float = 0.0,
 ) -> Array:
-    """The posture (n,) nearest to another, joint by joint, with this hand's pose.
+    """The configuration (n,) nearest to another, joint by joint, with this hand's pose.
 
     min |q - near|^2 over q with the hand at the position, turned as the rotation, or both; from
     several starts, and within a turn of joints whose limits are further apart.
 
     Args:
         model: whose hand is placed.
-        near: posture (n,) to stay near to.
+        near: configuration (n,) to stay near to.
         position: of the hand (3,) [m] in the base's frame; None leaves it free.
         rotation: of the hand (3, 3); None leaves it free.
         limits: whether the joints stay within their limits.
         free: directions in which the position may differ, (3,) or (k, 3).
-        obstacles, links, pairs: that bodies keep clear of, see `clearances`.
+        obstacles, links, pairs: that bodies keep clear of, see `signed_distances`.
         margin: least distance [m] from them.
 
     Raises:
         ValueError: wrong shapes or values, or neither position nor rotation.
-        NotConverged: no such posture was found from any of several starts; says how near one came.
+        NotConverged: no such configuration was found from any of several starts; says how near one came.
     """
     clear = Clear.of(obstacles, links, pairs, margin)
-    return find_postures(model, near, position, rotation, limits, free, clear)[0]
+    return inverse_kinematics_solutions(model, near, position, rotation, limits, free, clear)[0]
 
 
-def find_postures(
+def inverse_kinematics_solutions(
     model: Model,
     near: ArrayLike,
     position: ArrayLike | None,
@@ -111,7 +111,7 @@ def find_postures(
     clear: Clear,
     enough: int = _ENOUGH,
 ) -> list[Array]:
-    """So many such postures, from as many starts, the nearest first: see `find_posture`.
+    """So many such configurations, from as many starts, the nearest first: see `inverse_kinematics`.
 
     The first start is `near` itself.
     """
@@ -119,7 +119,7 @@ def find_postures(
     place = np.zeros(3) if position is None else as_vector("position", position, 3)
     turn = np.eye(3) if rotation is None else as_rotation("rotation", rotation)
     if position is None and rotation is None:
-        raise ValueError("find_posture needs a position, a rotation or both")
+        raise ValueError("inverse_kinematics needs a position, a rotation or both")
     lower, upper, inside = room(model, start, limits)
     held = tuple(map(tuple, across(as_directions("free", free)).tolist()))
     solver, equalities = _program(
@@ -145,7 +145,7 @@ def find_postures(
             if given is not None
         ]
         raise NotConverged(
-            f"no posture of {model.name!r}{' within its limits' if limits else ''}"
+            f"no configuration of {model.name!r}{' within its limits' if limits else ''}"
             f"{', clear of bodies,' if clear.obstacles or clear.pairs else ''} has the hand's "
             f"{' and '.join(what)}: the nearest one misses {'them' if len(what) > 1 else 'it'} by "
             f"{nearest:.3g} {_UNITS[position is not None, rotation is not None]}"
@@ -154,7 +154,7 @@ def find_postures(
 
 
 def room(model: Model, start: Array, limits: bool) -> tuple[Array, Array, Array]:
-    """Bounds (n,) of a search for postures, and the start within them.
+    """Bounds (n,) of a search for configurations, and the start within them.
 
     Where there is more room than a turn, one turn leads anywhere; unbounded steps would wind the
     arm up. It is half a turn to either side, or what is left on one side and the rest on the other.
@@ -226,6 +226,6 @@ def _program(
         conditions.append(rotation_error(rotation, ca.reshape(p[n + 3 :], 3, 3)))
     equalities = ca.vertcat(*conditions)
     obstacles, links, pairs = clear
-    distances = clearances(model, q, obstacles, links=links, pairs=pairs)
+    distances = signed_distances(model, q, obstacles, links=links, pairs=pairs)
     g = ca.vertcat(equalities, *distances.values())
     return Ipopt({"x": q, "p": p, "f": ca.sumsqr(away) / 2, "g": g}), int(equalities.shape[0])

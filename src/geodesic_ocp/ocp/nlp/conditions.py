@@ -109,7 +109,7 @@ def conditions(problem: Problem) -> Conditions:
         along.append(_term(name, low, expression, high, ca.vertcat(q, v)))
     via = _via(problem, symbolic, q)
     smooth = []
-    if problem.smooth:
+    if problem.continuous_velocity_at_via:
         for number in range(len(via)):
             smooth.append(_term(f"velocity at via[{number}]", 0.0, v1 - v0, 0.0, ca.SX(0, 1)))
     names = [term.name for term in (*boundary, *along, *smooth, *(t for each in via for t in each))]

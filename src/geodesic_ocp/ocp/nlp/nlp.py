@@ -142,19 +142,19 @@ def _check_ends(terms: Conditions, bounds: NodeBounds) -> None:
 def with_stations(problem: Problem, grid: Grid, guess: Path | None, count: int) -> Grid:
     """The grid with as many via points: where the problem has them, as the guess, or evenly."""
     if not count:
-        if grid.stations:
-            raise ValueError(f"the grid has {len(grid.stations)} via points, the problem none")
+        if grid.via_segments:
+            raise ValueError(f"the grid has {len(grid.via_segments)} via points, the problem none")
         return grid
-    if problem.passing is not None:
-        shares = list(problem.passing)
+    if problem.via_parameters is not None:
+        shares = list(problem.via_parameters)
         if len(shares) != count:
             raise ValueError(f"passing must have s for {count} via points, got {shares}")
-        return grid if list(grid.shares) == shares else grid.through(shares)
-    if len(grid.stations) == count:
+        return grid if list(grid.via_s) == shares else grid.with_via_points(shares)
+    if len(grid.via_segments) == count:
         return grid
-    if guess is not None and len(guess.grid.stations) == count:
-        return grid.through(guess.grid.shares.tolist())
-    return grid.through([(number + 1) / (count + 1) for number in range(count)])
+    if guess is not None and len(guess.grid.via_segments) == count:
+        return grid.with_via_points(guess.grid.via_s.tolist())
+    return grid.with_via_points([(number + 1) / (count + 1) for number in range(count)])
 
 
 def _initial(problem: Problem, grid: Grid, bounds: NodeBounds, guess: Path | None) -> Array:

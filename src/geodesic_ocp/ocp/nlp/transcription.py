@@ -166,9 +166,9 @@ def transcribe(blocks: Blocks, grid: Grid) -> Transcription:
         at_ends.value(ends, values),
         *(
             block.value(positions[:, node], values)
-            for block, node in zip(at_via, grid.station_nodes, strict=True)
+            for block, node in zip(at_via, grid.via_nodes, strict=True)
         ),
-        *(_jump(slopes, grid, station) for station in grid.stations if blocks.joins),
+        *(_jump(slopes, grid, station) for station in grid.via_segments if blocks.joins),
         ca.vec(at_nodes.value(positions, values)),
         ca.vec(in_segments.value(states, values)),
     )
@@ -185,7 +185,7 @@ def transcribe(blocks: Blocks, grid: Grid) -> Transcription:
         hessian += on_diagonal(at_nodes.second(positions, values, lam_nodes), grid, n)
     if at_ends.size:
         hessian += on_ends(at_ends.second(ends, values, lam_g[: at_ends.size]), grid, n)
-    for number, (block, node) in enumerate(zip(at_via, grid.station_nodes, strict=True)):
+    for number, (block, node) in enumerate(zip(at_via, grid.via_nodes, strict=True)):
         factors = lam_g[of_via[number] : of_via[number + 1]]
         second_derivatives = block.second(positions[:, node], values, factors)
         hessian += on_node(second_derivatives, grid, n, node)

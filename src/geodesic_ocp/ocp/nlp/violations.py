@@ -183,7 +183,7 @@ def _at_via(
     terms: Conditions, path: Path, joint_names: Sequence[str] | None
 ) -> Iterator[Violation]:
     grid = path.grid
-    for share, node, station in zip(grid.shares, grid.station_nodes, terms.via, strict=True):
+    for share, node, station in zip(grid.via_s, grid.via_nodes, terms.via, strict=True):
         for term in station:
             function = ca.Function("term", [terms.q, terms.p], [term.expression])
             values = evaluate(function, path.nodes[node], terms.values)

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 
 from geodesic_ocp.arrays import as_number, as_vector
 from geodesic_ocp.figures.path_figure import draw_obstacle
-from geodesic_ocp.model.geometry.signed_distances import as_pair, clearances
+from geodesic_ocp.model.geometry.signed_distances import as_pair, signed_distances
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.ocp.problem.problem import Inequality, Problem, key_of
@@ -21,7 +21,7 @@ from geodesic_ocp.trajectory.path import Path
 _OF_A_MODEL = {"limits": "limits", "obstacles": "bodies", "pairs": "bodies"}
 
 
-def avoid(
+def clearance_constraints(
     model: Model,
     q: ca.SX,
     obstacles: Sequence[Obstacle] = (),
@@ -35,14 +35,14 @@ def avoid(
     Args:
         model: with bodies (`Model.bodies`).
         q: the configuration's symbols (n, 1).
-        obstacles, links, pairs: see `clearances`.
+        obstacles, links, pairs: see `signed_distances`.
         margin: least distance [m].
 
     Raises:
         ValueError: there are no bodies, or none of a link that is named.
     """
     margin = as_number("margin", margin)
-    distances = clearances(model, q, obstacles, links=links, pairs=pairs)
+    distances = signed_distances(model, q, obstacles, links=links, pairs=pairs)
     return [(margin, distance, np.inf, name) for name, distance in distances.items()]
 
 
@@ -102,7 +102,7 @@ class Restricted(Problem):
         if self.speed is not None:
             conditions.append((-np.array(self.speed), v, np.array(self.speed), "speed"))
         if model is not None and (self.obstacles or self.pairs):
-            conditions += avoid(
+            conditions += clearance_constraints(
                 *(model, q, self.obstacles),
                 links=self.links,
                 pairs=self.pairs,

@@ -39,17 +39,17 @@ class Problem(ABC):
         parameters: names of the fields, numbers or arrays of them, that may change from one solve
             to the next without a new NLP: expressions are built with symbols in their place. The
             other fields must be equal, models and metrics the very same object.
-        passing: s of each via point; None: where the mean square of the speed is the same before
+        via_parameters: s of each via point; None: where the mean square of the speed is the same before
             and after, which costs least.
-        smooth: whether the velocity is continuous at via points. The path of least energy has a
+        continuous_velocity_at_via: whether the velocity is continuous at via points. The path of least energy has a
             corner there, unless it is a geodesic through the point by chance; a continuous one
             rounds it within the segments of the grid beside it, the closer the finer they are.
     """
 
     metric: Metric
     parameters: ClassVar[Sequence[str]] = ()
-    passing: ClassVar[Sequence[float] | None] = None
-    smooth: ClassVar[bool] = True
+    via_parameters: ClassVar[Sequence[float] | None] = None
+    continuous_velocity_at_via: ClassVar[bool] = True
 
     @abstractmethod
     def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Equality]:

@@ -1,4 +1,4 @@
-"""Reaching: from a posture to a pose of the hand, in whatever posture costs least."""
+"""Reaching: from a configuration to a pose of the hand, in whatever configuration costs least."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.ik.inverse_kinematics import (
     across,
     as_directions,
-    find_posture,
+    inverse_kinematics,
     rotation_error,
 )
 from geodesic_ocp.ocp.problem.path_constraints import Restricted
@@ -27,22 +27,22 @@ from geodesic_ocp.ocp.problem.problem import Equality
 
 @dataclass(frozen=True, eq=False)
 class Reach(Restricted):
-    """The geodesic from a posture to where the hand has a place, an orientation or both.
+    """The geodesic from a configuration to where the hand has a place, an orientation or both.
 
-    What the hand leaves open of the final posture is free: the path arrives at a right angle to
-    all postures with that pose (transversality). The straight line to a posture by inverse
+    What the hand leaves open of the final configuration is free: the path arrives at a right angle to
+    all configurations with that pose (transversality). The straight line to a configuration by inverse
     kinematics is where the search starts. Start and pose can change without a new NLP.
 
     Attributes:
         model: whose hand reaches; the metric is its kinetic energy.
-        start: posture (n,) [rad or m].
+        start: configuration (n,) [rad or m].
         position: of the hand at the end, in the base's frame, (3,) [m]; None leaves it free.
         rotation: of the hand at the end, (3, 3); None leaves it free.
         free: directions in which the position may differ, in the base's axes, (3,) or (k, 3): one
             makes it a line, two a plane.
         through: positions (k, 3) [m] that the hand passes on the way, in this order, in whatever
-            postures cost least.
-        smooth: whether the velocity is continuous there; see `Problem`.
+            configurations cost least.
+        continuous_velocity_at_via: whether the velocity is continuous there; see `Problem`.
         limits: whether the joints stay within the limits of the metric's model.
         speed: largest |dq_j / ds| [rad or m for the whole path], for all coordinates or (n,); a
             motion at constant speed in a duration T has speeds 1 / T times these. None: any.
@@ -62,7 +62,7 @@ class Reach(Restricted):
     limits: bool = field(default=True, kw_only=True)
     free: ArrayLike | None = field(default=None, kw_only=True)
     through: ArrayLike = field(default=(), kw_only=True)
-    smooth: bool = field(default=True, kw_only=True)  # type: ignore[misc]
+    continuous_velocity_at_via: bool = field(default=True, kw_only=True)  # type: ignore[misc]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "start", as_vector("start", self.start, self.model.dof))
@@ -99,7 +99,7 @@ class Reach(Restricted):
     def structure(self) -> Hashable:
         """Model and kinds of conditions."""
         free = tuple(map(tuple, np.asarray(self.free).tolist()))
-        ways = (self._points, self.smooth)
+        ways = (self._points, self.continuous_velocity_at_via)
         return (self.model, *self.parameters, free, *ways, *self.restrictions)
 
     def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Equality]:
@@ -124,7 +124,7 @@ class Reach(Restricted):
         return [[(position - points[k, :].T, 0.0, name)] for k, name in enumerate(names)]
 
     def guess(self, s: Array) -> Array:
-        """Straight lines to the nearest posture with each pose, one after the other.
+        """Straight lines to the nearest configuration with each pose, one after the other.
 
         Raises:
             NotConverged: there is none.
@@ -135,15 +135,15 @@ class Reach(Restricted):
         }
         corners = [np.asarray(self.start)]
         for point in np.asarray(self.through):
-            corners.append(self._posture(f"through {point}", corners[-1], point, **keep))
+            corners.append(self._configuration(f"through {point}", corners[-1], point, **keep))
         pose = (self.position, self.rotation)
-        corners.append(self._posture("the end", corners[-1], *pose, free=self.free, **keep))
+        corners.append(self._configuration("the end", corners[-1], *pose, free=self.free, **keep))
         knots = np.linspace(0.0, 1.0, len(corners))
         return np.column_stack([np.interp(s, knots, column) for column in np.transpose(corners)])
 
-    def _posture(self, what: str, *given: Any, **keep: Any) -> Array:
+    def _configuration(self, what: str, *given: Any, **keep: Any) -> Array:
         try:
-            return find_posture(self.model, *given, **keep)
+            return inverse_kinematics(self.model, *given, **keep)
         except NotConverged as error:
             raise NotConverged(f"{what}: {error}") from None
 

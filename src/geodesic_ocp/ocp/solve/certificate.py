@@ -43,29 +43,29 @@ class Certificate:
     """What is known of a path.
 
     Attributes:
-        residual: distance from the path's end, in the worst coordinate [rad or m], at which the
+        endpoint_error: distance from the path's end, in the worst coordinate [rad or m], at which the
             geodesic with its initial velocity arrives when integrated forward; inf if it does not.
             Where constraints bend a path, it is no geodesic, and this is large.
         drift: largest deviation of the kinetic energy along the path from its mean, as a share;
             inf where there is no metric.
         stationary: whether the energy stays the same, to first order, when the path changes and
             meets its conditions. If not, the path is none that was looked for.
-        index: number of independent directions in which the energy of a stationary path falls, to
+        morse_index: number of independent directions in which the energy of a stationary path falls, to
             second order; None of others.
-        conjugate: s, to 1e-6, of the first point of a geodesic between fixed ends that is conjugate
+        first_conjugate_point: s, to 1e-6, of the first point of a geodesic between fixed ends that is conjugate
             to its start: up to there it is locally shortest. None: there is none inside.
-        bent: whether conditions along the path hold it back, so that it is no geodesic.
-        priced: whether a cost of the problem's own is minimised with the energy, to which
+        has_active_constraints: whether conditions along the path hold it back, so that it is no geodesic.
+        has_running_cost: whether a cost of the problem's own is minimised with the energy, to which
             `stationary` and `index` then refer.
     """
 
-    residual: float
+    endpoint_error: float
     drift: float
     stationary: bool
-    index: int | None
-    conjugate: float | None = None
-    bent: bool = False
-    priced: bool = False
+    morse_index: int | None
+    first_conjugate_point: float | None = None
+    has_active_constraints: bool = False
+    has_running_cost: bool = False
 
     @property
     def locally_shortest(self) -> bool:
@@ -73,22 +73,30 @@ class Certificate:
 
         With a cost of the problem's own: whether none has less of energy and cost.
         """
-        return self.stationary and self.index == 0
+        return self.stationary and self.morse_index == 0
 
     def __str__(self) -> str:
         if not self.stationary:
             kind = "not stationary"
         elif self.locally_shortest:
-            kind = f"{'cheapest' if self.priced else 'shortest'} among the paths near it"
-            kind += " that meet its conditions" if self.bent else ""
+            kind = f"{'cheapest' if self.has_running_cost else 'shortest'} among the paths near it"
+            kind += " that meet its conditions" if self.has_active_constraints else ""
         else:
-            where = f", first conjugate point at s = {self.conjugate:.4g}" if self.conjugate else ""
-            ways = "1 direction makes" if self.index == 1 else f"{self.index} directions make"
-            much = ("cheapest", "cheaper") if self.priced else ("shortest", "shorter")
+            where = (
+                f", first conjugate point at s = {self.first_conjugate_point:.4g}"
+                if self.first_conjugate_point
+                else ""
+            )
+            ways = (
+                "1 direction makes"
+                if self.morse_index == 1
+                else f"{self.morse_index} directions make"
+            )
+            much = ("cheapest", "cheaper") if self.has_running_cost else ("shortest", "shorter")
             kind = f"stationary, not {much[0]}: {ways} it {much[1]}{where}"
-        if self.bent or self.priced:
+        if self.has_active_constraints or self.has_running_cost:
             return f"{kind}; no geodesic"
-        return f"{kind}; residual {self.residual:.1e}, drift {self.drift:.1e}"
+        return f"{kind}; residual {self.endpoint_error:.1e}, drift {self.drift:.1e}"
 
 
 def certify(path: Path, velocity: ArrayLike | None = None) -> Certificate:
@@ -234,7 +242,7 @@ class Attempt:
         n = self.path.metric.dim
         held_x = self.held_x | (np.abs(self.lam_x) > _HOLDING)
         held_g = self.held_g | (np.abs(self.lam_g) > _HOLDING)
-        priced = not self.of_energy
+        has_cost = not self.of_energy
         free = np.flatnonzero(~held_x)
         p = self.units.with_values(self.values)
         _, gradient = self.transcription.objective(self.x, p)
@@ -246,7 +254,9 @@ class Attempt:
             start = np.linalg.solve(self.path.metric.matrix(self.path.nodes[0]), momentum)
         residual = _residual(self.path, start)
         if not self.success or not np.isfinite(drift):
-            return Certificate(residual, drift, stationary=False, index=None, priced=priced)
+            return Certificate(
+                residual, drift, stationary=False, morse_index=None, has_running_cost=has_cost
+            )
         reduced = _hessian(self.transcription, self.x, p, self.lam_g)[np.ix_(free, free)]
         if np.any(held_g):
             normals = self._jacobian()[np.ix_(np.flatnonzero(held_g), free)]
@@ -258,10 +268,12 @@ class Attempt:
         if inside and not np.any(held_g) and self.of_energy:
             whole = certify(self.path)
             # A grid that is too coarse has stationary points that are no geodesics.
-            return replace(whole, residual=residual)
+            return replace(whole, endpoint_error=residual)
         along = held_g[self.transcription.size_ends :]
-        bent = bool(np.any(along) or np.any(held_x[n:-n]))
-        return Certificate(residual, drift, True, index, bent=bent, priced=priced)
+        active = bool(np.any(along) or np.any(held_x[n:-n]))
+        return Certificate(
+            residual, drift, True, index, has_active_constraints=active, has_running_cost=has_cost
+        )
 
     def _jacobian(self) -> Array:
         x, p = ca.MX.sym("x", self.x.size), ca.MX.sym("p", self.transcription.size_p)

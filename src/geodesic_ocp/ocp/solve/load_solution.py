@@ -19,7 +19,7 @@ from geodesic_ocp.ocp.nlp.violations import violations
 from geodesic_ocp.ocp.problem.problem import Problem
 from geodesic_ocp.ocp.solve.certificate import Attempt
 from geodesic_ocp.ocp.solve.save_solution import FORMAT, VERSION, decoded
-from geodesic_ocp.ocp.solve.solution import Round, Solution, Stats
+from geodesic_ocp.ocp.solve.solution import MeshIteration, Solution, Stats
 from geodesic_ocp.records import read_record
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
@@ -72,10 +72,10 @@ def load_solution(file: str | PathLike[str], problem: Problem | None = None) -> 
             f"with {saved:.9g}; give the problem that was solved"
         )
     missed = solution.violations[0].amount if solution.violations else 0.0
-    if not abs(missed - solution.stats.between) <= _MISSED:
+    if not abs(missed - solution.stats.max_path_violation) <= _MISSED:
         raise RecordingError(
             f"{path}: its path misses this problem's conditions by {missed:.3g} and was saved with "
-            f"{solution.stats.between:.3g}; give the problem that was solved"
+            f"{solution.stats.max_path_violation:.3g}; give the problem that was solved"
         )
     return solution
 
@@ -114,16 +114,16 @@ def _class(module: str, name: str) -> Any:
 def _solution(record: dict[str, Any], problem: Problem) -> Solution:
     saved = record["grid"]
     ends = None if saved["ends"] is None else tuple(saved["ends"])
-    grid = Grid(saved["segments"], saved["degree"], ends, tuple(saved.get("stations", ())))
+    grid = Grid(saved["segments"], saved["degree"], ends, tuple(saved.get("via_segments", ())))
     path = Path(problem.metric, grid, _array(record["nodes"]))
     figures = {field.name: _number(record["stats"][field.name]) for field in fields(Stats)}
     rounds = [
-        {key: _number(value) for key, value in each.items()} for each in figures.pop("rounds")
+        {key: _number(value) for key, value in each.items()} for each in figures.pop("mesh_history")
     ]
-    stats = Stats(**figures, rounds=tuple(Round(**each) for each in rounds))
+    stats = Stats(**figures, mesh_history=tuple(MeshIteration(**each) for each in rounds))
     nlp, terms = record["nlp"], conditions(problem)
-    if len(grid.stations) != len(terms.via):
-        raise ValueError(f"the path has {len(grid.stations)} via points, not {len(terms.via)}")
+    if len(grid.via_segments) != len(terms.via):
+        raise ValueError(f"the path has {len(grid.via_segments)} via points, not {len(terms.via)}")
     attempt = Attempt(
         path,
         transcription_of(problem, grid),
@@ -157,7 +157,7 @@ def _check(attempt: Attempt, stats: Stats, terms: Conditions) -> None:
         raise ValueError(f"nlp.origin must be {n} numbers, nlp.length and nlp.scale positive")
     if not isinstance(stats.success, bool):
         raise ValueError("stats.success must be true or false")
-    for name in ("energy", "between"):
+    for name in ("energy", "max_path_violation"):
         if not isinstance(getattr(stats, name), float):
             raise ValueError(f"stats.{name} must be a number")
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.ipopt import STOPPED
 from geodesic_ocp.ocp.nlp.violations import Misses
-from geodesic_ocp.ocp.solve.solution import Round, Solution
+from geodesic_ocp.ocp.solve.solution import MeshIteration, Solution
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
@@ -25,7 +25,7 @@ _ROUNDS = 20
 _MOST_SEGMENTS = 400
 # Halved are the segments that carry the larger part of what is too much, and this share of it.
 _SHARE = 0.1
-# After so many rounds an objective that is larger by so much is astray.
+# After so many history an objective that is larger by so much is astray.
 _PATIENCE, _WORSE = 3, 1.2
 
 
@@ -58,7 +58,9 @@ def refined(
     tolerance = as_positive("tolerance", tolerance)
     solution = _divided(solve_on, misses, grid, tolerance, guess)
     stopped = solution.stats.status == STOPPED
-    if solution.stats.success or stopped or len(solution.stats.rounds) == 1:  # none on any grid
+    if (
+        solution.stats.success or stopped or len(solution.stats.mesh_history) == 1
+    ):  # none on any grid
         return solution
     rough = solve_on(_regrid(grid, 4 * grid.segments, 2), guess, False)
     if not rough.stats.success:
@@ -67,45 +69,47 @@ def refined(
     again = _divided(solve_on, misses, finer, tolerance, rough.path)
     if not again.stats.success:
         return solution
-    rounds = (*solution.stats.rounds, _round(rough), *again.stats.rounds)
-    return replace(again, stats=replace(again.stats, rounds=rounds))
+    history = (*solution.stats.mesh_history, _mesh_iteration(rough), *again.stats.mesh_history)
+    return replace(again, stats=replace(again.stats, mesh_history=history))
 
 
 def _regrid(grid: Grid, segments: int, degree: int) -> Grid:
     even = Grid(segments, degree)
-    return even.through(grid.shares.tolist()) if grid.stations else even
+    return even.with_via_points(grid.via_s.tolist()) if grid.via_segments else even
 
 
-def _round(solution: Solution) -> Round:
+def _mesh_iteration(solution: Solution) -> MeshIteration:
     stats, segments = solution.stats, solution.path.grid.segments
-    return Round(segments, stats.iterations, stats.seconds, stats.objective, stats.between)
+    return MeshIteration(
+        segments, stats.iterations, stats.seconds, stats.objective, stats.max_path_violation
+    )
 
 
 def _divided(
     solve_on: SolveOn, misses: Misses, grid: Grid, tolerance: float, guess: Path | None
 ) -> Solution:
-    rounds: list[Round] = []
+    history: list[MeshIteration] = []
     for turn in range(_ROUNDS):
         solution = solve_on(grid, guess, turn > 0)
         stats, grid = solution.stats, solution.path.grid  # whose via points may have moved
-        rounds.append(_round(solution))
-        solution = replace(solution, stats=replace(stats, rounds=tuple(rounds)))
+        history.append(_mesh_iteration(solution))
+        solution = replace(solution, stats=replace(stats, mesh_history=tuple(history)))
         if not stats.success:
             return solution
         settled = turn > 0 and (
-            abs(stats.objective - rounds[-2].objective) <= tolerance * abs(stats.objective)
+            abs(stats.objective - history[-2].objective) <= tolerance * abs(stats.objective)
         )
-        if settled and stats.between <= tolerance:
+        if settled and stats.max_path_violation <= tolerance:
             return solution
         coarse = _coarse(solution.path, misses(solution.path), tolerance)
-        astray = turn >= _PATIENCE and stats.objective > _WORSE * rounds[0].objective > 0.0
+        astray = turn >= _PATIENCE and stats.objective > _WORSE * history[0].objective > 0.0
         if astray or grid.segments + int(coarse.sum()) > _MOST_SEGMENTS:
             break
         grid, guess = _halved(grid, coarse), solution.path
-    change = abs(rounds[-1].objective - rounds[-2].objective)
+    change = abs(history[-1].objective - history[-2].objective)
     status = (
-        f"not solved to {tolerance:g}: on {rounds[-1].segments} segments conditions are still "
-        f"missed by {stats.between:.2g}, and the objective has changed by {change:.2g}"
+        f"not solved to {tolerance:g}: on {history[-1].segments} segments conditions are still "
+        f"missed by {stats.max_path_violation:.2g}, and the objective has changed by {change:.2g}"
     )
     return replace(solution, stats=replace(solution.stats, success=False, status=status))
 
@@ -145,5 +149,5 @@ def _halved(grid: Grid, coarse: NDArray[np.bool_]) -> Grid:
     ends = grid.breakpoints
     middle = (ends[:-1] + ends[1:])[coarse] / 2.0
     every = np.sort(np.concatenate([ends, middle]))
-    stations = tuple(np.searchsorted(every, grid.shares).tolist())
+    stations = tuple(np.searchsorted(every, grid.via_s).tolist())
     return Grid(every.size - 1, grid.degree, tuple(every.tolist()), stations)

@@ -16,7 +16,7 @@ from geodesic_ocp.model.model import Model
 if TYPE_CHECKING:
     from geodesic_ocp.ocp.solve.solution import Solution
 
-FORMAT, VERSION = "geodesic_ocp solution", 1
+FORMAT, VERSION = "geodesic_ocp solution", 2
 ARRAYS = ("x", "lam_x", "lam_g", "held_x", "held_g")
 
 

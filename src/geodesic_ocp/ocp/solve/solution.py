@@ -23,21 +23,21 @@ from geodesic_ocp.trajectory.timed_path import moved_along
 
 
 @dataclass(frozen=True)
-class Round:
+class MeshIteration:
     """One solve of a refinement.
 
     Attributes:
         segments: of its grid.
         iterations, seconds: of Ipopt.
         objective: that was reached.
-        between: largest violation anywhere on the path.
+        max_path_violation: largest violation anywhere on the path.
     """
 
     segments: int
     iterations: int
     seconds: float
     objective: float
-    between: float
+    max_path_violation: float
 
 
 @dataclass(frozen=True)
@@ -47,15 +47,15 @@ class Stats:
     Attributes:
         success: whether the path is a local solution, to Ipopt's tolerance.
         status: how the solver stopped, a sentence.
-        iterations: of Ipopt; of several grids, on the last (`rounds` has all).
+        iterations: of Ipopt; of several grids, on the last (`mesh_history` has all).
         seconds: wall time of the solver, likewise.
         variables, constraints: sizes of the NLP, bounds not counted.
         energy: of the path on its grid, 1/2 int |q'|_G^2 ds.
         objective: what was minimised, the energy and the problem's own cost.
-        violation: largest violation of any condition at the nodes, in the condition's unit.
-        worst: name of the condition with that violation.
-        between: largest violation anywhere on the path, between the nodes, too.
-        rounds: what was done until the solution held to a tolerance, if one was asked for.
+        max_node_violation: largest violation of any condition at the nodes, in the condition's unit.
+        worst_constraint: name of the condition with that violation.
+        max_path_violation: largest violation anywhere on the path, between the nodes, too.
+        mesh_history: what was done until the solution held to a tolerance, if one was asked for.
     """
 
     success: bool
@@ -66,10 +66,10 @@ class Stats:
     constraints: int
     energy: float
     objective: float
-    violation: float
-    worst: str
-    between: float
-    rounds: tuple[Round, ...] = ()
+    max_node_violation: float
+    worst_constraint: str
+    max_path_violation: float
+    mesh_history: tuple[MeshIteration, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -67,7 +67,7 @@ def solve(
             straight line.
         tolerance: divide the grid's segments where needed until conditions hold to this everywhere,
             each in its unit, and the objective, relative, from one grid to the next; what was done
-            is in stats.rounds. None: solve on the grid as it is.
+            is in stats.mesh_history. None: solve on the grid as it is.
         throw: raise NotConverged where there is no solution; otherwise the record of the attempt
             is returned, with stats.success False.
         callback: called with an `Iterate` in every iteration of Ipopt; one that returns True stops
@@ -94,7 +94,7 @@ def solve(
     elif solver.terms.smooth:
         raise ValueError(
             "tolerance: the path of least energy has a corner at its via points, which a smooth "
-            "one comes the closer to the finer the grid; set smooth = False, or leave tolerance out"
+            "one comes the closer to the finer the grid; set continuous_velocity_at_via=False, or leave tolerance out"
         )
     elif quick := solver.terms.on_velocities:
         raise ValueError(
@@ -124,7 +124,9 @@ class _Solver:
         if guess is None and self.terms.ends and grid.degree > _STIFF:
             return self._from_coarse(grid)
         solution = self._once(grid, guess, _NEAR if near else {})
-        return solution if self.problem.passing is not None else passed(solution, self._again)
+        return (
+            solution if self.problem.via_parameters is not None else passed(solution, self._again)
+        )
 
     def started(self, grid: Grid, start: Path | None) -> Solution:
         """The solution on a grid from another solution, if there was one, or else from a path."""
@@ -134,7 +136,7 @@ class _Solver:
         known = _multipliers(nlp, self.before)
         usual = {**_NEAR, **(_KNOWN if known else {})}
         solution = _solved(nlp, {**usual, **self.options}, self.callback, known)
-        if self.problem.passing is None:
+        if self.problem.via_parameters is None:
             solution = passed(solution, self._again)
         if solution.stats.success or solution.stats.status == STOPPED:
             return solution
@@ -228,9 +230,9 @@ def _solution(nlp: NLP, outcome: Outcome) -> Solution:
         constraints=outcome.g.size,
         objective=transcription.energy(x, terms.values),
         energy=path.energy_at_nodes,
-        violation=violation,
-        worst=worst,
-        between=missed[0].amount if missed else 0.0,
+        max_node_violation=violation,
+        worst_constraint=worst,
+        max_path_violation=missed[0].amount if missed else 0.0,
     )
     lam_x = units.scale / units.length * outcome.lam_x.reshape(x.shape)
     multipliers = bounds.multipliers(lam_x, units.scale * outcome.lam_g)
@@ -258,7 +260,7 @@ def _explanation(solution: Solution) -> str:
         ". Can its conditions be met together? If so, try another guess (guess(s) or solve(..., "
         "guess=path)) or a finer grid"
     )
-    advice = "" if stats.status == STOPPED or len(stats.rounds) > 1 else advice
+    advice = "" if stats.status == STOPPED or len(stats.mesh_history) > 1 else advice
     return (
         f"{type(solution.problem).__name__} was not solved: {stats.status}, after "
         f"{stats.iterations} iterations{missed}{advice}."

@@ -34,17 +34,17 @@ def passed(solution: Solution, solve_on: Callable[[Grid, Path], Solution]) -> So
     residuals: list[Array] = []
     for _ in range(_TURNS):
         grid = solution.path.grid
-        if not grid.stations:
+        if not grid.via_segments:
             return solution
         if close := _close(solution.path):
             return _failed(solution, f"there is no way left between {close}: are they one point?")
         if not solution.stats.success:
             return solution
-        tried.append(grid.shares)
-        residuals.append(_shares(solution.path) - grid.shares)
+        tried.append(grid.via_s)
+        residuals.append(_shares(solution.path) - grid.via_s)
         if np.abs(residuals[-1]).max() <= _SETTLED:
             return solution
-        moved = grid.moved(_next(tried, residuals).tolist())
+        moved = grid.with_via_points_at(_next(tried, residuals).tolist())
         start = Path(solution.path.metric, moved, solution.path.nodes)
         solution = added(solve_on(moved, start), solution.stats)
     return _failed(solution, f"where to pass the via points did not settle in {_TURNS} turns")
@@ -87,6 +87,6 @@ def _lengths(path: Path) -> Array:
     grid = path.grid
     squares = (path.speeds_at_nodes**2).reshape(grid.segments, -1)
     energies = (grid.weights * squares).sum(axis=1)
-    pieces = np.split(energies, grid.stations)
-    widths = np.diff([0.0, *grid.shares, 1.0])
+    pieces = np.split(energies, grid.via_segments)
+    widths = np.diff([0.0, *grid.via_s, 1.0])
     return np.sqrt([width * piece.sum() for width, piece in zip(widths, pieces, strict=True)])

@@ -14,7 +14,7 @@ from geodesic_ocp.errors import IntegrationFailed, NotConverged
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def by_rows(function: Function) -> Function:
+def over_rows(function: Function) -> Function:
     """Let a function of (metric, a, b), each (n,), also take (k, n): one of them or both.
 
     The results are stacked along a first axis of length k. Whatever a row raises says which.
