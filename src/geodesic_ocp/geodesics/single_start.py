@@ -19,7 +19,6 @@ from geodesic_ocp.errors import IntegrationFailed, NotConverged
 from geodesic_ocp.manifold.exp import exp, integrate_geodesic
 from geodesic_ocp.manifold.exp_derivative import exp_with_derivative
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.ocp.nlp.structure import transcription_of
 from geodesic_ocp.ocp.nlp.transcription import Units
 from geodesic_ocp.ocp.problem.point_to_point import PointToPoint
 from geodesic_ocp.ocp.solve.solution import Solution
@@ -222,7 +221,7 @@ def initial_velocity(metric: Metric, solution: Solution) -> tuple[Array, Array]:
     extent = float(np.ptp(nodes, axis=0).max())
     units = Units(nodes[0], extent, extent**2)
     momentum, by_goal = evaluate(
-        transcription_of(solution.problem, solution.path.grid).momentum,
+        solution.attempt.transcription.momentum,
         units.scaled(nodes).ravel(),
         units.parameters,
     )
