@@ -8,17 +8,16 @@ from geodesic_ocp.errors import (
     NotConverged,
     RecordingError,
 )
-from geodesic_ocp.figures.path_figure import draw_obstacle
+from geodesic_ocp.figures.obstacles import draw_obstacle
 from geodesic_ocp.geodesics.frechet_mean import frechet_mean
-from geodesic_ocp.geodesics.geodesic_to_pose import ToPose, geodesic_to_pose
-from geodesic_ocp.geodesics.log import (
+from geodesic_ocp.geodesics.geodesic import (
     Geodesic,
-    distance,
     geodesic,
     geodesic_from_velocity,
     geodesics,
-    log,
 )
+from geodesic_ocp.geodesics.geodesic_to_pose import ToPose, geodesic_to_pose
+from geodesic_ocp.geodesics.log import distance, log
 from geodesic_ocp.manifold.curvature import (
     riemann_curvature,
     scalar_curvature,
@@ -33,10 +32,11 @@ from geodesic_ocp.manifold.parallel_transport import parallel_transport
 from geodesic_ocp.manifold.region_avoiding import RegionAvoiding
 from geodesic_ocp.model.combine import combine
 from geodesic_ocp.model.formats.load_model import load_model
+from geodesic_ocp.model.geometry.enclosing_capsule import enclosing_capsule
 from geodesic_ocp.model.geometry.signed_distances import collision_pairs, signed_distances
 from geodesic_ocp.model.human_arm import human_arm
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.primitives import Ball, Capsule, HalfSpace, enclosing_capsule
+from geodesic_ocp.model.primitives import Ball, Capsule, HalfSpace
 from geodesic_ocp.ocp.ik.inverse_kinematics import inverse_kinematics
 from geodesic_ocp.ocp.nlp.nlp import NLP
 from geodesic_ocp.ocp.problem.path_constraints import clearance_constraints

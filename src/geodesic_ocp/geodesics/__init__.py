@@ -1,1 +1,1 @@
-"""Geodesics between two configurations, and from a configuration to a hand pose."""
+"""Geodesics between two configurations, and from a configuration to a pose of the hand."""

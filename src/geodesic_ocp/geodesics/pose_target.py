@@ -1,4 +1,4 @@
-"""A pose that a geodesic's end is to come near to, and what a search returns of it."""
+"""The target pose of a geodesic's end, and the result of a search for such a geodesic."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.ik.pose_error import rotation_log
 
 
-class Found(NamedTuple):
-    """An initial velocity (n,), iterations, whether it is a solution, and a sentence."""
+class ShootingResult(NamedTuple):
+    """Initial velocity (n,), iterations, whether it is a solution, and the status as a sentence."""
 
     velocity: Array
     iterations: int
@@ -25,12 +25,12 @@ class Found(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Target:
-    """A pose to come near to from a configuration; weights that are zero leave it free.
+class PoseTarget:
+    """A pose that the hand should reach from a configuration; zero weights leave it free.
 
     Attributes:
         model: whose hand it is.
-        q0: configuration to start from (n,).
+        q0: initial configuration (n,).
         position, rotation: of the hand (3,), (3, 3).
         weights: of both (2,).
     """
@@ -46,25 +46,26 @@ class Target:
         """Of the model, the same object for the same model."""
         return metric_of(self.model)
 
-    def miss(self, q: Array) -> Array:
-        """Weighted position and rotation vector (6,) from the hand at q to the pose."""
+    def pose_error(self, q: Array) -> Array:
+        """Weighted position and rotation vector (6,) from the hand at q to the target."""
         pose = self.model.hand_pose(q)
-        missed = miss_function()(*pose, self.position, self.rotation, self.weights)
-        return np.asarray(missed.full()[:, 0])
+        error = pose_error_function()(*pose, self.position, self.rotation, self.weights)
+        return np.asarray(error.full()[:, 0])
 
 
 @lru_cache(maxsize=32)
 def metric_of(model: Model) -> KineticEnergy:
-    """The model's metric, whose functions are built once."""
+    """The kinetic-energy metric of a model, whose functions are built once."""
     return KineticEnergy(model)
 
 
 @lru_cache(maxsize=1)
-def miss_function() -> ca.Function:
-    """Pose, pose wanted and weights (2,) -> weighted difference (6,), in the base's axes."""
-    rotation, wanted = ca.SX.sym("R", 3, 3), ca.SX.sym("R1", 3, 3)
-    position, place, weights = ca.SX.sym("p", 3), ca.SX.sym("p1", 3), ca.SX.sym("w", 2)
-    away = weights[0] * (place - position)
-    turned = weights[1] * rotation_log(wanted @ rotation.T)
-    inputs = [rotation, position, place, wanted, weights]
-    return ca.Function("miss", inputs, [ca.vertcat(away, turned)])
+def pose_error_function() -> ca.Function:
+    """Pose, target pose and weights (2,) -> weighted difference (6,), in the base frame."""
+    rotation, target_rotation = ca.SX.sym("R", 3, 3), ca.SX.sym("R1", 3, 3)
+    position, target_position = ca.SX.sym("p", 3), ca.SX.sym("p1", 3)
+    weights = ca.SX.sym("w", 2)
+    translation = weights[0] * (target_position - position)
+    rotation_vector = weights[1] * rotation_log(target_rotation @ rotation.T)
+    inputs = [rotation, position, target_position, target_rotation, weights]
+    return ca.Function("pose_error", inputs, [ca.vertcat(translation, rotation_vector)])

@@ -1,4 +1,4 @@
-"""The exponential map: where a geodesic arrives."""
+"""The exponential map: the end point of a geodesic with a given initial velocity."""
 
 from __future__ import annotations
 
@@ -12,33 +12,40 @@ from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.over_rows import over_rows
 
-# The error of each step is held this much below the tolerance at first, and at most.
-_STEP_SHARE = 0.02
+# Initial tolerance of a step, relative to the tolerance of the end point, and its lower bound.
+_STEP_FRACTION = 0.02
 _FINEST_STEP_TOLERANCE = 1e-13
-_SMALLEST = 1e-100  # tolerance of a step; its square must not overflow
-# A speed that changes more is wrong; positions are still right where it changes less.
+_SMALLEST = 1e-100  # tolerance of a step; its inverse square must not overflow
+# Relative change of speed above which a geodesic is wrong.
 _SPEED_CHANGE = 0.05
-# A second integration with steps this much looser tells how errors grow on the way.
+# A second integration with a tolerance larger by this factor shows how errors grow.
 _LOOSER = 30.0
-# The end point's error falls with that of the steps, in proportion where it is small: by thirty.
-# Where geodesics run apart it falls by less, and is taken for half of the difference.
+# The error of the end point is proportional to that of the steps if it is small, so the difference
+# of the two overestimates it by far. Where geodesics diverge it decreases less: half is safe.
 _ESTIMATE = 0.5
 
 
 @over_rows
 def exp(metric: Metric, q: Any, v: Any, *, tolerance: float = 1e-9) -> Array:
-    """Exp_q(v): the point at time 1 of the geodesic through q (n,) with velocity v (n,).
+    """Exp_q(v): the point at time 1 of the geodesic from q (n,) with initial velocity v (n,).
 
-    sum_j g_ij q''_j + sum_jk Gamma_ijk q'_j q'_k = 0, q(0) = q, q'(0) = v, integrated with order 8
-    and a step that adapts. `tolerance` [rad or m] is for the end point: the error is estimated from
-    a second, looser integration, and the steps are refined until it is small enough.
+    sum_j g_ij q''_j + sum_jk Gamma_ijk q'_j q'_k = 0, q(0) = q, q'(0) = v, integrated with a method
+    of order 8 and adaptive steps. `tolerance` [rad or m] bounds the error of the end point, which
+    is estimated from a second integration with a larger tolerance.
 
-    For k points or velocities (k, n), or both: k arrivals (k, n).
+    For k points or velocities (k, n), or both, the result is (k, n).
+
+    >>> import geodesic_ocp as go
+    >>> metric = go.KineticEnergy(go.human_arm())
+    >>> q, v = [0.3, 0.0, -0.2, 0.8, 0.0, 0.0, 0.0], [0.5, 0.2, 0.0, -0.3, 0.1, 0.0, 0.0]
+    >>> go.exp(metric, q, v).round(3)
+    array([ 0.868,  0.31 , -0.161,  0.126, -0.015,  0.452, -0.009])
 
     Raises:
-        ValueError: wrong shapes or numbers that are not finite, or the metric is no metric at q.
-        IntegrationFailed: the metric becomes singular on the way, or the tolerance is unreachable;
-            `time` and `state` say where.
+        ValueError: wrong shapes, numbers that are not finite, or the metric is not positive
+            definite at q.
+        IntegrationFailed: the metric becomes singular along the geodesic, or the tolerance cannot
+            be reached; `time` and `state` say where.
     """
     positions, _ = sample_geodesic(metric, q, v, np.array([0.0, 1.0]), tolerance=tolerance)
     return np.asarray(positions[-1])
@@ -47,9 +54,9 @@ def exp(metric: Metric, q: Any, v: Any, *, tolerance: float = 1e-9) -> Array:
 def sample_geodesic(
     metric: Metric, q: Any, v: Any, times: ArrayLike, *, tolerance: float = 1e-9
 ) -> tuple[Array, Array]:
-    """Positions and velocities, (k, n) each, at k increasing times of the geodesic of `exp`.
+    """Positions and velocities, (k, n) each, of the geodesic of `exp` at k increasing times.
 
-    The geodesic starts at times[0]; every position is within the tolerance. Raises as `exp` does.
+    The geodesic starts at times[0], and every position is within the tolerance. Raises like `exp`.
     """
     metric = as_metric(metric)
     point, velocity = metric.point("q", q), as_vector("v", v, metric.dim)
@@ -57,27 +64,30 @@ def sample_geodesic(
     instants = np.asarray(times, dtype=float)
     if instants.ndim != 1 or instants.size < 2 or not np.all(np.diff(instants) > 0):
         raise ValueError("times must be at least two increasing numbers")
-    of_steps = max(_STEP_SHARE * tolerance, _SMALLEST)
-    positions, _ = integrate_geodesic(metric, point, velocity, instants, _LOOSER * of_steps)
+    if metric.has_constant_tensor:
+        line = point + np.outer(instants - instants[0], velocity)
+        return line, np.tile(velocity, (instants.size, 1))
+    per_step = max(_STEP_FRACTION * tolerance, _SMALLEST)
+    positions, _ = integrate_geodesic(metric, point, velocity, instants, _LOOSER * per_step)
     while True:
         looser = positions
-        positions, velocities = integrate_geodesic(metric, point, velocity, instants, of_steps)
+        positions, velocities = integrate_geodesic(metric, point, velocity, instants, per_step)
         error = _ESTIMATE * float(np.abs(positions - looser).max())
         if error <= tolerance:
             _check_speed(metric, positions, velocities)
             return positions, velocities
-        if of_steps <= _FINEST_STEP_TOLERANCE:
+        if per_step <= _FINEST_STEP_TOLERANCE:
             raise IntegrationFailed(
                 f"exp from q = {point}: errors grow so fast along this geodesic that its points "
-                f"are known to {error:.1e} at best, not to {tolerance:.1e}"
+                f"are accurate to {error:.1e} at best, not to {tolerance:.1e}"
             )
-        of_steps = max(of_steps / _LOOSER, _FINEST_STEP_TOLERANCE)
+        per_step = max(per_step / _LOOSER, _FINEST_STEP_TOLERANCE)
 
 
 def _check_speed(metric: Metric, positions: Array, velocities: Array) -> None:
-    """Find a geodesic that rounding has turned away: near a boundary that is infinitely far.
+    """Reject a geodesic that rounding errors have deflected, near an infinitely distant boundary.
 
-    There the distance to the boundary has lost its digits, in every integration alike.
+    There the distance to the boundary loses its digits, in both integrations alike.
     """
     squares = np.einsum(
         "ki,kij,kj->k", velocities, [metric.matrix(q) for q in positions], velocities
@@ -86,10 +96,10 @@ def _check_speed(metric: Metric, positions: Array, velocities: Array) -> None:
     if not np.all(kept):
         first = int(np.argmin(kept))
         raise IntegrationFailed(
-            f"exp from q = {positions[0]} with v = {velocities[0]}: geodesics keep their speed, "
-            f"but this one's has changed from {np.sqrt(squares[0]):.4g} to "
-            f"{np.sqrt(abs(squares[first])):.4g} at {positions[first]}: rounding has the "
-            "better of it, as near a boundary or a singularity"
+            f"exp from q = {positions[0]} with v = {velocities[0]}: the speed of a geodesic is "
+            f"constant, but here it has changed from {np.sqrt(squares[0]):.4g} to "
+            f"{np.sqrt(abs(squares[first])):.4g} at {positions[first]}: rounding errors dominate, "
+            "as near a boundary or a singularity"
         )
 
 
@@ -98,22 +108,21 @@ def integrate_geodesic(
     q: Array,
     v: Array,
     times: Array,
-    of_steps: float,
+    step_tolerance: float,
     *,
     max_steps: int = 20_000,
 ) -> tuple[Array, Array]:
-    """One integration of the geodesic with this error of a step: `sample_geodesic` without its check."""
+    """Integrate the geodesic once with a tolerance per step, without estimating the total error."""
     try:
         states = metric.geodesic_integrator(
-            np.concatenate([q, v]), times, of_steps, max_steps=max_steps
+            np.concatenate([q, v]), times, step_tolerance, max_steps=max_steps
         )
     except IntegrationFailed as failure:
         state = np.asarray(failure.state)
         reached = state[: metric.dim]
         why = metric.near_singularity(reached)
         raise IntegrationFailed(
-            f"exp from q = {q} with v = {v}: {failure}. It had come to "
-            f"{f'where {why}' if why else reached}",
+            f"exp from q = {q} with v = {v}: {failure}; {why or f'it had reached {reached}'}",
             failure.time,
             state,
         ) from None

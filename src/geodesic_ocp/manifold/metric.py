@@ -1,6 +1,6 @@
-"""Riemannian metrics: everything is derived from the metric tensor G(q).
+"""Riemannian metrics: all quantities are derived from the metric tensor G(q).
 
-The equations are in the convention of Klein, Jaquier, Meixner, Asfour, "A Riemannian Take on Human
+The equations follow the convention of Klein, Jaquier, Meixner, Asfour, "A Riemannian Take on Human
 Motion Analysis and Retargeting" (IROS 2022), section III, with Christoffel symbols of the first
 kind,
 
@@ -20,11 +20,11 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, as_expression, as_vector, evaluate, is_symbolic
 from geodesic_ocp.manifold.integrator import Integrator
-from geodesic_ocp.manifold.singularity import is_singular, near_singularity
+from geodesic_ocp.manifold.singularity import describe_singularity, is_singular
 
 
 def as_metric(metric: Any) -> Metric:
-    """The argument, if it is a metric with a dimension; ValueError says what is missing."""
+    """The argument, if it is a metric with a dimension; ValueError otherwise."""
     if not isinstance(metric, Metric):
         raise ValueError(f"metric must be an instance of a Metric class, got {metric!r}")
     dim = getattr(metric, "dim", None)
@@ -34,7 +34,7 @@ def as_metric(metric: Any) -> Metric:
 
 
 def _also_numeric(matrix: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """A subclass's symbolic matrix(q), which also takes and gives NumPy."""
+    """The symbolic matrix(q) of a subclass, extended to take and return NumPy arrays."""
 
     @functools.wraps(matrix)
     def wrapped(self: Metric, q: Any) -> Any:
@@ -48,16 +48,26 @@ def _also_numeric(matrix: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any
 class Metric(ABC):
     """A Riemannian metric on R^n given by its tensor G(q).
 
-    A subclass gives `dim` and `matrix(q)` in CasADi operations; the rest follows from these, and
-    `matrix` then also takes and gives NumPy arrays. Metrics are values: they do not change after
-    they were made.
+    A subclass defines `dim` and `matrix(q)` in CasADi operations. Everything else follows, and
+    `matrix` then also takes and returns NumPy arrays. Metrics are immutable values.
+
+    >>> import casadi as ca
+    >>> import geodesic_ocp as go
+    >>> class HalfPlane(go.Metric):  # hyperbolic: ds^2 = (dx^2 + dy^2) / y^2, y > 0
+    ...     dim = 2
+    ...     def matrix(self, q):
+    ...         return ca.SX.eye(2) / q[1] ** 2
+    >>> HalfPlane().matrix([0.0, 2.0])
+    array([[0.25, 0.  ],
+           [0.  , 0.25]])
+    >>> go.exp(HalfPlane(), [0.0, 1.0], [0.0, 1.0]).round(6)  # straight up, to y = e
+    array([0.      , 2.718282])
     """
 
     dim: int
-    # Names of the coordinates, where they have any: motions and files are held against them.
+    # Names of the coordinates, if any; motions and files are compared with them.
     joint_names: tuple[str, ...] | None = None
-    # Of every coordinate, what may be added to it without another place being meant, as a turn to
-    # an angle; inf where there is no such thing.
+    # Period of every coordinate, such as 2 pi for an angle; inf if it is not periodic.
     periods: tuple[float, ...] | None = None
 
     @abstractmethod
@@ -69,7 +79,7 @@ class Metric(ABC):
         if "matrix" in cls.__dict__:
             cls.matrix = _also_numeric(cls.__dict__["matrix"])  # type: ignore[method-assign,assignment]
 
-    # -- functions of symbols, built once ------------------------------------------------------
+    # -- symbolic functions, built once --------------------------------------------------------
 
     @cached_property
     def _matrix_function(self) -> ca.Function:
@@ -83,8 +93,18 @@ class Metric(ABC):
         return ca.Function("G", [q], [ca.densify(matrix)], ["q"], ["G"])
 
     @cached_property
+    def has_constant_tensor(self) -> bool:
+        """Whether the expression of G(q) does not contain q.
+
+        Then geodesics are straight lines at constant speed, and parallel transport leaves the
+        components of a vector as they are: `exp`, `log` and the others use these closed forms.
+        """
+        q = ca.SX.sym("q", self.dim)
+        return not ca.depends_on(self._matrix_function(q), q)
+
+    @cached_property
     def _matrix_derivative(self) -> ca.Function:
-        """Derivatives of the entries of G, columns first, by each coordinate: q -> (n^2, n)."""
+        """Derivatives of vec(G) with respect to each coordinate: q -> (n^2, n)."""
         q = ca.SX.sym("q", self.dim)
         derivative = ca.jacobian(ca.vec(self._matrix_function(q)), q)
         return ca.Function("dG", [q], [ca.densify(ca.cse(derivative))])
@@ -100,11 +120,11 @@ class Metric(ABC):
         )
 
     def _transport_rate(self, q: ca.SX, u: ca.SX, v: ca.SX) -> ca.SX:
-        """Rate of v carried in parallel along u: -G^-1 sum_jk Gamma_ijk u_j v_k, (n, 1)."""
+        """Derivative of v transported along u: -G^-1 sum_jk Gamma_ijk u_j v_k, (n, 1)."""
         # L D L' without pivoting: G is positive definite, and the graph stays small.
         factors, upper, permutation = ca.ldl(self._matrix_function(q), False)
         force = self._christoffel_force(q, u, v)
-        # Where G does not vary, nothing else would tell that it is no metric there.
+        # Detects an invalid G where its derivatives are zero.
         valid = ca.if_else(ca.trace(self._matrix_function(q)) > 0, 0.0, np.nan)
         return ca.densify(ca.cse(valid - ca.ldl_solve(force, factors, upper, permutation)))
 
@@ -124,9 +144,9 @@ class Metric(ABC):
 
     @cached_property
     def curvature_form(self) -> ca.Function:
-        """Riemann's tensor <R(u, v) w, z>: q, u, v, w, z, each (n,), -> number.
+        """Riemann curvature tensor <R(u, v) w, z>: q, u, v, w, z, each (n,), -> number.
 
-        Constant fields and the Christoffel symbols C of the first kind give it as
+        With constant vector fields and Christoffel symbols C of the first kind, it is
         (d_w d_u <z, v> + d_z d_v <w, u> - d_z d_u <w, v> - d_w d_v <z, u>) / 2
         + C(w, u)' G^-1 C(z, v) - C(w, v)' G^-1 C(z, u).
         """
@@ -137,7 +157,7 @@ class Metric(ABC):
             return ca.jtimes(ca.jtimes(self.inner(q, c, d), q, a), q, b)
 
         def product(a: ca.SX, b: ca.SX, c: ca.SX, d: ca.SX) -> ca.SX:
-            """Of the Christoffel symbols on (a, b) and (c, d), in the inverse metric."""
+            """C(a, b)' G^-1 C(c, d)."""
             return -ca.dot(self._christoffel_force(q, a, b), self._transport_rate(q, c, d))
 
         linear = second(w, u, z, v) + second(z, v, w, u) - second(z, u, w, v) - second(w, v, z, u)
@@ -159,22 +179,18 @@ class Metric(ABC):
     def variation_integrator(self) -> Integrator:
         """Integrator of `geodesic_equation` with its derivatives by the initial velocity.
 
-        y = (q, v, dq/dv0, dv/dv0), the derivatives columns first: (2 n + 2 n^2,).
+        y = (q, v, dq/dv0, dv/dv0), (2 n + 2 n^2,), with the derivatives in column-major order.
         """
-        n = self.dim
+        n, x = self.dim, ca.SX.sym("x", 2 * self.dim)
+        derivative = ca.densify(ca.cse(ca.jacobian(self.geodesic_equation(x), x)))
+        jacobian = ca.Function("geodesic_jacobian", [x], [derivative])
         y = ca.MX.sym("y", 2 * n + 2 * n * n)
         state, fields = y[: 2 * n], y[2 * n :]
         columns = ca.vertcat(ca.reshape(fields[: n * n], n, n), ca.reshape(fields[n * n :], n, n))
         rate = self.geodesic_equation(state)
-        slopes = self._geodesic_jacobian(state) @ columns
+        slopes = jacobian(state) @ columns
         parts = [rate, ca.vec(slopes[:n, :]), ca.vec(slopes[n:, :])]
         return Integrator(ca.Function("variation", [y], [ca.vertcat(*parts)], ["y"], ["dy"]))
-
-    @cached_property
-    def _geodesic_jacobian(self) -> ca.Function:
-        y = ca.SX.sym("y", 2 * self.dim)
-        jacobian = ca.jacobian(self.geodesic_equation(y), y)
-        return ca.Function("geodesic_jacobian", [y], [ca.densify(ca.cse(jacobian))])
 
     @cached_property
     def transport_integrator(self) -> Integrator:
@@ -187,11 +203,10 @@ class Metric(ABC):
         return [as_vector(name, value, self.dim) for name, value in vectors.items()]
 
     def point(self, name: str, q: Any) -> Array:
-        """The argument of that name as a point (n,) where this is a metric.
+        """The argument `name` as a point (n,) at which the metric is valid.
 
         Raises:
-            ValueError: it is not n finite numbers, or G(q) is not finite, symmetric and positive
-                definite there.
+            ValueError: not n finite numbers, or G(q) is not finite, symmetric or positive definite.
         """
         point = as_vector(name, q, self.dim)
         tensor = self.matrix(point)
@@ -204,13 +219,13 @@ class Metric(ABC):
             why = self.near_singularity(point)
             raise ValueError(
                 f"{name}: the metric is not positive definite at {point}: the eigenvalues of G "
-                f"reach from {smallest:.1e} to {largest:.1e}{why and f'; {why}'}"
+                f"range from {smallest:.1e} to {largest:.1e}{why and f'; {why}'}"
             )
         return point
 
     def near_singularity(self, q: Array) -> str:
-        """What makes the metric nearly singular at q (n,), in words; empty where it is not."""
-        return near_singularity(self.matrix(q), q, self.joint_names)
+        """Why the metric is nearly singular at q (n,), as a sentence; empty if it is not."""
+        return describe_singularity(self.matrix(q), q, self.joint_names)
 
     # -- the geometry --------------------------------------------------------------------------
 
@@ -225,20 +240,20 @@ class Metric(ABC):
         """Norm |v|_q = sqrt(<v, v>_q).
 
         Raises:
-            ValueError: <v, v>_q is negative or not a number: the metric is not one at q.
+            ValueError: <v, v>_q is negative or NaN: the metric is not positive definite at q.
         """
         squared = self.inner(q, v, v)
         if is_symbolic(squared):
             return ca.sqrt(squared)
         if not squared >= 0.0:
-            raise ValueError(f"<v, v> is {squared:.3g} at q = {q}: no metric there")
+            raise ValueError(f"<v, v> is {squared:.3g} at q = {q}: the metric is indefinite")
         return float(np.sqrt(squared))
 
     def angle(self, q: Any, u: Any, v: Any) -> Any:
         """Angle between two tangent vectors (n,) at q, in [0, pi] [rad].
 
-        Computed from the sum and the difference of the unit vectors, which keeps its accuracy for
-        small angles (Kahan, "How Futile are Mindless Assessments of Roundoff", 2006).
+        Computed from the sum and difference of the unit vectors, which is accurate also for small
+        angles (Kahan, "How Futile are Mindless Assessments of Roundoff", 2006).
 
         Raises:
             ValueError: one of the vectors is zero.
@@ -254,22 +269,22 @@ class Metric(ABC):
 
         lengths = norm(u), norm(v)
         if min(lengths) == 0.0:
-            raise ValueError("the angle to a zero vector is not defined")
+            raise ValueError("the angle to a zero vector is undefined")
         unit_u, unit_v = u / lengths[0], v / lengths[1]
         return float(2.0 * np.arctan2(norm(unit_u - unit_v), norm(unit_u + unit_v)))
 
     def christoffel(self, q: Any) -> Any:
         """Christoffel symbols of the first kind, (n, n, n): entry [i, j, k] is Gamma_ijk.
 
-        For symbolic q a list of n CasADi matrices, the i-th with entries [j, k].
+        For symbolic q, a list of n CasADi matrices, the i-th with entries [j, k].
         """
         (q,) = self._checked(q=q)
         derivative = evaluate(self._matrix_derivative, q)
         if is_symbolic(q):
             columns = ca.horzsplit(derivative)
-            by: list[Any] = [ca.reshape(column, self.dim, self.dim) for column in columns]
-            rows = [ca.horzcat(*(slope[:, i] for slope in by)) for i in range(self.dim)]
-            return [(row + row.T - slope) / 2 for row, slope in zip(rows, by, strict=True)]
+            slopes: list[Any] = [ca.reshape(column, self.dim, self.dim) for column in columns]
+            rows = [ca.horzcat(*(slope[:, i] for slope in slopes)) for i in range(self.dim)]
+            return [(row + row.T - slope) / 2 for row, slope in zip(rows, slopes, strict=True)]
         slope = np.asarray(derivative).reshape(self.dim, self.dim, self.dim)  # [j, i, k]: G' = G
         return 0.5 * (slope + slope.transpose(0, 2, 1) - slope.transpose(2, 0, 1))
 

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.geodesics.log import geodesic
+from geodesic_ocp.geodesics.geodesic import geodesic
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.synergies.segment import observed_velocity, speeds
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.path import Path
 from geodesic_ocp.trajectory.time_law import TimeLaw, time_law
-from geodesic_ocp.trajectory.timed_path import at_times
+from geodesic_ocp.trajectory.timed_path import states_at
 
 # A segment that comes back to where it began has a path too short for its end speeds: none is
 # more than this many times the mean speed along the path.
@@ -64,7 +64,7 @@ class Synergy:
 
     def states(self, t: Array) -> tuple[Array, Array, Array]:
         """Configurations, velocities and accelerations, (k, n) each, at times t (k,) [s]."""
-        return at_times(self.path, self.law, t - self.start_time)
+        return states_at(self.path, self.law, t - self.start_time)
 
 
 class Reconstruction(NamedTuple):

@@ -83,7 +83,7 @@ def test_human_arm_of_an_independent_implementation(
 
 
 def test_two_link_arm_finds_a_geodesic_of_the_list(known_geodesics: dict[str, Any]) -> None:
-    """Several join these configurations; the straight line's is one of them, and says its own length."""
+    """Several geodesics connect these configurations; the one found is among them."""
     known = known_geodesics["two_link_log"]
     figures = ((1.0, 1.0), (1.0, 1.0), (0.5, 0.5), (1 / 12, 1 / 12))
     metric = go.KineticEnergy(planar_arm(*figures))

@@ -273,14 +273,14 @@ def test_causes_are_named_in_few_words(arm_metric: go.KineticEnergy) -> None:
 @pytest.mark.parametrize("seed", ["x", 1.5, -1])
 def test_seed_must_be_natural(seed: object) -> None:
     for starts in (1, 2):
-        with pytest.raises(ValueError, match="seed must be an integer, not negative"):
+        with pytest.raises(ValueError, match="seed must be a non-negative integer"):
             go.log(Sphere(), [1.0, 0.0], [1.0, 1.0], num_starts=starts, seed=seed)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("num_starts", [0, -1, 1.5, "many"])
-def test_starts_must_be_a_positive_integer(starts: object) -> None:
+def test_starts_must_be_a_positive_integer(num_starts: object) -> None:
     with pytest.raises(ValueError, match="num_starts must be a positive integer"):
-        go.log(Sphere(), [1.0, 0.0], [1.0, 1.0], num_starts=starts)  # type: ignore[arg-type]
+        go.log(Sphere(), [1.0, 0.0], [1.0, 1.0], num_starts=num_starts)  # type: ignore[arg-type]
 
 
 def test_the_same_seed_gives_the_same_geodesics(two_link: go.KineticEnergy) -> None:

@@ -127,7 +127,7 @@ def test_not_converged_says_how_far(arm: go.Model) -> None:
         arm, START, position, turned, method="transport", weights=(1.0, 10.0), throw=False
     )
     assert not record.success
-    with pytest.raises(go.NotConverged, match="the hand misses it by") as raised:
+    with pytest.raises(go.NotConverged, match="the pose error of the hand is") as raised:
         go.geodesic_to_pose(arm, START, position, turned, method="transport", weights=(1.0, 10.0))
     assert isinstance(raised.value.solution, go.ToPose)
 

@@ -1,0 +1,172 @@
+"""Geodesics as paths: between two configurations, or from an initial velocity."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from geodesic_ocp.arrays import Array, as_vector
+from geodesic_ocp.errors import IntegrationFailed, NotConverged
+from geodesic_ocp.geodesics.multi_start import find_geodesics
+from geodesic_ocp.geodesics.single_start import CHECK_TOLERANCE, TOLERANCE, ConnectingGeodesic
+from geodesic_ocp.manifold.exp import exp, sample_geodesic
+from geodesic_ocp.manifold.metric import Metric, as_metric
+from geodesic_ocp.ocp.solve.certificate import Certificate, certify
+from geodesic_ocp.trajectory.grid import Grid
+from geodesic_ocp.trajectory.path import Path
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Geodesic(Path):
+    """A geodesic from q(0) to q(1) at constant speed: a path with its initial velocity.
+
+    Attributes:
+        velocity: q'(0), (n,), to the accuracy of `log`.
+    """
+
+    velocity: Array = field(repr=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        velocity = as_vector("velocity", self.velocity, self.metric.dim)
+        velocity.flags.writeable = False
+        object.__setattr__(self, "velocity", velocity)
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """How exact the path is as a geodesic, and whether it is locally minimizing."""
+        return certify(self, self.velocity)
+
+    def __repr__(self) -> str:
+        length = self.metric.norm(self.nodes[0], self.velocity)
+        # A certificate can take seconds: it is shown once it has been computed.
+        certificate = self.__dict__.get("certificate")
+        start, end = (
+            np.array2string(q, max_line_width=100, precision=3, threshold=8, edgeitems=3)
+            for q in self.nodes[[0, -1]]
+        )
+        lines = [f"Geodesic(length {length:.6g}, from {start}", f"to {end}"]
+        lines += [] if certificate is None else [str(certificate)]
+        return ",\n  ".join(lines) + ")"
+
+
+def geodesic(
+    metric: Metric, q0: ArrayLike, q1: ArrayLike, *, num_starts: int = 1, seed: int = 0
+) -> Geodesic:
+    """The geodesic of `log` as a path from q0 to q1 at constant speed.
+
+    Its nodes are sampled from the integrated geodesic, on a grid fine enough that the velocity of
+    the path is accurate to 1e-6.
+
+    >>> import geodesic_ocp as go
+    >>> arm = go.human_arm()
+    >>> q0, q1 = [0.0, 0.1, -0.5, 0.8, 0.0, 0.0, 0.0], [0.6, 0.2, -0.9, 1.4, 0.1, 0.0, 0.1]
+    >>> path = go.geodesic(go.KineticEnergy(arm), q0, q1)
+    >>> path(0.5).round(3)
+    array([ 0.185,  0.102, -0.742,  1.445,  0.11 , -0.528,  0.187])
+    >>> round(path.length, 4)
+    0.531
+    >>> path.certificate.locally_shortest
+    True
+
+    Raises:
+        ValueError: wrong shapes, or numbers that are not finite.
+        NotConverged: see `log`.
+    """
+    return _sample_path(metric, find_geodesics(metric, q0, q1, num_starts, seed)[0])
+
+
+def geodesics(
+    metric: Metric, q0: ArrayLike, q1: ArrayLike, *, num_starts: int = 20, seed: int = 0
+) -> tuple[Geodesic, ...]:
+    """All distinct geodesics from q0 to q1 that are found from several starts, shortest first.
+
+    The initial guesses are the straight line, straight lines to goals a period away where the
+    metric has `periods` (a revolution of a continuous joint), paths through random waypoints, and
+    perturbed velocities of geodesics found before. There may be more geodesics, and a shorter one;
+    the `certificate` of each tells whether it is locally minimizing.
+
+    >>> import geodesic_ocp as go
+    >>> class Cylinder(go.Metric):  # radius 1, in angle and height
+    ...     dim, periods = 2, (6.283185307179586, float("inf"))
+    ...     def matrix(self, q):
+    ...         return type(q).eye(2)
+    >>> found = go.geodesics(Cylinder(), [0.0, 0.0], [2.0, 1.0], num_starts=3)
+    >>> [round(path.length, 3) for path in found]
+    [2.236, 4.398, 8.343]
+
+    Args:
+        metric: of the manifold.
+        q0, q1: the ends (n,); paths may end whole periods away from q1, where the metric must be
+            the same.
+        num_starts: number of initial guesses, at least one.
+        seed: of the random numbers.
+
+    A geodesic whose curvature is too sharp for the finest grid is left out with a RuntimeWarning.
+
+    Raises:
+        ValueError, NotConverged: see `log`.
+    """
+    paths: list[Geodesic] = []
+    failures: list[NotConverged] = []
+    for found in find_geodesics(metric, q0, q1, num_starts, seed):
+        try:
+            paths.append(_sample_path(metric, found))
+        except NotConverged as failure:
+            failures.append(failure)
+    if not paths:
+        raise failures[0]
+    for failure in failures:
+        warnings.warn(f"left out a geodesic: {failure}", RuntimeWarning, stacklevel=2)
+    return tuple(paths)
+
+
+def geodesic_from_velocity(metric: Metric, q0: ArrayLike, v0: ArrayLike) -> Geodesic:
+    """The geodesic that starts at q0 (n,) with velocity v0 (n,), as a path up to Exp_q0(v0).
+
+    Raises:
+        ValueError: wrong shapes, numbers that are not finite, or v0 is zero.
+        IntegrationFailed: see `exp`.
+        NotConverged: its curvature is too sharp for the finest grid.
+    """
+    metric = as_metric(metric)
+    start, velocity = metric.point("q0", q0), as_vector("v0", v0, metric.dim)
+    if not np.any(velocity):
+        raise ValueError("v0 must not be zero: a geodesic moves at constant speed")
+    end = exp(metric, start, velocity)
+    return _sample_path(metric, ConnectingGeodesic(start, end, velocity, None))
+
+
+def _sample_path(metric: Metric, found: ConnectingGeodesic) -> Geodesic:
+    """The geodesic as a path on the coarsest grid that resolves its velocity."""
+    for grid in found.grids:
+        nodes, velocities = _integrate_at_nodes(metric, found, grid)
+        path = Geodesic(metric, grid, np.vstack([nodes[:-1], found.q1]), found.velocity)
+        slopes = grid.differentiation @ grid.in_segments(path.nodes)
+        error = np.abs(slopes - grid.in_segments(velocities)).max()
+        rounding = np.finfo(float).eps * np.abs(grid.differentiation).max() * np.abs(nodes).max()
+        if error <= 1e-6 * np.abs(velocities).max() + 10.0 * rounding:
+            return path
+    raise NotConverged(
+        f"the geodesic from {found.q0} to {found.q1} bends too sharply for {grid.segments} "
+        f"segments of degree {grid.degree}: the error of its velocity is {error:.1e}",
+        found.solution,
+    )
+
+
+def _integrate_at_nodes(
+    metric: Metric, found: ConnectingGeodesic, grid: Grid
+) -> tuple[Array, Array]:
+    """Positions and velocities at the grid's nodes, as accurate as possible, at least to 1e-9."""
+    for tolerance in (CHECK_TOLERANCE, TOLERANCE):
+        try:
+            return sample_geodesic(
+                metric, found.q0, found.velocity, grid.nodes, tolerance=tolerance
+            )
+        except IntegrationFailed as error:
+            failure = error
+    raise NotConverged(f"the geodesic cannot be sampled along its length: {failure}")
