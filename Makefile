@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test test-slow lint notebooks bench robots pinocchio-casadi clean
+.PHONY: demo test test-slow lint docs notebooks bench robots pinocchio-casadi clean
 
 demo: $(READY)  ## analyse the bundled recording; results go to geodesic_ocp_demo/
 	$(BIN)/geodesic-ocp demo
@@ -20,6 +20,11 @@ lint: $(READY)  ## style and types
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+docs: $(READY)  ## the documentation site, into docs/_build/html; warnings and dead links are errors
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
+	$(BIN)/python docs/check_links.py docs/_build/html
+
 notebooks: $(READY)  ## execute the notebooks, keeping their output
 	$(BIN)/jupyter-execute --inplace notebooks/*.ipynb
 
@@ -33,7 +38,7 @@ pinocchio-casadi: $(READY)  ## build Pinocchio's CasADi bindings: half an hour, 
 	@$(BIN)/python tools/pinocchio_casadi.py $(ARGS)
 
 clean:  ## remove the environment and caches
-	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis dist
+	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis dist docs/_build
 
 $(READY): pyproject.toml
 	@$(PYTHON) -c 'import sys; assert (3, 10) <= sys.version_info < (3, 14)' 2>/dev/null || \

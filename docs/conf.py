@@ -1,0 +1,58 @@
+"""Configuration of the documentation site; `make docs` builds it into docs/_build/html."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from importlib.metadata import version as version_of
+from pathlib import Path
+
+HERE = Path(__file__).parent
+ROOT = HERE.parent
+sys.path.insert(0, str(HERE / "_extensions"))
+
+# Notebooks and gallery are kept once, in folders of their own, and copied for each build.
+for copied in (HERE / "problems", HERE / "reference" / "generated"):
+    shutil.rmtree(copied, ignore_errors=True)
+shutil.copytree(ROOT / "problems", HERE / "problems", ignore=shutil.ignore_patterns("__pycache__"))
+for file in (HERE / "tutorials").glob("*.ipynb"):
+    file.unlink()
+for file in (ROOT / "notebooks").glob("*.ipynb"):
+    shutil.copy2(file, HERE / "tutorials")
+
+project = "geodesic_ocp"
+author = "The geodesic_ocp developers"
+project_copyright = author
+release = version = version_of("geodesic_ocp")
+
+extensions = [
+    "command_help",
+    "docstrings",
+    "mathml",
+    "myst_nb",
+    "public_names",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.viewcode",
+    "sphinx_copybutton",
+]
+exclude_patterns = ["_build"]
+templates_path = ["_templates"]
+html_theme = "furo"
+html_title = "geodesic_ocp"
+html_show_sourcelink = False
+html_math_renderer = "mathml"  # no script, nothing to fetch
+
+myst_enable_extensions = ["amsmath", "deflist", "dollarmath"]
+myst_heading_anchors = 3
+nb_execution_mode = "off"  # the notebooks' stored outputs are shown; CI executes them
+copybutton_exclude = ".linenos, .gp, .go"
+
+# Docstrings are plain text with `names` between single backticks.
+default_role = "py:obj"
+add_module_names = False
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"  # docstrings give types, shapes and units
+autosummary_generate = True
+napoleon_attr_annotations = False

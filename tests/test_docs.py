@@ -1,0 +1,121 @@
+"""What the README and the documentation show can be run as it stands."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+import geodesic_ocp as go
+from geodesic_ocp.cli.main import _parser
+from geodesic_ocp.model.formats.robots import ROBOTS, folder
+
+ROOT = Path(__file__).resolve().parents[1]
+README = ROOT / "README.md"
+# Copied there by a build: notebooks, gallery, and pages of the reference.
+_GENERATED = {"_build", "generated", "problems", "tutorials"}
+PAGES = [
+    README,
+    *(
+        page
+        for page in sorted((ROOT / "docs").rglob("*.md"))
+        if not _GENERATED & set(page.relative_to(ROOT / "docs").parts)
+    ),
+]
+_BLOCK = re.compile(r"(<!-- needs robots -->\n)?```python\n(.*?)```", re.DOTALL)
+_COMMAND = re.compile(r"^(?:\.venv/bin/)?geodesic-ocp (.*?)(?:\s+#.*)?$", re.MULTILINE)
+_SLOW = {"how-to/problem.md", "how-to/retargeting.md"}  # more than some seconds
+
+
+@dataclass(frozen=True)
+class Block:
+    """Python of a page, and whether it needs descriptions of robots."""
+
+    code: str
+    needs_robots: bool
+
+
+def _name(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix().removeprefix("docs/")
+
+
+def _blocks(page: Path) -> list[Block]:
+    return [Block(code, bool(mark)) for mark, code in _BLOCK.findall(page.read_text())]
+
+
+def _run(page: Path, blocks: list[Block]) -> dict[str, Any]:
+    names: dict[str, Any] = {"__name__": "__main__"}
+    for block in blocks:
+        exec(compile(block.code, str(page), "exec"), names)
+    return names
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    mpl.use("Agg")
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(page, id=_name(page), marks=[pytest.mark.slow] if _name(page) in _SLOW else [])
+        for page in PAGES
+        if _blocks(page)
+    ],
+)
+def test_blocks_run(page: Path) -> None:
+    names = _run(page, [block for block in _blocks(page) if not block.needs_robots])
+    if page == README:
+        assert names["path"](1.0) == pytest.approx(np.array(names["goal"]), abs=1e-9)
+        assert names["path"].certificate.locally_shortest
+        assert names["solution"].stats.success
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(page, id=_name(page))
+        for page in PAGES
+        if any(block.needs_robots for block in _blocks(page))
+    ],
+)
+def test_blocks_with_robots_run(page: Path) -> None:
+    if folder(ROBOTS["panda"].package) is None:
+        pytest.skip("needs descriptions of robots (make robots)")
+    _run(page, _blocks(page))
+
+
+def test_readme_is_short() -> None:
+    assert len(README.read_text().split()) <= 900
+
+
+def test_tables_of_the_demo_are_what_it_prints() -> None:
+    arm = go.human_arm("left", height=1.78)
+    recording = files("geodesic_ocp") / "data" / "reach.csv"
+    motion = go.read_motion(str(recording), joints=arm.joint_names)
+    rows = go.analyse(arm, motion).table().markdown().splitlines()
+    for page in (README, ROOT / "docs" / "explanation" / "segmentation.md"):
+        text = page.read_text()
+        assert [row for row in rows if row not in text] == []
+
+
+def test_commands_have_these_options() -> None:
+    """Every command line in the documentation is one that the parser accepts."""
+    parser = _parser()
+    commands = [
+        command
+        for page in PAGES
+        for block in re.findall(r"```sh\n(.*?)```", page.read_text(), re.DOTALL)
+        for command in _COMMAND.findall(block)
+    ]
+    assert len(commands) > 5
+    for command in commands:
+        assert callable(parser.parse_args(shlex.split(command)).run), command
