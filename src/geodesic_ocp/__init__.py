@@ -47,21 +47,25 @@ from geodesic_ocp.ocp.solve.callback import Iterate
 from geodesic_ocp.ocp.solve.certificate import Certificate, certify
 from geodesic_ocp.ocp.solve.live_plot import LivePlot
 from geodesic_ocp.ocp.solve.load_solution import load_solution
-from geodesic_ocp.ocp.solve.save_solution import save_solution
-from geodesic_ocp.ocp.solve.solution import Solution, Stats
+from geodesic_ocp.ocp.solve.solution import Solution
 from geodesic_ocp.ocp.solve.solve import solve
+from geodesic_ocp.ocp.solve.stats import Stats
 from geodesic_ocp.report.report import report
 from geodesic_ocp.retargeting.alignment import Alignment, alignment
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, merge_synergies
 from geodesic_ocp.retargeting.result import Retargeting
-from geodesic_ocp.retargeting.retarget import retarget
-from geodesic_ocp.synergies.analyse import Analysis, analyse
+from geodesic_ocp.retargeting.retarget import retarget, retarget_arms
+from geodesic_ocp.retargeting.settings import RetargetingSettings
+from geodesic_ocp.synergies.analyse import analyse
+from geodesic_ocp.synergies.analysis import Analysis
 from geodesic_ocp.synergies.evaluate import MotionErrors, evaluate
-from geodesic_ocp.synergies.files import load_synergies, save_synergies
 from geodesic_ocp.synergies.read_motion import read_motion
-from geodesic_ocp.synergies.reconstruct import Reconstruction, Synergy, reconstruct
-from geodesic_ocp.synergies.segment import segment, segment_zero_velocity
+from geodesic_ocp.synergies.reconstruct import Reconstruction, reconstruct
+from geodesic_ocp.synergies.segment import segment
+from geodesic_ocp.synergies.segment_zero_velocity import segment_zero_velocity
+from geodesic_ocp.synergies.synergy import Synergy
+from geodesic_ocp.synergies.synergy_files import load_synergies, save_synergies
 from geodesic_ocp.synergies.track_hand import track_hand
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.grid import Grid
@@ -102,6 +106,7 @@ __all__ = [
     "RegionAvoiding",
     "RetargetedArm",
     "Retargeting",
+    "RetargetingSettings",
     "Solution",
     "Stats",
     "Subject",
@@ -138,8 +143,8 @@ __all__ = [
     "reconstruct",
     "report",
     "retarget",
+    "retarget_arms",
     "riemann_curvature",
-    "save_solution",
     "save_synergies",
     "scalar_curvature",
     "sectional_curvature",

@@ -120,8 +120,8 @@ def geodesics(
             failures.append(failure)
     if not paths:
         raise failures[0]
-    for failure in failures:
-        warnings.warn(f"left out a geodesic: {failure}", RuntimeWarning, stacklevel=2)
+    for reason in failures:
+        warnings.warn(f"left out a geodesic: {reason}", RuntimeWarning, stacklevel=2)
     return tuple(paths)
 
 

@@ -1,1 +1,6 @@
-"""From a recording to geodesic synergies."""
+"""From a recorded motion to geodesic synergies.
+
+A geodesic synergy is a segment of a recorded motion that follows a geodesic of the kinetic-energy
+metric (Klein, Jaquier, Meixner, Asfour, "A Riemannian Take on Human Motion Analysis and
+Retargeting", IROS 2022). It is not a muscle synergy of motor control.
+"""

@@ -1,4 +1,4 @@
-"""Recordings from files."""
+"""Motions from files."""
 
 from __future__ import annotations
 
@@ -15,15 +15,21 @@ _READERS = {".xml": read_mmm, ".csv": read_table}
 
 
 def read_motion(path: str | Path, joints: Sequence[str] | None = None) -> Motion:
-    """The motion in a file: MMM (.xml, both layouts) or a table (.csv).
+    """Read a recorded motion from a file: MMM (.xml, both layouts) or a table (.csv).
+
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "reach.csv")
+    >>> len(motion), motion.joint_names[:3]
+    (528, ('LSx_joint', 'LSz_joint', 'LSy_joint'))
 
     Args:
         path: of the file.
-        joints: names of the joints wanted, in the order wanted; all by default.
+        joints: names of the joints to read, in the order of the result; all by default.
 
     Raises:
-        RecordingError: the file is missing, is of no known kind, or cannot be read; names the
-            file, the place in it, and what was expected there.
+        RecordingError: the file is missing, of an unknown format, or malformed; the message names
+            the file, the line or element, and what was expected there.
     """
     file = Path(path)
     if not file.is_file():

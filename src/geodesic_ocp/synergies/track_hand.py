@@ -1,4 +1,4 @@
-"""What the geodesic model is compared with, where it is not a metric: inverse kinematics."""
+"""The inverse-kinematics baseline: a controller that tracks the observed hand."""
 
 from __future__ import annotations
 
@@ -12,40 +12,39 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.rotations import rotation_vector
 from geodesic_ocp.trajectory.motion import Motion
 
-# A joint moves no more than this in one step of the controller [rad or m].
-_LARGEST_STEP = 0.05
-
-
+# Largest displacement of a joint in one step of the controller [rad or m].
+_MAX_STEP = 0.05
 Poses = Callable[[Array], tuple[Array, Array]]
 
 
 def track_hand(
     model: Model, motion: Motion, *, gain: float = 20.0, damping: float = 0.02
 ) -> Motion:
-    """Follow the observed hand with a damped Jacobian controller, from the first configuration.
+    """Track the observed hand (end-effector) with a damped velocity controller.
 
-    The hand moves along the spline through the samples; see `track_poses`. The redundant arm keeps
-    no memory of the observed configuration.
+    It starts from the first observed configuration; the hand moves along the spline through the
+    samples, see `track_poses`. The observed configuration of the redundant arm plays no further
+    role.
 
     Args:
-        model: whose hand follows; its joints must be the motion's.
+        model: whose hand tracks; its joints must be the motion's.
         motion: observed.
         gain: of the pose error [1/s].
         damping: of the Jacobian's small singular values [m or rad per joint unit].
 
     Returns:
-        The controller's motion at the recording's instants, with its velocities.
+        The controller's motion at the recording's sample times, with its velocities.
 
     Raises:
         ValueError: the joints are not the model's, or a number is not positive.
     """
     observed = motion.select(model.joint_names)
 
-    def poses(instants: Array) -> tuple[Array, Array]:
-        rotations, positions = model.hand_pose(observed(instants))
+    def poses(times: Array) -> tuple[Array, Array]:
+        rotations, positions = model.hand_pose(observed(times))
         return rotations, positions
 
-    followed = track_poses(
+    tracked = track_poses(
         model,
         observed.q[0],
         observed.time,
@@ -54,16 +53,16 @@ def track_hand(
         damping=damping,
         counts=steps_between(observed),
     )
-    return replace(followed, subject=observed.subject)
+    return replace(tracked, subject=observed.subject)
 
 
 def steps_between(observed: Motion) -> Array:
-    """Steps of the controller between samples (k - 1,): so many that the arm moves little in one.
+    """Number of controller steps between samples (k - 1,), so that each is a small motion.
 
-    Slow recordings need many.
+    Recordings at low sampling rates need many.
     """
-    most = np.abs(np.diff(observed.q, axis=0)).max(axis=1)
-    return np.asarray(np.maximum(1.0, np.ceil(most / _LARGEST_STEP)))
+    largest = np.abs(np.diff(observed.q, axis=0)).max(axis=1)
+    return np.asarray(np.maximum(1.0, np.ceil(largest / _MAX_STEP)))
 
 
 def track_poses(
@@ -78,21 +77,21 @@ def track_poses(
     turning: bool = True,
     placing: bool = True,
 ) -> Motion:
-    """Follow poses of a hand with a damped Jacobian controller, from a configuration.
+    """Track poses of a hand with a damped velocity controller, from a configuration.
 
     q' = J' (J J' + damping^2)^-1 (hand velocity + gain * pose error). Damped least squares:
     Wampler, IEEE Trans. Systems, Man, and Cybernetics 16 (1986); the controller ignores joint
     limits.
 
     Args:
-        model: whose hand follows.
+        model: whose hand tracks.
         start: configuration (n,).
-        time: increasing instants (k,) [s].
-        poses: rotations (m, 3, 3) and positions (m, 3) [m] of the hand at m instants.
+        time: increasing times (k,) [s].
+        poses: rotations (m, 3, 3) and positions (m, 3) [m] of the hand at m times.
         gain: of the pose error [1/s].
         damping: of the Jacobian's small singular values [m or rad per joint unit].
-        counts: (k - 1,) steps of the controller between the instants; one by default.
-        turning, placing: whether it follows rotations, and positions.
+        counts: (k - 1,) steps of the controller between the times; one by default.
+        turning, placing: whether it tracks rotations, and positions.
 
     Raises:
         ValueError: a number is not positive.
@@ -104,20 +103,20 @@ def track_poses(
     q[0] = start
     for k in range(time.size - 1):
         count = 1 if counts is None else int(counts[k])
-        instants = np.linspace(time[k], time[k + 1], count + 1)
-        rotations, positions = poses(instants)
-        configuration, step = q[k], float(instants[1] - instants[0])
+        times = np.linspace(time[k], time[k + 1], count + 1)
+        rotations, positions = poses(times)
+        configuration, step = q[k], float(times[1] - times[0])
         for index in range(count):
             rotation, position = model.hand_pose(configuration)
             error = _twist(rotation, position, rotations[index], positions[index])
             forward = _twist(
                 rotations[index], positions[index], rotations[index + 1], positions[index + 1]
             )
-            # A gain above 1/step would overshoot, above 2/step run away.
-            wanted = (forward / step + min(gain, 1.0 / step) * error)[rows]
+            # A gain above 1/step would overshoot, above 2/step diverge.
+            twist = (forward / step + min(gain, 1.0 / step) * error)[rows]
             jacobian = model.hand_jacobian(configuration)[rows]
             damped = jacobian @ jacobian.T + damping**2 * np.eye(len(jacobian))
-            configuration = configuration + step * jacobian.T @ np.linalg.solve(damped, wanted)
+            configuration = configuration + step * jacobian.T @ np.linalg.solve(damped, twist)
         q[k + 1] = configuration
         velocity[k] = (configuration - q[k]) / (time[k + 1] - time[k])
     velocity[-1] = velocity[-2]
@@ -125,5 +124,5 @@ def track_poses(
 
 
 def _twist(rotation: Array, position: Array, rotation_to: Array, position_to: Array) -> Array:
-    """Displacement (6,): translation and rotation vector from one pose to the other, base axes."""
+    """Translation and rotation vector (6,) from one pose to the other, in the base frame."""
     return np.concatenate([position_to - position, rotation_vector(rotation_to @ rotation.T)])

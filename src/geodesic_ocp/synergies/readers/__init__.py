@@ -1,1 +1,1 @@
-"""Formats of recordings."""
+"""Readers of recording formats."""

@@ -1,12 +1,12 @@
-"""Motions as tables of comma-separated values.
+"""Motions in tables of comma-separated values.
 
     # unit: rad
     # height: 1.78
     time,RSx_joint,RSz_joint,...
     0.00,0.1231,...
 
-Lines that start with # come first; among them `unit` (rad or deg, of all joints) is required, and
-`height` [m], `mass` [kg] and `subject` are read where they stand. Time is in seconds.
+Lines that start with # come first; `unit` (rad or deg, of all joints) is required, `height` [m],
+`mass` [kg] and `subject` are optional. Time is in seconds.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ import numpy as np
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.trajectory.motion import Motion, Subject
 
-_READ = ("unit", "height", "mass", "subject")
+_NOTES = ("unit", "height", "mass", "subject")
 _UNITS = {"rad": 1.0, "deg": np.pi / 180.0}
 
 
 def read_table(file: Path, joints: Sequence[str] | None = None) -> Motion:
-    """The motion in the table, of these joints or of all.
+    """Read the motion of these joints, or of all, from a table.
 
     Raises:
-        RecordingError: no unit or header, a joint that is not there, a row of the wrong length, or
-            an entry that is not a number; names the line.
+        RecordingError: no unit or header, a missing joint, a row of the wrong length, or an entry
+            that is not a number; the message names the line.
     """
     lines = file.read_text(encoding="utf-8-sig").splitlines()
     notes: dict[str, str] = {}
@@ -37,14 +37,16 @@ def read_table(file: Path, joints: Sequence[str] | None = None) -> Motion:
     while first < len(lines) and (lines[first].startswith("#") or not lines[first].strip()):
         key, colon, value = lines[first].lstrip("# ").partition(":")
         key, value = key.strip().lower(), value.strip()
-        if colon and notes.setdefault(key, value) != value and key in _READ:
-            raise RecordingError(f"{file}: line {first + 1} gives the {key} again, and differently")
+        if colon and notes.setdefault(key, value) != value and key in _NOTES:
+            raise RecordingError(
+                f"{file}: line {first + 1} gives the {key} again, with another value"
+            )
         first += 1
     if first == len(lines):
         raise RecordingError(f"{file}: has no header with joint names")
     if notes.get("unit") not in _UNITS:
         raise RecordingError(
-            f"{file}: a line '# unit: rad' or '# unit: deg' must stand before the header"
+            f"{file}: a line '# unit: rad' or '# unit: deg' must precede the header"
             + (f", not '# unit: {notes['unit']}'" if "unit" in notes else "")
         )
     header = [name.strip() for name in next(csv.reader([lines[first]]))]
@@ -65,7 +67,9 @@ def read_table(file: Path, joints: Sequence[str] | None = None) -> Motion:
         )
     values = _rows(file, lines, first + 1, header, ["time", *wanted])
     subject = Subject(
-        _figure(file, notes, "height"), _figure(file, notes, "mass"), notes.get("subject", "")
+        _positive_number(file, notes, "height"),
+        _positive_number(file, notes, "mass"),
+        notes.get("subject", ""),
     )
     angles = _UNITS[notes["unit"]] * values[:, 1:]
     try:
@@ -77,7 +81,7 @@ def read_table(file: Path, joints: Sequence[str] | None = None) -> Motion:
 def _rows(
     file: Path, lines: list[str], start: int, header: list[str], wanted: list[str]
 ) -> np.ndarray:
-    """Numbers of the wanted columns, in their order; the others may hold anything."""
+    """Numbers in these columns, in this order; the other columns may contain anything."""
     rows = []
     columns = [header.index(name) for name in wanted]
     for number, row in enumerate(csv.reader(lines[start:]), start=start + 1):
@@ -93,13 +97,13 @@ def _rows(
                 numbers.append(float(row[column]))
             except ValueError:
                 raise RecordingError(
-                    f"{file}: line {number}: {header[column]} is no number: {row[column][:40]!r}"
+                    f"{file}: line {number}: {header[column]} is not a number: {row[column][:40]!r}"
                 ) from None
         rows.append(numbers)
     return np.array(rows, dtype=float).reshape(len(rows), len(wanted))
 
 
-def _figure(file: Path, notes: dict[str, str], key: str) -> float | None:
+def _positive_number(file: Path, notes: dict[str, str], key: str) -> float | None:
     if key not in notes:
         return None
     try:

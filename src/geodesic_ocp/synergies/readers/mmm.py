@@ -20,7 +20,7 @@ from geodesic_ocp.trajectory.motion import Motion, Subject
 
 
 def read_mmm(file: Path, joints: Sequence[str] | None = None) -> Motion:
-    """The first motion in the file that has the joints (all joints, if none are named).
+    """Read the first motion in the file that has these joints (all joints, if none are given).
 
     Raises:
         RecordingError: the XML is broken, is not MMM, or has no such joints or no frames.
@@ -53,14 +53,14 @@ def read_mmm(file: Path, joints: Sequence[str] | None = None) -> Motion:
 
 @dataclass(frozen=True)
 class _Source:
-    """Joints, and the frames of their positions: the name of the place, time and positions."""
+    """Joints, and the frames of their positions: (name in messages, time, positions)."""
 
     joints: list[ElementTree.Element]
     frames: list[tuple[str, str | None, str | None]]
 
 
 def _sources(motion: ElementTree.Element) -> list[_Source]:
-    """The legacy layout's one, or every kinematic sensor of version 2.0."""
+    """The single source of the legacy layout, or every kinematic sensor of version 2.0."""
     sensors = motion.findall("Sensors/Sensor[@type='Kinematic']")
     if not sensors:
         frames = [
@@ -89,13 +89,13 @@ def _motion(
 ) -> Motion:
     columns = [names.index(name) for name in wanted]
     times, rows = [], []
-    for place, time, positions in source.frames:
+    for frame, time, positions in source.frames:
         if time is None or positions is None:
             raise RecordingError(
-                f"{file}: {place} has no {'time' if time is None else 'positions'}"
+                f"{file}: {frame} has no {'time' if time is None else 'positions'}"
             )
-        times.append(_numbers(file, f"the time of {place}", time, 1)[0])
-        row = _numbers(file, f"the JointPosition of {place}", positions, len(names))
+        times.append(_numbers(file, f"the time of {frame}", time, 1)[0])
+        row = _numbers(file, f"the JointPosition of {frame}", positions, len(names))
         rows.append(row[columns])
     subject = _subject(file, motion)
     shaped = np.array(rows).reshape(len(times), len(wanted))
@@ -107,22 +107,24 @@ def _motion(
 
 def _subject(file: Path, motion: ElementTree.Element) -> Subject:
     config = next(motion.iter("ModelProcessorConfig"), None)
-    figures: dict[str, float | None] = {"Height": None, "Mass": None}
-    for name in figures:
+    values: dict[str, float | None] = {"Height": None, "Mass": None}
+    for name in values:
         text = None if config is None else config.findtext(name)
         if text is not None:
             number = float(_numbers(file, f"ModelProcessorConfig/{name}", text, 1)[0])
             if not np.isfinite(number) or number <= 0.0:
                 raise RecordingError(f"{file}: {name} of the subject must be positive, is {number}")
-            figures[name] = number
-    return Subject(figures["Height"], figures["Mass"], motion.get("name", ""))
+            values[name] = number
+    return Subject(values["Height"], values["Mass"], motion.get("name", ""))
 
 
-def _numbers(file: Path, place: str, text: str, count: int) -> Array:
+def _numbers(file: Path, element: str, text: str, count: int) -> Array:
     try:
         numbers = np.array(text.split(), dtype=float)
     except ValueError:
-        raise RecordingError(f"{file}: {place} is not numbers: {text.strip()[:40]!r}") from None
+        raise RecordingError(
+            f"{file}: {element} does not consist of numbers: {text.strip()[:40]!r}"
+        ) from None
     if numbers.size != count:
-        raise RecordingError(f"{file}: {place} has {numbers.size} numbers, expected {count}")
+        raise RecordingError(f"{file}: {element} has {numbers.size} numbers, expected {count}")
     return numbers

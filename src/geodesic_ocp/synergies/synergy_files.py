@@ -1,4 +1,4 @@
-"""Synergies in JSON files."""
+"""JSON files of synergies."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.records import read_record
-from geodesic_ocp.synergies.reconstruct import Synergy
+from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 from geodesic_ocp.trajectory.time_law import TimeLaw
@@ -24,19 +24,19 @@ _VERSION = 1
 def save_synergies(
     file: str | FilePath, synergies: Sequence[Synergy], joint_names: Sequence[str]
 ) -> None:
-    """Write segments, paths and time laws of synergies, in SI units, with all digits."""
+    """Write segments, paths and time laws of synergies in SI units, at full precision."""
     record = {
         "format": _FORMAT,
         "version": _VERSION,
         "units": {"q": "rad or m", "time": "s", "length": "of the metric: sqrt(kg) m"},
         "joint_names": list(joint_names),
         "segments": [[synergy.start, synergy.stop] for synergy in synergies],
-        "synergies": [_record(synergy) for synergy in synergies],
+        "synergies": [_encode(synergy) for synergy in synergies],
     }
     FilePath(file).write_text(json.dumps(record, indent=1), encoding="utf-8")
 
 
-def _record(synergy: Synergy) -> dict[str, Any]:
+def _encode(synergy: Synergy) -> dict[str, Any]:
     grid, law = synergy.path.grid, synergy.law
     return {
         "start": synergy.start,
@@ -63,7 +63,7 @@ def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
 
     Args:
         file: the JSON file.
-        metric: in which the paths were planned; the file holds the paths, not the metric.
+        metric: of the paths; the file does not contain it.
 
     Raises:
         RecordingError: the file is missing, is not such a file, or does not fit the metric.
@@ -76,23 +76,19 @@ def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
             f"{path}: its joints {record.get('joint_names')} are not the metric's, {list(names)}"
         )
     try:
-        return tuple(_synergy(entry, metric) for entry in record["synergies"])
+        return tuple(_decode(entry, metric) for entry in record["synergies"])
     except (KeyError, TypeError, ValueError) as failure:
         reason = f"{failure} is missing" if isinstance(failure, KeyError) else str(failure)
         raise RecordingError(f"{path}: {reason}") from None
 
 
-def _grid(path: dict[str, Any]) -> Grid:
-    ends = path.get("ends")  # files of earlier versions have even grids alone
-    return Grid(path["segments"], path["degree"], None if ends is None else tuple(ends))
-
-
-def _synergy(entry: dict[str, Any], metric: Metric) -> Synergy:
+def _decode(entry: dict[str, Any], metric: Metric) -> Synergy:
     path, law = entry["path"], entry["law"]
+    grid = Grid(path["segments"], path["degree"], path["ends"] and tuple(path["ends"]))
     return Synergy(
         int(entry["start"]),
         int(entry["stop"]),
         float(entry["start_time"]),
-        Path(metric, _grid(path), np.array(path["nodes"])),
+        Path(metric, grid, np.array(path["nodes"])),
         TimeLaw(*(np.array(law[name], dtype=float) for name in ("knots", "positions", "speeds"))),
     )

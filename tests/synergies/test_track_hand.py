@@ -94,5 +94,5 @@ def test_bad_arguments_are_named(arm: go.Model, motion: go.Motion) -> None:
     with pytest.raises(ValueError, match="damping must be positive"):
         go.track_hand(arm, motion, damping=-1.0)
     late = go.Motion(TIME + 0.001, motion.q, motion.joint_names)
-    with pytest.raises(ValueError, match="must have the same instants"):
+    with pytest.raises(ValueError, match="must have the same sample times"):
         go.evaluate(arm, motion, late)
