@@ -18,7 +18,8 @@ shutil.copytree(ROOT / "problems", HERE / "problems", ignore=shutil.ignore_patte
 for file in (HERE / "tutorials").glob("*.ipynb"):
     file.unlink()
 for file in (ROOT / "notebooks").glob("*.ipynb"):
-    shutil.copy2(file, HERE / "tutorials")
+    text = file.read_text(encoding="utf-8").replace("](../docs/", "](../")
+    (HERE / "tutorials" / file.name).write_text(text, encoding="utf-8")
 
 project = "geodesic_ocp"
 author = "The geodesic_ocp developers"

@@ -107,6 +107,12 @@ def test_tables_of_the_demo_are_what_it_prints() -> None:
         assert [row for row in rows if row not in text] == []
 
 
+def test_the_reference_lists_every_public_name() -> None:
+    text = (ROOT / "docs" / "reference" / "index.md").read_text()
+    listed = re.findall(r"^   (\w+)$", text, re.MULTILINE)
+    assert sorted(listed) == sorted(go.__all__)
+
+
 def test_commands_have_these_options() -> None:
     """Every command line in the documentation is one that the parser accepts."""
     parser = _parser()

@@ -11,21 +11,26 @@ from sphinx.application import Sphinx
 
 _CODE = re.compile(r"(`[^`]*`)")
 _MARKUP = re.compile(r"([\\|*]|_\b|(?<=\w)_(?!\w))")
+_ITEM = re.compile(r"(?:\d+\.|-) ")
 
 
 def plain(lines: list[str]) -> list[str]:
-    """The lines with markup characters escaped."""
-    result, in_example = [], False
+    """The lines with markup characters escaped, and an empty line after each list."""
+    result: list[str] = []
+    in_example = in_list = False
     for line in lines:
         in_example = line.lstrip().startswith(">>>") or (in_example and bool(line.strip()))
-        parts = [line] if in_example else _CODE.split(line)
-        result.append(
-            "".join(
-                part if in_example or part.startswith("`") else _MARKUP.sub(r"\\\1", part)
-                for part in parts
-            )
-        )
+        is_item = bool(_ITEM.match(line))
+        if in_list and line and not line.startswith(" ") and not is_item:
+            result.append("")
+        in_list = is_item or (in_list and line.startswith(" "))
+        result.append(line if in_example else _escaped(line))
     return result
+
+
+def _escaped(line: str) -> str:
+    parts = _CODE.split(line)
+    return "".join(part if part.startswith("`") else _MARKUP.sub(r"\\\1", part) for part in parts)
 
 
 def _process(
