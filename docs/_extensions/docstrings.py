@@ -5,9 +5,13 @@ Characters that reStructuredText takes for markup are escaped, outside `code` an
 
 from __future__ import annotations
 
+import inspect
 import re
+from dataclasses import is_dataclass
+from typing import Any
 
 from sphinx.application import Sphinx
+from sphinx.util.inspect import object_description
 
 _CODE = re.compile(r"(`[^`]*`)")
 _MARKUP = re.compile(r"([\\|*]|_\b|(?<=\w)_(?!\w))")
@@ -43,8 +47,28 @@ def _process(
         lines[:0] = ["..", ""]
 
 
+def _short_defaults(
+    app: Sphinx,
+    what: str,
+    name: str,
+    obj: Any,
+    options: object,
+    signature: str | None,
+    returns: str,
+) -> tuple[str | None, str]:
+    """A default such as RetargetingSettings() without all of its fields."""
+    del app, name, options
+    if signature and what in ("function", "method"):
+        for parameter in inspect.signature(obj).parameters.values():
+            value, kind = parameter.default, type(parameter.default)
+            if is_dataclass(kind) and value == kind():
+                signature = signature.replace(object_description(value), f"{kind.__name__}()")
+    return signature, returns
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Escape before napoleon reads the sections."""
+    """Escape before napoleon reads the sections; shorten signatures."""
     app.setup_extension("sphinx.ext.autodoc")
     app.connect("autodoc-process-docstring", _process, priority=400)
+    app.connect("autodoc-process-signature", _short_defaults)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
