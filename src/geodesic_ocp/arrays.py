@@ -1,7 +1,8 @@
-"""The border between NumPy and CasADi: numeric calls take and give NumPy, symbolic ones CasADi."""
+"""Checks and conversions of arguments: NumPy in, NumPy out; CasADi in, CasADi out."""
 
 from __future__ import annotations
 
+import operator
 from typing import Any, TypeAlias
 
 import casadi as ca
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array: TypeAlias = NDArray[np.float64]
-_ORTHOGONAL = 1e-9  # of R R' - 1
+_ORTHOGONAL = 1e-9  # largest entry of R R' - 1 of a rotation
 Symbolic: TypeAlias = ca.SX | ca.MX
 
 
@@ -18,11 +19,11 @@ def is_symbolic(*values: object) -> bool:
     return any(isinstance(value, (ca.SX, ca.MX)) for value in values)
 
 
-def as_expression(name: str, given: Any) -> ca.SX:
-    """A matrix of CasADi expressions, also from a list of rows; ValueError names what is none."""
+def as_expression(name: str, value: Any) -> ca.SX:
+    """The value as a matrix of CasADi expressions, also from a list of rows; else ValueError."""
     try:
-        rows = [ca.horzcat(*row) for row in given] if isinstance(given, (list, tuple)) else []
-        return ca.SX(ca.vertcat(*rows) if rows else given)
+        rows = [ca.horzcat(*row) for row in value] if isinstance(value, (list, tuple)) else []
+        return ca.SX(ca.vertcat(*rows) if rows else value)
     except (NotImplementedError, TypeError, RuntimeError) as error:
         raise ValueError(
             f"{name} must be a matrix of CasADi expressions, or a list of rows: "
@@ -31,7 +32,7 @@ def as_expression(name: str, given: Any) -> ca.SX:
 
 
 def as_vector(name: str, value: ArrayLike, size: int) -> Array:
-    """The value as a finite 1-d array of `size` floats; ValueError names the argument if not."""
+    """The value as a finite 1-d array of `size` floats; ValueError names the argument otherwise."""
     try:
         array = np.array(value, dtype=float)
     except (TypeError, ValueError):
@@ -44,7 +45,7 @@ def as_vector(name: str, value: ArrayLike, size: int) -> Array:
 
 
 def as_rotation(name: str, value: Any) -> Array:
-    """The value as a rotation (3, 3); ValueError names the argument if it is none."""
+    """The value as a rotation matrix (3, 3); ValueError names the argument otherwise."""
     try:
         matrix = np.array(value, dtype=float)
     except (TypeError, ValueError):
@@ -54,12 +55,12 @@ def as_rotation(name: str, value: Any) -> Array:
         or not np.abs(matrix @ matrix.T - np.eye(3)).max() <= _ORTHOGONAL
         or np.linalg.det(matrix) < 0.0
     ):
-        raise ValueError(f"{name} must be a rotation (3, 3), got {value!r}")
+        raise ValueError(f"{name} must be a rotation matrix (3, 3), got {value!r}")
     return matrix
 
 
 def as_number(name: str, value: object) -> float:
-    """The value as a finite float; ValueError names the argument if not."""
+    """The value as a finite float; ValueError names the argument otherwise."""
     try:
         number = float(value) if np.ndim(value) == 0 else np.nan  # type: ignore[arg-type]
     except (TypeError, ValueError):
@@ -70,7 +71,7 @@ def as_number(name: str, value: object) -> float:
 
 
 def as_positive(name: str, value: float, unit: str = "") -> float:
-    """The value as a finite float above zero; ValueError names the argument if not."""
+    """The value as a positive finite float; ValueError names the argument otherwise."""
     try:
         number = float(value)
     except (TypeError, ValueError):
@@ -80,8 +81,21 @@ def as_positive(name: str, value: float, unit: str = "") -> float:
     return number
 
 
+def as_integer(name: str, value: object, least: int) -> int:
+    """The value as an integer of at least `least`; ValueError names the argument otherwise."""
+    try:
+        number = operator.index(value)  # type: ignore[arg-type]
+    except TypeError:
+        number = least - 1
+    if number < least:
+        allowed = {0: "a non-negative integer", 1: "a positive integer"}
+        what = allowed.get(least, f"an integer of at least {least}")
+        raise ValueError(f"{name} must be {what}, got {value!r}")
+    return number
+
+
 def evaluate(function: ca.Function, *arguments: Any) -> Any:
-    """Call a CasADi function: CasADi in, CasADi out; NumPy in, NumPy matrices out."""
+    """Call a CasADi function with expressions or with arrays; arrays give 2-d arrays."""
     outputs = function.call(list(arguments))
     if not is_symbolic(*arguments):
         outputs = [out.full() for out in outputs]

@@ -1,16 +1,16 @@
-"""Every exception of the package that is not a ValueError about an argument."""
+"""The package's exceptions, apart from ValueError for wrong arguments."""
 
 
 class GeodesicOcpError(Exception):
-    """Base of the package's exceptions."""
+    """Base class of the package's exceptions."""
 
 
 class IntegrationFailed(GeodesicOcpError):
-    """An integration stopped before its end: the message says where and why.
+    """An integration stopped early; the message says where and why.
 
     Attributes:
-        time: at which it stopped, None where it was not begun or not to the tolerance.
-        state: what it had reached then, an array, or None.
+        time: where it stopped; None if it did not start or did not meet the tolerance.
+        state: state at that time, an array, or None.
     """
 
     def __init__(self, message: str, time: float | None = None, state: object = None) -> None:
@@ -20,11 +20,11 @@ class IntegrationFailed(GeodesicOcpError):
 
 
 class NotConverged(GeodesicOcpError):
-    """A solver stopped elsewhere than at a solution.
+    """A solver stopped without a solution.
 
     Attributes:
-        solution: the record of the attempt (last iterate, status, residuals), or None where the
-            attempt ended before there was an iterate.
+        solution: the record of the attempt (last iterate, status, residuals), or None if it
+            stopped before the first iterate.
     """
 
     def __init__(self, message: str, solution: object = None) -> None:
@@ -33,4 +33,4 @@ class NotConverged(GeodesicOcpError):
 
 
 class RecordingError(GeodesicOcpError, ValueError):
-    """A recording cannot be read: names the file, the line or element, and what was expected."""
+    """A file cannot be read; names the file, the line or element, and what was expected."""

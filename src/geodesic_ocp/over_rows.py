@@ -1,4 +1,4 @@
-"""Functions of two points or vectors, for many of them at once."""
+"""Functions of two points or vectors, vectorised over the rows of arrays."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def over_rows(function: Function) -> Function:
-    """Let a function of (metric, a, b), each (n,), also take (k, n): one of them or both.
+    """Let a function of (metric, a, b), each (n,), also take (k, n) for one or both of them.
 
-    The results are stacked along a first axis of length k. Whatever a row raises says which.
+    The results are stacked along a first axis of length k. An exception names the row.
     """
     signature = inspect.signature(function)
     names = list(signature.parameters)[1:3]
@@ -27,19 +27,19 @@ def over_rows(function: Function) -> Function:
         arguments = signature.bind(*positional, **named).arguments
         pair = {name: arguments[name] for name in names}
         try:
-            many = [name for name in names if np.ndim(pair[name]) == 2]
-        except ValueError:  # rows of different lengths: the function names the argument
-            many = []
-        if not many:
+            stacked = [name for name in names if np.ndim(pair[name]) == 2]
+        except ValueError:  # ragged rows: the function itself names the argument
+            stacked = []
+        if not stacked:
             return function(**arguments)
-        counts = [len(pair[name]) for name in many]
+        counts = [len(pair[name]) for name in stacked]
         if len(set(counts)) > 1:
-            raise ValueError(f"{' and '.join(many)} have {counts[0]} and {counts[1]} rows")
+            raise ValueError(f"{' and '.join(stacked)} have {counts[0]} and {counts[1]} rows")
         if counts[0] == 0:
-            raise ValueError(f"{many[0]} has no rows")
+            raise ValueError(f"{stacked[0]} has no rows")
         results = []
         for row in range(counts[0]):
-            of_row = {name: pair[name][row] for name in many}
+            of_row = {name: pair[name][row] for name in stacked}
             try:
                 results.append(function(**(arguments | of_row)))
             except NotConverged as error:

@@ -1,4 +1,4 @@
-"""JSON files that name their format and version."""
+"""JSON files with a format name and a version, and writing of several files at once."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from typing import Any
 from geodesic_ocp.errors import RecordingError
 
 
-def read_record(file: str | PathLike[str], form: str, version: int, what: str) -> dict[str, Any]:
-    """The object in a JSON file of this format and version; `what` says in messages what it holds.
+def read_record(file: str | PathLike[str], name: str, version: int, what: str) -> dict[str, Any]:
+    """Read the object in a JSON file of format `name`; messages call its content `what`.
 
     Raises:
         RecordingError: the file is missing, cannot be read, or is of another format or version.
@@ -27,7 +27,7 @@ def read_record(file: str | PathLike[str], form: str, version: int, what: str) -
         raise RecordingError(f"{path}: cannot be read: {failure}") from None
     except (ValueError, RecursionError) as failure:
         raise RecordingError(f"{path}: is not JSON: {failure}") from None
-    if not isinstance(record, dict) or record.get("format") != form:
+    if not isinstance(record, dict) or record.get("format") != name:
         raise RecordingError(f"{path}: is not a file of {what}")
     if record.get("version") != version:
         raise RecordingError(f"{path}: has version {record.get('version')}, expected {version}")
@@ -35,14 +35,31 @@ def read_record(file: str | PathLike[str], form: str, version: int, what: str) -
 
 
 def write_together(folder: str | Path, write: Callable[[Path], object]) -> list[Path]:
-    """Let files be written to a folder elsewhere, and move them in together; their paths.
+    """Write files to a temporary folder, move them to `folder` together, and return their paths.
 
     Raises:
-        OSError: the folder cannot be made or written to.
+        OSError: the folder cannot be created or written to.
     """
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=target, prefix=".writing-") as temporary:
-        made = Path(temporary)
-        write(made)
-        return sorted(file.replace(target / file.name) for file in made.iterdir())
+        write(Path(temporary))
+        return sorted(file.replace(target / file.name) for file in Path(temporary).iterdir())
+
+
+def write_file(file: str | PathLike[str], text: str) -> Path:
+    """Write a text file all at once: a failure leaves a file of that name as it was.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    target = Path(file)
+    descriptor, temporary = tempfile.mkstemp(dir=target.parent, prefix=".writing-")
+    try:
+        with open(descriptor, "w", encoding="utf-8") as stream:
+            stream.write(text)
+        Path(temporary).chmod(0o644)
+        return Path(temporary).replace(target)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise

@@ -1,4 +1,4 @@
-"""Rotations as vectors."""
+"""Rotation vectors."""
 
 from __future__ import annotations
 
@@ -8,6 +8,6 @@ from geodesic_ocp.arrays import Array
 
 
 def rotation_vector(rotation: Array) -> Array:
-    """Axis times angle (..., 3) [rad] of rotations (..., 3, 3), right up to an angle of pi."""
+    """Axis times angle (..., 3) [rad] of rotation matrices (..., 3, 3), accurate up to pi."""
     result: Array = Rotation.from_matrix(rotation).as_rotvec()
     return result

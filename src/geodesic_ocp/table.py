@@ -1,4 +1,4 @@
-"""Table: named columns of text and numbers, for people, for papers and for programs."""
+"""Tables of text and numbers, printed as text, Markdown or CSV."""
 
 from __future__ import annotations
 
@@ -7,22 +7,25 @@ import io
 from dataclasses import dataclass
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Table:
     """Rows under a header; the first column is text.
 
     Attributes:
         header: names of the columns, with units.
-        rows: entries; numbers are shown with three significant digits, kept in full in CSV.
+        rows: entries; numbers are printed with three significant digits, in full in CSV.
     """
 
     header: tuple[str, ...]
     rows: tuple[tuple[str | int | float, ...], ...]
 
     def shown(self) -> list[list[str]]:
-        """Header and rows as texts."""
+        """Header and rows as strings."""
         rows = [[f"{e:#.3g}" if isinstance(e, float) else str(e) for e in row] for row in self.rows]
         return [list(self.header), *rows]
+
+    def __repr__(self) -> str:
+        return f"Table({len(self.rows)} rows: {', '.join(self.header)})"
 
     def __str__(self) -> str:
         rows = self.shown()
@@ -37,13 +40,13 @@ class Table:
         return "\n".join([lines[0], "-" * len(lines[0]), *lines[1:]])
 
     def markdown(self) -> str:
-        """As a Markdown table."""
+        """The table in Markdown."""
         header, *rows = ("| " + " | ".join(row) + " |" for row in self.shown())
         rule = "| --- |" + " ---: |" * (len(self.header) - 1)
         return "\n".join([header, rule, *rows]) + "\n"
 
     def csv(self) -> str:
-        """As comma-separated values, numbers in full."""
+        """The table as comma-separated values, with all digits."""
         text = io.StringIO()
         csv.writer(text, lineterminator="\n").writerows([self.header, *self.rows])
         return text.getvalue()

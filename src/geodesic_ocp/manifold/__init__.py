@@ -1,1 +1,1 @@
-"""What follows from the metric tensor by differentiation and integration."""
+"""Riemannian metrics, and what follows from the metric tensor: curvature, exp, transport."""

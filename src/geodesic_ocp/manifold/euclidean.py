@@ -1,4 +1,4 @@
-"""The flat metric."""
+"""The Euclidean metric."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from geodesic_ocp.manifold.metric import Metric, as_metric
 
 @dataclass(frozen=True)
 class Euclidean(Metric):
-    """The flat metric of R^n: geodesics are straight lines."""
+    """The Euclidean metric of R^n, whose geodesics are straight lines."""
 
     dim: int
 

@@ -69,10 +69,16 @@ def sample_geodesic(
         return line, np.tile(velocity, (instants.size, 1))
     per_step = max(_STEP_FRACTION * tolerance, _SMALLEST)
     positions, _ = integrate_geodesic(metric, point, velocity, instants, _LOOSER * per_step)
+    refined = False
     while True:
         looser = positions
         positions, velocities = integrate_geodesic(metric, point, velocity, instants, per_step)
         error = _ESTIMATE * float(np.abs(positions - looser).max())
+        if refined and error <= tolerance:
+            # Two integrations can agree by chance where rounding errors grow beyond the tolerance.
+            perturbed = np.nextafter(velocity, np.inf)
+            nearby, _ = integrate_geodesic(metric, point, perturbed, instants, per_step)
+            error = max(error, float(np.abs(positions - nearby).max()))
         if error <= tolerance:
             _check_speed(metric, positions, velocities)
             return positions, velocities
@@ -81,7 +87,7 @@ def sample_geodesic(
                 f"exp from q = {point}: errors grow so fast along this geodesic that its points "
                 f"are accurate to {error:.1e} at best, not to {tolerance:.1e}"
             )
-        per_step = max(per_step / _LOOSER, _FINEST_STEP_TOLERANCE)
+        per_step, refined = max(per_step / _LOOSER, _FINEST_STEP_TOLERANCE), True
 
 
 def _check_speed(metric: Metric, positions: Array, velocities: Array) -> None:

@@ -1,9 +1,9 @@
 """Adaptive integration of ordinary differential equations given as CasADi functions.
 
 The method of order 8 of Dormand and Prince with error estimates of orders 5 and 3 (DOP853: Hairer,
-Norsett, Wanner, *Solving Ordinary Differential Equations I*, 2nd ed., section II.5); SciPy holds
-its coefficients. One step is one CasADi call, an order of magnitude faster than a stage at a time
-from Python.
+Norsett, Wanner, *Solving Ordinary Differential Equations I*, 2nd ed., section II.5), with the
+coefficients from SciPy. One step is one CasADi call, an order of magnitude faster than one call per
+stage.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ _STAGES = DOP853.n_stages
 _ORDER = 8
 _SAFETY = 0.9
 _SHRINK, _GROW = 0.2, 8.0
-_SMALLEST_STEP = 1e-13  # of the whole interval
+_SMALLEST_STEP = 1e-13  # relative to the interval
 
-# Times of the stages within a step; the last is the step's end, where the next step begins.
+# Times of the stages within a step; the last is the end of the step.
 STAGE_TIMES: Array = np.append(DOP853.C[:_STAGES], 1.0)
 
 
@@ -31,8 +31,8 @@ class Integrator:
     """Integrates y' = f(y) or y' = f(y, p(t)).
 
     Args:
-        rate: CasADi function y -> y' or (y, p) -> y', where p is known at any time, as a curve's
-            position and velocity are in parallel transport.
+        rate: CasADi function y -> y' or (y, p) -> y', where p is a known function of time, such as
+            the position and velocity of the curve in parallel transport.
     """
 
     def __init__(self, rate: ca.Function) -> None:
@@ -55,8 +55,8 @@ class Integrator:
             slopes.append(slope(y + size * (ca.horzcat(*slopes) @ weights), stage))
         end = y + size * (ca.horzcat(*slopes) @ ca.DM(DOP853.B))
         slopes.append(slope(end, _STAGES))
-        every = ca.horzcat(*slopes)
-        fifth, third = (size * (every @ ca.DM(weights)) for weights in (DOP853.E5, DOP853.E3))
+        stages = ca.horzcat(*slopes)
+        fifth, third = (size * (stages @ ca.DM(weights)) for weights in (DOP853.E5, DOP853.E3))
         inputs = [y, first, size, p] if self._parameters else [y, first, size]
         return ca.Function("step", inputs, [end, slopes[-1], fifth, third])
 
@@ -70,18 +70,18 @@ class Integrator:
     ) -> Array:
         """The solution at the given times, (len(times), len(start)), from y(times[0]) = start.
 
-        The estimated error of every step is held below `tolerance`, absolute for components below
-        one and relative above. `parameters` gives p, (number, len(t)), at an array of times.
+        The estimated error of every step is at most `tolerance`, absolute for components below one
+        and relative above. `parameters` returns p, (size, len(t)), at an array of times t.
 
         Raises:
-            IntegrationFailed: the step became too small, or there were more than `max_steps`.
+            IntegrationFailed: the step became too small, or more than `max_steps` were needed.
         """
         states = [np.asarray(start, dtype=float)]
         state, now = states[0], float(times[0])
         p = [] if parameters is None else [parameters(now * np.ones(1))]
         slope = self._rate(state, *p).full()[:, 0]
         interval = float(times[-1]) - now
-        # A known curve is smooth between its stops; of an unknown solution one piece is a guess.
+        # Initial step: a known curve is smooth between its stops, otherwise it is a guess.
         size = interval / 8.0 if parameters is None else float(times[1]) - now
         taken = 0
         for stop in times[1:]:
@@ -96,20 +96,20 @@ class Integrator:
                     state, slope = end, end_slope
                 factor = _SHRINK if not np.isfinite(error) else _SAFETY * error ** (-1 / _ORDER)
                 suggested = step * min(max(factor, _SHRINK), _GROW)
-                # A step cut short by a stop says nothing against the longer one.
+                # A step that was shortened to end at a stop does not limit the next one.
                 size = suggested if error > 1.0 or step == size else max(size, suggested)
                 taken += 1
                 if taken >= max_steps or size < _SMALLEST_STEP * interval:
                     why = (
                         f"{taken} steps were not enough, the last of {size:.1e}; the motion is too "
-                        "fast or the tolerance too fine"
+                        "fast or the tolerance too small"
                         if taken >= max_steps
                         else f"the step fell to {size:.1e}; the metric is singular there, or the "
                         "tolerance cannot be reached"
                     )
                     raise IntegrationFailed(
-                        f"the integration stopped at {now:.6g} of {times[0]:.6g} to "
-                        f"{times[-1]:.6g}, with an error of {tolerance:.1e} a step: {why}",
+                        f"the integration stopped at t = {now:.6g} in [{times[0]:.6g}, "
+                        f"{times[-1]:.6g}], with a tolerance of {tolerance:.1e} per step: {why}",
                         now,
                         state,
                     )
@@ -118,7 +118,7 @@ class Integrator:
 
 
 def _error(fifth: Array, third: Array, magnitude: Array, tolerance: float) -> float:
-    """Hairer's combined estimate of the step's error, in units of the tolerance."""
+    """Hairer's combined estimate of the error of a step, relative to the tolerance."""
     scale = tolerance * np.maximum(magnitude, 1.0)
     squared_5 = float(np.sum((fifth / scale) ** 2))
     squared_3 = float(np.sum((third / scale) ** 2))

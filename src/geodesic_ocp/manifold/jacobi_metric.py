@@ -1,4 +1,4 @@
-"""Motion under gravity as geodesics: the Jacobi metric."""
+"""The Jacobi metric, whose geodesics are motions under gravity."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from geodesic_ocp.manifold.kinetic_energy import ModelMetric
 
 @dataclass(frozen=True)
 class JacobiMetric(ModelMetric):
-    """(E - V(q)) G(q): geodesics are the paths that the model takes by itself at total energy E.
+    """(E - V(q)) G(q): geodesics are the paths of torque-free motion at total energy E.
 
-    The principle of Maupertuis in Jacobi's form (Arnold, *Mathematical Methods of Classical
-    Mechanics*, section 45): with kinetic energy E - V left over at q, the motion without torques
-    follows a geodesic of this metric, at |dq/dt|_G = sqrt(2 (E - V)) instead of constant speed.
-    There is a metric only where V < E; paths cannot go beyond.
+    Maupertuis' principle in Jacobi's form (Arnold, *Mathematical Methods of Classical Mechanics*,
+    section 45): the motion without torques, with kinetic energy E - V at q, follows a geodesic of
+    this metric, at speed |dq/dt|_G = sqrt(2 (E - V)) instead of constant speed. The metric is
+    defined only where V < E, and paths cannot leave that region.
 
     Attributes:
-        model: gives mass matrix and potential energy, in the gravity of `model.pin`.
-        energy: E [J], on the scale of `model.potential_energy`.
+        model: provides mass matrix and potential energy, with the gravity of `model.pin`.
+        energy: total energy E [J]; see `model.potential_energy` for its zero.
 
     Raises:
         ValueError: the energy is not a finite number.
@@ -36,17 +36,17 @@ class JacobiMetric(ModelMetric):
             raise ValueError(f"energy must be finite [J], got {self.energy}")
 
     def matrix(self, q: Any) -> Any:
-        """Metric tensor (E - V(q)) G(q), (n, n); not a number where V(q) >= E."""
-        left = self.energy - self.model.potential_energy(q)
-        # A solver that tries a point beyond must notice: negative squares of lengths would lure it.
-        return ca.if_else(left > 0, left, np.nan) * self.model.mass_matrix(q)
+        """Metric tensor (E - V(q)) G(q), (n, n); NaN where V(q) >= E."""
+        kinetic = self.energy - self.model.potential_energy(q)
+        # NaN stops a solver there, where negative squared lengths would attract it.
+        return ca.if_else(kinetic > 0, kinetic, np.nan) * self.model.mass_matrix(q)
 
     def point(self, name: str, q: Any) -> Array:
-        """The argument of that name as a point (n,) below the energy.
+        """The argument `name` as a point (n,) where V < E.
 
         Raises:
-            ValueError: it is not n finite numbers, the potential is too high there, or G is not
-                positive definite.
+            ValueError: not n finite numbers, the potential energy is too high, or G is not positive
+                definite there.
         """
         (point,) = self._checked(**{name: q})
         potential = self.model.potential_energy(point)

@@ -1,4 +1,4 @@
-"""Metrics on the joint space of a model: the kinetic energy."""
+"""The kinetic energy metric on the joint space of a model."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class ModelMetric(Metric):
 
     @property
     def dim(self) -> int:  # type: ignore[override]
-        """Degrees of freedom of the model."""
+        """Number of degrees of freedom of the model."""
         return self.model.dof
 
     @property
@@ -29,14 +29,24 @@ class ModelMetric(Metric):
 
     @property
     def periods(self) -> tuple[float, ...]:  # type: ignore[override]
-        """A turn, 2 pi, of continuous joints, otherwise inf."""
-        turning = (name in self.model.continuous for name in self.joint_names)
-        return tuple(2.0 * np.pi if turns else np.inf for turns in turning)
+        """2 pi for continuous joints, inf for others."""
+        return tuple(
+            2.0 * np.pi if name in self.model.continuous else np.inf for name in self.joint_names
+        )
 
 
 @dataclass(frozen=True)
 class KineticEnergy(ModelMetric):
-    """The mass-inertia matrix of a model: |v|^2 / 2 is its kinetic energy [J]."""
+    """The mass-inertia matrix of a model as metric: |v|^2 / 2 is its kinetic energy [J].
+
+    >>> import geodesic_ocp as go
+    >>> metric = go.KineticEnergy(go.human_arm())
+    >>> q = [0.3, 0.1, -0.2, 0.8, 0.0, 0.0, 0.0]
+    >>> metric.matrix(q).shape
+    (7, 7)
+    >>> round(metric.norm(q, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]) ** 2 / 2.0, 3)  # 1 rad/s, in J
+    0.201
+    """
 
     def matrix(self, q: Any) -> Any:
         """Mass-inertia matrix G(q), (n, n)."""

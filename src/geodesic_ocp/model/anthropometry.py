@@ -1,9 +1,9 @@
-"""Tables of body segments: lengths, masses, centres of mass and inertias of a person's arm.
+"""Anthropometric tables: segment lengths, masses, centres of mass and inertias of the human arm.
 
-"winter" is the Master Motor Map's reference model (Terlemez et al., "Master Motor Map (MMM)...",
-Humanoids 2014), whose masses and centres of mass are those of Winter (*Biomechanics and Motor
-Control of Human Movement*). "de_leva" is de Leva, "Adjustments to Zatsiorsky-Seluyanov's segment
-inertia parameters", J. Biomech. 29 (1996), 1223-1230, table 4, which tells men from women.
+"winter" is the reference model of the Master Motor Map (Terlemez et al., "Master Motor Map
+(MMM)...", Humanoids 2014), whose masses and centres of mass are those of Winter (*Biomechanics and
+Motor Control of Human Movement*). "de_leva" is de Leva, "Adjustments to Zatsiorsky-Seluyanov's
+segment inertia parameters", J. Biomech. 29 (1996), 1223-1230, table 4, which differs by sex.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ Sex = Literal["male", "female"]
 
 @dataclass(frozen=True)
 class Segment:
-    """Figures per unit of body height and mass; the origin is the proximal joint.
+    """A segment per unit of body height and mass; the origin is the proximal joint.
 
-    Axes of the hanging arm with the palm towards the body: x to the right, y forward, z up.
+    Axes with the arm hanging and the palm towards the body: x to the right, y forward, z up.
     """
 
     mass: float  # [body mass]
@@ -40,17 +40,17 @@ class Anthropometry:
 
 
 def anthropometry(side: Side, table: Table, sex: Sex | None) -> Anthropometry:
-    """The table's figures for one arm.
+    """The values of a table for one arm.
 
     Raises:
-        ValueError: an unknown table or sex, none where the table tells the sexes apart, or one
-            where it does not.
+        ValueError: an unknown table or sex, a missing sex for the table of de Leva, or a sex for
+            the table of Winter, which does not differ by sex.
     """
     if table not in get_args(Table):
         raise ValueError(f"table must be one of {', '.join(get_args(Table))}, got {table!r}")
     if table == "winter":
         if sex is not None:
-            raise ValueError("the table 'winter' does not tell the sexes apart; leave sex out")
+            raise ValueError("the table 'winter' does not differ by sex; omit sex")
         return _winter(side)
     if sex is None or sex not in get_args(Sex):
         raise ValueError(f"the table 'de_leva' needs sex='male' or 'female', got {sex!r}")
@@ -58,7 +58,7 @@ def anthropometry(side: Side, table: Table, sex: Sex | None) -> Anthropometry:
 
 
 def _winter(side: Side) -> Anthropometry:
-    # The source's left arm has no offset of the centres of mass in x but rounding noise of 1e-14.
+    # In the source, the x offset of the left centres of mass is 1e-14: rounding, set to zero.
     x, y = {"right": (2.03848e-5, 3.81383e-8), "left": (0.0, 3.81383e-8)}[side]
     hand = {
         "right": (5.18800e-6, 3.90222e-6, 1.41993e-6),
@@ -75,12 +75,12 @@ def _winter(side: Side) -> Anthropometry:
 
 @dataclass(frozen=True)
 class _Measured:
-    """A line of the table, as it is printed there."""
+    """A row of the table, as printed."""
 
     length: float  # [mm]
     mass: float  # [% of body mass]
     centre: float  # from the proximal end [% of length]
-    gyration: tuple[float, float, float]  # about sagittal, transverse, long axis [% of length]
+    gyration: tuple[float, float, float]  # sagittal, transverse, longitudinal [% of length]
 
 
 @dataclass(frozen=True)
@@ -108,25 +108,29 @@ _DE_LEVA = {
 
 
 def _de_leva(people: _People) -> Anthropometry:
-    """Lengths are the mean ones, in proportion to stature.
+    """The mean lengths, in proportion to stature.
 
-    The sagittal axis goes from back to front in the anatomical configuration, with the palm forward:
-    through the palm, which in the hanging arm here looks along x, and the forearm turns with it.
-    The upper arm does not: its sagittal axis is y.
+    The sagittal axis points from back to front in the anatomical position, with the palm forward.
+    Here the palm faces the body: the sagittal axis of hand and forearm is x, that of the upper arm,
+    which does not rotate with the palm, is y.
     """
 
-    def segment(measured: _Measured, turned: bool) -> Segment:
+    def segment(measured: _Measured, rotates_with_palm: bool) -> Segment:
         length, mass = measured.length / people.stature, measured.mass / 100.0
-        sagittal, transverse, along = (
+        sagittal, transverse, longitudinal = (
             mass * (radius / 100.0 * length) ** 2 for radius in measured.gyration
         )
-        inertia = (sagittal, transverse, along) if turned else (transverse, sagittal, along)
+        inertia = (
+            (sagittal, transverse, longitudinal)
+            if rotates_with_palm
+            else (transverse, sagittal, longitudinal)
+        )
         return Segment(mass, (0.0, 0.0, -measured.centre / 100.0 * length), inertia)
 
     return Anthropometry(
         people.upper_arm.length / people.stature,
         people.forearm.length / people.stature,
-        segment(people.upper_arm, turned=False),
-        segment(people.forearm, turned=True),
-        segment(people.hand, turned=True),
+        segment(people.upper_arm, rotates_with_palm=False),
+        segment(people.forearm, rotates_with_palm=True),
+        segment(people.hand, rotates_with_palm=True),
     )

@@ -1,4 +1,4 @@
-"""Symbolic rigid-body algorithms on CasADi SX, every figure read from a pin.Model.
+"""The built-in back end: symbolic rigid-body algorithms on CasADi SX, from a pin.Model.
 
 Composite-rigid-body algorithm and forward kinematics for trees of one-degree-of-freedom joints
 (revolute, prismatic, helical; any axis), in body coordinates: Featherstone, *Rigid Body Dynamics
@@ -19,7 +19,7 @@ from geodesic_ocp.model.joints import motion_subspace, without_noise
 
 @dataclass(frozen=True)
 class _Placement:
-    """Rotation (3, 3) and translation (3, 1) of a frame in its parent's."""
+    """Rotation (3, 3) and translation (3, 1) of a frame relative to its parent."""
 
     rotation: ca.SX
     translation: ca.SX
@@ -43,8 +43,8 @@ class _Inertia:
             self.mass + other.mass, self.first + other.first, self.second + other.second
         )
 
-    def moved(self, placement: _Placement) -> _Inertia:
-        """The same inertia in the parent's frame: second moment about the parent's origin."""
+    def in_parent(self, placement: _Placement) -> _Inertia:
+        """The same inertia in the parent frame, with the second moment about its origin."""
         first = placement.rotation @ self.first
         arm, moment = ca.skew(placement.translation), ca.skew(first)
         second = placement.rotation @ self.second @ placement.rotation.T
@@ -56,38 +56,39 @@ def _constant(matrix: Array) -> ca.SX:
     return ca.SX(np.asarray(matrix, dtype=float))
 
 
-def _fixed(placement: pin.SE3) -> _Placement:
+def _constant_placement(placement: pin.SE3) -> _Placement:
     clean = without_noise(placement)
     return _Placement(_constant(clean.rotation), _constant(clean.translation))
 
 
-def _moved_along(subspace: Array, q: ca.SX) -> _Placement:
-    """exp(S q) of a constant twist S = (linear, angular): a rotation, translation or screw."""
+def _screw_motion(subspace: Array, q: ca.SX) -> _Placement:
+    """exp(S q) for a constant twist S = (linear, angular): rotation, translation or screw."""
     linear, angular = subspace[:3], subspace[3:]
-    speed = float(np.linalg.norm(angular))
-    if speed == 0.0:
+    rate = float(np.linalg.norm(angular))
+    if rate == 0.0:
         return _Placement(ca.SX.eye(3), _constant(linear) * q)
-    axis, angle = angular / speed, speed * q
+    axis, angle = angular / rate, rate * q
     cos, sin = ca.cos(angle), ca.sin(angle)
-    along = np.outer(axis, axis)
+    projection = np.outer(axis, axis)
     cross = np.array(ca.DM(ca.skew(ca.DM(axis))))
-    # R = a a' + cos (1 - a a') + sin [a]: exact zeros and ones where the axis is a coordinate's.
-    rotation = _constant(along) + cos * _constant(np.eye(3) - along) + sin * _constant(cross)
-    slide = linear / speed
+    # R = a a' + cos (1 - a a') + sin [a] has exact zeros and ones for a coordinate axis.
+    normal = np.eye(3) - projection
+    rotation = _constant(projection) + cos * _constant(normal) + sin * _constant(cross)
+    slide = linear / rate
     translation = (
-        angle * _constant(along @ slide)
-        + sin * _constant((np.eye(3) - along) @ slide)
+        angle * _constant(projection @ slide)
+        + sin * _constant(normal @ slide)
         + (1 - cos) * _constant(cross @ slide)
     )
     return _Placement(rotation, translation)
 
 
 def _joint_placements(model: pin.Model, q: ca.SX) -> list[_Placement]:
-    """Placement of every joint in its parent's frame; index 0 is the universe."""
-    placements = [_fixed(pin.SE3.Identity())]
+    """Placement of every joint relative to its parent; index 0 is the universe."""
+    placements = [_constant_placement(pin.SE3.Identity())]
     for index in range(1, model.njoints):
-        moved = _moved_along(motion_subspace(model, index), q[model.joints[index].idx_v])
-        placements.append(_fixed(model.jointPlacements[index]) @ moved)
+        moved = _screw_motion(motion_subspace(model, index), q[model.joints[index].idx_v])
+        placements.append(_constant_placement(model.jointPlacements[index]) @ moved)
     return placements
 
 
@@ -122,14 +123,14 @@ def mass_matrix(model: pin.Model, q: ca.SX) -> ca.SX:
             matrix[row, column] = ca.dot(linear, force) + ca.dot(angular, torque)
             matrix[column, row] = matrix[row, column]
         parent = model.parents[index]
-        composite[parent] = composite[parent] + body.moved(placements[index])
+        composite[parent] = composite[parent] + body.in_parent(placements[index])
     return ca.cse(ca.densify(matrix))
 
 
 def frame_pose(model: pin.Model, q: ca.SX, frame: int) -> tuple[ca.SX, ca.SX]:
-    """Rotation (3, 3) and position (3, 1) [m] of a frame of the model in the base frame."""
+    """Rotation (3, 3) and position (3, 1) [m] of a frame in the base frame."""
     placements = _joint_placements(model, q)
-    pose = _fixed(model.frames[frame].placement)
+    pose = _constant_placement(model.frames[frame].placement)
     joint = model.frames[frame].parentJoint
     while joint > 0:
         pose = placements[joint] @ pose
@@ -138,7 +139,7 @@ def frame_pose(model: pin.Model, q: ca.SX, frame: int) -> tuple[ca.SX, ca.SX]:
 
 
 def potential_energy(model: pin.Model, q: ca.SX) -> ca.SX:
-    """Potential energy (1, 1) [J] in the model's gravity, zero at the base's height."""
+    """Gravitational potential energy (1, 1) [J], zero at the height of the base."""
     gravity, energy = _constant(model.gravity.linear), ca.SX(1, 1)
     poses = _joint_placements(model, q)
     for index in range(1, model.njoints):

@@ -1,4 +1,4 @@
-"""Continuous joints as angles: one coordinate each, with limits."""
+"""Continuous joints as joints with one angle each, within limits."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from geodesic_ocp.model.joints import motion_subspace
 
-# A continuous joint has no limits; these are far enough that none is in the way of a shorter turn.
+# A continuous joint has no limits; these are wide enough for the shortest rotation between angles.
 DEFAULT_LIMIT = 2.0 * np.pi  # [rad]
 _AXES = {
     (1.0, 0.0, 0.0): pin.JointModelRX,
@@ -19,7 +19,7 @@ _AXES = {
 
 
 def continuous_joints(model: pin.Model) -> tuple[str, ...]:
-    """Names of the joints that Pinocchio stores as (cos, sin) of their angle."""
+    """Names of the joints that Pinocchio stores as cosine and sine of their angle."""
     return tuple(
         str(model.names[index])
         for index in range(1, model.njoints)
@@ -28,9 +28,9 @@ def continuous_joints(model: pin.Model) -> tuple[str, ...]:
 
 
 def with_angles(model: pin.Model) -> pin.Model:
-    """A copy in which every continuous joint has its angle for coordinate, within +-2 pi rad.
+    """A copy in which the coordinate of every continuous joint is its angle, within +-2 pi rad.
 
-    Joints and frames keep their numbers; Pinocchio's configuration vector is then q itself.
+    Joints and frames keep their indices; Pinocchio's configuration vector is then q itself.
     """
     continuous = continuous_joints(model)
     if not continuous:
@@ -40,27 +40,26 @@ def with_angles(model: pin.Model) -> pin.Model:
     result.gravity = model.gravity
     for index in range(1, model.njoints):
         joint, name = model.joints[index], model.names[index]
-        kind, placement = joint, model.jointPlacements[index]
-        if name in continuous:
-            kind = _revolute(motion_subspace(model, index)[3:])
-        added = result.addJoint(model.parents[index], kind, placement, name)
-        now = result.joints[added]
+        revolute = name in continuous
+        new_type = _revolute(motion_subspace(model, index)[3:]) if revolute else joint
+        placement = model.jointPlacements[index]
+        new = result.joints[result.addJoint(model.parents[index], new_type, placement, name)]
         for limits in ("lowerPositionLimit", "upperPositionLimit"):
             sign = -1.0 if limits.startswith("lower") else 1.0
-            old = getattr(model, limits)[joint.idx_q : joint.idx_q + joint.nq]
-            getattr(result, limits)[now.idx_q : now.idx_q + now.nq] = (
-                sign * DEFAULT_LIMIT if name in continuous else old
+            current = getattr(model, limits)[joint.idx_q : joint.idx_q + joint.nq]
+            getattr(result, limits)[new.idx_q : new.idx_q + new.nq] = (
+                sign * DEFAULT_LIMIT if revolute else current
             )
     for index in range(model.njoints):
         result.inertias[index] = model.inertias[index]
-    for figures in _PER_VELOCITY:
-        setattr(result, figures, getattr(model, figures).copy())
+    for values in _PER_VELOCITY:
+        setattr(result, values, getattr(model, values).copy())
     for frame in list(model.frames)[1:]:
         result.addFrame(frame, False)
     return result
 
 
-_PER_VELOCITY = (  # arrays (nv,) that do not care how a joint's coordinates are stored
+_PER_VELOCITY = (  # arrays (nv,), independent of how the coordinates of a joint are stored
     "armature",
     "damping",
     "lowerDryFrictionLimit",
@@ -75,5 +74,5 @@ _PER_VELOCITY = (  # arrays (nv,) that do not care how a joint's coordinates are
 
 
 def _revolute(axis: Any) -> Any:
-    along = _AXES.get(tuple(axis.tolist()))
-    return pin.JointModelRevoluteUnaligned(axis) if along is None else along()
+    aligned = _AXES.get(tuple(axis.tolist()))
+    return pin.JointModelRevoluteUnaligned(axis) if aligned is None else aligned()

@@ -1,8 +1,8 @@
-"""The human arm with seven degrees of freedom, scaled by height and mass.
+"""A human arm with seven degrees of freedom, scaled by body height and mass.
 
-Chain, limits and tool centre are those of the Master Motor Map's reference model (Terlemez et al.,
-"Master Motor Map (MMM): framework and toolkit for capturing, representing, and reproducing human
-motion on humanoid robots", Humanoids 2014); lengths and inertias are those of a table.
+Kinematic chain, joint limits and tool centre point follow the reference model of the Master Motor
+Map (Terlemez et al., "Master Motor Map (MMM): framework and toolkit for capturing, representing,
+and reproducing human motion on humanoid robots", Humanoids 2014).
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Capsule
 
 DEFAULT_HEIGHT, DEFAULT_MASS = 1.75, 70.0  # [m], [kg]
-_TALLEST, _HEAVIEST = 3.0, 1000.0  # [m], [kg]: more is another unit, not a person
+_MAX_HEIGHT, _MAX_MASS = 3.0, 1000.0  # [m], [kg]: larger values are probably in other units
 _TOOL_CENTRE = {"right": (-0.015, 0.0, -0.037), "left": (0.015, 0.0, -0.037)}  # [height]
 # Winter, Biomechanics and Motor Control of Human Movement, tables of length and density.
-_HAND_LENGTH = 0.108  # [height], to the finger tips
+_HAND_LENGTH = 0.108  # [height], to the fingertips
 _DENSITY = {"upper arm": 1070.0, "forearm": 1130.0, "hand": 1160.0}  # [kg/m^3]
 _LIMITS = {  # [rad]
     "right": {
@@ -46,12 +46,12 @@ _LIMITS = {  # [rad]
 
 
 def as_stature(height: float, mass: float) -> tuple[float, float]:
-    """A person's height [m] and mass [kg], if they can be; ValueError says what is wrong."""
+    """Body height [m] and mass [kg] as floats; ValueError if they are not plausible."""
     height = as_positive("height", height, "m")
     mass = as_positive("mass", mass, "kg")
-    if height > _TALLEST or mass > _HEAVIEST:
+    if height > _MAX_HEIGHT or mass > _MAX_MASS:
         raise ValueError(
-            f"height and mass must be at most {_TALLEST:g} m and {_HEAVIEST:g} kg, "
+            f"height and mass must be at most {_MAX_HEIGHT:g} m and {_MAX_MASS:g} kg, "
             f"got {height:g} m and {mass:g} kg"
         )
     return height, mass
@@ -66,20 +66,28 @@ def human_arm(
     sex: Sex | None = None,
     backend: str | None = None,
 ) -> Model:
-    """A person's arm: shoulder (x, z, y), elbow (x, z) and wrist (x, y), with the tool centre.
+    """A human arm with shoulder (x, z, y), elbow (x, z) and wrist (x, y).
 
-    The base frame sits in the shoulder: x to the person's right, y forward, z up; at q = 0 the arm
-    hangs down with the palm towards the body. The hand's frame is "hand". Bodies are capsules along
-    the links "right upper arm", "right forearm" and "right hand" (or left), as wide as a cylinder
-    with the segment's mass and density.
+    The base frame is at the shoulder: x to the person's right, y forward, z up; at q = 0 the arm
+    hangs down with the palm towards the body. The hand (end-effector) frame "hand" is at the tool
+    centre point. Collision bodies are capsules along the links "right upper arm", "right forearm"
+    and "right hand" (or left), with the radius of a cylinder of the segment's mass and density.
+
+    >>> import geodesic_ocp as go
+    >>> arm = go.human_arm("right", height=1.8, mass=80.0)
+    >>> arm.dof, round(arm.mass, 2)
+    (7, 3.92)
+    >>> arm.hand_pose([0.0, 0.0, 0.0, 1.57, 0.0, 0.0, 0.0])[1].round(2)  # elbow flexed by 90 deg
+    array([-0.03,  0.33, -0.34])
 
     Args:
         side: "right" or "left"; joints are named as in MMM files (RSx_joint, ..., LWy_joint).
-        height: of the person [m]; lengths scale with it, inertias with its square.
-        mass: of the person [kg]; it scales the metric and leaves geodesics alone.
-        table: of lengths, masses and inertias: "winter", the Master Motor Map's, or "de_leva".
-        sex: "male" or "female", for the table of de Leva, which tells them apart.
-        backend: of the symbolic rigid-body algorithms, see `Model`.
+        height: body height [m]; lengths scale with it, inertias with its square.
+        mass: body mass [kg]; it scales the metric and does not change geodesics.
+        table: lengths, masses and inertias of the Master Motor Map ("winter") or of de Leva
+            ("de_leva").
+        sex: "male" or "female", for the table "de_leva" only.
+        backend: back end of the symbolic rigid-body algorithms, see `Model`.
 
     Raises:
         ValueError: an unknown side, table or sex; height or mass not positive, or above 3 m or
@@ -88,35 +96,37 @@ def human_arm(
     if side not in get_args(Side):
         raise ValueError(f"side must be 'right' or 'left', got {side!r}")
     height, mass = as_stature(height, mass)
-    figures = anthropometry(side, table, sex)
+    segments = anthropometry(side, table, sex)
 
     arm = pin.Model()
     arm.name = f"human {side} arm"
-    chain = (  # joint, its type, segment between the joint before and this one, body it carries
+    chain = (  # joint, type, distance from the previous joint [height], segment
         ("Sx", pin.JointModelRX(), 0.0, None),
         ("Sz", pin.JointModelRZ(), 0.0, None),
-        ("Sy", pin.JointModelRY(), 0.0, figures.upper_arm),
-        ("Ex", pin.JointModelRX(), figures.upper_arm_length, None),
-        ("Ez", pin.JointModelRZ(), 0.0, figures.forearm),
-        ("Wx", pin.JointModelRX(), figures.forearm_length, None),
-        ("Wy", pin.JointModelRY(), 0.0, figures.hand),
+        ("Sy", pin.JointModelRY(), 0.0, segments.upper_arm),
+        ("Ex", pin.JointModelRX(), segments.upper_arm_length, None),
+        ("Ez", pin.JointModelRZ(), 0.0, segments.forearm),
+        ("Wx", pin.JointModelRX(), segments.forearm_length, None),
+        ("Wy", pin.JointModelRY(), 0.0, segments.hand),
     )
     parent = 0
-    for joint, kind, length, segment in chain:
+    for joint, joint_type, length, segment in chain:
         lower, upper = (np.array([limit]) for limit in _LIMITS[side][joint])
         unlimited = np.array([np.inf])
         placement = pin.SE3(np.eye(3), np.array([0.0, 0.0, -length * height]))
         name = f"{side[0].upper()}{joint}_joint"
-        parent = arm.addJoint(parent, kind, placement, name, unlimited, unlimited, lower, upper)
+        parent = arm.addJoint(
+            parent, joint_type, placement, name, unlimited, unlimited, lower, upper
+        )
         arm.addJointFrame(parent)
         if segment is not None:
-            arm.appendBodyToJoint(parent, _body(segment, height, mass), pin.SE3.Identity())
+            arm.appendBodyToJoint(parent, _inertia(segment, height, mass), pin.SE3.Identity())
     tool = pin.SE3(pin.rpy.rpyToMatrix(np.pi, 0.0, 0.0), height * np.array(_TOOL_CENTRE[side]))
     arm.addFrame(pin.Frame("hand", parent, tool, pin.FrameType.OP_FRAME))
     lengths = {
-        "upper arm": (figures.upper_arm_length, figures.upper_arm),
-        "forearm": (figures.forearm_length, figures.forearm),
-        "hand": (_HAND_LENGTH, figures.hand),
+        "upper arm": (segments.upper_arm_length, segments.upper_arm),
+        "forearm": (segments.forearm_length, segments.forearm),
+        "hand": (_HAND_LENGTH, segments.hand),
     }
     bodies = []
     for (name, (length, segment)), index in zip(lengths.items(), (3, 5, 7), strict=True):
@@ -129,6 +139,6 @@ def human_arm(
     return Model(arm, "hand", backend, shapes=tuple(bodies))
 
 
-def _body(segment: Segment, height: float, mass: float) -> pin.Inertia:
+def _inertia(segment: Segment, height: float, mass: float) -> pin.Inertia:
     moments = mass * height**2 * np.diag(segment.inertia)
     return pin.Inertia(mass * segment.mass, height * np.array(segment.centre), moments)

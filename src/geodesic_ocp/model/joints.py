@@ -1,14 +1,15 @@
-"""Joints with one degree of freedom: their motion subspace, coordinates and placements."""
+"""Joints with one degree of freedom, and frames, of Pinocchio models."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 import casadi as ca
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, is_symbolic
 
@@ -16,10 +17,10 @@ _ROUNDING = 1e-15
 
 
 def motion_subspace(model: pin.Model, index: int) -> Array:
-    """Twist (6,) of the joint per unit of its coordinate, (linear, angular) in the joint's frame.
+    """Twist (6,) of the joint per unit of its coordinate, (linear, angular) in the joint frame.
 
     Raises:
-        ValueError: the joint has not one degree of freedom, or not one of its own.
+        ValueError: the joint does not have one degree of freedom, or mimics another joint.
     """
     joint = model.joints[index]
     if joint.nv != 1 or joint.shortname() == "JointModelMimic":
@@ -33,9 +34,9 @@ def motion_subspace(model: pin.Model, index: int) -> Array:
 
 
 def configuration(model: pin.Model, q: Any) -> Any:
-    """Pinocchio's configuration vector (nq) for the joint coordinates q (nv).
+    """Pinocchio's configuration vector (nq,) for the joint coordinates q (nv,).
 
-    The two differ for continuous joints, which Pinocchio stores as (cos, sin) of the angle.
+    They differ for continuous joints, which Pinocchio stores as cosine and sine of the angle.
     """
     entries: list[Any] = []
     cos, sin = (ca.cos, ca.sin) if is_symbolic(q) else (np.cos, np.sin)
@@ -47,11 +48,11 @@ def configuration(model: pin.Model, q: Any) -> Any:
 
 @contextmanager
 def distinct_frames(*models: pin.Model) -> Iterator[dict[str, str]]:
-    """Let the frames of models have names of their own, as Pinocchio's changes of models need it.
+    """Temporarily rename frames to be unique, as Pinocchio requires when it edits models.
 
-    Yields the old names by the new ones, for `restore_frames` of what was made of the models.
+    Yields the original names by the temporary ones; see `restore_frames`.
     """
-    old, count = {}, 0
+    original, count = {}, 0
     before = [[str(frame.name) for frame in model.frames] for model in models]
     joints = {str(name) for model in models for name in model.names}
     for model in models:
@@ -59,24 +60,24 @@ def distinct_frames(*models: pin.Model) -> Iterator[dict[str, str]]:
             if frame.type == pin.FrameType.JOINT and frame.name in joints:
                 continue  # Pinocchio looks joints up by name
             count += 1
-            old[f"frame {count}"] = str(frame.name)
+            original[f"frame {count}"] = str(frame.name)
             frame.name = f"frame {count}"
     try:
-        yield old
+        yield original
     finally:
         for model, names in zip(models, before, strict=True):
             for frame, name in zip(model.frames, names, strict=True):
                 frame.name = name
 
 
-def restore_frames(model: pin.Model, old: Mapping[str, str]) -> None:
-    """Give frames the names back that they had before `distinct_frames`."""
+def restore_frames(model: pin.Model, original: Mapping[str, str]) -> None:
+    """Give frames the names that they had before `distinct_frames`."""
     for frame in model.frames:
-        frame.name = old.get(str(frame.name), str(frame.name))
+        frame.name = original.get(str(frame.name), str(frame.name))
 
 
 def frame_index(model: pin.Model, name: str) -> int:
-    """Number of the frame of that name; of a link and a joint of one name, the link's."""
+    """Index of the frame of that name; the link's, if a link and a joint share the name."""
     named = [number for number, frame in enumerate(model.frames) if frame.name == name]
     if not named:
         raise ValueError(f"the model has no frame {name!r}")
@@ -85,9 +86,37 @@ def frame_index(model: pin.Model, name: str) -> int:
 
 
 def without_noise(placement: pin.SE3) -> pin.SE3:
-    """The placement with rounding noise in its rotation set to zero, which keeps graphs small.
+    """The placement with rounding errors in its rotation set to zero, for small graphs.
 
-    A file's "1.5708" or pi / 2 makes entries of 1e-16 that would multiply through every product.
+    Angles such as pi / 2 leave entries of 1e-16, which would spread through every product.
     """
     rotation = np.where(np.abs(placement.rotation) < _ROUNDING, 0.0, placement.rotation)
     return pin.SE3(rotation, placement.translation)
+
+
+def merge_limits(
+    name: str,
+    given: ArrayLike | Mapping[str, float] | None,
+    current: Array,
+    joint_names: Sequence[str],
+) -> Array:
+    """The given limits (n,), with the current ones where none is given.
+
+    Raises:
+        ValueError: an unknown joint, or not n numbers; names the argument.
+    """
+    if given is None:
+        return current
+    if isinstance(given, Mapping):
+        for joint in given:
+            if joint not in joint_names:
+                known = ", ".join(joint_names)
+                raise ValueError(f"{name}: {joint!r} is not one of the joints {known}")
+        given = [given.get(joint, value) for joint, value in zip(joint_names, current, strict=True)]
+    try:
+        new = np.array(given, dtype=float)
+    except (TypeError, ValueError):
+        new = np.zeros(0)
+    if new.shape != current.shape or np.any(np.isnan(new)):
+        raise ValueError(f"{name} must be {current.size} numbers, got {given!r}")
+    return new

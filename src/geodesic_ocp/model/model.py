@@ -1,4 +1,4 @@
-"""Model: a pin.Model with a hand frame and limits, as CasADi functions."""
+"""Model: a Pinocchio model with a hand (end-effector) frame, as CasADi functions."""
 
 from __future__ import annotations
 
@@ -15,31 +15,31 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, as_positive, as_vector, evaluate, is_symbolic
 from geodesic_ocp.model.continuous_joints import continuous_joints, with_angles
 from geodesic_ocp.model.inertia import body_inertia
-from geodesic_ocp.model.joints import frame_index, motion_subspace
-from geodesic_ocp.model.limits import changed
-from geodesic_ocp.model.max_reach import reach
+from geodesic_ocp.model.joints import frame_index, merge_limits, motion_subspace
+from geodesic_ocp.model.max_reach import max_reach
 from geodesic_ocp.model.primitives import Ball, Bodies, Body, Capsule
-from geodesic_ocp.model.rigid_body import choose_backend, rigid_body
+from geodesic_ocp.model.rigid_body import RigidBody, choose_backend, rigid_body
+from geodesic_ocp.table import Table
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Model:
-    """A mechanical system of one-degree-of-freedom joints with a hand.
+    """A mechanical system of joints with one degree of freedom, and a hand (end-effector) frame.
 
     Attributes:
-        pin: the Pinocchio model (a private copy is kept).
-        hand: name of the hand's frame in `pin`.
+        pin: the Pinocchio model, of which a private copy is kept.
+        hand: name of the hand frame in `pin`.
         backend: "pinocchio.casadi" or "built-in"; None takes the first that is available.
-        continuous: names of the joints that turn fully, so that configurations a turn apart are the same;
-            continuous joints of `pin` are added, and become angles within +-2 pi rad.
+        continuous: names of the joints that are periodic: configurations one revolution apart are
+            the same. Continuous joints of `pin` are added, with limits of +-2 pi rad.
         shapes: capsules and spheres that are fixed to its frames, or a function that reads them
-            when `bodies` is first asked for.
+            when `bodies` is first accessed.
 
     Configurations are 1-d arrays [rad or m] in the order of `joint_names`. Two models are equal
     only if they are the same object.
 
     Raises:
-        ValueError: a joint has not one degree of freedom, or there is no frame `hand`.
+        ValueError: a joint does not have one degree of freedom, or there is no frame `hand`.
     """
 
     pin: pin.Model
@@ -58,16 +58,21 @@ class Model:
         for name in self.continuous:
             if name not in list(self.pin.names)[1:]:
                 raise ValueError(f"continuous: {name!r} is not a joint of the model")
-        turning = {*self.continuous, *continuous_joints(self.pin)}
-        continuous = tuple(str(name) for name in self.pin.names if name in turning)
+        periodic = {*self.continuous, *continuous_joints(self.pin)}
+        continuous = tuple(str(name) for name in self.pin.names if name in periodic)
         object.__setattr__(self, "pin", with_angles(self.pin))
         object.__setattr__(self, "backend", choose_backend(self.backend))
         object.__setattr__(self, "_hand_id", frame_index(self.pin, self.hand))
         object.__setattr__(self, "continuous", continuous)
 
     def __repr__(self) -> str:
-        freedoms = f"{self.dof} degrees of freedom"
-        return f"Model({self.name!r}, {freedoms}, hand={self.hand!r}, backend={self.backend!r})"
+        return f"Model({self.name!r}, dof={self.dof}, hand={self.hand!r}, backend={self.backend!r})"
+
+    def _repr_markdown_(self) -> str:
+        limits = self.lower.tolist(), self.upper.tolist()
+        rows = tuple(zip(self.joint_names, self.units, *limits, strict=True))
+        table = Table(("joint", "unit", "lower limit", "upper limit"), rows)
+        return f"**{self.name}**: hand `{self.hand}`, mass {self.mass:.3g} kg\n\n{table.markdown()}"
 
     @property
     def name(self) -> str:
@@ -81,7 +86,7 @@ class Model:
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints, in the order of the configuration's entries."""
+        """Names of the joints, in the order of the configuration."""
         joints = list(zip(self.pin.names, self.pin.joints, strict=True))[1:]
         return tuple(name for name, joint in sorted(joints, key=lambda pair: pair[1].idx_v))
 
@@ -89,55 +94,56 @@ class Model:
     def units(self) -> tuple[str, ...]:
         """Unit of each coordinate, "rad" or "m"."""
         joints = sorted(range(1, self.pin.njoints), key=lambda index: self.pin.joints[index].idx_v)
-        turns = (np.any(motion_subspace(self.pin, index)[3:]) for index in joints)
-        return tuple("rad" if turning else "m" for turning in turns)
+        rotates = (np.any(motion_subspace(self.pin, index)[3:]) for index in joints)
+        return tuple("rad" if angular else "m" for angular in rotates)
 
     @cached_property
     def lower(self) -> Array:
-        """Lower limits (n,) [rad or m]; -inf where there is none."""
+        """Lower joint limits (n,) [rad or m]; -inf if unlimited."""
         return self._limits(np.array(self.pin.lowerPositionLimit))
 
     @cached_property
     def upper(self) -> Array:
-        """Upper limits (n,) [rad or m]; inf where there is none."""
+        """Upper joint limits (n,) [rad or m]; inf if unlimited."""
         return self._limits(np.array(self.pin.upperPositionLimit))
 
     def _limits(self, limits: Array) -> Array:
-        far = np.abs(limits) >= np.finfo(float).max
-        limits[far] = np.sign(limits[far]) * np.inf
+        unlimited = np.abs(limits) >= np.finfo(float).max
+        limits[unlimited] = np.sign(limits[unlimited]) * np.inf
         limits.flags.writeable = False
         return limits
 
     @cached_property
     def bodies(self) -> tuple[Body, ...]:
-        """Capsules and spheres around its links: of a file's geometry, or of a table.
+        """Collision bodies: capsules and spheres around the links, from a file or a table.
 
         Raises:
-            ValueError: the file's geometry cannot be read; names the link.
+            ValueError: the collision geometry of the file cannot be read; names the link.
         """
         return self.shapes() if callable(self.shapes) else tuple(self.shapes)
 
     @cached_property
     def mass(self) -> float:
-        """Mass of all that moves [kg]."""
+        """Total moving mass [kg]."""
         return float(sum(inertia.mass for inertia in list(self.pin.inertias)[1:]))
 
     @cached_property
     def reach(self) -> float:
-        """Largest distance [m] of the hand from where its first joint is, within the limits.
+        """Largest distance [m] of the hand from its first joint, within the joint limits.
 
-        Found by optimisation from several configurations: a lower bound, in practice the value.
+        Found by local optimisation from several configurations, so strictly a lower bound.
         """
-        return reach(self.pin, self._hand_id, self.lower, self.upper)
+        return max_reach(self.pin, self._hand_id, self.lower, self.upper)
+
+    @property
+    def _algorithms(self) -> RigidBody:
+        return rigid_body(str(self.backend))
 
     @cached_property
     def _mass_matrix(self) -> ca.Function:
         q = ca.SX.sym("q", self.dof)
-        return ca.Function("mass_matrix", [q], [self._symbolic_mass_matrix(q)], ["q"], ["G"])
-
-    def _symbolic_mass_matrix(self, q: ca.SX) -> ca.SX:
-        assert self.backend is not None
-        return rigid_body(self.backend).mass_matrix(self.pin, q)
+        matrix = self._algorithms.mass_matrix(self.pin, q)
+        return ca.Function("mass_matrix", [q], [matrix], ["q"], ["G"])
 
     @cached_property
     def _poses(self) -> dict[int, ca.Function]:
@@ -145,20 +151,15 @@ class Model:
 
     def _pose_function(self, frame: int) -> ca.Function:
         if frame not in self._poses:
-            assert self.backend is not None
             q = ca.SX.sym("q", self.dof)
-            pose = rigid_body(self.backend).frame_pose(self.pin, q, frame)
+            pose = self._algorithms.frame_pose(self.pin, q, frame)
             self._poses[frame] = ca.Function("frame_pose", [q], list(pose), ["q"], ["R", "p"])
         return self._poses[frame]
-
-    @property
-    def _hand_pose(self) -> ca.Function:
-        return self._pose_function(self._hand_id)
 
     @cached_property
     def _hand_jacobian(self) -> ca.Function:
         q = ca.SX.sym("q", self.dof)
-        rotation, position = self._hand_pose(q)
+        rotation, position = self._pose_function(self._hand_id)(q)
         columns = [
             ca.inv_skew(ca.reshape(ca.jacobian(rotation, q[i]), 3, 3) @ rotation.T)
             for i in range(self.dof)
@@ -168,27 +169,26 @@ class Model:
 
     @cached_property
     def _potential_energy(self) -> ca.Function:
-        assert self.backend is not None
         q = ca.SX.sym("q", self.dof)
-        energy = rigid_body(self.backend).potential_energy(self.pin, q)
+        energy = self._algorithms.potential_energy(self.pin, q)
         return ca.Function("potential_energy", [q], [energy], ["q"], ["V"])
 
     def _checked(self, q: Any) -> Any:
         return q if is_symbolic(q) else as_vector("q", q, self.dof)
 
     def mass_matrix(self, q: Any) -> Any:
-        """Mass-inertia matrix G(q), (n, n) [kg m^2 for angles, kg for slides]."""
+        """Mass-inertia matrix G(q), (n, n) [kg m^2 for revolute, kg for prismatic joints]."""
         return evaluate(self._mass_matrix, self._checked(q))
 
     def hand_pose(self, q: Any) -> Any:
-        """Rotation (3, 3) and position (3,) [m] of the hand's frame in the base frame.
+        """Rotation (3, 3) and position (3,) [m] of the hand frame in the base frame.
 
         For k configurations (k, n): rotations (k, 3, 3) and positions (k, 3).
         """
         return self._pose(self._hand_id, q)
 
     def frame_pose(self, frame: str, q: Any) -> Any:
-        """Pose of another frame of `pin`, as `hand_pose` gives that of the hand.
+        """Pose of any frame of `pin`, in the form of `hand_pose`.
 
         Raises:
             ValueError: there is no such frame.
@@ -196,7 +196,7 @@ class Model:
         return self._pose(frame_index(self.pin, frame), q)
 
     def moves(self, frame: str) -> bool:
-        """Whether the frame moves with any of the joints.
+        """Whether any of the joints moves the frame.
 
         Raises:
             ValueError: there is no such frame.
@@ -204,7 +204,7 @@ class Model:
         return self.joint_of(frame) > 0
 
     def joint_of(self, frame: str) -> int:
-        """Number in `pin` of the joint that a frame moves with; 0 of one that stands still.
+        """Index in `pin` of the joint that carries a frame; 0 for a fixed frame.
 
         Raises:
             ValueError: there is no such frame.
@@ -216,41 +216,42 @@ class Model:
         if is_symbolic(q) or np.ndim(q) < 2:
             rotation, position = evaluate(function, self._checked(q))
             return rotation, position if is_symbolic(q) else position[:, 0]
-        many = np.asarray(q, dtype=float)
-        if many.ndim != 2 or many.shape[1] != self.dof or not np.all(np.isfinite(many)):
-            raise ValueError(f"q must be finite, of shape (k, {self.dof}), got {many.shape}")
-        rotations, positions = evaluate(function.map(len(many)), many.T)
+        rows = np.asarray(q, dtype=float)
+        if rows.ndim != 2 or rows.shape[1] != self.dof or not np.all(np.isfinite(rows)):
+            raise ValueError(f"q must be finite, of shape (k, {self.dof}), got {rows.shape}")
+        rotations, positions = evaluate(function.map(len(rows)), rows.T)
         return rotations.reshape(3, -1, 3).transpose(1, 0, 2), positions.reshape(3, -1).T
 
     def hand_jacobian(self, q: Any) -> Any:
-        """Jacobian (6, n) to the hand's linear [m] and angular velocity, base frame's axes."""
+        """Jacobian (6, n) of the hand: linear [m], then angular velocity, in base frame axes."""
         return evaluate(self._hand_jacobian, self._checked(q))
 
     def potential_energy(self, q: Any) -> Any:
-        """Potential energy V(q) [J] in the model's gravity, zero at the height of the base."""
+        """Gravitational potential energy V(q) [J], zero at the height of the base."""
         energy = evaluate(self._potential_energy, self._checked(q))
         return energy if is_symbolic(q) else float(energy[0, 0])
 
     def with_payload(
         self, mass: float, position: ArrayLike = (0.0, 0.0, 0.0), inertia: ArrayLike | None = None
     ) -> Model:
-        """The model with an object held fast in the hand.
+        """The model with an object rigidly attached to the hand.
 
         Args:
-            mass: of the object [kg].
-            position: of its centre of mass in the hand's frame, (3,) [m].
-            inertia: about its centre of mass, in the hand's axes, (3, 3) [kg m^2]; None: a point.
+            mass: mass of the object [kg].
+            position: its centre of mass in the hand frame, (3,) [m].
+            inertia: its inertia about the centre of mass, in the axes of the hand frame, (3, 3)
+                [kg m^2]; None: a point mass.
 
         Raises:
-            ValueError: mass is not positive, or the inertia is not a body's: not symmetric, or
-                with a negative principal moment.
+            ValueError: mass is not positive, the inertia is not symmetric or has a negative
+                principal moment, or the hand does not move.
         """
         mass = as_positive("mass", mass, "kg")
         body = body_inertia(mass, as_vector("position", position, 3), inertia)
         loaded = self.pin.copy()
         hand = loaded.frames[self._hand_id]
         if hand.parentJoint == 0:
-            raise ValueError(f"the hand {self.hand!r} does not move, a payload has no effect there")
+            raise ValueError(f"the hand {self.hand!r} does not move: a payload has no effect there")
         loaded.appendBodyToJoint(hand.parentJoint, body, hand.placement)
         loaded.name = f"{self.name} with {mass:g} kg"
         return replace(self, pin=loaded)
@@ -260,24 +261,24 @@ class Model:
         lower: ArrayLike | Mapping[str, float] | None = None,
         upper: ArrayLike | Mapping[str, float] | None = None,
     ) -> Model:
-        """The model with other limits [rad or m], each n numbers or some by the joint's name.
+        """The model with other joint limits [rad or m]: n numbers, or some by joint name.
 
         Raises:
-            ValueError: wrong shapes or names, not numbers, or a lower limit above its upper one.
+            ValueError: wrong shapes or names, not numbers, or a lower limit above the upper one.
         """
         limits = [
-            changed("lower", lower, self.lower, self.joint_names),
-            changed("upper", upper, self.upper, self.joint_names),
+            merge_limits("lower", lower, self.lower, self.joint_names),
+            merge_limits("upper", upper, self.upper, self.joint_names),
         ]
         for joint, low, high in zip(self.joint_names, *limits, strict=True):
-            if low > high or low == np.inf or high == -np.inf:  # of which there are none between
+            if low > high or low == np.inf or high == -np.inf:  # the range is empty
                 raise ValueError(f"{joint}: the lower limit {low:g} lies above the upper {high:g}")
         limited = self.pin.copy()
         limited.lowerPositionLimit, limited.upperPositionLimit = limits
         return replace(self, pin=limited)
 
     def with_hand(self, hand: str) -> Model:
-        """The model with another of its frames for hand.
+        """The model with another of its frames as hand frame.
 
         Raises:
             ValueError: there is no such frame.
@@ -285,10 +286,10 @@ class Model:
         return replace(self, hand=hand)
 
     def with_bodies(self, *bodies: Body) -> Model:
-        """The model with these capsules and spheres, each at a link, for its bodies.
+        """The model with these capsules and spheres, each with a link, as collision bodies.
 
         Raises:
-            ValueError: a body has no link, or one that is not a frame of the model.
+            ValueError: a body has no link, or its link is not a frame of the model.
         """
         for body in bodies:
             if not isinstance(body, (Capsule, Ball)) or body.link is None:

@@ -1,9 +1,8 @@
-"""Symbolic mass matrix and frame poses of a pin.Model, from one of two back ends.
+"""The two back ends of the symbolic rigid-body algorithms, and the choice between them.
 
-`pinocchio.casadi` (Pinocchio's own algorithms on CasADi scalars) where it can be imported,
-otherwise the package's built-in algorithms, which read the same pin.Model. They compute the same
-functions; the choice can be made by an argument or by the environment variable
-GEODESIC_OCP_BACKEND.
+`pinocchio.casadi` (Pinocchio's own algorithms on CasADi scalars) is used if it can be imported,
+otherwise the package's built-in algorithms on the same pin.Model. Both compute the same functions.
+An argument or the environment variable GEODESIC_OCP_BACKEND overrides the choice.
 """
 
 from __future__ import annotations
@@ -24,13 +23,13 @@ from geodesic_ocp.model.joints import configuration, motion_subspace, without_no
 BACKENDS = ("pinocchio.casadi", "built-in")
 ENVIRONMENT_VARIABLE = "GEODESIC_OCP_BACKEND"
 NOT_INSTALLED = (
-    "pip's pin wheels leave it out; `make pinocchio-casadi` builds it for them, and conda-forge's"
-    " pinocchio has it"
+    "the pin wheels on PyPI do not include it; `make pinocchio-casadi` builds it for them, and the"
+    " pinocchio of conda-forge includes it"
 )
 
 
 class RigidBody(Protocol):
-    """What the rest of the package asks of a back end."""
+    """The functions that a back end provides."""
 
     def mass_matrix(self, model: pin.Model, q: ca.SX) -> ca.SX:
         """Joint-space mass-inertia matrix (nv, nv), both triangles filled."""
@@ -39,7 +38,7 @@ class RigidBody(Protocol):
         """Rotation (3, 3) and position (3, 1) [m] of a frame in the base frame."""
 
     def potential_energy(self, model: pin.Model, q: ca.SX) -> ca.SX:
-        """Potential energy (1, 1) [J] in the model's gravity, zero at the base's height."""
+        """Gravitational potential energy (1, 1) [J], zero at the height of the base."""
 
 
 class _PinocchioCasadi:
@@ -50,9 +49,9 @@ class _PinocchioCasadi:
 
     def mass_matrix(self, model: pin.Model, q: ca.SX) -> ca.SX:
         for index in range(1, model.njoints):
-            motion_subspace(model, index)  # refuses the same joints as the built-in back end
+            motion_subspace(model, index)  # rejects the same joints as the built-in back end
         if not _numbered_depth_first(model):
-            return self._by_columns(model, q)
+            return self._mass_matrix_by_columns(model, q)
         symbolic = self._symbolic(model)
         matrix = self._cpin.crba(symbolic, symbolic.createData(), configuration(model, q))
         symmetric = ca.triu2symm(ca.triu(matrix))  # crba fills the upper triangle only
@@ -66,8 +65,8 @@ class _PinocchioCasadi:
             clean.frames[index].placement = without_noise(model.frames[index].placement)
         return self._cpin.Model(clean)
 
-    def _by_columns(self, model: pin.Model, q: ca.SX) -> ca.SX:
-        """The mass matrix as the torques of unit accelerations, without gravity."""
+    def _mass_matrix_by_columns(self, model: pin.Model, q: ca.SX) -> ca.SX:
+        """The mass matrix as torques of unit accelerations at rest, without gravity."""
         weightless = model.copy()
         weightless.gravity = pin.Motion.Zero()
         symbolic = self._symbolic(weightless)
@@ -92,10 +91,10 @@ class _PinocchioCasadi:
 
 
 def _numbered_depth_first(model: pin.Model) -> bool:
-    """Whether every subtree's joints are numbered without gaps, which Pinocchio's crba relies on.
+    """Whether the joints of every subtree are numbered consecutively, as Pinocchio's crba requires.
 
-    Models from files are; a branch that was added to by hand after another may not be, and crba
-    then leaves entries of the matrix out.
+    Models from files are. In models built by hand, joints can be appended to an earlier branch;
+    crba then omits entries of the matrix.
     """
     subtrees = [list(subtree) for subtree in model.subtrees]
     return all(subtree[-1] - subtree[0] == len(subtree) - 1 for subtree in subtrees[1:])
@@ -103,9 +102,9 @@ def _numbered_depth_first(model: pin.Model) -> bool:
 
 @lru_cache(maxsize=1)
 def _pinocchio_casadi() -> ModuleType | str:
-    """The module, or why it cannot be imported."""
+    """The module, or the reason why it cannot be imported."""
     with warnings.catch_warnings():
-        # Both of Pinocchio's modules register the same converter; Boost.Python says so once.
+        # Both modules of Pinocchio register the same converter, about which Boost.Python warns.
         warnings.filterwarnings("ignore", "to-Python converter", RuntimeWarning)
         try:
             return importlib.import_module("pinocchio.casadi")
@@ -113,11 +112,11 @@ def _pinocchio_casadi() -> ModuleType | str:
             failure = error
     if isinstance(failure, ModuleNotFoundError) and failure.name == "pinocchio.casadi":
         return NOT_INSTALLED
-    return f"it is there, but its import fails: {failure}"
+    return f"it is installed, but its import fails: {failure}"
 
 
 def why_unavailable(name: str) -> str:
-    """What keeps a back end from being used here; empty if nothing does."""
+    """Why a back end cannot be used here; empty if it can."""
     if name == "built-in":
         return ""
     found = _pinocchio_casadi()
@@ -125,29 +124,29 @@ def why_unavailable(name: str) -> str:
 
 
 def choose_backend(name: str | None = None) -> str:
-    """The back end's name: the argument, the environment's, or the first that is available.
+    """Name of the back end: the argument, the environment variable, or the first available one.
 
-    A pinocchio.casadi that is there but cannot be imported is passed over with a RuntimeWarning.
+    A pinocchio.casadi that is installed but cannot be imported is skipped with a RuntimeWarning.
 
     Raises:
-        ValueError: the name is unknown, or that back end cannot be imported here.
+        ValueError: the name is unknown, or the back end cannot be imported.
     """
     name = name or os.environ.get(ENVIRONMENT_VARIABLE)
     if not name:
         missing = why_unavailable(BACKENDS[0])
         name = BACKENDS[1] if missing else BACKENDS[0]
         if missing not in ("", NOT_INSTALLED):
-            # stacklevel: whoever made the Model
-            warnings.warn(f"{BACKENDS[0]} is passed over: {missing}", RuntimeWarning, stacklevel=4)
+            # stacklevel: the caller of Model
+            warnings.warn(f"{BACKENDS[0]} is skipped: {missing}", RuntimeWarning, stacklevel=4)
     if name not in BACKENDS:
         raise ValueError(f"backend must be one of {', '.join(BACKENDS)}, got {name!r}")
     if why_unavailable(name):
-        raise ValueError(f"backend {name!r} cannot be imported here: {why_unavailable(name)}")
+        raise ValueError(f"backend {name!r} cannot be imported: {why_unavailable(name)}")
     return name
 
 
 def rigid_body(backend: str) -> RigidBody:
-    """The back end of that name, as `choose_backend` returned it."""
+    """The back end with the name that `choose_backend` returned."""
     if backend == "built-in":
         return built_in
     module = _pinocchio_casadi()

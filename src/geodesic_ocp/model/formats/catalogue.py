@@ -1,4 +1,4 @@
-"""What models and back ends there are here and now, as lines of text."""
+"""The available models and back ends, as lines of text."""
 
 from __future__ import annotations
 
@@ -26,28 +26,28 @@ _WIDTH = 100
 
 
 def catalogue() -> Iterator[str]:
-    """Models with degrees of freedom, moving mass [kg] and reach [m]; back ends and their state.
+    """List models with degrees of freedom, moving mass [kg] and reach [m], and the back ends.
 
-    Robots that have no hand of their own are loaded with the last link of their longest chain.
+    Robots without a known hand frame are loaded with the last link of their longest chain.
     """
     with warnings.catch_warnings():
-        # What is passed over is listed below, and repairs of files are for those who load them.
+        # Back ends that are skipped are listed below; warnings about files are for load_model.
         warnings.simplefilter("ignore")
         in_use = choose_backend()
-        yield "human_arm(side, height, mass), here of 1.75 m and 70 kg"
+        yield "human_arm(side, height, mass), here for 1.75 m and 70 kg"
         for side in get_args(Side):
-            yield from _figures(side, human_arm(side, backend=in_use))
-        here = [name for name in ROBOTS if folder(ROBOTS[name].package) is not None]
-        if here:
+            yield from _summary(side, human_arm(side, backend=in_use))
+        installed = [name for name in ROBOTS if folder(ROBOTS[name].package) is not None]
+        if installed:
             yield "load_model(name)"
-        for name in here:
-            yield from _figures(name, load_model(name, backend=in_use))
-    absent = [name for name in ROBOTS if name not in here]
+        for name in installed:
+            yield from _summary(name, load_model(name, backend=in_use))
+    absent = [name for name in ROBOTS if name not in installed]
     if absent:
         packages = sorted({ROBOTS[name].package for name in absent})
-        yield f"not here, for lack of {' and '.join(packages)}:"
+        yield f"not available without {' and '.join(packages)}:"
         yield f"  {INSTALL}"
-        yield from _listed(absent)
+        yield from _wrapped(absent)
     if names := sorted(described()):
         yield (
             f"load_model(name, hand=...): {len(names)} of example-robot-data and armar, each with "
@@ -57,27 +57,27 @@ def catalogue() -> Iterator[str]:
             yield from _longest_chain(name, in_use)
     if names := sorted(on_demand()):
         yield (
-            f"load_model(name, hand=...): {len(names)} of robot_descriptions, which fetches them "
-            "when asked"
+            f"load_model(name, hand=...): {len(names)} of robot_descriptions, which downloads them "
+            "on first use"
         )
-        yield from _listed(names)
+        yield from _wrapped(names)
     yield "load_model(file, hand=...): URDF, MJCF, MMM/Simox XML"
     yield "back ends of the symbolic mass matrix"
     for name in BACKENDS:
         missing = why_unavailable(name)
-        state = f"cannot be imported: {missing}" if missing else "can be used"
+        state = f"cannot be imported: {missing}" if missing else "available"
         yield f"  {name}: {'in use' if name == in_use else state}"
-    yield f"the environment variable {ENVIRONMENT_VARIABLE} chooses another one"
+    yield f"the environment variable {ENVIRONMENT_VARIABLE} selects another one"
 
 
-def _figures(name: str, model: Model) -> Iterator[str]:
-    figures = f"{model.dof} DoF, {model.mass:5.2f} kg, reach {model.reach:.2f} m"
-    yield f"  {name:20} {figures}"
-    yield from _listed(model.joint_names, indent="    ")
+def _summary(name: str, model: Model) -> Iterator[str]:
+    values = f"{model.dof} DoF, {model.mass:5.2f} kg, reach {model.reach:.2f} m"
+    yield f"  {name:20} {values}"
+    yield from _wrapped(model.joint_names, indent="    ")
 
 
 def _last_link(description: Description) -> str:
-    """The link behind the most joints, none of which follows another or is followed."""
+    """The link moved by the most joints, none of which mimics another or is mimicked."""
     model, mimics = description.pin, description.mimics
     coupled = {*mimics, *(mimic.leader for mimic in mimics.values())}
     links = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
@@ -99,11 +99,11 @@ def _longest_chain(name: str, backend: str) -> Iterator[str]:
             reason = f"  {name:26} cannot be loaded: {error}"
             yield from textwrap.wrap(reason, _WIDTH, subsequent_indent="    ")
             return
-    figures = f"{model.dof:2} DoF, {model.mass:6.2f} kg, reach {model.reach:.2f} m"
-    yield f"  {name:26} {figures}, hand={model.hand!r}"
+    values = f"{model.dof:2} DoF, {model.mass:6.2f} kg, reach {model.reach:.2f} m"
+    yield f"  {name:26} {values}, hand={model.hand!r}"
 
 
-def _listed(names: Sequence[str], indent: str = "  ") -> list[str]:
+def _wrapped(names: Sequence[str], indent: str = "  ") -> list[str]:
     return textwrap.wrap(
         ", ".join(names),
         _WIDTH,

@@ -1,4 +1,4 @@
-"""Descriptions of robots and people in XML, as Pinocchio models: URDF, MJCF, Simox (MMM)."""
+"""Reading of XML model descriptions as Pinocchio models: URDF, MJCF, Simox (MMM)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from geodesic_ocp.model.formats.mimic import Mimic
 from geodesic_ocp.model.formats.mjcf import mjcf_model
 from geodesic_ocp.model.formats.simox import simox_model
 from geodesic_ocp.model.formats.urdf import urdf_model
-from geodesic_ocp.model.geometry.link_geometry import Shapes
+from geodesic_ocp.model.geometry.link_geometry import LinkGeometry
 from geodesic_ocp.model.primitives import Bodies
 
 _DECLARATION = re.compile(r"^\s*<\?xml[^>]*\?>")
@@ -24,13 +24,13 @@ _MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf
 
 @dataclass(frozen=True, eq=False)
 class Description:
-    """What was read: the model, and what its joints are that Pinocchio's model does not tell.
+    """A model as read from a file, with what a Pinocchio model does not store.
 
     Attributes:
         pin: the model, with all joints of the file.
-        mimics: by name, the joints that follow another.
-        warnings: what was wrong in the text and how it was read, one sentence each.
-        shapes: bodies of the links, or a function that reads them from the file.
+        mimics: joints that mimic another, by name.
+        warnings: faults in the text and how they were resolved, one sentence each.
+        shapes: collision bodies of the links, or a function that reads them from the file.
     """
 
     pin: pin.Model
@@ -40,10 +40,10 @@ class Description:
 
 
 def read_file(file: Path, height: float | None, mass: float | None) -> Description:
-    """The model in a file: see `read_description`.
+    """Read the model in a file; see `read_description`.
 
     Raises:
-        ValueError: it cannot be read, or is not what it should be; names the file.
+        ValueError: the file cannot be read or is not valid; names the file.
     """
     try:
         content = file.read_bytes()
@@ -62,18 +62,18 @@ def read_file(file: Path, height: float | None, mass: float | None) -> Descripti
 def read_description(
     text: str, name: str, height: float | None, mass: float | None, folder: Path | None = None
 ) -> Description:
-    """The model in an XML text; `name` stands for it in messages.
+    """Read the model in an XML text.
 
     Args:
-        text: of a URDF, MJCF or Simox document, told apart by the root element.
-        name: of the file, or what the text is.
-        height, mass: of the person [m], [kg], for Simox models, which are per unit of both.
-        folder: where the text was read, for formats that refer to other files.
+        text: a URDF, MJCF or Simox document, distinguished by the root element.
+        name: name of the file or text, for messages.
+        height, mass: body height [m] and mass [kg], for MMM models, which are per unit of both.
+        folder: folder of the file, for formats that refer to other files.
 
     Raises:
-        ValueError: it is none of these, or faulty; names the place where it is known.
+        ValueError: the text is in another format or not valid; names the location, if known.
     """
-    # In a text there is nothing left to decode.
+    # The text is already decoded: ElementTree rejects a declared encoding.
     text = _DECLARATION.sub("", text.removeprefix("\ufeff"), count=1)
     try:
         root = ET.fromstring(text)
@@ -82,7 +82,7 @@ def read_description(
     if root.tag == "Robot":
         return Description(simox_model(root, name, height, mass))
     if height is not None or mass is not None:
-        raise ValueError(f"height and mass scale MMM models, and {name} is not one")
+        raise ValueError(f"height and mass scale MMM models, but {name} is not one")
     if root.tag == "robot":
         return _with_shapes(urdf_model(root, text, name), name, folder)
     if root.tag == "mujoco":
@@ -100,5 +100,5 @@ def _with_shapes(
 ) -> Description:
     model, mimics, warnings, text = read
     return Description(
-        model, mimics, warnings, Shapes(model, text, name, folder and folder.absolute())
+        model, mimics, warnings, LinkGeometry(model, text, name, folder and folder.absolute())
     )

@@ -13,15 +13,15 @@ import pinocchio as pin
 
 from geodesic_ocp.model.continuous_joints import DEFAULT_LIMIT
 from geodesic_ocp.model.formats.description import Description, read_description, read_file
-from geodesic_ocp.model.formats.reduction import based_at, locked
+from geodesic_ocp.model.formats.reduction import change_base, lock_joints
 from geodesic_ocp.model.formats.robots import INSTALL, ROBOTS, described, locate, on_demand
 from geodesic_ocp.model.inertia import check_inertias
 from geodesic_ocp.model.joints import frame_index, motion_subspace
 from geodesic_ocp.model.model import Model
 
-_ENDINGS = (".urdf", ".xml", ".mjcf", ".xacro")
+_SUFFIXES = (".urdf", ".xml", ".mjcf", ".xacro")
 _LONGEST_NAME = 4096
-_UNLIMITED = 1e6  # [rad]: formats write infinity in their own ways
+_UNLIMITED = 1e6  # [rad]: limits beyond it stand for infinity
 
 
 def load_model(
@@ -35,28 +35,40 @@ def load_model(
     mass: float | None = None,
     backend: str | None = None,
 ) -> Model:
-    """A Model of the joints between a base and a hand, or of any others, of a mechanical system.
+    """Load a Model of the joints between a base and a hand (end-effector), or of given joints.
 
-    Joints that are left out are locked; what they carry stays, as part of the links it is fixed to.
-    Continuous joints become angles, limited to +-2 pi rad (`Model.with_limits` changes that).
+    All other joints are locked; the links that they carry remain, as part of the links that they
+    are then fixed to. Continuous joints become angles with limits of +-2 pi rad
+    (`Model.with_limits` changes them).
+
+    >>> import geodesic_ocp as go
+    >>> pendulum = '''<robot name="pendulum">
+    ...   <link name="base"/>
+    ...   <link name="bob"><inertial><origin xyz="0 0 -0.5"/><mass value="2"/>
+    ...     <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+    ...   <joint name="hinge" type="revolute"><parent link="base"/><child link="bob"/>
+    ...     <axis xyz="1 0 0"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
+    ... </robot>'''
+    >>> go.load_model(pendulum, hand="bob", backend="built-in")
+    Model('pendulum', dof=1, hand='bob', backend='built-in')
 
     Args:
-        source: a URDF, MJCF or MMM/Simox file or its text, a pin.Model, or a robot's name
-            (`geodesic-ocp models` lists those that can be loaded).
-        hand: frame of the hand; known robots have one.
-        joints: names of the joints that move, in any order; the model has them in the file's.
+        source: a URDF, MJCF or MMM/Simox file or its text, a pin.Model, or the name of a robot
+            (`geodesic-ocp models` lists the available ones).
+        hand: name of the hand frame; known robots have a default.
+        joints: names of the joints that move, in any order; the model keeps the order of the file.
             None: all between `base` and `hand`.
-        base: frame that stands still, in which poses are given and whose axes gravity is turned to;
+        base: fixed frame that becomes the base frame, for poses and for the direction of gravity;
             None: the root of the file.
-        configuration: values [rad or m] at which joints are locked, by name; others are locked at zero,
-            or at the limit that is nearest to it; a mimic joint follows its leader.
-        height, mass: of the person [m], [kg], for MMM models; 1.75 m and 70 kg by default.
-        backend: of the symbolic rigid-body algorithms, see `Model`.
+        configuration: values [rad or m], by name, at which joints are locked; the default is zero,
+            or the limit closest to it, and for a mimic joint the value that its leader implies.
+        height, mass: body height [m] and mass [kg], for MMM models; 1.75 m and 70 kg by default.
+        backend: back end of the symbolic rigid-body algorithms, see `Model`.
 
     Raises:
-        ValueError: the source cannot be found or read; a name is not in it; a joint that moves has
-            not one degree of freedom of its own (spherical, free-flyer, mimic); a link that moves
-            has no mass or an inertia that is not positive definite. Names what is wrong.
+        ValueError: the source cannot be found or read; a name is unknown; a moving joint does not
+            have one degree of freedom of its own (spherical, free-flyer, mimic); a moving link has
+            no mass or an inertia that is not positive definite. Names what is wrong.
     """
     description, hand, base = _read(source, hand, base, height, mass)
     for fault in description.warnings:
@@ -67,19 +79,19 @@ def load_model(
     hand_index = _frame("hand", whole, hand)
     base_index = None if base is None else _frame("base", whole, base)
     moving = _moving(whole, hand_index, base_index, joints)
-    model = locked(description, moving, configuration or {})
+    model = lock_joints(description, moving, configuration or {})
     if base is not None:
-        model = based_at(model, base)
+        model = change_base(model, base)
     if model.frames[frame_index(model, hand)].parentJoint == 0:
         raise ValueError(f"hand {hand!r} does not move with any of the joints {_known(moving)}")
     check_inertias(model)
     if isinstance(source, str) and source in ROBOTS:
         model.name = source
-    return Model(model, hand, backend, _give_limits(model), description.shapes)
+    return Model(model, hand, backend, _limit_unlimited(model), description.shapes)
 
 
-def _give_limits(model: pin.Model) -> tuple[str, ...]:
-    """Limit what turns without limits as continuous joints are, and name it."""
+def _limit_unlimited(model: pin.Model) -> tuple[str, ...]:
+    """Limit unlimited revolute joints like continuous joints; returns their names."""
     names = []
     for index in range(1, model.njoints):
         joint = model.joints[index]
@@ -96,16 +108,18 @@ def _give_limits(model: pin.Model) -> tuple[str, ...]:
 
 
 def _is_helical(joint: pin.JointModel) -> bool:
-    return "H" in joint.shortname().removeprefix("JointModel")  # a turn of a screw leads elsewhere
+    return "H" in joint.shortname().removeprefix(
+        "JointModel"
+    )  # a revolution of a screw also translates
 
 
 def _read(
     source: object, hand: str | None, base: str | None, height: float | None, mass: float | None
 ) -> tuple[Description, str | None, str | None]:
-    """The description, and hand and base, which known robots have by themselves."""
+    """The description, and the hand and base, which have defaults for known robots."""
     if isinstance(source, pin.Model):
         if height is not None or mass is not None:
-            raise ValueError("height and mass scale MMM models, and source is a pin.Model")
+            raise ValueError("height and mass scale MMM models, but source is a pin.Model")
         return Description(source.copy()), hand, base
     if not isinstance(source, (str, PathLike)):
         raise ValueError(f"source must be a file, its text, a pin.Model or a name, got {source!r}")
@@ -114,9 +128,9 @@ def _read(
     if isinstance(source, str) and (len(source) > _LONGEST_NAME or "\0" in source):
         raise ValueError(f"source is neither XML nor a name: {source[:40]!r}...")
     file = Path(source)
-    if isinstance(source, str) and not file.is_file() and file.suffix not in _ENDINGS:
+    if isinstance(source, str) and not file.is_file() and file.suffix not in _SUFFIXES:
         if (found := locate(source)) is None:
-            raise ValueError(_unknown(source))
+            raise ValueError(_unknown_source(source))
         robot = ROBOTS.get(source)
         if robot is not None:
             hand = robot.hand if hand is None else hand
@@ -125,12 +139,14 @@ def _read(
     return read_file(file, height, mass), hand, base
 
 
-def _unknown(name: str) -> str:
+def _unknown_source(name: str) -> str:
     if name in ROBOTS:
-        return f"{name!r} is described by {ROBOTS[name].package}, not installed here: {INSTALL}"
+        return f"{name!r} is in {ROBOTS[name].package}, which is not installed: {INSTALL}"
     names = {*ROBOTS, *described(), *on_demand()}
-    near = difflib.get_close_matches(name, names)
-    hint = f"did you mean {', '.join(near)}?" if near else "`geodesic-ocp models` lists robots"
+    similar = difflib.get_close_matches(name, names)
+    hint = (
+        f"did you mean {', '.join(similar)}?" if similar else "`geodesic-ocp models` lists robots"
+    )
     return f"there is no file and no robot {name!r}; {hint} ({INSTALL} describes more)"
 
 
@@ -147,18 +163,18 @@ def _frames(model: pin.Model) -> list[str]:
 
 
 def _known(names: Iterable[str], wanted: str = "") -> str:
-    """The names; of very many the ones like the one that was wanted, or the last."""
+    """The names; if there are many, those similar to the wanted one, or the last ones."""
     names = list(names)
     if len(names) <= 40:
         return ", ".join(names)
-    near = difflib.get_close_matches(str(wanted), names, n=10, cutoff=0.3)
-    return f"{', '.join(near or names[-10:])} and {len(names) - len(near or names[-10:])} more"
+    shown = difflib.get_close_matches(str(wanted), names, n=10, cutoff=0.3) or names[-10:]
+    return f"{', '.join(shown)} and {len(names) - len(shown)} more"
 
 
 def _moving(
     model: pin.Model, hand: int, base: int | None, joints: Sequence[str] | None
 ) -> tuple[str, ...]:
-    """Names of the joints that move: those given, or those between base and hand."""
+    """Names of the moving joints: the given ones, or those between base and hand."""
     if joints is None:
         chain = list(model.supports[model.frames[hand].parentJoint])[1:]
         if base is not None and (root := model.frames[base].parentJoint) > 0:

@@ -1,8 +1,8 @@
 """MJCF as a Pinocchio model.
 
-Pinocchio reads a part of the format. What it leaves out or reads otherwise than MuJoCo is written
-in its terms here (includes, default classes, several joints of a body, several bodies in the world,
-ranges of slides), or refused by name.
+Pinocchio reads a part of the format. What it ignores or interprets differently from MuJoCo is
+rewritten here (includes, default classes, several joints of a body, several bodies in the world,
+ranges of prismatic joints), or rejected by name.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import pinocchio as pin
 from geodesic_ocp.model.formats.mimic import Mimic
 
 _ROOT = "world of bodies"
-# What changes bodies and is not read, as elements and as attributes of <compiler>.
+# Elements, and attributes of <compiler>, that would change the model and are not supported.
 _ELEMENTS = ("attach", "replicate", "composite", "flexcomp", "frame")
 _COMPILER = ("settotalmass", "boundmass", "boundinertia", "inertiagrouprange", "balanceinertia")
 _JOINTS = ("hinge", "slide", "ball", "free")
@@ -28,20 +28,20 @@ _Defaults = dict[str, dict[str, dict[str, str]]]  # class -> tag -> attribute ->
 def mjcf_model(
     root: ET.Element, name: str, folder: Path | None
 ) -> tuple[pin.Model, dict[str, Mimic], tuple[str, ...], str]:
-    """The model, its followers (joint equalities), what was left out, and the text as rewritten.
+    """The model, its mimic joints (joint equalities), warnings, and the rewritten text.
 
     Args:
-        root: the element <mujoco>; it is changed.
-        name: of the file, for messages.
-        folder: where included files are looked for.
+        root: the element <mujoco>; it is modified.
+        name: name of the file, for messages.
+        folder: folder in which included files are searched for.
 
     Raises:
-        ValueError: Pinocchio cannot read it, or would leave out what changes the model.
+        ValueError: Pinocchio cannot read it, or would ignore parts that change the model.
     """
     _include(root, name, folder, ())
     _merge_sections(root)
-    _write_defaults_out(root, name)
-    _refuse(root, name)
+    _apply_defaults(root, name)
+    _reject_unsupported(root, name)
     _rewrite(root, name)
     with tempfile.TemporaryDirectory() as scratch:
         written = Path(scratch) / "model.xml"
@@ -62,12 +62,12 @@ def mjcf_model(
             model.upperPositionLimit[start] = np.inf
     mimics, warnings = _equalities(root, name)
     if folder is not None:
-        _find_meshes(root, folder.absolute())
+        _make_mesh_folders_absolute(root, folder.absolute())
     return model, mimics, tuple(warnings), ET.tostring(root, encoding="unicode")
 
 
-def _find_meshes(root: ET.Element, folder: Path) -> None:
-    """Write down where meshes are, wherever the text may go."""
+def _make_mesh_folders_absolute(root: ET.Element, folder: Path) -> None:
+    """Let the text be read from any folder."""
     compiler = root.find("compiler")
     if compiler is None:
         compiler = ET.SubElement(root, "compiler")
@@ -76,16 +76,18 @@ def _find_meshes(root: ET.Element, folder: Path) -> None:
             compiler.set(key, str(folder / compiler.get(key, compiler.get("assetdir", ""))))
 
 
-def _include(element: ET.Element, name: str, folder: Path | None, before: tuple[Path, ...]) -> None:
-    """Put the contents of included files in the place of <include file="..."/>."""
+def _include(
+    element: ET.Element, name: str, folder: Path | None, including: tuple[Path, ...]
+) -> None:
+    """Replace <include file="..."/> by the contents of the file."""
     for index, child in reversed(list(enumerate(element))):
         if child.tag != "include":
-            _include(child, name, folder, before)
+            _include(child, name, folder, including)
             continue
         if folder is None:
-            raise ValueError(f"{name} includes {child.get('file')!r}, which only a file can")
+            raise ValueError(f"{name} includes {child.get('file')!r}, which only a file can do")
         file = folder / child.get("file", "")
-        if file in before:
+        if file in including:
             raise ValueError(f"{name} includes {file.name} in itself")
         try:
             included = ET.parse(file).getroot()
@@ -93,14 +95,14 @@ def _include(element: ET.Element, name: str, folder: Path | None, before: tuple[
             raise ValueError(
                 f"{name} includes {file.name}, which cannot be read: {error}"
             ) from None
-        _include(included, name, folder, (*before, file))
+        _include(included, name, folder, (*including, file))
         element.remove(child)
         for offset, part in enumerate(included):
             element.insert(index + offset, part)
 
 
 def _merge_sections(root: ET.Element) -> None:
-    """Sections such as <worldbody> may occur several times, as with includes."""
+    """Merge sections such as <worldbody> that occur several times, as with includes."""
     first: dict[str, ET.Element] = {}
     for section in list(root):
         if section.tag == "default" or section.tag not in first:
@@ -111,7 +113,7 @@ def _merge_sections(root: ET.Element) -> None:
         root.remove(section)
 
 
-def _write_defaults_out(root: ET.Element, name: str) -> None:
+def _apply_defaults(root: ET.Element, name: str) -> None:
     """Give every element the attributes of its default class."""
     defaults: _Defaults = {"main": defaultdict(dict)}
 
@@ -144,32 +146,34 @@ def _write_defaults_out(root: ET.Element, name: str) -> None:
         write(section, "main")
 
 
-def _refuse(root: ET.Element, name: str) -> None:
+def _reject_unsupported(root: ET.Element, name: str) -> None:
     for tag in _ELEMENTS:
         if next(root.iter(tag), None) is not None:
-            raise ValueError(f"{name} has a <{tag}>, which is not read")
+            raise ValueError(f"{name} has a <{tag}>, which is not supported")
     for compiler in root.iterfind("compiler"):
         for key in _COMPILER:
             if compiler.get(key, "0") not in ("0", "false", "-1", "0 5"):
-                raise ValueError(f"{name}: {key} of <compiler> is not read")
+                raise ValueError(f"{name}: {key} of <compiler> is not supported")
         if compiler.get("coordinate", "local") != "local":
-            raise ValueError(f"{name}: global coordinates are not read")
+            raise ValueError(f"{name}: global coordinates are not supported")
         if not compiler.get("eulerseq", "xyz").islower():
-            raise ValueError(f"{name}: eulerseq with capitals, about fixed axes, is not read")
+            raise ValueError(f"{name}: eulerseq with capitals, about fixed axes, is not supported")
         if compiler.get("inertiafromgeom") == "true" and next(root.iter("inertial"), None):
-            raise ValueError(f"{name}: inertiafromgeom over given <inertial>s is not read")
+            raise ValueError(
+                f"{name}: inertiafromgeom in place of given <inertial>s is not supported"
+            )
     for joint in root.iter("joint"):
         if joint.get("type", "hinge") not in _JOINTS:
             raise ValueError(
                 f"{name}: joint {joint.get('name')!r} is of the unknown type {joint.get('type')!r}"
             )
     for body in root.iter("body"):
-        place = f"{name}: body {body.get('name')!r}"
+        location = f"{name}: body {body.get('name')!r}"
         meshes = [geom for geom in body.iterfind("geom") if geom.get("mesh") is not None]
         heavy = [geom for geom in meshes if not {geom.get("mass"), geom.get("density")} & {"0"}]
         if heavy and body.find("inertial") is None:
             raise ValueError(
-                f"{place} has the inertia of a mesh, which is not read: give <inertial>"
+                f"{location} has the inertia of a mesh, which is not supported: give <inertial>"
             )
 
 
@@ -183,14 +187,14 @@ def _rewrite(root: ET.Element, name: str) -> None:
             axis = " ".join(repr(float(number / length)) for number in (x, y, z))
             element.set("axisangle", f"{axis} {angle!r}")
         if degrees and element.tag == "joint" and element.get("type") == "slide":
-            place = f"{name}: range of joint {element.get('name')!r}"
-            # Pinocchio takes it for degrees.
-            metres = _numbers(element.get("range", "0 0"), 2, place)
+            location = f"{name}: range of joint {element.get('name')!r}"
+            # Pinocchio reads it as degrees.
+            metres = _numbers(element.get("range", "0 0"), 2, location)
             element.set("range", " ".join(repr(float(number)) for number in np.rad2deg(metres)))
     world = root.find("worldbody")
     if world is None or world.find("body") is None:
         raise ValueError(f"{name} has no <body>")
-    # Pinocchio reads one body of the world, and not where it is if it has no joint.
+    # Pinocchio reads only one body of the world, and ignores its pose if it has no joint.
     whole = ET.Element("body", {"name": _ROOT})
     whole.extend(list(world))
     for child in list(world):
@@ -200,20 +204,20 @@ def _rewrite(root: ET.Element, name: str) -> None:
         _give_each_joint_a_body(body)
 
 
-def _numbers(text: str, count: int, place: str) -> list[float]:
+def _numbers(text: str, count: int, location: str) -> list[float]:
     try:
         numbers = [float(number) for number in text.split()]
     except ValueError:
         numbers = []
     if len(numbers) != count:
-        raise ValueError(f"{place} must be {count} numbers, is {text!r}")
+        raise ValueError(f"{location} must be {count} numbers, is {text!r}")
     return numbers
 
 
 def _give_each_joint_a_body(body: ET.Element) -> None:
-    """Several joints of a body act one after the other: as those of bodies in each other.
+    """Split a body with several joints, which act in sequence, into nested bodies.
 
-    Pinocchio makes one joint of many degrees of freedom of them.
+    Pinocchio would combine them into one joint with several degrees of freedom.
     """
     joints = body.findall("joint")
     for joint in joints[:-1]:
@@ -233,19 +237,19 @@ def _equalities(root: ET.Element, name: str) -> tuple[dict[str, Mimic], list[str
             continue
         if equality.tag != "joint":
             names = [equality.get(key, "") for key in ("body1", "body2") if equality.get(key)]
-            warnings.append(f"{name}: the <{equality.tag}> of {' and '.join(names)} is left out")
+            warnings.append(f"{name}: the <{equality.tag}> of {' and '.join(names)} is ignored")
             continue
         joint, leader = equality.get("joint1", ""), equality.get("joint2")
-        place = f"{name}: the equality of joint {joint!r}"
+        location = f"{name}: the equality of joint {joint!r}"
         try:
             coefficients = [float(number) for number in equality.get("polycoef", "0 1").split()]
         except ValueError:
-            raise ValueError(f"{place}: polycoef is not numbers") from None
+            raise ValueError(f"{location}: polycoef must be numbers") from None
         offset, multiplier, *higher = (*coefficients, *[0.0] * (5 - len(coefficients)))
         if leader is None:
-            warnings.append(f"{place} with a constant is left out")
+            warnings.append(f"{location} with a constant is ignored")
             continue
         if any(higher):
-            raise ValueError(f"{place} with {leader!r} is not linear, and not read")
+            raise ValueError(f"{location} with {leader!r} is not linear, which is not supported")
         mimics[joint] = Mimic(leader, multiplier, offset)
     return mimics, warnings

@@ -1,4 +1,4 @@
-"""A part of a Pinocchio model: joints locked in a configuration, and another base."""
+"""Reduction of a Pinocchio model: locked joints, and another base frame."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from geodesic_ocp.arrays import Array, as_number
 from geodesic_ocp.model.formats.description import Description
-from geodesic_ocp.model.formats.mimic import follow
+from geodesic_ocp.model.formats.mimic import apply_mimics
 from geodesic_ocp.model.joints import (
     distinct_frames,
     frame_index,
@@ -17,23 +17,23 @@ from geodesic_ocp.model.joints import (
     restore_frames,
 )
 
-_SLACK = 1e-6  # limits of files are rounded
+_LIMIT_TOLERANCE = 1e-6  # [rad or m]: limits in files are rounded
 
 
-def locked(
+def lock_joints(
     description: Description, moving: Sequence[str], configuration: Mapping[str, float]
 ) -> pin.Model:
-    """The model in which only the joints `moving` move.
+    """The model with all joints locked except those in `moving`.
 
     Raises:
-        ValueError: a joint that moves has not one degree of freedom of its own, or one that is
-            locked follows one that moves; a configuration that the locked joints cannot take.
+        ValueError: a moving joint does not have one degree of freedom of its own, a locked joint
+            mimics a moving one, or the configuration is outside the limits of the locked joints.
     """
     model = description.pin
     for name in moving:
         if name in description.mimics:
             leader = description.mimics[name].leader
-            raise ValueError(f"joint {name!r} mimics {leader!r}: it cannot move by itself")
+            raise ValueError(f"joint {name!r} mimics {leader!r}: it cannot move independently")
         try:
             motion_subspace(model, model.getJointId(name))
         except ValueError as error:
@@ -50,28 +50,26 @@ def locked(
                 f"joint {name!r} mimics {mimic.leader!r}, which moves; lock it with "
                 f"configuration={{{name!r}: ...}}, or leave {mimic.leader!r} out of joints"
             )
-    q = _configuration(description, moving, configuration)
+    q = _locked_configuration(description, moving, configuration)
     others = [index for index in range(1, model.njoints) if model.names[index] not in moving]
     if not others:
         return model.copy()
-    with distinct_frames(model) as names:
+    with distinct_frames(model) as original:
         reduced = pin.buildReducedModel(model, others, q)
-    restore_frames(reduced, names)
+    restore_frames(reduced, original)
     reduced.name = model.name
     return reduced
 
 
-def _configuration(
+def _locked_configuration(
     description: Description, moving: Sequence[str], configuration: Mapping[str, float]
 ) -> Array:
-    """Pinocchio's configuration (nq) at which joints are locked; others are at neutral."""
+    """Pinocchio's configuration (nq,) of the locked joints; the others are neutral."""
     model = description.pin
     q: Array = pin.neutral(model)
     values = {str(name): 0.0 for name in list(model.names)[1:]}
     if not isinstance(configuration, Mapping):
-        raise ValueError(
-            f"configuration must be a mapping of joints to values, got {configuration!r}"
-        )
+        raise ValueError(f"configuration must map names of joints to values, got {configuration!r}")
     for name, value in configuration.items():
         if name not in values or name in moving:
             why = "moves" if name in values else f"is not a joint of {model.name!r}"
@@ -89,13 +87,11 @@ def _configuration(
             continue
         if joint.nq == 1:
             limits = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
-            values[name] = _value(name, configuration.get(name), *limits)
+            values[name] = _locked_value(name, configuration.get(name), *limits)
         else:
             values[name] = float(configuration.get(name, 0.0))
-    following = {
-        name: mimic for name, mimic in description.mimics.items() if name not in configuration
-    }
-    values = follow(following, values)
+    free = {name: mimic for name, mimic in description.mimics.items() if name not in configuration}
+    values = apply_mimics(free, values)
     for index in range(1, model.njoints):
         joint, value = model.joints[index], values[str(model.names[index])]
         if joint.nv == 1 and model.names[index] not in moving:
@@ -104,18 +100,19 @@ def _configuration(
     return q
 
 
-def _value(name: str, given: float | None, lower: float, upper: float) -> float:
+def _locked_value(name: str, given: float | None, lower: float, upper: float) -> float:
     if given is None:
         return float(np.clip(0.0, lower, upper)) if lower <= upper else 0.0
-    if not lower - _SLACK <= given <= upper + _SLACK:
+    if not lower - _LIMIT_TOLERANCE <= given <= upper + _LIMIT_TOLERANCE:
         raise ValueError(
-            f"configuration: {name!r} = {given:.6g} lies outside its limits {lower:.6g} to {upper:.6g}"
+            f"configuration: {name!r} = {given:.6g} lies outside its limits {lower:.6g} to "
+            f"{upper:.6g}"
         )
     return float(given)
 
 
-def based_at(model: pin.Model, base: str) -> pin.Model:
-    """The model in the axes of a frame that stands still: places and gravity are turned to it.
+def change_base(model: pin.Model, base: str) -> pin.Model:
+    """The model, including gravity, expressed in another fixed frame.
 
     Raises:
         ValueError: the frame moves with one of the joints.
@@ -128,7 +125,7 @@ def based_at(model: pin.Model, base: str) -> pin.Model:
     for index in range(1, model.njoints):
         if model.parents[index] == 0:
             result.jointPlacements[index] = inverse * model.jointPlacements[index]
-    for index in range(1, model.nframes):  # the first is the universe, now the base
+    for index in range(1, model.nframes):  # frame 0 is the universe, now the base
         if model.frames[index].parentJoint == 0:
             result.frames[index].placement = inverse * model.frames[index].placement
     result.inertias[0] = inverse.act(model.inertias[0])

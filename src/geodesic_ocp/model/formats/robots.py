@@ -1,11 +1,10 @@
-"""Robots that installed packages describe: where their files are, by name."""
+"""Robots by name: files of model descriptions in installed packages."""
 
 from __future__ import annotations
 
 import importlib
 import importlib.util
 import sys
-from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
@@ -17,13 +16,13 @@ _ON_DEMAND = "robot_descriptions"
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot's arm in a package's file.
+    """A robot arm in a file of a package.
 
     Attributes:
-        package: that describes it.
-        file: below the package's folder of robots.
-        hand: frame in the grip, where the file has one, otherwise the last link.
-        base: link that stands still; the joints before it are locked.
+        package: name of the package.
+        file: path below the package's folder of robots.
+        hand: frame at the grasp centre if the file has one, otherwise the last link.
+        base: fixed link; the joints before it are locked.
     """
 
     package: str
@@ -54,22 +53,22 @@ ROBOTS = {
     ),
     "xarm7": Robot(_EXAMPLE, "xarm_description/urdf/xarm7.urdf", "link_eef", "link_base"),
     "ur5": Robot(_EXAMPLE, "ur_description/urdf/ur5_robot.urdf", "tool0", "base_link"),
-    # r0 is the left arm: the torso's y axis points forward, as its head's centre of mass shows.
+    # r0 is the left arm: the y axis of the torso points forward, as the head's mass centre shows.
     "armar6-left": Robot(_ARMAR, "armar6.urdf", "hand_fixed_r0", "torso"),
     "armar6-right": Robot(_ARMAR, "armar6.urdf", "hand_fixed_r1", "torso"),
 }
 
 
 def folder(package: str) -> Path | None:
-    """Where an installed package keeps its robots; None where it is not installed."""
+    """The folder of robots of a package; None if the package is not installed."""
     if package == _ARMAR:
         spec = importlib.util.find_spec(_ARMAR)
-        places = list(spec.submodule_search_locations or ()) if spec is not None else []
-        candidates = [Path(place) / "description" / "urdf" for place in places]
+        packages = list(spec.submodule_search_locations or ()) if spec is not None else []
+        candidates = [Path(package) / "description" / "urdf" for package in packages]
     else:
         below = Path("share") / _EXAMPLE / "robots"
         candidates = [Path(sys.prefix) / below]
-        try:  # a wheel keeps its data beside the modules
+        try:  # a wheel stores its data beside the modules
             located = distribution(_EXAMPLE).locate_file(Path("cmeel.prefix") / below)
             candidates.insert(0, Path(str(located)))
         except PackageNotFoundError:
@@ -78,7 +77,7 @@ def folder(package: str) -> Path | None:
 
 
 def described() -> dict[str, Path]:
-    """Every URDF of the installed packages, by its name without the ending."""
+    """All URDF files of the installed packages, by name without suffix."""
     found: dict[str, Path] = {}
     for package in (_EXAMPLE, _ARMAR):
         if (root := folder(package)) is not None:
@@ -88,24 +87,19 @@ def described() -> dict[str, Path]:
 
 
 def on_demand() -> tuple[str, ...]:
-    """Names that robot_descriptions knows; it fetches the files when one is asked for."""
+    """Names that robot_descriptions knows; it downloads the files on first use."""
     spec = importlib.util.find_spec(_ON_DEMAND)
-    places = list(spec.submodule_search_locations or ()) if spec is not None else []
-    return tuple(_modules(places))
-
-
-def _modules(places: list[str]) -> Iterator[str]:
-    for place in places:
-        for file in sorted(Path(place).glob("*_description.py")):
-            if not file.name.startswith("_"):
-                yield file.stem.removesuffix("_description")
+    packages = list(spec.submodule_search_locations or ()) if spec is not None else []
+    files = [file for each in packages for file in sorted(Path(each).glob("*_description.py"))]
+    stems = (file.stem for file in files if not file.name.startswith("_"))
+    return tuple(stem.removesuffix("_description") for stem in stems)
 
 
 def locate(name: str) -> Path | None:
-    """The file that describes the robot of that name; None where no package knows the name.
+    """The file with the robot of that name; None if no installed package knows it.
 
     Raises:
-        ValueError: robot_descriptions knows it, and could not fetch it.
+        ValueError: robot_descriptions knows it, but could not download it.
     """
     if name in ROBOTS:
         root = folder(ROBOTS[name].package)
@@ -113,16 +107,16 @@ def locate(name: str) -> Path | None:
     if name in (known := described()):
         return known[name]
     stem = name.removesuffix("_description")
-    return _fetched(stem) if stem in on_demand() else None
+    return _downloaded(stem) if stem in on_demand() else None
 
 
-def _fetched(stem: str) -> Path:
+def _downloaded(stem: str) -> Path:
     try:
         module = importlib.import_module(f"{_ON_DEMAND}.{stem}_description")
     except Exception as error:
         reason = " ".join(str(error).split())
-        raise ValueError(f"{_ON_DEMAND} could not fetch {stem!r}: {reason}") from error
-    for form in ("URDF_PATH", "MJCF_PATH"):
-        if path := getattr(module, form, None):
+        raise ValueError(f"{_ON_DEMAND} could not download {stem!r}: {reason}") from error
+    for attribute in ("URDF_PATH", "MJCF_PATH"):
+        if path := getattr(module, attribute, None):
             return Path(path)
     raise ValueError(f"{_ON_DEMAND} has {stem!r} neither as URDF nor as MJCF")

@@ -1,4 +1,4 @@
-"""URDF as a Pinocchio model, with the repair of vectors with commas."""
+"""URDF as a Pinocchio model; commas in vectors are repaired."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ import pinocchio as pin
 from geodesic_ocp.model.formats.mimic import Mimic
 
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
-# <origin rpy="1.57, 0 0"/>: numbers of a vector are separated by blanks alone.
+# <origin rpy="1.57, 0 0"/>: in a valid vector, numbers are separated by spaces only.
 _VECTOR = re.compile(r"""\b(rpy|xyz)\s*=\s*(["'])([^"']*,[^"']*)\2""")
 
 
 def urdf_model(
     root: ET.Element, text: str, name: str
 ) -> tuple[pin.Model, dict[str, Mimic], tuple[str, ...], str]:
-    """The model, its followers, what was repaired or looks wrong, and the text as repaired.
+    """The model, its mimic joints, warnings, and the repaired text.
 
     Raises:
-        ValueError: Pinocchio cannot read it, or a joint is faulty; names the place if it is known.
+        ValueError: Pinocchio cannot read it, or a joint is invalid; names the location, if known.
     """
     if any(element.tag.startswith("{") and "xacro" in element.tag for element in root.iter()):
         raise ValueError(f"{name} is a xacro file; expand it to URDF first")
-    # Comments stay as long as they were, so that lines keep their numbers.
+    # Comments are blanked, not removed, to keep line numbers.
     text = _COMMENT.sub(lambda found: re.sub(r"[^\n]", " ", found.group()), text)
     warnings = []
     for match in _VECTOR.finditer(text):
         line = text.count("\n", 0, match.start()) + 1
         if len(match.group(3).split()) != 3 and match.group(3).count(",") != 2:
             raise ValueError(f"{name}, line {line}: {match.group()} is not three numbers")
-        warnings.append(f"{name}, line {line}: the comma in {match.group()} is read as a blank")
+        warnings.append(f"{name}, line {line}: the comma in {match.group()} is read as a space")
     _check(root, name)
     text = _VECTOR.sub(lambda m: m.group().replace(",", " "), text)
     try:
@@ -40,12 +40,12 @@ def urdf_model(
     except Exception as error:
         raise ValueError(f"{name} is not a URDF that Pinocchio can read: {error}") from None
     moving = [joint for joint in root.iter("joint") if joint.get("name") in model.names]
-    warnings += _without_room(moving, name)
+    warnings += _zero_range_warnings(moving, name)
     mimics = _mimics(moving, name)
     lost = [joint for joint, mimic in mimics.items() if mimic.leader not in model.names]
     for joint in lost:
         leader = mimics.pop(joint).leader
-        warnings.append(f"{name}: joint {joint!r} mimics {leader!r}, which is no joint that moves")
+        warnings.append(f"{name}: joint {joint!r} mimics {leader!r}, which is not a moving joint")
     return model, mimics, tuple(warnings), text
 
 
@@ -55,18 +55,18 @@ def _check(root: ET.Element, name: str) -> None:
     for joint in root.iterfind("joint"):
         if joint.get("type") == "fixed":
             continue
-        place = f"{name}: joint {joint.get('name')!r}"
+        location = f"{name}: joint {joint.get('name')!r}"
         limit, axis = joint.find("limit"), joint.find("axis")
         if limit is None and joint.get("type") in ("revolute", "prismatic"):
-            raise ValueError(f"{place} is {joint.get('type')} and has no <limit>")
+            raise ValueError(f"{location} is {joint.get('type')} and has no <limit>")
         if limit is not None:
-            lower, upper = (_number(limit, key, 0.0, place) for key in ("lower", "upper"))
+            lower, upper = (_number(limit, key, 0.0, location) for key in ("lower", "upper"))
             if lower > upper:
                 raise ValueError(
-                    f"{place}: its lower limit {lower:g} lies above the upper {upper:g}"
+                    f"{location}: its lower limit {lower:g} lies above the upper {upper:g}"
                 )
         if axis is not None and not any(map(_nonzero, axis.get("xyz", "1 0 0").split())):
-            raise ValueError(f"{place}: its axis is zero")
+            raise ValueError(f"{location}: its axis is zero")
     for mass in root.iterfind("link/inertial/mass"):
         _number(mass, "value", 0.0, f"{name}: a link's mass")
 
@@ -75,33 +75,33 @@ def _nonzero(text: str) -> bool:
     try:
         return float(text.strip(",")) != 0.0
     except ValueError:
-        return True  # Pinocchio says so
+        return True  # Pinocchio reports it
 
 
-def _without_room(joints: list[ET.Element], name: str) -> Iterator[str]:
-    """Joints whose limits are both zero, in most cases because they were left out."""
+def _zero_range_warnings(joints: list[ET.Element], name: str) -> Iterator[str]:
+    """Warnings about joints whose limits are both zero, usually because they were omitted."""
     for joint in joints:
         limit = joint.find("limit")
         if joint.get("type") in ("revolute", "prismatic") and joint.find("mimic") is None:
             given = [] if limit is None else [limit.get("lower"), limit.get("upper")]
             if all(float(value or 0.0) == 0.0 for value in given):
-                yield f"{name}: joint {joint.get('name')!r} has no room between its limits, 0 and 0"
+                yield f"{name}: joint {joint.get('name')!r} has no range: its limits are 0 and 0"
 
 
 def _mimics(joints: list[ET.Element], name: str) -> dict[str, Mimic]:
     mimics = {}
     for joint in joints:
         if (mimic := joint.find("mimic")) is not None:
-            place = f"{name}: the mimic of joint {joint.get('name')!r}"
+            location = f"{name}: the mimic of joint {joint.get('name')!r}"
             leader = mimic.get("joint", "")
-            multiplier = _number(mimic, "multiplier", 1.0, place)
-            offset = _number(mimic, "offset", 0.0, place)
+            multiplier = _number(mimic, "multiplier", 1.0, location)
+            offset = _number(mimic, "offset", 0.0, location)
             mimics[joint.get("name", "")] = Mimic(leader, multiplier, offset)
     return mimics
 
 
-def _number(element: ET.Element, key: str, default: float, place: str) -> float:
+def _number(element: ET.Element, key: str, default: float, location: str) -> float:
     try:
         return float(element.get(key, default))
     except ValueError:
-        raise ValueError(f"{place}: {key} is {element.get(key)!r}, not a number") from None
+        raise ValueError(f"{location}: {key} is {element.get(key)!r}, not a number") from None

@@ -1,11 +1,11 @@
-"""Capsules around the collision geometry of URDF and MJCF files, one for each shape."""
+"""The geometry of the links in URDF and MJCF files, as capsules and spheres."""
 
 from __future__ import annotations
 
 import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,30 +14,31 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.primitives import Ball, Body, Capsule, enclosing_capsule
+from geodesic_ocp.model.geometry.enclosing_capsule import enclosing_capsule
+from geodesic_ocp.model.primitives import Ball, Body, Capsule
 
-_KNOWN = ("box", "cylinder", "sphere", "capsule", "mesh")
-_RIM = 24  # points of a circle, a little outside of it
+_SUPPORTED = ("box", "cylinder", "sphere", "capsule", "mesh")
+_RIM = 24  # corners of the polygon around a circle
 
 
 @dataclass(frozen=True, eq=False)
-class Shapes:
-    """The bodies of a file's links, which are read when it is called.
+class LinkGeometry:
+    """The collision bodies of the links in a file, which are read when it is called.
 
     Attributes:
         pin: the model of the whole file.
-        text: of the file, as Pinocchio reads it.
-        name: of the file, for messages.
-        folder: where the file is; meshes are looked for in it and all folders above.
+        text: text of the file, as Pinocchio reads it.
+        name: name of the file, for messages.
+        folder: folder of the file; meshes are searched for in it and all its parents.
     """
 
     pin: pin.Model
-    text: str
+    text: str = field(repr=False)
     name: str
     folder: Path | None
 
     def __call__(self) -> tuple[Body, ...]:
-        """Capsules and spheres in the axes of the links' frames.
+        """Capsules and spheres in the frames of the links.
 
         Raises:
             ValueError: a mesh is missing or cannot be read.
@@ -53,10 +54,10 @@ class Shapes:
         return (*_bodies(self.pin, geometry, self.name), *self._capsules())
 
     def visual(self) -> tuple[pin.GeometryModel, tuple[Body, ...]]:
-        """Geometry that the file draws its links with, and capsules of a URDF, which it leaves out.
+        """Visual geometry of the links, and the capsules of a URDF, which Pinocchio cannot read.
 
         Raises:
-            Exception: of many kinds, as Pinocchio does: a mesh is missing or cannot be read.
+            Exception: of any type, from Pinocchio: a mesh is missing or cannot be read.
         """
         return self._geometry(pin.GeometryType.VISUAL), tuple(self._capsules("visual"))
 
@@ -64,14 +65,14 @@ class Shapes:
         root = ET.fromstring(self.text)
         for link, shape in _shapes_of_urdf(root):
             kinds = [child.tag for child in shape.iterfind("geometry/*")]
-            if len(kinds) != 1 or kinds[0] not in _KNOWN:
+            if len(kinds) != 1 or kinds[0] not in _SUPPORTED:
                 raise ValueError(
                     f"{self.name}: the collision geometry of {link.get('name')!r} is "
-                    f"{' and '.join(kinds) or 'empty'}, not one of {', '.join(_KNOWN)}"
+                    f"{' and '.join(kinds) or 'empty'}, not one of {', '.join(_SUPPORTED)}"
                 )
         for mesh in root.iterfind("asset/mesh"):
             if "refpos" in mesh.attrib or "refquat" in mesh.attrib:
-                raise ValueError(f"{self.name}: refpos and refquat of a mesh are not read")
+                raise ValueError(f"{self.name}: refpos and refquat of a mesh are not supported")
 
     def _geometry(self, kind: pin.GeometryType = pin.GeometryType.COLLISION) -> pin.GeometryModel:
         if self.text.lstrip().startswith("<mujoco"):
@@ -83,32 +84,32 @@ class Shapes:
         root = ET.fromstring(self.text)
         tag = "visual" if kind == pin.GeometryType.VISUAL else "collision"
         for link, shape in _shapes_of_urdf(root, tag):
-            # One that urdfdom does not know would cost the link all its shapes.
+            # urdfdom does not know capsules, and would drop all shapes of the link.
             if shape.find("geometry/capsule") is not None:
                 link.remove(shape)
         text = ET.tostring(root, encoding="unicode")
-        places = [str(each) for each in folders]
-        return pin.buildGeomFromUrdfString(self.pin, text, kind, package_dirs=places)
+        package_dirs = [str(each) for each in folders]
+        return pin.buildGeomFromUrdfString(self.pin, text, kind, package_dirs=package_dirs)
 
     def _capsules(self, tag: str = "collision") -> Iterator[Body]:
-        """Capsules of a URDF, along z about their origin, without their caps as long as it says."""
+        """Capsules of a URDF: along z, centred at their origin; the length excludes the caps."""
         for link, shape in _shapes_of_urdf(ET.fromstring(self.text), tag):
             if (capsule := shape.find("geometry/capsule")) is not None:
                 origin = shape.find("origin")
                 values = {} if origin is None else origin.attrib
-                place = np.array(values.get("xyz", "0 0 0").split(), dtype=float)
-                turn = pin.rpy.rpyToMatrix(
+                position = np.array(values.get("xyz", "0 0 0").split(), dtype=float)
+                rotation = pin.rpy.rpyToMatrix(
                     np.array(values.get("rpy", "0 0 0").split(), dtype=float)
                 )
-                along = turn[:, 2] * float(capsule.get("length", "nan")) / 2.0
-                ends = tuple(place - along), tuple(place + along)
+                along = rotation[:, 2] * float(capsule.get("length", "nan")) / 2.0
+                ends = tuple(position - along), tuple(position + along)
                 yield Capsule(*ends, float(capsule.get("radius", "nan")), link.get("name"))
 
 
 def _shapes_of_urdf(
     root: ET.Element, tag: str = "collision"
 ) -> list[tuple[ET.Element, ET.Element]]:
-    """Links and their shapes, for collisions or the eye; none of another format."""
+    """Links of a URDF and their collision or visual shapes; empty for other formats."""
     links = root.findall("link") if root.tag == "robot" else []
     return [(link, shape) for link in links for shape in link.findall(tag)]
 
@@ -125,19 +126,19 @@ def _bodies(model: pin.Model, geometry: pin.GeometryModel, name: str) -> Iterato
             along = at_link.rotation[:, 2] * shape.geometry.halfLength
             ends = tuple(at_link.translation - along), tuple(at_link.translation + along)
             yield Capsule(*ends, float(shape.geometry.radius), link)
-        elif kind not in ("Halfspace", "Plane"):  # of a floor, which no link is
+        elif kind not in ("Halfspace", "Plane"):  # a floor, not a link
             points = _points(shape.geometry, kind)
             if points is None:
                 raise ValueError(
-                    f"{name}: the collision geometry of {link!r} is a {kind}, of which no capsule "
-                    "is made; use Model.with_bodies"
+                    f"{name}: the collision geometry of {link!r} is a {kind}, which cannot be "
+                    "enclosed in a capsule; use Model.with_bodies"
                 )
             placed = points @ at_link.rotation.T + at_link.translation
             yield enclosing_capsule(placed, link)
 
 
 def _points(shape: Any, kind: str) -> Array | None:
-    """Points (k, 3) whose convex hull holds the shape; None of a shape that is not known."""
+    """Points (k, 3) whose convex hull contains the shape; None for an unknown shape."""
     if kind == "Box":
         return np.asarray(_cube((-1.0, 1.0)) * np.array(shape.halfSide))
     if kind in ("Cylinder", "Cone"):
@@ -149,7 +150,7 @@ def _points(shape: Any, kind: str) -> Array | None:
         directions = _cube((-1.0, 0.0, 1.0))
         ball = directions[np.any(directions != 0.0, axis=1)]
         ball /= np.linalg.norm(ball, axis=1, keepdims=True)
-        inside = -ConvexHull(ball).equations[:, 3].max()  # distance of the nearest face
+        inside = -ConvexHull(ball).equations[:, 3].max()  # distance of the closest face
         return np.asarray(ball / inside * np.array(shape.radii))
     vertices = getattr(shape, "vertices", None)
     if vertices is None:

@@ -1,0 +1,81 @@
+"""A small capsule around a set of points."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import minimize
+from scipy.spatial import ConvexHull, QhullError
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.model.primitives import Capsule
+
+_FLAT = 1e-12  # [m]
+_MAX_EVALUATIONS = 4000
+
+
+def enclosing_capsule(points: ArrayLike, link: str | None = None, name: str = "") -> Capsule:
+    """A capsule of small, not necessarily minimal, volume that contains all points (k, 3) [m].
+
+    The volume is reduced by the Nelder-Mead simplex method from the best of six initial axes: the
+    coordinate axes and the principal axes of the points.
+
+    Raises:
+        ValueError: there are no points, they are not finite, or they all coincide.
+    """
+    cloud = np.array(points, dtype=float)
+    if cloud.ndim != 2 or cloud.shape[1] != 3 or not len(cloud) or not np.isfinite(cloud).all():
+        raise ValueError(f"points must be finite, of shape (k, 3), got {cloud.shape}")
+    size = float(np.ptp(cloud, axis=0).max())
+    if size <= _FLAT:
+        raise ValueError("points must not all coincide")
+    cloud = _hull_vertices(cloud)
+    principal = np.linalg.svd(cloud - cloud.mean(axis=0), full_matrices=True)[2]
+    fits = [_segment_along(cloud, axis) for axis in (*np.eye(3), *principal)]
+    best = min(fits, key=lambda ends: _volume(ends, cloud))
+    found = minimize(
+        lambda ends: _volume(ends, cloud) / size**3,
+        best,
+        method="Nelder-Mead",
+        options={"maxfev": _MAX_EVALUATIONS, "xatol": 1e-6 * size, "fatol": 1e-9, "adaptive": True},
+    )
+    ends = min((best, found.x), key=lambda ends: _volume(ends, cloud))
+    start, end = ends.reshape(2, 3)
+    # Slightly larger, so that rounding leaves no point outside.
+    radius = float(distances_to_segment(cloud, start, end).max()) + 1e-9 * size
+    return Capsule(tuple(start), tuple(end), radius, link, name)
+
+
+def distances_to_segment(points: Array, start: Array, end: Array) -> Array:
+    """Distances (k,) of points (k, 3) to a segment."""
+    along = end - start
+    fraction = (points - start) @ along / max(float(along @ along), np.finfo(float).tiny)
+    nearest = start + np.clip(fraction, 0.0, 1.0)[:, None] * along
+    return np.asarray(np.linalg.norm(points - nearest, axis=1))
+
+
+def _hull_vertices(cloud: Array) -> Array:
+    try:
+        return np.asarray(cloud[ConvexHull(cloud).vertices])
+    except QhullError:  # flat, or fewer than four points
+        return cloud
+
+
+def _segment_along(cloud: Array, axis: Array) -> Array:
+    """End points (6,) of a segment along the axis whose round caps just contain the points."""
+    middle = (cloud.max(axis=0) + cloud.min(axis=0)) / 2.0
+    height = (cloud - middle) @ axis
+    radial = cloud - middle - height[:, None] * axis
+    radius = np.linalg.norm(radial, axis=1).max()
+    cap = np.sqrt(np.maximum(radius**2 - np.sum(radial**2, axis=1), 0.0))
+    low, high = float((height + cap).min()), float((height - cap).max())
+    if low > high:
+        low = high = (low + high) / 2.0
+    return np.concatenate([middle + low * axis, middle + high * axis])
+
+
+def _volume(ends: Array, cloud: Array) -> float:
+    start, end = ends.reshape(2, 3)
+    radius = float(distances_to_segment(cloud, start, end).max())
+    length = float(np.linalg.norm(end - start))
+    return np.pi * radius**2 * (length + 4.0 / 3.0 * radius)
