@@ -1,4 +1,4 @@
-"""Small mechanisms, built with Pinocchio, whose motions are known."""
+"""Small mechanisms with known motions, and properties of capsules."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ def planar_arm(
     centres: tuple[float, ...],
     inertias: tuple[float, ...],
 ) -> go.Model:
-    """Links [m] turning about z in a plane; inertias [kg m^2] are about the centres of mass."""
+    """Links [m] that rotate about z; inertias [kg m^2] are about the centres of mass."""
     model = pin.Model()
     model.name = f"planar arm with {len(lengths)} links"
     parent, offset = 0, 0.0
-    figures = zip(lengths, masses, centres, inertias, strict=True)
-    for index, (length, mass, centre, inertia) in enumerate(figures):
+    links = zip(lengths, masses, centres, inertias, strict=True)
+    for index, (length, mass, centre, inertia) in enumerate(links):
         placement = pin.SE3(np.eye(3), np.array([offset, 0.0, 0.0]))
         parent = model.addJoint(parent, pin.JointModelRZ(), placement, f"joint{index + 1}")
-        # Only the moment about z counts in the plane; the others make a physical body of it.
+        # Only the moment about z matters in the plane; the others make the body physical.
         moments = np.diag([inertia / 2, inertia / 2, inertia])
         body = pin.Inertia(mass, np.array([centre, 0.0, 0.0]), moments)
         model.appendBodyToJoint(parent, body, pin.SE3.Identity())
@@ -33,7 +33,7 @@ def planar_arm(
 
 
 def free_rotor(moments: tuple[float, float, float]) -> go.Model:
-    """A rigid body that turns about its centre of mass, on joints about z, x and z."""
+    """A rigid body that rotates about its centre of mass, with joints about z, x and z."""
     model = pin.Model()
     model.name = "free rotor"
     parent = 0
@@ -48,12 +48,11 @@ def free_rotor(moments: tuple[float, float, float]) -> go.Model:
 def random_tree(
     rng: np.random.Generator, joints: int = 8, *, depth_first: bool = True
 ) -> pin.Model:
-    """A branching mechanism of every kind of joint with one degree of freedom.
+    """A branching mechanism with joints of all types with one degree of freedom.
 
-    Numbered depth first every joint follows its own branch, as in models from files; otherwise
-    branches grow in turns.
+    Joints are numbered depth first, as in models from files, or in the order of a random parent.
     """
-    kinds = [
+    types = [
         lambda: pin.JointModelRX(),
         lambda: pin.JointModelRY(),
         lambda: pin.JointModelRZ(),
@@ -75,8 +74,8 @@ def random_tree(
         candidates = list(model.supports[index]) if depth_first else range(index + 1)
         parent = int(rng.choice(candidates))
         placement = pin.SE3(pin.Quaternion(_direction(rng, 4)).matrix(), rng.normal(size=3))
-        kind = kinds[int(rng.integers(len(kinds)))]()
-        joint = model.addJoint(parent, kind, placement, f"joint{index + 1}")
+        joint_type = types[int(rng.integers(len(types)))]()
+        joint = model.addJoint(parent, joint_type, placement, f"joint{index + 1}")
         moments = rng.normal(size=(3, 3))
         inertia = pin.Inertia(rng.uniform(0.5, 2.0), rng.normal(size=3), moments @ moments.T)
         model.appendBodyToJoint(joint, inertia, pin.SE3.Identity())
@@ -88,3 +87,16 @@ def random_tree(
 def _direction(rng: np.random.Generator, size: int = 3) -> np.ndarray:
     vector = rng.normal(size=size)
     return vector / np.linalg.norm(vector)
+
+
+def contains(capsule: go.Capsule, points: np.ndarray) -> bool:
+    """Whether all points (k, 3) are in the capsule."""
+    start, along = np.array(capsule.start), np.subtract(capsule.end, capsule.start)
+    fraction = np.clip((points - start) @ along / max(along @ along, 1e-300), 0.0, 1.0)
+    distances = np.linalg.norm(points - start - fraction[:, None] * along, axis=1)
+    return bool(np.all(distances <= capsule.radius))
+
+
+def capsule_volume(capsule: go.Capsule) -> float:
+    length = float(np.linalg.norm(np.subtract(capsule.end, capsule.start)))
+    return np.pi * capsule.radius**2 * (length + 4.0 / 3.0 * capsule.radius)

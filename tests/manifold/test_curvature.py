@@ -158,8 +158,8 @@ def test_sectional_curvature_is_of_the_plane(
 @pytest.mark.parametrize(
     ("q", "u", "v", "message"),
     [
-        ([1.0, 0.0], [1.0, 2.0], [-2.0, -4.0], "u and v span no plane"),
-        ([1.0, 0.0], [1.0, 2.0], [0.0, 0.0], "u and v span no plane"),
+        ([1.0, 0.0], [1.0, 2.0], [-2.0, -4.0], "u and v do not span a plane"),
+        ([1.0, 0.0], [1.0, 2.0], [0.0, 0.0], "u and v do not span a plane"),
         ([0.0, 0.0], [1.0, 2.0], [0.0, 1.0], "q: the metric is not positive definite"),
         ([1.0, 0.0], [1.0], [0.0, 1.0], r"u must have shape \(2,\)"),
         ([1.0, np.nan], [1.0, 0.0], [0.0, 1.0], "q must be finite"),

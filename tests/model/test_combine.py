@@ -70,7 +70,7 @@ def test_what_cannot_be_combined(arms: tuple[go.Model, go.Model]) -> None:
     with pytest.raises(ValueError, match=r"placements\[0\] must have shape \(3,\)"):
         go.combine(*arms, placements=[(0, 0), (0, 0, 0)])
     over = np.diag([1.0, -1.0, -1.0])
-    with pytest.raises(ValueError, match="in the common axes gravity is"):
+    with pytest.raises(ValueError, match="in the common base frame gravity is"):
         go.combine(*arms, placements=[(0, 0, 0), (over, (0, 0, 0))])
 
 
@@ -90,3 +90,18 @@ def test_systems_can_be_combined_again(arms: tuple[go.Model, go.Model]) -> None:
     assert len(set(couple.joint_names)) == 28
     grounded = arms[0].with_hand("universe")
     assert go.combine(grounded, arms[1]).hand == "universe"
+
+
+def test_both_arms_have_the_bodies_of_both() -> None:
+    arms = go.combine(
+        go.human_arm("left"), go.human_arm("right"), placements=((-0.2, 0, 0), (0.2, 0, 0))
+    )
+    links = [body.link for body in arms.bodies]
+    assert links == [
+        f"{side} {part}" for side in ("left", "right") for part in ("upper arm", "forearm", "hand")
+    ]
+    hanging = go.signed_distances(arms, np.zeros(14), pairs=[("left hand", "right hand")])
+    hand = arms.bodies[2]
+    assert hanging["left hand to right hand"] == pytest.approx(0.4 - 2.0 * hand.radius)
+    twice = go.combine(go.human_arm("left"), go.human_arm("left"))
+    assert "human left arm 1/left hand" in {body.link for body in twice.bodies}

@@ -19,11 +19,11 @@ def test_model_keeps_a_copy(arm: go.Model) -> None:
     assert np.array_equal(go.Model(model.pin, "hand").mass_matrix(np.zeros(7)), before)
 
 
-def test_model_and_path_are_shown_in_a_line(arm: go.Model) -> None:
-    shown = f"Model('human right arm', 7 degrees of freedom, hand='hand', backend={arm.backend!r})"
+def test_models_are_shown_in_a_line_or_as_a_table(arm: go.Model) -> None:
+    shown = f"Model('human right arm', dof=7, hand='hand', backend={arm.backend!r})"
     assert repr(arm) == shown
-    path = go.Path(go.KineticEnergy(arm), go.Grid(1, 2), np.zeros((3, 7)))
-    assert repr(path) == f"Path(metric=KineticEnergy(model={shown}), grid={path.grid!r})"
+    assert repr(go.KineticEnergy(arm)) == f"KineticEnergy(model={shown})"
+    assert "| RSx_joint | rad | -1.22 | 3.32 |" in arm._repr_markdown_()
 
 
 def test_unknown_hand_lists_the_frames(arm: go.Model) -> None:
@@ -165,7 +165,7 @@ def test_what_cannot_be_a_limit_or_a_hand(arm: go.Model) -> None:
         arm.with_limits(upper={"RSx_joint": "x"})
     with pytest.raises(ValueError, match="no frame 3"):
         arm.with_hand(3)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="does not move, a payload has no effect"):
+    with pytest.raises(ValueError, match="does not move: a payload has no effect"):
         arm.with_hand("universe").with_payload(1.0)
     with pytest.raises(ValueError, match="inertia must be 3 x 3 finite numbers, got 'a'"):
         arm.with_payload(1.0, inertia="a")

@@ -152,7 +152,7 @@ def test_backend_is_chosen_by_argument_then_environment(monkeypatch: pytest.Monk
     assert go.human_arm(backend="built-in").backend == "built-in"
 
 
-@pytest.mark.filterwarnings("ignore:pinocchio.casadi is passed over:RuntimeWarning")
+@pytest.mark.filterwarnings("ignore:pinocchio.casadi is skipped:RuntimeWarning")
 def test_default_is_pinocchio_where_it_can_be_imported(monkeypatch: pytest.MonkeyPatch) -> None:
     expected = "built-in" if rigid_body.why_unavailable("pinocchio.casadi") else "pinocchio.casadi"
     monkeypatch.delenv(rigid_body.ENVIRONMENT_VARIABLE, raising=False)
@@ -192,7 +192,7 @@ def test_broken_backend_is_not_passed_over_in_silence(
     broken = ImportError("undefined symbol: _ZN6casadi")
     import_of_pinocchio_casadi.setattr(importlib, "import_module", fails(broken))
     assert go.human_arm(backend="built-in").backend == "built-in"  # does not even try
-    with pytest.warns(RuntimeWarning, match="casadi is passed over: it is there.*undefined sym"):
+    with pytest.warns(RuntimeWarning, match="casadi is skipped: it is installed.*undefined sym"):
         assert go.human_arm().backend == "built-in"
     with pytest.raises(ValueError, match="undefined symbol"):
         go.human_arm(backend="pinocchio.casadi")

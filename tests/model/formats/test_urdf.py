@@ -1,4 +1,4 @@
-"""URDF: repairs, joints that follow others, faulty figures."""
+"""URDF: repairs, mimic joints, invalid values and encodings."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ from numpy.testing import assert_allclose
 import geodesic_ocp as go
 
 
-def test_commas_in_vectors_are_repaired_and_told() -> None:
+def test_commas_in_vectors_are_repaired_with_a_warning() -> None:
     faulty = urdf(two_origin='rpy="0.1, 0.2 0.3" xyz="0.1 0.2 0.3"')
     line = next(i for i, text in enumerate(faulty.splitlines(), 1) if "0.1, 0.2" in text)
     with pytest.warns(
         UserWarning, match=rf'the text, line {line}: the comma in rpy="0.1, 0.2'
-    ) as told:
+    ) as warned:
         model = go.load_model(faulty, hand="grip")
-    assert len(told) == 1
-    assert told[0].filename == __file__
+    assert len(warned) == 1
+    assert warned[0].filename == __file__
     q = [0.3, 0.2, 0.3, 0.4]
     expected = go.load_model(urdf(), hand="grip").mass_matrix(q)
     assert np.array_equal(model.mass_matrix(q), expected)
 
 
-def test_a_locked_mimic_joint_follows_its_leader() -> None:
-    follows = go.load_model(urdf(right_mimic=MIMIC), hand="grip", configuration={"j_left": 0.4})
+def test_a_locked_mimic_joint_takes_the_value_of_its_leader() -> None:
+    mimicking = go.load_model(urdf(right_mimic=MIMIC), hand="grip", configuration={"j_left": 0.4})
     configuration = {"j_left": 0.4, "j_right": -0.7}
     wide = urdf().replace('lower="0.2"', 'lower="-3"')
     alone = go.load_model(wide, hand="grip", configuration=configuration | {"j_beside": 0.2})
     q = [0.1, 0.2, 0.3, 0.4]
-    assert_allclose(follows.mass_matrix(q), alone.mass_matrix(q), rtol=0, atol=1e-15)
+    assert_allclose(mimicking.mass_matrix(q), alone.mass_matrix(q), rtol=0, atol=1e-15)
 
 
-def test_followers_follow_in_any_order() -> None:
-    """j_beside follows j_right, which follows j_left."""
+def test_mimic_joints_may_mimic_each_other() -> None:
+    """j_beside mimics j_right, which mimics j_left."""
     second = '<mimic joint="j_right" multiplier="0.5"/>'
     chained = urdf(right_mimic=MIMIC, beside_mimic=second)
     model = go.load_model(chained, hand="grip", configuration={"j_left": 0.4})
@@ -51,11 +51,13 @@ def test_followers_follow_in_any_order() -> None:
     with pytest.raises(ValueError, match="joints mimic each other"):
         go.load_model(circle, hand="grip")
     lost = urdf(left_mimic=OTHER.replace("j_right", "j_gone"))
-    with pytest.warns(UserWarning, match="joint 'j_left' mimics 'j_gone', which is no joint"):
+    with pytest.warns(
+        UserWarning, match="joint 'j_left' mimics 'j_gone', which is not a moving joint"
+    ):
         go.load_model(lost, hand="grip")
 
 
-def test_followers_of_a_pin_model_are_refused() -> None:
+def test_mimic_joints_of_a_pin_model_are_rejected() -> None:
     native = pin.buildModelFromXML(urdf(right_mimic=MIMIC), mimic=True)
     with pytest.raises(ValueError, match=r"'j_right' of the pin\.Model is a JointModelMimic"):
         go.load_model(native, hand="grip")
@@ -75,17 +77,17 @@ LIMIT = re.compile("<limit [^>]*>")
         (urdf(two_origin='xyz="0,5 0"'), r'line \d+: xyz="0,5 0" is not three numbers'),
     ],
 )
-def test_faulty_figures_of_a_urdf_are_named(text: str, message: str) -> None:
+def test_invalid_values_in_a_urdf_are_named(text: str, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         go.load_model(text, hand="grip")
 
 
-def test_limits_that_were_left_out_are_told() -> None:
+def test_missing_limits_cause_a_warning() -> None:
     text = urdf().replace('lower="0.2" upper="1" ', "")
-    with pytest.warns(UserWarning, match="no room between its limits") as told:
+    with pytest.warns(UserWarning, match="no range: its limits are") as warned:
         go.load_model(text, hand="grip")
-    sentence = "the text: joint 'j_one' has no room between its limits, 0 and 0"
-    assert sentence in [str(each.message) for each in told]
+    sentence = "the text: joint 'j_one' has no range: its limits are 0 and 0"
+    assert sentence in [str(each.message) for each in warned]
 
 
 def test_encodings_and_comments(tmp_path: Path) -> None:

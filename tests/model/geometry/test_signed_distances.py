@@ -1,4 +1,4 @@
-"""Distances between bodies, against coal's and against differences."""
+"""Distances between collision bodies, compared with coal and finite differences."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def distance(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def coals_distance(one: np.ndarray, other: np.ndarray) -> float:
-    """Of thin capsules along the segments, by coal, on radii that are taken off again."""
+    """By coal, for thin capsules along the segments."""
     radius, placed = 1e-3, []
     for start, end in (one, other):
         along = end - start
@@ -42,7 +42,7 @@ def coals_distance(one: np.ndarray, other: np.ndarray) -> float:
     return float(found + 2.0 * radius)
 
 
-def test_random_capsules_are_as_far_apart_as_coal_says(rng: np.random.Generator) -> None:
+def test_distances_agree_with_coal(rng: np.random.Generator) -> None:
     for _ in range(500):
         one, other = rng.normal(size=(2, 2, 3)) * rng.uniform(0.05, 1.0, (2, 1, 1))
         other = other + rng.normal(size=3)
@@ -51,24 +51,24 @@ def test_random_capsules_are_as_far_apart_as_coal_says(rng: np.random.Generator)
             assert distance(one, other) == pytest.approx(expected, abs=1e-7)
 
 
-def test_the_distance_is_that_of_all_points(rng: np.random.Generator) -> None:
-    """Independent of any geometry library: no pair of points on the segments is nearer."""
-    shares = np.linspace(0.0, 1.0, 201)[:, None]
+def test_the_distance_is_the_minimum_over_all_points(rng: np.random.Generator) -> None:
+    """Independent of any geometry library: no pair of points on the segments is closer."""
+    fractions = np.linspace(0.0, 1.0, 201)[:, None]
     for _ in range(50):
         one, other = rng.normal(size=(2, 2, 3))
-        points = [start + shares * (end - start) for start, end in (one, other)]
+        points = [start + fractions * (end - start) for start, end in (one, other)]
         apart = np.linalg.norm(points[0][:, None] - points[1][None], axis=2).min()
         found = distance(one, other)
         assert found <= apart + 1e-12
-        assert found >= apart - 0.03  # of the grid's steps
+        assert found >= apart - 0.03  # spacing of the points
 
 
 @pytest.mark.parametrize(
     ("one", "other", "expected"),
     [
-        ([(0, 0, 0), (1, 0, 0)], [(0, 1, 0), (1, 1, 0)], 1.0),  # parallel, side by side
-        ([(0, 0, 0), (1, 0, 0)], [(3, 0, 0), (2, 0, 0)], 1.0),  # in one line
-        ([(0, 0, 0), (1, 0, 0)], [(0.3, 2, 0), (0.7, 2, 0)], 2.0),  # one beside a part of the other
+        ([(0, 0, 0), (1, 0, 0)], [(0, 1, 0), (1, 1, 0)], 1.0),  # parallel
+        ([(0, 0, 0), (1, 0, 0)], [(3, 0, 0), (2, 0, 0)], 1.0),  # collinear
+        ([(0, 0, 0), (1, 0, 0)], [(0.3, 2, 0), (0.7, 2, 0)], 2.0),  # parallel, partly overlapping
         ([(0, 0, 0), (1, 0, 0)], [(4, 4, 0), (5, 4, 0)], 5.0),
         ([(0, 0, 0), (0, 0, 0)], [(0, -1, 2), (0, 1, 2)], 2.0),  # a point
         ([(0, -1, 2), (0, 1, 2)], [(0, 3, 2), (0, 3, 2)], 2.0),
@@ -76,30 +76,30 @@ def test_the_distance_is_that_of_all_points(rng: np.random.Generator) -> None:
         ([(-1, 0, 0), (1, 0, 0)], [(0, -1, 0), (0, 1, 0)], 0.0),  # crossing
     ],
 )
-def test_special_places(one: Any, other: Any, expected: float) -> None:
+def test_special_positions(one: Any, other: Any, expected: float) -> None:
     assert distance(np.array(one), np.array(other)) == pytest.approx(expected, abs=1e-9)
 
 
 @given(st.integers(0, 10_000))
-def test_derivatives_are_those_of_the_distance(seed: int) -> None:
+def test_derivatives_agree_with_finite_differences(seed: int) -> None:
     rng = np.random.default_rng(seed)
     x = ca.SX.sym("x", 6)
     other = segment(*(rng.normal(size=(2, 3)) + np.array([2.0, 0.0, 0.0])))
     along = x[3:] - x[:3]
-    # The square of the length is a constant of bodies: here of a body that is turned and moved.
+    # The squared length is a constant, so the segment moves rigidly.
     given_ends = rng.normal(size=6)
     square = float(np.sum((given_ends[3:] - given_ends[:3]) ** 2))
     expression = segment_distance(Segment(x[:3], along, ca.SX(square), False), other)
     function = ca.Function("d", [x], [expression, ca.gradient(expression, x)])
-    turn = ca.skew(rng.normal(size=3)).full()
-    twist = np.concatenate([turn @ end + [0.1, 0.2, 0.3] for end in np.split(given_ends, 2)])
+    spin = ca.skew(rng.normal(size=3)).full()
+    twist = np.concatenate([spin @ end + [0.1, 0.2, 0.3] for end in np.split(given_ends, 2)])
     step = 1e-5
     ahead, behind = (float(function(given_ends + h * twist)[0]) for h in (step, -step))
     slope = float(ca.dot(function(given_ends)[1], twist))
     assert slope == pytest.approx((ahead - behind) / (2.0 * step), abs=2e-4)
 
 
-def test_numbers_and_symbols_agree(arm: go.Model, rng: np.random.Generator) -> None:
+def test_numeric_and_symbolic_distances_agree(arm: go.Model, rng: np.random.Generator) -> None:
     obstacles = [
         go.Ball((0.1, 0.3, -0.2), 0.05, name="lamp"),
         go.Capsule((0.0, 0.4, -0.5), (0.3, 0.4, -0.5), 0.02),
@@ -119,7 +119,7 @@ def test_numbers_and_symbols_agree(arm: go.Model, rng: np.random.Generator) -> N
 
 
 def test_heights_above_a_table(arm: go.Model) -> None:
-    """Of the hanging arm: joints and finger tips at their heights, less the radius."""
+    """Heights of joints and fingertips of the hanging arm, less the radius."""
     found = go.signed_distances(
         arm, np.zeros(7), [go.HalfSpace((5.0, 5.0, -1.0), (0, 0, 3.0), "table")]
     )
@@ -131,12 +131,14 @@ def test_heights_above_a_table(arm: go.Model) -> None:
     assert found["right hand to table (2)"] == pytest.approx(1.0 - wrist - 0.108 * 1.75 - hand)
 
 
-def test_links_are_named_where_they_are_wrong(arm: go.Model) -> None:
+def test_errors_name_links_and_arguments(arm: go.Model) -> None:
     ball, q = go.Ball((1.0, 0.0, 0.0), 0.1), np.zeros(7)
     assert list(go.signed_distances(arm, q, [ball], links=["right hand"])) == [
         "right hand to obstacle 0"
     ]
-    with pytest.raises(ValueError, match=r"links: .* has no body at 'hand'; bodies are: right upp"):
+    with pytest.raises(
+        ValueError, match=r"links: .* no body at 'hand'; links with bodies: right upp"
+    ):
         go.signed_distances(arm, q, [ball], links=["hand"])
     with pytest.raises(ValueError, match=r"pairs: .* no body at 'left hand'"):
         go.signed_distances(arm, q, pairs=[("right hand", "left hand")])
@@ -150,8 +152,8 @@ def test_links_are_named_where_they_are_wrong(arm: go.Model) -> None:
         go.signed_distances(arm, q[:3], [ball])
 
 
-def test_a_tool_meets_other_links_alone(arm: go.Model) -> None:
-    """What moves with a link is no obstacle for it; no links have no distances."""
+def test_an_obstacle_on_a_link_is_ignored_for_that_link(arm: go.Model) -> None:
+    """Neither has an empty list of links any distances."""
     tool = go.Capsule((0.0, 0.0, -0.2), (0.0, 0.0, -0.4), 0.01, "right hand", "tool")
     names = list(go.signed_distances(arm, np.zeros(7), [tool]))
     assert names == ["right upper arm to tool", "right forearm to tool"]
@@ -160,7 +162,7 @@ def test_a_tool_meets_other_links_alone(arm: go.Model) -> None:
         go.signed_distances(arm, np.zeros(7), [tool], links="right hand")
 
 
-def test_pairs_that_may_keep_clear() -> None:
+def test_collision_pairs_leave_out_adjacent_links() -> None:
     arms = go.combine(
         go.human_arm("left"), go.human_arm("right"), placements=((-0.2, 0, 0), (0.2, 0, 0))
     )

@@ -12,7 +12,14 @@ from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 from geodesic_ocp.model.formats.robots import ROBOTS, folder
-from geodesic_ocp.model.geometry.meshes import TRIANGLES, Mesh, _clustered, _round, _thinned, meshes
+from geodesic_ocp.model.geometry.meshes import (
+    MAX_TRIANGLES,
+    Mesh,
+    _capsule_surface,
+    _clustered,
+    _decimated,
+    meshes,
+)
 
 SHAPES = {
     "box": '<box size="0.2 0.4 0.6"/>',
@@ -177,9 +184,9 @@ def test_welding_leaves_the_surface_as_it_was() -> None:
 
 @pytest.mark.parametrize("cell", [0.07, 0.1, 0.3])
 def test_clustering_moves_no_side_of_the_box_by_more_than_a_cell(cell: float) -> None:
-    points, triangles = _round(0.5, 0.7)
+    points, triangles = _capsule_surface(0.5, 0.7)
     for mesh in (_clustered(blanket(), 1e-5), Mesh("link", points, triangles, (1, 1, 1))):
-        fewer = _clustered(mesh, cell, sides=True)
+        fewer = _clustered(mesh, cell, by_normal=True)
         assert len(fewer.triangles) < len(mesh.triangles)
         for side in (np.min, np.max):
             moved = side(fewer.vertices, axis=0) - side(mesh.vertices, axis=0)
@@ -192,16 +199,16 @@ def test_clustering_moves_no_side_of_the_box_by_more_than_a_cell(cell: float) ->
 
 def test_too_many_triangles_are_thinned_to_what_was_asked() -> None:
     found = [blanket(), blanket(20)]
-    (untouched, _) = _thinned(found, [True, True], 10000)
+    (untouched, _) = _decimated(found, [True, True], 10000)
     assert len(untouched.triangles) == 3200
-    fewer = _thinned(found, [True, False], 1000)
+    fewer = _decimated(found, [True, False], 1000)
     assert 700 <= sum(len(mesh.triangles) for mesh in fewer) <= 1000
-    again = _thinned(found, [True, False], 1000)
+    again = _decimated(found, [True, False], 1000)
     for first, second in zip(fewer, again, strict=True):
         assert np.array_equal(first.vertices, second.vertices)
         assert np.array_equal(first.triangles, second.triangles)
     moving, still = (
-        len(_thinned([found[0], found[0]], moves, 1500)[0].triangles)
+        len(_decimated([found[0], found[0]], moves, 1500)[0].triangles)
         for moves in ([True, False], [False, True])
     )
     assert moving > 2 * still
@@ -213,7 +220,7 @@ def test_a_robots_own_meshes() -> None:
     model = go.load_model("panda")
     found = meshes(model)
     assert {f"panda_link{number}" for number in range(8)} < {mesh.link for mesh in found}
-    assert 0.8 * TRIANGLES < sum(len(mesh.triangles) for mesh in found) <= TRIANGLES
+    assert 0.8 * MAX_TRIANGLES < sum(len(mesh.triangles) for mesh in found) <= MAX_TRIANGLES
     drawing, _ = model.shapes.visual()
     whole = {}
     for shape in drawing.geometryObjects:

@@ -53,7 +53,7 @@ ROW = '<row{0} c1="{1}" c2="0" c3="0" c4="0"/>'
     [
         ("<Transform><Quaternion/></Transform>", "<transform> has a <quaternion>, which is not"),
         ("<Transform/><Transform/>", "<robotnode> has more than one <transform>"),
-        ("<ChildFromRobot/>", "<robotnode> has a <childfromrobot>, which is not read"),
+        ("<ChildFromRobot/>", "<robotnode> has a <childfromrobot>, which is not supported"),
         (HINGE.replace("</J", "<PropagateJointValue/></J"), "has a <propagatejointvalue>"),
         (HINGE.replace("type", 'offset="1" type'), "its joint has an offset"),
         (HINGE.replace('hi="90"', 'hi="-100"'), "its lower limit -1.5708 lies above"),
@@ -72,7 +72,7 @@ ROW = '<row{0} c1="{1}" c2="0" c3="0" c4="0"/>'
             "<Transform><Matrix4x4>"
             + "".join(ROW.format(row, 2) for row in (1, 2, 3))
             + "</Matrix4x4></Transform>",
-            "<matrix4x4> is no rotation",
+            "<matrix4x4> is not a rotation",
         ),
         ("<Child name='nobody'/>", "node 'arm' has an unknown child 'nobody'"),
         ("<Child name='root'/>", "node 'root' is reached twice"),

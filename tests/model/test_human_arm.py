@@ -174,9 +174,27 @@ def test_tables_give_visibly_different_arms() -> None:
         ({"table": "zatsiorsky"}, "table must be one of winter, de_leva, got 'zatsiorsky'"),
         ({"table": "de_leva"}, "needs sex='male' or 'female', got None"),
         ({"table": "de_leva", "sex": "f"}, "got 'f'"),
-        ({"sex": "male"}, "'winter' does not tell the sexes apart"),
+        ({"sex": "male"}, "'winter' does not differ by sex"),
     ],
 )
 def test_wrong_tables_are_named(arguments: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         go.human_arm(**arguments)
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_a_persons_bodies_go_from_joint_to_joint(side: str) -> None:
+    arm = go.human_arm(side, height=1.8, mass=80.0)
+    upper, fore, hand = arm.bodies
+    q = np.array([0.4, 0.1, 0.0, 0.9, 0.0, 0.0, 0.0])
+    ends = []
+    for body in (upper, fore, hand):
+        rotation, position = arm.frame_pose(str(body.link), q)
+        ends.append([position + rotation @ np.array(end) for end in (body.start, body.end)])
+    assert np.allclose(ends[0][0], 0.0, atol=1e-15)
+    assert np.allclose(ends[0][1], ends[1][0], atol=1e-12)
+    assert np.allclose(ends[1][1], ends[2][0], atol=1e-12)
+    # A cylinder of the segment's mass and density: 0.027 of the mass, 1070 kg/m^3.
+    length = np.linalg.norm(np.subtract(upper.end, upper.start))
+    assert np.pi * upper.radius**2 * length * 1070.0 == pytest.approx(0.027 * 80.0)
+    assert hand.end[2] == pytest.approx(-0.108 * 1.8)

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from all_metrics import METRICS, points
-from hypothesis import given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from known_metrics import HalfPlane, PolarPlane, Sphere, in_plane, on_sphere
 from known_models import free_rotor, planar_arm
@@ -112,11 +112,11 @@ def test_a_momentum_is_conserved(kind: str, rng: np.random.Generator) -> None:
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-def test_energy_is_conserved(seed: int) -> None:
-    metric, rng = go.KineticEnergy(go.human_arm()), np.random.default_rng(seed)
+def test_energy_is_conserved(arm_metric: go.KineticEnergy, seed: int) -> None:
+    rng = np.random.default_rng(seed)
     q, v = rng.uniform(-0.8, 0.8, 7), rng.normal(size=7)
-    positions, velocities = sample_geodesic(metric, q, v, [0.0, 0.5, 1.0])
-    speeds = [metric.norm(a, b) for a, b in zip(positions, velocities, strict=True)]
+    positions, velocities = sample_geodesic(arm_metric, q, v, [0.0, 0.5, 1.0])
+    speeds = [arm_metric.norm(a, b) for a, b in zip(positions, velocities, strict=True)]
     assert speeds == pytest.approx([speeds[0]] * 3, rel=1e-8)
 
 
@@ -131,16 +131,18 @@ def test_geodesics_are_one_curve(share: float, seed: int) -> None:
     assert rest == pytest.approx(positions[2], abs=1e-9)
 
 
+@settings(max_examples=8)
 @given(mass=st.floats(0.01, 1000.0), height=st.floats(0.5, 2.5))
-def test_mass_and_height_leave_geodesics_alone(mass: float, height: float) -> None:
-    """All masses times c: the same geodesics, lengths times sqrt(c). Height: the same."""
+def test_mass_and_height_do_not_change_geodesics(
+    arm_metric: go.KineticEnergy, mass: float, height: float
+) -> None:
+    """Lengths are proportional to height and to the square root of mass."""
     q = np.array([0.4, 0.1, -0.7, 1.1, 0.2, 0.0, -0.3])
     v = np.array([0.5, -0.3, 0.4, 0.8, -0.6, 0.2, 0.7])
-    unit = go.KineticEnergy(go.human_arm("right", 1.0, 1.0))
     scaled = go.KineticEnergy(go.human_arm("right", height, mass))
-    assert go.exp(scaled, q, v) == pytest.approx(go.exp(unit, q, v), abs=1e-9)
-    ratio = scaled.norm(q, v) / unit.norm(q, v)
-    assert ratio == pytest.approx(np.sqrt(mass) * height, rel=1e-12)
+    assert go.exp(scaled, q, v) == pytest.approx(go.exp(arm_metric, q, v), abs=1e-9)
+    ratio = scaled.norm(q, v) / arm_metric.norm(q, v)
+    assert ratio == pytest.approx(np.sqrt(mass / 70.0) * height / 1.75, rel=1e-12)
 
 
 def test_two_link_arm_of_an_independent_implementation(known_geodesics: dict[str, Any]) -> None:
@@ -174,15 +176,16 @@ def test_tolerance_is_kept(tolerance: float, arm_metric: go.KineticEnergy) -> No
     assert np.abs(found - best).max() <= tolerance
 
 
+@example(seed=4602)  # so close to gimbal lock that two integrations agree by chance
+@settings(max_examples=10)
 @given(seed=st.integers(0, 2**32 - 1))
-def test_tolerance_is_of_the_end_point(seed: int) -> None:
-    """Fast motions run apart: the answer is right, or it is said that it cannot be."""
-    arm, rng = go.human_arm("left"), np.random.default_rng(seed)
-    metric = go.KineticEnergy(arm)
+def test_tolerance_is_of_the_end_point(arm_metric: go.KineticEnergy, seed: int) -> None:
+    """Fast geodesics diverge: the result is within the tolerance, or an error."""
+    arm, rng = arm_metric.model, np.random.default_rng(seed)
     q, v = rng.uniform(arm.lower, arm.upper), 3.0 * rng.normal(size=7)
     try:
-        found = go.exp(metric, q, v, tolerance=1e-6)
-        best = integrate_geodesic(metric, q, v, np.array([0.0, 1.0]), 1e-13)[0][-1]
+        found = go.exp(arm_metric, q, v, tolerance=1e-6)
+        best = integrate_geodesic(arm_metric, q, v, np.array([0.0, 1.0]), 1e-13)[0][-1]
     except go.IntegrationFailed:
         return
     assert np.abs(found - best).max() <= 1e-6
@@ -194,7 +197,7 @@ def test_resting_stays(arm_metric: go.KineticEnergy) -> None:
 
 
 def test_singular_metric_says_where_it_stopped() -> None:
-    """In ds^2 = y (dx^2 + dy^2), y^(3/2) = 1 - 3 t along this geodesic: the edge is at t = 1/3."""
+    """In ds^2 = y (dx^2 + dy^2), y^(3/2) = 1 - 3 t here: the singularity is at t = 1/3."""
 
     class Wedge(go.Metric):
         dim = 2
@@ -202,10 +205,13 @@ def test_singular_metric_says_where_it_stopped() -> None:
         def matrix(self, q: Any) -> Any:
             return type(q).eye(2) * q[1]
 
-    with pytest.raises(
-        go.IntegrationFailed, match=r"exp from q = .*stopped at 0\.333333 of 0 to 1"
-    ):
+    message = r"exp from q = .*stopped at t = 0\.333333 in \[0, 1\].*; it had reached"
+    with pytest.raises(go.IntegrationFailed, match=message) as failure:
         go.exp(Wedge(), [0.0, 1.0], [0.0, -2.0])
+    assert failure.value.time == pytest.approx(1.0 / 3.0, abs=1e-6)
+    assert failure.value.state.shape == (4,)
+    with pytest.raises(go.IntegrationFailed, match=r"stopped at t = 0 in \[0, 1\]"):
+        go.exp(METRICS["planar arm"](), [0.3, 0.9], [1e200, 1e200])
 
 
 def test_too_many_steps_say_where_they_ended(arm_metric: go.KineticEnergy) -> None:
@@ -227,7 +233,7 @@ def test_where_there_is_no_metric(arm_metric: go.KineticEnergy) -> None:
         go.log(Indefinite(), [-1.0, 1.0], [1.0, 1.0])
     with pytest.raises(ValueError, match="q: the metric tensor is not symmetric"):
         go.exp(Lopsided(), [1.0, 1.0], [1.0, 1.0])
-    with pytest.raises(ValueError, match=r"<v, v> is -1 at q = .*: no metric there"):
+    with pytest.raises(ValueError, match=r"<v, v> is -1 at q = .*: the metric is indefinite"):
         Indefinite().norm([1.0, 1.0], [0.0, 1.0])
 
 
@@ -296,22 +302,12 @@ def test_bad_arguments_are_named(arguments: tuple[object, object], message: str)
         sample_geodesic(Sphere(), [1.0, 0.0], [0.1, 0.1], [0.0, 0.0])
 
 
-def test_a_stopped_integration_says_where(arm_metric: go.KineticEnergy) -> None:
-    q = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
-    with pytest.raises(go.IntegrationFailed, match=r"stopped at .* It had come to") as failure:
-        go.exp(arm_metric, q, np.full(7, 1e6))
-    assert 0.0 < failure.value.time < 1.0
-    assert failure.value.state.shape == (14,)
-    with pytest.raises(go.IntegrationFailed, match="stopped at 0 of 0 to 1"):
-        go.exp(arm_metric, q, np.full(7, 1e200))
-
-
-@pytest.mark.parametrize("near", [0.0, 1e-9, 1e-5])
+@pytest.mark.parametrize("near", [0.0, 1e-9, pytest.param(1e-5, marks=pytest.mark.slow)])
 def test_gimbal_lock_is_named(arm_metric: go.KineticEnergy, near: float) -> None:
-    """With the upper arm raised sideways the shoulder's first and last axis are one."""
+    """With the upper arm raised sideways the first and last axes of the shoulder coincide."""
     locked = np.array([0.3, np.pi / 2 - near, -0.4, 0.9, 0.1, 0.0, 0.1])
     free = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
-    message = "RSx_joint and RSy_joint undo each other"
+    message = "RSx_joint and RSy_joint are linearly dependent"
     with pytest.raises((ValueError, go.NotConverged), match=message):
         go.log(arm_metric, free, locked)
     with pytest.raises((ValueError, go.NotConverged), match=message):
