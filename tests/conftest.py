@@ -84,3 +84,9 @@ def rng() -> np.random.Generator:
 def reach_file() -> Path:
     """The bundled recording."""
     return ROOT / "src" / "geodesic_ocp" / "data" / "reach.csv"
+
+
+@pytest.fixture(scope="session")
+def bundled_analysis(reach_file: Path) -> go.Analysis:
+    """The analysis of the bundled recording, with the default threshold."""
+    return go.analyse(go.human_arm("left", 1.78), go.read_motion(reach_file))

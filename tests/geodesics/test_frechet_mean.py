@@ -8,10 +8,10 @@ from known_metrics import HalfPlane, PolarPlane, Sphere, in_plane, on_sphere
 
 import geodesic_ocp as go
 
-EXACT = 1e-7  # the condition is met to 1e-8 of the spread, on distances of about one
+EXACT = 1e-7  # the condition is met to 1e-8 of the spread, which is about one
 
 
-def test_mean_in_flat_space_is_that_of_the_places(rng: np.random.Generator) -> None:
+def test_mean_in_flat_space_is_the_arithmetic_mean(rng: np.random.Generator) -> None:
     points, weights = rng.normal(size=(5, 3)), rng.uniform(0.5, 2.0, 5)
     assert go.frechet_mean(go.Euclidean(3), points) == pytest.approx(points.mean(axis=0), abs=EXACT)
     expected = weights @ points / weights.sum()
@@ -21,7 +21,7 @@ def test_mean_in_flat_space_is_that_of_the_places(rng: np.random.Generator) -> N
     assert in_plane(found) == pytest.approx(in_plane(polar).mean(axis=0), abs=EXACT)
 
 
-def test_mean_of_two_is_their_middle() -> None:
+def test_mean_of_two_points_is_halfway() -> None:
     metric, q0, q1 = Sphere(), np.array([1.0, 0.2]), np.array([1.8, 1.1])
     assert go.frechet_mean(metric, [q0, q1]) == pytest.approx(
         go.geodesic(metric, q0, q1)(0.5), abs=EXACT
@@ -34,14 +34,14 @@ def test_mean_of_a_regular_triangle_is_its_centre() -> None:
     """Three points at the same distance around a point of the sphere, and of the half-plane."""
     for metric, centre in ((Sphere(), [1.4, 0.7]), (HalfPlane(), [0.5, 1.5])):
         basis = np.linalg.inv(np.linalg.cholesky(metric.matrix(np.array(centre)))).T
-        turns = 0.3 + 2.0 * np.pi / 3.0 * np.arange(3)
-        velocities = 0.6 * np.column_stack([np.cos(turns), np.sin(turns)]) @ basis.T
+        angles = 0.3 + 2.0 * np.pi / 3.0 * np.arange(3)
+        velocities = 0.6 * np.column_stack([np.cos(angles), np.sin(angles)]) @ basis.T
         triangle = [go.exp(metric, centre, v) for v in velocities]
         assert go.frechet_mean(metric, triangle) == pytest.approx(np.array(centre), abs=EXACT)
 
 
-def test_mean_on_the_sphere_minimises(rng: np.random.Generator) -> None:
-    """Distances on the sphere are known in closed form: nowhere around is their sum smaller."""
+def test_mean_on_the_sphere_is_a_minimum(rng: np.random.Generator) -> None:
+    """Distances on the sphere are known in closed form: their sum is larger all around."""
     points = np.column_stack([rng.uniform(0.9, 2.0, 6), rng.uniform(-0.8, 0.8, 6)])
 
     def total(q: np.ndarray) -> float:

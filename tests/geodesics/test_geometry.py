@@ -1,4 +1,4 @@
-"""What holds in every Riemannian geometry, on every kind of metric, at random points."""
+"""Theorems of Riemannian geometry, on all types of metrics, at random points."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def metric(request: pytest.FixtureRequest) -> go.Metric:
     return METRICS[request.param]()
 
 
-def test_lengths_are_kept_by_the_connection(metric: go.Metric, rng: np.random.Generator) -> None:
+def test_the_connection_is_metric(metric: go.Metric, rng: np.random.Generator) -> None:
     """d<a, b> / dt along v is <D_v a, b> + <a, D_v b>: dG/dq_k = Gamma_ijk + Gamma_jik."""
     (q,) = points(metric, rng, 1)
     gamma = metric.christoffel(q)
@@ -36,7 +36,7 @@ def test_lengths_are_kept_by_the_connection(metric: go.Metric, rng: np.random.Ge
 
 
 def test_gauss_lemma(metric: go.Metric, rng: np.random.Generator) -> None:
-    """Exp keeps lengths along its rays, and what is orthogonal to them."""
+    """The derivative of Exp preserves inner products with the radial direction."""
     (q,) = points(metric, rng, 1)
     v, w = rng.uniform(-0.3, 0.3, (2, metric.dim))
 
@@ -64,8 +64,8 @@ def test_first_variation(metric: go.Metric, rng: np.random.Generator) -> None:
     assert slope == pytest.approx(expected, abs=10.0 * DIFFERENCES * metric.norm(q, v))
 
 
-def test_distance_is_one(metric: go.Metric, rng: np.random.Generator) -> None:
-    """Symmetric, positive, and no detour is shorter."""
+def test_distance_is_a_metric(metric: go.Metric, rng: np.random.Generator) -> None:
+    """Symmetric, positive, with the triangle inequality."""
     a, b, c = points(metric, rng, 3)
     there, back, detour = go.distance(metric, [a, b, a], [b, a, c])
     assert there > 0.0
@@ -77,7 +77,7 @@ def test_distance_is_one(metric: go.Metric, rng: np.random.Generator) -> None:
 
 @dataclass(frozen=True)
 class InOtherCoordinates(go.Metric):
-    """The same manifold, its points written as y with q = chart(y)."""
+    """The same manifold in coordinates y with q = chart(y)."""
 
     metric: go.Metric
     chart: Callable[[Any], Any]
@@ -91,10 +91,10 @@ class InOtherCoordinates(go.Metric):
         jacobian = ca.Function("J", [y], [ca.jacobian(self.chart(y), y)])(q)
         return jacobian.T @ self.metric.matrix(self.chart(q)) @ jacobian
 
-    def place(self, y: np.ndarray) -> np.ndarray:
+    def to_chart(self, y: np.ndarray) -> np.ndarray:
         return np.array(ca.DM(self.chart(ca.DM(y))))[:, 0]
 
-    def pushed(self, y: np.ndarray, w: np.ndarray) -> np.ndarray:
+    def push_forward(self, y: np.ndarray, w: np.ndarray) -> np.ndarray:
         symbols = ca.SX.sym("y", self.dim)
         jacobian = ca.Function("J", [symbols], [ca.jacobian(self.chart(symbols), symbols)])
         return jacobian(y).full() @ w
@@ -113,17 +113,17 @@ def test_coordinates_do_not_matter(metric: go.Metric, chart: str, rng: np.random
     base = -1.2 if chart == "sign" else 0.8
     a, b = base + rng.uniform(-0.1, 0.1, (2, metric.dim))
     w = go.log(other, a, b)
-    places = other.place(a), other.place(b)
-    v = go.log(metric, *places)
-    assert other.pushed(a, w) == pytest.approx(v, abs=EXACT * max(1.0, np.abs(v).max()))
-    assert other.norm(a, w) == pytest.approx(metric.norm(places[0], v), rel=EXACT)
-    assert other.place(go.exp(other, a, 0.5 * w)) == pytest.approx(
-        go.exp(metric, places[0], 0.5 * v), abs=EXACT
+    ends = other.to_chart(a), other.to_chart(b)
+    v = go.log(metric, *ends)
+    assert other.push_forward(a, w) == pytest.approx(v, abs=EXACT * max(1.0, np.abs(v).max()))
+    assert other.norm(a, w) == pytest.approx(metric.norm(ends[0], v), rel=EXACT)
+    assert other.to_chart(go.exp(other, a, 0.5 * w)) == pytest.approx(
+        go.exp(metric, ends[0], 0.5 * v), abs=EXACT
     )
 
 
-def test_turning_the_base_of_a_planar_arm(rng: np.random.Generator) -> None:
-    """The first angle is a symmetry: geodesics turn along, lengths stay."""
-    metric, turn = planar(), np.array([0.7, 0.0])
+def test_rotating_the_base_of_a_planar_arm(rng: np.random.Generator) -> None:
+    """The first angle is a symmetry: geodesics are shifted, lengths stay the same."""
+    metric, shift = planar(), np.array([0.7, 0.0])
     a, b = rng.uniform(-0.5, 0.5, (2, 2))
-    assert go.log(metric, a + turn, b + turn) == pytest.approx(go.log(metric, a, b), abs=EXACT)
+    assert go.log(metric, a + shift, b + shift) == pytest.approx(go.log(metric, a, b), abs=EXACT)

@@ -1,4 +1,4 @@
-"""The main job, on the bundled recording and on real ones."""
+"""Analyses of the bundled recording, and of recordings of the KIT motion database."""
 
 from __future__ import annotations
 
@@ -12,76 +12,62 @@ import pytest
 from matplotlib.figure import Figure
 
 import geodesic_ocp as go
-from geodesic_ocp.table import Table
 
 METHODS = ["riemannian", "euclidean", "euclidean_same_segments", "ik"]
 
 
-@pytest.fixture(scope="module")
-def analysis(reach_file: Path) -> go.Analysis:
-    arm = go.human_arm("left", 1.78)
-    return go.analyse(arm, go.read_motion(reach_file))
+def test_everything_is_there(bundled_analysis: go.Analysis) -> None:
+    assert list(bundled_analysis.errors) == METHODS
+    assert len(bundled_analysis.segments) == len(bundled_analysis.synergies)
+    assert bundled_analysis.segments[0][0] == 0
+    assert bundled_analysis.segments[-1][1] == len(bundled_analysis.motion) - 1
+    assert bundled_analysis.predicted is bundled_analysis.predictions["riemannian"]
+    assert bundled_analysis.motion.velocity is not None
+    assert bundled_analysis.segment_counts["euclidean_same_segments"] == len(
+        bundled_analysis.segments
+    )
+    again = go.evaluate(bundled_analysis.model, bundled_analysis.motion, bundled_analysis.predicted)
+    assert again == bundled_analysis.errors["riemannian"]
 
 
-def test_everything_is_there(analysis: go.Analysis) -> None:
-    assert list(analysis.errors) == METHODS
-    assert len(analysis.segments) == len(analysis.synergies)
-    assert analysis.segments[0][0] == 0
-    assert analysis.segments[-1][1] == len(analysis.motion) - 1
-    assert analysis.predicted is analysis.predictions["riemannian"]
-    assert analysis.motion.velocity is not None
-    assert analysis.segment_counts["euclidean_same_segments"] == len(analysis.segments)
-    again = go.evaluate(analysis.model, analysis.motion, analysis.predicted)
-    assert again == analysis.errors["riemannian"]
-
-
-def test_errors_are_small_against_the_motion(analysis: go.Analysis) -> None:
-    hand = analysis.model.hand_pose(analysis.motion.q)[1]
+def test_errors_are_small_against_the_motion(bundled_analysis: go.Analysis) -> None:
+    hand = bundled_analysis.model.hand_pose(bundled_analysis.motion.q)[1]
     path = np.linalg.norm(np.diff(hand, axis=0), axis=1).sum()
-    assert analysis.errors["riemannian"].position < 0.02 * path
-    assert analysis.errors["ik"].position < 0.002
-    for synergy in analysis.synergies:
-        ends = analysis.motion.q[[synergy.start, synergy.stop]]
-        assert analysis.predicted.q[[synergy.start, synergy.stop]] == pytest.approx(ends, abs=1e-9)
+    assert bundled_analysis.errors["riemannian"].position < 0.02 * path
+    assert bundled_analysis.errors["ik"].position < 0.002
+    for synergy in bundled_analysis.synergies:
+        ends = bundled_analysis.motion.q[[synergy.start, synergy.stop]]
+        assert bundled_analysis.predicted.q[[synergy.start, synergy.stop]] == pytest.approx(
+            ends, abs=1e-9
+        )
 
 
-def test_finer_thresholds_explain_more(reach_file: Path, analysis: go.Analysis) -> None:
-    fine = go.analyse(analysis.model, go.read_motion(reach_file), threshold=0.3)
-    assert len(fine.segments) > len(analysis.segments)
-    assert fine.errors["riemannian"].joint < analysis.errors["riemannian"].joint
+def test_finer_thresholds_explain_more(bundled_analysis: go.Analysis) -> None:
+    model, motion = bundled_analysis.model, bundled_analysis.motion
+    metric = go.KineticEnergy(model)
+    segments = go.segment(metric, motion, threshold=0.3)
+    assert len(segments) > len(bundled_analysis.segments)
+    errors = go.evaluate(model, motion, go.reconstruct(metric, motion, segments).predicted)
+    assert errors.joint < bundled_analysis.errors["riemannian"].joint
 
 
-def test_table_shows_both_comparisons(analysis: go.Analysis) -> None:
-    table = analysis.table()
+def test_table_shows_both_comparisons(bundled_analysis: go.Analysis) -> None:
+    table = bundled_analysis.table()
     assert len(table.rows) == 4
     assert [row[1] for row in table.rows] == [
-        len(analysis.segments),
-        analysis.segment_counts["euclidean"],
-        len(analysis.segments),
+        len(bundled_analysis.segments),
+        bundled_analysis.segment_counts["euclidean"],
+        len(bundled_analysis.segments),
         "-",
     ]
     text = str(table)
     assert "straight lines, zero-velocity segments" in text
     assert "straight lines, same segments" in text
-    assert f"{analysis.errors['riemannian'].joint:#.3g}" in text
+    assert f"{bundled_analysis.errors['riemannian'].joint:#.3g}" in text
 
 
-def test_table_for_people_papers_and_programs() -> None:
-    table = Table(("name", "a [m]"), (("one", 0.0123456), ("longer", 7)))
-    assert str(table).splitlines() == [
-        "name     a [m]",
-        "--------------",
-        "one     0.0123",
-        "longer       7",
-    ]
-    assert (
-        table.markdown() == "| name | a [m] |\n| --- | ---: |\n| one | 0.0123 |\n| longer | 7 |\n"
-    )
-    assert table.csv() == "name,a [m]\none,0.0123456\nlonger,7\n"
-
-
-def test_figure_has_its_panels(analysis: go.Analysis) -> None:
-    figure = analysis.plot()
+def test_figure_has_its_panels(bundled_analysis: go.Analysis) -> None:
+    figure = bundled_analysis.plot()
     assert isinstance(figure, Figure)
     labels = [axes.get_ylabel().replace("\n", " ") for axes in figure.axes]
     assert len(labels) == 6
@@ -90,41 +76,43 @@ def test_figure_has_its_panels(analysis: go.Analysis) -> None:
     assert [label[:2] for label in joints] == ["LS", "LE", "LW"]
     for axes in figure.axes[:5]:
         observed, predicted = axes.get_lines()
-        assert len(observed.get_xdata()) == len(analysis.motion)
+        assert len(observed.get_xdata()) == len(bundled_analysis.motion)
         assert not np.array_equal(observed.get_ydata(), predicted.get_ydata())
         shades = [patch.get_facecolor() for patch in axes.patches]
-        assert len(shades) == len(analysis.segments)
+        assert len(shades) == len(bundled_analysis.segments)
         assert len(set(shades)) == 2
         assert all(a != b for a, b in pairwise(shades))
 
 
-def test_saved_results_can_be_loaded(analysis: go.Analysis, tmp_path: Path) -> None:
+def test_saved_results_can_be_loaded(bundled_analysis: go.Analysis, tmp_path: Path) -> None:
     folder = tmp_path / "new" / "results"
-    files = analysis.save(folder)
+    folder.mkdir(parents=True)
+    (folder / "table.md").write_text("of an older analysis, to be replaced")
+    files = bundled_analysis.save(folder)
     expected = ["figure.pdf", "figure.png", "synergies.json", "table.csv", "table.md"]
     assert [file.name for file in files] == expected
     assert sorted(file.name for file in folder.iterdir()) == expected
     assert (folder / "figure.png").read_bytes().startswith(b"\x89PNG")
     assert (folder / "figure.pdf").read_bytes().startswith(b"%PDF")
+    assert (folder / "table.md").read_text() == bundled_analysis.table().markdown()
     rows = list(csv.reader((folder / "table.csv").read_text().splitlines()))
-    assert float(rows[1][2]) == analysis.errors["riemannian"].joint
-    loaded = go.load_synergies(folder / "synergies.json", go.KineticEnergy(analysis.model))
-    t = analysis.motion.time
+    assert float(rows[1][2]) == bundled_analysis.errors["riemannian"].joint
+    loaded = go.load_synergies(folder / "synergies.json", go.KineticEnergy(bundled_analysis.model))
+    t = bundled_analysis.motion.time
     for synergy in loaded:
         here = slice(synergy.start, synergy.stop)
-        assert np.array_equal(synergy(t[here]), analysis.predicted.q[here])
-    analysis.save(folder)  # a second time replaces the first
+        assert np.array_equal(synergy(t[here]), bundled_analysis.predicted.q[here])
 
 
 def test_a_failed_save_leaves_nothing_half_written(
-    analysis: go.Analysis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    bundled_analysis: go.Analysis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(self: Figure, *arguments: object, **options: object) -> None:
         raise OSError("disk full")
 
     monkeypatch.setattr(Figure, "savefig", fail)
     with pytest.raises(OSError, match="disk full"):
-        analysis.save(tmp_path)
+        bundled_analysis.save(tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -139,29 +127,37 @@ def test_progress_runs_to_its_end(reach_file: Path) -> None:
     assert [done for _, done, _ in seen] == sorted(done for _, done, _ in seen)
 
 
-def test_mistakes_are_named(reach_file: Path, analysis: go.Analysis) -> None:
+def test_repr_is_short_and_notebooks_show_the_table(bundled_analysis: go.Analysis) -> None:
+    lines = repr(bundled_analysis).splitlines()
+    assert len(lines) == 2
+    assert f"{len(bundled_analysis.synergies)} geodesic synergies" in lines[0]
+    assert repr(bundled_analysis.errors["riemannian"]) in lines[1]
+    assert bundled_analysis._repr_markdown_() == bundled_analysis.table().markdown()
+
+
+def test_mistakes_are_named(reach_file: Path, bundled_analysis: go.Analysis) -> None:
     motion = go.read_motion(reach_file)
     with pytest.raises(ValueError, match="there is no joint RSx_joint"):
         go.analyse(go.human_arm("right"), motion)
     with pytest.raises(ValueError, match="threshold must be positive"):
-        go.analyse(analysis.model, motion, threshold=0.0)
+        go.analyse(bundled_analysis.model, motion, threshold=0.0)
     short = go.Motion(motion.time[:10], motion.q[:10], motion.joint_names)
     with pytest.raises(ValueError, match="window 21 needs as many samples, not 10"):
-        go.analyse(analysis.model, short)
+        go.analyse(bundled_analysis.model, short)
     degrees = dataclasses.replace(motion, q=np.degrees(motion.q))
     with pytest.raises(ValueError, match=r"LSx_joint is 60\.\d+ at sample \d+, far outside"):
-        go.analyse(analysis.model, degrees)
+        go.analyse(bundled_analysis.model, degrees)
     jump = motion.q.copy()
     jump[200:, 4] -= 2.5
     with pytest.raises(ValueError, match=r"LEz_joint (is|jumps from)"):
-        go.analyse(analysis.model, dataclasses.replace(motion, q=jump))
+        go.analyse(bundled_analysis.model, dataclasses.replace(motion, q=jump))
     still = dataclasses.replace(motion, q=np.tile(motion.q[0], (len(motion), 1)))
     with pytest.raises(ValueError, match="never moves"):
-        go.analyse(analysis.model, still)
+        go.analyse(bundled_analysis.model, still)
 
 
 def test_take_book_from_shelf(shared: Path) -> None:
-    """Figures measured with an independent implementation, to a fifth."""
+    """Values of an independent implementation, to 20 %."""
     file = shared / "data" / "kit" / "take_book_from_shelf_right_arm_02.xml"
     arm = go.human_arm("right", 1.83, 100.0)
     analysis = go.analyse(arm, go.read_motion(file), threshold=0.6)

@@ -1,15 +1,14 @@
-"""Synergies: planned segments, the motion they predict, and their file."""
+"""Synergies: planned segments, and the motion that they predict."""
 
 from __future__ import annotations
-
-import json
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import geodesic_ocp as go
+from geodesic_ocp.geodesics import single_start
 from geodesic_ocp.manifold.exp import sample_geodesic
+from geodesic_ocp.manifold.integrator import Integrator
 
 TIME = np.linspace(0.0, 0.8, 81)
 
@@ -21,13 +20,13 @@ def metric() -> go.KineticEnergy:
 
 @pytest.fixture(scope="module")
 def motion(metric: go.KineticEnergy) -> go.Motion:
-    """One geodesic travelled by a cubic law of time, slowly at first, then fast."""
-    # Half as far again and a second, shorter geodesic would join the ends.
+    """A geodesic with a cubic time law, slow at first, then fast."""
+    # A geodesic 1.5 times as long would not be the shortest between its ends.
     v = 0.6 * np.array([1.2, -0.3, 0.6, 0.9, -0.5, 0.2, 0.4])
     q = np.array([0.2, 0.1, 0.6, 0.7, 0.1, -0.1, 0.2])
-    share = 0.3 * TIME + 0.9 * TIME**2 - 0.2 * TIME**3
+    fraction = 0.3 * TIME + 0.9 * TIME**2 - 0.2 * TIME**3
     rate = 0.3 + 1.8 * TIME - 0.6 * TIME**2
-    positions, velocities = sample_geodesic(metric, q, v, share, tolerance=1e-12)
+    positions, velocities = sample_geodesic(metric, q, v, fraction, tolerance=1e-12)
     names = metric.model.joint_names
     return go.Motion(TIME, positions, names, velocities * rate[:, None], go.Subject(name="me"))
 
@@ -35,7 +34,7 @@ def motion(metric: go.KineticEnergy) -> go.Motion:
 def test_a_geodesic_with_a_cubic_law_is_predicted_exactly(
     metric: go.KineticEnergy, motion: go.Motion
 ) -> None:
-    """Whole, or in pieces: the geodesic and the cubic between the same ends are unique."""
+    """In one segment or two: the geodesic and the cubic between the same ends are unique."""
     for segments in ([(0, 80)], [(0, 33), (33, 80)]):
         synergies, predicted = go.reconstruct(metric, motion, segments)
         assert predicted.q == pytest.approx(motion.q, abs=1e-7)
@@ -63,6 +62,12 @@ def test_prediction_is_continuous_and_passes_through_the_ends(
             assert found == pytest.approx(speed, rel=1e-4)
 
 
+def test_reprs_are_short(motion: go.Motion) -> None:
+    result = go.reconstruct(go.Euclidean(7), motion, [(0, 80)])
+    assert repr(result) == "Reconstruction(1 synergies, 0.800 s)"
+    assert repr(result.synergies[0]).startswith("Synergy(samples 0 to 80, 0.000 to 0.800 s, length")
+
+
 def test_euclidean_synergies_are_straight(motion: go.Motion) -> None:
     synergies, predicted = go.reconstruct(go.Euclidean(7), motion, [(0, 80)])
     along = motion.q[-1] - motion.q[0]
@@ -72,8 +77,8 @@ def test_euclidean_synergies_are_straight(motion: go.Motion) -> None:
     assert synergies[0].length == pytest.approx(np.linalg.norm(along), rel=1e-12)
 
 
-def test_a_segment_that_comes_back_stays(metric: go.KineticEnergy) -> None:
-    """Its path has no length, whatever its end speeds."""
+def test_a_segment_that_returns_to_its_start_has_length_zero(metric: go.KineticEnergy) -> None:
+    """Whatever the speeds at its ends."""
     q = 0.3 + 0.2 * np.sin(np.pi * TIME / 0.8)[:, None] * np.ones(7)
     q[-1] = q[0]
     velocity = 0.2 * np.pi / 0.8 * np.cos(np.pi * TIME / 0.8)[:, None] * np.ones(7)
@@ -89,8 +94,8 @@ def test_a_segment_that_comes_back_stays(metric: go.KineticEnergy) -> None:
     assert np.abs(predicted.q - q[0]).max() < 2e-3
 
 
-def test_prediction_never_runs_backwards(motion: go.Motion) -> None:
-    """Also where it is fast at both ends and slow between, where a free cubic would."""
+def test_prediction_never_moves_backwards(motion: go.Motion) -> None:
+    """Not even where it is fast at both ends and slow between, unlike an unconstrained cubic."""
     flat = go.Euclidean(7)
     velocity = motion.velocity * (1.0 + 9.0 * (2.0 * TIME[:, None] / 0.8 - 1.0) ** 2)
     hasty = go.Motion(TIME, motion.q, motion.joint_names, velocity)
@@ -100,6 +105,18 @@ def test_prediction_never_runs_backwards(motion: go.Motion) -> None:
     assert free(TIME, 1).min() < -0.1
     along = motion.q[-1] - motion.q[0]
     assert (predicted.velocity @ along).min() > -1e-6
+
+
+def test_straight_lines_need_no_nlp(motion: go.Motion, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*arguments: object, **keywords: object) -> None:
+        raise AssertionError("a straight line is known in closed form")
+
+    monkeypatch.setattr(single_start, "solve", fail)
+    monkeypatch.setattr(Integrator, "__call__", fail)
+    segments = [(k, k + 8) for k in range(0, 80, 8)]
+    synergies, predicted = go.reconstruct(go.Euclidean(7), motion, segments)
+    assert len(synergies) == 10
+    assert predicted.q[::8] == pytest.approx(motion.q[::8], abs=1e-12)
 
 
 def test_progress_is_reported(motion: go.Motion) -> None:
@@ -125,44 +142,3 @@ def test_no_velocity_and_wrong_times_are_named(motion: go.Motion) -> None:
         synergy(0.9)
     with pytest.raises(ValueError, match="order must be 0, 1 or 2"):
         synergy(0.1, 3)
-
-
-def test_files_of_synergies(metric: go.KineticEnergy, motion: go.Motion, tmp_path: Path) -> None:
-    synergies, _ = go.reconstruct(metric, motion, [(0, 33), (33, 80)])
-    file = tmp_path / "synergies.json"
-    go.save_synergies(file, synergies, motion.joint_names)
-    record = json.loads(file.read_text())
-    assert record["segments"] == [[0, 33], [33, 80]]
-    assert record["joint_names"] == list(motion.joint_names)
-    loaded = go.load_synergies(file, metric)
-    for before, after in zip(synergies, loaded, strict=True):
-        t = np.linspace(before.start_time, before.start_time + before.duration, 9)
-        assert np.array_equal(before(t), after(t))
-        assert np.array_equal(before(t, 1), after(t, 1))
-        assert (before.start, before.stop, before.length) == (after.start, after.stop, after.length)
-
-
-def test_bad_files_of_synergies_are_named(
-    metric: go.KineticEnergy, motion: go.Motion, tmp_path: Path
-) -> None:
-    file = tmp_path / "synergies.json"
-    with pytest.raises(go.RecordingError, match=r"synergies\.json: there is no such file"):
-        go.load_synergies(file, metric)
-    synergies, _ = go.reconstruct(go.Euclidean(7), motion, [(0, 80)])
-    go.save_synergies(file, synergies, motion.joint_names)
-    good = file.read_text()
-    with pytest.raises(go.RecordingError, match=r"nodes must have shape \(15, 2\)"):
-        go.load_synergies(file, go.Euclidean(2))
-    go.save_synergies(file, synergies, motion.joint_names[::-1])
-    with pytest.raises(go.RecordingError, match=r"its joints .* are not the metric's"):
-        go.load_synergies(file, metric)
-    for text, message in (
-        (good.replace('"knots": [\n     0.0,', '"knots": [\n     0.5,'), "knots must increase"),
-        (good[:100], "is not JSON"),
-        ("[1, 2]", "is not a file of synergies"),
-        (good.replace('"version": 1', '"version": 7'), "has version 7, expected 1"),
-        (good.replace('"degree"', '"grade"'), "'degree' is missing"),
-    ):
-        file.write_text(text)
-        with pytest.raises(go.RecordingError, match=message):
-            go.load_synergies(file, metric)

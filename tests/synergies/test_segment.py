@@ -16,22 +16,22 @@ from geodesic_ocp.manifold.exp import sample_geodesic
 STEP = 0.01
 
 
-def turned(
+def rotated(
     metric: go.Metric, q: np.ndarray, v: np.ndarray, angle: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """A vector as long as v at this angle to it, in the metric, in a random direction."""
+    """A vector of the same norm at this angle to v, in the metric, in a random direction."""
     other = rng.normal(size=v.size)
     other = other - metric.inner(q, v, other) / metric.inner(q, v, v) * v
     other = other * metric.norm(q, v) / metric.norm(q, other)
     return np.cos(angle) * v + np.sin(angle) * other
 
 
-def of_geodesics(
+def chain_of_geodesics(
     metric: go.Metric, samples: Sequence[int], angle: float, rng: np.random.Generator
 ) -> tuple[go.Motion, list[tuple[int, int]]]:
-    """Geodesics of the given numbers of steps, one after the other, turning by an angle between.
+    """Geodesics of the given numbers of steps, one after the other, at an angle to each other.
 
-    The sample at a corner has the velocity of the geodesic that begins there.
+    The sample at a corner has the velocity of the geodesic that starts there.
     """
     q = rng.uniform(-0.4, 0.4, metric.dim)
     v = rng.uniform(-0.6, 0.6, metric.dim)
@@ -41,7 +41,7 @@ def of_geodesics(
         velocities[-1][-1] = v
         positions.append(path[1:])
         velocities.append(speeds[1:])
-        q, v = path[-1], turned(metric, path[-1], speeds[-1], angle, rng)
+        q, v = path[-1], rotated(metric, path[-1], speeds[-1], angle, rng)
         cuts.append(cuts[-1] + count)
     stacked = np.vstack(positions)
     names = metric.joint_names or ()
@@ -55,20 +55,21 @@ def of_geodesics(
     seed=st.integers(0, 2**32 - 1),
 )
 def test_cuts_between_geodesics_are_found_to_the_sample(
-    samples: list[int], angle: float, seed: int
+    arm_metric: go.KineticEnergy, samples: list[int], angle: float, seed: int
 ) -> None:
-    metric = go.KineticEnergy(go.human_arm())
-    motion, expected = of_geodesics(metric, samples, angle, np.random.default_rng(seed))
-    assert go.segment(metric, motion, 0.6) == expected
+    motion, expected = chain_of_geodesics(arm_metric, samples, angle, np.random.default_rng(seed))
+    assert go.segment(arm_metric, motion, 0.6) == expected
 
 
-def test_small_turns_are_not_cuts(arm_metric: go.KineticEnergy, rng: np.random.Generator) -> None:
-    motion, _ = of_geodesics(arm_metric, [30, 30], 0.3, rng)
+def test_small_changes_of_direction_are_not_cuts(
+    arm_metric: go.KineticEnergy, rng: np.random.Generator
+) -> None:
+    motion, _ = chain_of_geodesics(arm_metric, [30, 30], 0.3, rng)
     assert go.segment(arm_metric, motion, 0.6) == [(0, 60)]
     assert len(go.segment(arm_metric, motion, 0.2)) == 2
 
 
-def test_a_curved_geodesic_is_one_synergy_where_straight_lines_see_many(
+def test_a_curved_geodesic_is_one_synergy_but_many_straight_lines(
     arm_metric: go.KineticEnergy,
 ) -> None:
     q = np.array([0.3, 0.2, -0.9, 1.2, 0.3, -0.1, 0.2])
@@ -83,7 +84,7 @@ def test_a_curved_geodesic_is_one_synergy_where_straight_lines_see_many(
 def with_rest(
     metric: go.Metric, before: int, rest: int, after: int, noise: float, rng: np.random.Generator
 ) -> go.Motion:
-    """A geodesic, a rest whose velocity is noise, and the same geodesic onwards."""
+    """A geodesic, a rest whose velocity is noise, and the continuation of the geodesic."""
     q, v = rng.uniform(-0.4, 0.4, metric.dim), rng.uniform(-0.6, 0.6, metric.dim)
     path, velocity = sample_geodesic(metric, q, v, STEP * np.arange(before + after + 1))
     still = np.tile(path[before], (rest, 1))
@@ -95,18 +96,18 @@ def with_rest(
 
 
 @given(seed=st.integers(0, 2**32 - 1), rest=st.integers(11, 60))
-def test_a_rest_is_a_segment_of_its_own(seed: int, rest: int) -> None:
-    """The velocity there turns at every sample; none of these turns is a cut."""
-    metric = go.KineticEnergy(go.human_arm())
-    motion = with_rest(metric, 25, rest, 30, 1e-3, np.random.default_rng(seed))
-    assert go.segment(metric, motion, 0.6) == [(0, 25), (25, 25 + rest), (25 + rest, 55 + rest)]
+def test_a_rest_is_a_segment_of_its_own(arm_metric: go.KineticEnergy, seed: int, rest: int) -> None:
+    """The velocity there changes its direction at every sample, but the rest is not cut."""
+    motion = with_rest(arm_metric, 25, rest, 30, 1e-3, np.random.default_rng(seed))
+    stop = 25 + rest
+    assert go.segment(arm_metric, motion, 0.6) == [(0, 25), (25, stop), (stop, 55 + rest)]
 
 
-def test_a_short_pause_is_no_cut(arm_metric: go.KineticEnergy, rng: np.random.Generator) -> None:
+def test_a_short_pause_is_not_cut(arm_metric: go.KineticEnergy, rng: np.random.Generator) -> None:
     motion = with_rest(arm_metric, 25, 5, 30, 1e-3, rng)
     assert go.segment(arm_metric, motion, 0.6) == [(0, 60)]
     assert len(go.segment(arm_metric, motion, 0.6, rest_duration=0.03)) == 3
-    # Without a rest threshold the noise is taken for turns.
+    # Without a rest threshold the noise is taken for changes of direction.
     assert len(go.segment(arm_metric, motion, 0.6, rest=0.0)) > 3
 
 
@@ -115,8 +116,8 @@ def test_rest_is_below_two_hundredths_of_the_largest_speed(
 ) -> None:
     """Half a second at 1.9 % is a rest, at 2.1 % a movement."""
     q, v = rng.uniform(-0.4, 0.4, 7), rng.uniform(-0.6, 0.6, 7)
-    for share, count in ((0.019, 3), (0.021, 1)):
-        rates = np.concatenate([np.full(30, 1.0), np.full(50, share), np.full(30, 1.0)])
+    for fraction, count in ((0.019, 3), (0.021, 1)):
+        rates = np.concatenate([np.full(30, 1.0), np.full(50, fraction), np.full(30, 1.0)])
         along = STEP * np.concatenate([[0.0], np.cumsum(rates[:-1])])
         path, velocity = sample_geodesic(arm_metric, q, v, along)
         time = STEP * np.arange(len(rates))
@@ -133,46 +134,11 @@ def test_rests_at_the_ends(arm_metric: go.KineticEnergy, rng: np.random.Generato
     assert go.segment(arm_metric, motion, 0.6)[:2] == [(0, 30), (30, 50)]
 
 
-def test_a_segment_that_begins_in_a_short_pause_takes_the_first_direction_that_moves(
+def test_a_segment_that_starts_in_a_pause_takes_the_first_direction_of_motion(
     arm_metric: go.KineticEnergy, rng: np.random.Generator
 ) -> None:
     motion = with_rest(arm_metric, 0, 5, 30, 1e-3, rng)
     assert go.segment(arm_metric, motion, 0.6) == [(0, 35)]
-
-
-def sines(phases: Sequence[float]) -> go.Motion:
-    """Joints that swing with a period of one second."""
-    time = np.arange(0.0, 2.0, STEP)
-    angle = 2 * np.pi * (time[:, None] - np.array(phases))
-    names = tuple(f"joint{i}" for i in range(len(phases)))
-    return go.Motion(time, np.cos(angle), names, -2 * np.pi * np.sin(angle))
-
-
-def test_zero_velocity_cuts() -> None:
-    """Four of five joints turn back together at 0.505 s and so on; one is out of step."""
-    motion = sines([0.005, 0.005, 0.015, -0.005, 0.25])
-    assert go.segment_zero_velocity(motion) == [(0, 50), (50, 100), (100, 150), (150, 199)]
-    # The crossings of the first four span 20 ms: more than 10 ms, less than 50 ms.
-    assert go.segment_zero_velocity(motion, window=0.01) == [(0, 199)]
-    spread = sines([0.0, 0.016, 0.032, 0.048, 0.25])
-    assert len(go.segment_zero_velocity(spread)) > 1
-    assert go.segment_zero_velocity(spread, window=0.047) == [(0, 199)]
-    # Only four turn at once: more than four never do.
-    assert go.segment_zero_velocity(motion, joints=4) == [(0, 199)]
-    # Turning points that are further apart than the window do not count together.
-    assert go.segment_zero_velocity(sines([0.0, 0.03, 0.06, 0.09, 0.12])) == [(0, 199)]
-
-
-def test_a_touch_of_zero_is_no_crossing() -> None:
-    time = np.arange(0.0, 1.0, STEP)
-    speed = np.abs(time - 0.5)[:, None] * np.ones(4)
-    speed[45:56] = 0.0
-    q = np.cumsum(speed, axis=0) * STEP
-    motion = go.Motion(time, q, tuple("abcd"), speed)
-    assert go.segment_zero_velocity(motion) == [(0, 99)]
-    back = np.where(time[:, None] < 0.5, speed, -speed)
-    motion = go.Motion(time, np.cumsum(back, axis=0) * STEP, tuple("abcd"), back)
-    assert go.segment_zero_velocity(motion) == [(0, 50), (50, 99)]
 
 
 def still() -> go.Motion:
@@ -181,7 +147,7 @@ def still() -> go.Motion:
 
 
 def test_bad_arguments_are_named(arm_metric: go.KineticEnergy, rng: np.random.Generator) -> None:
-    motion, _ = of_geodesics(arm_metric, [20], 1.0, rng)
+    motion, _ = chain_of_geodesics(arm_metric, [20], 1.0, rng)
     bare = go.Motion(motion.time, motion.q, motion.joint_names)
     for threshold in (0.0, -0.6, np.nan):
         with pytest.raises(ValueError, match=r"threshold must be positive \[rad\]"):
@@ -192,8 +158,6 @@ def test_bad_arguments_are_named(arm_metric: go.KineticEnergy, rng: np.random.Ge
         go.segment(arm_metric, bare)
     with pytest.raises(ValueError, match="never moves"):
         go.segment(arm_metric, still())
-    with pytest.raises(ValueError, match="never moves"):
-        go.segment_zero_velocity(still())
     backwards = motion.select(motion.joint_names[::-1])
     with pytest.raises(ValueError, match=r"are not the metric's in its order.*motion\.select"):
         go.segment(arm_metric, backwards)
@@ -201,7 +165,3 @@ def test_bad_arguments_are_named(arm_metric: go.KineticEnergy, rng: np.random.Ge
         go.segment(go.Euclidean(2), motion)
     with pytest.raises(ValueError, match=r"rest must be in \[0, 1\)"):
         go.segment(arm_metric, motion, rest=1.0)
-    with pytest.raises(ValueError, match="joints must be 0 to 6"):
-        go.segment_zero_velocity(motion, joints=7)
-    with pytest.raises(ValueError, match="window must be positive"):
-        go.segment_zero_velocity(motion, window=0.0)

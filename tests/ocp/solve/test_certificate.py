@@ -1,0 +1,133 @@
+"""Certificates: Morse index, conjugate points, active constraints."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+from known_metrics import Sphere
+from known_problems import PlaneAroundDisc
+from numpy.testing import assert_allclose
+
+import geodesic_ocp as go
+from geodesic_ocp.manifold.exp import sample_geodesic
+
+
+def on_great_circle(length: float, start: tuple[float, float] = (1.2, 0.3)) -> go.Path:
+    metric = Sphere()
+    velocity = np.array([0.3, 1.0])
+    velocity *= length / metric.norm(start, velocity)
+    grid = go.Grid(4, 20)
+    nodes, _ = sample_geodesic(metric, start, velocity, grid.nodes)
+    return go.Path(metric, grid, nodes)
+
+
+@pytest.mark.parametrize("length", [0.5, 2.0, np.pi - 1e-3])
+def test_great_circles_are_minimizing_before_the_antipode(length: float) -> None:
+    certificate = go.certify(on_great_circle(length))
+    assert certificate.locally_shortest
+    assert certificate.morse_index == 0
+    assert certificate.first_conjugate_point is None
+    assert certificate.endpoint_error < 1e-6  # its velocity is the path's, not the integration's
+    assert certificate.drift < 1e-6
+    assert str(certificate).startswith("locally minimizing; endpoint error")
+
+
+@pytest.mark.parametrize("length", [np.pi + 1e-3, 4.0, 2 * np.pi - 0.1, 2 * np.pi + 0.1])
+def test_great_circles_are_not_minimizing_beyond_the_antipode(length: float) -> None:
+    certificate = go.certify(on_great_circle(length))
+    assert not certificate.locally_shortest
+    assert certificate.morse_index == int(length / np.pi)  # Morse: conjugate points inside
+    assert certificate.first_conjugate_point == pytest.approx(np.pi / length, abs=1e-5)
+    assert "stationary, not locally minimizing" in str(certificate)
+
+
+def test_every_solution_has_a_certificate(arm: go.Model) -> None:
+    metric = go.KineticEnergy(arm)
+    start = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
+    goal = np.array([1.2, -0.2, -0.9, 1.6, -0.3, 0.1, 0.4])
+    path = go.geodesic(metric, start, goal)
+    assert path.certificate.locally_shortest
+    assert path.certificate.endpoint_error <= 1e-9
+    assert path.certificate.drift <= 1e-5
+    solution = go.solve(go.PointToPoint(metric, start, goal))
+    assert solution.certificate.locally_shortest
+    assert solution.certificate.endpoint_error < 1e-4  # as accurate as the grid
+    with pytest.raises(go.NotConverged) as failure:
+        go.solve(go.PointToPoint(metric, start, goal), ipopt={"max_iter": 1})
+    assert failure.value.solution.certificate.endpoint_error > 1e-4
+    assert not failure.value.solution.certificate.stationary
+    assert str(failure.value.solution.certificate).startswith("not stationary")
+
+
+class ToMeridian(go.Problem):
+    """From a point of the sphere to a meridian: minimizing up to the focal point, at pi / 2."""
+
+    def __init__(self, away: float) -> None:
+        self.away = away
+
+    @property
+    def metric(self) -> go.Metric:
+        return Sphere()
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> list:
+        return [(q0, (np.pi / 2, 0.0)), (q1[1] * 1.0, self.away)]
+
+    def guess(self, s: np.ndarray) -> np.ndarray:
+        return np.column_stack([np.full_like(s, np.pi / 2), self.away * s])
+
+
+@pytest.mark.parametrize(("away", "index"), [(1.4, 0), (1.8, 1), (4.0, 1)])
+def test_second_variation_includes_free_ends(away: float, index: int) -> None:
+    """Along the equator to a meridian: beyond the distance of the pole, other paths are shorter."""
+    solution = go.solve(ToMeridian(away), throw=False)
+    assert_allclose(solution.path.nodes[:, 0], np.pi / 2, rtol=0, atol=1e-6)
+    assert solution.certificate.morse_index == index
+
+
+def test_constrained_paths_are_minimizing_but_not_geodesics() -> None:
+    certificate = go.solve(PlaneAroundDisc()).certificate
+    assert certificate.locally_shortest
+    assert certificate.endpoint_error > 0.1
+
+
+class OutsideEllipse(go.Metric):
+    """Flat, but undefined in an ellipse about the origin."""
+
+    dim = 2
+
+    def matrix(self, q: ca.SX) -> ca.SX:
+        outside = q[1] ** 2 + 4.0 * q[0] ** 2 > 0.3
+        return type(q).eye(2) * ca.if_else(outside, 1.0, np.nan)
+
+
+def test_no_verdict_where_the_metric_is_undefined() -> None:
+    grid = go.Grid(1, 20)
+    straight = np.column_stack([2.0 * grid.nodes - 1.0, 0.0 * grid.nodes])
+    certificate = go.certify(go.Path(OutsideEllipse(), grid, straight))
+    assert not certificate.stationary
+    assert not certificate.locally_shortest
+    assert certificate.morse_index is None
+    assert certificate.drift == np.inf
+    with pytest.raises(go.IntegrationFailed):
+        go.exp(OutsideEllipse(), [-1.0, 0.0], [2.0, 0.0])
+
+
+def test_paths_other_than_geodesics_are_not_stationary() -> None:
+    grid = go.Grid(1, 20)
+    wave = np.column_stack([1.2 + 0.3 * np.sin(6.0 * grid.nodes), grid.nodes])
+    certificate = go.certify(go.Path(Sphere(), grid, wave))
+    assert not certificate.stationary
+    assert not certificate.locally_shortest
+    coarse = go.solve(go.PointToPoint(Sphere(), [0.1, 0.0], [0.1, 3.0]), grid=go.Grid(1, 2))
+    assert not coarse.certificate.stationary
+
+
+def test_certify_names_wrong_arguments() -> None:
+    path = on_great_circle(1.0)
+    with pytest.raises(ValueError, match=r"velocity must have shape \(2,\)"):
+        go.certify(path, [1.0, 2.0, 3.0])
+    with pytest.raises(ValueError, match="velocity must be finite"):
+        go.certify(path, [np.nan, 1.0])
+    with pytest.raises(ValueError, match="path must be a Path"):
+        go.certify(3)  # type: ignore[arg-type]

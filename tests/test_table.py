@@ -1,0 +1,19 @@
+"""Tables as text, Markdown and CSV."""
+
+from __future__ import annotations
+
+from geodesic_ocp.table import Table
+
+
+def test_numbers_are_rounded_in_text_and_kept_in_csv() -> None:
+    table = Table(("name", "a [m]"), (("one", 0.0123456), ("longer", 7)))
+    assert str(table).splitlines() == [
+        "name     a [m]",
+        "--------------",
+        "one     0.0123",
+        "longer       7",
+    ]
+    assert (
+        table.markdown() == "| name | a [m] |\n| --- | ---: |\n| one | 0.0123 |\n| longer | 7 |\n"
+    )
+    assert table.csv() == "name,a [m]\none,0.0123456\nlonger,7\n"
