@@ -1,4 +1,4 @@
-"""Ctrl-C, which libraries may swallow, and the progress bar that looks out for it."""
+"""Ctrl-C, which libraries may swallow, and a progress bar that checks for it."""
 
 from __future__ import annotations
 
@@ -10,36 +10,36 @@ from tqdm import tqdm
 
 
 class Interrupts:
-    """Whether Ctrl-C was pressed: libraries may swallow the exception, not the mark."""
+    """Whether Ctrl-C was pressed: libraries may swallow the exception, but not this flag."""
 
     seen = False
 
     @classmethod
     def note(cls, number: int, frame: object) -> None:
-        """A handler of signals: leave the mark, and raise as usual."""
+        """Signal handler: set the flag, and raise as usual."""
         del number, frame
         cls.seen = True
         raise KeyboardInterrupt
 
 
 def in_main_thread() -> bool:
-    """Only there can signals be handled."""
+    """Whether this is the main thread, the only one that can handle signals."""
     return threading.current_thread() is threading.main_thread()
 
 
 def on_interrupt(handler: Any) -> Any:
-    """Install a handler of Ctrl-C; returns the one before."""
+    """Install a handler of Ctrl-C; returns the previous one."""
     return signal.signal(signal.SIGINT, handler)
 
 
-class Bar:
-    """A progress bar on standard error, made when the amount of work is known."""
+class ProgressBar:
+    """A progress bar on standard error, created once the amount of work is known."""
 
     def __init__(self) -> None:
         self._bar: tqdm | None = None
 
     def __call__(self, label: str, done: int, total: int) -> None:
-        """Show what is being done, and how much of all there is."""
+        """Show the current step and the fraction done."""
         if Interrupts.seen:
             raise KeyboardInterrupt
         if self._bar is None:
@@ -55,6 +55,6 @@ class Bar:
         self._bar.refresh()
 
     def close(self) -> None:
-        """Take the bar away."""
+        """Remove the bar."""
         if self._bar is not None:
             self._bar.close()

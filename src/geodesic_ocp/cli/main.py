@@ -1,4 +1,4 @@
-"""The command line: geodesic-ocp analyse | retarget | demo | solve | models."""
+"""The command line: geodesic-ocp analyse | retarget | demo | solve | check | models."""
 
 from __future__ import annotations
 
@@ -10,14 +10,16 @@ from pathlib import Path
 from typing import get_args
 
 from geodesic_ocp.cli.interrupts import Interrupts, in_main_thread, on_interrupt
-from geodesic_ocp.cli.recording import bundled, check_folder, recorded, save
+from geodesic_ocp.cli.recording import analyse_bundled, analyse_file, check_folder, save_analysis
 from geodesic_ocp.cli.retarget import demo_on_robot, retarget_file
 from geodesic_ocp.cli.solve import solve_file
 from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.model.formats.catalogue import catalogue
-from geodesic_ocp.retargeting.targets import Formulation
+from geodesic_ocp.model.rigid_body import BACKENDS
+from geodesic_ocp.retargeting.settings import Formulation
+from geodesic_ocp.validation.check import run_check
 
-_EXIT = """exit codes: 0 done; 1 an error in a problem's own code, shown whole;
+_EXIT = """exit codes: 0 done; 1 a check failed, or an error in a problem's own code, shown whole;
 2 wrong input, named in one line; 3 a solver or integration failed; 130 interrupted"""
 
 
@@ -27,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     previous = on_interrupt(Interrupts.note) if in_main_thread() else None
     Interrupts.seen = False
     try:
-        options.run(options)
+        return int(options.run(options) or 0)
     except KeyboardInterrupt:
         return _failed("interrupted", 130)
     except Exception as error:
@@ -42,7 +44,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     finally:
         if previous is not None:
             on_interrupt(previous)
-    return 0
 
 
 def _failed(reason: object, code: int) -> int:
@@ -78,25 +79,25 @@ def _parser() -> argparse.ArgumentParser:
         action="append",
         required=True,
         metavar="NAME",
-        help="such as panda (`geodesic-ocp models`); with --side both twice, right and left",
+        help="such as panda (see geodesic-ocp models); twice with --side both, right and left",
     )
     _add_transfer_options(command)
     command.add_argument(
         "--report",
         action="store_true",
-        help="write a page with moving models (default folder: geodesic_ocp_retarget)",
+        help="write a page with animated models (default folder: geodesic_ocp_retarget)",
     )
     _add_analysis_options(command)
     command.set_defaults(run=retarget_file)
 
     command = commands.add_parser("demo", help="analyse the bundled recording", epilog=_EXIT)
-    command.add_argument("--robot", metavar="NAME", help="transfer it to this robot, too")
+    command.add_argument("--robot", metavar="NAME", help="also transfer it to this robot")
     _add_transfer_options(command)
     _add_analysis_options(command)
     command.set_defaults(run=_demo)
 
     command = commands.add_parser(
-        "solve", help="solve and plot the problems that a file of Python defines", epilog=_EXIT
+        "solve", help="solve and plot the problems that a Python file defines", epilog=_EXIT
     )
     command.add_argument("file", type=Path, help="such as problems/great_circle.py; it is run")
     command.add_argument(
@@ -104,16 +105,27 @@ def _parser() -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar="FIELD=VALUE",
-        help='of the problem, as Python writes it: --set radius=0.4 --set "goal=(1, 2)"',
+        help='a Python literal, as in --set radius=0.4 --set "goal=(1, 2)"',
     )
     command.add_argument("--problem", metavar="CLASS", help="one of several in the file")
     command.add_argument(
-        "--tolerance", type=float, help="divide the grid until conditions hold to this everywhere"
+        "--tolerance",
+        type=float,
+        help="refine the grid until the conditions hold to this everywhere",
     )
-    command.add_argument("--out", type=Path, help="folder for pictures and solutions (JSON)")
+    command.add_argument("--out", type=Path, help="folder for figures and solutions (JSON)")
     command.set_defaults(run=solve_file)
 
-    command = commands.add_parser("models", help="say which models and back ends there are")
+    command = commands.add_parser(
+        "check", help="check the installation against known geodesics", epilog=_EXIT
+    )
+    command.add_argument(
+        "file", type=Path, nargs="?", help="more known geodesics (.json), in the documented form"
+    )
+    command.add_argument("--backend", choices=BACKENDS, help="check this one only")
+    command.set_defaults(run=_check)
+
+    command = commands.add_parser("models", help="list the available models and back ends")
     command.set_defaults(run=_models)
     return parser
 
@@ -128,7 +140,7 @@ def _add_analysis_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--out",
         type=Path,
-        help="folder for tables, figure, synergies, a robot's trajectory",
+        help="folder for tables, figures, synergies, and a robot's trajectory",
     )
 
 
@@ -153,7 +165,7 @@ def _add_transfer_options(command: argparse.ArgumentParser) -> None:
         "--limits",
         action=argparse.BooleanOptionalAction,
         default=True,
-        help="keep the joints within their limits, of place and of speed",
+        help="keep the joints within their position and speed limits",
     )
     command.add_argument(
         "--position-only", action="store_true", help="leave the hand's orientation free"
@@ -166,7 +178,7 @@ def _add_transfer_options(command: argparse.ArgumentParser) -> None:
 
 def _analyse(options: argparse.Namespace) -> None:
     check_folder(options.out)
-    save(recorded(options, options.side), options.out)
+    save_analysis(analyse_file(options, options.side), options.out)
 
 
 def _demo(options: argparse.Namespace) -> None:
@@ -175,7 +187,11 @@ def _demo(options: argparse.Namespace) -> None:
     if options.robot is not None:
         demo_on_robot(options)
         return
-    save(bundled(options), options.out)
+    save_analysis(analyse_bundled(options), options.out)
+
+
+def _check(options: argparse.Namespace) -> int:
+    return 0 if run_check(options.file, options.backend) else 1
 
 
 def _models(options: argparse.Namespace) -> None:

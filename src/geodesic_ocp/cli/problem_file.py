@@ -1,4 +1,4 @@
-"""Problems in files of Python: found, changed by the names of their fields, solved and drawn."""
+"""Problems in Python files: found, modified by the names of their fields, and tabulated."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import sys
 import traceback
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import MISSING, Field
 from pathlib import Path
 from typing import Any
 
@@ -19,20 +18,20 @@ from geodesic_ocp.table import Table
 
 
 def problem_classes(file: str | Path) -> list[type[Problem]]:
-    """The problem classes that a file of Python defines, in its order.
+    """The problem classes that a Python file defines, in order.
 
     Args:
-        file: it is run, with its folder as one to import from.
+        file: it is run, and may import from its folder.
 
     Raises:
-        ValueError: the file is not there, cannot be run, or defines no problem.
+        ValueError: the file does not exist, cannot be run, or defines no problem.
     """
     path = Path(file)
     spec = importlib.util.spec_from_file_location(f"problems.{path.stem}", path)
     if spec is None or spec.loader is None or not path.is_file():
-        raise ValueError(f"{path} is not a file of Python")
+        raise ValueError(f"{path} is not a Python file")
     module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # dataclasses look their module up
+    sys.modules[spec.name] = module  # dataclasses look up their module
     try:
         with _importing_from(path.parent):
             spec.loader.exec_module(module)
@@ -52,91 +51,65 @@ def problem_classes(file: str | Path) -> list[type[Problem]]:
         and not inspect.isabstract(value)
     ]
     if not classes:
-        raise ValueError(f"{path} defines no problem: no class in it is made from go.Problem")
+        raise ValueError(f"{path} defines no problem: none of its classes derives from go.Problem")
     return classes
 
 
 @contextmanager
 def _importing_from(folder: Path) -> Iterator[None]:
-    place = str(folder.absolute())
-    sys.path.insert(0, place)
+    location = str(folder.absolute())
+    sys.path.insert(0, location)
     try:
         yield
     finally:
-        sys.path.remove(place)
+        sys.path.remove(location)
 
 
-def with_fields(kind: type[Problem], settings: Mapping[str, str]) -> Problem:
-    """An instance of a class with some fields set, each as Python writes its value.
+def with_fields(problem_class: type[Problem], settings: Mapping[str, str]) -> Problem:
+    """An instance of a class with some fields set to Python literals.
 
     Raises:
-        ValueError: there is no such field, it cannot be given as text, or a value does not fit;
-            names the field.
+        ValueError: there is no such field, a value is not a literal, or the problem does not accept
+            it.
     """
-    own: Mapping[str, Field[Any]] = getattr(kind, "__dataclass_fields__", {})
-    known = {name: each for name, each in own.items() if each.init}
-    values: dict[str, Any] = {}
-    for name, text in settings.items():
-        if name not in known:
-            listed = ", ".join(known) or "none"
+    name = problem_class.__name__
+    known = [k for k, f in getattr(problem_class, "__dataclass_fields__", {}).items() if f.init]
+    for key in settings:
+        if key not in known:
             raise ValueError(
-                f"{kind.__name__} has no field {name!r}; its fields are {listed} (--problem picks "
-                "one of several classes)"
+                f"{name} has no field {key!r}; its fields are {', '.join(known) or 'none'} "
+                "(--problem selects one of several classes)"
             )
-        values[name] = _value(name, text)
-        if known[name].default is not MISSING:
-            _check_kind(f"{kind.__name__}.{name}", known[name].default, values[name])
-        elif known[name].default_factory is not MISSING:
-            raise ValueError(f"{kind.__name__}.{name} cannot be given as text")
-    missing = [
-        name
-        for name, each in known.items()
-        if name not in values and each.default is MISSING and each.default_factory is MISSING
-    ]
-    if missing:
-        raise ValueError(f"{kind.__name__} has no default for {', '.join(missing)}")
+    values = {key: _literal(key, text) for key, text in settings.items()}
+    given = ", ".join(f"{key}={text}" for key, text in settings.items())
     try:
-        return kind(**values)
-    except TypeError as error:
-        raise ValueError(f"{kind.__name__} cannot be made without arguments: {error}") from error
+        problem = problem_class(**values)
+        if settings:
+            problem.definition()  # a value of the wrong type may surface only here
+    except (TypeError, AttributeError, IndexError) as error:
+        raise ValueError(f"{name}({given}) is not a valid problem: {error}") from error
+    return problem
 
 
-def _value(name: str, text: str) -> Any:
+def _literal(key: str, text: str) -> Any:
     try:
-        return _as_tuple(ast.literal_eval(text))
+        return ast.literal_eval(text)
     except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):
         raise ValueError(
-            f"{name}={text!r} is not a number, a text in quotes, True, False, None or a tuple of "
-            "these"
+            f"{key}={text!r} is not a Python literal: a number, a quoted string, True, False, "
+            "None, or a tuple of these"
         ) from None
 
 
-def _as_tuple(value: Any) -> Any:
-    return tuple(map(_as_tuple, value)) if isinstance(value, (list, tuple)) else value
-
-
-def _check_kind(name: str, default: Any, value: Any) -> None:
-    if default is None or value is None:
-        return
-    kinds: Any = (int, float) if isinstance(default, float) else type(default)
-    if not isinstance(value, kinds) or isinstance(value, bool) != isinstance(default, bool):
-        raise ValueError(f"{name} is {default!r} by default; {value!r} is of another kind")
-    if isinstance(default, tuple) and len(default):
-        if len(value) != len(default):
-            raise ValueError(f"{name} has {len(default)} entries, got {len(value)}")
-        for index, pair in enumerate(zip(default, value, strict=True)):
-            _check_kind(f"{name}[{index}]", *pair)
-
-
-def figures(solution: Solution) -> Table:
-    """Figures of a solution, one a row."""
+def solution_table(solution: Solution) -> Table:
+    """Statistics of a solution, one per row."""
     stats, problem = solution.stats, solution.problem
     rows: list[tuple[str | int | float, ...]] = [
         ("variables", stats.variables),
         ("constraints", stats.constraints),
         ("grids", max(1, len(stats.mesh_history))),
-        ("iterations", sum(each.iterations for each in stats.mesh_history) or stats.iterations),
-        ("seconds in Ipopt", sum(each.seconds for each in stats.mesh_history) or stats.seconds),
+        ("iterations", stats.total_iterations),
+        ("seconds in Ipopt", stats.total_seconds),
         ("energy", f"{stats.energy:.8g}"),
         ("length", f"{solution.path.length:.8g}"),
         ("largest violation between nodes", stats.max_path_violation),
@@ -145,4 +118,4 @@ def figures(solution: Solution) -> Table:
         rows.append(("exact length", f"{exact:.8g}"))
     if solution.path.grid.via_segments:
         rows.append(("via points at s", ", ".join(f"{s:.4f}" for s in solution.path.grid.via_s)))
-    return Table(("figure", "value"), tuple(rows))
+    return Table(("quantity", "value"), tuple(rows))

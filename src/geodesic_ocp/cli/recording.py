@@ -1,4 +1,4 @@
-"""Recordings read and analysed, as the command line asks for it."""
+"""Recordings, read and analysed with the options of the command line."""
 
 from __future__ import annotations
 
@@ -13,24 +13,25 @@ from typing import get_args
 
 import numpy as np
 
-from geodesic_ocp.cli.interrupts import Bar
+from geodesic_ocp.cli.interrupts import ProgressBar
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.human_arm import DEFAULT_HEIGHT, DEFAULT_MASS, human_arm
-from geodesic_ocp.synergies.analyse import Analysis, analyse
+from geodesic_ocp.synergies.analyse import analyse
+from geodesic_ocp.synergies.analysis import Analysis
 from geodesic_ocp.synergies.read_motion import read_motion
 from geodesic_ocp.synergies.segment import as_threshold
 from geodesic_ocp.trajectory.motion import Motion
 
-_SLOWEST = 1.0  # [s] between samples: no recording of an arm is that slow
+_LONGEST_STEP = 1.0  # [s] between samples of a recording
 
 
-def recorded(options: argparse.Namespace, side: Side) -> Analysis:
-    """The analysis of one side of the file, as asked for; what it found is printed.
+def analyse_file(options: argparse.Namespace, side: Side) -> Analysis:
+    """Analyse one side of the recording in the file, and print the results.
 
     Raises:
         RecordingError: the file cannot be read, or has no arm of that side.
-        ValueError: time, height, mass or threshold cannot be.
+        ValueError: implausible time stamps, height, mass or threshold.
     """
     try:
         motion = read_motion(options.file, human_arm(side).joint_names)
@@ -44,27 +45,27 @@ def recorded(options: argparse.Namespace, side: Side) -> Analysis:
         motion = _in_seconds(motion, options.resample)
     except ValueError as error:
         raise ValueError(f"{options.file}: {error}") from None
-    return analysed(motion, side, options.height, options.mass, options)
+    return analyse_motion(motion, side, options.height, options.mass, options)
 
 
 def _in_seconds(motion: Motion, rate: float | None) -> Motion:
     step = float(np.median(np.diff(motion.time)))
-    if step >= _SLOWEST:
+    if step >= _LONGEST_STEP:
         raise ValueError(f"samples are {step:g} s apart: is time in milliseconds? It must be in s")
     return motion if rate is None else motion.resampled(rate)
 
 
-def bundled(options: argparse.Namespace) -> Analysis:
-    """The analysis of the recording that comes with the package; what it found is printed."""
+def analyse_bundled(options: argparse.Namespace) -> Analysis:
+    """Analyse the bundled recording, and print the results."""
     options.file = "the bundled recording"
     print("A person steps up and reaches with the left hand (motion capture, 4.4 s).")
     with as_file(files("geodesic_ocp") / "data" / "reach.csv") as file:
         motion = read_motion(file, human_arm("left").joint_names)
-    return analysed(motion, "left", None, None, options)
+    return analyse_motion(motion, "left", None, None, options)
 
 
-def save(analysis: Analysis, folder: Path | None) -> None:
-    """Write the analysis, if there is a folder for it, and say what was written."""
+def save_analysis(analysis: Analysis, folder: Path | None) -> None:
+    """Write the analysis to a folder, if one is given, and print the names of the files."""
     if folder is not None:
         print()
         for file in analysis.save(folder):
@@ -72,7 +73,7 @@ def save(analysis: Analysis, folder: Path | None) -> None:
 
 
 def check_folder(folder: Path | None) -> None:
-    """Find what stands in the way of the output before any work is done."""
+    """Raise ValueError if the output folder cannot be written to, before any work is done."""
     if folder is None:
         return
     if folder.exists() and not folder.is_dir():
@@ -82,14 +83,14 @@ def check_folder(folder: Path | None) -> None:
         raise ValueError(f"--out {folder}: cannot write to {nearest}")
 
 
-def analysed(
+def analyse_motion(
     motion: Motion,
     side: Side,
     height: float | None,
     mass: float | None,
     options: argparse.Namespace,
 ) -> Analysis:
-    """The analysis of a recording; what it found is printed."""
+    """Analyse a recording, and print the results."""
     assumed = []
     if height is None and (height := motion.subject.height) is None:
         height = DEFAULT_HEIGHT
@@ -101,7 +102,7 @@ def analysed(
     as_threshold(options.threshold)
     start = time.perf_counter()
     try:
-        with closing(Bar()) as bar:
+        with closing(ProgressBar()) as bar:
             analysis = analyse(arm, motion, options.threshold, progress=bar)
     except ValueError as error:
         raise ValueError(f"{options.file}: {error}") from None
@@ -119,7 +120,7 @@ def _summarise(
         f"{len(motion)} samples, {motion.duration:.2f} s at {motion.rate:.0f} Hz"
     )
     if assumed:
-        print(f"assumed, as the recording does not say: {', '.join(assumed)}")
+        print(f"assumed, not in the recording: {', '.join(assumed)}")
     errors = analysis.errors["riemannian"]
     print(
         f"{len(analysis.synergies)} geodesic synergies at a threshold of "

@@ -1,4 +1,4 @@
-"""Recordings on robots."""
+"""`geodesic-ocp retarget`, and `demo --robot`: the synergies of a recording on robots."""
 
 from __future__ import annotations
 
@@ -8,16 +8,17 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 
-from geodesic_ocp.cli.interrupts import Bar
-from geodesic_ocp.cli.recording import bundled, check_folder, recorded, save
+from geodesic_ocp.cli.interrupts import ProgressBar
+from geodesic_ocp.cli.recording import analyse_bundled, analyse_file, check_folder, save_analysis
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.report.report import report
 from geodesic_ocp.retargeting.alignment import alignment
 from geodesic_ocp.retargeting.result import Retargeting
-from geodesic_ocp.retargeting.retarget import retarget
-from geodesic_ocp.synergies.analyse import Analysis
+from geodesic_ocp.retargeting.retarget import retarget_arms
+from geodesic_ocp.retargeting.settings import RetargetingSettings
+from geodesic_ocp.synergies.analysis import Analysis
 
 _REPORT = "report.html"
 
@@ -29,7 +30,7 @@ def retarget_file(options: argparse.Namespace) -> None:
     robots = _robots(options.robot, len(sides))
     analyses = []
     for side in sides:
-        analyses.append(recorded(options, side))
+        analyses.append(analyse_file(options, side))
         print()
     _transfer(analyses, robots, options)
 
@@ -38,8 +39,8 @@ def demo_on_robot(options: argparse.Namespace) -> None:
     """`geodesic-ocp demo --robot`."""
     robots = _robots([options.robot], 1)
     options.report = True
-    analysis = bundled(options)
-    save(analysis, options.out)
+    analysis = analyse_bundled(options)
+    save_analysis(analysis, options.out)
     print()
     options.out = options.out / options.robot
     _transfer([analysis], robots, options)
@@ -49,43 +50,41 @@ def _robots(names: Sequence[str], count: int) -> list[Model]:
     if len(names) != count:
         what = "two robots, of the right and of the left arm" if count == 2 else "one robot"
         raise ValueError(f"--robot: {what}, got {', '.join(names)}")
-    with _said():
+    with _printed_warnings():
         robots = [load_model(name) for name in names]
     for robot in robots:
-        alignment(robot)  # says so where there is none
+        alignment(robot)  # raises if there is none
     return robots
 
 
 def _transfer(
     analyses: Sequence[Analysis], robots: Sequence[Model], options: argparse.Namespace
 ) -> None:
-    with _said(), closing(Bar()) as bar:
-        found = retarget(
-            analyses,
-            robots,
-            formulation=options.formulation,
-            limits=options.limits,
-            speed_limits=options.limits,
-            orientation_weight=0.0 if options.position_only else 1.0,
-            num_starts=options.num_starts,
-            rest=options.rest,
-            progress=bar,
-        )
-    _summarise(found)
+    settings = RetargetingSettings(
+        formulation=options.formulation,
+        limits=options.limits,
+        speed_limits=options.limits,
+        orientation_weight=0.0 if options.position_only else 1.0,
+        num_starts=options.num_starts,
+        rest=options.rest,
+    )
+    with _printed_warnings(), closing(ProgressBar()) as bar:
+        result = retarget_arms(analyses, robots, settings=settings, progress=bar)
+    _summarise(result)
     if options.out is None and options.report:
         options.out = Path("geodesic_ocp_retarget")
     if options.out is not None:
         print()
-        files = found.save(options.out)
+        files = result.save(options.out)
         if options.report:
-            files.append(report(found, options.out / _REPORT))
+            files.append(report(result, options.out / _REPORT))
         for file in files:
             print(f"wrote {file}")
 
 
 @contextmanager
-def _said() -> Iterator[None]:
-    """Warnings as lines of text: of the robot's file, and of poses that are out of reach."""
+def _printed_warnings() -> Iterator[None]:
+    """Print warnings, of the robot's file and of poses out of reach, as lines of text."""
     with warnings.catch_warnings():
         warnings.simplefilter("always")
         warnings.showwarning = _print_warning
@@ -96,18 +95,20 @@ def _print_warning(message: Warning | str, *_: object, **__: object) -> None:
     print(f"note: {message}")
 
 
-def _summarise(found: Retargeting) -> None:
-    for arm in found.arms:
+def _summarise(result: Retargeting) -> None:
+    for arm in result.arms:
         worst = max(max(each.position_error, each.rotation_error) for each in arm.transfers)
-        far = len(arm.out_of_reach)
+        unreached = len(arm.out_of_reach)
         print(
             f"{arm.title}: {len(arm.analysis.synergies)} synergies become {len(arm.groups)}, "
-            f"positions scaled by {arm.scale:.3g}; the hand is at the poses to {worst:.1e} m or rad"
-            f"{f', {far} of them out of reach' if far else ''}"
+            f"positions scaled by {arm.mapping.scale:.3g}; largest pose error {worst:.1e} m or rad"
+            f"{f', {unreached} poses out of reach' if unreached else ''}"
         )
-    time = "the person's"
-    if found.stretch > 1.0:
-        time = f"{found.stretch:.2f} times the person's, as joints are not as fast"
-    print(f"time is {time}; found in {found.seconds:.1f} s ({found.formulation})\n")
-    print(found.synergy_table())
-    print(f"\nagainst inverse kinematics that follows the whole way of the hand\n\n{found.table()}")
+    time = "the person's time"
+    if result.stretch > 1.0:
+        time = f"{result.stretch:.2f} times the person's time, because of joint speed limits"
+    print(f"it takes {time}; computed in {result.seconds:.1f} s ({result.settings.formulation})\n")
+    print(result.synergy_table())
+    print(
+        f"\nagainst inverse kinematics that tracks the whole path of the hand\n\n{result.table()}"
+    )

@@ -1,11 +1,11 @@
-"""Problems of a file, solved and plotted."""
+"""`geodesic-ocp solve`: problems of a Python file, solved and plotted."""
 
 from __future__ import annotations
 
 import argparse
 import inspect
 
-from geodesic_ocp.cli.problem_file import figures, problem_classes, with_fields
+from geodesic_ocp.cli.problem_file import problem_classes, solution_table, with_fields
 from geodesic_ocp.cli.recording import check_folder
 from geodesic_ocp.ocp.solve.solve import solve
 
@@ -13,26 +13,27 @@ from geodesic_ocp.ocp.solve.solve import solve
 def solve_file(options: argparse.Namespace) -> None:
     """`geodesic-ocp solve`."""
     check_folder(options.out)
-    kinds = problem_classes(options.file)
+    classes = problem_classes(options.file)
     if options.problem is not None:
-        names = [kind.__name__ for kind in kinds]
-        if options.problem not in names:
-            raise ValueError(f"{options.file} has no {options.problem}; it has {', '.join(names)}")
-        kinds = [kinds[names.index(options.problem)]]
+        by_name = {each.__name__: each for each in classes}
+        if options.problem not in by_name:
+            known = ", ".join(by_name)
+            raise ValueError(f"{options.file} has no {options.problem}; it has {known}")
+        classes = [by_name[options.problem]]
     settings = {}
     for each in options.set:
         name, equals, value = each.partition("=")
         if not equals:
-            raise ValueError(f"--set {each}: it must be FIELD=VALUE")
+            raise ValueError(f"--set {each}: must be FIELD=VALUE")
         settings[name.strip()] = value.strip()
-    for problem in [with_fields(kind, settings) for kind in kinds]:
-        kind = type(problem)
+    for problem in [with_fields(each, settings) for each in classes]:
+        name = type(problem).__name__
         solution = solve(problem, tolerance=options.tolerance)
-        about = (inspect.getdoc(kind) or "").partition("\n")[0]
-        print(f"{kind.__name__}: {about}\n\n{figures(solution)}\n\n{solution.certificate}")
+        summary = (inspect.getdoc(problem) or "").partition("\n")[0]
+        print(f"{name}: {summary}\n\n{solution_table(solution)}\n\n{solution.certificate}")
         if options.out is not None:
             options.out.mkdir(parents=True, exist_ok=True)
-            stem = options.out / kind.__name__
+            stem = options.out / name
             solution.plot().savefig(stem.with_suffix(".png"), dpi=110)
             solution.save(stem.with_suffix(".json"))
             print(f"\nwrote {stem}.png\nwrote {stem}.json")

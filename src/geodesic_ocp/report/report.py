@@ -1,4 +1,4 @@
-"""A page that shows a person and the robot side by side, with figures."""
+"""A page that shows a person and a robot moving side by side, with tables and the figure."""
 
 from __future__ import annotations
 
@@ -23,22 +23,25 @@ _HEIGHT = 1.75  # [m], where the recording does not say
 
 
 def report(retargeting: Retargeting, file: str | PathLike[str]) -> Path:
-    """Write a page of HTML: both in motion, tables and the figure.
+    """Write an HTML page of a retargeting: both arms in motion, tables and the figure.
 
-    It needs nothing but a browser. The robot is drawn with the meshes of its file where there are
-    any, otherwise as capsules (`Model.bodies`), turned into the person's axes, so that they stand
-    side by side; its hand's path beside the person's, carried over.
+    The page needs nothing but a browser. The robot is drawn with the meshes of its file, or as
+    capsules (`Model.bodies`), rotated into the person's axes, with the paths of its hand and of the
+    person's, mapped to the robot.
 
     Args:
-        retargeting: what `retarget` returned.
+        retargeting: result of `retarget`.
         file: to be written; its folder must exist.
 
     Returns:
-        The file's path.
+        Path of the file.
+
+    Raises:
+        OSError: the file cannot be written.
     """
     arms = retargeting.arms
     title = " and ".join(arm.title for arm in arms)
-    left = all((arm.alignment.side or "right") == "left" for arm in arms)
+    left = all((arm.mapping.target.side or "right") == "left" for arm in arms)
     scenes = [
         ("person", [_person(arm, len(arms)) for arm in arms]),
         (" and ".join(dict.fromkeys(arm.robot.name for arm in arms)), _robots(arms)),
@@ -47,16 +50,16 @@ def report(retargeting: Retargeting, file: str | PathLike[str]) -> Path:
         retargeting.trajectory.time,
         scenes,
         view=(-50.0 if left else 50.0, 22.0),
-        target="the person's, carried over",
+        target="the person's, mapped to the robot",
     )
     parts = [
         f"<h1>{html.escape(title[:1].upper() + title[1:])}</h1>",
         f"<p>{html.escape(_sentences(retargeting))}</p>",
         moving,
-        "<h2>Against inverse kinematics that follows the whole way of the hand</h2>",
-        _of(retargeting.table()),
-        "<h2>The robot's synergies, and the person's of which they are made</h2>",
-        _of(retargeting.synergy_table()),
+        "<h2>Compared with inverse kinematics that tracks the whole path of the hand</h2>",
+        _html_table(retargeting.table()),
+        "<h2>The robot's synergies, and the person's from which they are made</h2>",
+        _html_table(retargeting.synergy_table()),
         f'<p><img alt="hand and joints over time" src="{_picture(retargeting)}"></p>',
     ]
     target = Path(file)
@@ -65,16 +68,18 @@ def report(retargeting: Retargeting, file: str | PathLike[str]) -> Path:
 
 
 def _sentences(retargeting: Retargeting) -> str:
-    held = "under the robot's limits" if retargeting.limits else "without limits"
+    within_limits = retargeting.settings.within_limits
+    held = "within the robot's limits" if within_limits else "without limits"
+    formulation = retargeting.settings.formulation
     kind = {
-        "constrained": "Each synergy is the path of least energy to the hand's pose at its end, "
+        "constrained": "Each synergy is the path of least energy to the hand pose at its end, "
         f"{held}.",
         "geodesic": "Each synergy is the geodesic that brings the hand nearest to the pose at the "
-        "person's; joint limits are not looked at.",
-    }[retargeting.formulation]
+        "person's; joint limits are not considered.",
+    }[formulation]
     stretch = retargeting.stretch
     time = (
-        f"The robot takes {stretch:.2f} times as long as the person, as its joints are not as fast."
+        f"The robot takes {stretch:.2f} times as long as the person, because of joint speed limits."
         if stretch > 1.0
         else "The robot takes the person's time."
     )
@@ -84,7 +89,7 @@ def _sentences(retargeting: Retargeting) -> str:
 
 
 def _shoulder(arm: RetargetedArm, count: int) -> Array:
-    """Where the person's shoulder is in the scene: in the middle, or to its side."""
+    """Position of the person's shoulder in the scene: in the middle, or to one side."""
     if count == 1:
         return np.zeros(3)
     height = arm.analysis.motion.subject.height or _HEIGHT
@@ -93,28 +98,29 @@ def _shoulder(arm: RetargetedArm, count: int) -> Array:
 
 
 def _person(arm: RetargetedArm, count: int) -> Actor:
-    place = _shoulder(arm, count)
-    return Actor(arm.analysis.model.name, arm.analysis.model, arm.analysis.motion.q, position=place)
+    position = _shoulder(arm, count)
+    model = arm.analysis.model
+    return Actor(model.name, model, arm.analysis.motion.q, position=position)
 
 
 def _robots(arms: tuple[RetargetedArm, ...]) -> list[Actor]:
-    """Each robot with its shoulder where the person's is; two arms of one robot on one body."""
+    """Each robot with its shoulder at the person's; two arms of one robot on one body."""
     frames = [{str(frame.name) for frame in arm.robot.pin.frames} for arm in arms]
-    shoulders = np.array([np.asarray(arm.alignment.shoulder) for arm in arms])
+    shoulders = np.array([np.asarray(arm.mapping.target.shoulder) for arm in arms])
     apart = len(np.unique(shoulders.round(6), axis=0)) == len(arms)
     one_body = len(arms) > 1 and apart and all(names == frames[0] for names in frames)
     middle = shoulders.mean(axis=0)
     actors = []
     for number, arm in enumerate(arms):
-        back = np.asarray(arm.alignment.base).T
+        back = np.asarray(arm.mapping.target.base).T
         if one_body:
-            place = -back @ middle
+            position = -back @ middle
         else:
-            place = _shoulder(arm, len(arms)) - back @ np.asarray(arm.alignment.shoulder)
+            position = _shoulder(arm, len(arms)) - back @ np.asarray(arm.mapping.target.shoulder)
         others = [other.robot for other in arms[:number] if one_body]
         later = [other.robot for other in arms[number + 1 :] if one_body]
         hidden = {name for name in frames[number] if any(robot.moves(name) for robot in later)}
-        if others:  # who have drawn the body
+        if others:  # which have drawn the body
             hidden = {name for name in frames[number] if not arm.robot.moves(name)}
         actors.append(
             Actor(
@@ -122,15 +128,15 @@ def _robots(arms: tuple[RetargetedArm, ...]) -> list[Actor]:
                 arm.robot,
                 arm.trajectory.positions,
                 back,
-                place,
-                target=arm.wanted[1] @ back.T + place,
+                position,
+                target=arm.target_poses[1] @ back.T + position,
                 hidden=frozenset(hidden),
             )
         )
     return actors
 
 
-def _of(table: Table) -> str:
+def _html_table(table: Table) -> str:
     """A table as HTML."""
     header, *rows = table.shown()
     head = "".join(f"<th>{html.escape(entry)}</th>" for entry in header)

@@ -1,4 +1,4 @@
-"""How a robot's arm stands for a person's: shoulders, axes of the hands, lengths, sides."""
+"""Alignment of a robot's arm with a person's: shoulder, axes of base and hand, length, side."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, as_positive, as_rotation, as_vector
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.joints import frame_index
-from geodesic_ocp.model.max_reach import reach
+from geodesic_ocp.model.max_reach import max_reach
 from geodesic_ocp.model.model import Model
 
 # Across the sagittal plane: x points to a person's side.
@@ -21,23 +21,24 @@ _HUMAN: dict[str, Side] = {"human right arm": "right", "human left arm": "left"}
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """Where a person's shoulder is on a robot, and how axes of base and hand correspond.
+    """Position of a person's shoulder on a robot, and correspondence of the axes of base and hand.
 
-    A hand with rotation R and position p in the person's axes (x right, y forward, z up, from the
-    shoulder) becomes base R hand and shoulder + scale base p in the robot's base frame.
+    A hand pose with rotation R and position p in the person's axes (x right, y forward, z up,
+    relative to the shoulder) is mapped to base R hand and shoulder + scale base p in the robot's
+    base frame.
 
     Attributes:
-        shoulder: place of the person's shoulder in the robot's base frame, (3,) [m].
+        shoulder: position of the person's shoulder in the robot's base frame, (3,) [m].
         base: rotation (3, 3) whose columns are the person's x, y and z in the robot's base axes.
         hand: rotation (3, 3) whose columns are the axes of the robot's hand in those of the
             person's: x to the right and y backward of the hanging hand with the palm to the body,
             z along the fingers.
-        length: of the robot's arm, from that shoulder to the hand [m].
-        side: of the body on which the arm is, "right" or "left"; a recording of the other side is
-            mirrored. None: either.
+        length: of the robot's arm, from that position to the hand [m].
+        side: of the body, "right" or "left"; recordings of the other side are mirrored. None:
+            either side.
 
     Raises:
-        ValueError: wrong shapes or values; names which.
+        ValueError: wrong shapes or values; the message names the field.
     """
 
     shoulder: ArrayLike
@@ -54,30 +55,30 @@ class Alignment:
         if self.side is not None and self.side not in get_args(Side):
             raise ValueError(f"side must be 'right', 'left' or None, got {self.side!r}")
 
-    def carried(
+    def to_robot(
         self, rotation: Array, position: Array, *, scale: float, mirror: bool = False
     ) -> tuple[Array, Array]:
-        """Poses of the robot's hand for those of a person's.
+        """Poses of the robot's hand from poses of a person's hand.
 
         Args:
-            rotation: (..., 3, 3) of the person's hand, from the shoulder.
-            position: (..., 3) [m], likewise.
-            scale: of positions, as a rule the ratio of the arms' lengths.
-            mirror: whether the person's other arm is meant.
+            rotation: (..., 3, 3) of the person's hand.
+            position: (..., 3) [m], relative to the shoulder.
+            scale: factor of positions, usually the ratio of the arms' lengths.
+            mirror: whether to exchange left and right.
 
         Returns:
             Rotations (..., 3, 3) and positions (..., 3) [m] in the robot's base frame.
         """
         base, hand, shoulder = (np.asarray(each) for each in (self.base, self.hand, self.shoulder))
         if mirror:
-            # The other hand's axes are mirrored, too, and a rotation stays a rotation.
+            # The axes of the hand are mirrored as well, so that the result is a rotation.
             rotation, position = _MIRROR @ rotation @ _MIRROR, position @ _MIRROR
         return base @ rotation @ hand, shoulder + scale * position @ base.T
 
-    def person(
+    def to_person(
         self, rotation: Array, position: Array, *, scale: float = 1.0, mirror: bool = False
     ) -> tuple[Array, Array]:
-        """Poses in the person's axes, from the shoulder, of a hand of this arm: the way back."""
+        """The inverse of `to_robot`: poses in the person's axes, relative to the shoulder."""
         base, hand, shoulder = (np.asarray(each) for each in (self.base, self.hand, self.shoulder))
         rotation, position = base.T @ rotation @ hand.T, (position - shoulder) @ base / scale
         if mirror:
@@ -90,7 +91,7 @@ class _Known:
     """A known robot's alignment: the joint at its shoulder, and axes.
 
     Attributes:
-        joint: where the shoulder is, with all joints at zero or at their limit nearest to it.
+        joint: at the shoulder, with all joints at zero or at the limit nearest to zero.
         base, hand: columns of the rotations of `Alignment`.
         side: of the body.
     """
@@ -104,8 +105,8 @@ class _Known:
 # Columns: images of the person's right, forward, up.
 _SAME = ((1, 0, 0), (0, 1, 0), (0, 0, 1))  # x right, y forward, z up
 _FORWARD = ((0, -1, 0), (1, 0, 0), (0, 0, 1))  # x forward, y left, z up, as ROS has it (REP 103)
-# A single arm is mounted as a shoulder: its first axis points to the right, its x axis forward.
-# On a table it reaches no more than two thirds of the poses of a person's hanging arm.
+# A single arm is mounted like a shoulder: its first axis points to the right, its x axis forward.
+# Upright on a table it reaches at most two thirds of the poses of a person's arm.
 _SHOULDER = ((0, 0, 1), (1, 0, 0), (0, 1, 0))
 # Columns: the robot hand's axes in the person's hand.
 _GRIPPER = ((0, -1, 0), (1, 0, 0), (0, 0, 1))  # z out, opening along y: from the palm to its back
@@ -128,18 +129,18 @@ _ALIGNMENTS = {
 
 
 def alignment(robot: Model, **changes: Any) -> Alignment:
-    """The default alignment of a known robot, or of a person's arm, with some of it changed.
+    """The default alignment of a known robot or of a person's arm, with some fields changed.
 
-    Known are the robots that `load_model` knows by an own name (panda, talos-left-arm, ...), by the
-    name of the model. Single arms (panda, xarm7, ur5) are taken to be mounted as a right shoulder,
-    with their first axis to the right and x forward.
+    Known are the robots that `load_model` offers by name (panda, talos-left-arm, ...), by the
+    name of the model. Single arms (panda, xarm7, ur5) are assumed to be mounted as a right
+    shoulder, with the first axis to the right and x forward.
 
     Args:
         robot: the arm.
-        changes: fields of `Alignment` that are to differ.
+        changes: fields of `Alignment` to be changed.
 
     Raises:
-        ValueError: the robot is not known, or a change is not one of an alignment's fields.
+        ValueError: the robot is not known, or a change is not a field of an alignment.
     """
     name, _, _ = robot.name.partition(" with ")  # a payload
     known = _ALIGNMENTS.get(name)
@@ -149,8 +150,8 @@ def alignment(robot: Model, **changes: Any) -> Alignment:
     elif known is None or not robot.pin.existFrame(known.joint):
         raise ValueError(
             f"there is no default alignment for {robot.name!r}, only for {', '.join(_ALIGNMENTS)}; "
-            "say how its axes and a person's correspond with go.Alignment(shoulder, base, hand, "
-            "length)"
+            "describe how its axes correspond to a person's with go.Alignment(shoulder, base, "
+            "hand, length)"
         )
     else:
         home = np.clip(np.zeros(robot.dof), robot.lower, robot.upper)
@@ -171,4 +172,4 @@ def arm_length(model: Model, joint: str) -> float:
     """
     origin = model.joint_of(joint)
     hand = frame_index(model.pin, model.hand)
-    return reach(model.pin, hand, model.lower, model.upper, origin)
+    return max_reach(model.pin, hand, model.lower, model.upper, origin)

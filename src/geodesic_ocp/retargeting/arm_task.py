@@ -1,4 +1,4 @@
-"""One arm's motion on a robot: poses carried over, paths, times, and the baseline."""
+"""The retargeting of one arm, step by step: key poses, paths, trajectory, baseline."""
 
 from __future__ import annotations
 
@@ -8,219 +8,149 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.arrays import Array
 from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.retargeting.alignment import Alignment
 from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, merge_synergies
-from geodesic_ocp.retargeting.targets import (
-    REACHED,
-    Conditions,
-    Goal,
-    Pose,
-    first_configuration,
-    goals,
-    near_configuration,
-)
-from geodesic_ocp.retargeting.time_scaling import Arm, Timing, hand_over_speeds
-from geodesic_ocp.retargeting.transfer import Transfer, transferred, velocity_limits
-from geodesic_ocp.synergies.reconstruct import Synergy
-from geodesic_ocp.synergies.segment import speeds
+from geodesic_ocp.retargeting.pose_mapping import PoseMapping
+from geodesic_ocp.retargeting.targets import REACHED, KeyPose, Pose, PoseFinder
+from geodesic_ocp.retargeting.time_scaling import ArmPaths, TimeScaling, handover_speeds
+from geodesic_ocp.retargeting.transfer import Transfer, plan_transfers, velocity_limits
+from geodesic_ocp.synergies.analysis import Analysis
+from geodesic_ocp.synergies.observed_velocity import speeds
+from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.synergies.track_hand import steps_between, track_poses
-from geodesic_ocp.trajectory.joint_trajectory import Trajectory
+from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion
 
 
-@dataclass(frozen=True)
-class Request:
-    """What is asked of every arm; see `retarget`.
-
-    Attributes:
-        scale, mirror, drop, merge: None for the defaults.
-        placing, turning: whether the hand's position and its rotation count.
-        conditions: of the paths.
-    """
-
-    scale: float | None
-    mirror: bool | None
-    drop: float | None
-    merge: float | None
-    placing: bool
-    turning: bool
-    conditions: Conditions
-
-
 @dataclass(frozen=True, eq=False)
-class Carrying:
-    """From a person's configurations to poses of a robot's hand.
+class ArmTask:
+    """One arm's motion and the poses that the robot's hand has to reach.
 
     Attributes:
-        model: of the person's arm.
-        source, target: alignments of the person and of the robot.
-        scale: of positions.
-        mirror: whether left and right are exchanged.
-    """
-
-    model: Model
-    source: Alignment
-    target: Alignment
-    scale: float
-    mirror: bool
-
-    @classmethod
-    def between(
-        cls, model: Model, source: Alignment, target: Alignment, request: Request
-    ) -> Carrying:
-        """With the ratio of the arms' lengths, mirrored where the sides differ, unless asked."""
-        mirror, scale = request.mirror, request.scale
-        if mirror is None:
-            mirror = None not in (source.side, target.side) and source.side != target.side
-        if scale is None:
-            scale = target.length / source.length
-        return cls(model, source, target, as_positive("scale", scale), bool(mirror))
-
-    def __call__(self, q: Array) -> tuple[Array, Array]:
-        """Rotations (k, 3, 3) and positions (k, 3) [m] in the robot's base, of configurations (k, n)."""
-        rotation, position = self.source.person(*self.model.hand_pose(q))
-        return self.target.carried(rotation, position, scale=self.scale, mirror=self.mirror)
-
-
-@dataclass(frozen=True, eq=False)
-class Task:
-    """One arm's motion and what is to become of it.
-
-    Attributes:
-        motion: of the person.
-        synergies: of the person.
-        robot: the arm.
-        carrying: from the person's configurations to poses of the robot's hand.
-        groups: the synergies, dropped and merged.
-        hand: rotations (k, 3, 3) and positions (k, 3) of the robot's hand at all samples, carried
-            over.
+        analysis: of the person's motion.
+        mapping: from the person's configurations to poses of the robot's hand.
+        finder: inverse kinematics of the robot under the settings.
+        groups: the person's synergies, after dropping and merging.
+        target_poses: rotations (k, 3, 3) and positions (k, 3) of the robot's hand at all samples.
         first: pose at the beginning.
         start: configuration of the robot to begin in (n,).
-        begin: by how much that misses the first pose [m], [rad]; nothing where it was given.
-        goals: the pose at the end of each group; None of a rest.
-        conditions: of the paths.
+        start_error: its distance from the first pose [m], [rad]; zero if it was given.
+        targets: the pose at the end of each group; None for a rest.
     """
 
-    motion: Motion
-    synergies: Sequence[Synergy]
-    robot: Model
-    carrying: Carrying
+    analysis: Analysis
+    mapping: PoseMapping
+    finder: PoseFinder
     groups: tuple[SynergyGroup, ...]
-    hand: tuple[Array, Array]
+    target_poses: tuple[Array, Array]
     first: Pose
     start: Array
-    begin: tuple[float, float]
-    goals: tuple[Goal | None, ...]
-    conditions: Conditions
+    start_error: tuple[float, float]
+    targets: tuple[KeyPose | None, ...]
 
     @classmethod
-    def of(
-        cls,
-        motion: Motion,
-        synergies: Sequence[Synergy],
-        robot: Model,
-        carrying: Carrying,
-        first: ArrayLike | None,
-        request: Request,
-    ) -> Task:
-        """With the poses carried over, and the first configuration found.
+    def prepare(
+        cls, analysis: Analysis, mapping: PoseMapping, finder: PoseFinder, start: ArrayLike | None
+    ) -> ArmTask:
+        """With the poses mapped to the robot, and configurations found for them.
 
         Raises:
-            ValueError: the first configuration that is given does not fit, or thresholds do not.
-            NotConverged: no configuration is clear of bodies.
+            ValueError: the given start, or the lengths to drop and merge, are out of range.
+            NotConverged: no configuration is clear of collision bodies.
         """
-        conditions = request.conditions
-        groups = merge_synergies(synergies, drop=request.drop, merge=request.merge)
-        rotations, positions = carrying(motion.q)
-        poses = tuple(
+        settings = finder.settings
+        groups = merge_synergies(analysis.synergies, drop=settings.drop, merge=settings.merge)
+        rotations, positions = mapping(analysis.motion.q)
+        poses = [
             Pose(
-                rotations[k] if request.turning else None, positions[k] if request.placing else None
+                rotations[k] if settings.orientation_weight > 0.0 else None,
+                positions[k] if settings.position_weight > 0.0 else None,
             )
-            for k in _samples(groups)
-        )
-        start = first_configuration(robot, poses[0], conditions, first)
-        found = [
-            None if group.kind == "rest" else pose
-            for group, pose in zip(groups, poses[1:], strict=True)
+            for k in _edge_samples(groups)
         ]
-        asked = [pose for pose in found if pose is not None]
-        reached = iter(goals(robot, start, asked, conditions))
-        wanted = tuple(None if pose is None else next(reached) for pose in found)
-        begin = (0.0, 0.0) if first is not None else poses[0].miss(robot, start)
-        hand = (rotations, positions)
+        begin = finder.first_configuration(poses[0], start)
+        moving = [group.kind != "rest" for group in groups]
+        requested = [pose for pose, moves in zip(poses[1:], moving, strict=True) if moves]
+        found = iter(finder.key_poses(begin, requested))
         return cls(
-            motion,
-            synergies,
-            robot,
-            carrying,
+            analysis,
+            mapping,
+            finder,
             groups,
-            hand,
+            (rotations, positions),
             poses[0],
-            start,
             begin,
-            wanted,
-            conditions,
+            (0.0, 0.0) if start is not None else poses[0].error(finder.robot, begin),
+            tuple(next(found) if moves else None for moves in moving),
         )
+
+    @property
+    def robot(self) -> Model:
+        """The arm."""
+        return self.finder.robot
+
+    @property
+    def motion(self) -> Motion:
+        """The person's motion."""
+        return self.analysis.motion
 
     @property
     def out_of_reach(self) -> dict[int, tuple[float, float]]:
-        """By number of the pose how far the nearest is [m], [rad]; 0 is the first."""
+        """Error [m], [rad] of the nearest pose by number of the pose; 0 is the first."""
         far = {
-            number + 1: goal.missed
-            for number, goal in enumerate(self.goals)
-            if goal is not None and not goal.within_reach
+            number + 1: target.error
+            for number, target in enumerate(self.targets)
+            if target is not None and not target.within_reach
         }
-        return far if max(self.begin) <= REACHED else {0: self.begin, **far}
+        return far if max(self.start_error) <= REACHED else {0: self.start_error, **far}
 
     @property
     def edges(self) -> Array:
-        """Instants of the recording at which groups begin and end [s]."""
-        return np.asarray(self.motion.time[_samples(self.groups)])
+        """Times in the recording at which groups begin and end [s]."""
+        return np.asarray(self.motion.time[_edge_samples(self.groups)])
 
-    def planned(self, throw: bool, progress: Callable[[int], object]) -> list[Transfer]:
-        """The robot's paths, one for each group; see `transferred`."""
-        return transferred(
-            self.robot,
-            self.start,
-            self.goals,
-            np.diff(self.edges).tolist(),
-            self.conditions,
-            throw=throw,
-            progress=progress,
+    def plan(self, throw: bool, progress: Callable[[int], object]) -> list[Transfer]:
+        """The robot's paths, one for each group; see `plan_transfers`."""
+        durations = np.diff(self.edges).tolist()
+        return plan_transfers(
+            self.finder, self.start, self.targets, durations, throw=throw, progress=progress
         )
 
-    def to_be_timed(self, transfers: Sequence[Transfer], speed_limits: bool, rest: bool) -> Arm:
-        """The paths with the speeds at which they hand over; from rest to rest on demand."""
-        of_person = speeds(KineticEnergy(self.carrying.model), self.motion)
+    def paths_to_time(self, transfers: Sequence[Transfer]) -> ArmPaths:
+        """The paths, the speeds at their ends, and the joints' speed limits."""
+        settings = self.finder.settings
+        of_person = speeds(KineticEnergy(self.mapping.model), self.motion)
+        synergies = self.analysis.synergies
         lengths = [
-            sum(self.synergies[number].length for number in group.members) for group in self.groups
+            sum(synergies[number].length for number in group.members) for group in self.groups
         ]
         paths = [transfer.path for transfer in transfers]
-        handing = hand_over_speeds(
-            of_person[_samples(self.groups)],
+        handover = handover_speeds(
+            of_person[_edge_samples(self.groups)],
             np.array(lengths),
             np.diff(self.edges),
             np.array([path.length for path in paths]),
         )
-        if rest:
-            handing[[0, -1]] = 0.0
+        if settings.rest:
+            handover[[0, -1]] = 0.0
         fastest = velocity_limits(self.robot)
-        return Arm(
-            self.edges, paths, handing, fastest if speed_limits else np.full_like(fastest, np.inf)
-        )
+        limits = fastest if settings.speed_limits else np.full_like(fastest, np.inf)
+        return ArmPaths(self.edges, paths, handover, limits)
 
-    def in_time(
-        self, transfers: Sequence[Transfer], timing: Timing, number: int
-    ) -> tuple[tuple[Synergy, ...], Trajectory]:
-        """The robot's synergies, and its trajectory at the recording's samples."""
-        time = timing(self.motion.time)
+    def trajectory(
+        self, transfers: Sequence[Transfer], scaling: TimeScaling, number: int
+    ) -> tuple[tuple[Synergy, ...], JointTrajectory]:
+        """The robot's synergies, and its trajectory at the samples of the recording.
+
+        `number` is that of this arm in the time scaling.
+        """
+        time = scaling(self.motion.time)
         synergies = tuple(
             Synergy(group.start, group.stop, float(time[group.start]), transfer.path, law)
             for group, transfer, law in zip(
-                self.groups, transfers, timing.laws[number], strict=True
+                self.groups, transfers, scaling.laws[number], strict=True
             )
         )
         positions, velocities, accelerations = np.empty((3, time.size, self.robot.dof))
@@ -229,27 +159,27 @@ class Task:
             here = slice(synergy.start, synergy.stop + 1)
             positions[here], velocities[here], accelerations[here] = synergy.states(time[here])
         names = self.robot.joint_names
-        return synergies, Trajectory(time, positions, velocities, accelerations, names)
+        return synergies, JointTrajectory(time, positions, velocities, accelerations, names)
 
-    def followed(self, timing: Timing) -> Motion:
-        """The baseline: the whole way of the hand, followed by a velocity controller."""
-        motion, time = self.motion, timing(self.motion.time)
+    def track_hand(self, scaling: TimeScaling) -> Motion:
+        """The baseline: a velocity controller that tracks the hand along its whole path."""
+        motion, time = self.motion, scaling(self.motion.time)
 
         def poses(instants: Array) -> tuple[Array, Array]:
-            # Back from the robot's time, which is stretched evenly between two samples.
-            return self.carrying(motion(np.interp(instants, time, motion.time)))
+            # Robot time is a linear function of the recording's time between two samples.
+            return self.mapping(motion(np.interp(instants, time, motion.time)))
 
-        turning = self.first.rotation is not None
-        placing = self.first.position is not None
-        counts = steps_between(motion)
-        # From a configuration of one's own it would first rush to the hand's place.
-        start = near_configuration(self.robot, self.start, self.first, self.conditions)
-        followed = track_poses(
-            self.robot, start, time, poses, counts=counts, turning=turning, placing=placing
+        # From a given start away from the first pose, it would first rush to that pose.
+        start = self.finder.configuration_near(self.start, self.first)
+        tracked = track_poses(
+            *(self.robot, start, time, poses),
+            counts=steps_between(motion),
+            turning=self.first.rotation is not None,
+            placing=self.first.position is not None,
         )
-        return replace(followed, subject=motion.subject)
+        return replace(tracked, subject=motion.subject)
 
 
-def _samples(groups: Sequence[SynergyGroup]) -> list[int]:
-    """At which groups begin and end (k + 1,)."""
+def _edge_samples(groups: Sequence[SynergyGroup]) -> list[int]:
+    """Samples (k + 1,) at which groups begin and end."""
     return [groups[0].start, *(group.stop for group in groups)]

@@ -1,4 +1,4 @@
-"""Fewer synergies for a robot: what is too short is dropped, what is small is merged."""
+"""Fewer synergies for a robot: short ones are dropped, small ones merged."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from typing import Literal
 import numpy as np
 
 from geodesic_ocp.arrays import as_number
-from geodesic_ocp.synergies.reconstruct import Synergy
+from geodesic_ocp.synergies.synergy import Synergy
 
 # Of the arm's longest synergy.
 _DROPPED, _MERGED = 0.03, 0.15
-_REST = 0.1  # [s]: a shorter pause is not one
+_REST = 0.1  # [s], shortest pause that becomes a rest
 
 Kind = Literal["kept", "merged", "rest"]
 
 
 @dataclass(frozen=True)
 class SynergyGroup:
-    """One synergy of the robot, and those of the person from which it is made.
+    """One synergy of the robot, and the person's synergies from which it is made.
 
     Attributes:
         start, stop: indices of its first and last sample in the recording.
-        members: numbers of the person's synergies in this span of time.
-        dropped: those of them that were too short to count.
-        kind: "kept", one synergy as it was; "merged", several; or "rest", in which the arm stays
-            where it is, as all of it was too short.
+        members: numbers of the person's synergies in this time span.
+        dropped: those of them that were dropped as too short.
+        kind: "kept", a single synergy; "merged", several; or "rest", during which the arm does not
+            move, as all members were dropped.
     """
 
     start: int
@@ -40,7 +40,7 @@ class SynergyGroup:
 
 @dataclass(frozen=True)
 class _Piece:
-    """Neighbouring synergies on their way to become one."""
+    """Neighbouring synergies that are being merged."""
 
     first: int
     last: int
@@ -61,20 +61,18 @@ class _Piece:
 def merge_synergies(
     synergies: Sequence[Synergy], *, drop: float | None = None, merge: float | None = None
 ) -> tuple[SynergyGroup, ...]:
-    """The synergies in groups, each to become one; without gaps, in their order.
+    """Group synergies, each group to become one synergy of the robot; in order, without gaps.
 
-    1. Neighbours shorter than `drop` count as one. Where all of them together are shorter than
-       `drop`, too, they are dropped: pauses of 0.1 s and longer, and what is at the beginning and
-       the end, become rests; the time of others goes to the synergy that follows.
-    2. Of what is left, neighbours that are shorter than `merge` are joined one after the other
-       until they are as long as that together.
-    3. What is still shorter joins its shorter neighbour; it stays where rests surround it.
-    Synergies as long as `merge` are never joined with each other.
+    1. Neighbours shorter than `drop` are joined. If they are shorter than `drop` even together,
+       they are dropped: they become a rest if they last 0.1 s or longer, or are at the beginning or
+       the end; otherwise the following synergy takes their time.
+    2. Remaining neighbours shorter than `merge` are joined until they are as long as that together.
+    3. Those still shorter join their shorter neighbour, unless both neighbours are rests.
+    Synergies at least as long as `merge` are never joined with each other.
 
     Args:
         synergies: of one arm, one after the other.
-        drop, merge: lengths, in the unit of the synergies' own; by default 3 % and 15 % of the
-            longest of them.
+        drop, merge: lengths in the synergies' metric; by default 3 % and 15 % of the longest one.
 
     Raises:
         ValueError: there are no synergies, `drop` is negative or above `merge`.
@@ -96,7 +94,7 @@ def merge_synergies(
 
 
 def _joined(pieces: list[_Piece], below: float, enough: float) -> list[_Piece]:
-    """Neighbours below a length are one, up to where they are long enough together."""
+    """Join neighbours below a length until they are long enough together."""
     result: list[_Piece] = []
     is_open = False
     for piece in pieces:
@@ -110,12 +108,12 @@ def _joined(pieces: list[_Piece], below: float, enough: float) -> list[_Piece]:
 
 
 def _rested(pieces: list[_Piece], drop: float) -> list[_Piece]:
-    """Pieces below `drop` are rests, or go to the next one where they are brief."""
+    """Turn pieces below `drop` into rests, or join them to the next piece if they are brief."""
     result: list[_Piece] = []
     waiting: _Piece | None = None
     for index, piece in enumerate(pieces):
         if piece.length >= drop and piece.length > 0.0:
-            # What was dropped gives its time, and does not make the piece any longer.
+            # A dropped piece contributes its time, not its length.
             result.append(piece if waiting is None else piece.with_(replace(waiting, length=0.0)))
             waiting = None
         elif piece.seconds >= _REST or index in (0, len(pieces) - 1):
@@ -126,7 +124,7 @@ def _rested(pieces: list[_Piece], drop: float) -> list[_Piece]:
 
 
 def _attached(pieces: list[_Piece], merge: float) -> list[_Piece]:
-    """Pieces below `merge` join the shorter of their neighbours that move."""
+    """Join pieces below `merge` to the shorter of their moving neighbours."""
     while True:
         for index, piece in enumerate(pieces):
             if piece.still or piece.length >= merge:
@@ -150,7 +148,7 @@ def _group(piece: _Piece, synergies: Sequence[Synergy], drop: float) -> SynergyG
     start, stop = synergies[piece.first].start, synergies[piece.last].stop
     if piece.still:
         return SynergyGroup(start, stop, members, members, "rest")
-    # Only what was dropped as a whole: short ones in a row may be a movement together.
+    # Several short ones in a row may be a movement together.
     dropped: list[int] = []
     for short, run in groupby(members, key=lambda index: synergies[index].length < drop):
         numbers = list(run)

@@ -1,4 +1,4 @@
-"""What `retarget` returns: a robot's synergies and motion, figures, tables and files."""
+"""Retargeting, the result of `retarget`: a robot's synergies and motion, tables, figure, files."""
 
 from __future__ import annotations
 
@@ -8,45 +8,52 @@ from pathlib import Path as FilePath
 
 from matplotlib.figure import Figure
 
-from geodesic_ocp.figures import plot
+from geodesic_ocp.figures import overview
 from geodesic_ocp.records import write_together
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
-from geodesic_ocp.retargeting.time_scaling import Timing
-from geodesic_ocp.synergies.files import save_synergies
-from geodesic_ocp.synergies.reconstruct import Synergy
+from geodesic_ocp.retargeting.settings import RetargetingSettings
+from geodesic_ocp.retargeting.time_scaling import TimeScaling
+from geodesic_ocp.synergies.synergy import Synergy
+from geodesic_ocp.synergies.synergy_files import save_synergies
 from geodesic_ocp.table import Table
-from geodesic_ocp.trajectory.joint_trajectory import Trajectory
+from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion
 
 _METHODS = {"synergies": "geodesic synergies", "ik": "inverse kinematics"}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Retargeting:
     """A person's synergies on a robot, or on several arms at once.
 
     Attributes:
-        arms: what became of each; as a rule there is one.
-        timing: the robot's time over the recording's, with the factors by which it is stretched.
-        formulation: in which the paths were sought.
-        limits: whether joints were kept within their limits.
-        seconds: that it took.
+        arms: the result for each arm; usually there is one.
+        scaling: robot time over recording time, with the scale factors.
+        settings: of the retargeting.
+        seconds: computing time.
     """
 
     arms: tuple[RetargetedArm, ...]
-    timing: Timing
-    formulation: str
-    limits: bool
+    scaling: TimeScaling
+    settings: RetargetingSettings
     seconds: float
+
+    def __repr__(self) -> str:
+        lines = [repr(arm) for arm in self.arms]
+        time = "the person's time" if self.stretch <= 1.0 else f"{self.stretch:.2f} times as long"
+        return "\n".join([f"Retargeting in {time}, found in {self.seconds:.1f} s", *lines[:2]])
+
+    def _repr_markdown_(self) -> str:
+        return self.table().markdown()
 
     @property
     def synergies(self) -> tuple[Synergy, ...]:
-        """The robot's synergies, of all arms, one arm after the other."""
+        """The robot's synergies, one arm after the other."""
         return tuple(synergy for arm in self.arms for synergy in arm.synergies)
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
-        """Of all arms; where two have a name in common, with the arm's number in front."""
+        """Joint names of all arms, with the number of the arm in front if two arms share a name."""
         names = [name for arm in self.arms for name in arm.robot.joint_names]
         if len(set(names)) == len(names):
             return tuple(names)
@@ -57,62 +64,62 @@ class Retargeting:
         )
 
     @cached_property
-    def trajectory(self) -> Trajectory:
+    def trajectory(self) -> JointTrajectory:
         """Positions, velocities and accelerations of all joints."""
-        return Trajectory.side_by_side([arm.trajectory for arm in self.arms], self.joint_names)
+        return JointTrajectory.side_by_side([arm.trajectory for arm in self.arms], self.joint_names)
 
     @cached_property
     def motion(self) -> Motion:
-        """The robot's motion, all joints, at the recording's samples, in the robot's time."""
+        """The robot's motion, all joints, at the samples of the recording, in robot time."""
         found = self.trajectory
         return Motion(found.time, found.positions, found.joint_names, found.velocities)
 
     @property
     def stretch(self) -> float:
-        """The whole duration over the person's; 1 where no joint was too fast."""
-        edges = self.timing.edges
-        return float(self.timing(edges[-1:])[0] / (edges[-1] - edges[0]))
+        """Duration over the person's; 1 if no joint exceeded its speed limit."""
+        edges = self.scaling.edges
+        return float(self.scaling(edges[-1:])[0] / (edges[-1] - edges[0]))
 
     def table(self) -> Table:
-        """Energy, speed and the hand's errors of the synergies and of inverse kinematics."""
+        """Action, speed and errors of the hand, of the synergies and of inverse kinematics."""
         header = (
             "arm",
             "method",
-            "energy [J s]",
+            "action [J s]",
             "peak speed [limit]",
             "hand, mean [m]",
             "hand, mean [rad]",
-            "outside limits [rad or m]",
+            "limit violation [rad or m]",
         )
         rows = [
             (
                 arm.title,
                 _METHODS[method],
-                found.energy,
+                found.action,
                 found.peak_speed if arm.has_speed_limits else "-",
                 found.position,
                 found.orientation,
-                found.outside,
+                found.limit_violation,
             )
             for arm in self.arms
-            for method, found in arm.figures.items()
+            for method, found in arm.statistics.items()
         ]
         return Table(header, tuple(rows))
 
     def synergy_table(self) -> Table:
-        """The robot's synergies beside those of the person that they are made of."""
+        """The robot's synergies, with the person's synergies from which they are made."""
         header = (
             "arm",
             "synergy",
-            "of the person's",
+            "person's synergies",
             "dropped",
             "kind",
             "start [s]",
             "duration [s]",
-            "stretched by",
+            "time scaled by",
             "length [kg^1/2 m]",
-            "miss [m]",
-            "miss [rad]",
+            "hand error [m]",
+            "hand error [rad]",
             "iterations",
             "status",
         )
@@ -143,11 +150,11 @@ class Retargeting:
         return Table(header, tuple(rows))
 
     def plot(self) -> Figure:
-        """Hand and three joints over time, and the hand's path, of every arm.
+        """Hand and three joints over time, and the path of the hand, of every arm.
 
-        The person's hand, carried over, beside the robot's; spans of the robot's synergies are
-        shaded, and marks on the upper edge tell where the person's began. Joints are those of the
-        robot, beside what inverse kinematics does.
+        The person's hand, mapped to the robot, is drawn beside the robot's. Time spans of the
+        robot's synergies are shaded; marks on the upper edge are the starts of the person's
+        synergies. The robot's joints are drawn beside those of inverse kinematics.
         """
         count = len(self.arms)
         figure = Figure(figsize=(11.0, 7.5 * count), layout="constrained")
@@ -155,34 +162,34 @@ class Retargeting:
         for arm, part in zip(self.arms, parts, strict=True):
             time = arm.trajectory.time
             segments = [(group.start, group.stop) for group in arm.groups]
-            hands = (arm.wanted[1], arm.robot.hand_pose(arm.motion.q)[1])
+            hands = (arm.target_poses[1], arm.robot.hand_pose(arm.motion.q)[1])
             joints = []
-            for joint in plot.widest_of_thirds(arm.motion.q):
+            for joint in overview.widest_of_thirds(arm.motion.q):
                 name, unit = arm.robot.joint_names[joint], arm.robot.units[joint]
                 label = f"{_short(name)}\n[{unit}]"
                 joints.append((label, arm.baseline.q[:, joint], arm.motion.q[:, joint]))
             ticks = time[[synergy.start for synergy in arm.analysis.synergies]]
-            names, other = ("person's hand, carried over", "geodesic synergies"), _METHODS["ik"]
-            plot.draw_overview(part, time, segments, hands, joints, names, other, ticks)
+            names, other = ("person's hand, mapped", "geodesic synergies"), _METHODS["ik"]
+            overview.draw_overview(part, time, segments, hands, joints, names, other, ticks)
             part.suptitle(
                 f"{arm.title}: {len(arm.groups)} synergies of {len(arm.analysis.synergies)}"
             )
         return figure
 
     def save(self, folder: str | FilePath) -> list[FilePath]:
-        """Write tables, figure, synergies and trajectory to the folder.
+        """Write tables, figure, synergies and trajectory to a folder.
 
-        The trajectory begins and ends at the person's speed (`retarget(..., rest=True)`: at rest,
-        as many controllers ask for). Its velocities jump where synergies meet, as directions do,
-        and its accelerations are those between, rough to about a hundredth where a limit holds a
-        path back: the path is a polynomial in pieces.
+        The trajectory begins and ends at the person's speed (`RetargetingSettings(rest=True)`: at
+        rest, as many controllers require). Its velocities jump in direction where synergies meet;
+        its accelerations are those in between, accurate to about one per cent where a limit is
+        active, as the path is a piecewise polynomial.
 
         table.csv and table.md, synergies.csv and synergies.md (`synergy_table`), figure.png and
         figure.pdf, trajectory.csv, trajectory.json (the message JointTrajectory of ROS 2), and for
         each arm synergies.json, or synergies_0.json and so on.
 
         Returns:
-            The files' paths.
+            Paths of the files.
 
         Raises:
             OSError: the folder cannot be made or written to.
@@ -204,7 +211,7 @@ class Retargeting:
 
 
 def _span(numbers: tuple[int, ...]) -> str:
-    """Numbers as a text: "3", "3-5", "3, 5", or "-" for none."""
+    """Numbers as text: "3", "3-5", "3, 5", or "-" for none."""
     parts: list[str] = []
     first = last = None
     for number in (*numbers, None):

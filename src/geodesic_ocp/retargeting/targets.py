@@ -1,11 +1,10 @@
-"""Poses that a robot's hand is to have, and configurations that have them."""
+"""Target poses of a robot's hand, and configurations that attain them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,177 +13,176 @@ from geodesic_ocp.arrays import Array, as_vector
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.model.geometry.signed_distances import signed_distances
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.ocp.ik.inverse_kinematics import Clear, inverse_kinematics_solutions
-from geodesic_ocp.ocp.ik.nearest import nearest_configuration
-from geodesic_ocp.ocp.ik.pose_error import pose_miss
+from geodesic_ocp.ocp.ik.inverse_kinematics import (
+    inverse_kinematics_solutions,
+    nearest_configuration,
+)
+from geodesic_ocp.ocp.ik.pose_error import pose_difference
+from geodesic_ocp.retargeting.settings import RetargetingSettings
 
-Formulation = Literal["constrained", "geodesic"]
-# Conditions hold to this between the nodes, and limits are narrowed by twice as much.
-TOLERANCE = 1e-6
 REACHED = 1e-6  # [m] and [rad]
-_SEVERAL = 8  # configurations of inverse kinematics
+_SOLUTIONS = 8  # of inverse kinematics
 _SAME = 1e-3  # [rad or m]
 _CLOSE = 1e-3  # [m] and [rad]
 
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Where the hand is to be.
+    """A target for the hand.
 
     Attributes:
-        rotation: (3, 3), or None where it is left free.
-        position: (3,) [m], or None.
+        rotation: (3, 3), or None if it is free.
+        position: (3,) [m], or None if it is free.
     """
 
     rotation: Array | None
     position: Array | None
 
-    def of(self, model: Model, q: Array) -> Pose:
-        """The pose of the hand at q, as far as this one asks for it."""
+    def reached_by(self, model: Model, q: Array) -> Pose:
+        """The pose of the hand at q, with the same parts left free."""
         rotation, position = model.hand_pose(q)
         return Pose(
             None if self.rotation is None else rotation,
             None if self.position is None else position,
         )
 
-    def miss(self, model: Model, q: Array) -> tuple[float, float]:
-        """Distance [m] and angle [rad] from the hand at q; zero for what is left free."""
+    def error(self, model: Model, q: Array) -> tuple[float, float]:
+        """Distance [m] and angle [rad] of the hand at q from this pose; zero for free parts."""
         rotation, position = model.hand_pose(q)
-        away, angle = pose_miss(
+        return pose_difference(
             rotation,
             position,
             rotation if self.rotation is None else self.rotation,
             position if self.position is None else self.position,
         )
-        return away, angle
 
 
 @dataclass(frozen=True, eq=False)
-class Goal:
-    """A pose, and what inverse kinematics found of it.
+class KeyPose:
+    """The target pose at the end of a synergy, and what inverse kinematics found for it.
 
     Attributes:
-        pose: that is asked for.
-        configuration: with that pose, or with the nearest (n,).
-        missed: distance [m] and angle [rad] of the hand from the pose there.
+        pose: the target.
+        configuration: with that pose, or with the nearest one (n,).
+        error: distance [m] and angle [rad] of the hand from the target there.
     """
 
     pose: Pose
     configuration: Array
-    missed: tuple[float, float]
+    error: tuple[float, float]
 
     @property
     def within_reach(self) -> bool:
-        """Whether the configuration has the pose."""
-        return max(self.missed) <= REACHED
-
-
-@dataclass(frozen=True)
-class Conditions:
-    """What holds for all synergies of a robot; see `retarget`."""
-
-    formulation: Formulation
-    limits: bool
-    speed_limits: bool
-    clear: Clear
-    weights: tuple[float, float]
-    energy_weight: float
-    num_starts: int
+        """Whether the configuration attains the target."""
+        return max(self.error) <= REACHED
 
 
 @lru_cache(maxsize=16)
-def narrowed(robot: Model) -> Model:
-    """The robot with limits a little within its own: what is missed by the tolerance is not."""
-    gap = np.minimum(2.0 * TOLERANCE, (robot.upper - robot.lower) / 4.0)
+def with_narrowed_limits(robot: Model, tolerance: float) -> Model:
+    """The robot with limits narrowed by twice a tolerance, so that none is violated by it."""
+    gap = np.minimum(2.0 * tolerance, (robot.upper - robot.lower) / 4.0)
     return robot.with_limits(robot.lower + gap, robot.upper - gap)
 
 
-def first_configuration(
-    robot: Model, pose: Pose, conditions: Conditions, given: ArrayLike | None
-) -> Array:
-    """Configuration (n,) to begin in: one that is given, or that has the pose and is near mid-range.
+@dataclass(frozen=True, eq=False)
+class PoseFinder:
+    """Inverse kinematics of one robot under the settings of a retargeting.
 
-    Raises:
-        ValueError: the one that is given is outside the limits, or too near to a body.
-        NotConverged: no configuration is clear of the bodies.
+    Attributes:
+        robot: the arm.
+        settings: of the retargeting.
+        tolerance: of the paths' conditions.
     """
-    arm, clear = narrowed(robot) if conditions.limits else robot, conditions.clear
-    if given is None:
-        middle = np.where(np.isfinite(arm.upper - arm.lower), (arm.upper + arm.lower) / 2.0, 0.0)
-        return _configuration(arm, middle, pose, conditions, _SEVERAL)
-    start = as_vector("start", given, robot.dof)
-    if conditions.limits:
-        for joint, value, low, high in zip(
-            robot.joint_names, start, robot.lower, robot.upper, strict=True
-        ):
-            if not low <= value <= high:
+
+    robot: Model
+    settings: RetargetingSettings
+    tolerance: float
+
+    @property
+    def arm(self) -> Model:
+        """The robot, with narrowed limits if they are to be met."""
+        if not self.settings.within_limits:
+            return self.robot
+        return with_narrowed_limits(self.robot, self.tolerance)
+
+    def first_configuration(self, pose: Pose, given: ArrayLike | None) -> Array:
+        """Configuration (n,) to begin in: the given one, or one with the pose near mid-range.
+
+        Raises:
+            ValueError: the given one is outside the limits, or too close to a collision body.
+            NotConverged: no configuration is clear of the collision bodies.
+        """
+        robot, arm, collisions = self.robot, self.arm, self.settings.collisions
+        if given is None:
+            finite = np.isfinite(arm.upper - arm.lower)
+            middle = np.where(finite, (arm.upper + arm.lower) / 2.0, 0.0)
+            return self._nearest(middle, pose, _SOLUTIONS)
+        start = as_vector("start", given, robot.dof)
+        if self.settings.within_limits:
+            for joint, value, low, high in zip(
+                robot.joint_names, start, robot.lower, robot.upper, strict=True
+            ):
+                if not low <= value <= high:
+                    raise ValueError(
+                        f"start: {joint} is at {value:.4g}, outside its limits {low:.4g} to "
+                        f"{high:.4g}"
+                    )
+        obstacles, links, pairs, margin = collisions
+        distances = signed_distances(robot, start, obstacles, links=links, pairs=pairs)
+        for name, distance in distances.items():
+            if distance < margin:
                 raise ValueError(
-                    f"start: {joint} is at {value:.4g}, outside its limits {low:.4g} to {high:.4g}"
+                    f"start: {name} is {distance:.3g} m, and must be at least {margin:.3g} m"
                 )
-        start = np.clip(start, arm.lower, arm.upper)
-    for name, distance in _clearances(robot, start, clear).items():
-        if distance < clear.margin:
-            raise ValueError(
-                f"start: {name} is {distance:.3g} m, and must be {clear.margin:.3g} m at least"
-            )
-    return start
-
-
-def _clearances(robot: Model, q: Array, clear: Clear) -> dict[str, float]:
-    return signed_distances(robot, q, clear.obstacles, links=clear.links, pairs=clear.pairs)
-
-
-def _configuration(
-    arm: Model, near: Array, pose: Pose, conditions: Conditions, enough: int = 1
-) -> Array:
-    """The configuration with the pose, the nearest of so many, or the one nearest to it."""
-    try:
-        return _configurations(arm, near, pose, conditions, enough)[0]
-    except NotConverged:
-        given = (pose.position, pose.rotation, conditions.weights, conditions.limits)
-        return nearest_configuration(arm, near, *given, conditions.clear)
-
-
-def _configurations(
-    arm: Model, near: Array, pose: Pose, conditions: Conditions, enough: int
-) -> list[Array]:
-    given = (pose.position, pose.rotation, conditions.limits, None, conditions.clear)
-    return inverse_kinematics_solutions(arm, near, *given, enough)
-
-
-def ends(arm: Model, near: Array, goal: Goal, conditions: Conditions) -> list[Array]:
-    """Configurations in which a path may end, those to which a straight line costs least first."""
-    if not goal.within_reach:
-        return [_configuration(arm, near, goal.pose, conditions)]
-    try:
-        found = _configurations(arm, near, goal.pose, conditions, _SEVERAL)
-    except NotConverged:  # from here; it was found from elsewhere
-        return [goal.configuration]
-    distinct: list[Array] = []
-    for configuration in found:
-        if all(np.abs(configuration - other).max() > _SAME for other in distinct):
-            distinct.append(configuration)
-    return sorted(distinct, key=lambda configuration: _cost(arm, near, configuration))
-
-
-def _cost(arm: Model, q0: Array, q1: Array) -> float:
-    """Energy of the straight line, with the mass matrix at three places of it."""
-    matrices = [arm.mass_matrix(q0 + share * (q1 - q0)) for share in (0.0, 0.5, 1.0)]
-    return float((q1 - q0) @ np.mean(matrices, axis=0) @ (q1 - q0))
-
-
-def near_configuration(robot: Model, start: Array, pose: Pose, conditions: Conditions) -> Array:
-    """The start, if it has the pose, or the configuration near it that has, or the nearest to it."""
-    if max(pose.miss(robot, start)) <= _CLOSE:
         return start
-    return _configuration(narrowed(robot) if conditions.limits else robot, start, pose, conditions)
+
+    def key_poses(self, start: Array, poses: Sequence[Pose]) -> list[KeyPose]:
+        """Configurations with the poses, or the nearest to them, each near the one before."""
+        found, near = [], start
+        for pose in poses:
+            near = self._nearest(near, pose)
+            found.append(KeyPose(pose, near, pose.error(self.robot, near)))
+        return found
+
+    def end_configurations(self, near: Array, target: KeyPose) -> list[Array]:
+        """Configurations in which a path may end, sorted by the energy of the straight line."""
+        if not target.within_reach:
+            return [self._nearest(near, target.pose)]
+        try:
+            found = self._solutions(near, target.pose, _SOLUTIONS)
+        except NotConverged:  # from here; it was found from elsewhere
+            return [target.configuration]
+        distinct: list[Array] = []
+        for q in found:
+            if all(np.abs(q - other).max() > _SAME for other in distinct):
+                distinct.append(q)
+        return sorted(distinct, key=lambda q: _line_energy(self.arm, near, q))
+
+    def configuration_near(self, start: Array, pose: Pose) -> Array:
+        """The start if it has the pose, else the nearest configuration with it."""
+        if max(pose.error(self.robot, start)) <= _CLOSE:
+            return start
+        return self._nearest(start, pose)
+
+    def _nearest(self, near: Array, pose: Pose, enough: int = 1) -> Array:
+        """The nearest of several configurations with the pose, or the nearest pose."""
+        try:
+            return self._solutions(near, pose, enough)[0]
+        except NotConverged:
+            settings = self.settings
+            return nearest_configuration(
+                *(self.arm, near, pose.position, pose.rotation, settings.pose_weights),
+                *(settings.within_limits, settings.collisions),
+            )
+
+    def _solutions(self, near: Array, pose: Pose, enough: int) -> list[Array]:
+        within, collisions = self.settings.within_limits, self.settings.collisions
+        return inverse_kinematics_solutions(
+            self.arm, near, pose.position, pose.rotation, within, None, collisions, enough
+        )
 
 
-def goals(robot: Model, start: Array, poses: Sequence[Pose], conditions: Conditions) -> list[Goal]:
-    """Configurations with the poses, or the nearest to them, each found from the one before."""
-    arm = narrowed(robot) if conditions.limits else robot
-    found, near = [], start
-    for pose in poses:
-        near = _configuration(arm, near, pose, conditions)
-        found.append(Goal(pose, near, pose.miss(robot, near)))
-    return found
+def _line_energy(arm: Model, q0: Array, q1: Array) -> float:
+    """Energy of the straight line, with the mass matrix at three of its points."""
+    matrices = [arm.mass_matrix(q0 + s * (q1 - q0)) for s in (0.0, 0.5, 1.0)]
+    return float((q1 - q0) @ np.mean(matrices, axis=0) @ (q1 - q0))

@@ -1,7 +1,7 @@
-"""When a robot's paths are travelled: minimum-acceleration laws, slower where joints are too slow.
+"""Time scaling of a robot's paths: minimum-acceleration time laws within the joints' speed limits.
 
-Every synergy takes the person's time, and the hand-over speeds are the person's, in proportion to
-the lengths. Where a joint would be faster than it can, the span of time is stretched, for all arms
+Every synergy takes the person's time, with the person's speeds at its ends in proportion to the
+path lengths. Where a joint would exceed its speed limit, the time interval is scaled, for all arms
 alike.
 """
 
@@ -16,22 +16,22 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.trajectory.path import Path
 from geodesic_ocp.trajectory.time_law import TimeLaw, time_law
-from geodesic_ocp.trajectory.timed_path import at_times
+from geodesic_ocp.trajectory.timed_path import states_at
 
-_PLACES = 201
-_ROUNDS = 60
-_MORE = 1.001
-# Fritsch and Carlson: a cubic whose end speeds are at most three times its mean never turns back.
-_FASTEST = 3.0
+_SAMPLES = 201
+_MAX_ROUNDS = 60
+_MARGIN = 1.001  # of a scale factor
+# A cubic with end speeds of at most three times its mean is monotone (Fritsch and Carlson 1980).
+_MONOTONE = 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class Arm:
-    """What one arm is to do.
+class ArmPaths:
+    """The paths of one arm, to be travelled one after the other.
 
     Attributes:
-        edges: instants (k + 1,) [s] at which its k paths begin and end in the recording.
-        paths: k of them; of no length where the arm rests.
+        edges: times (k + 1,) [s] in the recording at which its k paths begin and end.
+        paths: k of them; of zero length where the arm rests.
         speeds: (k + 1,) at the edges, in the metric's unit per second.
         limits: largest speeds of the joints (n,) [rad/s or m/s].
     """
@@ -43,28 +43,28 @@ class Arm:
 
 
 @dataclass(frozen=True, eq=False)
-class Timing:
-    """Laws of the arms' paths, and the robot's time.
+class TimeScaling:
+    """Time laws of the arms' paths, and robot time as a function of recording time.
 
     Attributes:
-        laws: for each arm, one for each path.
-        edges: instants (m + 1,) [s] of the recording between which time is stretched evenly.
-        stretches: factors (m,), one at least.
+        laws: for each arm, a time law for each path.
+        edges: times (m + 1,) [s] of the recording between which time is scaled uniformly.
+        factors: scale factors (m,), at least one.
     """
 
     laws: tuple[tuple[TimeLaw, ...], ...]
     edges: Array
-    stretches: Array
+    factors: Array
 
     def __call__(self, time: Array) -> Array:
-        """The robot's time [s], from 0, for times of the recording [s]."""
-        steps = np.diff(self.edges) * self.stretches
+        """Robot time [s], from 0, for times of the recording [s]."""
+        steps = np.diff(self.edges) * self.factors
         later = np.concatenate([[0.0], np.cumsum(steps)])
         return np.asarray(np.interp(time, self.edges, later))
 
 
-def hand_over_speeds(speeds: Array, lengths: Array, durations: Array, paths: Array) -> Array:
-    """Speeds (k + 1,) at which a robot's k paths hand over.
+def handover_speeds(speeds: Array, lengths: Array, durations: Array, paths: Array) -> Array:
+    """Speeds (k + 1,) at the ends of a robot's k paths.
 
     Args:
         speeds: of the person there (k + 1,), in the person's metric.
@@ -72,8 +72,8 @@ def hand_over_speeds(speeds: Array, lengths: Array, durations: Array, paths: Arr
         durations: of them [s].
         paths: lengths of the robot's k paths.
 
-    The person's speed times the mean of the two ratios of lengths; zero at a rest; and at most
-    three times the mean speed on either side.
+    The person's speed times the mean of the two length ratios; zero at a rest, and at most three
+    times the mean speed on either side.
     """
     moving = (lengths > 0.0) & (paths > 0.0)
     ratio = np.divide(paths, lengths, out=np.zeros_like(paths), where=moving)
@@ -85,42 +85,42 @@ def hand_over_speeds(speeds: Array, lengths: Array, durations: Array, paths: Arr
 
 
 def _cap(mean: Array) -> Array:
-    """Largest speeds (k + 1,) at the ends of k paths with these mean speeds."""
+    """Largest speeds (k + 1,) at the ends of k monotone paths with these mean speeds."""
     least = np.concatenate([mean[:1], np.minimum(mean[:-1], mean[1:]), mean[-1:]])
-    return np.asarray(_FASTEST * least)
+    return np.asarray(_MONOTONE * least)
 
 
-def timed(arms: Sequence[Arm]) -> Timing:
-    """Laws for all arms' paths, with speeds that are continuous and joints within their limits.
+def scale_time(arms: Sequence[ArmPaths]) -> TimeScaling:
+    """Time laws for all arms' paths, with continuous speed and joints within their speed limits.
 
     Raises:
-        NotConverged: time was stretched again and again, and joints are still too fast.
+        NotConverged: joints exceed their speed limits after many rounds of scaling.
     """
     edges = np.unique(np.concatenate([arm.edges for arm in arms]))
-    stretches = np.ones(edges.size - 1)
-    for _ in range(_ROUNDS):
-        timing = Timing(tuple(_laws(arm, edges, stretches) for arm in arms), edges, stretches)
-        needed = np.ones_like(stretches)
-        for arm, laws in zip(arms, timing.laws, strict=True):
+    factors = np.ones(edges.size - 1)
+    for _ in range(_MAX_ROUNDS):
+        scaling = TimeScaling(tuple(_laws(arm, edges, factors) for arm in arms), edges, factors)
+        needed = np.ones_like(factors)
+        for arm, laws in zip(arms, scaling.laws, strict=True):
             for start, stop, path, law in zip(
                 arm.edges[:-1], arm.edges[1:], arm.paths, laws, strict=True
             ):
                 here = (edges[:-1] >= start) & (edges[1:] <= stop)
-                needed[here] = np.maximum(needed[here], _excess(path, law, arm.limits))
+                needed[here] = np.maximum(needed[here], _speed_ratio(path, law, arm.limits))
         if np.all(needed <= 1.0):
-            return timing
-        stretches = stretches * np.where(needed > 1.0, needed * _MORE, 1.0)
-    raise NotConverged("joints are too fast however much time is stretched")
+            return scaling
+        factors = factors * np.where(needed > 1.0, needed * _MARGIN, 1.0)
+    raise NotConverged("joints exceed their speed limits however much time is scaled")
 
 
-def _laws(arm: Arm, edges: Array, stretches: Array) -> tuple[TimeLaw, ...]:
-    steps = np.diff(edges) * stretches
+def _laws(arm: ArmPaths, edges: Array, factors: Array) -> tuple[TimeLaw, ...]:
+    steps = np.diff(edges) * factors
     later = np.concatenate([[0.0], np.cumsum(steps)])
     places = np.searchsorted(edges, arm.edges)
     durations = np.diff(later[places])
-    before = np.concatenate([[1.0], stretches])[places]
-    after = np.concatenate([stretches, [1.0]])[places]
-    # A neighbour may be stretched more, or another arm: then this one must not creep and dash.
+    before = np.concatenate([[1.0], factors])[places]
+    after = np.concatenate([factors, [1.0]])[places]
+    # A neighbour or another arm may be slowed down more: end speeds follow the smaller mean.
     mean = np.array([path.length for path in arm.paths]) / durations
     speeds = np.minimum(arm.speeds / np.maximum(before, after), _cap(mean))
     laws = []
@@ -131,7 +131,7 @@ def _laws(arm: Arm, edges: Array, stretches: Array) -> tuple[TimeLaw, ...]:
     return tuple(laws)
 
 
-def _excess(path: Path, law: TimeLaw, limits: Array) -> float:
-    """How many times faster than its limit the fastest joint is."""
-    _, velocity, _ = at_times(path, law, np.linspace(0.0, law.duration, _PLACES))
+def _speed_ratio(path: Path, law: TimeLaw, limits: Array) -> float:
+    """Ratio of the fastest joint speed to its limit."""
+    _, velocity, _ = states_at(path, law, np.linspace(0.0, law.duration, _SAMPLES))
     return float((np.abs(velocity) / limits).max(initial=0.0))

@@ -20,21 +20,21 @@ from geodesic_ocp.arrays import Array, as_vector
 _MAX_DEGREE = 100
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Grid:
-    """[0, 1] in segments, in each the degree + 1 Gauss-Lobatto nodes of one polynomial.
+    """A grid on [0, 1]: segments, each with the degree + 1 Gauss-Lobatto nodes of one polynomial.
 
-    Neighbouring segments share a node, so that there are segments * degree + 1 nodes in all.
+    Neighbouring segments share a node, so that there are segments * degree + 1 nodes.
 
     Attributes:
-        segments: how many.
+        segments: number of segments.
         degree: of the polynomials.
-        ends: where segments meet and end, from 0 to 1, (segments + 1,); None: all are equally long.
-        via_segments: which of these ends, by number, a problem's via points lie on.
+        ends: breakpoints of the segments from 0 to 1, (segments + 1,); None: equal widths.
+        via_segments: indices of the breakpoints at which a problem's via points lie.
 
     Raises:
-        ValueError: fewer than one segment, a degree below 2 or above 100, ends or stations that
-            are not so.
+        ValueError: fewer than one segment, a degree below 2 or above 100, or breakpoints or indices
+            that do not increase.
     """
 
     segments: int = 1
@@ -66,14 +66,21 @@ class Grid:
                 f"via_segments must increase between 0 and {self.segments}, got {self.via_segments}"
             )
 
+    def __repr__(self) -> str:
+        widths = "" if self.ends is None else " of different widths"
+        via = f", via points at s = {[round(float(s), 4) for s in self.via_s]}" * bool(
+            self.via_segments
+        )
+        return f"Grid({self.segments} segments{widths}, degree {self.degree}{via})"
+
     def with_via_points(self, via_s: Sequence[float]) -> Grid:
         """The grid with via points at these s, increasing between 0 and 1.
 
-        Each piece between two of them has segments of one length; the number is that of the old
-        grid, divided in proportion, where that leaves each piece with two at least.
+        The segments are distributed in proportion to the distances between via points, at least
+        two each, and have equal widths between two of them.
 
         Raises:
-            ValueError: the shares do not increase between 0 and 1.
+            ValueError: they do not increase between 0 and 1.
         """
         edges = np.array([0.0, *via_s, 1.0])
         if not np.all(np.diff(edges) > 0.0):
@@ -85,20 +92,20 @@ class Grid:
         return Grid(len(ends) - 1, self.degree, tuple(ends.tolist()), inner)
 
     def with_via_points_at(self, via_s: Sequence[float]) -> Grid:
-        """The grid with its via points at other s; the segments between them are stretched."""
+        """The grid with its via points at other s; the segments between them are scaled."""
         old = [0.0, *self.breakpoints[list(self.via_segments)], 1.0]
         ends = np.interp(self.breakpoints, old, [0.0, *via_s, 1.0])
         return replace(self, ends=tuple(ends.tolist()))
 
     @property
     def via_s(self) -> Array:
-        """Where the via points lie, s of each."""
+        """Path parameters s of the via points."""
         return self.breakpoints[list(self.via_segments)]
 
     @property
     def via_nodes(self) -> list[int]:
-        """The nodes on which the via points lie."""
-        return [self.degree * station for station in self.via_segments]
+        """Indices of the nodes at which the via points lie."""
+        return [self.degree * segment for segment in self.via_segments]
 
     @property
     def size(self) -> int:
@@ -107,12 +114,12 @@ class Grid:
 
     @property
     def collocations(self) -> int:
-        """Number of nodes of all segments, shared nodes counted in each."""
+        """Number of nodes of all segments, with shared nodes counted twice."""
         return self.segments * (self.degree + 1)
 
     @cached_property
     def breakpoints(self) -> Array:
-        """Ends of the segments, (segments + 1,)."""
+        """Breakpoints of the segments, (segments + 1,)."""
         return (
             np.arange(self.segments + 1) / self.segments
             if self.ends is None
@@ -121,7 +128,7 @@ class Grid:
 
     @cached_property
     def widths(self) -> Array:
-        """Lengths of the segments, (segments,)."""
+        """Widths of the segments, (segments,)."""
         if self.ends is None:
             return np.full(self.segments, 1.0 / self.segments)
         return np.diff(self.breakpoints)
@@ -155,14 +162,14 @@ class Grid:
         )
 
     def in_segments(self, values: Array) -> Array:
-        """Values at all nodes (size, ...) by segment, (segments, degree + 1, ...)."""
+        """Values at all nodes (size, ...) arranged by segment, (segments, degree + 1, ...)."""
         index = self.degree * np.arange(self.segments)[:, None] + np.arange(self.degree + 1)
         return np.asarray(values[index])
 
     def interpolate(self, values: Array, s: ArrayLike) -> Array:
         """The piecewise polynomial at s (k,), from values by segment (segments, degree + 1, n).
 
-        Arguments a little outside [0, 1] extend the first and the last polynomial.
+        Slightly outside [0, 1] the first or the last polynomial is extrapolated.
         """
         times = np.asarray(s, dtype=float)
         if self.ends is None:
@@ -208,7 +215,7 @@ def _reference(degree: int) -> _Reference:
 
     distance = nodes[:, None] - nodes
     np.fill_diagonal(distance, 1.0)
-    # Products of distances under- and overflow at high degrees: 2 is the interval's capacity.
+    # Distances are scaled by the inverse capacity of the interval, so that products stay finite.
     barycentric = 1.0 / np.prod(2.0 * distance, axis=1)
     barycentric /= np.abs(barycentric).max()
     differentiation = barycentric / barycentric[:, None] / distance

@@ -1,4 +1,4 @@
-"""A robot's motion as a joint trajectory, for a controller: CSV, and JSON as ROS 2 writes it."""
+"""Joint trajectories for robot controllers, as CSV and as a ROS 2 message in JSON."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from geodesic_ocp.arrays import Array
 _NANO = 1_000_000_000
 
 
-@dataclass(frozen=True, eq=False)
-class Trajectory:
+@dataclass(frozen=True, eq=False, repr=False)
+class JointTrajectory:
     """Joint positions, velocities and accelerations over time.
 
     Attributes:
@@ -31,9 +31,17 @@ class Trajectory:
     accelerations: Array
     joint_names: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        return (
+            f"JointTrajectory({len(self.time)} points in {self.time[-1]:.3g} s, "
+            f"joints {', '.join(self.joint_names)})"
+        )
+
     @classmethod
-    def side_by_side(cls, parts: Sequence[Trajectory], joint_names: Sequence[str]) -> Trajectory:
-        """Trajectories of several arms at the same instants as one, under these names."""
+    def side_by_side(
+        cls, parts: Sequence[JointTrajectory], joint_names: Sequence[str]
+    ) -> JointTrajectory:
+        """Trajectories of several arms at the same times as one trajectory, under these names."""
         return cls(
             parts[0].time,
             np.hstack([part.positions for part in parts]),
@@ -43,7 +51,7 @@ class Trajectory:
         )
 
     def csv(self) -> str:
-        """time_from_start and, for each joint, its position, velocity and acceleration."""
+        """CSV with time_from_start and the position, velocity and acceleration of each joint."""
         header = ["time_from_start"]
         for kind in ("position", "velocity", "acceleration"):
             header += [f"{name} {kind}" for name in self.joint_names]
@@ -55,7 +63,7 @@ class Trajectory:
         return text.getvalue()
 
     def json(self) -> str:
-        """The fields of a message trajectory_msgs/msg/JointTrajectory of ROS 2."""
+        """JSON with the fields of the ROS 2 message trajectory_msgs/msg/JointTrajectory."""
         points = []
         for k, instant in enumerate(self.time):
             nanoseconds = round(float(instant) * _NANO)

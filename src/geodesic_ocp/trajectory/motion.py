@@ -13,33 +13,33 @@ from scipy.signal import savgol_filter
 
 from geodesic_ocp.arrays import Array, as_positive
 
-# Instants may be off the even grid by this share of a step: recordings round their time stamps.
+# Time stamps may deviate from even spacing by this fraction of a step, as recordings round them.
 _UNEVEN = 0.1
 
 
 @dataclass(frozen=True)
 class Subject:
-    """Whose motion it is: height [m], mass [kg] and name, as far as the recording tells."""
+    """The recorded person: height [m], mass [kg] and name, if the recording has them."""
 
     height: float | None = None
     mass: float | None = None
     name: str = ""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Motion:
-    """Joint coordinates over time, and their velocities once they were filtered.
+    """Joint coordinates over time, with velocities after filtering.
 
     Attributes:
-        time: increasing instants (k,) [s], at least two.
+        time: increasing times (k,) [s] of at least two samples.
         q: joint coordinates (k, n) [rad or m].
         joint_names: of the n columns.
         velocity: (k, n) [rad/s or m/s], or None before filtering.
-        subject: whose motion it is.
+        subject: the recorded person.
 
     Raises:
-        ValueError: shapes that do not fit, values that are not finite, or time that does not
-            increase; names the first sample where that is so.
+        ValueError: shapes that do not match, values that are not finite, or time that does not
+            increase; the message names the first such sample.
     """
 
     time: Array
@@ -86,6 +86,14 @@ class Motion:
         object.__setattr__(self, "joint_names", names)
         object.__setattr__(self, "velocity", arrays.get("velocity"))
 
+    def __repr__(self) -> str:
+        kind = "with velocities" if self.velocity is not None else "without velocities"
+        names = ", ".join(self.joint_names[:8]) + (", ..." if len(self.joint_names) > 8 else "")
+        return (
+            f"Motion({len(self)} samples, {self.duration:.3g} s at {self.rate:.4g} Hz, {kind}, "
+            f"joints {names})"
+        )
+
     def __len__(self) -> int:
         return int(self.time.size)
 
@@ -107,7 +115,7 @@ class Motion:
 
     @property
     def breakpoints(self) -> Array:
-        """The instants of the samples [s]."""
+        """Times of the samples [s]."""
         return self.time
 
     def __call__(self, s: ArrayLike, order: int = 0) -> Array:
@@ -130,7 +138,7 @@ class Motion:
         """The motion of these joints, in this order.
 
         Raises:
-            ValueError: a joint is not there.
+            ValueError: the motion lacks a joint.
         """
         missing = [name for name in joints if name not in self.joint_names]
         if missing:
@@ -142,7 +150,7 @@ class Motion:
         return replace(self, q=self.q[:, columns], joint_names=tuple(joints), velocity=velocity)
 
     def resampled(self, rate: float) -> Motion:
-        """The motion at evenly spaced instants, `rate` samples a second [Hz], by cubic spline."""
+        """The motion at `rate` evenly spaced samples per second [Hz], by cubic spline."""
         step = 1.0 / as_positive("rate", rate, "Hz")
         count = int(np.floor(self.duration / step * (1.0 + 1e-12))) + 1
         time = self.time[0] + step * np.arange(count)
@@ -151,8 +159,8 @@ class Motion:
     def filtered(self, window: int = 21, order: int = 2) -> Motion:
         """Positions and velocities by a Savitzky-Golay filter of `window` samples.
 
-        Savitzky and Golay, Analytical Chemistry 36 (1964): a polynomial of that order is fitted
-        around every sample.
+        A polynomial of this order is fitted around every sample (Savitzky and Golay, Analytical
+        Chemistry 36, 1964).
 
         Raises:
             ValueError: the samples are not evenly spaced, there are fewer than `window`, or window

@@ -17,17 +17,17 @@ _HALVINGS, _RESOLVED = 5, 1e-10  # of the length, relative
 _TINY = float(np.finfo(float).tiny)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Path:
     """A piecewise polynomial curve through the nodes of a grid.
 
     Attributes:
-        metric: of the manifold on which the path lies.
+        metric: of the manifold.
         grid: of its nodes.
         nodes: positions at the grid's nodes, (grid.size, n).
 
     Raises:
-        ValueError: the nodes' shape is not the grid's and the metric's, or not all are finite.
+        ValueError: nodes of another shape, or not finite.
     """
 
     metric: Metric
@@ -45,6 +45,11 @@ class Path:
         nodes.flags.writeable = False
         object.__setattr__(self, "nodes", nodes)
 
+    def __repr__(self) -> str:
+        with np.printoptions(precision=4, suppress=True, linewidth=1000, threshold=8):
+            ends = f"from {self.nodes[0]} to {self.nodes[-1]}"
+        return f"{type(self).__name__}(length {self.length:.6g}, {ends})"
+
     def __call__(self, s: ArrayLike, order: int = 0) -> Array:
         """q(s) or its derivative of the given order by s: (n,) for a number, (k, n) for k of them.
 
@@ -60,7 +65,7 @@ class Path:
             raise ValueError(f"s must lie in [0, 1], got {s!r}")
         values = self.grid.in_segments(self.nodes)
         for _ in range(order):
-            # A constant's derivative is zero to the last digit, and a short path keeps its digits.
+            # The derivative of a constant is exactly zero, and short paths lose no digits.
             values = values - values[:, :1]
             values = self.grid.differentiation @ values
         result = self.grid.interpolate(values, np.clip(np.atleast_1d(times), 0.0, 1.0))
@@ -68,12 +73,12 @@ class Path:
 
     @property
     def breakpoints(self) -> Array:
-        """Ends of the grid's segments: between them the path is smooth."""
+        """Breakpoints of the grid, between which the path is smooth."""
         return self.grid.breakpoints
 
     @cached_property
     def speeds_at_nodes(self) -> Array:
-        """Speeds |q'|_G (grid.collocations,) at the nodes of every segment."""
+        """Speeds |q'|_G (grid.collocations,) at the nodes of all segments."""
         grid, n = self.grid, self.metric.dim
         positions = grid.in_segments(self.nodes)
         slopes = grid.differentiation @ (positions - positions[:, :1])
@@ -83,13 +88,13 @@ class Path:
 
     @property
     def energy_at_nodes(self) -> float:
-        """Energy by the grid's own quadrature, which is what a solver minimises."""
+        """Energy by the quadrature of the grid, which is what a solver minimises."""
         return float(self.grid.weights.ravel() @ self.speeds_at_nodes**2) / 2.0
 
     def _speeds_on(self, fine: Grid) -> Array:
-        """Speeds |q'|_G (segments, degree + 1) at the nodes of a grid that divides the path's."""
+        """Speeds |q'|_G (segments, degree + 1) at the nodes of a refinement of the path's grid."""
         by_segment = fine.in_segments(fine.nodes)
-        # One-sided at the segments' ends, where the derivative may jump.
+        # One-sided at breakpoints, where the derivative may jump.
         middle = by_segment.mean(axis=1, keepdims=True)
         s = (middle + (1.0 - 1e-12) * (by_segment - middle)).ravel()
         function = self.metric.speed
@@ -100,8 +105,8 @@ class Path:
     def _speeds(self) -> tuple[Grid, Array]:
         """A grid that resolves the speed, and the speeds at its nodes, by segment.
 
-        It is twice as fine as the path's own polynomials, and finer where that changes the length:
-        where a corner is rounded the speed has nearly a kink.
+        Its degree is twice the path's, and it is refined until the length no longer changes:
+        rounded corners are almost kinks of the speed.
         """
         fine = replace(self.grid, degree=min(2 * self.grid.degree, 100), via_segments=())
         speeds = self._speeds_on(fine)
@@ -133,10 +138,10 @@ class Path:
         return float(0.5 * np.sum(fine.weights * speeds**2))
 
     def at_length(self, lengths: ArrayLike) -> Array:
-        """The s (k,) up to which the path is as long as each of the lengths (k,).
+        """Path parameters s (k,) at which the arc length from the start has the values (k,).
 
         Raises:
-            ValueError: a length below zero, or beyond the path's own.
+            ValueError: a length below zero or above the path's length.
         """
         wanted, total = np.asarray(lengths, dtype=float), self.length
         slack = 1e-9 * total
@@ -158,16 +163,16 @@ class Path:
 
     @cached_property
     def _antiderivative(self) -> tuple[Grid, Array]:
-        """The length from each segment's start, as polynomials on the grid of the speeds."""
+        """Arc length from the start of each segment, as polynomials on the grid of the speeds."""
         fine, speeds = self._speeds
-        # D y = speeds with y = 0 at the first node: exact for the speeds' polynomials, but one.
+        # D y = speeds with y = 0 at the first node.
         inner = fine.differentiation[:, 1:, 1:]
         rest = np.linalg.solve(inner, speeds[:, 1:, None])[:, :, 0]
         return fine, np.concatenate([np.zeros((fine.segments, 1)), rest], axis=1)
 
     @cached_property
     def _lengths(self) -> tuple[Array, Array]:
-        """Values of s, and the length up to there, at the nodes of the finer grid."""
+        """Path parameters s and arc lengths at the nodes of the refined grid."""
         fine, parts = self._antiderivative
         before = np.concatenate([[0.0], np.cumsum(parts[:, -1])])
         upto = np.append((before[:-1, None] + parts[:, :-1]).ravel(), before[-1])
@@ -182,18 +187,18 @@ class Path:
         return np.asarray((before[segment] + here) * (self.length / max(before[-1], _TINY)))
 
     def resample(self, count: int, by: str = "length") -> Array:
-        """Positions (count, n) from one end to the other, evenly spaced.
+        """Evenly spaced positions (count, n) from one end to the other.
 
         Args:
-            count: how many, at least two.
-            by: "length", equally far from each other in the metric, or "s".
+            count: number of positions, at least two.
+            by: "length", evenly spaced in the metric, or "s".
 
         Raises:
-            ValueError: fewer than two, or another word.
+            ValueError: fewer than two positions, or another value of `by`.
         """
         if not (np.isfinite(as_number("count", count)) and int(count) == count >= 2):
             raise ValueError(f"count must be an integer above one, got {count!r}")
         if by not in ("length", "s"):
             raise ValueError(f"by must be 'length' or 's', got {by!r}")
-        shares = np.linspace(0.0, 1.0, int(count))
-        return self(shares if by == "s" else self.at_length(shares * self.length))
+        s = np.linspace(0.0, 1.0, int(count))
+        return self(s if by == "s" else self.at_length(s * self.length))

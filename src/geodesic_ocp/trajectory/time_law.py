@@ -1,10 +1,11 @@
-"""The temporal path s(t): how far along a geodesic at what time.
+"""The temporal path s(t): distance covered along a geodesic as a function of time.
 
 min int_0^T s''(t)^2 dt with s(0) = 0, s(T) = l and given end speeds (Klein et al. 2022; the
 minimum-acceleration counterpart of the minimum-jerk model of Flash and Hogan, J. Neuroscience 5,
-1985). Without inequalities the solution is a cubic. With them s is a cubic on each of equal pieces,
-s and s' continuous; s' is then a parabola on each piece, and bounds on the parabola's three Bezier
-coefficients hold it between the knots too.
+1985). The four end conditions determine the solution without inequalities, a cubic, which is
+returned at once if it satisfies the bounds. Otherwise an NLP finds s as a cubic on each of equal
+intervals, with s and s' continuous; s' is then a parabola on each interval, and bounds on its three
+Bezier coefficients hold between the knots as well.
 """
 
 from __future__ import annotations
@@ -21,16 +22,16 @@ from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.ipopt import Ipopt, Outcome
 
-_PIECES = 64
-_MAX_PIECES = 4096
-# Of Ipopt; hard braking has multipliers so large that the finest is beyond rounding. The problem is
-# convex: every tolerance leads to the one solution.
+_INTERVALS = 64
+_MAX_INTERVALS = 4096
+# Of Ipopt; hard braking has multipliers so large that the finest is lost to rounding. The problem
+# is convex: every tolerance leads to the same solution.
 _TOLERANCES = (1e-9, 1e-7, 1e-6)
-# Slack for bounds that hold with equality, relative to the problem's speed scale.
+# Tolerance for bounds that hold with equality, relative to the speed scale of the problem.
 _SLACK = 1e-9
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class TimeLaw:
     """s(t) on t in [0, duration], a piecewise cubic through knots.
 
@@ -63,6 +64,10 @@ class TimeLaw:
         if knots[0] != 0.0 or np.any(np.diff(knots) <= 0.0):
             raise ValueError("knots must increase from 0")
 
+    def __repr__(self) -> str:
+        ends = f"speeds {self.speeds[0]:.4g} to {self.speeds[-1]:.4g}"
+        return f"TimeLaw(length {self.length:.6g} in {self.duration:.4g} s, {ends})"
+
     @property
     def duration(self) -> float:
         """[s]"""
@@ -93,13 +98,13 @@ class TimeLaw:
 
     @property
     def cost(self) -> float:
-        """Int s''(t)^2 dt."""
+        """The integral of s''(t)^2 over time."""
         start, stop = self(self.knots[:-1], 2), _second_at_end(self)
         return float(np.sum(np.diff(self.knots) * (start**2 + start * stop + stop**2) / 3.0))
 
 
 def _second_at_end(law: TimeLaw) -> Array:
-    """S'' at the end of each piece, from that piece."""
+    """Second derivatives at the ends of the intervals, one-sided."""
     h = np.diff(law.knots)
     chord = np.diff(law.positions) / h
     return (2.0 * law.speeds[:-1] + 4.0 * law.speeds[1:] - 6.0 * chord) / h
@@ -114,7 +119,7 @@ def time_law(
     monotone: bool = False,
     max_speed: float | None = None,
 ) -> TimeLaw:
-    """The least-acceleration s(t) over a length in a duration, with the given end speeds.
+    """The minimum-acceleration s(t) over a length in a duration, with given end speeds.
 
     Args:
         length: l >= 0, in the metric's unit.
@@ -124,9 +129,15 @@ def time_law(
         max_speed: keep s'(t) <= max_speed at all times.
 
     Raises:
-        ValueError: a number is not finite or out of range, or no s(t) can meet the conditions; the
+        ValueError: a number is not finite or out of range, or no s(t) satisfies the conditions; the
             message says which.
         NotConverged: the solver failed.
+
+    Example:
+        >>> import geodesic_ocp as go
+        >>> law = go.time_law(length=0.5, duration=2.0, start_speed=0.0, end_speed=0.0)
+        >>> float(law(1.0)), float(law(1.0, order=1))
+        (0.25, 0.375)
     """
     duration = as_positive("duration", duration, "s")
     given = {"length": length, "start_speed": start_speed, "end_speed": end_speed}
@@ -151,14 +162,14 @@ def time_law(
     # Units in which the duration is one and the speeds are of order one.
     scaled = [length / (speed * duration), start_speed / speed, end_speed / speed]
     low, high = lowest / speed, highest / speed
-    law = _solved(1, scaled, -np.inf, np.inf)
+    law = _cubic(scaled)
     if not _within(law, low, high):
-        law = _solved(_pieces(scaled, low, high), scaled, low, high)
+        law = _bounded(_num_intervals(scaled, low, high), scaled, low, high)
     return TimeLaw(duration * law.knots, speed * duration * law.positions, speed * law.speeds)
 
 
 def _finite(name: str, value: float) -> float:
-    """The value as a number that is finite, and not so large that its square is not."""
+    """The value as a number whose square is finite."""
     try:
         number = float(value)
     except (TypeError, ValueError):
@@ -168,8 +179,14 @@ def _finite(name: str, value: float) -> float:
     return number
 
 
+def _cubic(scaled: list[float]) -> TimeLaw:
+    """The solution without inequalities."""
+    length, start, end = scaled
+    return TimeLaw(np.array([0.0, 1.0]), np.array([0.0, length]), np.array([start, end]))
+
+
 def _within(law: TimeLaw, low: float, high: float) -> bool:
-    """Whether a single cubic keeps its speed in the bounds at all times."""
+    """Whether the speed of a single cubic is within the bounds at all times."""
     start, rate = float(law(0.0, 2)), float(law(0.0, 3))
     times = [0.0, 1.0]
     if rate != 0.0 and 0.0 < -start / rate < 1.0:
@@ -178,10 +195,10 @@ def _within(law: TimeLaw, low: float, high: float) -> bool:
     return bool(np.all((speeds >= low - _SLACK) & (speeds <= high + _SLACK)))
 
 
-def _pieces(scaled: list[float], low: float, high: float) -> int:
-    """Pieces fine enough that the bounds can be met: the first or last may have to brake at once.
+def _num_intervals(scaled: list[float], low: float, high: float) -> int:
+    """Number of intervals that allows for immediate braking on the first or last of them.
 
-    On a piece of width h the speed cannot leave its end value u for the bound sooner than along
+    On an interval of width h the speed cannot leave its end value u for the bound sooner than along
     the parabola u (1 - t/h)^2, which covers u h / 3.
     """
     length, start, end = scaled
@@ -192,28 +209,32 @@ def _pieces(scaled: list[float], low: float, high: float) -> int:
         room = high - length
         braking = (high - start) + (high - end)
         needed = max(needed, braking / (3.0 * room) if room > 0.0 else np.inf)
-    if needed > _MAX_PIECES / 4:
+    if needed > _MAX_INTERVALS / 4:
         if start <= _SLACK and end <= _SLACK and length == 0.0:
-            return _PIECES
+            return _INTERVALS
         raise ValueError(
-            f"no time law on {_MAX_PIECES} pieces keeps its speed within the bounds: the length "
+            f"no time law on {_MAX_INTERVALS} intervals keeps its speed within bounds: the length "
             f"{'is too short to stop in' if low == 0.0 else 'needs the full speed throughout'}"
         )
-    return max(_PIECES, int(np.ceil(4.0 * needed)))
+    return max(_INTERVALS, int(np.ceil(4.0 * needed)))
 
 
-def _solved(pieces: int, scaled: list[float], low: float, high: float) -> TimeLaw:
-    """The NLP's solution in scaled units."""
+def _bounded(intervals: int, scaled: list[float], low: float, high: float) -> TimeLaw:
+    """The solution of the NLP, in scaled units."""
     length, start, end = scaled
-    knots = np.linspace(0.0, 1.0, pieces + 1)
-    lower = np.concatenate([np.full(pieces + 1, -np.inf), np.full(pieces + 1, low)])
-    upper = np.concatenate([np.full(pieces + 1, np.inf), np.full(pieces + 1, high)])
-    for place, value in ((0, 0.0), (pieces, length), (pieces + 1, start), (-1, end)):
+    knots = np.linspace(0.0, 1.0, intervals + 1)
+    lower = np.concatenate([np.full(intervals + 1, -np.inf), np.full(intervals + 1, low)])
+    upper = np.concatenate([np.full(intervals + 1, np.inf), np.full(intervals + 1, high)])
+    for place, value in ((0, 0.0), (intervals, length), (intervals + 1, start), (-1, end)):
         lower[place] = upper[place] = value
     guess = np.concatenate([knots * length, start + knots * (end - start)])
     for tolerance in _TOLERANCES:
-        outcome: Outcome = _program(pieces, tolerance)(
-            x0=guess, lbx=lower, ubx=upper, lbg=np.full(pieces, low), ubg=np.full(pieces, high)
+        outcome: Outcome = _program(intervals, tolerance)(
+            x0=guess,
+            lbx=lower,
+            ubx=upper,
+            lbg=np.full(intervals, low),
+            ubg=np.full(intervals, high),
         )
         if outcome.success:
             break
@@ -224,10 +245,10 @@ def _solved(pieces: int, scaled: list[float], low: float, high: float) -> TimeLa
 
 
 @lru_cache(maxsize=32)
-def _program(pieces: int, tolerance: float) -> Ipopt:
-    """Min sum over the pieces of int s''^2; g: the middle Bezier coefficient of s' on each."""
-    positions, speeds = ca.SX.sym("s", pieces + 1), ca.SX.sym("u", pieces + 1)
-    h = 1.0 / pieces
+def _program(intervals: int, tolerance: float) -> Ipopt:
+    """Min sum over the intervals of int s''^2; g: the middle Bezier coefficient of s' on each."""
+    positions, speeds = ca.SX.sym("s", intervals + 1), ca.SX.sym("u", intervals + 1)
+    h = 1.0 / intervals
     chord = (positions[1:] - positions[:-1]) / h
     start, stop = speeds[:-1], speeds[1:]
     # s'' is linear on a piece: its values at the piece's ends.

@@ -1,4 +1,4 @@
-"""A path in time: the motion that a time law makes of it."""
+"""Paths in time: the motion along a path under a time law."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from geodesic_ocp.trajectory.time_law import TimeLaw, time_law
 _SAME = 1e-6  # of lengths, relative
 
 
-def moved_along(path: Path, timing: float | TimeLaw, rate: float = 100.0) -> Motion:
-    """The path at instants of a time law, or from rest to rest in a duration [s].
+def motion_along(path: Path, timing: float | TimeLaw, rate: float = 100.0) -> Motion:
+    """The motion along a path under a time law, or from rest to rest in a duration [s].
 
     Raises:
-        ValueError: a duration or rate that is not positive, a path of no length, or a time law of
-            another length.
+        ValueError: a duration or rate that is not positive, a path of zero length, or a time law
+            for another length.
     """
     rate, length = as_positive("rate", rate, "Hz"), path.length
     if not length > 0.0:
-        raise ValueError("the path has no length, along which there is no motion")
+        raise ValueError("the path has zero length, so there is no motion along it")
     if isinstance(timing, TimeLaw):
         law = timing
         if abs(law.length - length) > _SAME * length:
@@ -38,17 +38,16 @@ def moved_along(path: Path, timing: float | TimeLaw, rate: float = 100.0) -> Mot
     time = np.linspace(0.0, law.duration, count + 1)
     covered = law(time)
     if np.any(covered < -_SAME * length) or np.any(covered > (1.0 + _SAME) * length):
-        raise ValueError("the time law leaves the path: it runs back beyond an end")
-    q, velocity, _ = at_times(path, law, time)
+        raise ValueError("the time law leaves the path at one of its ends")
+    q, velocity, _ = states_at(path, law, time)
     names = path.metric.joint_names or tuple(f"q[{index}]" for index in range(path.metric.dim))
     return Motion(time, q, names, velocity)
 
 
-def at_times(path: Path, law: TimeLaw, t: Array) -> tuple[Array, Array, Array]:
-    """Positions, velocities and accelerations, (k, n) each, at times t (k,) of a law [s].
+def states_at(path: Path, law: TimeLaw, t: Array) -> tuple[Array, Array, Array]:
+    """Positions, velocities and accelerations, (k, n) each, at times t (k,) [s] of a time law.
 
-    Distances beyond an end of the path are taken for that end; on a path of no length nothing
-    moves.
+    Distances beyond an end of the path are clipped to it; on a path of zero length nothing moves.
     """
     covered, rate, second = (law(t, order) for order in (0, 1, 2))
     if not path.length > 0.0:

@@ -1,68 +1,32 @@
-"""A configuration in which the hand has a pose: inverse kinematics by optimisation."""
+"""Inverse kinematics by optimisation: configurations that bring the hand to a pose."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import null_space
 
-from geodesic_ocp.arrays import Array, as_number, as_rotation, as_vector
+from geodesic_ocp.arrays import Array, as_rotation, as_vector
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.ipopt import Ipopt
-from geodesic_ocp.model.geometry.signed_distances import as_pair, signed_distances
+from geodesic_ocp.model.geometry.signed_distances import signed_distances
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Obstacle
+from geodesic_ocp.ocp.ik.collision_avoidance import CollisionAvoidance
+from geodesic_ocp.ocp.ik.free_directions import as_directions, complement
+from geodesic_ocp.ocp.ik.pose_error import rotation_log
 
-# A rotation by pi is taken for none by the error below, but is left by any small step.
-_TINY = 1e-14
 _STARTS, _ENOUGH = 60, 4
-_UNITS = {
-    (True, False): "m",
-    (False, True): "(sine of half an angle)",
-    (True, True): "(m, or sine of half an angle)",
-}
-_REACHED = 1e-6  # [m], or sine of half an angle
-
-
-class Clear(NamedTuple):
-    """Bodies that are kept apart: see `signed_distances`."""
-
-    obstacles: tuple[Obstacle, ...] = ()
-    links: tuple[str, ...] | None = None
-    pairs: tuple[tuple[str, str], ...] = ()
-    margin: float = 0.0
-
-    @classmethod
-    def of(
-        cls,
-        obstacles: Sequence[Obstacle],
-        links: Sequence[str] | None,
-        pairs: Sequence[tuple[str, str]],
-        margin: float,
-    ) -> Clear:
-        """Of keywords as users give them; ValueError where the margin is no number."""
-        links = None if links is None else tuple(links)
-        return cls(tuple(obstacles), links, tuple(map(as_pair, pairs)), as_number("margin", margin))
-
-    @property
-    def bodies(self) -> tuple[Any, Any, Any]:
-        """All but the margin, which is a bound and no part of a program."""
-        return self.obstacles, self.links, self.pairs
-
-
-def rotation_error(rotation: ca.SX, wanted: ca.SX) -> ca.SX:
-    """sin(angle / 2) axis (3, 1) of the turn from one rotation (3, 3) to another.
-
-    It grows up to a turn by pi, where the skew part of the rotation alone would vanish again.
-    """
-    turn = wanted.T @ rotation
-    skew = ca.inv_skew(turn - turn.T) / 2
-    return skew / ca.sqrt(ca.fmax(1 + ca.trace(turn), 0) + _TINY)
+_STARTS_NEAREST = 24
+_REACHED = 1e-6  # [m] and [rad]
+# Among configurations with the same pose error, the one near the start: too small a weight to
+# change the pose error.
+_STAY = 1e-6
 
 
 def inverse_kinematics(
@@ -78,27 +42,36 @@ def inverse_kinematics(
     pairs: Sequence[tuple[str, str]] = (),
     margin: float = 0.0,
 ) -> Array:
-    """The configuration (n,) nearest to another, joint by joint, with this hand's pose.
+    """The configuration (n,) nearest to a given one, joint by joint, with a pose of the hand.
 
-    min |q - near|^2 over q with the hand at the position, turned as the rotation, or both; from
-    several starts, and within a turn of joints whose limits are further apart.
+    min |q - near|^2 over q such that the hand has the position, the rotation, or both. The search
+    starts from several configurations and covers one revolution of joints with a larger range.
 
     Args:
-        model: whose hand is placed.
-        near: configuration (n,) to stay near to.
-        position: of the hand (3,) [m] in the base's frame; None leaves it free.
+        model: whose hand (end-effector) is placed.
+        near: configuration (n,) to stay near to [rad or m].
+        position: of the hand (3,) [m] in the base frame; None leaves it free.
         rotation: of the hand (3, 3); None leaves it free.
         limits: whether the joints stay within their limits.
-        free: directions in which the position may differ, (3,) or (k, 3).
-        obstacles, links, pairs: that bodies keep clear of, see `signed_distances`.
-        margin: least distance [m] from them.
+        free: directions (3,) or (k, 3) in which the position is free.
+        obstacles, links, pairs: collision bodies to keep apart, see `signed_distances`.
+        margin: smallest distance allowed between them [m].
 
     Raises:
         ValueError: wrong shapes or values, or neither position nor rotation.
-        NotConverged: no such configuration was found from any of several starts; says how near one came.
+        NotConverged: no such configuration was found; the message gives the smallest error reached.
+
+    Example:
+        >>> import geodesic_ocp as go
+        >>> arm = go.human_arm()
+        >>> q = go.inverse_kinematics(arm, [0.3, 0, -0.4, 0.9, 0, 0, 0], [0.10, 0.45, -0.05])
+        >>> arm.hand_pose(q)[1].round(6).tolist()
+        [0.1, 0.45, -0.05]
     """
-    clear = Clear.of(obstacles, links, pairs, margin)
-    return inverse_kinematics_solutions(model, near, position, rotation, limits, free, clear)[0]
+    collisions = CollisionAvoidance.checked(obstacles, links, pairs, margin)
+    return inverse_kinematics_solutions(model, near, position, rotation, limits, free, collisions)[
+        0
+    ]
 
 
 def inverse_kinematics_solutions(
@@ -108,124 +81,182 @@ def inverse_kinematics_solutions(
     rotation: ArrayLike | None,
     limits: bool,
     free: ArrayLike | None,
-    clear: Clear,
+    collisions: CollisionAvoidance,
     enough: int = _ENOUGH,
 ) -> list[Array]:
-    """So many such configurations, from as many starts, the nearest first: see `inverse_kinematics`.
+    """Up to `enough` configurations of `inverse_kinematics`, each from another start.
 
-    The first start is `near` itself.
+    They are sorted by their distance from `near`, which is also the first start.
     """
-    start = as_vector("near", near, model.dof)
-    place = np.zeros(3) if position is None else as_vector("position", position, 3)
-    turn = np.eye(3) if rotation is None else as_rotation("rotation", rotation)
-    if position is None and rotation is None:
-        raise ValueError("inverse_kinematics needs a position, a rotation or both")
-    lower, upper, inside = room(model, start, limits)
-    held = tuple(map(tuple, across(as_directions("free", free)).tolist()))
-    solver, equalities = _program(
-        model, held if position is not None else (), rotation is not None, clear.bodies
-    )
-    upper_g = np.where(np.arange(solver.size_g) < equalities, 0.0, np.inf)
-    lower_g = np.where(upper_g == 0.0, 0.0, clear.margin)
-    rng = np.random.default_rng(0)
-    p = np.concatenate([start, place, turn.ravel(order="F")])
-    found, nearest = [], np.inf
-    for x0 in (inside, *rng.uniform(lower, upper, (_STARTS - 1, model.dof))):
-        outcome = solver(x0=x0, p=p, lbx=lower, ubx=upper, lbg=lower_g, ubg=upper_g)
-        miss = float(np.maximum(lower_g - outcome.g, outcome.g - upper_g).max())
-        nearest = min(nearest, miss)
-        if outcome.success and miss <= _REACHED:
-            found.append(outcome.x)
+    search = _Search.checked("inverse_kinematics", model, near, position, rotation, collisions)
+    axes, num_free = complement(as_directions("free", free))
+    held = np.array([*(np.arange(3) >= num_free), True, True, True])[list(search.rows)]
+    bound = np.where(held, 0.0, np.inf)
+    found, smallest = [], np.inf
+    for outcome in search.outcomes(limits, _STARTS, axes, np.zeros(6), 1.0, bound):
+        error = float(np.max(np.abs(outcome.errors[held]), initial=outcome.overlap))
+        smallest = min(smallest, error)
+        if outcome.success and error <= _REACHED:
+            found.append(outcome.q)
             if len(found) == enough:
                 break
     if not found:
-        what = [
-            name
-            for name, given in (("position", position), ("rotation", rotation))
-            if given is not None
-        ]
+        given = {"position": position, "rotation": rotation}
+        what = [name for name, value in given.items() if value is not None]
+        unit = "m or rad" if len(what) > 1 else {"position": "m", "rotation": "rad"}[what[0]]
         raise NotConverged(
             f"no configuration of {model.name!r}{' within its limits' if limits else ''}"
-            f"{', clear of bodies,' if clear.obstacles or clear.pairs else ''} has the hand's "
-            f"{' and '.join(what)}: the nearest one misses {'them' if len(what) > 1 else 'it'} by "
-            f"{nearest:.3g} {_UNITS[position is not None, rotation is not None]}"
+            f"{'' if collisions.is_empty else ', clear of collision bodies,'} was found for the "
+            f"hand's {' and '.join(what)}: the smallest error reached is {smallest:.3g} {unit}"
         )
-    return sorted(found, key=lambda q: float(np.linalg.norm(q - start)))
+    return sorted(found, key=lambda q: float(np.linalg.norm(q - search.near)))
 
 
-def room(model: Model, start: Array, limits: bool) -> tuple[Array, Array, Array]:
-    """Bounds (n,) of a search for configurations, and the start within them.
+def nearest_configuration(
+    model: Model,
+    near: ArrayLike,
+    position: ArrayLike | None,
+    rotation: ArrayLike | None,
+    weights: tuple[float, float],
+    limits: bool,
+    collisions: CollisionAvoidance,
+) -> Array:
+    """The configuration (n,) whose hand pose is nearest to one that may be out of reach.
 
-    Where there is more room than a turn, one turn leads anywhere; unbounded steps would wind the
-    arm up. It is half a turn to either side, or what is left on one side and the rest on the other.
+    min (a |p - position|)^2 + (b angle)^2 with weights (a, b) [1/m], [1/rad], from several starts;
+    the angle is that of the rotation between the two poses.
+
+    Raises:
+        ValueError: wrong shapes or values, or neither position nor rotation.
+        NotConverged: no start led to a configuration that is clear of the collision bodies.
+    """
+    search = _Search.checked("nearest_configuration", model, near, position, rotation, collisions)
+    bound = np.full(len(search.rows), np.inf)
+    each = np.repeat(weights, 3)
+    outcomes = search.outcomes(limits, _STARTS_NEAREST, np.eye(3), each, _STAY, bound)
+    found = [outcome for outcome in outcomes if outcome.success]
+    if not found:
+        raise NotConverged(f"no configuration of {model.name!r} was found near the hand pose")
+    return min(found, key=lambda outcome: outcome.objective).q
+
+
+def search_bounds(model: Model, start: Array, limits: bool) -> tuple[Array, Array, Array]:
+    """Bounds (n,) of a search for configurations, and the start clipped to the limits.
+
+    Joints with a range above one revolution are searched over one revolution, which covers all
+    poses without winding up: half a revolution to either side, shifted to lie within the limits.
     """
     lower = model.lower if limits else np.full(model.dof, -np.inf)
     upper = model.upper if limits else np.full(model.dof, np.inf)
     inside = np.clip(start, lower, upper)
     wide = ~(upper - lower <= 2.0 * np.pi)
-    with np.errstate(invalid="ignore"):  # of slides without limits
+    with np.errstate(invalid="ignore"):  # prismatic joints without limits
         first = np.clip(inside - np.pi, lower, upper - 2.0 * np.pi)
     lower = np.where(wide, first, lower)
     upper = np.where(wide, first + 2.0 * np.pi, upper)
     return lower, upper, np.asarray(inside)
 
 
-def as_directions(name: str, given: ArrayLike | None) -> Array:
-    """Directions (k, 3) of none, one (3,) or several (k, 3), at most two of them independent.
+@dataclass(frozen=True, eq=False)
+class _SearchOutcome:
+    """A configuration, its pose errors, the overlap of collision bodies, and Ipopt's verdict."""
 
-    Raises:
-        ValueError: wrong shapes, a direction of no length, or no place is left to be given.
+    q: Array
+    errors: Array
+    overlap: float
+    success: bool
+    objective: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """The program of one model and pose, solved from several starts.
+
+    Attributes:
+        rows: which of the six rows of the pose error (position, rotation vector) are part of it.
     """
-    if given is None:
-        return np.zeros((0, 3))
-    try:
-        directions = np.atleast_2d(np.array(given, dtype=float))
-    except (TypeError, ValueError):
-        directions = np.zeros(0)
-    if directions.shape == (1, 0) or directions.shape == (0, 3):
-        return np.zeros((0, 3))
-    sizes = np.linalg.norm(directions, axis=-1)
-    scaled = directions / np.where(sizes > 0.0, sizes, 1.0)[..., None]
-    if (
-        directions.ndim != 2
-        or directions.shape[1] != 3
-        or not np.all(np.isfinite(directions))
-        or not np.all(sizes > 0.0)
-        or np.linalg.matrix_rank(np.nan_to_num(scaled)) > 2
-    ):
-        raise ValueError(
-            f"{name} must be a direction (3,), or (k, 3) of at most two independent ones, not "
-            f"zero, got {given!r}"
+
+    model: Model
+    near: Array
+    position: Array
+    rotation: Array
+    rows: tuple[int, ...]
+    collisions: CollisionAvoidance
+
+    @classmethod
+    def checked(
+        cls,
+        caller: str,
+        model: Model,
+        near: ArrayLike,
+        position: ArrayLike | None,
+        rotation: ArrayLike | None,
+        collisions: CollisionAvoidance,
+    ) -> _Search:
+        if position is None and rotation is None:
+            raise ValueError(f"{caller} needs a position, a rotation or both")
+        rows = [*range(3)] if position is not None else []
+        rows += [*range(3, 6)] if rotation is not None else []
+        return cls(
+            model,
+            as_vector("near", near, model.dof),
+            np.zeros(3) if position is None else as_vector("position", position, 3),
+            np.eye(3) if rotation is None else as_rotation("rotation", rotation),
+            ((0, 1, 2) if position is not None else ())
+            + ((3, 4, 5) if rotation is not None else ()),
+            collisions,
         )
-    return np.asarray(scaled)
 
+    def outcomes(
+        self, limits: bool, starts: int, axes: Array, weights: Array, stay: float, bound: Array
+    ) -> Iterator[_SearchOutcome]:
+        """One outcome after the other, from `near` and from random starts.
 
-def across(directions: Array) -> Array:
-    """Orthonormal rows (3 - k, 3) at right angles to the directions."""
-    if not len(directions):
-        return np.eye(3)
-    return np.asarray(null_space(directions).T)
+        min stay |q - near|^2 / 2 + |weights e|^2 / 2 over q and the pose errors e, |e| <= bound,
+        with position errors in the given axes (3, 3).
+        """
+        n, rows = self.model.dof, list(self.rows)
+        lower, upper, inside = search_bounds(self.model, self.near, limits)
+        program, errors = _program(self.model, self.rows, self.collisions.bodies)
+        least = np.concatenate([np.zeros(len(rows)), self._margins(program.size_g - len(rows))])
+        pose = [self.position, self.rotation.ravel(order="F"), axes.ravel(order="F")]
+        p = np.concatenate([self.near, *pose, [stay], weights[rows]])
+        lbx, ubx = np.concatenate([lower, -bound]), np.concatenate([upper, bound])
+        most = np.concatenate([np.zeros(len(rows)), np.full(least.size - len(rows), np.inf)])
+        rng = np.random.default_rng(0)
+        for start in (inside, *rng.uniform(lower, upper, (starts - 1, n))):
+            first = np.clip(errors(start, p).full()[:, 0], -bound, bound)
+            x0 = np.concatenate([start, first])
+            outcome = program(x0=x0, p=p, lbx=lbx, ubx=ubx, lbg=least, ubg=most)
+            q = outcome.x[:n]
+            overlap = float(np.max(least[len(rows) :] - outcome.g[len(rows) :], initial=0.0))
+            # The errors of q itself: Ipopt meets equalities to its own tolerance.
+            now = errors(q, p).full()[:, 0]
+            yield _SearchOutcome(q, now, overlap, outcome.success, outcome.objective)
+
+    def _margins(self, count: int) -> Array:
+        return np.full(count, self.collisions.margin)
 
 
 @lru_cache(maxsize=32)
 def _program(
-    model: Model,
-    held: tuple[tuple[float, ...], ...],
-    turned: bool,
-    clear: tuple[Any, Any, Any],
-) -> tuple[Ipopt, int]:
-    """The program, and how many of its conditions are equalities; the others are distances."""
-    n = model.dof
-    q, p = ca.SX.sym("q", n), ca.SX.sym("p", n + 12)
-    rotation, position = model.hand_pose(q)
-    away = q - p[:n]
-    conditions = []
-    if held:
-        conditions.append(ca.DM(held) @ (position - p[n : n + 3]))
-    if turned:
-        conditions.append(rotation_error(rotation, ca.reshape(p[n + 3 :], 3, 3)))
-    equalities = ca.vertcat(*conditions)
-    obstacles, links, pairs = clear
+    model: Model, rows: tuple[int, ...], bodies: tuple[Any, Any, Any]
+) -> tuple[Ipopt, ca.Function]:
+    """The program in x = (q, e), and the pose errors e (q, p); then come the distances."""
+    n, count = model.dof, len(rows)
+    q, e = ca.SX.sym("q", n), ca.SX.sym("e", count)
+    p = ca.SX.sym("p", n + 22 + count)
+    near, position, rotation, axes, stay, weights = ca.vertsplit(
+        p, np.cumsum([0, n, 3, 9, 9, 1, count]).tolist()
+    )
+    hand_rotation, hand_position = model.hand_pose(q)
+    errors = ca.vertcat(
+        ca.reshape(axes, 3, 3).T @ (hand_position - position),
+        rotation_log(ca.reshape(rotation, 3, 3).T @ hand_rotation),
+    )[list(rows)]
+    obstacles, links, pairs = bodies
     distances = signed_distances(model, q, obstacles, links=links, pairs=pairs)
-    g = ca.vertcat(equalities, *distances.values())
-    return Ipopt({"x": q, "p": p, "f": ca.sumsqr(away) / 2, "g": g}), int(equalities.shape[0])
+    f = stay * ca.sumsqr(q - near) / 2 + ca.sumsqr(weights * e) / 2
+    g = ca.vertcat(errors - e, *distances.values())
+    nlp = {"x": ca.vertcat(q, e), "p": p, "f": f, "g": g}
+    return Ipopt(nlp), ca.Function("pose_errors", [q, p], [errors])

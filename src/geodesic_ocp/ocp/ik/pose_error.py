@@ -1,4 +1,4 @@
-"""The logarithm of rotations as a CasADi expression, and distances of poses."""
+"""Differences of poses: the rotation logarithm as a CasADi expression, and numeric distances."""
 
 from __future__ import annotations
 
@@ -6,32 +6,37 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.rotations import rotation_vector
 
 _TINY = 1e-12
 
 
-def rotation_log(turn: ca.SX) -> ca.SX:
-    """Axis times angle (3, 1) [rad] of a rotation (3, 3), right up to an angle of pi.
+def rotation_log(rotation: ca.SX) -> ca.SX:
+    """Rotation vector (3, 1) [rad], axis times angle, of a rotation (3, 3), up to an angle of pi.
 
-    By the unit quaternion, whose largest entry is computed first, so that none is divided by zero
-    (Shepperd, "Quaternion from rotation matrix", J. Guidance and Control 1, 1978). At pi, where the
-    axis has two signs, it has one of them, and the norm is right.
+    Computed from the unit quaternion, whose largest entry is found first, so that no division by
+    zero occurs (Shepperd, "Quaternion from rotation matrix", J. Guidance and Control 1, 1978). At
+    pi, where the axis is defined up to its sign, one of both is returned; the norm is right.
     """
-    trace = turn[0, 0] + turn[1, 1] + turn[2, 2]
-    squares = [trace, turn[0, 0], turn[1, 1], turn[2, 2]]
-    skew = [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
-    mixed = {(i, j): turn[i, j] + turn[j, i] for i, j in ((0, 1), (0, 2), (1, 2))}
+    trace = rotation[0, 0] + rotation[1, 1] + rotation[2, 2]
+    diagonal = [trace, rotation[0, 0], rotation[1, 1], rotation[2, 2]]
+    skew = [
+        rotation[2, 1] - rotation[1, 2],
+        rotation[0, 2] - rotation[2, 0],
+        rotation[1, 0] - rotation[0, 1],
+    ]
+    mixed = {(i, j): rotation[i, j] + rotation[j, i] for i, j in ((0, 1), (0, 2), (1, 2))}
     rows: list[list[ca.SX]] = [[ca.SX(0), *skew], [skew[0], ca.SX(0), mixed[0, 1], mixed[0, 2]]]
     rows.append([skew[1], mixed[0, 1], ca.SX(0), mixed[1, 2]])
     rows.append([skew[2], mixed[0, 2], mixed[1, 2], ca.SX(0)])
     candidates = []
-    for place, row in enumerate(rows):
-        square = 1 + 2 * squares[place] - trace if place else 1 + trace
-        large = ca.sqrt(ca.fmax(square, 0.5)) / 2  # the largest square is one at least
-        entries = [large if k == place else each / (4 * large) for k, each in enumerate(row)]
+    for index, row in enumerate(rows):
+        square = 1 + 2 * diagonal[index] - trace if index else 1 + trace
+        pivot = ca.sqrt(ca.fmax(square, 0.5)) / 2  # the largest square is at least one
+        entries = [pivot if k == index else each / (4 * pivot) for k, each in enumerate(row)]
         candidates.append(ca.vertcat(*entries))
-    quaternion, largest = candidates[0], squares[0]
-    for candidate, square in zip(candidates[1:], squares[1:], strict=True):
+    quaternion, largest = candidates[0], diagonal[0]
+    for candidate, square in zip(candidates[1:], diagonal[1:], strict=True):
         quaternion = ca.if_else(square > largest, candidate, quaternion)
         largest = ca.fmax(square, largest)
     quaternion = ca.if_else(quaternion[0] < 0, -quaternion, quaternion)
@@ -41,11 +46,9 @@ def rotation_log(turn: ca.SX) -> ca.SX:
     return factor * quaternion[1:]
 
 
-def pose_miss(
-    rotation: Array, position: Array, wanted_rotation: Array, wanted_position: Array
+def pose_difference(
+    rotation: Array, position: Array, target_rotation: Array, target_position: Array
 ) -> tuple[float, float]:
-    """Distance [m] and angle [rad] of two poses, from (3, 3) and (3,) each."""
-    turn = wanted_rotation.T @ rotation
-    vector = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-    angle = np.arctan2(np.linalg.norm(vector), np.trace(turn) - 1.0)  # of twice sine, twice cosine
-    return float(np.linalg.norm(position - wanted_position)), float(angle)
+    """Distance [m] and angle [rad] between two poses, given as (3, 3) and (3,) each."""
+    vector = rotation_vector(target_rotation.T @ rotation)
+    return float(np.linalg.norm(position - target_position)), float(np.linalg.norm(vector))

@@ -1,4 +1,4 @@
-"""Matrices of all nodes from those of one: selection, differentiation, and Hessians."""
+"""Hessians of the NLP, assembled from those of single nodes."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ def assemble(blocks: ca.MX, grid: Grid, n: int) -> ca.MX:
         along_first * along_second,  # v v
     ]
     # Rows of vec(H_k) by the four quarters of H_k, in the order of the products.
-    place = np.arange(4 * n * n).reshape(2 * n, 2 * n, order="F")
-    quarters = [place[:n, :n], place[n:, :n], place[:n, n:], place[n:, n:]]
+    entry_of = np.arange(4 * n * n).reshape(2 * n, 2 * n, order="F")
+    quarters = [entry_of[:n, :n], entry_of[n:, :n], entry_of[:n, n:], entry_of[n:, n:]]
 
     # Entry (a, i), (b, j) of the segment's matrix lies in row (i, j), column (a, b) of the sum.
     row = (n * first)[None, None, :] + np.arange(n)[:, None, None]
@@ -65,7 +65,7 @@ def assemble(blocks: ca.MX, grid: Grid, n: int) -> ca.MX:
 def _triplets(
     rows: np.ndarray, columns: np.ndarray, size: int, entries: np.ndarray
 ) -> tuple[ca.Sparsity, list[int]]:
-    """The sparsity of these places, and the entries in its order (columns first)."""
+    """Sparsity of these entries, and their indices in its order (columns first)."""
     order = np.lexsort((rows, columns))
     sparsity = ca.Sparsity.triplet(size, size, rows[order].tolist(), columns[order].tolist())
     return sparsity, entries[order].tolist()

@@ -1,62 +1,64 @@
-"""NLP: a problem on a grid as a nonlinear program, with numbers to solve it."""
+"""NLP: a problem on a grid as a nonlinear program, with the numbers to solve it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, evaluate
 from geodesic_ocp.ocp.nlp.bounds import NodeBounds
-from geodesic_ocp.ocp.nlp.conditions import Conditions, conditions
-from geodesic_ocp.ocp.nlp.structure import Structure, transcribed
+from geodesic_ocp.ocp.nlp.conditions import Conditions
+from geodesic_ocp.ocp.nlp.definition import ProblemDefinition
 from geodesic_ocp.ocp.nlp.transcription import Transcription, Units
 from geodesic_ocp.ocp.nlp.violations import NEGLIGIBLE, violations_at
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
-if TYPE_CHECKING:
-    from geodesic_ocp.ocp.problem.problem import Problem
 
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class NLP:
-    """A program whose variables x are the positions at the grid's nodes, one after the other.
-
-    They have units of their own; `path` makes a path of them.
+    """A nonlinear program whose variables x are the scaled positions at the grid's nodes.
 
     Attributes:
-        problem: of which it is the program.
-        terms: its conditions.
-        structure: what the expressions depend on.
+        definition: of the problem.
         transcription: functions of x and p: energy and cost with their derivatives, constraints.
-        bounds: of the positions and the constraint functions.
+        bounds: on the positions and the constraint functions.
         units: of x and of the energy.
-        nodes: positions (size, n) to start from.
+        nodes: positions (size, n) of the initial guess.
     """
 
-    problem: Problem
-    terms: Conditions
-    structure: Structure
+    definition: ProblemDefinition
     transcription: Transcription
     bounds: NodeBounds
     units: Units
     nodes: Array
 
+    def __repr__(self) -> str:
+        grid = self.grid
+        return (
+            f"NLP({self.transcription.dim * grid.size} variables, {self.bounds.lower_g.size} "
+            f"constraints, grid of {grid.segments} segments of degree {grid.degree})"
+        )
+
     @property
     def grid(self) -> Grid:
-        """Of the nodes."""
+        """Grid of the nodes."""
         return self.transcription.grid
 
     @property
+    def conditions(self) -> Conditions:
+        """Conditions of the problem."""
+        return self.definition.conditions
+
+    @property
     def values(self) -> dict[str, Array]:
-        """Numbers for a solver of CasADi's: x0, p, lbx, ubx, lbg, ubg."""
+        """Numerical arguments for a CasADi solver: x0, p, lbx, ubx, lbg, ubg."""
         units, bounds = self.units, self.bounds
         return {
             "x0": units.scaled(self.nodes).ravel(),
-            "p": units.with_values(self.terms.values),
+            "p": units.with_values(self.conditions.p_values),
             "lbx": units.scaled(bounds.lower).ravel(),
             "ubx": units.scaled(bounds.upper).ravel(),
             "lbg": bounds.lower_g,
@@ -65,8 +67,10 @@ class NLP:
 
     @property
     def expressions(self) -> dict[str, ca.MX]:
-        """CasADi's x, p, f and g, as `nlpsol` takes them; without the exact derivatives of
-        `transcription`, which save it from finding its own.
+        """CasADi's x, p, f and g, as `nlpsol` takes them.
+
+        The exact derivatives of `transcription` are not part of them; pass these as nlpsol's
+        options to save it from deriving its own.
         """
         x = ca.MX.sym("x", self.transcription.dim * self.grid.size)
         p = ca.MX.sym("p", self.transcription.size_p)
@@ -74,21 +78,20 @@ class NLP:
         return {"x": x, "p": p, "f": f, "g": self.transcription.constraints(x, p)}
 
     def not_finite(self) -> list[str]:
-        """Names of what is not finite, or not differentiable, on the path that was started from."""
-        terms, grid = self.terms, self.grid
-        path = Path(self.problem.metric, grid, self.nodes)
+        """Names of the expressions that are not finite or not differentiable on the guess."""
+        c, grid, metric = self.conditions, self.grid, self.definition.metric
+        path = Path(metric, grid, self.nodes)
         q, v = path.nodes.T, path(grid.nodes, 1).T
-        energy = self.problem.metric.inner(terms.q, terms.v, terms.v)
-        found = {"the metric": energy, "the cost": terms.cost}
-        found |= {repr(term.name): term.expression for term in (*terms.still, *terms.moving)}
+        expressions = {"the metric": metric.inner(c.q, c.v, c.v), "the cost": c.cost}
+        expressions |= {repr(each.name): each.expression for each in (*c.along_q, *c.along_qv)}
         names = []
-        for name, expression in found.items():
-            symbols = ca.vertcat(terms.q, terms.v)
-            outputs = [expression, ca.jacobian(expression, symbols)]
-            function = ca.Function("term", [terms.q, terms.v, terms.p], outputs).map(grid.size)
-            own = np.tile(terms.values[:, None], grid.size)
-            whole = [np.isfinite(values).all(axis=0) for values in evaluate(function, q, v, own)]
-            bad = ~np.all([each.reshape(grid.size, -1).all(axis=1) for each in whole], axis=0)
+        for name, expression in expressions.items():
+            outputs = [expression, ca.jacobian(expression, ca.vertcat(c.q, c.v))]
+            function = ca.Function("expression", [c.q, c.v, c.p], outputs).map(grid.size)
+            repeated = np.tile(c.p_values[:, None], grid.size)
+            finite = [np.isfinite(values) for values in evaluate(function, q, v, repeated)]
+            by_node = [each.all(axis=0).reshape(grid.size, -1).all(axis=1) for each in finite]
+            bad = ~np.all(by_node, axis=0)
             if np.any(bad):
                 names.append(f"{name} at s = {grid.nodes[int(np.argmax(bad))]:.2f}")
         return names
@@ -97,59 +100,61 @@ class NLP:
         """The path of a value of the variables (size * n,)."""
         nodes = np.nan_to_num(np.asarray(x, dtype=float)).reshape(self.grid.size, -1)
         positions = self.units.positions(nodes)
-        # Fixed coordinates come back exactly, not by way of their scaled values.
-        held = self.bounds.lower == self.bounds.upper
-        return Path(self.problem.metric, self.grid, np.where(held, self.bounds.lower, positions))
+        # Fixed coordinates keep their exact value instead of a rounded, scaled one.
+        fixed = self.bounds.lower == self.bounds.upper
+        nodes = np.where(fixed, self.bounds.lower, positions)
+        return Path(self.definition.metric, self.grid, nodes)
 
 
-def program(
-    problem: Problem, grid: Grid, guess: Path | None = None, terms: Conditions | None = None
-) -> NLP:
-    """The problem's NLP on a grid.
+def build_nlp(definition: ProblemDefinition, grid: Grid, guess: Path | None = None) -> NLP:
+    """The nonlinear program of a problem on a grid.
 
     Args:
-        problem: whose path is sought.
-        grid: of its nodes.
-        guess: to start from; by default the problem's guess, or the straight line.
-        terms: the problem's conditions, where they are known already.
+        definition: of the problem.
+        grid: of the nodes.
+        guess: initial guess; by default the problem's own, or the straight line.
 
     Raises:
-        ValueError: the problem is malformed, or its fixed ends violate its own conditions.
+        ValueError: the fixed ends violate the problem's own conditions, or the guess is malformed.
     """
-    terms = conditions(problem) if terms is None else terms
-    grid = with_stations(problem, grid, guess, len(terms.via))
-    bounds = NodeBounds.of(terms, grid, problem.metric.joint_names)
-    structure = Structure.of(problem, terms)
-    transcription = transcribed(structure, grid)
-    _check_ends(terms, bounds)
-    nodes = _initial(problem, grid, bounds, guess)
-    units = _units(problem, transcription, nodes, terms.values)
-    return NLP(problem, terms, structure, transcription, bounds, units, nodes)
+    conditions, metric = definition.conditions, definition.metric
+    grid = _with_via_points(definition, grid, guess)
+    bounds = NodeBounds.on_grid(conditions, grid, metric.joint_names)
+    transcription = definition.structure.transcription(grid)
+    _check_fixed_ends(conditions, bounds)
+    nodes = _initial_nodes(definition, grid, bounds, guess)
+    units = _units(definition, transcription, nodes)
+    return NLP(definition, transcription, bounds, units, nodes)
 
 
-def _check_ends(terms: Conditions, bounds: NodeBounds) -> None:
-    """ValueError where an end that is fixed altogether violates a condition along the path."""
+def _check_fixed_ends(conditions: Conditions, bounds: NodeBounds) -> None:
+    """ValueError if an end whose coordinates are all fixed violates a path constraint."""
     for s, end in enumerate(bounds.ends):
         if not np.any(np.isnan(end)):
-            missed = [
-                each for each in violations_at(terms, end, float(s)) if each.amount > NEGLIGIBLE
+            violated = [
+                each
+                for each in violations_at(conditions, end, float(s))
+                if each.amount > NEGLIGIBLE
             ]
-            if missed:
+            if violated:
                 word = ("start", "end")[s]
-                raise ValueError(f"the {word} that is given: {'; '.join(map(str, missed))}")
+                raise ValueError(
+                    f"the given {word} violates a constraint: {'; '.join(map(str, violated))}"
+                )
 
 
-def with_stations(problem: Problem, grid: Grid, guess: Path | None, count: int) -> Grid:
-    """The grid with as many via points: where the problem has them, as the guess, or evenly."""
+def _with_via_points(definition: ProblemDefinition, grid: Grid, guess: Path | None) -> Grid:
+    """The grid with the problem's via points: at their s, as in the guess, or evenly spaced."""
+    count = len(definition.conditions.via)
     if not count:
         if grid.via_segments:
             raise ValueError(f"the grid has {len(grid.via_segments)} via points, the problem none")
         return grid
-    if problem.via_parameters is not None:
-        shares = list(problem.via_parameters)
-        if len(shares) != count:
-            raise ValueError(f"passing must have s for {count} via points, got {shares}")
-        return grid if list(grid.via_s) == shares else grid.with_via_points(shares)
+    if definition.via_parameters is not None:
+        via_s = list(definition.via_parameters)
+        if len(via_s) != count:
+            raise ValueError(f"via_parameters must be s for {count} via points, got {via_s}")
+        return grid if list(grid.via_s) == via_s else grid.with_via_points(via_s)
     if len(grid.via_segments) == count:
         return grid
     if guess is not None and len(guess.grid.via_segments) == count:
@@ -157,28 +162,32 @@ def with_stations(problem: Problem, grid: Grid, guess: Path | None, count: int) 
     return grid.with_via_points([(number + 1) / (count + 1) for number in range(count)])
 
 
-def _initial(problem: Problem, grid: Grid, bounds: NodeBounds, guess: Path | None) -> Array:
-    """Positions (size, n) to start from, with the fixed coordinates at their values."""
-    given = guess(grid.nodes) if guess is not None else problem.guess(grid.nodes)
+def _initial_nodes(
+    definition: ProblemDefinition, grid: Grid, bounds: NodeBounds, guess: Path | None
+) -> Array:
+    """Positions (size, n) of the initial guess, with the fixed coordinates at their values."""
+    given = guess(grid.nodes) if guess is not None else definition.guess(grid.nodes)
     if given is None:
         start, end = bounds.ends
         start, end = np.where(np.isnan(start), end, start), np.where(np.isnan(end), start, end)
-        # Exactly constant where both ends are: rounding would pass for a movement.
+        # Exactly constant if both ends are equal: rounding would look like motion.
         given = np.nan_to_num(start + grid.nodes[:, None] * (end - start))
     nodes = np.array(given, dtype=float)
-    if nodes.shape != (grid.size, problem.metric.dim) or not np.all(np.isfinite(nodes)):
+    shape = (grid.size, definition.metric.dim)
+    if nodes.shape != shape or not np.all(np.isfinite(nodes)):
         raise ValueError(
-            f"guess(s) must give finite positions of shape {(grid.size, problem.metric.dim)} for "
-            f"s of shape ({grid.size},), got shape {nodes.shape}"
+            f"guess(s) must give finite positions of shape {shape} for s of shape ({grid.size},), "
+            f"got shape {nodes.shape}"
         )
     return np.asarray(np.clip(nodes, bounds.lower, bounds.upper))
 
 
-def _units(problem: Problem, transcription: Transcription, nodes: Array, values: Array) -> Units:
-    """The guess's extent and energy, or one and the metric's size where the guess does not move."""
+def _units(definition: ProblemDefinition, transcription: Transcription, nodes: Array) -> Units:
+    """Extent and energy of the guess, or one and the mean of G's diagonal if it does not move."""
+    metric = definition.metric
     extent = float(np.ptp(nodes, axis=0).max())
-    size = float(np.trace(problem.metric.matrix(nodes[0]))) / problem.metric.dim
-    energy = abs(transcription.energy(nodes, values))
+    size = float(np.trace(metric.matrix(nodes[0]))) / metric.dim
+    energy = abs(transcription.energy(nodes, definition.conditions.p_values))
     if not np.isfinite(energy) or not np.isfinite(size) or size <= 0.0:
         raise ValueError("the metric is not finite and positive along the guess")
     if extent <= 0.0 or energy <= 0.0:

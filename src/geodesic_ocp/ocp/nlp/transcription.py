@@ -11,17 +11,15 @@ CasADi differentiates once: with E the selection of a segment's nodes and D its 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array
-from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.ocp.nlp.conditions import Conditions, Term, stacked
+from geodesic_ocp.arrays import Array, evaluate
 from geodesic_ocp.ocp.nlp.hessian import assemble, on_diagonal, on_ends, on_node, segment_matrices
+from geodesic_ocp.ocp.nlp.node_functions import NodeFunctions
 from geodesic_ocp.trajectory.grid import Grid
 
 
@@ -29,9 +27,9 @@ from geodesic_ocp.trajectory.grid import Grid
 class Units:
     """Origin (n,) and unit of the NLP's coordinates, and its unit of energy.
 
-    The NLP sees y = (q - origin) / length and the energy / scale, so that Ipopt's tolerances mean
-    the same for a twitch and a swing, a child's arm and a crane, and velocities, formed from y,
-    keep their digits where the path is short.
+    The NLP works on y = (q - origin) / length and energy / scale, so that Ipopt's tolerances have
+    the same meaning for small and large motions, a child's arm and a crane. Velocities are formed
+    from y, so that short paths lose no digits.
     """
 
     origin: Array
@@ -44,7 +42,7 @@ class Units:
         return np.array([self.scale, self.length, *self.origin])
 
     def with_values(self, values: Array) -> Array:
-        """The NLP's parameters p, (n + 2 + k,): these, and the values of the problem's own."""
+        """The NLP's parameters p, (n + 2 + k,): these, and the problem's parameters."""
         return np.concatenate([self.parameters, values])
 
     def scaled(self, q: Array) -> Array:
@@ -86,6 +84,11 @@ class Transcription:
         p = units.with_values(np.array(values))
         return float(self.objective(units.scaled(nodes).ravel(), p)[0])
 
+    def full_hessian(self, x: Array, p: Array, lam_g: Array) -> Array:
+        """Symmetric Hessian of the Lagrangian with lam_f = 1, as a matrix."""
+        upper = evaluate(self.hessian, x, p, 1.0, lam_g)
+        return np.asarray(np.triu(upper) + np.triu(upper, 1).T)
+
     @cached_property
     def momentum(self) -> ca.Function:
         """(x, p) -> p0 = -dE/dq0 (n,) at the first node, and its derivative (n, n) by the last.
@@ -105,50 +108,12 @@ class Transcription:
         return ca.Function("momentum", [x, p], outputs)
 
 
-@dataclass(frozen=True, eq=False)
-class Blocks:
-    """Functions of single nodes, of which the NLP on any grid is made, with their derivatives.
-
-    Attributes:
-        dim: n of the metric.
-        own: number of the problem's parameters.
-        joins: number of via points at which the velocity is continuous.
-        at_ends, at_nodes, at_via, in_segments: the conditions.
-        lagrangian: energy and cost, with the conditions in q and v.
-    """
-
-    dim: int
-    own: int
-    joins: int
-    at_ends: _Block
-    at_nodes: _Block
-    at_via: tuple[_Block, ...]
-    in_segments: _Block
-    lagrangian: _Block
-
-    @classmethod
-    def of(cls, metric: Metric, terms: Conditions) -> Blocks:
-        """Of least energy in the metric under these conditions."""
-        own, q, state = terms.p, terms.q, ca.vertcat(terms.q, terms.v)
-        ends = ca.vertcat(terms.q0, terms.q1, terms.v0, terms.v1)
-        density = metric.inner(q, terms.v, terms.v) / 2 + terms.cost
-        return cls(
-            dim=metric.dim,
-            own=own.shape[0],
-            joins=len(terms.smooth),
-            at_ends=_Block("ends", ends, own, terms.ends),
-            at_nodes=_Block("node", q, own, terms.still),
-            at_via=tuple(_Block("via", q, own, station) for station in terms.via),
-            in_segments=_Block("moving", state, own, terms.moving),
-            lagrangian=_Block("energy", state, own, terms.moving, density),
-        )
-
-
-def transcribe(blocks: Blocks, grid: Grid) -> Transcription:
+def transcribe(functions: NodeFunctions, grid: Grid) -> Transcription:
     """The NLP of these functions on the grid."""
-    n, at_ends, at_nodes, at_via = blocks.dim, blocks.at_ends, blocks.at_nodes, blocks.at_via
-    in_segments, lagrangian = blocks.in_segments, blocks.lagrangian
-    x, p = ca.MX.sym("x", n * grid.size), ca.MX.sym("p", n + 2 + blocks.own)
+    n, at_ends, at_nodes = functions.dim, functions.at_ends, functions.at_nodes
+    at_via, in_segments = functions.at_via, functions.in_segments
+    lagrangian = functions.lagrangian
+    x, p = ca.MX.sym("x", n * grid.size), ca.MX.sym("p", n + 2 + functions.num_parameters)
     scale, length, origin, values = p[0], p[1], p[2 : n + 2], p[n + 2 :]
     scaled = ca.reshape(x, n, grid.size)
     positions = ca.repmat(origin, 1, grid.size) + length * scaled
@@ -165,17 +130,17 @@ def transcribe(blocks: Blocks, grid: Grid) -> Transcription:
     g = ca.vertcat(
         at_ends.value(ends, values),
         *(
-            block.value(positions[:, node], values)
-            for block, node in zip(at_via, grid.via_nodes, strict=True)
+            function.value(positions[:, node], values)
+            for function, node in zip(at_via, grid.via_nodes, strict=True)
         ),
-        *(_jump(slopes, grid, station) for station in grid.via_segments if blocks.joins),
+        *(_jump(slopes, grid, at) for at in grid.via_segments if functions.num_continuous_via),
         ca.vec(at_nodes.value(positions, values)),
         ca.vec(in_segments.value(states, values)),
     )
 
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.shape[0])
-    of_via = np.cumsum([at_ends.size, *(block.size for block in at_via)]).tolist()
-    first = of_via[-1] + n * blocks.joins
+    of_via = np.cumsum([at_ends.size, *(function.size for function in at_via)]).tolist()
+    first = of_via[-1] + n * functions.num_continuous_via
     second = first + at_nodes.size * grid.size
     lam_nodes = ca.reshape(lam_g[first:second], at_nodes.size, grid.size)
     lam_moving = ca.reshape(lam_g[second:], in_segments.size, grid.collocations)
@@ -185,9 +150,9 @@ def transcribe(blocks: Blocks, grid: Grid) -> Transcription:
         hessian += on_diagonal(at_nodes.second(positions, values, lam_nodes), grid, n)
     if at_ends.size:
         hessian += on_ends(at_ends.second(ends, values, lam_g[: at_ends.size]), grid, n)
-    for number, (block, node) in enumerate(zip(at_via, grid.via_nodes, strict=True)):
+    for number, (function, node) in enumerate(zip(at_via, grid.via_nodes, strict=True)):
         factors = lam_g[of_via[number] : of_via[number + 1]]
-        second_derivatives = block.second(positions[:, node], values, factors)
+        second_derivatives = function.second(positions[:, node], values, factors)
         hessian += on_node(second_derivatives, grid, n, node)
 
     return Transcription(
@@ -207,73 +172,7 @@ def transcribe(blocks: Blocks, grid: Grid) -> Transcription:
     )
 
 
-def _jump(slopes: ca.MX, grid: Grid, station: int) -> ca.MX:
+def _jump(slopes: ca.MX, grid: Grid, segment: int) -> ca.MX:
     """By how much the velocity after a segment's end differs from that before, (n, 1)."""
-    after = station * (grid.degree + 1)
+    after = segment * (grid.degree + 1)
     return slopes[:, after] - slopes[:, after - 1]
-
-
-class _Block:
-    """Functions of one node's (or both ends') symbols, evaluated at many columns at once.
-
-    Args:
-        name: of the functions.
-        symbols: (m, 1), different in every column.
-        own: the problem's parameters (k, 1), the same in all.
-        terms: whose expressions are the functions.
-        density: a function before those.
-    """
-
-    def __init__(
-        self,
-        name: str,
-        symbols: ca.SX,
-        own: ca.SX,
-        terms: Sequence[Term],
-        density: ca.SX | None = None,
-    ) -> None:
-        outputs = stacked(terms) if density is None else ca.vertcat(density, stacked(terms))
-        self._name, self._symbols, self._own = name, symbols, own
-        self._outputs = ca.densify(outputs)
-        self.size = int(outputs.shape[0])
-
-    @cached_property
-    def _value(self) -> ca.Function:
-        return self._function("", [self._outputs])
-
-    @cached_property
-    def _first(self) -> ca.Function:
-        gradient = ca.densify(ca.cse(ca.gradient(self._outputs[0], self._symbols)))
-        return self._function("_gradient", [self._outputs[0], gradient])
-
-    @cached_property
-    def _second(self) -> ca.Function:
-        weights = ca.SX.sym("factors", self.size)
-        hessian, _ = ca.hessian(ca.dot(weights, self._outputs), self._symbols)
-        return self._function("_hessian", [ca.vec(ca.densify(ca.cse(hessian)))], weights)
-
-    def _function(self, suffix: str, outputs: list[ca.SX], *more: ca.SX) -> ca.Function:
-        own = [self._own] if self._own.shape[0] else []
-        return ca.Function(self._name + suffix, [self._symbols, *own, *more], outputs)
-
-    def value(self, columns: ca.MX, values: ca.MX) -> ca.MX:
-        """All outputs, (size, columns)."""
-        if not self.size:
-            return ca.MX(0, columns.shape[1])
-        return self._mapped(self._value, columns, values)[0]
-
-    def first(self, columns: ca.MX, values: ca.MX) -> tuple[ca.MX, ca.MX]:
-        """The first output (1, columns) and its gradient (symbols, columns)."""
-        value, slope = self._mapped(self._first, columns, values)
-        return value, slope
-
-    def second(self, columns: ca.MX, values: ca.MX, factors: ca.MX) -> ca.MX:
-        """Hessian of factors' * outputs, (symbols^2, columns)."""
-        return self._mapped(self._second, columns, values, factors)[0]
-
-    def _mapped(
-        self, function: ca.Function, columns: ca.MX, values: ca.MX, *more: ca.MX
-    ) -> list[ca.MX]:
-        count = columns.shape[1]
-        own = [ca.repmat(values, 1, count)] if self._own.shape[0] else []
-        return list(function.map(count).call([columns, *own, *more]))

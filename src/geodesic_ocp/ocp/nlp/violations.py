@@ -1,4 +1,4 @@
-"""By how much a path misses a problem's conditions, between the nodes of its grid, too."""
+"""How far a path violates a problem's conditions, at the nodes of its grid and between them."""
 
 from __future__ import annotations
 
@@ -10,29 +10,27 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, evaluate
-from geodesic_ocp.ocp.nlp.conditions import Conditions, Term
+from geodesic_ocp.ocp.nlp.conditions import Condition, Conditions
+from geodesic_ocp.ocp.nlp.path_samples import PathSamples, excess_over_bounds
 from geodesic_ocp.trajectory.path import Path
 
-NEGLIGIBLE = 1e-6  # violations that are passed over before a solve, and in messages
-_PER_NODE = 4  # places looked at between two nodes
-_CLOSE = 1e-2  # of the range of a condition's values
-_POLISHED = 3  # times that a parabola's top is added to them
+NEGLIGIBLE = 1e-6  # smaller violations are ignored before a solve, and in messages
 
-# Of a path: places s (k,), and the largest violation there (k,) of any condition along it.
-Misses: TypeAlias = Callable[[Path], tuple[Array, Array]]
+# path -> parameters s (k,), and the largest violation of any path constraint at each (k,)
+ViolationProfile: TypeAlias = Callable[[Path], tuple[Array, Array]]
 
 
 @dataclass(frozen=True)
 class Violation:
-    """The worst miss of one component of a condition.
+    """The largest violation of a condition.
 
     Attributes:
-        name: of the condition, as the problem gave it, or its place in the problem.
-        component: which of its rows, in words: a joint, a coordinate, or a number.
-        value: what was found.
-        limit: the bound or value that it misses.
-        s: where on the path; None of a condition on both ends.
-        unit: of a coordinate's limit, where the model tells it; None of other conditions.
+        name: of the condition, as given by the problem, or its position in the problem's list.
+        component: the row of the condition, in words: a joint, a coordinate, or a number.
+        value: of the expression there.
+        limit: the violated bound or value.
+        s: path parameter; None for a condition on both ends.
+        unit: of the coordinate, for joint limits of a model; None for other conditions.
     """
 
     name: str
@@ -60,180 +58,115 @@ class Violation:
         )
 
 
-def violations(
-    terms: Conditions, path: Path, joint_names: Sequence[str] | None
+def find_violations(
+    conditions: Conditions, path: Path, joint_names: Sequence[str] | None
 ) -> tuple[Violation, ...]:
-    """Every condition that the path misses, at the component and place that is worst; worst first.
+    """The largest violation of every violated condition, the worst first.
 
-    Places are the nodes, and others between them.
+    Path constraints are evaluated at the nodes and between them.
     """
     found = [
-        *_at_ends(terms, path, joint_names),
-        *_at_via(terms, path, joint_names),
-        *_along(terms, path, joint_names),
+        *_at_ends(conditions, path, joint_names),
+        *_at_via(conditions, path, joint_names),
+        *_along(conditions, path, joint_names),
     ]
     return tuple(sorted(found, key=lambda one: -one.amount))
 
 
-def violations_at(terms: Conditions, q: Array, s: float) -> tuple[Violation, ...]:
-    """Every condition along the path, other than bounds, that a configuration (n,) at s misses."""
+def violations_at(conditions: Conditions, q: Array, s: float) -> tuple[Violation, ...]:
+    """Violations of the path constraints in q, except bounds, at one configuration (n,)."""
     found: list[Violation] = []
-    for term in terms.still:
-        function = ca.Function("term", [terms.q, terms.p], [term.expression])
-        values = evaluate(function, q, terms.values)
-        found += _worst(term, values, np.array([s]), q.size, None)
+    for condition in conditions.along_q:
+        function = ca.Function("condition", [conditions.q, conditions.p], [condition.expression])
+        values = evaluate(function, q, conditions.p_values)
+        found += _worst(condition, values, np.array([s]), q.size, None)
     return tuple(sorted(found, key=lambda one: -one.amount))
 
 
-def misses(terms: Conditions) -> Misses:
-    """By how much paths violate the conditions along them, and where."""
-    look = _Look(terms)
+def violation_profile(conditions: Conditions) -> ViolationProfile:
+    """A function that gives the largest violation of the path constraints along a path."""
+    samples = PathSamples(conditions)
 
-    def along(path: Path) -> tuple[Array, Array]:
-        s, found = look(path)
-        excess = [_signed(term, values).max(axis=0, initial=0.0) for term, values in found]
+    def profile(path: Path) -> tuple[Array, Array]:
+        s, found = samples(path)
+        excess = [excess_over_bounds(c, values).max(axis=0, initial=0.0) for c, values in found]
         return s, np.maximum.reduce([np.zeros(s.size), *excess])
 
-    return along
-
-
-def _signed(term: Term, values: Array) -> Array:
-    """By how much values (m, k) are outside the bounds, negative inside; NaN is infinitely far."""
-    excess = np.maximum(term.lower[:, None] - values, values - term.upper[:, None])
-    return np.asarray(np.where(np.isnan(excess), np.inf, excess))
-
-
-class _Look:
-    """Values of the conditions along paths, also where between other places they are worst."""
-
-    def __init__(self, terms: Conditions) -> None:
-        self._terms, self._functions = terms, (*terms.still, *terms.moving)
-        rows = [ca.SX(0, 1), *(term.expression for term in self._functions)]
-        self._function = ca.Function("along", [terms.q, terms.v, terms.p], [ca.vertcat(*rows)])
-
-    def __call__(self, path: Path) -> tuple[Array, list[tuple[Term, Array]]]:
-        """Places s (k,), and of each condition along the path the values (m, k) there."""
-        s = places_between(path)
-        found = self._values(path, s)
-        for _ in range(_POLISHED):
-            peaks = [_peaks(s, _signed(term, values)) for term, values in found]
-            new = np.setdiff1d(np.concatenate([np.zeros(0), *peaks]), s)
-            if not new.size:
-                break
-            s = np.sort(np.concatenate([s, new]))
-            found = self._values(path, s)
-        return s, found
-
-    def _values(self, path: Path, s: Array) -> list[tuple[Term, Array]]:
-        positions = path(s)
-        found = [
-            (term, positions[:, list(term.coordinates or ())].T) for term in self._terms.bounds
-        ]
-        if self._functions:
-            own = np.tile(self._terms.values[:, None], s.size)
-            values = evaluate(self._function.map(s.size), positions.T, path(s, 1).T, own)
-            ends = np.cumsum([term.size for term in self._functions])[:-1]
-            found += zip(self._functions, np.split(values, ends), strict=True)
-        return found
-
-
-def _peaks(s: Array, excess: Array) -> Array:
-    """Where parabolas through three neighbours of excess (m, k) have tops outside, or nearly."""
-    if s.size < 3:
-        return np.zeros(0)
-    left, middle, right = excess[:, :-2], excess[:, 1:-1], excess[:, 2:]
-    a, b = np.diff(s)[:-1], np.diff(s)[1:]
-    with np.errstate(all="ignore"):  # there may be infinities
-        before, after = (middle - left) / a, (right - middle) / b
-        bend = (after - before) / (a + b)
-        slope = before + bend * a
-        top = middle - slope**2 / (4.0 * bend)
-        place = s[1:-1] - slope / (2.0 * bend)
-        inside = (place > s[:-2]) & (place < s[2:])
-        finite = np.where(np.isfinite(excess), excess, 0.0)
-        near = -_CLOSE * np.ptp(finite, axis=1, keepdims=True)  # a parabola may miss a top
-        there = (bend < 0.0) & (top > near) & inside
-    return np.asarray(place[there])
+    return profile
 
 
 def _at_ends(
-    terms: Conditions, path: Path, joint_names: Sequence[str] | None
+    conditions: Conditions, path: Path, joint_names: Sequence[str] | None
 ) -> Iterator[Violation]:
-    n, nodes = path.metric.dim, path.nodes
-    for term in terms.fixed:
-        assert term.coordinates is not None
-        ends = {coordinate // n for coordinate in term.coordinates}
-        place = np.array([float(max(ends))]) if len(ends) == 1 else None
-        values = nodes[[0, -1]].ravel()[list(term.coordinates)]
-        yield from _worst(term, values[:, None], place, n, joint_names)
-    if terms.ends:
-        symbols = [terms.q0, terms.q1, terms.v0, terms.v1, terms.p]
-        states = [*nodes[[0, -1]], *path([0.0, 1.0], 1), terms.values]
-    for term in terms.ends:
+    c, n, nodes = conditions, path.metric.dim, path.nodes
+    for condition in c.fixed:
+        assert condition.coordinates is not None
+        ends = {coordinate // n for coordinate in condition.coordinates}
+        s = np.array([float(max(ends))]) if len(ends) == 1 else None
+        values = nodes[[0, -1]].ravel()[list(condition.coordinates)]
+        yield from _worst(condition, values[:, None], s, n, joint_names)
+    if c.ends:
+        symbols = [c.q0, c.q1, c.v0, c.v1, c.p]
+        states = [*nodes[[0, -1]], *path([0.0, 1.0], 1), c.p_values]
+    for condition in c.ends:
         first, last = (
-            ca.depends_on(term.expression, ca.vertcat(*pair))
-            for pair in ((terms.q0, terms.v0), (terms.q1, terms.v1))
+            ca.depends_on(condition.expression, ca.vertcat(*pair))
+            for pair in ((c.q0, c.v0), (c.q1, c.v1))
         )
-        values = evaluate(ca.Function("term", symbols, [term.expression]), *states)
-        place = None if first == last else np.array([float(last)])
-        yield from _worst(term, values, place, n, joint_names)
+        values = evaluate(ca.Function("condition", symbols, [condition.expression]), *states)
+        s = None if first == last else np.array([float(last)])
+        yield from _worst(condition, values, s, n, joint_names)
 
 
 def _at_via(
-    terms: Conditions, path: Path, joint_names: Sequence[str] | None
+    conditions: Conditions, path: Path, joint_names: Sequence[str] | None
 ) -> Iterator[Violation]:
     grid = path.grid
-    for share, node, station in zip(grid.via_s, grid.via_nodes, terms.via, strict=True):
-        for term in station:
-            function = ca.Function("term", [terms.q, terms.p], [term.expression])
-            values = evaluate(function, path.nodes[node], terms.values)
-            yield from _worst(term, values, np.array([share]), path.metric.dim, joint_names)
+    for s, node, at_one in zip(grid.via_s, grid.via_nodes, conditions.via, strict=True):
+        for condition in at_one:
+            symbols = [conditions.q, conditions.p]
+            function = ca.Function("condition", symbols, [condition.expression])
+            values = evaluate(function, path.nodes[node], conditions.p_values)
+            yield from _worst(condition, values, np.array([s]), path.metric.dim, joint_names)
 
 
-def _along(terms: Conditions, path: Path, joint_names: Sequence[str] | None) -> Iterator[Violation]:
-    if terms.still or terms.moving or terms.bounds:
-        s, found = _Look(terms)(path)
+def _along(
+    conditions: Conditions, path: Path, joint_names: Sequence[str] | None
+) -> Iterator[Violation]:
+    if conditions.along_q or conditions.along_qv or conditions.bounds:
+        s, found = PathSamples(conditions)(path)
         n = path.metric.dim
         units = getattr(getattr(path.metric, "model", None), "units", ("",) * n)
-        for term, values in found:
-            of_bounds = units if term in terms.bounds else None
-            yield from _worst(term, values, s, n, joint_names, of_bounds)
-
-
-def places_between(path: Path) -> Array:
-    """Values of s (k,): the nodes, and places between them; one-sided at ends of segments."""
-    nodes = path.grid.nodes
-    steps = np.arange(_PER_NODE) / _PER_NODE
-    between = (nodes[:-1, None] + np.diff(nodes)[:, None] * steps).ravel()
-    inner = path.breakpoints[1:-1]
-    return np.sort(np.concatenate([between, [1.0], inner - 1e-12]))
+        for condition, values in found:
+            of_limits = units if condition in conditions.bounds else None
+            yield from _worst(condition, values, s, n, joint_names, of_limits)
 
 
 def _worst(
-    term: Term,
+    condition: Condition,
     values: Array,
     s: Array | None,
     n: int,
     joint_names: Sequence[str] | None,
     units: Sequence[str] | None = None,
 ) -> Iterator[Violation]:
-    """The worst miss of a term's values (m, k), if there is any; NaN is an infinite one.
+    """The largest violation of a condition's values (m, k), if any; NaN counts as infinite.
 
     Units (n,) are given for limits of coordinates.
     """
     unit = None
-    excess = _signed(term, values)
+    excess = excess_over_bounds(condition, values)
     if not np.any(excess > 0.0):
         return
-    row, place = np.unravel_index(int(np.argmax(excess)), excess.shape)
-    value = float(values[row, place])
-    limit = float(term.upper[row] if value > term.upper[row] else term.lower[row])
-    component = f"{term.name}[{row}]" if term.size > 1 else term.name
-    if term.coordinates is not None:
-        coordinate = term.coordinates[int(row)] % n
+    row, column = np.unravel_index(int(np.argmax(excess)), excess.shape)
+    value = float(values[row, column])
+    limit = float(condition.upper[row] if value > condition.upper[row] else condition.lower[row])
+    component = f"{condition.name}[{row}]" if condition.size > 1 else condition.name
+    if condition.coordinates is not None:
+        coordinate = condition.coordinates[int(row)] % n
         unit = None if units is None else units[coordinate]
         component = (
             f"q[{coordinate}]" if joint_names is None else f"joint {joint_names[coordinate]}"
         )
-    where = None if s is None else float(s[min(int(place), s.size - 1)])
-    yield Violation(term.name, component, value, limit, where, unit)
+    where = None if s is None else float(s[min(int(column), s.size - 1)])
+    yield Violation(condition.name, component, value, limit, where, unit)

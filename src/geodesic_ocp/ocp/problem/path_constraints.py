@@ -1,4 +1,4 @@
-"""What ready-made problems may be asked to hold along the path: limits, speed, distances."""
+"""Path constraints of the ready-made problems: joint limits, speed limits, distances."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from geodesic_ocp.arrays import as_number, as_vector
-from geodesic_ocp.figures.path_figure import draw_obstacle
+from geodesic_ocp.figures.obstacles import draw_obstacle
 from geodesic_ocp.model.geometry.signed_distances import as_pair, signed_distances
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Obstacle
-from geodesic_ocp.ocp.problem.problem import Inequality, Problem, key_of
+from geodesic_ocp.ocp.problem.keys import key_of
+from geodesic_ocp.ocp.problem.problem import Inequality, Problem
 from geodesic_ocp.trajectory.path import Path
 
-_OF_A_MODEL = {"limits": "limits", "obstacles": "bodies", "pairs": "bodies"}
+_NEEDS_MODEL = {"limits": "limits", "obstacles": "bodies", "pairs": "bodies"}
 
 
 def clearance_constraints(
@@ -30,16 +31,16 @@ def clearance_constraints(
     pairs: Sequence[tuple[str, str]] = (),
     margin: float = 0.0,
 ) -> list[Inequality]:
-    """Constraints that keep a model's bodies clear of obstacles and of each other.
+    """Path constraints that keep a model's collision bodies apart from obstacles and each other.
 
     Args:
-        model: with bodies (`Model.bodies`).
-        q: the configuration's symbols (n, 1).
+        model: with collision bodies (`Model.bodies`).
+        q: symbols of the configuration (n, 1).
         obstacles, links, pairs: see `signed_distances`.
-        margin: least distance [m].
+        margin: smallest distance allowed [m].
 
     Raises:
-        ValueError: there are no bodies, or none of a link that is named.
+        ValueError: the model, or a named link, has no collision bodies.
     """
     margin = as_number("margin", margin)
     distances = signed_distances(model, q, obstacles, links=links, pairs=pairs)
@@ -47,17 +48,18 @@ def clearance_constraints(
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Restricted(Problem):
-    """A problem with keywords for what holds along the path.
+class ConstrainedProblem(Problem):
+    """A problem with optional limits on joints, speed and distances along the path.
 
     Attributes:
         limits: whether the joints stay within the limits of the metric's model.
-        speed: largest |dq_j / ds| [rad or m for the whole path], for all coordinates or (n,); a
-            motion at constant speed in a duration T has speeds 1 / T times these. None: any.
-        obstacles: balls, capsules and half-spaces that the model's bodies keep clear of.
-        links: whose bodies those are; None: of all that move.
-        pairs: of links that keep clear of each other.
-        margin: least distance [m] from obstacles and in pairs.
+        speed: largest |dq_j / ds| [rad or m over the whole path], one for all coordinates or (n,);
+            a motion at constant speed that lasts T has joint speeds 1 / T times these. None: no
+            limit.
+        obstacles: balls, capsules and half-spaces that the collision bodies keep clear of.
+        links: links whose bodies keep clear of obstacles; None: all that move.
+        pairs: pairs of links that keep clear of each other.
+        margin: smallest distance [m] from obstacles and within pairs.
     """
 
     limits: bool = False
@@ -67,8 +69,8 @@ class Restricted(Problem):
     pairs: tuple[tuple[str, str], ...] = ()
     margin: float = 0.0
 
-    def check_restrictions(self) -> None:
-        """Bring the keywords into their form.
+    def check_path_constraints(self) -> None:
+        """Check and convert the fields of this class; subclasses call it when they are created.
 
         Raises:
             ValueError: wrong shapes or values, links without bodies, or a metric without a model.
@@ -82,7 +84,7 @@ class Restricted(Problem):
         object.__setattr__(self, "pairs", tuple(map(as_pair, self.pairs)))
         if self.links is not None:
             object.__setattr__(self, "links", tuple(self.links))
-        for keyword, what in _OF_A_MODEL.items():
+        for keyword, what in _NEEDS_MODEL.items():
             if getattr(self, keyword) and self._model is None:
                 kind = type(self.metric).__name__
                 raise ValueError(f"{keyword}: {kind} has no model with {what}")
@@ -94,7 +96,7 @@ class Restricted(Problem):
         return getattr(self.metric, "model", None)
 
     def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Inequality]:
-        """Joint limits, speed and distances, where they are asked for."""
+        """The requested constraints on joint limits, speed and distances."""
         conditions: list[Inequality] = []
         model = self._model
         if self.limits and model is not None:
@@ -111,13 +113,13 @@ class Restricted(Problem):
         return conditions
 
     def draw(self, axes: Axes, path: Path, columns: tuple[int, int]) -> None:
-        """Outlines of the obstacles that stand still."""
+        """Draw the outlines of stationary obstacles."""
         for number, obstacle in enumerate(self.obstacles):
             draw_obstacle(axes, obstacle, columns, "obstacle" if number == 0 else None)
 
     @property
-    def restrictions(self) -> tuple[Hashable, ...]:
-        """What constraints there are, for `structure`; empty if there are none."""
+    def constraint_key(self) -> tuple[Hashable, ...]:
+        """Which constraints there are, for `structure`; empty if there are none."""
         if not (self.limits or self.speed or self.obstacles or self.pairs):
             return ()
         bodies = (self.obstacles, self.links, self.pairs)

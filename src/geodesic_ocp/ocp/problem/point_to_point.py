@@ -1,4 +1,4 @@
-"""PointToPoint: the geodesic between two configurations, and what all such problems share."""
+"""PointToPoint: the geodesic between two configurations."""
 
 from __future__ import annotations
 
@@ -8,26 +8,27 @@ from dataclasses import dataclass
 import casadi as ca
 
 from geodesic_ocp.manifold.metric import Metric, as_metric
-from geodesic_ocp.ocp.nlp.conditions import conditions
-from geodesic_ocp.ocp.nlp.structure import Structure
-from geodesic_ocp.ocp.problem.path_constraints import Restricted
-from geodesic_ocp.ocp.problem.problem import Equality, Problem, key_of
+from geodesic_ocp.ocp.nlp.definition import Structure
+from geodesic_ocp.ocp.problem.keys import key_of
+from geodesic_ocp.ocp.problem.path_constraints import ConstrainedProblem
+from geodesic_ocp.ocp.problem.problem import Equality, Problem
 
 
 @dataclass(frozen=True)
-class PointToPoint(Restricted):
+class PointToPoint(ConstrainedProblem):
     """The geodesic between two configurations.
 
     Attributes:
         metric: of the manifold.
         q0, q1: start and goal (n,) [rad or m].
         limits: whether the joints stay within the limits of the metric's model.
-        speed: largest |dq_j / ds| [rad or m for the whole path], for all coordinates or (n,); a
-            motion at constant speed in a duration T has speeds 1 / T times these. None: any.
-        obstacles: balls, capsules and half-spaces that the model's bodies keep clear of.
-        links: whose bodies those are; None: of all that move.
-        pairs: of links that keep clear of each other.
-        margin: least distance [m] from obstacles and in pairs.
+        speed: largest |dq_j / ds| [rad or m over the whole path], one for all coordinates or (n,);
+            a motion at constant speed that lasts T has joint speeds 1 / T times these. None: no
+            limit.
+        obstacles: balls, capsules and half-spaces that the collision bodies keep clear of.
+        links: links whose bodies keep clear of obstacles; None: all that move.
+        pairs: pairs of links that keep clear of each other.
+        margin: smallest distance [m] from obstacles and within pairs.
 
     Raises:
         ValueError: wrong shapes or numbers that are not finite, or the metric is singular there;
@@ -43,7 +44,7 @@ class PointToPoint(Restricted):
         for name in ("q0", "q1"):
             vector = metric.point(name, getattr(self, name))
             object.__setattr__(self, name, tuple(vector.tolist()))
-        self.check_restrictions()
+        self.check_path_constraints()
 
     def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Equality]:
         """Both ends."""
@@ -51,19 +52,20 @@ class PointToPoint(Restricted):
 
     @property
     def structure(self) -> Hashable:
-        """The metric, or its identity where it has no hash, and what constraints there are."""
+        """The metric, or its identity if it has no hash, and which constraints there are."""
         key = key_of(self.metric)
-        return (key, *self.restrictions) if self.restrictions else key
+        return (key, *self.constraint_key) if self.constraint_key else key
 
 
-def structure_of_geodesics(metric: Metric) -> Structure:
-    """The structure of every `PointToPoint` in the metric, wherever its ends may be."""
-    return Structure((PointToPoint, key_of(metric)), metric, conditions(_Anywhere(metric)))
+def geodesic_structure(metric: Metric) -> Structure:
+    """The structure shared by every unconstrained `PointToPoint` in the metric."""
+    conditions = _FixedEnds(metric).definition().conditions
+    return Structure((PointToPoint, key_of(metric)), metric, conditions)
 
 
 @dataclass(frozen=True, eq=False)
-class _Anywhere(Problem):
-    """Fixed ends, of which nothing is asked."""
+class _FixedEnds(Problem):
+    """Fixed ends, which are not checked: there may be no metric at them."""
 
     metric: Metric
 

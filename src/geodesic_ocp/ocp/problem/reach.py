@@ -1,4 +1,4 @@
-"""Reaching: from a configuration to a pose of the hand, in whatever configuration costs least."""
+"""Reach: the path of least energy from a configuration to a pose of the hand."""
 
 from __future__ import annotations
 
@@ -15,41 +15,39 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.ocp.ik.inverse_kinematics import (
-    across,
-    as_directions,
-    inverse_kinematics,
-    rotation_error,
-)
-from geodesic_ocp.ocp.problem.path_constraints import Restricted
+from geodesic_ocp.ocp.ik.free_directions import as_directions, complement
+from geodesic_ocp.ocp.ik.inverse_kinematics import inverse_kinematics
+from geodesic_ocp.ocp.ik.pose_error import rotation_log
+from geodesic_ocp.ocp.problem.path_constraints import ConstrainedProblem
 from geodesic_ocp.ocp.problem.problem import Equality
 
 
 @dataclass(frozen=True, eq=False)
-class Reach(Restricted):
-    """The geodesic from a configuration to where the hand has a place, an orientation or both.
+class Reach(ConstrainedProblem):
+    """The path of least energy from a configuration to a pose of the hand.
 
-    What the hand leaves open of the final configuration is free: the path arrives at a right angle to
-    all configurations with that pose (transversality). The straight line to a configuration by inverse
-    kinematics is where the search starts. Start and pose can change without a new NLP.
+    The position of the hand, its orientation, or both are prescribed at the end; whatever they
+    leave open of the final configuration is free, so that the path arrives orthogonally to all
+    configurations with that pose (transversality). The initial guess is the straight line to a
+    configuration found by inverse kinematics. Start and pose can change without a new NLP.
 
     Attributes:
-        model: whose hand reaches; the metric is its kinetic energy.
+        model: whose hand (end-effector) reaches; the metric is its kinetic energy.
         start: configuration (n,) [rad or m].
-        position: of the hand at the end, in the base's frame, (3,) [m]; None leaves it free.
+        position: of the hand at the end, in the base frame, (3,) [m]; None leaves it free.
         rotation: of the hand at the end, (3, 3); None leaves it free.
-        free: directions in which the position may differ, in the base's axes, (3,) or (k, 3): one
-            makes it a line, two a plane.
-        through: positions (k, 3) [m] that the hand passes on the way, in this order, in whatever
-            configurations cost least.
+        free: directions in which the position is free, in the base's axes, (3,) or (k, 3): one
+            direction makes the target a line, two a plane.
+        through: positions (k, 3) [m] that the hand passes on its path, in this order.
         continuous_velocity_at_via: whether the velocity is continuous there; see `Problem`.
         limits: whether the joints stay within the limits of the metric's model.
-        speed: largest |dq_j / ds| [rad or m for the whole path], for all coordinates or (n,); a
-            motion at constant speed in a duration T has speeds 1 / T times these. None: any.
-        obstacles: balls, capsules and half-spaces that the model's bodies keep clear of.
-        links: whose bodies those are; None: of all that move.
-        pairs: of links that keep clear of each other.
-        margin: least distance [m] from obstacles and in pairs.
+        speed: largest |dq_j / ds| [rad or m over the whole path], one for all coordinates or (n,);
+            a motion at constant speed that lasts T has joint speeds 1 / T times these. None: no
+            limit.
+        obstacles: balls, capsules and half-spaces that the collision bodies keep clear of.
+        links: links whose bodies keep clear of obstacles; None: all that move.
+        pairs: pairs of links that keep clear of each other.
+        margin: smallest distance [m] from obstacles and within pairs.
 
     Raises:
         ValueError: wrong shapes or values, or neither position nor rotation.
@@ -77,7 +75,7 @@ class Reach(Restricted):
             raise ValueError("free: directions are those of a position, and there is none")
         points = [as_vector(f"through[{k}]", each, 3) for k, each in enumerate(_rows(self.through))]
         object.__setattr__(self, "through", np.array(points).reshape(-1, 3))
-        self.check_restrictions()
+        self.check_path_constraints()
 
     @property
     def metric(self) -> Metric:  # type: ignore[override]
@@ -86,37 +84,38 @@ class Reach(Restricted):
 
     @property
     def parameters(self) -> Sequence[str]:  # type: ignore[override]
-        """What is given of the hand's pose and of its way."""
+        """The prescribed parts of the hand's pose and the positions on its path."""
         given = [name for name in ("position", "rotation") if getattr(self, name) is not None]
-        return [*given, "through"] if self._points else given
+        return [*given, "through"] if self._num_points else given
 
     @property
-    def _points(self) -> int:
+    def _num_points(self) -> int:
         through: Any = self.through  # numbers, or symbols in their place
         return int(through.shape[0])
 
     @property
     def structure(self) -> Hashable:
-        """Model and kinds of conditions."""
+        """The model and which conditions there are."""
         free = tuple(map(tuple, np.asarray(self.free).tolist()))
-        ways = (self._points, self.continuous_velocity_at_via)
-        return (self.model, *self.parameters, free, *ways, *self.restrictions)
+        via = (self._num_points, self.continuous_velocity_at_via)
+        return (self.model, *self.parameters, free, *via, *self.constraint_key)
 
     def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Equality]:
-        """The start, and the hand's pose at the end."""
+        """The start, and the pose of the hand at the end."""
         rotation, position = self.model.hand_pose(q1)
-        wanted: dict[str, Any] = {name: getattr(self, name) for name in self.parameters}
+        target: dict[str, Any] = {name: getattr(self, name) for name in self.parameters}
         conditions: list[Equality] = [(q0, self.start, "start")]
-        if "position" in wanted:
-            held = ca.DM(across(np.asarray(self.free)))
-            conditions.append((held @ (position - ca.SX(wanted["position"])), 0.0, "position"))
-        if "rotation" in wanted:
-            error = rotation_error(rotation, ca.SX(wanted["rotation"]))
+        if "position" in target:
+            axes, num_free = complement(np.asarray(self.free))
+            held = ca.DM(axes[:, num_free:].T)
+            conditions.append((held @ (position - ca.SX(target["position"])), 0.0, "position"))
+        if "rotation" in target:
+            error = rotation_log(ca.SX(target["rotation"]).T @ rotation)
             conditions.append((error, 0.0, "rotation"))
         return conditions
 
     def via(self, q: ca.SX) -> Sequence[Sequence[Equality]]:
-        """The hand's place at each point on the way."""
+        """The position of the hand at each via point."""
         given: Any = self.through  # numbers, or symbols in their place
         points = ca.SX(given)
         _, position = self.model.hand_pose(q)
@@ -124,10 +123,10 @@ class Reach(Restricted):
         return [[(position - points[k, :].T, 0.0, name)] for k, name in enumerate(names)]
 
     def guess(self, s: Array) -> Array:
-        """Straight lines to the nearest configuration with each pose, one after the other.
+        """Straight lines between configurations found by inverse kinematics, each near the last.
 
         Raises:
-            NotConverged: there is none.
+            NotConverged: inverse kinematics found no configuration.
         """
         keep: dict[str, Any] = {
             name: getattr(self, name)
@@ -149,5 +148,5 @@ class Reach(Restricted):
 
 
 def _rows(points: Any) -> list[Any]:
-    """Points (k, 3), or one (3,), as a list of them."""
+    """A list of points from (k, 3), or from one (3,)."""
     return [points] if len(points) and np.ndim(points[0]) == 0 else list(points)

@@ -1,4 +1,4 @@
-"""What a solver tells in every iteration."""
+"""What a callback receives in every iteration of the solver."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from geodesic_ocp.trajectory.path import Path
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
-    """Where Ipopt is in one iteration.
+    """An iterate of Ipopt.
 
     Attributes:
-        number: of the iteration; the guess is number zero.
-        objective: energy and cost.
+        number: of the iteration; the initial guess is number zero.
+        objective: energy and running cost.
         violation: largest violation of any condition at the nodes, in the condition's unit.
         path: the path.
     """
@@ -33,8 +33,8 @@ class Iterate:
 Callback: TypeAlias = Callable[[Iterate], object]
 
 
-class Relay(ca.Callback):
-    """Hands CasADi's calls in every iteration on to a function, and keeps what it raises."""
+class IterationCallback(ca.Callback):
+    """Passes every iterate from CasADi to a function, and keeps any exception that it raises."""
 
     def __init__(self, nlp: NLP, callback: Callback) -> None:
         super().__init__()
@@ -45,26 +45,26 @@ class Relay(ca.Callback):
         self._sizes = dict(
             zip(ca.nlpsol_out(), (x, 1, g, x, g, nlp.transcription.size_p), strict=True)
         )
-        self.construct("relay", {})
+        self.construct("iteration_callback", {})
 
     def get_n_in(self) -> int:
-        """As many as a solver has outputs."""
+        """Number of inputs: as many as a solver has outputs."""
         return int(ca.nlpsol_n_out())
 
     def get_n_out(self) -> int:
-        """Whether to stop."""
+        """Number of outputs: whether to stop."""
         return 1
 
     def get_name_in(self, index: int) -> str:
-        """The solver's output of that number."""
+        """Name of the solver's output of that index."""
         return str(ca.nlpsol_out(index))
 
     def get_sparsity_in(self, index: int) -> ca.Sparsity:
-        """Columns of the NLP's sizes."""
+        """Dense columns of the NLP's sizes."""
         return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(index)])
 
     def eval(self, arguments: Sequence[ca.DM]) -> list[int]:
-        """[1] where Ipopt is to stop, [0] elsewhere."""
+        """[1] to stop Ipopt, else [0]."""
         values = dict(zip(self._sizes, arguments, strict=True))
         path = self._nlp.path(values["x"].full()[:, 0])
         violation, _ = self._nlp.bounds.worst(path.nodes, values["g"].full()[:, 0])

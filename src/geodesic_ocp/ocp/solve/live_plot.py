@@ -1,4 +1,4 @@
-"""A picture in a notebook that follows the solver."""
+"""A figure in a notebook that follows the solver."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from geodesic_ocp.ocp.solve.callback import Iterate
 
 
 class LivePlot:
-    """A callback for `solve` that draws the path of every iteration into one notebook output.
+    """A callback for `solve` that draws the path of every iterate into one notebook output.
 
     Args:
-        problem: that is solved.
-        interval: least time between two pictures [s]; the last one is drawn by `close`.
+        problem: the problem to be solved.
+        interval: shortest time between two drawings [s]; `close` draws the last iterate.
 
     Raises:
-        ValueError: it is not called in a notebook.
+        ValueError: outside a notebook.
 
     Use it as `with go.LivePlot(problem) as live: go.solve(problem, callback=live)`.
     """
@@ -34,7 +34,7 @@ class LivePlot:
                 "LivePlot needs IPython: pip install 'geodesic_ocp[notebooks]'"
             ) from error
         if getattr(get_ipython(), "kernel", None) is None:
-            raise ValueError("LivePlot draws into a notebook, and this is none")
+            raise ValueError("LivePlot works in a notebook only")
         self._problem, self._interval = problem, interval
         self._display: Any = display
         self._handle: Any = None
@@ -43,7 +43,7 @@ class LivePlot:
         self._waiting: Iterate | None = None
 
     def __call__(self, iterate: Iterate) -> None:
-        """Draw the iterate, unless the last one was drawn a moment ago."""
+        """Draw the iterate, unless the previous one was drawn less than `interval` ago."""
         self._waiting = iterate
         if perf_counter() - self._drawn >= self._interval:
             self._draw(iterate)
@@ -53,7 +53,7 @@ class LivePlot:
             f"{type(self._problem).__name__}, iteration {iterate.number}: objective "
             f"{iterate.objective:.6g}, largest violation {iterate.violation:.1e}"
         )
-        self._figure = draw_path(self._problem, iterate.path, title, self._figure)
+        self._figure = draw_path(iterate.path, title, self._problem.draw, self._figure)
         if self._handle is None:
             self._handle = self._display(self._figure, display_id=True)
         else:
@@ -61,7 +61,7 @@ class LivePlot:
         self._drawn, self._waiting = perf_counter(), None
 
     def close(self) -> None:
-        """Draw the last iterate, if it was passed over."""
+        """Draw the last iterate, if it was skipped."""
         if self._waiting is not None:
             self._draw(self._waiting)
 

@@ -1,8 +1,9 @@
-"""Solutions from the files that `archive` writes."""
+"""Solutions from the files that `Solution.save` writes."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from dataclasses import fields
 from os import PathLike
 from pathlib import Path as FilePath
@@ -12,49 +13,53 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.ocp.nlp.conditions import Conditions, conditions
-from geodesic_ocp.ocp.nlp.structure import transcription_of
+from geodesic_ocp.ocp.nlp.conditions import Conditions
 from geodesic_ocp.ocp.nlp.transcription import Units
-from geodesic_ocp.ocp.nlp.violations import violations
+from geodesic_ocp.ocp.nlp.violations import find_violations
 from geodesic_ocp.ocp.problem.problem import Problem
-from geodesic_ocp.ocp.solve.certificate import Attempt
-from geodesic_ocp.ocp.solve.save_solution import FORMAT, VERSION, decoded
-from geodesic_ocp.ocp.solve.solution import MeshIteration, Solution, Stats
+from geodesic_ocp.ocp.solve.encoding import decoded, described_model
+from geodesic_ocp.ocp.solve.final_iterate import FinalIterate
+from geodesic_ocp.ocp.solve.solution import FORMAT, VERSION, Solution
+from geodesic_ocp.ocp.solve.stats import MeshIteration, Stats
 from geodesic_ocp.records import read_record
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
-_SAME = 1e-9  # of the energy, relative
-_MISSED = 1e-8  # of conditions, which rounding may change
+_SAME_ENERGY = 1e-9  # relative
+_SAME_VIOLATION = 1e-8  # rounding may change it
 
 
 def load_solution(file: str | PathLike[str], problem: Problem | None = None) -> Solution:
-    """Read a solution that `save_solution` wrote.
+    """Read a solution that `Solution.save` wrote.
 
     Args:
         file: the JSON file.
-        problem: that was solved. None: an instance of the class of that name, in the module that
-            had it when it was saved and is imported already, with the fields in the file; fields
-            that are models or metrics, which the file does not hold, must have defaults.
+        problem: the problem that was solved. None: an instance of the class of that name with the
+            fields in the file. The class must be imported already; fields that are models or
+            metrics, which the file does not hold, take their defaults.
 
     Raises:
-        RecordingError: the file is missing, is not such a file, or not of such a problem; or the
-            path has another energy than when it was saved, as in the metric of another model.
+        RecordingError: the file is missing or malformed; it holds a solution of another problem;
+            or the path has another energy or violates other conditions than when it was saved, as
+            with another model.
     """
     path = FilePath(file)
     record = read_record(path, FORMAT, VERSION, "a solution")
-    solved = record.get("problem")
+    saved = record.get("problem")
     if problem is None:
-        problem = _problem(record, path)
-    if solved != type(problem).__name__:
-        raise RecordingError(f"{path} has a solution of {solved}, not of {type(problem).__name__}")
+        problem = _saved_problem(record, path)
+    if saved != type(problem).__qualname__:
+        raise RecordingError(
+            f"{path} has a solution of {saved}, not of {type(problem).__qualname__}"
+        )
     names = problem.metric.joint_names
     if record.get("joint_names") != (None if names is None else list(names)):
         raise RecordingError(
             f"{path}: its joints {record.get('joint_names')} are not the problem's"
         )
+    _check_models(record, problem, path)
     try:
-        solution = _solution(record, problem)
+        solution = _decoded_solution(record, problem)
     except (
         ArithmeticError,
         AttributeError,
@@ -65,94 +70,129 @@ def load_solution(file: str | PathLike[str], problem: Problem | None = None) -> 
     ) as error:
         what = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         raise RecordingError(f"{path}: {what}") from None
-    energy, saved = solution.path.energy_at_nodes, solution.stats.energy
-    if np.isfinite(saved) and not abs(energy - saved) <= _SAME * abs(saved):
-        raise RecordingError(
-            f"{path}: its path has the energy {energy:.9g} in this problem's metric and was saved "
-            f"with {saved:.9g}; give the problem that was solved"
-        )
-    missed = solution.violations[0].amount if solution.violations else 0.0
-    if not abs(missed - solution.stats.max_path_violation) <= _MISSED:
-        raise RecordingError(
-            f"{path}: its path misses this problem's conditions by {missed:.3g} and was saved with "
-            f"{solution.stats.max_path_violation:.3g}; give the problem that was solved"
-        )
+    _check_same_problem(solution, path)
     return solution
 
 
-def _problem(record: dict[str, Any], path: FilePath) -> Problem:
-    """The problem that the record describes, of a class that is imported already."""
+def _saved_problem(record: dict[str, Any], path: FilePath) -> Problem:
+    """An instance of the recorded class, which must be imported already, with the saved fields."""
     name, module = str(record.get("problem")), str(record.get("module"))
-    given, saved = f"load_solution({str(path)!r}, problem)", record.get("fields")
-    kind = _class(module, name)
-    if not (isinstance(kind, type) and issubclass(kind, Problem)) or not isinstance(saved, dict):
+    given, values = f"load_solution({str(path)!r}, problem)", record.get("fields")
+    found = _imported_class(module, name)
+    if found is None or not isinstance(values, dict):
         raise RecordingError(
-            f"{path} has a solution of {name} of the module {module}, which is not imported here; "
+            f"{path} has a solution of {name} of the module {module}, which is not imported; "
             f"import it, or use {given}"
         )
+    if "__dataclass_fields__" not in vars(found):
+        raise RecordingError(f"{path} does not hold the fields of {name}; use {given}")
     if left_out := record.get("left_out"):
         raise RecordingError(f"{path} does not hold the fields {', '.join(left_out)}; use {given}")
     try:
-        return kind(**{key: decoded(value) for key, value in saved.items()})
+        return found(**{key: decoded(value) for key, value in values.items()})
     except (AttributeError, LookupError, TypeError, ValueError) as error:
         raise RecordingError(
-            f"{path}: {name} cannot be made of the fields in the file ({error}); use {given}"
+            f"{path}: {name} cannot be created from the fields in the file ({error}); use {given}"
         ) from None
 
 
-def _class(module: str, name: str) -> Any:
-    """The class of that name in the module, or in another of that file's name."""
-    last = module.rpartition(".")[2]
-    near = [each for each in list(sys.modules) if each.rpartition(".")[2] == last]
-    for each in (module, *near):
-        kind = getattr(sys.modules.get(each), name, None)
-        if isinstance(kind, type) and issubclass(kind, Problem):
-            return kind
+def _imported_class(module: str, name: str) -> type[Problem] | None:
+    """The imported problem class of that name: of that module, or of a file of that name.
+
+    A file is `around_disc` or `problems.around_disc`, depending on how it was run.
+    """
+    own = getattr(sys.modules.get(module), name, None)
+    if isinstance(own, type) and issubclass(own, Problem):
+        return own
+    file = module.rpartition(".")[2]
+    for each in _subclasses(Problem):
+        if each.__qualname__ == name and each.__module__.rpartition(".")[2] == file:
+            return each
     return None
 
 
-def _solution(record: dict[str, Any], problem: Problem) -> Solution:
+def _subclasses(base: Any) -> Iterator[type[Problem]]:
+    for each in base.__subclasses__():
+        yield each
+        yield from _subclasses(each)
+
+
+def _check_models(record: dict[str, Any], problem: Problem, path: FilePath) -> None:
+    """RecordingError if a model of the problem is not the one that was saved."""
+    models = record.get("models")
+    for name, saved in models.items() if isinstance(models, dict) else ():
+        here = described_model(getattr(problem, name))
+        for key, value in here.items():
+            if not isinstance(saved, dict) or saved.get(key) != value:
+                raise RecordingError(
+                    f"{path}: {key} of the problem's {name} {here['name']!r} is not that of the "
+                    "model with which it was saved; use load_solution(file, problem)"
+                )
+
+
+def _check_same_problem(solution: Solution, path: FilePath) -> None:
+    """RecordingError if energy or violations are not those that were saved."""
+    energy, saved = solution.path.energy_at_nodes, solution.stats.energy
+    if np.isfinite(saved) and not abs(energy - saved) <= _SAME_ENERGY * abs(saved):
+        raise RecordingError(
+            f"{path}: its path has the energy {energy:.9g} in this problem's metric and was saved "
+            f"with {saved:.9g}; pass the problem that was solved"
+        )
+    largest = solution.violations[0].amount if solution.violations else 0.0
+    saved = solution.stats.max_path_violation
+    if not (largest == saved or abs(largest - saved) <= _SAME_VIOLATION * max(1.0, abs(saved))):
+        raise RecordingError(
+            f"{path}: its path violates this problem's conditions by {largest:.3g} and was saved "
+            f"with {saved:.3g}; pass the problem that was solved"
+        )
+
+
+def _decoded_solution(record: dict[str, Any], problem: Problem) -> Solution:
     saved = record["grid"]
     ends = None if saved["ends"] is None else tuple(saved["ends"])
-    grid = Grid(saved["segments"], saved["degree"], ends, tuple(saved.get("via_segments", ())))
+    grid = Grid(saved["segments"], saved["degree"], ends, tuple(saved["via_segments"]))
     path = Path(problem.metric, grid, _array(record["nodes"]))
-    figures = {field.name: _number(record["stats"][field.name]) for field in fields(Stats)}
-    rounds = [
-        {key: _number(value) for key, value in each.items()} for each in figures.pop("mesh_history")
+    values = {field.name: _number(record["stats"][field.name]) for field in fields(Stats)}
+    history = [
+        MeshIteration(**{key: _number(value) for key, value in each.items()})
+        for each in values.pop("mesh_history")
     ]
-    stats = Stats(**figures, mesh_history=tuple(MeshIteration(**each) for each in rounds))
-    nlp, terms = record["nlp"], conditions(problem)
-    if len(grid.via_segments) != len(terms.via):
-        raise ValueError(f"the path has {len(grid.via_segments)} via points, not {len(terms.via)}")
-    attempt = Attempt(
+    stats = Stats(**values, mesh_history=tuple(history))
+    nlp, definition = record["nlp"], problem.definition()
+    conditions = definition.conditions
+    if len(grid.via_segments) != len(conditions.via):
+        raise ValueError(
+            f"the path has {len(grid.via_segments)} via points, not {len(conditions.via)}"
+        )
+    iterate = FinalIterate(
         path,
-        transcription_of(problem, grid),
+        definition.structure.transcription(grid),
         Units(_array(nlp["origin"]), float(nlp["length"]), float(nlp["scale"])),
-        _array(nlp["values"]),
+        _array(nlp["p_values"]),
         x=_array(nlp["x"]),
         lam_x=_array(nlp["lam_x"]),
         lam_g=_array(nlp["lam_g"]),
-        held_x=np.array(nlp["held_x"], dtype=bool),
-        held_g=np.array(nlp["held_g"], dtype=bool),
+        fixed_x=np.array(nlp["fixed_x"], dtype=bool),
+        fixed_g=np.array(nlp["fixed_g"], dtype=bool),
         success=stats.success,
-        of_energy=bool(nlp["of_energy"]),
+        energy_only=bool(nlp["energy_only"]),
     )
-    _check(attempt, stats, terms)
-    multipliers = {name: _array(values) for name, values in record["multipliers"].items()}
-    missed = violations(terms, path, problem.metric.joint_names)
-    return Solution(problem, path, stats, multipliers, missed, attempt)
+    _check_sizes(iterate, stats, conditions)
+    multipliers = {name: _array(each) for name, each in record["multipliers"].items()}
+    found = find_violations(conditions, path, problem.metric.joint_names)
+    return Solution(problem, path, stats, multipliers, found, iterate)
 
 
-def _check(attempt: Attempt, stats: Stats, terms: Conditions) -> None:
-    """ValueError where the arrays are not those of an NLP of these conditions on the grid."""
-    n, grid = attempt.path.metric.dim, attempt.path.grid
-    size_g = attempt.transcription.constraints.size1_out(0)
-    sizes = {"x": n * grid.size, "lam_x": n * grid.size, "held_x": n * grid.size}
-    sizes |= {"lam_g": size_g, "held_g": size_g, "values": terms.values.size}
+def _check_sizes(iterate: FinalIterate, stats: Stats, conditions: Conditions) -> None:
+    """ValueError if the arrays do not fit an NLP with these conditions on the grid."""
+    n, grid = iterate.path.metric.dim, iterate.path.grid
+    size_g = iterate.transcription.constraints.size1_out(0)
+    sizes = {"x": n * grid.size, "lam_x": n * grid.size, "fixed_x": n * grid.size}
+    sizes |= {"lam_g": size_g, "fixed_g": size_g, "p_values": conditions.p_values.size}
     for name, size in sizes.items():
-        if getattr(attempt, name).shape != (size,):
+        if getattr(iterate, name).shape != (size,):
             raise ValueError(f"nlp.{name} must be {size} numbers")
-    units = attempt.units
+    units = iterate.units
     if units.origin.shape != (n,) or not (units.length > 0.0 and units.scale > 0.0):
         raise ValueError(f"nlp.origin must be {n} numbers, nlp.length and nlp.scale positive")
     if not isinstance(stats.success, bool):
@@ -167,4 +207,4 @@ def _number(value: Any) -> Any:
 
 
 def _array(values: Any) -> Array:
-    return np.array(values, dtype=float)  # which reads "inf" and "nan", too
+    return np.array(values, dtype=float)  # also reads "inf" and "nan"

@@ -2,90 +2,47 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from os import PathLike
 from pathlib import Path as FilePath
+from typing import Any
 
 from matplotlib.figure import Figure
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.figures.path_figure import draw
+from geodesic_ocp.figures.path_figure import draw_path
 from geodesic_ocp.ocp.nlp.violations import Violation
 from geodesic_ocp.ocp.problem.problem import Problem
-from geodesic_ocp.ocp.solve.certificate import Attempt, Certificate
-from geodesic_ocp.ocp.solve.save_solution import save_solution
+from geodesic_ocp.ocp.solve.certificate import Certificate, certify_iterate
+from geodesic_ocp.ocp.solve.encoding import as_json, encoded_fields
+from geodesic_ocp.ocp.solve.final_iterate import FinalIterate
+from geodesic_ocp.ocp.solve.stats import Stats
+from geodesic_ocp.records import write_file
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.path import Path
 from geodesic_ocp.trajectory.time_law import TimeLaw
-from geodesic_ocp.trajectory.timed_path import moved_along
+from geodesic_ocp.trajectory.timed_path import motion_along
+
+FORMAT, VERSION = "geodesic_ocp solution", 2
 
 
-@dataclass(frozen=True)
-class MeshIteration:
-    """One solve of a refinement.
-
-    Attributes:
-        segments: of its grid.
-        iterations, seconds: of Ipopt.
-        objective: that was reached.
-        max_path_violation: largest violation anywhere on the path.
-    """
-
-    segments: int
-    iterations: int
-    seconds: float
-    objective: float
-    max_path_violation: float
-
-
-@dataclass(frozen=True)
-class Stats:
-    """Figures of one solve.
-
-    Attributes:
-        success: whether the path is a local solution, to Ipopt's tolerance.
-        status: how the solver stopped, a sentence.
-        iterations: of Ipopt; of several grids, on the last (`mesh_history` has all).
-        seconds: wall time of the solver, likewise.
-        variables, constraints: sizes of the NLP, bounds not counted.
-        energy: of the path on its grid, 1/2 int |q'|_G^2 ds.
-        objective: what was minimised, the energy and the problem's own cost.
-        max_node_violation: largest violation of any condition at the nodes, in the condition's unit.
-        worst_constraint: name of the condition with that violation.
-        max_path_violation: largest violation anywhere on the path, between the nodes, too.
-        mesh_history: what was done until the solution held to a tolerance, if one was asked for.
-    """
-
-    success: bool
-    status: str
-    iterations: int
-    seconds: float
-    variables: int
-    constraints: int
-    energy: float
-    objective: float
-    max_node_violation: float
-    worst_constraint: str
-    max_path_violation: float
-    mesh_history: tuple[MeshIteration, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Solution:
     """A path of least energy under a problem's conditions, or the last iterate towards one.
 
     Attributes:
-        problem: what was solved.
-        path: the path found.
-        stats: figures of the solve; `stats.success` tells a solution from an iterate.
-        violations: the conditions that the path misses, between its nodes, too; the worst first.
-        attempt: the NLP's last iterate, in its units.
-        multipliers: by condition's name, derivatives of the least energy by the condition's value
-            with the sign of Ipopt (positive where an upper bound holds the path back): (m,) at an
-            end, (nodes, m) along the path; conditions in q and v at both sides of each segment's
-            end, (segments * (degree + 1), m).
+        problem: the problem that was solved.
+        path: the path that was found.
+        stats: statistics of the solve; `stats.success` distinguishes a solution from an iterate.
+        violations: conditions that the path violates, between its nodes included, the worst first.
+        iterate: the NLP's last iterate, in its units.
+        multipliers: derivatives of the least energy by the value of each condition, by its name,
+            with Ipopt's sign (positive for an active upper bound): (m,) at an end, (nodes, m) along
+            the path, and for conditions in q and v (segments * (degree + 1), m), as interior
+            breakpoints belong to two segments.
     """
 
     problem: Problem
@@ -93,47 +50,105 @@ class Solution:
     stats: Stats
     multipliers: Mapping[str, Array]
     violations: tuple[Violation, ...]
-    attempt: Attempt = field(repr=False)
+    iterate: FinalIterate = field(repr=False)
+
+    def __repr__(self) -> str:
+        stats, kind = self.stats, type(self.problem).__name__
+        if not stats.success:
+            return f"Solution of {kind}: not solved, {stats.status}"
+        lines = [
+            f"Solution of {kind}: energy {stats.energy:.6g}, length {self.path.length:.6g}",
+            f"  {stats.status} in {stats.total_iterations} iterations, "
+            f"{stats.total_seconds:.2g} s; largest violation {stats.max_path_violation:.1e}",
+        ]
+        if "certificate" in self.__dict__:  # computing it takes longer than a repr may
+            lines.append(f"  {self.certificate}")
+        return "\n".join(lines)
 
     @cached_property
     def certificate(self) -> Certificate:
-        """How near the path is to a geodesic, and whether it is locally shortest.
+        """How close the path is to a geodesic, and whether it is locally minimizing.
 
-        Under constraints: whether the energy falls in any direction, to second order, in which the
-        conditions that hold the path back stay met.
+        Under constraints: whether the energy decreases, to second order, in any direction in which
+        the active conditions remain satisfied.
         """
-        return self.attempt.certificate()
+        return certify_iterate(self.iterate)
+
+    def record(self) -> dict[str, Any]:
+        """The solution as JSON values: nodes of the path [rad or m], statistics, multipliers.
+
+        The problem is recorded by the name of its class and by those fields that are numbers,
+        strings, obstacles, or lists and arrays of them.
+        """
+        grid, iterate = self.path.grid, self.iterate
+        nlp = {
+            "origin": iterate.units.origin,
+            "length": iterate.units.length,
+            "scale": iterate.units.scale,
+            "energy_only": iterate.energy_only,
+            **{name: getattr(iterate, name) for name in ITERATE_ARRAYS},
+        }
+        record = {
+            "format": FORMAT,
+            "version": VERSION,
+            "problem": type(self.problem).__qualname__,
+            "module": type(self.problem).__module__,
+            **encoded_fields(self.problem),
+            "joint_names": self.path.metric.joint_names,
+            "grid": asdict(grid),
+            "s": grid.nodes,
+            "nodes": self.path.nodes,
+            "stats": asdict(self.stats),
+            "multipliers": dict(self.multipliers),
+            "nlp": nlp,
+        }
+        plain: dict[str, Any] = as_json(record)
+        return plain
 
     def save(self, file: str | PathLike[str]) -> FilePath:
-        """Write the solution as JSON; see `save_solution`, and `load_solution` to read it."""
-        return save_solution(file, self)
+        """Write `record` to a JSON file, which `load_solution` reads; all of it or nothing.
+
+        Returns:
+            Path of the file.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        text = json.dumps(self.record(), indent=1, allow_nan=False)
+        return write_file(file, text)
 
     def resample(self, count: int, by: str = "length") -> Array:
         """Positions (count, n) along the path; see `Path.resample`."""
         return self.path.resample(count, by)
 
     def to_motion(self, timing: float | TimeLaw, rate: float = 100.0) -> Motion:
-        """The path in time, with velocities.
+        """The path as a motion in time, with velocities.
 
         Args:
-            timing: the duration [s], in which the path is travelled from rest to rest with the
-                least square of the acceleration s''(t) along it (`time_law`); or a time law, which
-                may have speeds at its ends.
-            rate: samples a second [Hz], rounded so that they are evenly spaced up to the end.
+            timing: duration [s] of a motion from rest to rest with the least squared acceleration
+                s''(t) along the path (`time_law`); or a time law, which may have any end speeds.
+            rate: samples per second [Hz], rounded so that they are evenly spaced up to the end.
 
         Raises:
-            ValueError: a duration or rate that is not positive, a path of no length, or a time law
-                of another length.
+            ValueError: a duration or rate that is not positive, a path of zero length, or a time
+                law for another length.
         """
-        return moved_along(self.path, timing, rate)
+        return motion_along(self.path, timing, rate)
 
     def plot(self) -> Figure:
-        """Coordinates, speed, and the hand's path or, of two coordinates, the path in the plane."""
-        return draw(self)
+        """Coordinates and speed over s, beside the path of the hand or in the plane."""
+        title = (
+            f"{type(self.problem).__name__}: energy {self.stats.energy:.4g}, "
+            f"length {self.path.length:.4g}"
+        )
+        return draw_path(self.path, title, self.problem.draw)
 
 
-def added(solution: Solution, before: Stats) -> Solution:
-    """The solution with the iterations and seconds of a solve that led to it."""
+ITERATE_ARRAYS = ("p_values", "x", "lam_x", "lam_g", "fixed_x", "fixed_g")
+
+
+def with_effort_of(before: Stats, solution: Solution) -> Solution:
+    """The solution with the iterations and seconds of a preceding solve added to its own."""
     stats = solution.stats
     iterations, seconds = stats.iterations + before.iterations, stats.seconds + before.seconds
     return replace(solution, stats=replace(stats, iterations=iterations, seconds=seconds))

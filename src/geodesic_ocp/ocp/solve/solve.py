@@ -13,27 +13,27 @@ import casadi as ca
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.ipopt import NO_VALUE, NOT_FINITE, STOPPED, Ipopt, Outcome
-from geodesic_ocp.ocp.nlp.conditions import Conditions, conditions
-from geodesic_ocp.ocp.nlp.nlp import NLP, program
-from geodesic_ocp.ocp.nlp.structure import Structure, transcribed
+from geodesic_ocp.ocp.nlp.definition import ProblemDefinition, Structure
+from geodesic_ocp.ocp.nlp.nlp import NLP, build_nlp
 from geodesic_ocp.ocp.nlp.transcription import Transcription
-from geodesic_ocp.ocp.nlp.violations import NEGLIGIBLE, misses, violations
+from geodesic_ocp.ocp.nlp.violations import NEGLIGIBLE, find_violations, violation_profile
 from geodesic_ocp.ocp.problem.problem import Problem
-from geodesic_ocp.ocp.solve.callback import Callback, Relay
-from geodesic_ocp.ocp.solve.certificate import Attempt
-from geodesic_ocp.ocp.solve.refinement import refined
-from geodesic_ocp.ocp.solve.solution import Solution, Stats, added
-from geodesic_ocp.ocp.solve.via_points import passed
+from geodesic_ocp.ocp.solve.callback import Callback, IterationCallback
+from geodesic_ocp.ocp.solve.final_iterate import FinalIterate
+from geodesic_ocp.ocp.solve.refinement import refine
+from geodesic_ocp.ocp.solve.solution import Solution, with_effort_of
+from geodesic_ocp.ocp.solve.stats import Stats
+from geodesic_ocp.ocp.solve.via_points import with_optimal_via_points
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
-# Polynomials of a higher degree are not solved without a start on this grid, if an end is free.
+# With a free end, polynomials of a higher degree need an initial guess, solved on this grid.
 _STIFF, _COARSE = 8, Grid(8, 2)
 _LISTED = 3  # violations in a message
-# Where the guess is nearly a solution, Ipopt must not push it far from its bounds.
+# If the guess is nearly a solution, Ipopt must not push it far from its bounds.
 _NEAR = {"bound_push": 1e-6, "bound_frac": 1e-6, "mu_init": 1e-4}
-# Where there are multipliers besides, it need not find them anew.
-_KNOWN = {
+# If there are multipliers as well, it need not estimate them.
+_WARM_START = {
     "warm_start_init_point": "yes",
     "warm_start_bound_push": 1e-8,
     "warm_start_bound_frac": 1e-8,
@@ -43,7 +43,7 @@ _KNOWN = {
     "mu_init": 1e-6,
 }
 
-Options: TypeAlias = tuple[tuple[str, Any], ...]  # Ipopt's, by name
+Settings: TypeAlias = tuple[tuple[str, Any], ...]  # Ipopt's options, by name
 
 
 def solve(
@@ -56,54 +56,66 @@ def solve(
     callback: Callback | None = None,
     ipopt: Mapping[str, Any] | None = None,
 ) -> Solution:
-    """The path of least energy under the problem's conditions, found from one start.
+    """The path of least energy under the problem's conditions, a local solution.
 
     min int (|q'(s)|_G^2 / 2 + cost) ds over the positions at the grid's nodes.
 
     Args:
         problem: an instance of a subclass of Problem.
-        grid: nodes of the path; the problem's own choice by default.
-        guess: a path or solution to start from, on any grid; by default the problem's guess, or the
-            straight line.
-        tolerance: divide the grid's segments where needed until conditions hold to this everywhere,
-            each in its unit, and the objective, relative, from one grid to the next; what was done
-            is in stats.mesh_history. None: solve on the grid as it is.
-        throw: raise NotConverged where there is no solution; otherwise the record of the attempt
-            is returned, with stats.success False.
-        callback: called with an `Iterate` in every iteration of Ipopt; one that returns True stops
-            it there. Numbers begin anew where the grid changes.
-        ipopt: options for Ipopt, by its names.
+        grid: of the nodes; the problem's own by default.
+        guess: path or solution to start from, on any grid; by default the problem's guess, or the
+            straight line. A solution is a warm start.
+        tolerance: refine the grid until the conditions hold to this everywhere, each in its unit,
+            and the objective changes by less, relative, from one grid to the next;
+            stats.mesh_history lists the solves. None: solve on the grid as it is.
+        throw: raise NotConverged if there is no solution; else return the last iterate, with
+            stats.success False.
+        callback: called with an `Iterate` in every iteration of Ipopt, and stops it by returning
+            True. Numbers start anew on every grid.
+        ipopt: options of Ipopt, by name.
 
     Raises:
-        ValueError: the problem is malformed, its fixed ends violate its own conditions, or a
-            tolerance is asked of a path that is to be smooth at via points, or to have a velocity
-            at an end, which no path that costs least does.
-        NotConverged: Ipopt stopped elsewhere than at a solution, or the callback stopped it; the
-            record is its `solution`.
+        ValueError: the problem is malformed; its fixed ends violate its own conditions; or a
+            tolerance is requested for a path with continuous velocity at via points or prescribed
+            velocities at the ends, of which there is none of least energy.
+        NotConverged: Ipopt found no solution, or the callback stopped it; the last iterate is its
+            `solution`.
+
+    Example:
+        >>> import geodesic_ocp as go
+        >>> problem = go.Reach(go.human_arm(), [0.3, 0, -0.4, 0.9, 0, 0, 0], [0.10, 0.45, -0.05])
+        >>> solution = go.solve(problem)
+        >>> solution.stats.status
+        'Ipopt found a local solution'
+        >>> problem.model.hand_pose(solution.path(1.0))[1].round(6).tolist()
+        [0.1, 0.45, -0.05]
     """
     if not isinstance(problem, Problem):
         raise ValueError(f"problem must be an instance of a Problem class, got {problem!r}")
     if getattr(problem, "metric", None) is None:
-        raise ValueError(f"{type(problem).__name__} gives no metric")
-    grid = problem.grid if grid is None else grid
+        raise ValueError(f"{type(problem).__name__} defines no metric")
+    definition = problem.definition()
+    grid = definition.grid if grid is None else grid
     before = guess if isinstance(guess, Solution) else None
     start = guess.path if isinstance(guess, Solution) else guess
-    solver = _Solver(problem, conditions(problem), dict(ipopt or {}), callback, before)
+    solver = _Solver(problem, definition, dict(ipopt or {}), callback, before)
+    conditions = definition.conditions
     if tolerance is None:
-        solution = solver.started(grid, start)
-    elif solver.terms.smooth:
+        solution = solver.solve_from(grid, start)
+    elif conditions.via_continuity:
         raise ValueError(
-            "tolerance: the path of least energy has a corner at its via points, which a smooth "
-            "one comes the closer to the finer the grid; set continuous_velocity_at_via=False, or leave tolerance out"
+            "tolerance: the path of least energy has a corner at its via points, which a path with "
+            "continuous velocity approaches as the grid is refined; set "
+            "continuous_velocity_at_via = False, or leave tolerance out"
         )
-    elif quick := solver.terms.on_velocities:
+    elif names := conditions.on_end_velocities:
         raise ValueError(
-            f"tolerance: no path of least energy has a velocity at an end that is given ({quick}): "
-            "the finer the grid, the shorter the piece on which the velocity is reached; leave "
+            f"tolerance: there is no path of least energy with a prescribed velocity at an end "
+            f"({names}): the finer the grid, the shorter the piece on which it is reached; leave "
             "tolerance out"
         )
     else:
-        solution = refined(solver, misses(solver.terms), grid, tolerance, start)
+        solution = refine(solver, violation_profile(conditions), grid, tolerance, start)
     if throw and not solution.stats.success:
         raise NotConverged(_explanation(solution), solution)
     return solution
@@ -111,59 +123,84 @@ def solve(
 
 @dataclass(frozen=True, eq=False)
 class _Solver:
-    """A problem with all that stays the same from one grid to the next."""
+    """A problem with everything that stays the same from one grid to the next."""
 
     problem: Problem
-    terms: Conditions
-    options: Mapping[str, Any]
+    definition: ProblemDefinition
+    ipopt: Mapping[str, Any]
     callback: Callback | None
     before: Solution | None
 
     def __call__(self, grid: Grid, guess: Path | None, near: bool) -> Solution:
-        """The solution on a grid, or the record of the attempt; near: the guess is nearly one."""
-        if guess is None and self.terms.ends and grid.degree > _STIFF:
-            return self._from_coarse(grid)
-        solution = self._once(grid, guess, _NEAR if near else {})
-        return (
-            solution if self.problem.via_parameters is not None else passed(solution, self._again)
-        )
+        """The solution or last iterate on a grid; near: the guess is nearly a solution."""
+        has_free_end = bool(self.definition.conditions.ends)
+        if guess is None and has_free_end and grid.degree > _STIFF:
+            return self._solve_from_coarse(grid)
+        return self._optimise_via(self._solve_once(grid, guess, _NEAR if near else {}))
 
-    def started(self, grid: Grid, start: Path | None) -> Solution:
-        """The solution on a grid from another solution, if there was one, or else from a path."""
+    def solve_from(self, grid: Grid, start: Path | None) -> Solution:
+        """The solution on a grid, from another solution if there is one, else from a path."""
         if self.before is None:
             return self(grid, start, False)
-        nlp = program(self.problem, grid, start, self.terms)
-        known = _multipliers(nlp, self.before)
-        usual = {**_NEAR, **(_KNOWN if known else {})}
-        solution = _solved(nlp, {**usual, **self.options}, self.callback, known)
-        if self.problem.via_parameters is None:
-            solution = passed(solution, self._again)
+        nlp = build_nlp(self.definition, grid, start)
+        multipliers = _scaled_multipliers(nlp, self.before)
+        usual = {**_NEAR, **(_WARM_START if multipliers else {})}
+        solution = self._optimise_via(self._solve_nlp(nlp, usual, multipliers))
         if solution.stats.success or solution.stats.status == STOPPED:
             return solution
         return self(grid, start, False)
 
-    def _from_coarse(self, grid: Grid) -> Solution:
-        """For problems with a free end: polynomials of high degree have many ways to twist."""
-        rough = self(_COARSE, None, False)
-        if rough.stats.status == STOPPED:
-            return rough
-        if rough.stats.success:
-            solution = self(grid, rough.path, True)
+    def _solve_from_coarse(self, grid: Grid) -> Solution:
+        """With a free end, polynomials of high degree easily converge to an oscillating path."""
+        coarse = self(_COARSE, None, False)
+        if coarse.stats.status == STOPPED:
+            return coarse
+        if coarse.stats.success:
+            return with_effort_of(coarse.stats, self(grid, coarse.path, True))
+        return with_effort_of(coarse.stats, self._solve_once(grid, None, {}))
+
+    def _optimise_via(self, solution: Solution) -> Solution:
+        if self.definition.via_parameters is not None:
+            return solution
+        return with_optimal_via_points(
+            solution, lambda grid, start: self._solve_once(grid, start, _NEAR)
+        )
+
+    def _solve_once(self, grid: Grid, guess: Path | None, usual: Mapping[str, Any]) -> Solution:
+        return self._solve_nlp(build_nlp(self.definition, grid, guess), usual)
+
+    def _solve_nlp(
+        self,
+        nlp: NLP,
+        usual: Mapping[str, Any],
+        multipliers: Mapping[str, Array] = MappingProxyType({}),
+    ) -> Solution:
+        """The solution of the NLP from given multipliers, or the last iterate."""
+        values = {**nlp.values, **multipliers}
+        given = {**usual, **self.ipopt}
+        settings = tuple(sorted(given.items()))
+        try:
+            hash(settings)
+        except TypeError:
+            raise ValueError(f"ipopt: options are numbers and strings, got {given}") from None
+        if self.callback is not None:
+            relay = IterationCallback(nlp, self.callback)
+            outcome = _ipopt(nlp.transcription, settings, relay)(**values)
+            if relay.failure is not None:
+                raise relay.failure
+        elif self.definition.key is not None:
+            outcome = _shared_ipopt(self.definition.structure, nlp.grid, settings)(**values)
         else:
-            solution = self._once(grid, None, {})
-        return added(solution, rough.stats)
-
-    def _again(self, grid: Grid, start: Path) -> Solution:
-        return self._once(grid, start, _NEAR)
-
-    def _once(self, grid: Grid, guess: Path | None, usual: Mapping[str, Any]) -> Solution:
-        nlp = program(self.problem, grid, guess, self.terms)
-        return _solved(nlp, {**usual, **self.options}, self.callback)
+            outcome = _ipopt(nlp.transcription, settings)(**values)
+        if outcome.status == NOT_FINITE and (names := nlp.not_finite()):
+            status = f"already on the initial guess, {NO_VALUE}: {', '.join(names)}"
+            outcome = replace(outcome, status=status)
+        return _solution(self.problem, nlp, outcome)
 
 
-def _multipliers(nlp: NLP, before: Solution) -> dict[str, Array]:
-    """Those of another solution in the NLP's units, if they are of the same conditions and grid."""
-    old, units = before.attempt, nlp.units
+def _scaled_multipliers(nlp: NLP, before: Solution) -> dict[str, Array]:
+    """Another solution's multipliers in the NLP's units, if conditions and grid are the same."""
+    old, units = before.iterate, nlp.units
     if before.path.grid != nlp.grid or old.lam_g.size != nlp.bounds.lower_g.size:
         return {}
     energies = old.units.scale / units.scale
@@ -171,56 +208,28 @@ def _multipliers(nlp: NLP, before: Solution) -> dict[str, Array]:
     return {"lam_x0": lam_x, "lam_g0": old.lam_g * energies}
 
 
-def _solved(
-    nlp: NLP,
-    ipopt: Mapping[str, Any],
-    callback: Callback | None,
-    known: Mapping[str, Array] = MappingProxyType({}),
-) -> Solution:
-    """The solution of the NLP, from known multipliers, or the record of the attempt."""
-    values = {**nlp.values, **known}
-    options = tuple(sorted(ipopt.items()))
-    try:
-        hash(options)
-    except TypeError:
-        raise ValueError(f"ipopt: options are numbers and texts, got {dict(ipopt)}") from None
-    if callback is not None:
-        relay = Relay(nlp, callback)
-        outcome = _ipopt(nlp.transcription, options, relay)(**values)
-        if relay.failure is not None:
-            raise relay.failure
-    elif nlp.structure.key is not None:
-        outcome = _shared(nlp.structure, nlp.grid, options)(**values)
-    else:
-        outcome = _ipopt(nlp.transcription, options)(**values)
-    if outcome.status == NOT_FINITE and (names := nlp.not_finite()):
-        outcome = replace(outcome, status=f"on the guess already, {NO_VALUE}: {', '.join(names)}")
-    return _solution(nlp, outcome)
-
-
 def _ipopt(
-    transcription: Transcription, options: Options, relay: ca.Callback | None = None
+    transcription: Transcription, settings: Settings, relay: ca.Callback | None = None
 ) -> Ipopt:
     x = ca.MX.sym("x", transcription.dim * transcription.grid.size)
     p = ca.MX.sym("p", transcription.size_p)
     f, _ = transcription.objective(x, p)
     nlp = {"x": x, "p": p, "f": f, "g": transcription.constraints(x, p)}
     derivatives = {"grad_f": transcription.objective, "hess_lag": transcription.hessian}
-    return Ipopt(nlp, derivatives, dict(options), relay)
+    return Ipopt(nlp, derivatives, dict(settings), relay)
 
 
 @lru_cache(maxsize=32)
-def _shared(structure: Structure, grid: Grid, options: Options) -> Ipopt:
-    return _ipopt(transcribed(structure, grid), options)
+def _shared_ipopt(structure: Structure, grid: Grid, settings: Settings) -> Ipopt:
+    return _ipopt(structure.transcription(grid), settings)
 
 
-def _solution(nlp: NLP, outcome: Outcome) -> Solution:
-    problem, terms, transcription = nlp.problem, nlp.terms, nlp.transcription
+def _solution(problem: Problem, nlp: NLP, outcome: Outcome) -> Solution:
+    conditions, transcription = nlp.conditions, nlp.transcription
     bounds, units = nlp.bounds, nlp.units
     path = nlp.path(outcome.x)
-    x = path.nodes
-    violation, worst = bounds.worst(x, outcome.g)
-    missed = violations(terms, path, problem.metric.joint_names)
+    violation, worst = bounds.worst(path.nodes, outcome.g)
+    violations = find_violations(conditions, path, problem.metric.joint_names)
     stats = Stats(
         success=outcome.success,
         status=outcome.status,
@@ -228,40 +237,40 @@ def _solution(nlp: NLP, outcome: Outcome) -> Solution:
         seconds=outcome.seconds,
         variables=outcome.x.size,
         constraints=outcome.g.size,
-        objective=transcription.energy(x, terms.values),
+        objective=transcription.energy(path.nodes, conditions.p_values),
         energy=path.energy_at_nodes,
         max_node_violation=violation,
         worst_constraint=worst,
-        max_path_violation=missed[0].amount if missed else 0.0,
+        max_path_violation=violations[0].amount if violations else 0.0,
     )
-    lam_x = units.scale / units.length * outcome.lam_x.reshape(x.shape)
+    lam_x = units.scale / units.length * outcome.lam_x.reshape(path.nodes.shape)
     multipliers = bounds.multipliers(lam_x, units.scale * outcome.lam_g)
-    attempt = Attempt(
+    iterate = FinalIterate(
         path,
         transcription,
         units,
-        terms.values,
+        conditions.p_values,
         outcome.x,
         outcome.lam_x,
         outcome.lam_g,
-        held_x=(bounds.lower == bounds.upper).ravel(),
-        held_g=bounds.lower_g == bounds.upper_g,
+        fixed_x=(bounds.lower == bounds.upper).ravel(),
+        fixed_g=bounds.lower_g == bounds.upper_g,
         success=stats.success,
-        of_energy=bool(terms.cost.is_zero()),
+        energy_only=bool(conditions.cost.is_zero()),
     )
-    return Solution(problem, path, stats, multipliers, missed, attempt)
+    return Solution(problem, path, stats, multipliers, violations, iterate)
 
 
 def _explanation(solution: Solution) -> str:
     stats = solution.stats
     large = [each for each in solution.violations if each.amount > NEGLIGIBLE][:_LISTED]
-    missed = f": {'; '.join(map(str, large))}" if large else ""
+    violated = f": {'; '.join(map(str, large))}" if large else ""
     advice = (
-        ". Can its conditions be met together? If so, try another guess (guess(s) or solve(..., "
+        ". Are its conditions compatible? If so, try another guess (guess(s) or solve(..., "
         "guess=path)) or a finer grid"
     )
     advice = "" if stats.status == STOPPED or len(stats.mesh_history) > 1 else advice
     return (
         f"{type(solution.problem).__name__} was not solved: {stats.status}, after "
-        f"{stats.iterations} iterations{missed}{advice}."
+        f"{stats.iterations} iterations{violated}{advice}."
     )

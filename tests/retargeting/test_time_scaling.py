@@ -9,8 +9,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.retargeting.time_scaling import Arm, hand_over_speeds, timed
-from geodesic_ocp.trajectory.timed_path import at_times
+from geodesic_ocp.retargeting.time_scaling import ArmPaths, handover_speeds, scale_time
+from geodesic_ocp.trajectory.timed_path import states_at
 
 
 def lines(*corners: tuple[float, float]) -> list[go.Path]:
@@ -21,23 +21,23 @@ def lines(*corners: tuple[float, float]) -> list[go.Path]:
     ]
 
 
-def arm(paths: list[go.Path], limit: float, edges: tuple[float, ...] | None = None) -> Arm:
+def arm(paths: list[go.Path], limit: float, edges: tuple[float, ...] | None = None) -> ArmPaths:
     count = len(paths)
     instants = np.arange(count + 1.0) if edges is None else np.array(edges)
     lengths = np.array([path.length for path in paths])
-    speeds = hand_over_speeds(np.ones(count + 1), np.ones(count), np.diff(instants), lengths)
-    return Arm(instants, paths, speeds, np.full(2, limit))
+    speeds = handover_speeds(np.ones(count + 1), np.ones(count), np.diff(instants), lengths)
+    return ArmPaths(instants, paths, speeds, np.full(2, limit))
 
 
-def velocities(found: Arm, number: int, laws: tuple[go.TimeLaw, ...]) -> np.ndarray:
+def velocities(found: ArmPaths, number: int, laws: tuple[go.TimeLaw, ...]) -> np.ndarray:
     law = laws[number]
-    return at_times(found.paths[number], law, np.linspace(0.0, law.duration, 501))[1]
+    return states_at(found.paths[number], law, np.linspace(0.0, law.duration, 501))[1]
 
 
 def test_fast_joints_leave_time_alone() -> None:
     one = arm(lines((0, 0), (1, 0), (1, 1), (0, 1)), 10.0)
-    timing = timed([one])
-    assert_allclose(timing.stretches, 1.0)
+    timing = scale_time([one])
+    assert_allclose(timing.factors, 1.0)
     assert_allclose(timing(one.edges), one.edges)
     for before, after in zip(timing.laws[0][:-1], timing.laws[0][1:], strict=True):
         assert before.speeds[-1] == pytest.approx(after.speeds[0], rel=1e-9)
@@ -46,21 +46,21 @@ def test_fast_joints_leave_time_alone() -> None:
 
 def test_slow_joints_stretch_what_is_too_fast_and_speeds_stay_continuous() -> None:
     one = arm(lines((0, 0), (1, 0), (1, 4), (0, 4)), 2.0)
-    timing = timed([one])
-    assert timing.stretches[1] > 2.0
-    assert np.all(timing.stretches >= 1.0)
+    timing = scale_time([one])
+    assert timing.factors[1] > 2.0
+    assert np.all(timing.factors >= 1.0)
     fastest = [np.abs(velocities(one, number, timing.laws[0])).max() for number in range(3)]
     assert max(fastest) <= 2.0 + 1e-9
     assert fastest[1] == pytest.approx(2.0, rel=5e-3)
     for before, after in zip(timing.laws[0][:-1], timing.laws[0][1:], strict=True):
         assert before.speeds[-1] == pytest.approx(after.speeds[0], rel=1e-9)
-    assert timing(one.edges)[-1] == pytest.approx(np.sum(timing.stretches))
+    assert timing(one.edges)[-1] == pytest.approx(np.sum(timing.factors))
 
 
 def test_arms_share_the_stretched_time() -> None:
     quick = arm(lines((0, 0), (0.1, 0), (0.2, 0)), 2.0, (0.0, 1.5, 3.0))
     slow = arm(lines((0, 0), (1, 0), (1, 4), (0, 4)), 2.0)
-    timing = timed([quick, slow])
+    timing = scale_time([quick, slow])
     assert_allclose(timing.edges, [0.0, 1.0, 1.5, 2.0, 3.0])
     for each, laws in zip((quick, slow), timing.laws, strict=True):
         ends = timing(each.edges)
@@ -70,17 +70,17 @@ def test_arms_share_the_stretched_time() -> None:
 
 def test_without_limits_nothing_is_stretched() -> None:
     one = arm(lines((0, 0), (100, 0)), np.inf)
-    assert_allclose(timed([one]).stretches, 1.0)
+    assert_allclose(scale_time([one]).factors, 1.0)
 
 
-def test_hand_over_speeds_are_in_proportion_and_stop_at_rests() -> None:
+def test_handover_speeds_are_in_proportion_and_stop_at_rests() -> None:
     speeds = np.array([0.2, 1.0, 0.5, 0.4, 0.3])
     lengths, durations = np.array([1.0, 2.0, 0.0, 1.0]), np.ones(4)
     paths = np.array([2.0, 6.0, 0.0, 3.0])
-    found = hand_over_speeds(speeds, lengths, durations, paths)
+    found = handover_speeds(speeds, lengths, durations, paths)
     assert_allclose(found, [0.4, 1.0 * (2.0 + 3.0) / 2.0, 0.0, 0.0, 0.9])
     # Never more than three times the mean speed on either side.
-    fast = hand_over_speeds(np.full(3, 100.0), np.ones(2), np.ones(2), np.array([1.0, 0.1]))
+    fast = handover_speeds(np.full(3, 100.0), np.ones(2), np.ones(2), np.array([1.0, 0.1]))
     assert_allclose(fast, [3.0, 0.3, 0.3])
 
 
@@ -92,9 +92,9 @@ def test_accelerations_are_those_of_the_motion() -> None:
     path = go.Path(metric, grid, 0.5 * turns)
     law = go.time_law(path.length, 2.0, 0.1, 0.3)
     inside = np.array([0.31, 0.72, 1.1, 1.63])
-    q, velocity, acceleration = at_times(path, law, inside)
+    q, velocity, acceleration = states_at(path, law, inside)
     step = 1e-4
-    before, after = (at_times(path, law, inside + sign * step) for sign in (-1.0, 1.0))
+    before, after = (states_at(path, law, inside + sign * step) for sign in (-1.0, 1.0))
     assert_allclose(velocity, (after[0] - before[0]) / (2.0 * step), atol=1e-6)
     assert_allclose(acceleration, (after[1] - before[1]) / (2.0 * step), atol=1e-5)
     assert_allclose(q, path(path.at_length(law(inside))), atol=1e-12)

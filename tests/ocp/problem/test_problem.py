@@ -14,10 +14,10 @@ from known_problems import PlaneAroundDisc, check_derivatives
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.ocp.nlp.conditions import conditions
-from geodesic_ocp.ocp.nlp.structure import transcription_of
-from geodesic_ocp.ocp.nlp.transcription import Blocks, Units, transcribe
-from geodesic_ocp.ocp.nlp.violations import violations
+from geodesic_ocp.ocp.nlp.node_functions import NodeFunctions
+from geodesic_ocp.ocp.nlp.transcription import Units, transcribe
+from geodesic_ocp.ocp.nlp.violations import find_violations
+from geodesic_ocp.ocp.problem.parse_conditions import parse_conditions
 
 
 @dataclass(frozen=True)
@@ -62,9 +62,9 @@ def test_cost_is_added_to_the_energy(stiffness: float) -> None:
 
 
 def test_parameters_change_without_a_new_nlp() -> None:
-    first = transcription_of(Spring(stiffness=1.0), go.Grid(1, 20))
-    assert transcription_of(Spring(stiffness=3.0), go.Grid(1, 20)) is first
-    assert transcription_of(replace(Spring(), start=(1.0, 1.0)), go.Grid(1, 20)) is not first
+    first = Spring(stiffness=1.0).nlp(go.Grid(1, 20)).transcription
+    assert Spring(stiffness=3.0).nlp(go.Grid(1, 20)).transcription is first
+    assert replace(Spring(), start=(1.0, 1.0)).nlp(go.Grid(1, 20)).transcription is not first
 
 
 def test_a_metric_that_depends_on_a_parameter_makes_a_new_nlp() -> None:
@@ -74,9 +74,9 @@ def test_a_metric_that_depends_on_a_parameter_makes_a_new_nlp() -> None:
         def metric(self) -> go.Metric:
             return Torus(tube=self.stiffness)
 
-    first = transcription_of(InWater(stiffness=1.0), go.Grid(1, 20))
-    assert transcription_of(InWater(stiffness=1.0), go.Grid(1, 20)) is first
-    assert transcription_of(InWater(stiffness=1.5), go.Grid(1, 20)) is not first
+    first = InWater(stiffness=1.0).nlp(go.Grid(1, 20)).transcription
+    assert InWater(stiffness=1.0).nlp(go.Grid(1, 20)).transcription is first
+    assert InWater(stiffness=1.5).nlp(go.Grid(1, 20)).transcription is not first
 
 
 @dataclass(frozen=True)
@@ -145,9 +145,9 @@ class Everything(go.Problem):
 def test_assembled_derivatives_equal_casadis(grid: go.Grid, rng: np.random.Generator) -> None:
     """As in test_solve, with cost, velocities at the ends and parameters."""
     problem = Everything()
-    terms = conditions(problem)
-    assert_allclose(terms.values, [0.7, 0.2, 0.3, 1.0, 3.0, 2.0, 4.0])
-    transcription = transcribe(Blocks.of(problem.metric, terms), grid)
+    terms = parse_conditions(problem)
+    assert_allclose(terms.p_values, [0.7, 0.2, 0.3, 1.0, 3.0, 2.0, 4.0])
+    transcription = transcribe(NodeFunctions.build(problem.metric, terms), grid)
     p = Units(rng.normal(size=2), 0.7, 3.0).with_values(rng.normal(size=7))
     check_derivatives(transcription, p, rng)
 
@@ -206,7 +206,7 @@ def test_a_cost_must_be_one_number() -> None:
         def cost(self, q: ca.SX, v: ca.SX) -> Any:
             return q
 
-    with pytest.raises(ValueError, match=r"cost\(q, v\) must be one number, is of shape \(2, 1\)"):
+    with pytest.raises(ValueError, match=r"cost\(q, v\) must be a scalar, got shape \(2, 1\)"):
         go.solve(Two())
 
     class Word(Spring):
@@ -277,9 +277,9 @@ def test_violations_are_sought_between_the_nodes() -> None:
 def test_bounded_joints_are_named_by_themselves(arm: go.Model) -> None:
     """A path from elsewhere is held against the problem's conditions."""
     inside = Stretched(arm)
-    terms = conditions(inside)
+    terms = parse_conditions(inside)
     path = go.geodesic(inside.metric, np.zeros(7), [1.4, 0.2, -0.6, 0.9, 0.0, 0.0, 0.0])
-    found = violations(terms, path, arm.joint_names)
+    found = find_violations(terms, path, arm.joint_names)
     elbow = next(each for each in found if each.name == "elbow")
     assert str(elbow).startswith("joint REx_joint exceeds its upper limit 0.2 rad by ")
     assert elbow.value == pytest.approx(path(elbow.s)[3])

@@ -10,7 +10,7 @@ import geodesic_ocp as go
 from geodesic_ocp.cli import main as cli
 from geodesic_ocp.cli.problem_file import problem_classes, with_fields
 
-GALLERY = Path(__file__).resolve().parents[1] / "problems"
+GALLERY = Path(__file__).resolve().parents[2] / "problems"
 DISC = str(GALLERY / "around_disc.py")
 
 OWN = '''
@@ -51,7 +51,7 @@ def test_a_problem_is_solved_and_drawn(tmp_path: Path, capsys: pytest.CaptureFix
     assert text.startswith("AroundDisc: From (-1, 0) to (1, 0) [m] around a disc")
     assert "exact length" in text
     assert "2.162243" in text
-    assert "shortest among the paths near it that meet its conditions" in text
+    assert "locally minimizing under its constraints" in text
     assert (out / "AroundDisc.png").stat().st_size > 10_000
     again = go.load_solution(out / "AroundDisc.json")
     assert again.problem.radius == 0.4  # type: ignore[attr-defined]
@@ -128,7 +128,7 @@ def test_a_problem_that_is_not_solved(tmp_path: Path, capsys: pytest.CaptureFixt
         + "    def constraints(self, q, v): return [(5.0, q[0] + q[1], 6.0, 'far')]\n"
     )
     assert cli.main(["solve", str(file), "--problem", "Longer"]) == 2
-    assert "the start that is given: far falls below 5 by 5" in capsys.readouterr().err
+    assert "the given start violates a constraint: far falls below 5 by 5" in capsys.readouterr().err
 
 
 def test_fields_are_set(own: Path) -> None:

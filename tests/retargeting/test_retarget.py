@@ -75,16 +75,16 @@ def test_limits_are_kept_everywhere(found: go.Retargeting) -> None:
         times = synergy.start_time + np.linspace(0.0, synergy.duration, 501)
         assert np.abs(synergy(times, 1)).max() <= 2.5 * (1.0 + 1e-3)
     assert found.stretch >= 1.0
-    assert arm.figures["synergies"].peak_speed <= 1.001
-    assert arm.figures["synergies"].outside == 0.0
+    assert arm.statistics["synergies"].peak_speed <= 1.001
+    assert arm.statistics["synergies"].outside == 0.0
 
 
 def test_it_costs_less_than_to_follow_the_hand(found: go.Retargeting) -> None:
-    figures = found.arms[0].figures
-    assert figures["synergies"].energy < figures["ik"].energy
+    statistics = found.arms[0].statistics
+    assert statistics["synergies"].energy < statistics["ik"].energy
     # That follows the whole way, and this the poses at the ends alone.
-    assert figures["ik"].position < 0.01
-    assert figures["synergies"].position < 0.1
+    assert statistics["ik"].position < 0.01
+    assert statistics["synergies"].position < 0.1
 
 
 def test_the_motion_is_that_of_the_synergies(found: go.Retargeting) -> None:
@@ -378,6 +378,6 @@ def test_on_panda(analysis: go.Analysis) -> None:
     for transfer in arm.transfers:
         assert max(transfer.position_error, transfer.rotation_error) <= REACHED
     assert outside(arm.robot, found.motion.q) <= 0.0
-    figures = arm.figures
-    assert figures["synergies"].energy < figures["ik"].energy
-    assert figures["synergies"].peak_speed <= 1.001
+    statistics = arm.statistics
+    assert statistics["synergies"].energy < statistics["ik"].energy
+    assert statistics["synergies"].peak_speed <= 1.001

@@ -13,9 +13,9 @@ from known_metrics import Sphere
 from known_problems import PlaneAroundDisc, check_derivatives
 
 import geodesic_ocp as go
-from geodesic_ocp.ocp.nlp.conditions import conditions
-from geodesic_ocp.ocp.nlp.structure import transcription_of
-from geodesic_ocp.ocp.nlp.transcription import Blocks, Units, transcribe
+from geodesic_ocp.ocp.nlp.node_functions import NodeFunctions
+from geodesic_ocp.ocp.nlp.transcription import Units, transcribe
+from geodesic_ocp.ocp.problem.parse_conditions import parse_conditions
 
 
 @dataclass(frozen=True)
@@ -63,10 +63,10 @@ class Mixed(go.Problem):
 def test_assembled_derivatives_equal_casadis(grid: go.Grid, rng: np.random.Generator) -> None:
     """Gradient and Hessian assembled from one node's, against those of the whole graph."""
     problem = Mixed()
-    terms = conditions(problem)
+    terms = parse_conditions(problem)
     assert [len(group) for group in (terms.fixed, terms.ends, terms.bounds)] == [1, 1, 1]
-    assert [len(group) for group in (terms.still, terms.moving)] == [1, 1]
-    transcription = transcribe(Blocks.of(problem.metric, terms), grid)
+    assert [len(group) for group in (terms.along_q, terms.along_qv)] == [1, 1]
+    transcription = transcribe(NodeFunctions.build(problem.metric, terms), grid)
     p = Units(rng.normal(size=7), 0.7, 3.0).parameters
     check_derivatives(transcription, p, rng)
 
@@ -165,7 +165,7 @@ def test_solution_carries_figures_and_is_not_polished() -> None:
     assert 0 < stats.iterations < 20
     assert stats.seconds > 0
     assert stats.energy == pytest.approx(solution.path.energy, rel=1e-6)
-    assert transcription_of(problem, solution.path.grid).grid == go.Grid(1, 12)
+    assert problem.nlp(solution.path.grid).transcription.grid == go.Grid(1, 12)
 
 
 def test_grids_converge_spectrally() -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from geodesic_ocp.ocp.ik.pose_error import pose_miss, rotation_log
+from geodesic_ocp.ocp.ik.pose_error import pose_difference, rotation_log
 
 TURN = ca.SX.sym("R", 3, 3)
 LOG = ca.Function("log", [TURN], [rotation_log(TURN)])
@@ -63,6 +63,6 @@ def test_the_slope_is_that_of_differences() -> None:
 def test_the_miss_of_poses(axis: tuple[float, ...], angle: float) -> None:
     _, matrix = turned(axis, angle)
     wanted = Rotation.from_rotvec([0.3, -1.0, 0.2]).as_matrix()
-    away, found = pose_miss(wanted @ matrix, np.array([1.0, 2.0, 2.0]), wanted, np.zeros(3))
+    away, found = pose_difference(wanted @ matrix, np.array([1.0, 2.0, 2.0]), wanted, np.zeros(3))
     assert away == pytest.approx(3.0)
     assert found == pytest.approx(angle, abs=1e-7)

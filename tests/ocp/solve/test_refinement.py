@@ -13,9 +13,9 @@ from known_metrics import Sphere
 from known_problems import PlaneAroundDisc
 
 import geodesic_ocp as go
-from geodesic_ocp.ocp.nlp.conditions import conditions
-from geodesic_ocp.ocp.nlp.violations import misses
-from geodesic_ocp.ocp.solve.refinement import refined
+from geodesic_ocp.ocp.nlp.violations import violation_profile
+from geodesic_ocp.ocp.problem.parse_conditions import parse_conditions
+from geodesic_ocp.ocp.solve.refinement import refine
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-7])
@@ -28,7 +28,7 @@ def test_around_a_disc_to_any_tolerance(tolerance: float) -> None:
     inside = 0.5 - np.linalg.norm(solution.path(s), axis=1)
     assert inside.max() <= 1.1 * tolerance  # also where it was not looked at
     assert len(stats.mesh_history) > 1
-    assert stats.mesh_history[-1].between == stats.max_path_violation
+    assert stats.mesh_history[-1].max_path_violation == stats.max_path_violation
     assert stats.mesh_history[0].segments == 16
 
 
@@ -109,7 +109,9 @@ def test_low_degrees_give_the_start_where_high_ones_lead_astray() -> None:
         lost = near and all(degree > 2 for degree, _, _ in seen)
         return replace(solution, stats=replace(solution.stats, success=not lost))
 
-    found = refined(solve_on, misses(conditions(problem)), go.Grid(8, 4), 1e-5, None)
+    found = refine(
+        solve_on, violation_profile(parse_conditions(problem)), go.Grid(8, 4), 1e-5, None
+    )
     assert found.stats.success
     assert found.stats.max_path_violation <= 1e-5
     assert seen[:4] == [(4, True, False), (4, False, True), (2, True, False), (4, False, False)]

@@ -15,7 +15,6 @@ from numpy.testing import assert_allclose
 from scipy.linalg import null_space
 
 import geodesic_ocp as go
-from geodesic_ocp.ocp.nlp.structure import transcription_of
 
 START = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
 TARGET, POINT = (0.1, 0.45, -0.05), (0.3, 0.3, -0.2)  # [m]
@@ -26,8 +25,8 @@ class Mirror(go.Problem):
     """In the plane from one point to another by way of the line y = 1, as light goes."""
 
     end: tuple[float, float] = (3.0, 0.5)
-    smooth: bool = False
-    passing: tuple[float, ...] | None = None
+    continuous_velocity_at_via: bool = False
+    via_parameters: tuple[float, ...] | None = None
 
     @property
     def metric(self) -> go.Metric:
@@ -74,7 +73,7 @@ def test_points_are_passed_in_their_order() -> None:
 
 
 def test_when_they_are_passed_can_be_given() -> None:
-    solution = go.solve(Corners(passing=(0.2, 0.5)))
+    solution = go.solve(Corners(via_parameters=(0.2, 0.5)))
     assert list(solution.path.grid.via_s) == [0.2, 0.5]
     assert_allclose(solution.path([0.2, 0.5]), Corners.points, atol=1e-9)
     energy = sum(
@@ -86,10 +85,10 @@ def test_when_they_are_passed_can_be_given() -> None:
         )
     )
     assert solution.path.energy == pytest.approx(energy, rel=1e-9)
-    with pytest.raises(ValueError, match="passing must have s for 2 via points"):
-        go.solve(Corners(passing=(0.2,)))
+    with pytest.raises(ValueError, match="via_parameters must be s for 2 via points"):
+        go.solve(Corners(via_parameters=(0.2,)))
     with pytest.raises(ValueError, match="via points must increase between"):
-        go.solve(Corners(passing=(0.5, 0.2)))
+        go.solve(Corners(via_parameters=(0.5, 0.2)))
 
 
 def test_a_smooth_path_has_one_velocity_there() -> None:
@@ -133,8 +132,8 @@ def test_points_move_without_a_new_nlp(arm: go.Model) -> None:
     one = go.Reach(arm, START, TARGET, through=[POINT])
     other = go.Reach(arm, START, TARGET, through=[(0.25, 0.3, -0.2)])
     two = go.Reach(arm, START, TARGET, through=[POINT, (0.2, 0.4, -0.1)])
-    assert transcription_of(other, grid) is transcription_of(one, grid)
-    assert transcription_of(two, go.Grid(8, 4).with_via_points([0.3, 0.6])).grid.via_segments
+    assert other.nlp(grid).transcription is one.nlp(grid).transcription
+    assert two.nlp(go.Grid(8, 4).with_via_points([0.3, 0.6])).transcription.grid.via_segments
     with pytest.raises(ValueError, match=r"through\[1\] must have shape \(3,\)"):
         go.Reach(arm, START, TARGET, through=[POINT, (0.2, 0.4)])
 
@@ -150,7 +149,7 @@ def test_gradient_and_hessian_are_those_of_the_graph(rng: np.random.Generator) -
 
     for smooth in (True, False):
         grid = go.Grid(6, 3).with_via_points([0.3, 0.6])
-        transcription = transcription_of(Bent(smooth=smooth), grid)
+        transcription = Bent(continuous_velocity_at_via=smooth).nlp(grid).transcription
         p = np.concatenate([[1.3, 0.7], rng.normal(size=2)])
         check_derivatives(transcription, p, rng)
 
@@ -174,7 +173,7 @@ def test_via_points_that_are_malformed() -> None:
             go.PointToPoint(go.Euclidean(2), (0.0, 0.0), (1.0, 0.0)),
             grid=go.Grid(8, 4).with_via_points([0.5]),
         )
-    with pytest.raises(ValueError, match="stations must increase between 0 and 8"):
+    with pytest.raises(ValueError, match="via_segments must increase between 0 and 8"):
         go.Grid(8, 4, None, (3, 9))
 
 
@@ -184,7 +183,7 @@ def test_what_is_missed_there_is_named() -> None:
             return [[(q[1], 1.0, "mirror"), (q[1], 2.0, "wall")]]
 
     with pytest.raises(go.NotConverged, match=r"(mirror|wall) .* at s = 0\.[0-9]+"):
-        go.solve(Apart(passing=(0.5,)))
+        go.solve(Apart(via_parameters=(0.5,)))
 
 
 @pytest.mark.parametrize(
@@ -198,7 +197,7 @@ def test_what_is_missed_there_is_named() -> None:
 )
 def test_points_that_are_one_are_named(points: Any, end: Any, close: str) -> None:
     problem = Corners(points=points, end=end)
-    with pytest.raises(go.NotConverged, match=f"no way left between {close}: are they one point"):
+    with pytest.raises(go.NotConverged, match=f"{close} have come together: do they coincide"):
         go.solve(problem)
 
 

@@ -14,7 +14,6 @@ from numpy.testing import assert_allclose
 from scipy.linalg import null_space
 
 import geodesic_ocp as go
-from geodesic_ocp.ocp.nlp.structure import transcription_of
 
 START = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
 TARGET = (0.1, 0.45, 0.1)  # [m]
@@ -51,7 +50,7 @@ def test_the_hand_keeps_off_the_upper_arm(arm: go.Model) -> None:
     metric = go.KineticEnergy(arm)
     there = go.signed_distances(arm, goal, pairs=pairs)["right upper arm to right hand"]
     with pytest.raises(
-        ValueError, match=r"the end that is given: right upper arm to right hand falls below"
+        ValueError, match=r"end violates a constraint: right upper arm to right hand falls below"
     ):
         go.solve(go.PointToPoint(metric, START, goal, pairs=pairs, margin=there + 0.01))
     clear = go.PointToPoint(metric, START, goal, pairs=pairs, margin=there - 1e-3)
@@ -62,7 +61,7 @@ def test_a_start_that_collides_is_said_before_the_solve(arm: go.Model) -> None:
     shelf = go.HalfSpace((0.0, 0.0, -0.3), (0.0, 0.0, 1.0), "shelf")
     with pytest.raises(
         ValueError,
-        match=r"the start that is given: .*right upper arm to shelf \(2\) falls below 0 by 0\.0",
+        match=r"start violates a constraint: .*upper arm to shelf \(2\) falls below 0 by 0\.0",
     ):
         go.solve(go.PointToPoint(go.KineticEnergy(arm), START, START + 0.2, obstacles=[shelf]))
 
@@ -70,7 +69,10 @@ def test_a_start_that_collides_is_said_before_the_solve(arm: go.Model) -> None:
 def test_a_goal_behind_a_wall_is_said_before_the_solve(arm: go.Model) -> None:
     ceiling = go.HalfSpace((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), "ceiling")
     reach = go.Reach(arm, START, TARGET, obstacles=[ceiling], links=["right hand"])
-    with pytest.raises(go.NotConverged, match="within its limits, clear of bodies, has the hand's"):
+    with pytest.raises(
+        go.NotConverged,
+        match="within its limits, clear of collision bodies, was found for the hand's",
+    ):
         go.solve(reach)
 
 
@@ -88,8 +90,8 @@ def test_other_obstacles_are_another_nlp(arm: go.Model) -> None:
     grid, one = go.Grid(4, 4), go.Reach(arm, START, TARGET, obstacles=[LAMP])
     moved = go.Reach(arm, START + 0.01, (0.1, 0.4, 0.1), obstacles=[LAMP])
     other = go.Reach(arm, START, TARGET, obstacles=[go.Ball((0.2, 0.35, -0.14), 0.06)])
-    assert transcription_of(moved, grid) is transcription_of(one, grid)
-    assert transcription_of(other, grid) is not transcription_of(one, grid)
+    assert moved.nlp(grid).transcription is one.nlp(grid).transcription
+    assert other.nlp(grid).transcription is not one.nlp(grid).transcription
 
 
 def test_what_needs_bodies_says_so() -> None:
@@ -170,7 +172,7 @@ class Moving(go.Problem):
 
 def test_obstacles_may_be_parameters(arm: go.Model) -> None:
     first, other = Moving(arm), Moving(arm, (0.2, 0.35, -0.1), 0.05)
-    assert transcription_of(first, first.grid) is transcription_of(other, other.grid)
+    assert first.nlp(first.grid).transcription is other.nlp(other.grid).transcription
     lamp = go.Ball(other.centre, other.radius)
     solution = go.solve(other, tolerance=1e-5)
     assert -2e-5 < nearest(arm, solution.path, obstacles=[lamp]) < 1e-3

@@ -9,14 +9,14 @@ import json
 import numpy as np
 from numpy.testing import assert_allclose
 
-from geodesic_ocp.trajectory.joint_trajectory import Trajectory
+from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
 TIME = np.array([0.0, 0.25, 1.9999999999])
 
 
-def some(names: tuple[str, ...] = ("a", "b")) -> Trajectory:
+def some(names: tuple[str, ...] = ("a", "b")) -> JointTrajectory:
     values = np.arange(18.0).reshape(3, 3, 2) / 7.0
-    return Trajectory(TIME, values[0], values[1], values[2], names)
+    return JointTrajectory(TIME, values[0], values[1], values[2], names)
 
 
 def test_csv_holds_all_digits() -> None:
@@ -47,7 +47,7 @@ def test_json_is_the_message() -> None:
 
 
 def test_side_by_side() -> None:
-    both = Trajectory.side_by_side([some(), some()], ("a", "b", "c", "d"))
+    both = JointTrajectory.side_by_side([some(), some()], ("a", "b", "c", "d"))
     assert both.positions.shape == (3, 4)
     assert_allclose(both.velocities[:, 2:], some().velocities)
     assert json.loads(both.json())["joint_names"] == ["a", "b", "c", "d"]

@@ -27,18 +27,18 @@ def test_the_way_there_and_back(some: go.Alignment, rng: np.random.Generator) ->
     rotations = Rotation.random(5, random_state=1).as_matrix()
     positions = rng.normal(size=(5, 3))
     for mirror in (True, False):
-        there = some.carried(rotations, positions, scale=1.3, mirror=mirror)
-        back = some.person(*there, scale=1.3, mirror=mirror)
+        there = some.to_robot(rotations, positions, scale=1.3, mirror=mirror)
+        back = some.to_person(*there, scale=1.3, mirror=mirror)
         assert_allclose(back[0], rotations, atol=1e-12)
         assert_allclose(back[1], positions, atol=1e-12)
-    one = some.carried(rotations[2], positions[2], scale=1.3)
+    one = some.to_robot(rotations[2], positions[2], scale=1.3)
     assert_allclose(one[1], there[1][2], atol=1e-12)
 
 
 def test_positions_are_scaled_from_the_shoulder(some: go.Alignment) -> None:
     axes = np.eye(3)
-    _, at_shoulder = some.carried(axes, np.zeros(3), scale=2.0)
-    _, away = some.carried(axes, np.array([0.1, 0.2, -0.3]), scale=2.0)
+    _, at_shoulder = some.to_robot(axes, np.zeros(3), scale=2.0)
+    _, away = some.to_robot(axes, np.array([0.1, 0.2, -0.3]), scale=2.0)
     assert_allclose(at_shoulder, some.shoulder)
     assert np.linalg.norm(away - at_shoulder) == pytest.approx(
         2.0 * np.linalg.norm([0.1, 0.2, 0.3])
@@ -53,7 +53,7 @@ def test_a_mirrored_arm_is_the_other_arm() -> None:
     for q in rng.uniform(right.lower, right.upper, (5, 7)):
         # Joints about y and z turn the other way on the other side.
         signs = np.array([1.0 if name[2] == "x" else -1.0 for name in right.joint_names])
-        mirrored = here.carried(*right.hand_pose(q), scale=1.0, mirror=True)
+        mirrored = here.to_robot(*right.hand_pose(q), scale=1.0, mirror=True)
         of_left = left.hand_pose(signs * q)
         assert_allclose(mirrored[0], of_left[0], atol=1e-9)
         assert_allclose(mirrored[1], of_left[1], atol=1e-9)
@@ -123,7 +123,7 @@ def hanging(name: str, package: str) -> tuple[go.Alignment, np.ndarray, np.ndarr
     aligned = go.alignment(robot)
     person = go.human_arm(aligned.side or "right")
     scale = aligned.length / person.reach
-    pose = aligned.carried(*person.hand_pose(np.zeros(7)), scale=scale)
+    pose = aligned.to_robot(*person.hand_pose(np.zeros(7)), scale=scale)
     return aligned, *pose
 
 

@@ -1,0 +1,1 @@
+"""Whether what is installed computes the geodesics that are known."""

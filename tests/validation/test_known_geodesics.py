@@ -1,0 +1,352 @@
+"""The package against known geodesics, and the check itself against wrong ones."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from geodesic_ocp.model.rigid_body import BACKENDS, why_unavailable
+from geodesic_ocp.validation import known_geodesics
+from geodesic_ocp.validation.check import (
+    Check,
+    check_geodesic,
+    check_known_geodesics,
+    run_check,
+    table_of,
+)
+from geodesic_ocp.validation.known_geodesics import (
+    BUNDLED,
+    FORMAT,
+    KnownGeodesic,
+    read_known_geodesics,
+)
+from geodesic_ocp.validation.metrics import has_model, metric_of
+
+ROOT = Path(__file__).resolve().parents[2]
+TOOL = ROOT / "tools" / "known_geodesics.py"
+GUIDE = ROOT / "docs" / "how-to" / "known_geodesics.md"
+KNOWN = read_known_geodesics()
+ENTRY: dict[str, Any] = {
+    "name": "diagonal",
+    "metric": {"kind": "euclidean", "dim": 2},
+    "q0": [0.0, 0.0],
+    "v0": [3.0, 4.0],
+    "q1": [3.0, 4.0],
+    "length": 5.0,
+    "log": True,
+    "tolerances": {"exp": 1e-10, "log": 1e-9},
+    "points": [{"s": 0.5, "q": [1.5, 2.0]}],
+    "source": "Pythagoras.",
+}
+
+
+def by_name(name: str) -> KnownGeodesic:
+    return next(known for known in KNOWN if known.name == name)
+
+
+def written(folder: Path, *entries: Any, **head: Any) -> Path:
+    file = folder / "mine.json"
+    record = {"format": FORMAT, "version": 1, "entries": list(entries), **head}
+    file.write_text(json.dumps(record))
+    return file
+
+
+def changed(**fields: Any) -> dict[str, Any]:
+    """The entry with other fields; None leaves one out."""
+    return {name: value for name, value in {**ENTRY, **fields}.items() if value is not None}
+
+
+def failed(checks: list[Check]) -> set[str]:
+    return {check.quantity for check in checks if not check.passed}
+
+
+# -- the package -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("known", KNOWN, ids=lambda known: known.name)
+def test_known_geodesic(known: KnownGeodesic, backend: str) -> None:
+    checks = check_geodesic(known, backend)
+    expected = {"exp", "length"} | ({"path"} if known.points else set())
+    assert {check.quantity for check in checks} == expected | ({"log"} if known.log else set())
+    assert failed(checks) == set(), table_of(checks)
+
+
+def test_every_kind_of_metric_is_in_the_table() -> None:
+    assert {known.metric["kind"] for known in KNOWN} == {
+        "euclidean",
+        "sphere",
+        "half-plane",
+        "polar plane",
+        "surface of revolution",
+        "planar arm",
+        "human arm",
+        "urdf",
+    }
+    arms = [known.metric for known in KNOWN if known.metric["kind"] == "human arm"]
+    assert {arm["side"] for arm in arms} == {"left", "right"}
+    assert len({len(known.q0) for known in KNOWN}) >= 4
+
+
+def test_long_geodesics_are_in_the_table_for_their_exponential_only() -> None:
+    assert any(known.log for known in KNOWN)
+    assert any(not known.log for known in KNOWN)
+
+
+# -- a check that cannot fail is none --------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (lambda known: {"length": known.length + 1e-6}, {"length"}),
+        (lambda known: {"q1": (known.q1[0], known.q1[1] - 1e-6)}, {"exp", "log"}),
+        (lambda known: {"points": ((0.5, (known.points[1][1][0], 0.0)),)}, {"path"}),
+        (
+            lambda known: {"v0": (known.v0[0] + 1e-6, known.v0[1])},
+            {"exp", "length", "path", "log"},
+        ),
+        (lambda known: {"q1": (float("nan"), 0.0)}, {"exp", "log"}),
+    ],
+    ids=["length", "q1", "points", "v0", "not a number"],
+)
+@pytest.mark.parametrize("name", ["two uneven links", "half-plane, half circle"])
+def test_wrong_values_fail(
+    name: str, change: Callable[[KnownGeodesic], dict[str, Any]], expected: set[str]
+) -> None:
+    known = by_name(name)
+    assert failed(check_geodesic(replace(known, **change(known)))) == expected
+
+
+@pytest.mark.parametrize(
+    ("name", "field", "value"),
+    [
+        ("two uneven links", "masses", [1.4, 0.90001]),
+        ("two uneven links", "centres", [0.17, 0.12001]),
+        ("two uneven links", "inertias", [0.025, 0.00901]),
+        ("torus, over the inner equator", "minor", 0.80001),
+        ("cone", "half_angle", 0.6435),
+        ("human right arm, reach", "side", "left"),
+        ("human left arm, de Leva, female", "sex", "male"),
+    ],
+)
+def test_another_metric_fails(name: str, field: str, value: Any) -> None:
+    known = by_name(name)
+    assert "exp" in failed(check_geodesic(replace(known, metric={**known.metric, field: value})))
+
+
+def test_mass_and_height_of_a_person_count_in_the_length() -> None:
+    """They scale the metric as a whole, which leaves geodesics alone."""
+    known = by_name("human right arm, reach")
+    for field in ("height", "mass"):
+        scaled = {**known.metric, field: known.metric[field] * 1.001}
+        assert failed(check_geodesic(replace(known, metric=scaled))) == {"length"}
+
+
+def test_what_raises_fails_with_its_message() -> None:
+    known = by_name("plane in polar coordinates")
+    checks = check_geodesic(replace(known, q0=(0.0, 0.0)))
+    assert failed(checks) >= {"exp", "path", "log"}
+    assert all(check.message for check in checks if np.isinf(check.error))
+    (check,) = check_geodesic(replace(known, metric={"kind": "euclidean", "dim": 0}))
+    assert (check.quantity, check.passed) == ("metric", False)
+    assert "dim" in check.message
+
+
+def test_not_a_number_is_not_within_a_tolerance() -> None:
+    assert not Check("x", "exp", "-", float("nan"), 1.0).passed
+    assert Check("x", "exp", "-", 1.0, 1.0).passed
+
+
+def test_an_unknown_backend_is_an_error_not_a_failure() -> None:
+    with pytest.raises(ValueError, match="backend must be one of"):
+        check_geodesic(by_name("two rods"), "symbolic")
+
+
+def test_metrics_without_a_model_are_checked_once() -> None:
+    known = [by_name("sphere, great circle"), by_name("two rods")]
+    backends = [name for name in BACKENDS if not why_unavailable(name)]
+    checks = check_known_geodesics(known, backends)
+    exps = [(check.name, check.backend) for check in checks if check.quantity == "exp"]
+    assert exps == [(known[0].name, "-"), *((known[1].name, name) for name in backends)]
+    assert [has_model(entry.metric) for entry in known] == [False, True]
+
+
+# -- the command -----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def short_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A table of one entry instead of the bundled one."""
+    folder = tmp_path / "bundled"
+    folder.mkdir()
+    entries = json.loads(BUNDLED.read_text())["entries"]
+    sphere = next(entry for entry in entries if entry["name"] == "sphere, great circle")
+    monkeypatch.setattr(known_geodesics, "BUNDLED", written(folder, sphere))
+
+
+@pytest.mark.usefixtures("short_table")
+def test_check_of_the_table(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_check()
+    printed = capsys.readouterr().out
+    assert "sphere, great circle" in printed
+    assert "all 4 checks passed" in printed
+    for name in BACKENDS:
+        assert name in printed  # as one that was checked, or as one that could not be imported
+    assert why_unavailable(BACKENDS[0]) in printed
+
+
+@pytest.mark.usefixtures("short_table")
+def test_check_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_check(written(tmp_path, ENTRY), "built-in")
+    assert "2 known geodesics with built-in: all 8 checks passed" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("short_table")
+def test_check_of_wrong_ones(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    nowhere = changed(name="nowhere", metric={"kind": "euclidean", "dim": 3})
+    assert not run_check(written(tmp_path, changed(length=5.1), nowhere))
+    printed = capsys.readouterr().out
+    line = next(line for line in printed.splitlines() if line.startswith("diagonal  "))
+    quantity, backend, error, tolerance, verdict = line.split()[1:]
+    assert (quantity, backend, tolerance, verdict) == ("exp", "-", "1.00e-10", "passed")
+    assert float(error) < 1e-10
+    assert "5 of 12 checks FAILED, of 'diagonal', 'nowhere'" in printed
+    assert "nowhere, exp, -: q must have shape (3,)" in printed
+
+
+# -- tables ----------------------------------------------------------------------------------------
+
+
+def test_the_example_of_the_documentation_is_complete(tmp_path: Path) -> None:
+    (example,) = re.findall(r"```json\n(.*?)```", GUIDE.read_text(), flags=re.DOTALL)
+    file = tmp_path / "example.json"
+    file.write_text(example)
+    (known,) = read_known_geodesics(file)
+    assert failed(check_geodesic(known)) == set()
+
+
+def test_files_are_in_the_tables_folder(tmp_path: Path) -> None:
+    shutil.copy(BUNDLED.parent / "known_arm.urdf", tmp_path / "arm.urdf")
+    metric = {"kind": "urdf", "file": "arm.urdf", "hand": "tool"}
+    six = {name: [0.1] * 6 for name in ("q0", "v0", "q1")}
+    (known,) = read_known_geodesics(written(tmp_path, changed(metric=metric, points=[], **six)))
+    assert metric_of(known.metric).dim == 6
+
+
+def test_joints_of_a_description_can_be_picked(tmp_path: Path) -> None:
+    metric = {"kind": "urdf", "file": str(BUNDLED.parent / "known_arm.urdf"), "hand": "tool"}
+    assert metric_of({**metric, "joints": ["elbow", "pitch"]}).dim == 2
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"q0": None}, "q0 is missing"),
+        ({"q0": [0.0, "x"]}, r"q0\[1\] must be a number"),
+        ({"q0": 0.0}, "q0 must be a list of numbers"),
+        ({"v0": [1.0]}, "v0 must have 2 numbers as q0 has, got 1"),
+        ({"q1": [1.0, float("nan")]}, r"q1\[1\] must be a finite number"),
+        ({"length": -5.0}, "length must be positive"),
+        ({"length": True}, "length must be a number"),
+        ({"log": "yes"}, "log must be true or false"),
+        ({"tolerances": {"exp": 1e-9}}, "tolerances: 'log' is missing"),
+        ({"tolerances": {"exp": 0.0, "log": 1e-9}}, "tolerances: exp must be positive"),
+        ({"tolerances": 1e-9}, "tolerances must be an object"),
+        ({"tolerances": {"exp": 1.0, "log": 1.0, "end": 1.0}}, "tolerances must be an object"),
+        ({"points": [{"s": 1.0, "q": [3.0, 4.0]}]}, r"points\[0\]: s must be between 0 and 1"),
+        ({"points": [{"s": 0.5}]}, r"points\[0\] must be an object"),
+        ({"points": [{"s": 0.5, "q": [1.0]}]}, r"points\[0\]: q must have 2 numbers"),
+        ({"source": " "}, "source must be a text"),
+        ({"colour": "red"}, "colour is not a field; there are name, metric, q0"),
+        ({"metric": "flat"}, "metric must be an object with a kind"),
+        ({"metric": {"kind": "klein"}}, "kind must be one of 'euclidean', .*got 'klein'"),
+        ({"metric": {"kind": "euclidean"}}, "metric: 'euclidean' needs 'dim'"),
+        ({"metric": {"kind": "sphere", "radius": 2}}, "metric: 'sphere' has no 'radius'"),
+        (
+            {"metric": {"kind": "surface of revolution", "profile": "vase"}},
+            "profile must be one of 'cylinder', .*got 'vase'",
+        ),
+        (
+            {"metric": {"kind": "surface of revolution", "profile": "torus", "major": 2.0}},
+            "needs 'minor'",
+        ),
+        ({"metric": {"kind": "urdf", "file": 3, "hand": "tool"}}, "file must be a text"),
+    ],
+)
+def test_malformed_entries_are_named(tmp_path: Path, fields: dict[str, Any], words: str) -> None:
+    file = written(tmp_path, changed(name="fine"), changed(**fields))
+    with pytest.raises(ValueError, match=rf"mine\.json: entry 2 \('diagonal'\): .*{words}"):
+        read_known_geodesics(file)
+
+
+@pytest.mark.parametrize(
+    ("entries", "head", "words"),
+    [
+        ([], {}, "entries"),
+        ([ENTRY], {"format": "geodesics"}, '"format" must be'),
+        ([ENTRY], {"version": 2}, '"version" must be 1, is 2'),
+        ([ENTRY, ENTRY], {}, r"entry 2 \('diagonal'\): name is that of an entry before"),
+        ([changed(name=None)], {}, "entry 1: name is missing"),
+        ([[1.0, 2.0]], {}, "entry 1: must be an object with the fields name, metric"),
+    ],
+)
+def test_malformed_tables_are_named(
+    tmp_path: Path, entries: list[Any], head: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(ValueError, match=rf"mine\.json: .*{words}"):
+        read_known_geodesics(written(tmp_path, *entries, **head))
+
+
+def test_what_is_no_table_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"none\.json: cannot be read"):
+        read_known_geodesics(tmp_path / "none.json")
+    (tmp_path / "text.json").write_text("geodesics")
+    with pytest.raises(ValueError, match=r"text\.json: is not JSON"):
+        read_known_geodesics(tmp_path / "text.json")
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"lengths": [1.0]}, "as many entries each"),
+        ({"lengths": "11"}, "lengths must be a list of numbers"),
+        ({"masses": [1.0, None]}, r"masses\[1\] must be a finite number"),
+        ({"masses": [1.0, -0.5]}, "negative mass"),
+    ],
+)
+def test_planar_arms_have_figures_for_every_link(fields: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        metric_of({**by_name("two uneven links").metric, **fields})
+
+
+# -- where the table comes from --------------------------------------------------------------------
+
+
+def test_the_tool_shares_no_code_with_the_package() -> None:
+    modules = set()
+    for node in ast.walk(ast.parse(TOOL.read_text())):
+        if isinstance(node, ast.Import):
+            modules |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            modules.add((node.module or "").split(".")[0])
+    assert "pinocchio" in modules
+    assert not modules & {"geodesic_ocp", "casadi"}
+
+
+@pytest.mark.slow
+def test_the_tool_makes_the_table() -> None:
+    done = subprocess.run(
+        [sys.executable, TOOL, "--check"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
