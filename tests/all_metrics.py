@@ -1,4 +1,4 @@
-"""Every kind of metric that the package has, and some of a user's."""
+"""Examples of every metric of the package, and of user-defined metrics."""
 
 from __future__ import annotations
 
@@ -50,5 +50,5 @@ METRICS: dict[str, Callable[[], go.Metric]] = {
 
 
 def points(metric: go.Metric, rng: np.random.Generator, count: int) -> np.ndarray:
-    """Random points (count, n) near each other, away from the singularities of the charts."""
+    """Random points (count, n), away from the singularities of the charts."""
     return 1.2 + rng.uniform(-0.3, 0.3, (count, metric.dim))

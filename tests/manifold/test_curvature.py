@@ -1,4 +1,4 @@
-"""Curvature: known spaces, the tensor's symmetries, and the commutator of covariant derivatives."""
+"""Curvature of known spaces, symmetries of the tensor, and its definition."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from known_models import planar_arm
 
 import geodesic_ocp as go
 
-# Second derivatives of a few hundred operations round to about this.
+# Relative rounding error of second derivatives of a few hundred operations.
 ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
 class Product(go.Metric):
-    """Two metrics side by side: nothing bends between them."""
+    """The product of two metrics."""
 
     first: go.Metric
     second: go.Metric
@@ -50,7 +50,7 @@ def test_surfaces_of_constant_curvature(
         assert close(go.scalar_curvature(metric, q), 2.0 * curvature)
 
 
-def test_radius_divides_curvature(rng: np.random.Generator) -> None:
+def test_curvature_scales_with_the_inverse_squared_radius(rng: np.random.Generator) -> None:
     class Globe(go.Metric):
         dim = 2
 
@@ -74,7 +74,7 @@ def test_product_of_spheres(rng: np.random.Generator) -> None:
 
 
 def test_flat_mechanisms() -> None:
-    """A mass at the tip of two links moves as a free point; a balanced link turns by itself."""
+    """A point mass at the tip of two massless links, and a balanced second link."""
     tip_mass = planar_arm((1.0, 0.8), (0.0, 2.0), (0.0, 0.8), (0.0, 0.0))
     balanced = planar_arm((1.0, 0.6), (1.3, 0.7), (0.4, 0.0), (0.2, 0.1))
     for arm in (tip_mass, balanced):
@@ -97,7 +97,7 @@ def test_symmetries_and_bianchi(kind: str, rng: np.random.Generator) -> None:
         u, v, w, z = rng.uniform(-1.0, 1.0, (4, n))
         cycle = [form(u, v, w, z), form(v, w, u, z), form(w, u, v, z)]
         scale, size = np.abs(cycle).max(), np.abs(metric.matrix(q)).max()
-        if scale < 1e-9 * size:  # all of it is rounding, in a flat space
+        if scale < 1e-9 * size:  # flat: the curvature is only rounding
             scale = size
         assert close(sum(cycle), 0.0, scale)
         assert close(form(v, u, w, z), -cycle[0], scale)
@@ -107,7 +107,7 @@ def test_symmetries_and_bianchi(kind: str, rng: np.random.Generator) -> None:
 
 
 @pytest.mark.parametrize("kind", METRICS)
-def test_christoffel_symbols_are_symmetric_and_keep_the_metric(
+def test_christoffel_symbols_are_symmetric_and_compatible_with_the_metric(
     kind: str, rng: np.random.Generator
 ) -> None:
     """Gamma_ijk = Gamma_ikj, and d_k g_ij = Gamma_ijk + Gamma_jik."""
@@ -122,10 +122,10 @@ def test_christoffel_symbols_are_symmetric_and_keep_the_metric(
             assert np.abs(gamma[:, :, k] + gamma[:, :, k].T - slope).max() <= 1e-6 * size
 
 
-def test_curvature_is_that_of_the_connection(
+def test_curvature_is_the_commutator_of_covariant_derivatives(
     arm_metric: go.KineticEnergy, rng: np.random.Generator
 ) -> None:
-    """R(u, v) w = D_u D_v w - D_v D_u w of constant fields, its derivatives by differences."""
+    """R(u, v) w = D_u D_v w - D_v D_u w for constant fields, by finite differences."""
 
     def second_kind(q: np.ndarray) -> np.ndarray:
         """Gamma^i_jk, (n, n, n)."""
@@ -146,7 +146,7 @@ def test_curvature_is_that_of_the_connection(
     assert go.riemann_curvature(arm_metric, q, u, v, w, z) == pytest.approx(expected, rel=1e-6)
 
 
-def test_sectional_curvature_is_of_the_plane(
+def test_sectional_curvature_depends_on_the_plane_only(
     arm_metric: go.KineticEnergy, rng: np.random.Generator
 ) -> None:
     q, u, v = rng.uniform(-0.8, 0.8, (3, 7))

@@ -1,4 +1,4 @@
-"""The exponential map on known geodesics."""
+"""The exponential map on known geodesics, its accuracy and its errors."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from all_metrics import METRICS, points
-from hypothesis import example, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from known_metrics import HalfPlane, PolarPlane, Sphere, in_plane, on_sphere
 from known_models import free_rotor, planar_arm
@@ -18,13 +18,13 @@ import geodesic_ocp as go
 from geodesic_ocp.manifold.exp import integrate_geodesic, sample_geodesic
 
 DIRECTION = st.floats(-np.pi, np.pi)
-# A geodesic through a pole of the chart is not the chart's to compute.
+# The chart is singular at the poles.
 COLATITUDE = st.floats(0.5, np.pi - 0.5)
 
 
 @given(colatitude=COLATITUDE, heading=st.floats(0.3, np.pi - 0.3), angle=st.floats(0.01, 3.0))
 def test_great_circles(colatitude: float, heading: float, angle: float) -> None:
-    """exp follows x cos a + e sin a; it is checked in R^3."""
+    """On the sphere in R^3, exp is x cos a + e sin a."""
     q = np.array([colatitude, 0.4])
     v = angle * np.array([np.cos(heading), np.sin(heading) / np.sin(colatitude)])
     t, p = q
@@ -37,7 +37,7 @@ def test_great_circles(colatitude: float, heading: float, angle: float) -> None:
 
 @given(heading=st.floats(-1.4, 1.4), length=st.floats(0.01, 3.0), height=st.floats(0.2, 5.0))
 def test_half_plane_circles(heading: float, length: float, height: float) -> None:
-    """Geodesics are circles about points of the axis y = 0, at constant speed."""
+    """Geodesics are circles centred on the axis y = 0."""
     v = length * height * np.array([np.cos(heading), np.sin(heading)])
     positions, velocities = sample_geodesic(HalfPlane(), [0.0, height], v, np.linspace(0, 1, 9))
     centre = height * np.tan(heading)
@@ -51,14 +51,14 @@ def test_half_plane_circles(heading: float, length: float, height: float) -> Non
 @given(radius=st.floats(0.5, 3.0), heading=DIRECTION, length=st.floats(0.01, 5.0))
 def test_straight_lines_in_polar_coordinates(radius: float, heading: float, length: float) -> None:
     if radius * abs(np.sin(heading)) < 0.1 and np.cos(heading) < 0:
-        return  # passes too near to the origin, where the chart is singular
+        return  # too close to the origin, where the chart is singular
     v = length * np.array([np.cos(heading), np.sin(heading) / radius])
     expected = np.array([radius + length * np.cos(heading), length * np.sin(heading)])
     assert in_plane(go.exp(PolarPlane(), [radius, 0.0], v)) == pytest.approx(expected, abs=1e-8)
 
 
 def test_tip_mass_moves_straight_at_constant_speed() -> None:
-    """Two massless links with a point mass at the tip: the arm is the plane in disguise."""
+    """Two massless links with a point mass at the tip: the Euclidean plane in other coordinates."""
     arm = planar_arm((1.0, 0.8), (0.0, 2.0), (0.0, 0.8), (0.0, 0.0))
     metric = go.KineticEnergy(arm)
     times = np.linspace(0.0, 1.0, 11)
@@ -69,14 +69,14 @@ def test_tip_mass_moves_straight_at_constant_speed() -> None:
 
 
 def test_balanced_second_link_is_flat() -> None:
-    """Its inertia does not depend on its angle: geodesics are straight lines in the angles."""
+    """The mass matrix is constant: geodesics are straight lines in the angles."""
     arm = planar_arm((1.0, 0.6), (1.3, 0.7), (0.4, 0.0), (0.2, 0.1))
     q, v = np.array([0.2, -0.4]), np.array([1.5, -2.0])
     assert go.exp(go.KineticEnergy(arm), q, v) == pytest.approx(q + v, abs=1e-12)
 
 
 def test_free_rotor_keeps_its_angular_momentum() -> None:
-    """The three components in space: L = R I w, checked along a tumbling motion."""
+    """L = R I w is constant in space along a tumbling motion."""
     moments = (1.0, 2.0, 3.5)
     rotor = free_rotor(moments)
     positions, velocities = sample_geodesic(
@@ -120,14 +120,14 @@ def test_energy_is_conserved(arm_metric: go.KineticEnergy, seed: int) -> None:
     assert speeds == pytest.approx([speeds[0]] * 3, rel=1e-8)
 
 
-@given(share=st.floats(0.01, 0.99), seed=st.integers(0, 2**32 - 1))
-def test_geodesics_are_one_curve(share: float, seed: int) -> None:
-    """exp(t v) lies on it, and what is left to go from there ends where exp(v) ends."""
+@given(fraction=st.floats(0.01, 0.99), seed=st.integers(0, 2**32 - 1))
+def test_geodesics_can_be_continued(fraction: float, seed: int) -> None:
+    """exp(t v) is on the geodesic, and its continuation from there ends at exp(v)."""
     metric, rng = HalfPlane(), np.random.default_rng(seed)
     q, v = np.array([0.3, 1.0]), rng.uniform(-1.0, 1.0, 2)
-    positions, velocities = sample_geodesic(metric, q, v, [0.0, share, 1.0])
-    assert go.exp(metric, q, share * v) == pytest.approx(positions[1], abs=1e-9)
-    rest = go.exp(metric, positions[1], (1.0 - share) * velocities[1])
+    positions, velocities = sample_geodesic(metric, q, v, [0.0, fraction, 1.0])
+    assert go.exp(metric, q, fraction * v) == pytest.approx(positions[1], abs=1e-9)
+    rest = go.exp(metric, positions[1], (1.0 - fraction) * velocities[1])
     assert rest == pytest.approx(positions[2], abs=1e-9)
 
 
@@ -168,7 +168,7 @@ def test_human_arm_of_an_independent_implementation(
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9, 1e-12])
-def test_tolerance_is_kept(tolerance: float, arm_metric: go.KineticEnergy) -> None:
+def test_the_error_is_within_the_tolerance(tolerance: float, arm_metric: go.KineticEnergy) -> None:
     q = np.array([0.4, 0.1, -0.7, 1.1, 0.2, 0.0, -0.3])
     v = 2.0 * np.array([0.5, -0.3, 0.4, 0.8, -0.6, 0.2, 0.7])
     best = go.exp(arm_metric, q, v, tolerance=1e-13)
@@ -176,9 +176,11 @@ def test_tolerance_is_kept(tolerance: float, arm_metric: go.KineticEnergy) -> No
     assert np.abs(found - best).max() <= tolerance
 
 
-@example(seed=4602)  # so close to gimbal lock that two integrations agree by chance
-@settings(max_examples=10)
-@given(seed=st.integers(0, 2**32 - 1))
+SLOW_SEEDS = [pytest.param(seed, marks=pytest.mark.slow) for seed in range(5, 25)]
+
+
+# Seed 4602 passes so close to gimbal lock that two integrations agree by chance.
+@pytest.mark.parametrize("seed", [4602, *range(5), *SLOW_SEEDS])
 def test_tolerance_is_of_the_end_point(arm_metric: go.KineticEnergy, seed: int) -> None:
     """Fast geodesics diverge: the result is within the tolerance, or an error."""
     arm, rng = arm_metric.model, np.random.default_rng(seed)
@@ -191,7 +193,7 @@ def test_tolerance_is_of_the_end_point(arm_metric: go.KineticEnergy, seed: int) 
     assert np.abs(found - best).max() <= 1e-6
 
 
-def test_resting_stays(arm_metric: go.KineticEnergy) -> None:
+def test_zero_velocity_gives_the_start(arm_metric: go.KineticEnergy) -> None:
     q = np.full(7, 0.1)
     assert np.array_equal(go.exp(arm_metric, q, np.zeros(7)), q)
 
@@ -221,8 +223,8 @@ def test_too_many_steps_say_where_they_ended(arm_metric: go.KineticEnergy) -> No
         )
 
 
-def test_where_there_is_no_metric(arm_metric: go.KineticEnergy) -> None:
-    """The shoulder's gimbal lock, the sphere's pole, an indefinite tensor, a root of less."""
+def test_singular_and_indefinite_metrics_are_rejected(arm_metric: go.KineticEnergy) -> None:
+    """At gimbal lock of the shoulder and a pole of the sphere, and for wrong tensors."""
     locked = np.array([0.3, np.pi / 2, -0.4, 0.9, 0.1, 0.0, 0.1])
     for metric, q in ((arm_metric, locked), (Sphere(), np.zeros(2)), (Indefinite(), np.ones(2))):
         with pytest.raises(ValueError, match=r"q: the metric is not positive definite at \["):
@@ -238,7 +240,7 @@ def test_where_there_is_no_metric(arm_metric: go.KineticEnergy) -> None:
 
 
 class Lopsided(go.Metric):
-    """A matrix that is no metric tensor."""
+    """A matrix that is not symmetric."""
 
     dim = 2
 
@@ -247,7 +249,7 @@ class Lopsided(go.Metric):
 
 
 class Indefinite(go.Metric):
-    """Of Lorentz's kind, and only where its first coordinate is positive."""
+    """A Lorentzian tensor, defined only where the first coordinate is positive."""
 
     dim = 2
 
@@ -257,7 +259,7 @@ class Indefinite(go.Metric):
 
 def test_one_dimension() -> None:
     class Line(go.Metric):
-        """Length int y^-1 dy: the logarithm of the ratio."""
+        """Length int y^-1 dy, the logarithm of the ratio."""
 
         dim = 1
 
@@ -274,7 +276,7 @@ def test_one_dimension() -> None:
     assert go.log(go.KineticEnergy(pendulum), [0.0], [2.0]) == pytest.approx([2.0])
 
 
-def test_what_is_not_a_metric_is_named() -> None:
+def test_wrong_metrics_are_named() -> None:
     class Dimensionless(go.Metric):
         def matrix(self, q: Any) -> Any:
             return ca.SX.eye(2)
@@ -314,8 +316,8 @@ def test_gimbal_lock_is_named(arm_metric: go.KineticEnergy, near: float) -> None
         go.log(arm_metric, locked, free)
 
 
-def test_exp_through_gimbal_lock_is_right_both_ways(arm_metric: go.KineticEnergy) -> None:
-    """It comes within 0.05 rad of it, turns the shoulder about and goes on."""
+def test_exp_near_gimbal_lock_is_reversible(arm_metric: go.KineticEnergy) -> None:
+    """The geodesic passes within 0.05 rad of gimbal lock."""
     start = np.array([0.3, 1.2, -0.4, 0.9, 0.1, 0.0, 0.1])
     velocity = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     times = np.linspace(0.0, 1.0, 101)
@@ -331,7 +333,7 @@ def test_exp_through_gimbal_lock_is_right_both_ways(arm_metric: go.KineticEnergy
 
 
 def test_steps_converge_with_the_eighth_order() -> None:
-    """By the slope of the error on a great circle; every interval is a step, none is refused."""
+    """By the slope of the error on a great circle; every interval is one accepted step."""
     metric, start, velocity = Sphere(), np.array([1.0, 0.2]), np.array([0.8, 1.1])
     exact = go.exp(metric, start, velocity, tolerance=1e-13)
     counts = np.array([4, 6, 8, 12, 16])

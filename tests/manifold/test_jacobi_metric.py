@@ -1,4 +1,4 @@
-"""The Jacobi metric against forward dynamics in gravity."""
+"""The Jacobi metric, compared with forward dynamics under gravity."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ DOWN_Y = pin.Motion(np.array([0.0, -9.81, 0.0]), np.zeros(3))
 
 
 def in_gravity(model: go.Model) -> go.Model:
-    """The same with gravity along -y, in the plane of a planar arm."""
+    """The model with gravity along -y, in the plane of a planar arm."""
     native = model.pin.copy()
     native.gravity = DOWN_Y
     return go.Model(native, model.hand)
@@ -51,8 +51,8 @@ SYSTEMS = {
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
-def test_geodesics_are_the_paths_of_free_motion(name: str) -> None:
-    """Both clocks run at dtau / dt = (E - V(t)) / (E - V(0)), as |dq/dtau| is constant."""
+def test_geodesics_are_paths_of_torque_free_motion(name: str) -> None:
+    """dtau / dt = (E - V(t)) / (E - V(0)) for the parameter tau of constant speed."""
     model, q0, v0 = SYSTEMS[name]()
     n, data = model.dof, model.pin.createData()
     energy = v0 @ model.mass_matrix(q0) @ v0 / 2.0 + model.potential_energy(q0)
@@ -73,22 +73,22 @@ def test_geodesics_are_the_paths_of_free_motion(name: str) -> None:
 
 
 def test_a_throw_is_a_parabola() -> None:
-    """y = x v_y / v_x - g x^2 / (2 v_x^2), from the thrower's log to the whole path."""
+    """y = x v_y / v_x - g x^2 / (2 v_x^2) along the whole path."""
     model, v0 = projectile(), np.array([3.0, 4.0])
     metric = go.JacobiMetric(model, float(v0 @ v0))  # 2 kg
     x = 1.0
     goal = np.array([x, x * v0[1] / v0[0] - 9.81 * x**2 / (2.0 * v0[0] ** 2)])
     path = go.geodesic(metric, [0.0, 0.0], goal)
     slope = path(0.0, 1)[1] / path(0.0, 1)[0]
-    places = path(np.linspace(0.0, 1.0, 20))
-    # The speed is known, the slope decides which of the two throws it is.
+    positions = path(np.linspace(0.0, 1.0, 20))
+    # The initial speed is given; the slope tells which of the two solutions was found.
     across = v0 @ v0 / (1.0 + slope**2)
-    expected = slope * places[:, 0] - 9.81 * places[:, 0] ** 2 / (2.0 * across)
-    assert places[:, 1] == pytest.approx(expected, abs=1e-6)
-    assert places[-1] == pytest.approx(goal, abs=1e-9)
+    expected = slope * positions[:, 0] - 9.81 * positions[:, 0] ** 2 / (2.0 * across)
+    assert positions[:, 1] == pytest.approx(expected, abs=1e-6)
+    assert positions[-1] == pytest.approx(goal, abs=1e-9)
 
 
-def test_without_gravity_nothing_bends(arm: go.Model) -> None:
+def test_without_gravity_it_is_the_kinetic_energy_metric(arm: go.Model) -> None:
     native = arm.pin.copy()
     native.gravity = pin.Motion.Zero()
     metric = go.JacobiMetric(go.Model(native, arm.hand), 3.0)
@@ -97,8 +97,8 @@ def test_without_gravity_nothing_bends(arm: go.Model) -> None:
     assert metric.norm(q, v) ** 2 == pytest.approx(3.0 * go.KineticEnergy(arm).norm(q, v) ** 2)
 
 
-def test_heights_that_the_energy_does_not_reach() -> None:
-    """Hanging is possible with energy below that of the horizontal; horizontal is not."""
+def test_points_above_the_energy_are_rejected() -> None:
+    """With this energy the pendulum can hang but not reach the horizontal."""
     model, down, level = SYSTEMS["pendulum"]()[0], [-np.pi / 2], [0.0]
     metric = go.JacobiMetric(model, -1.0)
     with pytest.raises(ValueError, match=r"q: the potential energy 0 J .* not below .* of -1 J"):

@@ -14,15 +14,15 @@ from known_metrics import HalfPlane, PolarPlane, Sphere
 import geodesic_ocp as go
 
 CURVED = [Sphere(), HalfPlane(), PolarPlane(), go.KineticEnergy(go.human_arm())]
-EVERY = [*CURVED, go.Euclidean(3)]
+ALL = [*CURVED, go.Euclidean(3)]
 
 
 def point(metric: go.Metric, rng: np.random.Generator) -> np.ndarray:
-    """Away from the poles, the boundary and the origin, and from the arm's gimbal lock."""
+    """A random point, away from singularities of the charts and from gimbal lock."""
     return rng.uniform(0.3, 1.2, metric.dim)
 
 
-@pytest.mark.parametrize("metric", EVERY, ids=lambda metric: type(metric).__name__)
+@pytest.mark.parametrize("metric", ALL, ids=lambda metric: type(metric).__name__)
 def test_inner_product(metric: go.Metric, rng: np.random.Generator) -> None:
     q, (u, v) = point(metric, rng), rng.normal(size=(2, metric.dim))
     G = metric.matrix(q)
@@ -35,7 +35,7 @@ def test_inner_product(metric: go.Metric, rng: np.random.Generator) -> None:
 
 
 @given(exponent=st.floats(-12.0, 0.0))
-def test_small_angles_keep_their_digits(exponent: float) -> None:
+def test_small_angles_are_accurate(exponent: float) -> None:
     angle = 10.0**exponent
     found = go.Euclidean(2).angle([0, 0], [1, 0], [np.cos(angle), np.sin(angle)])
     assert found == pytest.approx(angle, rel=1e-3 if angle < 1e-11 else 1e-5)
@@ -43,21 +43,21 @@ def test_small_angles_keep_their_digits(exponent: float) -> None:
     assert opposite == pytest.approx(np.pi - angle, abs=1e-15)
 
 
-def test_angle_to_nothing_is_refused() -> None:
+def test_the_angle_to_a_zero_vector_is_an_error() -> None:
     with pytest.raises(ValueError, match="angle to a zero vector"):
         go.Euclidean(2).angle([0, 0], [1, 0], [0, 0])
 
 
-@pytest.mark.parametrize("metric", EVERY, ids=lambda metric: type(metric).__name__)
+@pytest.mark.parametrize("metric", ALL, ids=lambda metric: type(metric).__name__)
 def test_christoffel_symbols(metric: go.Metric, rng: np.random.Generator) -> None:
-    """Symmetric in the last two; dG/dq_k = Gamma_ijk + Gamma_jik (metric compatibility)."""
+    """Symmetric in j and k; dG/dq_k = Gamma_ijk + Gamma_jik (metric compatibility)."""
     q = point(metric, rng)
     gamma = metric.christoffel(q)
     assert gamma == pytest.approx(gamma.transpose(0, 2, 1), abs=1e-14)
     h = 1e-6
     for k, unit in enumerate(np.eye(metric.dim)):
         slope = (metric.matrix(q + h * unit) - metric.matrix(q - h * unit)) / (2 * h)
-        # Central differences are right to h^2 and to rounding over h.
+        # The error of central differences is of order h^2 plus rounding / h.
         assert gamma[:, :, k] + gamma[:, :, k].T == pytest.approx(slope, abs=1e-8)
 
 
@@ -69,7 +69,7 @@ def test_christoffel_symbols_of_the_sphere() -> None:
     assert Sphere().christoffel([t, 0.3]) == pytest.approx(expected, abs=1e-15)
 
 
-@pytest.mark.parametrize("metric", EVERY, ids=lambda metric: type(metric).__name__)
+@pytest.mark.parametrize("metric", ALL, ids=lambda metric: type(metric).__name__)
 def test_symbolic_equals_numeric(metric: go.Metric, rng: np.random.Generator) -> None:
     q, u, v = point(metric, rng), *rng.normal(size=(2, metric.dim))
     for kind in (ca.SX, ca.MX):
@@ -102,7 +102,7 @@ def test_acceleration_solves_the_geodesic_equation(
     assert np.abs(residual).max() < 1e-12 * max(1.0, np.abs(force).max())
 
 
-def test_a_metric_of_ones_own() -> None:
+def test_a_user_defined_metric() -> None:
     class Cylinder(go.Metric):
         dim = 2
 

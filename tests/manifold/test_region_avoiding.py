@@ -1,4 +1,4 @@
-"""Metrics that keep geodesics inside a region: closed forms, bounds, joint limits, errors."""
+"""Region-avoiding metrics: closed forms, bounds, joint limits and errors."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from known_models import planar_arm
 
 import geodesic_ocp as go
 
-# log and exp keep 1e-9 in every coordinate.
+# The default tolerance of log and exp is 1e-9.
 EXACT = 1e-7
 S = np.linspace(0.0, 1.0, 101)
 
@@ -26,13 +26,13 @@ def outside_disc(q: Any) -> Any:
     return ca.norm_2(q) - 1.0
 
 
-def unrolled(y: float, margin: float) -> float:
+def arc_length(y: float, margin: float) -> float:
     """Integral of sqrt(1 + (margin / y)^2) over y."""
     return math.hypot(y, margin) - margin * math.asinh(margin / y)
 
 
 def excess(model: go.Model, q: np.ndarray) -> float:
-    """How far configurations (k, n) are beyond the limits [rad]; negative inside."""
+    """Largest violation of the joint limits by configurations (k, n) [rad]; negative inside."""
     return float(max((model.lower - q).max(), (q - model.upper).max()))
 
 
@@ -40,8 +40,8 @@ def inside(model: go.Model, rng: np.random.Generator, count: int) -> np.ndarray:
     return rng.uniform(model.lower + 0.1, model.upper - 0.1, (count, model.dof))
 
 
-def test_the_tensor_of_a_hand_above_a_table(arm: go.Model, rng: np.random.Generator) -> None:
-    """The hand's apparent mass, 1 / (J G^-1 J') at the configuration, is added along its height."""
+def test_the_tensor_for_a_hand_above_a_table(arm: go.Model, rng: np.random.Generator) -> None:
+    """The apparent mass of the hand, 1 / (J G^-1 J'), is added along its height."""
     q, configuration = inside(arm, rng, 2)
     metric = go.RegionAvoiding(
         go.KineticEnergy(arm),
@@ -49,10 +49,10 @@ def test_the_tensor_of_a_hand_above_a_table(arm: go.Model, rng: np.random.Genera
         margin=0.05,
         configuration=configuration,
     )
-    there, here = arm.hand_jacobian(configuration)[2], arm.hand_jacobian(q)[2]
-    mass = 1.0 / (there @ np.linalg.inv(arm.mass_matrix(configuration)) @ there)
+    reference, row = arm.hand_jacobian(configuration)[2], arm.hand_jacobian(q)[2]
+    mass = 1.0 / (reference @ np.linalg.inv(arm.mass_matrix(configuration)) @ reference)
     stretch = mass * (0.05 / (arm.hand_pose(q)[1][2] + 1.0)) ** 2
-    expected = arm.mass_matrix(q) + stretch * np.outer(here, here)
+    expected = arm.mass_matrix(q) + stretch * np.outer(row, row)
     assert metric.matrix(q) == pytest.approx(expected, rel=1e-12, abs=1e-15)
 
 
@@ -68,7 +68,7 @@ def test_the_tensor_within_joint_limits(arm: go.Model, rng: np.random.Generator)
     assert metric.model is arm
 
 
-def test_joints_without_limits_are_left_alone() -> None:
+def test_joints_without_limits_are_not_affected() -> None:
     """One limit for two joints: its weight is evaluated at zero, with its own margin."""
     native = planar_arm((1.0, 0.8), (1.3, 0.7), (0.4, 0.5), (0.2, 0.1)).pin.copy()
     native.upperPositionLimit = np.array([np.inf, 2.0])
@@ -81,34 +81,36 @@ def test_joints_without_limits_are_left_alone() -> None:
 
 
 @pytest.mark.parametrize("margin", [0.1, 2.0])
-def test_the_plane_above_a_line_unrolls(margin: float) -> None:
-    """dx^2 + (1 + (margin / y)^2) dy^2 is flat in x and the integral of the root."""
+def test_the_half_plane_is_flat(margin: float) -> None:
+    """dx^2 + (1 + (margin / y)^2) dy^2 is flat in x and the arc length along y."""
     metric = go.RegionAvoiding(go.Euclidean(2), height, margin=margin)
     a, b = np.array([0.0, 0.3]), np.array([1.0, 0.05])
-    rise = unrolled(b[1], margin) - unrolled(a[1], margin)
+    rise = arc_length(b[1], margin) - arc_length(a[1], margin)
     assert go.distance(metric, a, b) == pytest.approx(np.hypot(1.0, rise), rel=EXACT)
     path = go.geodesic(metric, a, b)(S)
-    assert [unrolled(y, margin) for y in path[:, 1]] == pytest.approx(
-        unrolled(a[1], margin) + path[:, 0] * rise, abs=EXACT / 0.05
+    assert [arc_length(y, margin) for y in path[:, 1]] == pytest.approx(
+        arc_length(a[1], margin) + path[:, 0] * rise, abs=EXACT / 0.05
     )
 
 
 @pytest.mark.parametrize("length", [1.0, 4.0, 16.0])
-def test_the_boundary_is_infinitely_far(length: float) -> None:
-    """Straight down, y falls like exp(-length / margin): far below 1e-6, and never through."""
+def test_the_boundary_is_infinitely_distant(length: float) -> None:
+    """Straight down, y decreases like exp(-length / margin), below 1e-6 but not to zero."""
     metric = go.RegionAvoiding(go.Euclidean(2), height, margin=1.0)
     down = np.array([0.0, -1.0])
     velocity = length * down / metric.norm([0.0, 1.0], down)
     _, y = go.exp(metric, [0.0, 1.0], velocity, tolerance=1e-11)
     assert 0.0 < y < 2.0 * np.exp(-length)
-    # The slope of the integral is 1 / y at most, on top of one for y far from the boundary.
-    assert unrolled(y, 1.0) == pytest.approx(unrolled(1.0, 1.0) - length, abs=1e-11 * (1 + 1 / y))
+    # The derivative of the integral is at most 1 + 1 / y.
+    assert arc_length(y, 1.0) == pytest.approx(
+        arc_length(1.0, 1.0) - length, abs=1e-11 * (1 + 1 / y)
+    )
 
 
 def test_the_length_bounds_the_approach(
     arm_metric: go.KineticEnergy, rng: np.random.Generator
 ) -> None:
-    """|log h1 / h0| <= length / (margin sqrt(w)), for velocities that carry the plain arm out."""
+    """|log h1 / h0| <= length / (margin sqrt(w)), where plain geodesics leave the limits."""
     arm = arm_metric.model
     metric = go.RegionAvoiding(arm_metric, margin=0.2)
     weights = 1.0 / np.diag(np.linalg.inv(arm.mass_matrix((arm.lower + arm.upper) / 2.0)))
@@ -127,9 +129,9 @@ REACHES = {
 }
 
 
-@pytest.mark.parametrize("name", REACHES)
+@pytest.mark.parametrize("name", ["wrist", pytest.param("arm raised", marks=pytest.mark.slow)])
 def test_reaches_stay_within_joint_limits(name: str, arm_metric: go.KineticEnergy) -> None:
-    """The plain geodesic leaves, and is shorter than all that stay; less margin, less detour."""
+    """The plain geodesic violates the limits; a smaller margin gives a smaller detour."""
     q0, q1 = REACHES[name]
     free = go.geodesic(arm_metric, q0, q1)
     assert excess(arm_metric.model, free(S)) > 0.1
@@ -141,20 +143,20 @@ def test_reaches_stay_within_joint_limits(name: str, arm_metric: go.KineticEnerg
     assert lengths == sorted(lengths)
 
 
-def test_without_margin_it_is_the_given_metric(arm_metric: go.KineticEnergy) -> None:
-    """The difference falls with the square of the margin."""
+def test_for_small_margins_it_converges_to_the_given_metric(arm_metric: go.KineticEnergy) -> None:
+    """The difference is proportional to the square of the margin."""
     q0, q1 = [0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1], [0.6, 0.3, -0.7, 1.2, 0.3, -0.1, -0.1]
     plain = go.log(arm_metric, q0, q1)
     first, second = (
         np.abs(go.log(go.RegionAvoiding(arm_metric, margin=margin), q0, q1) - plain).max()
         for margin in (0.02, 0.01)
     )
-    assert first > 1e-4  # far above the digits of log
-    assert first / second == pytest.approx(4.0, rel=0.05)  # the next order is of margin^4
+    assert first > 1e-4  # far above the tolerance of log
+    assert first / second == pytest.approx(4.0, rel=0.05)  # the next term is of order margin^4
 
 
 def test_coordinates_and_units_of_the_functions_do_not_matter() -> None:
-    """Around a disc, in polar and in Cartesian coordinates, with its radius in any unit."""
+    """Around a disc, in polar and Cartesian coordinates, with any unit of the function."""
     polar = go.RegionAvoiding(PolarPlane(), lambda q: q[0] - 1.0, configuration=(2.0, 0.0))
     plane = go.RegionAvoiding(go.Euclidean(2), outside_disc, configuration=(2.0, 0.0))
     unit = go.RegionAvoiding(
@@ -166,8 +168,8 @@ def test_coordinates_and_units_of_the_functions_do_not_matter() -> None:
     assert go.distance(unit, in_plane(a), in_plane(b)) == pytest.approx(expected, rel=EXACT)
 
 
-def test_regions_in_regions(arm: go.Model, rng: np.random.Generator) -> None:
-    """A table under an arm in gravity, within its limits: the outer has the inner's model."""
+def test_regions_can_be_nested(arm: go.Model, rng: np.random.Generator) -> None:
+    """An arm under gravity above a table and within its limits; the model is that of the arm."""
     inner = go.RegionAvoiding(
         go.JacobiMetric(arm, 40.0), lambda q: arm.hand_pose(q)[1][2] + 1.0, margin=0.05
     )
@@ -246,15 +248,15 @@ def test_bad_margins_and_metrics(arm_metric: go.KineticEnergy) -> None:
 
 
 @pytest.mark.parametrize("speed", [8.0, 10.25, 1000.0])
-def test_what_rounding_turns_back_from_the_boundary_is_no_answer(speed: float) -> None:
-    """1 - q has lost its digits near the wall, in every integration alike."""
+def test_geodesics_that_rounding_reflects_at_the_boundary_are_errors(speed: float) -> None:
+    """1 - q loses its digits near the boundary, in every integration alike."""
     segment = go.RegionAvoiding(go.Euclidean(1), lambda q: [1.0 - q[0], 1.0 + q[0]])
     with pytest.raises(go.IntegrationFailed):
         go.exp(segment, [0.1], [speed])
 
 
 @pytest.mark.parametrize(
-    ("count", "fastest"), [(18, 3.0), pytest.param(40, 5.0, marks=pytest.mark.slow)]
+    ("count", "fastest"), [(18, 2.0), pytest.param(40, 5.0, marks=pytest.mark.slow)]
 )
 def test_exp_towards_a_boundary_is_right_or_an_error(
     count: int, fastest: float, rng: np.random.Generator
@@ -274,7 +276,7 @@ def test_exp_towards_a_boundary_is_right_or_an_error(
     assert answers > 5
 
 
-def test_continuous_joints_have_no_walls() -> None:
+def test_continuous_joints_are_not_limited() -> None:
     text = (
         '<robot name="fan"><link name="base"/><link name="blade"><inertial><mass value="1"/>'
         '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="2"/></inertial></link>'

@@ -1,4 +1,4 @@
-"""Several models as one: the system of both arms."""
+"""Several models as one system, such as both arms."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def arms() -> tuple[go.Model, go.Model]:
     return go.human_arm("left"), go.human_arm("right")
 
 
-def test_both_arms_move_as_each_by_itself(
+def test_both_arms_move_independently(
     arms: tuple[go.Model, go.Model], rng: np.random.Generator
 ) -> None:
     both = go.combine(*arms, placements=SHOULDERS)
@@ -27,14 +27,14 @@ def test_both_arms_move_as_each_by_itself(
     assert np.array_equal(both.lower, np.concatenate([arm.lower for arm in arms]))
     q, v = rng.uniform(-1.0, 1.0, (2, 14))
     matrix = np.zeros((14, 14))
-    for arm, part, place, side in zip(
+    for arm, part, base, side in zip(
         arms, (slice(0, 7), slice(7, 14)), SHOULDERS, ("left", "right"), strict=True
     ):
         matrix[part, part] = arm.mass_matrix(q[part])
         rotation, position = both.with_hand(f"human {side} arm/hand").hand_pose(q)
         expected = arm.hand_pose(q[part])
         assert_allclose(rotation, expected[0], rtol=0, atol=1e-14)
-        assert_allclose(position, expected[1] + place, rtol=0, atol=1e-14)
+        assert_allclose(position, expected[1] + base, rtol=0, atol=1e-14)
     assert_allclose(both.mass_matrix(q), matrix, rtol=0, atol=1e-12)
     assert both.hand == "human left arm/hand"
     arrival = go.exp(go.KineticEnergy(both), q, v)
@@ -43,13 +43,15 @@ def test_both_arms_move_as_each_by_itself(
         assert_allclose(arrival[part], alone, rtol=0, atol=2e-9)  # each to 1e-9
 
 
-def test_a_turned_base_turns_the_hand(arms: tuple[go.Model, go.Model]) -> None:
-    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    both = go.combine(*arms, placements=[(turn, (1.0, 2.0, 3.0)), (0.0, 0.0, 0.0)])
+def test_a_rotated_base_rotates_the_hand(arms: tuple[go.Model, go.Model]) -> None:
+    rotation_of_base = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    both = go.combine(*arms, placements=[(rotation_of_base, (1.0, 2.0, 3.0)), (0.0, 0.0, 0.0)])
     q = np.linspace(-0.5, 0.5, 14)
     rotation, position = arms[0].hand_pose(q[:7])
-    assert_allclose(both.hand_pose(q)[0], turn @ rotation, rtol=0, atol=1e-14)
-    assert_allclose(both.hand_pose(q)[1], turn @ position + [1.0, 2.0, 3.0], rtol=0, atol=1e-14)
+    assert_allclose(both.hand_pose(q)[0], rotation_of_base @ rotation, rtol=0, atol=1e-14)
+    assert_allclose(
+        both.hand_pose(q)[1], rotation_of_base @ position + [1.0, 2.0, 3.0], rtol=0, atol=1e-14
+    )
 
 
 def test_models_of_one_name_are_numbered() -> None:
@@ -60,7 +62,7 @@ def test_models_of_one_name_are_numbered() -> None:
     assert three.with_hand(f"{title} 3/tip").hand_pose([0.0, 0.0, np.pi / 2])[1][1] == 1.0
 
 
-def test_what_cannot_be_combined(arms: tuple[go.Model, go.Model]) -> None:
+def test_errors_of_combine(arms: tuple[go.Model, go.Model]) -> None:
     with pytest.raises(ValueError, match="two or more models"):
         go.combine(arms[0])
     with pytest.raises(ValueError, match="placements must be one for each of 2 models"):
@@ -82,7 +84,7 @@ def test_wrong_placements_are_named(arms: tuple[go.Model, go.Model], placements:
         go.combine(*arms, placements=placements)  # type: ignore[arg-type]
 
 
-def test_systems_can_be_combined_again(arms: tuple[go.Model, go.Model]) -> None:
+def test_combined_models_can_be_combined_again(arms: tuple[go.Model, go.Model]) -> None:
     couple = go.combine(go.combine(*arms), *arms)
     assert couple.dof == 28
     frames = [frame.name for frame in couple.pin.frames]
@@ -92,7 +94,7 @@ def test_systems_can_be_combined_again(arms: tuple[go.Model, go.Model]) -> None:
     assert go.combine(grounded, arms[1]).hand == "universe"
 
 
-def test_both_arms_have_the_bodies_of_both() -> None:
+def test_both_arms_keep_their_bodies() -> None:
     arms = go.combine(
         go.human_arm("left"), go.human_arm("right"), placements=((-0.2, 0, 0), (0.2, 0, 0))
     )

@@ -1,4 +1,4 @@
-"""The human arm against the reference model it is made from."""
+"""The human arm, compared with its reference model and anthropometric tables."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def numbers(node: ElementTree.Element, *names: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize("side", ["right", "left"])
-def test_figures_agree_with_the_reference_model(side: str, shared: Path) -> None:
+def test_the_arm_agrees_with_the_reference_model(side: str, shared: Path) -> None:
     letter = side[0].upper()
     root = ElementTree.parse(shared / "data" / "models" / "mmm.xml").getroot()
     nodes = {node.get("name"): node for node in root.findall("RobotNode")}
@@ -81,7 +81,7 @@ def test_figures_agree_with_the_reference_model(side: str, shared: Path) -> None
     assert frame.rotation == pytest.approx(np.diag([1.0, -1.0, -1.0]), abs=1e-15)
 
 
-def test_sizes_scale(rng: np.random.Generator) -> None:
+def test_height_and_mass_scale_the_arm(rng: np.random.Generator) -> None:
     small, large = go.human_arm("left", 1.0, 1.0), go.human_arm("left", 1.5, 60.0)
     q = rng.uniform(small.lower, small.upper)
     assert large.mass_matrix(q) == pytest.approx(60 * 1.5**2 * small.mass_matrix(q), rel=1e-12)
@@ -90,7 +90,7 @@ def test_sizes_scale(rng: np.random.Generator) -> None:
     assert large.hand_pose(q)[1] == pytest.approx(1.5 * position, abs=1e-14)
 
 
-def test_posture_at_zero_and_signs() -> None:
+def test_zero_configuration_and_signs() -> None:
     arm = go.human_arm("right", 2.0, 70.0)
     reach = 2.0 * (0.188 + 0.145 + 0.037)
     assert arm.hand_pose(np.zeros(7))[1] == pytest.approx([-0.03, 0.0, -reach], abs=1e-12)
@@ -100,8 +100,8 @@ def test_posture_at_zero_and_signs() -> None:
     assert elbow == pytest.approx([-0.03, 2 * (0.145 + 0.037), -2 * 0.188], abs=1e-12)
 
 
-def test_mirrored_arms_move_alike(rng: np.random.Generator) -> None:
-    """Left and right are mirror images in y-z, up to the hands' own slightly different inertia."""
+def test_the_left_arm_mirrors_the_right(rng: np.random.Generator) -> None:
+    """Left and right are mirror images, up to slightly different inertias of the hands."""
     right, left = go.human_arm("right"), go.human_arm("left")
     flip = np.array([1, -1, -1, 1, -1, 1, -1])
     q = rng.uniform(right.lower, right.upper)
@@ -124,7 +124,7 @@ def test_mirrored_arms_move_alike(rng: np.random.Generator) -> None:
         ({"mass": "heavy"}, "mass must be a number, got 'heavy'"),
     ],
 )
-def test_impossible_people_are_refused(arguments: dict[str, object], message: str) -> None:
+def test_implausible_arguments_are_rejected(arguments: dict[str, object], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         go.human_arm(**arguments)
 
@@ -137,7 +137,7 @@ def test_impossible_people_are_refused(arguments: dict[str, object], message: st
         ("female", 1.735, (0.2751, 0.2643), (2.55, 1.38, 0.56)),
     ],
 )
-def test_de_levas_mean_person_has_the_printed_figures(
+def test_the_mean_person_of_de_leva(
     side: Any, sex: Any, stature: float, lengths: tuple[float, ...], masses: tuple[float, ...]
 ) -> None:
     """De Leva (1996), table 4: segment lengths [m] and masses [% of the body's]."""
@@ -149,18 +149,18 @@ def test_de_levas_mean_person_has_the_printed_figures(
     assert_allclose(found, masses, rtol=1e-12)
 
 
-def test_de_levas_moments_are_masses_times_squared_radii() -> None:
+def test_moments_of_inertia_of_de_leva() -> None:
     arm = go.human_arm("right", height=1.741, mass=73.0, table="de_leva", sex="male")
     upper, hand = arm.pin.inertias[3], arm.pin.inertias[7]
     assert upper.lever[2] == pytest.approx(-0.5772 * 0.2817)
-    # The upper arm's sagittal axis is y, the hand's, through the palm, is x.
+    # The sagittal axis of the upper arm is y, that of the hand, through the palm, is x.
     radii = np.sqrt(np.diag(upper.inertia) / upper.mass)
     assert_allclose(radii, np.array([0.269, 0.285, 0.158]) * 0.2817, rtol=1e-12)
     radii = np.sqrt(np.diag(hand.inertia) / hand.mass)
     assert_allclose(radii, np.array([0.628, 0.513, 0.401]) * 0.0862, rtol=1e-12)
 
 
-def test_tables_give_visibly_different_arms() -> None:
+def test_tables_and_sexes_differ() -> None:
     q = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
     winter = go.human_arm().mass_matrix(q)
     men, women = (go.human_arm(table="de_leva", sex=sex).mass_matrix(q) for sex in get_args(Sex))
@@ -183,7 +183,7 @@ def test_wrong_tables_are_named(arguments: dict[str, Any], message: str) -> None
 
 
 @pytest.mark.parametrize("side", ["right", "left"])
-def test_a_persons_bodies_go_from_joint_to_joint(side: str) -> None:
+def test_the_capsules_connect_the_joints(side: str) -> None:
     arm = go.human_arm(side, height=1.8, mass=80.0)
     upper, fore, hand = arm.bodies
     q = np.array([0.4, 0.1, 0.0, 0.9, 0.0, 0.0, 0.0])

@@ -1,4 +1,4 @@
-"""Model: what it tells of itself, and what it refuses."""
+"""Model: its properties, variants and errors."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def wheel_and_lever() -> pin.Model:
     return native
 
 
-def test_continuous_joints_become_angles_within_two_turns(rng: np.random.Generator) -> None:
+def test_continuous_joints_become_angles_within_two_revolutions(rng: np.random.Generator) -> None:
     native = wheel_and_lever()
     model = go.Model(native, "end")
     assert (native.nq, native.nv, model.pin.nq, model.pin.nv) == (5, 3, 3, 3)
@@ -117,13 +117,13 @@ def test_limits_can_be_changed(arm: go.Model) -> None:
 
 def test_mass_and_reach_of_the_arm(arm: go.Model) -> None:
     assert arm.mass == pytest.approx(70.0 * (0.027 + 0.016 + 0.006), rel=1e-12)
-    # Stretched, with the tool centre beside the wrist's axis, and the wrist within its limits.
+    # The stretched arm, with the tool centre beside the wrist axis.
     assert arm.reach == pytest.approx(1.75 * (0.188 + 0.145 + np.hypot(0.015, 0.037)), rel=2e-3)
     assert arm.reach <= 1.75 * (0.188 + 0.145 + np.hypot(0.015, 0.037))
 
 
 def test_payload_adds_its_kinetic_energy(backend: str, rng: np.random.Generator) -> None:
-    """G + m J'J at its centre of mass, and the energy of its rotation."""
+    """G + m J'J at its centre of mass, plus its rotational inertia."""
     empty = go.human_arm("right", backend=backend)
     position, moments = np.array([0.02, -0.03, 0.1]), rng.normal(size=(3, 3))
     inertia = 0.01 * moments @ moments.T
@@ -152,12 +152,12 @@ def test_payload_adds_its_kinetic_energy(backend: str, rng: np.random.Generator)
         ((1.0, (0.0, 0.0, 0.0), np.tri(3)), "inertia must be symmetric"),
     ],
 )
-def test_objects_that_are_none_are_named(arguments: tuple, message: str, arm: go.Model) -> None:
+def test_wrong_payloads_are_rejected(arguments: tuple, message: str, arm: go.Model) -> None:
     with pytest.raises(ValueError, match=message):
         arm.with_payload(*arguments)
 
 
-def test_what_cannot_be_a_limit_or_a_hand(arm: go.Model) -> None:
+def test_wrong_limits_and_hands_are_rejected(arm: go.Model) -> None:
     for limits in ((np.full(7, np.inf), np.full(7, np.inf)), (None, np.full(7, -np.inf))):
         with pytest.raises(ValueError, match="RSx_joint: the lower limit"):
             arm.with_limits(*limits)
@@ -175,7 +175,7 @@ def test_what_cannot_be_a_limit_or_a_hand(arm: go.Model) -> None:
     assert twice.continuous == ("RSx_joint",)
 
 
-def test_a_slide_without_limits_reaches_to_infinity() -> None:
+def test_an_unlimited_prismatic_joint_has_infinite_reach() -> None:
     native = pin.Model()
     slide = native.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "slide")
     native.addFrame(pin.Frame("end", slide, pin.SE3.Identity(), pin.FrameType.OP_FRAME))

@@ -1,4 +1,4 @@
-"""The symbolic back ends against numeric Pinocchio."""
+"""The symbolic back ends, compared with numeric Pinocchio."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import geodesic_ocp as go
 from geodesic_ocp.model import rigid_body
 from geodesic_ocp.model.joints import configuration
 
-# Both sides round differently over a few hundred operations.
+# Rounding of a few hundred operations in different orders.
 RELATIVE = 1e-12
 
 
@@ -76,13 +76,13 @@ def test_coriolis_terms(name: str, backend: str, rng: np.random.Generator) -> No
         q, v = rng.uniform(-3.0, 3.0, (2, metric.dim))
         expected = pin.rnea(weightless, data, configuration(native, q), v, np.zeros(metric.dim))
         found = np.einsum("ijk,j,k->i", metric.christoffel(q), v, v)
-        # The sum cancels: rounding is relative to its terms, not to what is left of them.
+        # Terms cancel, so rounding is relative to the terms.
         terms = np.einsum("ijk,j,k->i", np.abs(metric.christoffel(q)), np.abs(v), np.abs(v))
         assert np.abs(found - expected).max() <= RELATIVE * terms.max()
 
 
 def test_trees_that_are_not_numbered_depth_first(backend: str, rng: np.random.Generator) -> None:
-    """There numeric crba itself leaves entries out: the torques of unit accelerations do not."""
+    """There crba omits entries, unlike the torques of unit accelerations."""
     native = random_tree(rng, depth_first=False)
     model = go.Model(native, "tool", backend)
     native.gravity = pin.Motion.Zero()
@@ -104,7 +104,7 @@ def test_armature_adds_to_the_diagonal(backend: str, rng: np.random.Generator) -
 
 @pytest.mark.parametrize("name", systems())
 def test_backends_agree(name: str, rng: np.random.Generator) -> None:
-    """In value, and in the second derivatives that the optimiser gets."""
+    """In values, and in the second derivatives for the optimiser."""
     if missing := rigid_body.why_unavailable("pinocchio.casadi"):
         pytest.skip(f"pinocchio.casadi cannot be imported here: {missing}")
     native, hand = systems()[name]
@@ -120,7 +120,7 @@ def test_backends_agree(name: str, rng: np.random.Generator) -> None:
 
 
 def test_rounding_noise_of_a_file_does_not_grow_the_graph(backend: str) -> None:
-    """A quarter turn written as pi / 2 is one, with zeros, as if written as a matrix."""
+    """A rotation by pi / 2 is as sparse as if given as a matrix."""
     quarter = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     counts = []
     for turn in (quarter, pin.rpy.rpyToMatrix(np.pi / 2, 0.0, 0.0)):
@@ -163,7 +163,7 @@ def test_default_is_pinocchio_where_it_can_be_imported(monkeypatch: pytest.Monke
 
 @pytest.fixture
 def import_of_pinocchio_casadi(monkeypatch: pytest.MonkeyPatch) -> Iterator[pytest.MonkeyPatch]:
-    """Lets a test decide how the import goes, and forgets it afterwards."""
+    """Lets a test replace the import, and resets it afterwards."""
     monkeypatch.delenv(rigid_body.ENVIRONMENT_VARIABLE, raising=False)
     rigid_body._pinocchio_casadi.cache_clear()
     yield monkeypatch
@@ -186,7 +186,7 @@ def test_missing_backend_is_named(import_of_pinocchio_casadi: pytest.MonkeyPatch
         go.human_arm(backend="pinocchio.casadi")
 
 
-def test_broken_backend_is_not_passed_over_in_silence(
+def test_a_broken_back_end_causes_a_warning(
     import_of_pinocchio_casadi: pytest.MonkeyPatch,
 ) -> None:
     broken = ImportError("undefined symbol: _ZN6casadi")
@@ -201,7 +201,7 @@ def test_broken_backend_is_not_passed_over_in_silence(
 @pytest.mark.parametrize(
     "joint", [pin.JointModelSpherical(), pin.JointModelFreeFlyer(), pin.JointModelPlanar()]
 )
-def test_joints_of_several_freedoms_are_refused_by_name(joint: pin.JointModel) -> None:
+def test_joints_with_several_degrees_of_freedom_are_rejected_by_name(joint: pin.JointModel) -> None:
     native = pin.Model()
     index = native.addJoint(0, joint, pin.SE3.Identity(), "hip")
     native.addFrame(pin.Frame("foot", index, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
@@ -209,7 +209,7 @@ def test_joints_of_several_freedoms_are_refused_by_name(joint: pin.JointModel) -
         go.Model(native, "foot")
 
 
-def test_symbols_in_symbols_out(arm: go.Model) -> None:
+def test_symbolic_arguments_give_symbolic_results(arm: go.Model) -> None:
     for kind in (ca.SX, ca.MX):
         q = kind.sym("q", arm.dof)
         assert isinstance(arm.mass_matrix(q), kind)

@@ -1,4 +1,4 @@
-"""MJCF: what is read, and what is refused since Pinocchio would leave it out."""
+"""MJCF: supported features, and rejection of those that Pinocchio would ignore."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ SHARED_NAMES = """
 """
 
 
-def test_a_joint_and_its_link_may_have_one_name() -> None:
+def test_a_joint_and_its_link_may_share_a_name() -> None:
     model = go.load_model(SHARED_NAMES, hand="b", joints=["b"])
     assert model.joint_names == ("b",)
     twice = go.combine(model, model, placements=[(0, 0, 0), (1, 0, 0)])
@@ -59,7 +59,7 @@ def test_a_joint_and_its_link_may_have_one_name() -> None:
 
 
 def body(inside: str, before: str = "", after: str = "") -> str:
-    """An MJCF of one body on a hinge named j."""
+    """An MJCF with one body on a hinge named j."""
     hinge = "<joint name='j'/>" if "<joint" not in inside else ""
     world = f"<worldbody><body name='a'>{hinge}{inside}</body></worldbody>"
     return f"<mujoco>{before}{world}{after}</mujoco>"
@@ -86,7 +86,7 @@ BALL = "<geom type='sphere' size='0.1' mass='1'/>"
         (body(BALL, after=equal("polycoef='0 0 1'")), "joint 'j' with 'k' is not linear"),
     ],
 )
-def test_what_pinocchio_leaves_out_of_an_mjcf_is_named(text: str, message: str) -> None:
+def test_unsupported_elements_are_named(text: str, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         go.load_model(text, hand="a")
 
@@ -113,8 +113,8 @@ def test_mjcf_includes_gravity_and_unlimited_hinges(tmp_path: Path) -> None:
     assert go.load_model(body(BALL, after=equal("active='false'")), hand="a").dof == 1
 
 
-def test_joints_of_one_body_are_taken_apart(rng: np.random.Generator) -> None:
-    """As Pinocchio's composite joint has them, but each by its name."""
+def test_several_joints_of_a_body_are_separated(rng: np.random.Generator) -> None:
+    """They are equivalent to the composite joint of Pinocchio."""
     several = (
         "<joint name='x' type='hinge' axis='1 0 0' pos='0 0.1 0' range='-1 1'/>"
         "<joint name='s' type='slide' axis='0 1 1' range='-1 1'/>"
@@ -151,8 +151,8 @@ BOX = '<geom type="box" size=".05 .2 .1" pos=".1 0 .2"/><site name="tcp" pos=".1
 RADIAN = '<compiler angle="radian"/>'
 
 
-def test_arms_on_walls_and_beside_tables_are_where_they_are() -> None:
-    """About an upright axis on a wall: gravity has no moment. The world has another body."""
+def test_fixed_bodies_keep_their_poses() -> None:
+    """An arm on a wall, beside a table; gravity has no moment about its vertical axis."""
     arm = f'<body name="arm"><joint name="p" axis="0 1 0"/>{BOX}</body>'
     table = f'<body name="table">{BALL}</body>'
     upright = "0.7071067811865476 0.7071067811865476 0 0"
@@ -160,10 +160,12 @@ def test_arms_on_walls_and_beside_tables_are_where_they_are() -> None:
     model = go.load_model(text_of(table + wall), hand="tcp")
     assert model.potential_energy([1.0]) == pytest.approx(model.potential_energy([0.0]), rel=1e-12)
     assert_allclose(model.hand_pose([0.0])[1], [0.1, -0.3, 1.2], rtol=0, atol=1e-14)
-    assert model.mass == pytest.approx(1000.0 * 8 * 0.05 * 0.2 * 0.1)  # of water, MuJoCo's default
+    assert model.mass == pytest.approx(
+        1000.0 * 8 * 0.05 * 0.2 * 0.1
+    )  # density of water, MuJoCo's default
 
 
-def test_axes_need_not_be_of_unit_length() -> None:
+def test_axes_are_normalised() -> None:
     turned = f'<body name="a" axisangle="1 1 0 50"><joint name="j"/>{BOX}</body>'
     rotation, _ = go.load_model(text_of(turned), hand="tcp").hand_pose([0.0])
     assert np.linalg.det(rotation) == pytest.approx(1.0, abs=1e-14)
@@ -171,7 +173,7 @@ def test_axes_need_not_be_of_unit_length() -> None:
 
 
 @pytest.mark.parametrize("compiler", ["", RADIAN])
-def test_ranges_of_slides_are_metres(compiler: str) -> None:
+def test_ranges_of_prismatic_joints_are_in_metres(compiler: str) -> None:
     slide = f'<body name="a"><joint name="j" type="slide" range="0 0.1"/>{BOX}</body>'
     assert go.load_model(text_of(slide, compiler), hand="tcp").upper == pytest.approx([0.1])
     hinge = slide.replace("slide", "hinge").replace("0.1", "0.1" if compiler else "5.729577951308")
@@ -195,7 +197,7 @@ def test_default_classes_are_inherited() -> None:
         go.load_model(text_of(one.replace("free", "none"), defaults), hand="tcp")
 
 
-def test_scenes_include_robots_beside_worlds_of_their_own(tmp_path: Path) -> None:
+def test_scenes_may_include_robots(tmp_path: Path) -> None:
     robot = text_of(f'<body name="a"><joint name="j" axis="0 1 0"/>{BOX}</body>', RADIAN)
     (tmp_path / "robot.xml").write_text(robot)
     floor = '<worldbody><geom type="plane" size="1 1 1"/><light/></worldbody>'
@@ -217,6 +219,6 @@ def test_scenes_include_robots_beside_worlds_of_their_own(tmp_path: Path) -> Non
         (body("<joint name='j' type='slide' range='0'/>" + BALL), "range of joint 'j' must be 2"),
     ],
 )
-def test_more_that_is_refused_by_name(text: str, message: str) -> None:
+def test_unsupported_attributes_are_named(text: str, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         go.load_model(text, hand="a")

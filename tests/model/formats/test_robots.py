@@ -34,7 +34,7 @@ def test_known_robots_can_be_loaded(robot: str) -> None:
     assert np.all(np.isfinite([model.lower, model.upper]))
     assert model.name == robot
     assert len(model.continuous) == (3 if robot.startswith("armar6") else 0)
-    if robot.endswith(("left", "left-arm")):  # with x forward, or as ARMAR-6's torso, y
+    if robot.endswith(("left", "left-arm")):  # with x forward, or y for the torso of ARMAR-6
         side = 0 if robot.startswith("armar6") else 1
         assert model.pin.jointPlacements[1].translation[side] * (-1) ** (1 - side) > 0.0
 
@@ -48,7 +48,7 @@ def mmm_body(backend: str, shared: Path) -> go.Model:
     return go.load_model(shared / MMM, hand="Hand L TCP", base="BPx_joint", backend=backend)
 
 
-KINDS: dict[str, Callable[[str, Path], go.Model]] = {
+MODELS: dict[str, Callable[[str, Path], go.Model]] = {
     **{robot: lambda backend, shared, robot=robot: loaded(robot, backend) for robot in ROBOTS},
     "both arms, one with a load": both_arms,
     "MMM": mmm_body,
@@ -61,11 +61,13 @@ def configurations(model: go.Model, rng: np.random.Generator) -> np.ndarray:
     return rng.uniform(np.maximum(model.lower, -3.0), np.minimum(model.upper, 3.0), (5, model.dof))
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_every_kind_of_model_agrees_with_numeric_pinocchio(
-    kind: str, backend: str, request: pytest.FixtureRequest, rng: np.random.Generator
+@pytest.mark.parametrize("source", MODELS)
+def test_models_of_every_source_agree_with_numeric_pinocchio(
+    source: str, backend: str, request: pytest.FixtureRequest, rng: np.random.Generator
 ) -> None:
-    model = KINDS[kind](backend, request.getfixturevalue("shared") if kind == "MMM" else Path())
+    model = MODELS[source](
+        backend, request.getfixturevalue("shared") if source == "MMM" else Path()
+    )
     data, frame = model.pin.createData(), model.pin.getFrameId(model.hand)
     for q in configurations(model, rng):
         upper = np.triu(pin.crba(model.pin, data, q))
@@ -79,14 +81,14 @@ def test_every_kind_of_model_agrees_with_numeric_pinocchio(
         assert model.potential_energy(q) == pytest.approx(energy, rel=1e-11, abs=1e-11)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_two_back_ends_agree_on_every_kind(
-    kind: str, request: pytest.FixtureRequest, rng: np.random.Generator
+@pytest.mark.parametrize("source", MODELS)
+def test_the_two_back_ends_agree(
+    source: str, request: pytest.FixtureRequest, rng: np.random.Generator
 ) -> None:
     if missing := why_unavailable("pinocchio.casadi"):
         pytest.skip(f"pinocchio.casadi cannot be imported: {missing}")
-    shared = request.getfixturevalue("shared") if kind == "MMM" else Path()
-    first, second = (KINDS[kind](backend, shared) for backend in BACKENDS)
+    shared = request.getfixturevalue("shared") if source == "MMM" else Path()
+    first, second = (MODELS[source](backend, shared) for backend in BACKENDS)
     for q in configurations(first, rng):
         expected = second.mass_matrix(q)
         atol = 1e-11 * np.abs(expected).max()
@@ -103,7 +105,9 @@ def test_the_two_back_ends_agree_on_every_kind(
         ("panda", "panda_tool", "hand 'panda_tool' is not a frame of 'panda'"),
     ],
 )
-def test_faulty_robots_are_named(name: str, hand: str, message: str) -> None:
+def test_robots_with_invalid_inertia_are_rejected_by_name(
+    name: str, hand: str, message: str
+) -> None:
     needed = "armar" if name == "armar4" else "example-robot-data"
     if folder(needed) is None:
         pytest.skip(f"{needed} is not installed (make robots)")
@@ -115,7 +119,7 @@ def test_massless_fingers_of_a_robot_are_named() -> None:
     if (root := folder("example-robot-data")) is None:
         pytest.skip("example-robot-data is not installed (make robots)")
     file = root / "romeo_description" / "urdf" / "romeo.urdf"
-    native = pin.buildModelFromUrdf(str(file))  # which takes mimic joints for ones of their own
+    native = pin.buildModelFromUrdf(str(file))  # mimic joints become independent
     with pytest.raises(
         ValueError, match=r"link 'LFinger2\dLink' moves with joint 'LFinger2\d', but"
     ):

@@ -1,4 +1,4 @@
-"""Simox XML: units, the MMM body, and what is refused."""
+"""Simox XML: units, scaling and errors."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import geodesic_ocp as go
 
 
 def simox(node: str, kind: str = "KIT") -> str:
-    """A robot of a fixed root and one node."""
+    """A robot with a fixed root and one node."""
     return (
         f'<Robot Type="{kind}" RootNode="root">'
         f'<RobotNode name="root"><Child name="arm"/></RobotNode>'
@@ -29,7 +29,7 @@ BODY = (
 )
 
 
-def test_simox_robots_are_read_in_their_units() -> None:
+def test_units_of_simox_files() -> None:
     place = '<Transform><Translation x="1" y="2" z="3" units="m"/></Transform>'
     model = go.load_model(simox(place + HINGE + BODY), hand="arm")
     assert model.lower == pytest.approx([-np.pi / 2])
@@ -78,13 +78,13 @@ ROW = '<row{0} c1="{1}" c2="0" c3="0" c4="0"/>'
         ("<Child name='root'/>", "node 'root' is reached twice"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_in_a_simox_file_is_named(node: str, message: str) -> None:
+def test_errors_in_a_simox_file_are_named(node: str, message: str) -> None:
     with pytest.raises(ValueError, match=message) as failure:
         go.load_model(simox(node), hand="arm")
     assert "the text: node 'arm'" in str(failure.value) or "node 'root'" in str(failure.value)
 
 
-def test_only_people_are_scaled() -> None:
+def test_only_mmm_models_are_scaled() -> None:
     with pytest.raises(ValueError, match="the text is of another type"):
         go.load_model(simox(HINGE + BODY), hand="arm", height=1.7)
     with pytest.raises(ValueError, match="at most 3 m and 1000 kg, got 175 m"):

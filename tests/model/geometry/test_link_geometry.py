@@ -38,8 +38,8 @@ def test_urdf_shapes_become_capsules() -> None:
     assert contains(box, corners)
 
 
-def test_a_link_that_is_locked_keeps_its_place() -> None:
-    """Bodies of links behind locked joints move with what carries them."""
+def test_bodies_of_locked_links_are_kept() -> None:
+    """They move with the link that carries them."""
     collision = '<collision><geometry><sphere radius="0.07"/></geometry></collision>'
     text = urdf().replace('<link name="three">', f'<link name="three">{collision}')
     moving, locked = (
@@ -86,7 +86,7 @@ def test_a_mesh_in_a_file(tmp_path: Path) -> None:
     assert contains(body, points)
 
 
-def test_pandas_meshes_lie_in_its_capsules() -> None:
+def test_meshes_of_panda_are_inside_its_capsules() -> None:
     if folder("example-robot-data") is None:
         pytest.skip("example-robot-data is not installed here")
     robot = go.load_model("panda")
@@ -108,7 +108,7 @@ def test_pandas_meshes_lie_in_its_capsules() -> None:
             assert capsule_volume(body) < 8.0 * ConvexHull(points).volume
 
 
-def test_a_urdfs_capsule_is_one_beside_others() -> None:
+def test_capsules_of_a_urdf_are_read_beside_other_shapes() -> None:
     shapes = (
         '<collision><geometry><sphere radius="0.07"/></geometry></collision>'
         '<collision><origin xyz="0.1 0 0" rpy="0 1.5707963267948966 0"/>'
@@ -125,7 +125,7 @@ def test_a_urdfs_capsule_is_one_beside_others() -> None:
         assert go.load_model(strange, hand="grip").bodies
 
 
-def test_a_meshs_scale_may_be_a_default(tmp_path: Path) -> None:
+def test_the_scale_of_a_mesh_may_be_a_default(tmp_path: Path) -> None:
     points = "v 0 0 0\nv 200 0 0\nv 0 100 0\nv 0 0 300\n"
     (tmp_path / "wedge.obj").write_text(points + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
     text = """<mujoco model="m"><compiler angle="radian"/>
@@ -143,7 +143,7 @@ def test_a_meshs_scale_may_be_a_default(tmp_path: Path) -> None:
         assert go.load_model(file, hand="a").bodies
 
 
-def test_meshes_are_found_from_another_folder(
+def test_meshes_are_found_from_another_working_directory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     mesh = '<collision><geometry><mesh filename="package://gadget/w.obj"/></geometry></collision>'
