@@ -22,7 +22,7 @@ lint: $(READY)  ## style and types
 
 docs: $(READY)  ## the documentation site, into docs/_build/html; warnings and dead links are errors
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
-	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
+	$(BIN)/python -m sphinx -q -E -W --keep-going -b html docs docs/_build/html
 	$(BIN)/python docs/check_links.py docs/_build/html
 
 notebooks: $(READY)  ## execute the notebooks, keeping their output

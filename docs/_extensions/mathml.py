@@ -8,9 +8,18 @@ from sphinx.application import Sphinx
 from sphinx.util.math import get_node_equation_number
 from sphinx.writers.html5 import HTML5Translator
 
+_BAR = '<mo stretchy="false">&#x0007C;</mo>'
+
+
+def _mathml(latex: str, display: str) -> str:
+    """MathML, in which bars of norms have no space around them, as operators would."""
+    return convert(latex, display=display).replace(
+        _BAR, _BAR.replace(" ", ' lspace="0" rspace="0" ')
+    )
+
 
 def _inline(self: HTML5Translator, node: nodes.math) -> None:
-    self.body.append(convert(node.astext(), display="inline"))
+    self.body.append(_mathml(node.astext(), "inline"))
     raise nodes.SkipNode
 
 
@@ -19,7 +28,7 @@ def _block(self: HTML5Translator, node: nodes.math_block) -> None:
     if node.get("number"):
         number = get_node_equation_number(self, node)
         self.body.append(f'<span class="eqno">({number})</span>')
-    self.body.append(convert(node.astext(), display="block") + "</div>\n")
+    self.body.append(_mathml(node.astext(), "block") + "</div>\n")
     raise nodes.SkipNode
 
 

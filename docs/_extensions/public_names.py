@@ -14,7 +14,8 @@ _ENTRY = re.compile(r"^   (\w+)$", re.MULTILINE)
 
 
 def _check(app: Sphinx) -> None:
-    listed = Counter(_ENTRY.findall((app.srcdir / "reference" / "index.md").read_text()))
+    pages = sorted((app.srcdir / "reference").glob("*.md"))
+    listed = Counter(name for page in pages for name in _ENTRY.findall(page.read_text()))
     public = set(geodesic_ocp.__all__)
     faults = {
         "missing": public - listed.keys(),
@@ -23,7 +24,7 @@ def _check(app: Sphinx) -> None:
     }
     for what, names in faults.items():
         if names:
-            raise ExtensionError(f"reference/index.md, {what}: {', '.join(sorted(names))}")
+            raise ExtensionError(f"docs/reference, {what}: {', '.join(sorted(names))}")
 
 
 def _public_bases(app: Sphinx, name: str, obj: type, options: object, bases: list[type]) -> None:
