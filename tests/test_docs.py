@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import shlex
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +30,11 @@ PAGES = [
 ]
 _BLOCK = re.compile(r"(<!-- needs robots -->\n)?```python\n(.*?)```", re.DOTALL)
 _COMMAND = re.compile(r"^(?:\.venv/bin/)?geodesic-ocp (.*?)(?:\s+#.*)?$", re.MULTILINE)
-_SLOW = {"how-to/problem.md", "how-to/retargeting.md"}  # more than some seconds
+_SLOW = {
+    "how-to/problem.md",
+    "how-to/recording.md",
+    "how-to/retargeting.md",
+}  # more than some seconds
 
 
 @dataclass(frozen=True)
@@ -97,11 +100,8 @@ def test_readme_is_short() -> None:
     assert len(README.read_text().split()) <= 900
 
 
-def test_tables_of_the_demo_are_what_it_prints() -> None:
-    arm = go.human_arm("left", height=1.78)
-    recording = files("geodesic_ocp") / "data" / "reach.csv"
-    motion = go.read_motion(str(recording), joints=arm.joint_names)
-    rows = go.analyse(arm, motion).table().markdown().splitlines()
+def test_tables_of_the_demo_are_what_it_prints(bundled_analysis: go.Analysis) -> None:
+    rows = bundled_analysis.table().markdown().splitlines()
     for page in (README, ROOT / "docs" / "explanation" / "segmentation.md"):
         text = page.read_text()
         assert [row for row in rows if row not in text] == []
