@@ -184,6 +184,13 @@ def test_regions_can_be_nested(arm: go.Model, rng: np.random.Generator) -> None:
         outer.point("q", [*q[:5], 1.0, 0.0])
 
 
+def test_metrics_are_shown_in_a_line(arm_metric: go.KineticEnergy) -> None:
+    limits = go.RegionAvoiding(arm_metric, margin=np.linspace(0.1, 0.4, 7))
+    assert repr(limits) == f"RegionAvoiding({arm_metric!r}, joint limits, margin=0.1 to 0.4)"
+    plane = go.RegionAvoiding(go.Euclidean(2), height, margin=0.2)
+    assert repr(plane) == "RegionAvoiding(Euclidean(dim=2), 1 function, margin=0.2)"
+
+
 def test_metrics_are_values(arm_metric: go.KineticEnergy) -> None:
     assert go.RegionAvoiding(arm_metric) == go.RegionAvoiding(arm_metric, None, 0.1)
     assert go.RegionAvoiding(arm_metric) != go.RegionAvoiding(arm_metric, margin=0.2)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 Side = Literal["right", "left"]
-Table = Literal["winter", "de_leva"]
+TableName = Literal["winter", "de_leva"]
 Sex = Literal["male", "female"]
 
 
@@ -39,15 +39,15 @@ class Anthropometry:
     hand: Segment
 
 
-def anthropometry(side: Side, table: Table, sex: Sex | None) -> Anthropometry:
+def anthropometry(side: Side, table: TableName, sex: Sex | None) -> Anthropometry:
     """The values of a table for one arm.
 
     Raises:
         ValueError: an unknown table or sex, a missing sex for the table of de Leva, or a sex for
             the table of Winter, which does not differ by sex.
     """
-    if table not in get_args(Table):
-        raise ValueError(f"table must be one of {', '.join(get_args(Table))}, got {table!r}")
+    if table not in get_args(TableName):
+        raise ValueError(f"table must be one of {', '.join(get_args(TableName))}, got {table!r}")
     if table == "winter":
         if sex is not None:
             raise ValueError("the table 'winter' does not differ by sex; omit sex")

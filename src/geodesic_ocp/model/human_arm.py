@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from geodesic_ocp.arrays import as_positive
-from geodesic_ocp.model.anthropometry import Segment, Sex, Side, Table, anthropometry
+from geodesic_ocp.model.anthropometry import Segment, Sex, Side, TableName, anthropometry
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Capsule
 
@@ -62,7 +62,7 @@ def human_arm(
     height: float = DEFAULT_HEIGHT,
     mass: float = DEFAULT_MASS,
     *,
-    table: Table = "winter",
+    table: TableName = "winter",
     sex: Sex | None = None,
     backend: str | None = None,
 ) -> Model:

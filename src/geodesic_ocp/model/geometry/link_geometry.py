@@ -23,7 +23,7 @@ _RIM = 24  # corners of the polygon around a circle
 
 @dataclass(frozen=True, eq=False)
 class LinkGeometry:
-    """The collision bodies of the links in a file, which are read when it is called.
+    """The geometry of the links in a file; calling it reads the collision bodies.
 
     Attributes:
         pin: the model of the whole file.

@@ -179,18 +179,18 @@ def _distances(model: Model, q: ca.SX, body: Body, obstacle: Obstacle) -> list[c
     return [distance - (radius + obstacle.radius)]
 
 
-def _segment(model: Model, q: ca.SX, body: Body) -> Segment:
+def _segment(model: Model, q: ca.SX, body: Body) -> LineSegment:
     capsule = as_capsule(body)
     start, along = ca.SX(capsule.start), ca.SX(capsule.end) - ca.SX(capsule.start)
     square = ca.sumsqr(along)  # a simpler expression before the rotation
     if capsule.link is not None:
         rotation, position = model.frame_pose(capsule.link, q)
         start, along = position + rotation @ start, rotation @ along
-    return Segment(start, along, square, bool(square.is_zero()))
+    return LineSegment(start, along, square, bool(square.is_zero()))
 
 
 @dataclass(frozen=True, eq=False)
-class Segment:
+class LineSegment:
     """A segment: start (3, 1), vector to its end (3, 1), squared length."""
 
     start: ca.SX
@@ -199,7 +199,7 @@ class Segment:
     is_point: bool
 
 
-def segment_distance(one: Segment, other: Segment) -> ca.SX:
+def segment_distance(one: LineSegment, other: LineSegment) -> ca.SX:
     """Distance between two segments."""
     between, u, w = one.start - other.start, one.along, other.along
     if one.is_point and other.is_point:
