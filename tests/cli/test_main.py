@@ -34,7 +34,7 @@ def test_analyse(short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture
     assert cli.main(arguments) == 0
     text = capsys.readouterr().out
     assert "human left arm, height 1.75 m, mass 70 kg: 128 samples" in text
-    assert "assumed, as the recording does not say: height 1.75 m, mass 70.0 kg" in text
+    assert "assumed, not in the recording: height 1.75 m, mass 70.0 kg" in text
     assert "geodesic synergies at a threshold of 0.6 rad" in text
     assert "straight lines, same segments" in text
     assert f"wrote {out / 'figure.png'}" in text
@@ -101,7 +101,7 @@ def test_models_without_any_robots(
     monkeypatch.setattr(catalogue, "on_demand", tuple)
     assert cli.main(["models"]) == 0
     text = capsys.readouterr().out
-    assert "not here, for lack of armar and example-robot-data:\n  pip install armar" in text
+    assert "not available without armar and example-robot-data:\n  pip install armar" in text
     for robot in ROBOTS:
         assert robot in text
     assert all(len(line) <= 100 for line in text.splitlines() if "cannot be imported" not in line)
