@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from known_metrics import HalfPlane, PolarPlane, Sphere, half_plane_distance, in_plane, on_sphere
 from known_models import planar_arm
@@ -15,6 +15,7 @@ from known_models import planar_arm
 import geodesic_ocp as go
 
 SEED = st.integers(0, 2**32 - 1)
+FEW = settings(max_examples=10)
 
 
 def distance_on_sphere(a: np.ndarray, b: np.ndarray) -> float:
@@ -22,18 +23,21 @@ def distance_on_sphere(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.arctan2(np.linalg.norm(np.cross(x, y)), x @ y))
 
 
+@FEW
 @given(seed=SEED)
 def test_distances_on_the_sphere(seed: int) -> None:
     a, b = np.random.default_rng(seed).uniform([0.6, 0.0], [2.5, 1.8], (2, 2))
     assert go.distance(Sphere(), a, b) == pytest.approx(distance_on_sphere(a, b), abs=1e-9)
 
 
+@FEW
 @given(seed=SEED)
 def test_distances_in_the_half_plane(seed: int) -> None:
     a, b = np.random.default_rng(seed).uniform([-1.0, 0.3], [1.0, 2.0], (2, 2))
     assert go.distance(HalfPlane(), a, b) == pytest.approx(half_plane_distance(a, b), abs=1e-8)
 
 
+@FEW
 @given(seed=SEED)
 def test_distances_in_polar_coordinates(seed: int) -> None:
     a, b = np.random.default_rng(seed).uniform([0.5, -1.0], [2.0, 1.0], (2, 2))
@@ -41,6 +45,7 @@ def test_distances_in_polar_coordinates(seed: int) -> None:
     assert go.distance(PolarPlane(), a, b) == pytest.approx(straight, abs=1e-8)
 
 
+@FEW
 @given(seed=SEED)
 def test_log_inverts_exp(arm_metric: go.KineticEnergy, seed: int) -> None:
     """On the human arm, for velocities of moderate reaching movements."""
@@ -50,6 +55,7 @@ def test_log_inverts_exp(arm_metric: go.KineticEnergy, seed: int) -> None:
     assert go.log(arm_metric, q, go.exp(arm_metric, q, v)) == pytest.approx(v, abs=1e-6)
 
 
+@FEW
 @given(seed=SEED)
 def test_exp_inverts_log(arm_metric: go.KineticEnergy, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -60,6 +66,7 @@ def test_exp_inverts_log(arm_metric: go.KineticEnergy, seed: int) -> None:
     assert np.abs(found - q1).max() <= 1e-9
 
 
+@FEW
 @given(seed=SEED, exponent=st.floats(-9.0, -1.0))
 def test_short_geodesics_keep_their_direction(
     arm_metric: go.KineticEnergy, seed: int, exponent: float

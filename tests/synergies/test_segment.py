@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import geodesic_ocp as go
@@ -49,6 +49,7 @@ def chain_of_geodesics(
     return motion, list(pairwise(cuts))
 
 
+@settings(max_examples=10)
 @given(
     samples=st.lists(st.integers(8, 40), min_size=1, max_size=5),
     angle=st.floats(0.75, 2.5),
@@ -95,6 +96,7 @@ def with_rest(
     return go.Motion(time, positions, metric.joint_names or (), velocities)
 
 
+@settings(max_examples=10)
 @given(seed=st.integers(0, 2**32 - 1), rest=st.integers(11, 60))
 def test_a_rest_is_a_segment_of_its_own(arm_metric: go.KineticEnergy, seed: int, rest: int) -> None:
     """The velocity there changes its direction at every sample, but the rest is not cut."""
