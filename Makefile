@@ -3,17 +3,18 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+PARALLEL ?= --numprocesses auto --dist loadgroup
 
-.PHONY: demo test test-slow lint docs notebooks bench robots pinocchio-casadi clean
+.PHONY: demo test test-slow lint docs package notebooks bench robots pinocchio-casadi clean
 
 demo: $(READY)  ## analyse the bundled recording; results go to geodesic_ocp_demo/
 	$(BIN)/geodesic-ocp demo
 
 test: $(READY)  ## the test suite, without its slow part
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest $(PARALLEL) -m "not slow"
 
 test-slow: $(READY)  ## the slow part of the test suite
-	$(BIN)/python -m pytest -m slow
+	$(BIN)/python -m pytest $(PARALLEL) -m slow
 
 lint: $(READY)  ## style and types
 	$(BIN)/ruff check .
@@ -24,6 +25,11 @@ docs: $(READY)  ## the documentation site, into docs/_build/html; warnings and d
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
 	$(BIN)/python -m sphinx -q -E -W --keep-going -b html docs docs/_build/html
 	$(BIN)/python docs/check_links.py docs/_build/html
+
+package: $(READY)  ## wheel and source distribution, into dist/, checked
+	rm -rf dist
+	$(BIN)/python -m build --quiet --outdir dist .
+	$(BIN)/python -m twine check --strict dist/*
 
 notebooks: $(READY)  ## execute the notebooks, keeping their output
 	$(BIN)/jupyter-execute --inplace notebooks/*.ipynb
@@ -41,9 +47,9 @@ clean:  ## remove the environment and caches
 	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis dist docs/_build
 
 $(READY): pyproject.toml
-	@$(PYTHON) -c 'import sys; assert (3, 10) <= sys.version_info < (3, 14)' 2>/dev/null || \
-	  { echo "needs Python 3.10 to 3.13, found: $$($(PYTHON) --version 2>&1); set PYTHON=..."; exit 1; }
-	@echo "making $(VENV) with everything the package needs (once, about a minute)"
+	@$(PYTHON) -c 'import sys; assert sys.version_info >= (3, 10)' 2>/dev/null || \
+	  { echo "needs Python 3.10 or later, found: $$($(PYTHON) --version 2>&1); set PYTHON=..."; exit 1; }
+	@echo "creating $(VENV) with all dependencies (once, about a minute)"
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@

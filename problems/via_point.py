@@ -15,15 +15,15 @@ import geodesic_ocp as go
 class ViaPoint(go.Problem):
     """From a configuration past a mark to a point, within the joints' limits.
 
-    Without `smooth` the path has a corner at the mark, which costs least: the elbow and the wrist
-    change their velocities at once.
+    The path of least energy has a corner at the mark, where elbow and wrist change their velocities
+    instantly; `continuous_velocity_at_via` rounds it.
     """
 
     arm: go.Model = field(default_factory=go.human_arm)
     start: tuple[float, ...] = (0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1)  # [rad]
     mark: tuple[float, float, float] = (0.30, 0.30, -0.20)  # [m], from the shoulder
     target: tuple[float, float, float] = (0.10, 0.45, -0.05)  # [m]
-    smooth: bool = True
+    continuous_velocity_at_via: bool = True
 
     @property
     def metric(self) -> go.Metric:

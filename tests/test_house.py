@@ -1,68 +1,115 @@
-"""The house: imports go down its layers, never up."""
+"""The structure of the package: imports go down its layers, without circles."""
 
 from __future__ import annotations
 
 import ast
+from collections import Counter
+from graphlib import TopologicalSorter
 from pathlib import Path
 
-import pytest
+import geodesic_ocp as go
 
 SOURCE = Path(__file__).resolve().parents[1] / "src" / "geodesic_ocp"
-# From the ground up. A module may import from its own layer and from those below.
+PACKAGE = SOURCE.name
+# From the ground up: a module imports from its own layer and from those before it.
 LAYERS = [
-    ("errors", "arrays", "records", "table", "plot"),
-    ("sampled",),
+    ("errors", "arrays", "rotations", "table", "records", "over_rows"),
+    ("ipopt",),
     ("model",),
+    ("model.geometry",),
+    ("model.formats",),
     ("manifold",),
-    ("ocp",),
-    ("motion",),
-    ("analysis", "gallery", "viewer"),
-    ("retargeted_arm", "retargeted", "retargeting"),
+    ("trajectory",),
+    ("figures",),
+    ("ocp.nlp",),
+    ("ocp.ik",),
+    ("ocp.problem",),
+    ("ocp.solve",),
+    ("geodesics",),
+    ("synergies", "synergies.readers"),
+    ("retargeting",),
+    ("validation",),
     ("report",),
-    ("commands",),
     ("cli",),
-    ("__init__",),
 ]
 HEIGHT = {name: height for height, layer in enumerate(LAYERS) for name in layer}
-FILES = sorted(SOURCE.rglob("*.py"))
 
 
-def imports(file: Path) -> list[str]:
-    """Full names of everything that the file imports, also inside functions."""
+def trees() -> dict[str, ast.Module]:
+    """Syntax trees of all modules by their names within the package; its own is empty."""
+    found = {}
+    for file in SOURCE.rglob("*.py"):
+        parts = file.relative_to(SOURCE).with_suffix("").parts
+        name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+        found[name] = ast.parse(file.read_text())
+    return found
+
+
+TREES = trees()
+
+
+def imported_names(tree: ast.Module) -> list[str]:
+    """Full names of all imports, those in functions and under TYPE_CHECKING included."""
     names = []
-    for node in ast.walk(ast.parse(file.read_text())):
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{file}: imports are written in full"
+            assert node.level == 0, "imports are absolute"
             names += [f"{node.module}.{alias.name}" for alias in node.names]
     return names
 
 
-def layer(file: Path) -> str:
-    return file.relative_to(SOURCE).parts[0].removesuffix(".py")
+def imported_modules(tree: ast.Module) -> set[str]:
+    """Modules of this package that are imported."""
+    found = set()
+    for name in imported_names(tree):
+        package, _, inner = name.partition(".")
+        if package == PACKAGE:
+            module = inner if inner in TREES else inner.rpartition(".")[0]
+            assert module in TREES, f"{name} is not in a module of the package"
+            found.add(module)
+    return found
 
 
-def test_every_module_has_a_layer() -> None:
-    assert {layer(file) for file in FILES} == set(HEIGHT)
+def layer(module: str) -> int:
+    parents = [module]
+    while parents[-1] not in HEIGHT and parents[-1]:
+        parents.append(parents[-1].rpartition(".")[0])
+    assert parents[-1], f"{module} belongs to no layer"
+    return HEIGHT[parents[-1]]
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(SOURCE)))
-def test_imports_go_down(file: Path) -> None:
-    own = HEIGHT[layer(file)]
-    for name in imports(file):
-        package, *rest = name.split(".")
-        if package == "geodesic_ocp" and rest and layer(file) != "__init__":
-            assert HEIGHT[rest[0]] <= own, f"{file} imports {name} from above"
+def test_imports_go_down_the_layers_without_circles() -> None:
+    graph = {name: imported_modules(tree) for name, tree in TREES.items() if name}
+    for name, imports in graph.items():
+        if name != "ocp":
+            for other in imports:
+                assert layer(other) <= layer(name), f"{name} imports {other} from above"
+    TopologicalSorter(graph).prepare()  # raises on a circle and names it
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(SOURCE)))
-def test_solvers_stay_in_their_rooms(file: Path) -> None:
-    if layer(file) != "model":
-        assert not any(name.split(".")[0] == "pinocchio" for name in imports(file))
-    if file != SOURCE / "ocp" / "ipopt.py":
-        calls = [
-            node for node in ast.walk(ast.parse(file.read_text())) if isinstance(node, ast.Call)
-        ]
-        names = {getattr(call.func, "attr", getattr(call.func, "id", "")) for call in calls}
-        assert not names & {"nlpsol", "qpsol"}, f"{file} calls a solver"
+def test_each_thing_has_one_place() -> None:
+    classes: Counter[str] = Counter()
+    for name, tree in TREES.items():
+        nodes = list(ast.walk(tree))
+        classes.update(node.name for node in nodes if isinstance(node, ast.ClassDef))
+        if not name.startswith("model"):
+            roots = {full.partition(".")[0] for full in imported_names(tree)}
+            assert "pinocchio" not in roots, f"{name} imports pinocchio"
+        if name != "ipopt":
+            calls = [node.func for node in nodes if isinstance(node, ast.Call)]
+            called = {getattr(f, "attr", getattr(f, "id", "")) for f in calls}
+            assert not called & {"nlpsol", "qpsol"}, f"{name} calls a solver"
+    assert not [name for name, count in classes.items() if count > 1], "classes share a name"
+    # A module named after a public function holds it, and the function is what users import.
+    defined = {
+        name: {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+        for name, tree in TREES.items()
+    }
+    for name, functions in defined.items():
+        last = name.rpartition(".")[2]
+        if last in go.__all__:
+            assert last in functions or not functions, f"{name} does not hold {last}"
+    for public in go.__all__:
+        assert not hasattr(getattr(go, public), "__path__"), f"go.{public} is a folder"

@@ -13,7 +13,7 @@ import pytest
 
 import geodesic_ocp as go
 from geodesic_ocp.cli.problem_file import problem_classes
-from geodesic_ocp.ocp.nlp.conditions import conditions
+from geodesic_ocp.ocp.problem.parse_conditions import parse_conditions
 
 GALLERY = Path(__file__).resolve().parents[1] / "problems"
 
@@ -69,9 +69,9 @@ def test_it_is_explained(problem: go.Problem) -> None:
 def test_it_converges_and_meets_its_conditions(problem: go.Problem, solution: go.Solution) -> None:
     assert solution.stats.success
     assert solution.stats.max_node_violation < 1e-7
-    terms = conditions(problem)
-    groups = (terms.fixed, terms.ends, *terms.via, terms.smooth)
-    groups += (terms.bounds, terms.still, terms.moving)
+    terms = parse_conditions(problem)
+    groups = (terms.fixed, terms.ends, *terms.via, terms.via_continuity)
+    groups += (terms.bounds, terms.along_q, terms.along_qv)
     assert set(solution.multipliers) == {term.name for group in groups for term in group}
 
 

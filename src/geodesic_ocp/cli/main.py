@@ -11,8 +11,8 @@ from typing import get_args
 
 from geodesic_ocp.cli.interrupts import Interrupts, in_main_thread, on_interrupt
 from geodesic_ocp.cli.recording import analyse_bundled, analyse_file, check_folder, save_analysis
-from geodesic_ocp.cli.retarget import demo_on_robot, retarget_file
-from geodesic_ocp.cli.solve import solve_file
+from geodesic_ocp.cli.retarget_command import demo_on_robot, retarget_file
+from geodesic_ocp.cli.solve_command import solve_file
 from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.model.formats.catalogue import catalogue
 from geodesic_ocp.model.rigid_body import BACKENDS

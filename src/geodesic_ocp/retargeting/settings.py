@@ -83,7 +83,8 @@ class RetargetingSettings:
         as_positive("energy_weight", self.energy_weight)
         if self.scale is not None:
             as_positive("scale", self.scale)
-        if not self.constrained and not self.collisions.is_empty:
+        collisions = self.collisions
+        if not self.constrained and not collisions.is_empty:
             raise ValueError(
                 "the formulation 'geodesic' does not avoid collisions; use 'constrained'"
             )
