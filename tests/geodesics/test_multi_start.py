@@ -18,30 +18,22 @@ def two_link() -> go.KineticEnergy:
     return go.KineticEnergy(planar_arm((1.0, 1.0), (1.0, 1.0), (0.5, 0.5), (1 / 12, 1 / 12)))
 
 
+@pytest.mark.slow
 def test_the_two_link_case_has_three_geodesics(
     two_link: go.KineticEnergy, known_geodesics: dict
 ) -> None:
     case = known_geodesics["two_link_log"]
     q0, q1 = case["q0"], case["q1"]
     lengths = [known["length"] for known in case["geodesics"]]
-    found = go.geodesics(two_link, q0, q1, num_starts=8, seed=3)
+    found = go.geodesics(two_link, q0, q1)
     assert_allclose([path.length for path in found], lengths, rtol=0, atol=5e-7)  # six decimals
-    assert go.distance(two_link, q0, q1, num_starts=2) == pytest.approx(lengths[0], abs=5e-7)
+    assert go.distance(two_link, q0, q1, num_starts=5) == pytest.approx(lengths[0], abs=5e-7)
     assert_allclose(found[0].velocity, case["geodesics"][0]["v0"], rtol=0, atol=5e-6)
     for path in found:
         assert_allclose(path(1.0), q1, rtol=0, atol=1e-12)
         assert_allclose(go.exp(two_link, q0, path.velocity), q1, rtol=0, atol=1e-9)
     # Two are minima of the energy, the third is a saddle point between them.
     assert [path.certificate.morse_index for path in found] == [0, 0, 1]
-
-
-@pytest.mark.slow
-def test_default_arguments_find_all_three(
-    two_link: go.KineticEnergy, known_geodesics: dict
-) -> None:
-    case = known_geodesics["two_link_log"]
-    found = go.geodesics(two_link, case["q0"], case["q1"])
-    assert len(found) == len(case["geodesics"]) == 3
 
 
 class Cylinder(go.Metric):

@@ -1,4 +1,4 @@
-"""The bundled recording against the positions it was derived from."""
+"""The bundled recording against the positions from which it was derived."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def derivation() -> ModuleType:
 
 @pytest.fixture(scope="module")
 def recorded() -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, str]]:
-    """Samples, positions by name [m] in the torso's frame, and the notes of the file."""
+    """Samples, positions by name [m] in the torso frame, and the notes of the file."""
     lines = (ROOT / "tests" / "data" / "reach_positions.csv").read_text().splitlines()
     notes = dict(line[2:].split(": ", 1) for line in lines if line.startswith("# "))
     table = [line.split(",") for line in lines if not line.startswith("#")]
@@ -41,13 +41,13 @@ def recorded() -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, str]]:
 def test_forward_kinematics_returns_the_recorded_points(
     reach_file: Path, recorded: tuple[np.ndarray, dict[str, np.ndarray], dict[str, str]]
 ) -> None:
-    """With the person's own segment lengths; the package's arm gives the directions."""
+    """With the person's own segment lengths, and directions from the arm model."""
     samples, points, notes = recorded
     arm = go.human_arm("left")
     motion = go.read_motion(reach_file, arm.joint_names)
     lengths = [float(notes[name].split()[0]) for name in ("upper arm", "forearm")]
     for row, sample in enumerate(samples):
-        # Directions of the segments: turn the joints beyond each off, and ask for the hand.
+        # Orientation of each segment: that of the hand with all joints beyond it at zero.
         orientation = []
         for joints in (3, 5, 7):
             q = np.where(np.arange(7) < joints, motion.q[sample], 0.0)
@@ -59,12 +59,14 @@ def test_forward_kinematics_returns_the_recorded_points(
         assert elbow == pytest.approx(points["elbow"][row], abs=3e-6)
         assert wrist == pytest.approx(points["wrist"][row], abs=3e-6)
         for finger in ("Index", "Middle", "Ring", "Pinky"):
-            place = notes[f"Hand{finger}1 in the hand frame"].removesuffix(" m")
-            knuckle = wrist + hand @ np.array(place.split(), dtype=float)
+            offset = notes[f"Hand{finger}1 in the hand frame"].removesuffix(" m")
+            knuckle = wrist + hand @ np.array(offset.split(), dtype=float)
             assert knuckle == pytest.approx(points[finger.lower()][row], abs=3e-6)
 
 
-def test_angles_undo_forward_kinematics(derivation: ModuleType, rng: np.random.Generator) -> None:
+def test_derived_angles_invert_forward_kinematics(
+    derivation: ModuleType, rng: np.random.Generator
+) -> None:
     arm = go.human_arm("left")
     angles = rng.uniform(arm.lower + 0.05, arm.upper - 0.05, (500, 7))
     lengths, knuckles = np.array([0.31, 0.25]), np.array([[0, 0.02, -0.08], [0, 0, -0.08]])
@@ -76,7 +78,7 @@ def test_angles_undo_forward_kinematics(derivation: ModuleType, rng: np.random.G
     assert derivation.arm_angles(upper, forearm, hand) == pytest.approx(angles, abs=1e-9)
 
 
-def test_the_file_is_what_it_says(reach_file: Path, derivation: ModuleType) -> None:
+def test_the_file_states_its_origin(reach_file: Path, derivation: ModuleType) -> None:
     text = reach_file.read_text()
     assert reach_file.stat().st_size < 200_000
     for word in ("unit: rad", "licence: Apache-2.0", "source: holosoma-retargeting==0.1.0"):

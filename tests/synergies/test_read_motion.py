@@ -1,4 +1,4 @@
-"""Recordings from files, good and bad."""
+"""Motions from files, valid and malformed."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_every_layout(name: str, text: str, subject: go.Subject, tmp_path: Path)
     assert go.read_motion(str(file)).joint_names == ("b", "a")
 
 
-def test_the_sensor_that_has_the_joints_is_taken(tmp_path: Path) -> None:
+def test_the_sensor_with_the_joints_is_read(tmp_path: Path) -> None:
     fingers = (
         "<Sensor type='Kinematic'><Configuration><Joint name='f'/></Configuration><Data/></Sensor>"
     )
@@ -78,14 +78,14 @@ def test_the_sensor_that_has_the_joints_is_taken(tmp_path: Path) -> None:
     assert motion.q == pytest.approx(EXPECTED)
 
 
-def test_other_columns_may_hold_anything(tmp_path: Path) -> None:
+def test_other_columns_may_contain_anything(tmp_path: Path) -> None:
     text = "# unit: rad\nframe,a,note,time,b\n1,-1.0,start,0,0.5\n2,-1.1,,0.01,0.6\n"
     motion = go.read_motion(write(tmp_path, "notes.csv", text), joints=("a", "b"))
     assert motion.q == pytest.approx(EXPECTED[:2])
     assert motion.time == pytest.approx([0.0, 0.01])
 
 
-def test_degrees_become_radians(tmp_path: Path) -> None:
+def test_degrees_are_converted_to_radians(tmp_path: Path) -> None:
     motion = go.read_motion(write(tmp_path, "deg.csv", DEGREES))
     assert motion.q == pytest.approx(np.array([[np.pi / 2, -np.pi], [np.pi / 4, 0.0]]))
 

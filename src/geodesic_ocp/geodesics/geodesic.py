@@ -88,7 +88,8 @@ def geodesics(
     The initial guesses are the straight line, straight lines to goals a period away where the
     metric has `periods` (a revolution of a continuous joint), paths through random waypoints, and
     perturbed velocities of geodesics found before. There may be more geodesics, and a shorter one;
-    the `certificate` of each tells whether it is locally minimizing.
+    the `certificate` of each tells whether it is locally minimizing. A geodesic that bends too
+    sharply for the finest grid is left out with a RuntimeWarning.
 
     >>> import geodesic_ocp as go
     >>> class Cylinder(go.Metric):  # radius 1, in angle and height
@@ -105,8 +106,6 @@ def geodesics(
             the same.
         num_starts: number of initial guesses, at least one.
         seed: of the random numbers.
-
-    A geodesic whose curvature is too sharp for the finest grid is left out with a RuntimeWarning.
 
     Raises:
         ValueError, NotConverged: see `log`.
@@ -131,7 +130,7 @@ def geodesic_from_velocity(metric: Metric, q0: ArrayLike, v0: ArrayLike) -> Geod
     Raises:
         ValueError: wrong shapes, numbers that are not finite, or v0 is zero.
         IntegrationFailed: see `exp`.
-        NotConverged: its curvature is too sharp for the finest grid.
+        NotConverged: it bends too sharply for the finest grid.
     """
     metric = as_metric(metric)
     start, velocity = metric.point("q0", q0), as_vector("v0", v0, metric.dim)
