@@ -3,9 +3,9 @@
 Usage: python benchmarks/back_ends.py [--seconds S]
 
 For the mass matrix G, the second derivatives of the Lagrangian v' G v / 2 with respect to q and v
-(what the optimiser gets at every node), and the hand's pose FK. Operations are CasADi's
+(what the optimiser evaluates at every node), and the hand's pose FK. Operations are CasADi's
 instructions, inputs and outputs included. Times on a shared machine vary; the back ends are timed
-in turns, and the ratio of the two is what counts.
+in alternation, and the ratio of the two is what counts.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ ROUNDS = 7
 
 
 def models() -> dict[str, Callable[[str], go.Model]]:
-    """The arms, and a serial robot with a general placement of its joints."""
+    """The arms, and a serial robot whose joint axes are in general position."""
     sample = pin.buildSampleModelManipulator()
     hand = sample.frames[sample.nframes - 1].name
     return {
@@ -37,7 +37,7 @@ def models() -> dict[str, Callable[[str], go.Model]]:
 
 
 def functions(model: go.Model) -> dict[str, ca.Function]:
-    """G, the Lagrangian's Hessian and FK of a configuration (and velocity), as the package uses them."""
+    """G, the Lagrangian's Hessian and FK as functions of q and v, as the package uses them."""
     q, v = ca.SX.sym("q", model.dof), ca.SX.sym("v", model.dof)
     matrix = model.mass_matrix(q)
     hessian, _ = ca.hessian(go.KineticEnergy(model).inner(q, v, v) / 2, ca.vertcat(q, v))
@@ -54,7 +54,7 @@ def outputs(function: ca.Function, q: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def microseconds(function: ca.Function, seconds: float) -> float:
-    """One evaluation, without the cost of the call from Python."""
+    """Time of one evaluation, without the overhead of the call from Python."""
     many = function.map(1000)
     q, v = ca.DM.rand(function.numel_in(0), 1000), ca.DM.rand(function.numel_in(1), 1000)
     timer = timeit.Timer(lambda: many(q, v))
@@ -64,7 +64,7 @@ def microseconds(function: ca.Function, seconds: float) -> float:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seconds", type=float, default=0.1, help="of each measurement")
+    parser.add_argument("--seconds", type=float, default=0.1, help="duration of each measurement")
     options = parser.parse_args()
     for name in BACKENDS:
         if missing := why_unavailable(name):
@@ -76,8 +76,8 @@ def main() -> int:
     print(f"{'difference':>12}")
     for name, build in models().items():
         both = [functions(build(backend)) for backend in BACKENDS]
-        for what in both[0]:
-            pair = [one[what] for one in both]
+        for quantity in both[0]:
+            pair = [one[quantity] for one in both]
             rounds = [[microseconds(f, options.seconds) for f in pair] for _ in range(ROUNDS)]
             times = np.median(rounds, axis=0)
             differences = []
@@ -88,7 +88,7 @@ def main() -> int:
                 f"{function.n_instructions():15d}{time:10.2f}"
                 for function, time in zip(pair, times, strict=True)
             ]
-            print(f"{name + ': ' + what:48}{''.join(counts)}{times[0] / times[1]:7.2f}", end="")
+            print(f"{name + ': ' + quantity:48}{''.join(counts)}{times[0] / times[1]:7.2f}", end="")
             print(f"{max(differences):12.1e}")
     return 0
 

@@ -1,4 +1,4 @@
-"""Every problem of the gallery: size of the NLP, iterations, time, and how well it is solved."""
+"""Every problem of the gallery: size of its NLP, iterations, time and accuracy."""
 
 from __future__ import annotations
 
@@ -16,40 +16,50 @@ GALLERY = Path(__file__).resolve().parents[1] / "problems"
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--tolerance", type=float, help="divide the grids until conditions hold")
-    parser.add_argument("--pictures", action="store_true", help="draw those of the gallery anew")
-    options = parser.parse_args()
-    print("residual: largest violation of a condition at the nodes; between: anywhere on the path")
-    print(
-        "| problem | variables | constraints | iterations | seconds | residual | between | exact |"
+    parser.add_argument(
+        "--tolerance", type=float, help="refine the grids until the conditions hold to this"
     )
-    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
+    parser.add_argument(
+        "--pictures", action="store_true", help="redraw the pictures of the gallery"
+    )
+    options = parser.parse_args()
+    print(
+        "Largest constraint violation at the nodes and anywhere on the path; relative error of the"
+    )
+    print("length where it is known in closed form.\n")
+    print(
+        "| problem | variables | constraints | iterations | time [s] | violation at nodes "
+        "| on the path | length error |"
+    )
+    print("| --- " + "| ---: " * 7 + "|")
     for file in sorted(GALLERY.glob("*.py")):
-        for kind in problem_classes(file):
-            print(row(kind, options), flush=True)
+        for problem_class in problem_classes(file):
+            print(row(problem_class, options), flush=True)
 
 
-def row(kind: type[go.Problem], options: argparse.Namespace) -> str:
+def row(problem_class: type[go.Problem], options: argparse.Namespace) -> str:
+    name = problem_class.__name__
     try:
-        problem = kind()
+        problem = problem_class()
     except ValueError as error:
-        return f"| {kind.__name__} | not solved: {error} |"
+        return f"| {name} | not solved: {error} |"
     tolerance = options.tolerance
     if problem.continuous_velocity_at_via and problem.via(ca.SX.sym("q", problem.metric.dim)):
         tolerance = None
     start = time.perf_counter()
     solution = go.solve(problem, tolerance=tolerance)
     seconds, stats = time.perf_counter() - start, solution.stats
-    exact = ""
+    length_error = ""
     if problem.exact_length is not None:
-        exact = f"{abs(solution.path.length / problem.exact_length - 1.0):.0e}"
+        length_error = f"{abs(solution.path.length / problem.exact_length - 1.0):.0e}"
     if options.pictures:
         folder = GALLERY / "pictures"
         folder.mkdir(exist_ok=True)
-        solution.plot().savefig(folder / f"{kind.__name__}.png", dpi=90)
+        solution.plot().savefig(folder / f"{name}.png", dpi=90)
     return (
-        f"| {kind.__name__} | {stats.variables} | {stats.constraints} | {stats.iterations} | "
-        f"{seconds:.2f} | {stats.max_node_violation:.0e} | {stats.max_path_violation:.0e} | {exact} |"
+        f"| {name} | {stats.variables} | {stats.constraints} | {stats.iterations} | "
+        f"{seconds:.2f} | {stats.max_node_violation:.0e} | {stats.max_path_violation:.0e} "
+        f"| {length_error} |"
     )
 
 

@@ -1,9 +1,10 @@
-"""Several geodesics between two configurations, and logarithmic maps of robots: found, failed, seconds.
+"""Several geodesics between two configurations, and logarithmic maps of robots.
 
 Usage: python benchmarks/geodesics.py [--pairs N] [--seeds N]
 
-Two uniform rods through a half turn, which three geodesics join, over several seeds; random pairs
-of configurations of the human arm from ten starts each; log maps of the robots that are installed.
+How many are found, how many fail, and computing times: for two uniform rods and half a revolution,
+which three geodesics join, over several seeds; for random pairs of configurations of the human arm,
+from ten starts each; and for logarithmic maps of the robots that are installed.
 """
 
 from __future__ import annotations
@@ -22,10 +23,8 @@ from geodesic_ocp.model.formats.robots import ROBOTS, folder
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "problems"))
 from two_link_challenge import TwoLinkChallenge
 
-_HUMAN, _ROBOT = (
-    0.3,
-    0.35,
-)  # half of the part of the limits' range that configurations are taken from
+# Half of the central fraction of the joints' ranges from which configurations are drawn.
+_HUMAN, _ROBOT = 0.3, 0.35
 
 
 def main() -> None:
@@ -33,12 +32,12 @@ def main() -> None:
     parser.add_argument("--pairs", type=int, default=8)
     parser.add_argument("--seeds", type=int, default=10)
     options = parser.parse_args()
-    warnings.simplefilter("ignore")  # repairs of files
+    warnings.simplefilter("ignore")  # about repairs of robot files
 
-    two = TwoLinkChallenge()
+    challenge = TwoLinkChallenge()
     start, found = time.perf_counter(), []
     for seed in range(options.seeds):
-        found.append(go.geodesics(two.metric, two.start, two.goal, seed=seed))
+        found.append(go.geodesics(challenge.metric, challenge.start, challenge.goal, seed=seed))
     seconds = (time.perf_counter() - start) / options.seeds
     print(f"two links, 20 starts: {[len(each) for each in found]} geodesics, {seconds:.1f} s each")
     for path in max(found, key=len):
@@ -56,8 +55,9 @@ def main() -> None:
         assert paths[0].certificate.endpoint_error < 1e-8
         certificates.append(time.perf_counter() - start)
     print(
-        f"human arm, 10 starts, {options.pairs} pairs: median {np.median(times):.2f} s, worst "
-        f"{max(times):.1f} s, {several} with several; certificate {np.median(certificates):.3f} s"
+        f"human arm, 10 starts, {options.pairs} pairs: median {np.median(times):.2f} s, longest "
+        f"{max(times):.1f} s, several geodesics for {several}; "
+        f"certificate {np.median(certificates):.3f} s"
     )
 
     for name in ROBOTS:
@@ -72,14 +72,14 @@ def main() -> None:
             except go.NotConverged:
                 failed += 1
             times.append(time.perf_counter() - start)
-        # The first builds the functions.
+        # The first call builds the functions.
         print(f"{name:20} log: median {np.median(times[1:]):.3f} s, {failed} failed")
 
 
-def pairs(model: go.Model, part: float, count: int) -> np.ndarray:
-    """Random pairs (count, 2, n) of configurations about the middle of the limits, within a turn."""
+def pairs(model: go.Model, fraction: float, count: int) -> np.ndarray:
+    """Random pairs (count, 2, n) of configurations about mid-range, within one revolution."""
     lower, upper = np.maximum(model.lower, -np.pi), np.minimum(model.upper, np.pi)
-    middle, half = (lower + upper) / 2.0, part * (upper - lower)
+    middle, half = (lower + upper) / 2.0, fraction * (upper - lower)
     rng = np.random.default_rng(1)
     return rng.uniform(middle - half, middle + half, (count, 2, model.dof))
 

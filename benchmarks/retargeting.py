@@ -1,4 +1,4 @@
-"""Recordings on robots: how many synergies, how well the hand's poses are met, against IK."""
+"""Recordings on robots: numbers of synergies, hand pose errors, and inverse kinematics."""
 
 from __future__ import annotations
 
@@ -12,19 +12,21 @@ from pathlib import Path
 import numpy as np
 
 import geodesic_ocp as go
+from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.retargeting.settings import Formulation
 
 ROBOTS = ("armar6-left", "armar6-right", "panda", "talos-left-arm", "xarm7")
 REACHED = 1e-6  # [m] and [rad]
-FINE = 20  # places between two samples at which limits are looked at
+FINE = 20  # points per node of the grid at which limits are checked
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("files", nargs="*", type=Path, help="MMM motions; the bundled one, too")
+    parser.add_argument("files", nargs="*", type=Path, help="MMM motions; the bundled one is added")
     parser.add_argument("--robots", nargs="+", default=ROBOTS)
     parser.add_argument("--sides", nargs="+", default=["right", "left"])
     parser.add_argument("--formulation", default="constrained")
-    parser.add_argument("--check", action="store_true", help="fail where a pose is not met")
+    parser.add_argument("--check", action="store_true", help="fail if a pose is not reached")
     options = parser.parse_args()
     recordings = []
     for file in options.files:
@@ -33,8 +35,8 @@ def main() -> None:
     with as_file(files("geodesic_ocp") / "data" / "reach.csv") as file:
         recordings.append(("bundled left", _read(file, "left")))
     print(
-        "| recording | robot | synergies | out of reach | met | position [m] | rotation [rad] "
-        "| outside limits | energy over IK | stretch | iterations | seconds |"
+        "| recording | robot | synergies | out of reach | reached | position [m] | rotation [rad] "
+        "| limit violation | action over IK | stretch | iterations | time [s] |"
     )
     print("| --- | --- " + "| ---: " * 10 + "|")
     failed = False
@@ -42,50 +44,52 @@ def main() -> None:
         for robot in options.robots:
             failed |= _run(name, analysis, robot, options.formulation)
     if options.check and failed:
-        sys.exit("a pose within reach was not met, or a limit was exceeded")
+        sys.exit("a pose within reach was not reached, or a limit was exceeded")
 
 
-def _read(file: Path, side: go.model.anthropometry.Side) -> go.Analysis:
+def _read(file: Path, side: Side) -> go.Analysis:
     motion = go.read_motion(file, go.human_arm(side).joint_names)
     arm = go.human_arm(side, motion.subject.height or 1.75, motion.subject.mass or 70.0)
     return go.analyse(arm, motion)
 
 
-def _run(name: str, analysis: go.Analysis, robot: str, formulation: str) -> bool:
-    """One line of the table; whether something is wrong."""
+def _run(name: str, analysis: go.Analysis, robot: str, formulation: Formulation) -> bool:
+    """Print one line of the table; whether a pose or a limit was not met."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of the file, and of poses out of reach
+        warnings.simplefilter("ignore")  # about the file, and about poses out of reach
         model = go.load_model(robot)
         begin = time.perf_counter()
-        found = go.retarget(analysis, model, formulation=formulation, throw=False)
+        settings = go.RetargetingSettings(formulation=formulation)
+        found = go.retarget(analysis, model, settings=settings, throw=False)
     seconds = time.perf_counter() - begin
     (arm,) = found.arms
-    asked = [
+    targeted = [
         transfer
         for transfer, group in zip(arm.transfers, arm.groups, strict=True)
         if group.kind != "rest" and transfer.within_reach
     ]
-    met = [t for t in asked if t.success and max(t.position_error, t.rotation_error) <= REACHED]
-    outside = max(_outside(model, synergy) for synergy in arm.synergies)
-    figures = arm.figures
-    ratio = figures["synergies"].energy / figures["ik"].energy
+    reached = [
+        t for t in targeted if t.success and max(t.position_error, t.rotation_error) <= REACHED
+    ]
+    violation = max(_limit_violation(model, synergy) for synergy in arm.synergies)
+    ratio = arm.statistics["synergies"].action / arm.statistics["ik"].action
     print(
         f"| {name} | {robot} | {len(analysis.synergies)} -> {len(arm.groups)} "
-        f"| {len(arm.out_of_reach)} | {len(met)} of {len(asked)} "
-        f"| {max((t.position_error for t in asked), default=0.0):.1e} "
-        f"| {max((t.rotation_error for t in asked), default=0.0):.1e} "
-        f"| {outside:.1e} | {ratio:.2f} | {found.stretch:.2f} "
+        f"| {len(arm.out_of_reach)} | {len(reached)} of {len(targeted)} "
+        f"| {max((t.position_error for t in targeted), default=0.0):.1e} "
+        f"| {max((t.rotation_error for t in targeted), default=0.0):.1e} "
+        f"| {violation:.1e} | {ratio:.2f} | {found.stretch:.2f} "
         f"| {sum(t.iterations for t in arm.transfers)} | {seconds:.1f} |",
         flush=True,
     )
-    for transfer in asked:
-        if not any(transfer is each for each in met):
+    for transfer in targeted:
+        if not any(transfer is each for each in reached):
             print("   ", transfer.status)
-    return len(met) < len(asked) or (formulation == "constrained" and outside > 0.0)
+    return len(reached) < len(targeted) or (formulation == "constrained" and violation > 0.0)
 
 
-def _outside(model: go.Model, synergy: go.Synergy) -> float:
-    """By how much the path leaves the limits anywhere."""
+def _limit_violation(model: go.Model, synergy: go.Synergy) -> float:
+    """Largest excess over the limits anywhere on the path."""
     q = synergy.path(np.linspace(0.0, 1.0, FINE * synergy.path.grid.size))
     return max(0.0, float(np.maximum(model.lower - q, q - model.upper).max()))
 

@@ -1,4 +1,4 @@
-"""Geodesics to poses from standing still: the program in q'(0) against the paper's gradient."""
+"""Geodesics to poses from zero velocity: the NLP in q'(0) against the paper's gradient descent."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import warnings
 import numpy as np
 
 import geodesic_ocp as go
+from geodesic_ocp.geodesics.geodesic_to_pose import Method
 
 REACHED = 1e-6  # [m] and [rad]
 
@@ -20,7 +21,10 @@ def main() -> None:
     parser.add_argument("--robots", nargs="+", default=["human", "panda", "armar6-right"])
     parser.add_argument("--sizes", nargs="+", type=float, default=[0.2, 0.5])
     options = parser.parse_args()
-    print("| robot | joints move by [rad] | method | met | iterations | most | energy | seconds |")
+    print(
+        "| robot | joint displacement [rad] | method | reached | iterations | most | energy "
+        "| time [s] |"
+    )
     print("| --- | ---: | --- | ---: | ---: | ---: | ---: | ---: |")
     for name in options.robots:
         with warnings.catch_warnings():
@@ -31,14 +35,14 @@ def main() -> None:
 
 
 def _compare(name: str, model: go.Model, size: float, count: int, seed: int) -> None:
-    """Lines of the table: medians over the poses that all methods met."""
+    """Print lines of the table: medians over the poses that both methods reached."""
     rng = np.random.default_rng(seed)
-    methods = ("newton", "transport")
-    found: dict[str, list[tuple[bool, int, float, float]]] = {method: [] for method in methods}
+    methods: tuple[Method, ...] = ("newton", "transport")
+    found: dict[Method, list[tuple[bool, int, float, float]]] = {method: [] for method in methods}
     for _ in range(count):
-        room = np.minimum(model.upper - model.lower, np.pi) / 2.0
+        half_range = np.minimum(model.upper - model.lower, np.pi) / 2.0
         middle = (model.upper + model.lower) / 2.0
-        start = middle + 0.7 * room * rng.uniform(-1.0, 1.0, model.dof)
+        start = middle + 0.7 * half_range * rng.uniform(-1.0, 1.0, model.dof)
         rotation, position = model.hand_pose(start + size * rng.normal(size=model.dof))
         for method in methods:
             begin = time.perf_counter()
@@ -46,8 +50,8 @@ def _compare(name: str, model: go.Model, size: float, count: int, seed: int) -> 
                 to = go.geodesic_to_pose(
                     model, start, position, rotation, method=method, throw=False
                 )
-                met = to.success and max(to.position_error, to.rotation_error) <= REACHED
-                record = (met, to.iterations, to.energy)
+                reached = to.success and max(to.position_error, to.rotation_error) <= REACHED
+                record = (reached, to.iterations, to.energy)
             except go.GeodesicOcpError:
                 record = (False, 0, np.nan)
             found[method].append((*record, time.perf_counter() - begin))

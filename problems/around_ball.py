@@ -1,4 +1,4 @@
-"""Around a ball: the hand goes to a point behind a lamp; no part of the arm touches it."""
+"""Around a ball: the hand moves to a point behind a lamp; no part of the arm touches the lamp."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import geodesic_ocp as go
 
 @dataclass(frozen=True)
 class AroundBall(go.Problem):
-    """From a configuration to a point, within the joints' limits and past a ball."""
+    """From a configuration to a point, within the joint limits and past a ball."""
 
     arm: go.Model = field(default_factory=go.human_arm)
     start: tuple[float, ...] = (0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1)  # [rad]

@@ -16,7 +16,7 @@ import geodesic_ocp as go
 
 @dataclass(frozen=True)
 class AroundDisc(go.Problem):
-    """From (-1, 0) to (1, 0) [m] around a disc in the middle, on its upper side."""
+    """From (-1, 0) to (1, 0) [m] around a disc at the origin, on its upper side."""
 
     radius: float = 0.5  # [m]
 
@@ -28,7 +28,7 @@ class AroundDisc(go.Problem):
         return [(q0, (-1.0, 0.0), "start"), (q1, (1.0, 0.0), "goal")]
 
     def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
-        return [(self.radius, ca.norm_2(q), np.inf, "distance to the middle")]
+        return [(self.radius, ca.norm_2(q), np.inf, "distance to the centre")]
 
     def guess(self, s: np.ndarray) -> np.ndarray:
         return np.column_stack([2.0 * s - 1.0, np.sin(np.pi * s)])

@@ -1,4 +1,4 @@
-"""Carrying a cup: the hand goes to a point and stays level on the way, as near as a tilt allows."""
+"""Carrying a cup: the hand moves to a point; its tilt on the way is bounded."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import geodesic_ocp as go
 
 @dataclass(frozen=True)
 class CarryingCup(go.Problem):
-    """From a configuration in which the cup stands upright, to a point, within the joints' limits."""
+    """From a configuration with the cup upright to a point, within the joint limits."""
 
     arm: go.Model = field(default_factory=go.human_arm)
     start: tuple[float, ...] = (0.2, 0.1, -0.4, 1.3, 0.1, 0.0, 0.1)  # [rad]
@@ -31,8 +31,8 @@ class CarryingCup(go.Problem):
     def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
         upright = self.arm.hand_pose(self.start)[0].T @ [0.0, 0.0, 1.0]  # in the hand's frame
         rotation, _ = self.arm.hand_pose(q)
-        rises = ca.dot(rotation[2, :].T, ca.DM(upright))  # cosine of the cup's tilt
+        cosine = ca.dot(rotation[2, :].T, ca.DM(upright))  # of the cup's tilt
         return [
             (self.arm.lower, q, self.arm.upper, "joint limits"),
-            (np.cos(self.tilt), rises, np.inf, "level"),
+            (np.cos(self.tilt), cosine, np.inf, "level"),
         ]

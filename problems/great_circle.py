@@ -14,7 +14,7 @@ import geodesic_ocp as go
 
 @dataclass(frozen=True)
 class Sphere(go.Metric):
-    """The sphere of a radius in colatitude t and longitude p: ds^2 = r^2 (dt^2 + sin^2 t dp^2)."""
+    """A sphere in colatitude t and longitude p: ds^2 = r^2 (dt^2 + sin^2 t dp^2)."""
 
     radius: float = 1.0
     dim = 2
@@ -44,7 +44,7 @@ class GreatCircle(go.Problem):
         return float(self.radius * np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
 
     def exact(self, s: np.ndarray) -> np.ndarray:
-        """Spherical linear interpolation, back in colatitude and longitude."""
+        """Spherical linear interpolation, in colatitude and longitude."""
         a, b = _on_sphere(self.start), _on_sphere(self.goal)
         angle = self.exact_length / self.radius
         weights = np.sin(angle * np.column_stack([1.0 - s, s])) / np.sin(angle)

@@ -1,4 +1,4 @@
-"""Half-plane: a geodesic of the hyperbolic plane, an arc of a circle about a point of the edge."""
+"""Half-plane: a geodesic of the hyperbolic plane, an arc of a circle centred on the boundary."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ class HalfPlane(go.Problem):
     @property
     def exact_length(self) -> float:
         """arcosh(1 + |a - b|^2 / (2 a_y b_y))."""
-        apart = np.sum(np.subtract(self.start, self.goal) ** 2)
-        return float(np.arccosh(1.0 + apart / (2.0 * self.start[1] * self.goal[1])))
+        squared = np.sum(np.subtract(self.start, self.goal) ** 2)
+        return float(np.arccosh(1.0 + squared / (2.0 * self.start[1] * self.goal[1])))
 
     def exact(self, s: np.ndarray) -> np.ndarray:
-        """(c + r tanh t, r / cosh t): t is the arc's length from its top."""
+        """(c + r tanh t, r / cosh t): t is the arc length from the highest point."""
         (x0, y0), (x1, y1) = self.start, self.goal
         centre = (x1**2 + y1**2 - x0**2 - y0**2) / (2.0 * (x1 - x0))
         radius = np.hypot(x0 - centre, y0)

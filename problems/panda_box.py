@@ -1,4 +1,4 @@
-"""Panda and a box: the robot's hand goes around a box of balls to its other side."""
+"""Panda and a box: the robot's hand moves around a box of balls to the other side."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ import geodesic_ocp as go
 
 
 def panda() -> go.Model:
-    """The robot with capsules around its meshes; `pip install example-robot-data` brings them."""
+    """The robot with capsules around its meshes; needs `pip install example-robot-data`."""
     return go.load_model("panda")
 
 
 @dataclass(frozen=True)
 class PandaBox(go.Problem):
-    """From a configuration on one side of the box to a point on the other, within the joints' limits."""
+    """From a configuration on one side of the box to a point on the other, within joint limits."""
 
     robot: go.Model = field(default_factory=panda)
     start: tuple[float, ...] = (-0.8, 0.6, 0.0, -1.8, 0.0, 2.4, 0.8)  # [rad]
@@ -40,9 +40,10 @@ class PandaBox(go.Problem):
         steps = [
             1.5 * self.radius * (np.arange(count) - (count - 1) / 2.0) for count in self.counts
         ]
-        places = np.array(np.meshgrid(*steps)).reshape(3, -1).T + self.centre
+        centres = np.array(np.meshgrid(*steps)).reshape(3, -1).T + self.centre
         return [
-            go.Ball(tuple(place), self.radius, name=f"ball {k}") for k, place in enumerate(places)
+            go.Ball(tuple(centre), self.radius, name=f"ball {k}")
+            for k, centre in enumerate(centres)
         ]
 
     def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
@@ -57,7 +58,7 @@ class PandaBox(go.Problem):
         ]
 
     def guess(self, s: np.ndarray) -> np.ndarray:
-        """The straight line to a configuration there, with the elbow raised on the way."""
+        """The straight line to a configuration at the target, with the elbow raised on the way."""
         start = np.array(self.start)
         goal = go.inverse_kinematics(self.robot, start * [-1, 1, 1, 1, 1, 1, 1], self.target)
         return (

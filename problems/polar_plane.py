@@ -1,4 +1,4 @@
-"""Flat plane in polar coordinates: the metric varies, geodesics are straight lines all the same."""
+"""Flat plane in polar coordinates: the metric varies, yet geodesics are straight lines."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class PolarPlane(go.Problem):
         return float(np.linalg.norm(_in_plane(self.goal) - _in_plane(self.start)))
 
     def exact(self, s: np.ndarray) -> np.ndarray:
-        """The straight line, back in radius and angle."""
+        """The straight line, in radius and angle."""
         line = np.outer(1.0 - s, _in_plane(self.start)) + np.outer(s, _in_plane(self.goal))
         return np.column_stack([np.hypot(*line.T), np.arctan2(line[:, 1], line[:, 0])])
 

@@ -1,4 +1,4 @@
-"""Reach to a point: the hand's place is given, the final configuration is whatever costs least."""
+"""Reach to a point: the hand's position is given, the final configuration is optimal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import geodesic_ocp as go
 
 @dataclass(frozen=True)
 class ReachToPoint(go.Problem):
-    """From a configuration to a point in front of the shoulder, within the joints' limits."""
+    """From a configuration to a point in front of the shoulder, within the joint limits."""
 
     model: go.Model = field(default_factory=go.human_arm)
     start: tuple[float, ...] = (0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1)  # [rad]

@@ -16,39 +16,39 @@ GRAVITY = 9.81  # [m/s^2]
 
 
 def hanging_arm(lengths: tuple[float, float] = (0.33, 0.44), mass: float = 3.4) -> go.Model:
-    """An upper arm and a forearm with the hand [m], of the mass [kg] in proportion to length.
+    """An upper arm and a forearm with hand, lengths in m; the mass [kg] is proportional to length.
 
-    They turn about x in the plane of y (forward) and z (up) and hang down at zero.
+    The joints rotate about x, in the plane of y (forward) and z (up); at zero the arm hangs down.
     """
     model = pin.Model()
     model.name = "hanging arm"
-    joint, place = 0, pin.SE3.Identity()
+    joint, placement = 0, pin.SE3.Identity()
     for name, length in zip(("shoulder", "elbow"), lengths, strict=True):
-        joint = model.addJoint(joint, pin.JointModelRX(), place, name)
-        share = mass * length / sum(lengths)
-        moment = share * length**2 / 12.0
+        joint = model.addJoint(joint, pin.JointModelRX(), placement, name)
+        rod_mass = mass * length / sum(lengths)
+        moment = rod_mass * length**2 / 12.0
         rod = pin.Inertia(
-            share, np.array([0.0, 0.0, -length / 2.0]), np.diag([moment, moment, 1e-4])
+            rod_mass, np.array([0.0, 0.0, -length / 2.0]), np.diag([moment, moment, 1e-4])
         )
         model.appendBodyToJoint(joint, rod, pin.SE3.Identity())
-        place = pin.SE3(np.eye(3), np.array([0.0, 0.0, -length]))
+        placement = pin.SE3(np.eye(3), np.array([0.0, 0.0, -length]))
     model.gravity = pin.Motion(np.array([0.0, 0.0, -GRAVITY]), np.zeros(3))
-    model.addFrame(pin.Frame("hand", joint, place, pin.FrameType.OP_FRAME))
+    model.addFrame(pin.Frame("hand", joint, placement, pin.FrameType.OP_FRAME))
     return go.Model(model, "hand")
 
 
 @dataclass(frozen=True)
 class Swing(go.Problem):
-    """From behind the body to the front, at the speed that the energy leaves in each configuration.
+    """From behind the body to the front, at the speed given by conservation of energy.
 
-    The elbow bends by itself and swings out. With much less energy, or to where the arm comes after
-    a first conjugate point, the swing is no shortest path and is not found from a straight line.
+    The elbow flexes passively and swings out. With much less energy, or beyond the first conjugate
+    point, the swing is not locally minimizing and is not found from the straight line.
     """
 
     arm: go.Model = field(default_factory=hanging_arm)
     start: tuple[float, float] = (-0.9, 0.9)  # [rad]
     goal: tuple[float, float] = (0.2, 0.3)
-    speed: float = 2.5  # |q'(t)| at the start, in the kinetic energy's norm
+    speed: float = 2.5  # |q'(t)| at the start, in the norm of the kinetic energy metric
 
     @property
     def metric(self) -> go.Metric:

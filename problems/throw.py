@@ -1,4 +1,4 @@
-"""Throw: where a free mass flies in gravity is a geodesic of the Jacobi metric, a parabola."""
+"""Throw: the parabola of a free mass in gravity is a geodesic of the Jacobi metric."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ def free_mass(mass: float = 0.5) -> go.Model:
 
 @dataclass(frozen=True)
 class Throw(go.Problem):
-    """From the hand to a basket, each given as (x, z) [m], at the speed that the energy leaves.
+    """From the hand to a basket, each given as (x, z) [m], with constant total energy.
 
-    Of the two throws that lead there the flat one, from the straight line.
+    Of the two parabolas the flatter one, which is found from the straight line.
     """
 
     ball: go.Model = field(default_factory=free_mass)
@@ -49,7 +49,7 @@ class Throw(go.Problem):
         return [(q0, self.start, "hand"), (q1, self.goal, "basket")]
 
     def exact(self, s: np.ndarray) -> np.ndarray:
-        """The parabola x t, z(x), at equal steps of Jacobi's length sqrt(2) int (E - V) dt."""
+        """The parabola x t, z(x), at equal steps of the Jacobi length sqrt(2) int (E - V) dt."""
         x, z = np.subtract(self.goal, self.start)
         # z = x tan a - g x^2 (1 + tan^2 a) / (2 v^2), the smaller tan a.
         drop = GRAVITY * x**2 / (2.0 * self.speed**2)
@@ -58,7 +58,7 @@ class Throw(go.Problem):
         up, duration = across * tangent, x / across
 
         def squared_speed(t: np.ndarray) -> np.ndarray:
-            """The integral of |v|^2 over time up to t, to which Jacobi's length is proportional."""
+            """The integral of |v|^2 over time up to t, proportional to the Jacobi length."""
             return self.speed**2 * t - up * GRAVITY * t**2 + GRAVITY**2 * t**3 / 3.0
 
         t = s * duration

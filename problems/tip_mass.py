@@ -1,4 +1,4 @@
-"""Two links with all their mass at the tip: in the joints a curve, in the plane a straight line."""
+"""Two links with all mass at the tip: a curve in joint space, a straight line in the plane."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import geodesic_ocp as go
 
 
 def tip_mass_arm(lengths: tuple[float, float] = (1.0, 0.8), mass: float = 2.0) -> go.Model:
-    """Links without weight [m], turning about z, and a mass [kg] at the end of the second."""
+    """Two massless links, lengths in m, that rotate about z, and a mass [kg] at the tip."""
     model = pin.Model()
     model.name = "tip-mass arm"
     elbow = pin.SE3(np.eye(3), np.array([lengths[0], 0.0, 0.0]))
@@ -28,7 +28,7 @@ def tip_mass_arm(lengths: tuple[float, float] = (1.0, 0.8), mass: float = 2.0) -
 
 @dataclass(frozen=True)
 class TipMass(go.Problem):
-    """From one configuration to another, elbow bent the same way; the mass moves like a free point."""
+    """From one configuration to another, elbow on the same side; the tip moves as a free mass."""
 
     arm: go.Model = field(default_factory=tip_mass_arm)
     start: tuple[float, float] = (0.2, 1.2)  # [rad]

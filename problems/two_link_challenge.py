@@ -1,4 +1,4 @@
-"""Two uniform links through a half turn: three geodesics join these configurations."""
+"""Two uniform links that rotate by pi: three geodesics join these configurations."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ import geodesic_ocp as go
 
 
 def two_rods(length: float = 1.0, mass: float = 1.0) -> go.Model:
-    """Two uniform rods [m], [kg] in a plane, turning about z."""
+    """Two uniform rods [m], [kg] in a plane, rotating about z."""
     model = pin.Model()
     model.name = "two rods"
     moment = mass * length**2 / 12.0
     rod = pin.Inertia(mass, np.array([length / 2.0, 0.0, 0.0]), np.diag([1e-6, moment, moment]))
     end = pin.SE3(np.eye(3), np.array([length, 0.0, 0.0]))
     joint = 0
-    for name, place in (("shoulder", pin.SE3.Identity()), ("elbow", end)):
-        joint = model.addJoint(joint, pin.JointModelRZ(), place, name)
+    for name, placement in (("shoulder", pin.SE3.Identity()), ("elbow", end)):
+        joint = model.addJoint(joint, pin.JointModelRZ(), placement, name)
         model.appendBodyToJoint(joint, rod, pin.SE3.Identity())
     model.addFrame(pin.Frame("tip", joint, end, pin.FrameType.OP_FRAME))
     return go.Model(model, "tip")

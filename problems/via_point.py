@@ -1,4 +1,4 @@
-"""Via point: the hand hits a mark on its way, in whatever configuration and when it costs least."""
+"""Via point: the hand passes a mark on its way; configuration and time there are optimal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import geodesic_ocp as go
 
 @dataclass(frozen=True)
 class ViaPoint(go.Problem):
-    """From a configuration past a mark to a point, within the joints' limits.
+    """From a configuration past a mark to a point, within the joint limits.
 
     The path of least energy has a corner at the mark, where elbow and wrist change their velocities
     instantly; `continuous_velocity_at_via` rounds it.

@@ -1,4 +1,4 @@
-"""Within limits: the arm is raised; the wrist stops where the geodesic would bend it further."""
+"""Within limits: the arm is raised; the wrist stops at a limit that the geodesic would exceed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import geodesic_ocp as go
 
 @dataclass(frozen=True)
 class WithinLimits(go.Problem):
-    """From one configuration to another; `limits=False` is the same without, the picture shows both."""
+    """From one configuration to another, with and without joint limits in the picture."""
 
     arm: go.Model = field(default_factory=go.human_arm)
     start: tuple[float, ...] = (-0.3, 0.0, -0.6, 0.3, 0.0, 0.0, 0.0)  # [rad]
@@ -33,7 +33,7 @@ class WithinLimits(go.Problem):
         return [(self.arm.lower, q, self.arm.upper, "joint limits")] if self.limits else []
 
     def draw(self, axes: Axes, path: go.Path, columns: tuple[int, int]) -> None:
-        """The hand's path where nothing limits the joints."""
+        """The hand's path without joint limits."""
         geodesic = go.geodesic(self.metric, self.start, self.goal)
         hand = self.arm.hand_pose(geodesic(np.linspace(0.0, 1.0, 101)))[1][:, columns]
         axes.plot(*hand.T, color="#e07b00", linestyle="--", label="without limits")
