@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import operator
+from collections.abc import Sized
+from dataclasses import fields
 from typing import Any, TypeAlias
 
 import casadi as ca
@@ -100,3 +102,25 @@ def evaluate(function: ca.Function, *arguments: Any) -> Any:
     if not is_symbolic(*arguments):
         outputs = [out.full() for out in outputs]
     return outputs[0] if len(outputs) == 1 else tuple(outputs)
+
+
+def short_repr(value: Any) -> str:
+    """Class and fields of a dataclass on one line: no defaults, no arrays of many numbers."""
+    shown = []
+    for each in fields(value):
+        entry = getattr(value, each.name)
+        is_empty = isinstance(entry, (np.ndarray, Sized)) and len(entry) == 0
+        if entry is each.default or is_empty or (np.isscalar(entry) and entry == each.default):
+            continue
+        shown.append(f"{each.name}={_short(entry)}")
+    return f"{type(value).__name__}({', '.join(shown)})"
+
+
+def _short(entry: Any) -> str:
+    if isinstance(entry, np.ndarray) or (isinstance(entry, tuple) and np.isscalar(entry[0])):
+        array = np.asarray(entry)
+        if array.size <= 9 and array.dtype.kind in "biuf":
+            return str((array.round(3) + 0.0).tolist())
+    elif not isinstance(entry, (list, tuple)) or len(repr(entry)) <= 60:
+        return repr(entry)
+    return f"<{len(entry)} entries>"

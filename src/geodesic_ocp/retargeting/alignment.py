@@ -8,7 +8,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_positive, as_rotation, as_vector
+from geodesic_ocp.arrays import Array, as_positive, as_rotation, as_vector, short_repr
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.joints import frame_index
 from geodesic_ocp.model.max_reach import max_reach
@@ -19,7 +19,7 @@ _MIRROR = np.diag([-1.0, 1.0, 1.0])
 _HUMAN: dict[str, Side] = {"human right arm": "right", "human left arm": "left"}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Alignment:
     """Position of a person's shoulder on a robot, and correspondence of the axes of base and hand.
 
@@ -54,6 +54,9 @@ class Alignment:
         object.__setattr__(self, "length", as_positive("length", self.length, "m"))
         if self.side is not None and self.side not in get_args(Side):
             raise ValueError(f"side must be 'right', 'left' or None, got {self.side!r}")
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
     def to_robot(
         self, rotation: Array, position: Array, *, scale: float, mirror: bool = False

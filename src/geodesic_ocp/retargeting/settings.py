@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from geodesic_ocp.arrays import as_integer, as_number, as_positive
+from geodesic_ocp.arrays import as_integer, as_number, as_positive, short_repr
 from geodesic_ocp.geodesics.geodesic_to_pose import ENERGY_WEIGHT
 from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.ocp.ik.collision_avoidance import CollisionAvoidance
@@ -14,7 +14,7 @@ from geodesic_ocp.ocp.ik.collision_avoidance import CollisionAvoidance
 Formulation = Literal["constrained", "geodesic"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class RetargetingSettings:
     """Settings of `retarget`.
 
@@ -88,6 +88,9 @@ class RetargetingSettings:
             raise ValueError(
                 "the formulation 'geodesic' does not avoid collisions; use 'constrained'"
             )
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
     @property
     def constrained(self) -> bool:

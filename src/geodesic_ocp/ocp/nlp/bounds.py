@@ -23,7 +23,7 @@ class _Rows:
     index: NDArray[np.int64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class NodeBounds:
     """Bounds of one problem on one grid.
 
@@ -40,6 +40,10 @@ class NodeBounds:
     upper_g: Array
     _in_x: tuple[_Rows, ...]
     _in_g: tuple[_Rows, ...]
+
+    def __repr__(self) -> str:
+        size, n = self.lower.shape
+        return f"NodeBounds({size} nodes, {n} coordinates, {self.lower_g.size} constraints)"
 
     @classmethod
     def on_grid(

@@ -10,7 +10,7 @@ import casadi as ca
 from geodesic_ocp.arrays import Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Condition:
     """Lower and upper bounds (m,) on an expression (m, 1).
 
@@ -27,13 +27,16 @@ class Condition:
     upper: Array
     coordinates: tuple[int, ...] | None
 
+    def __repr__(self) -> str:
+        return f"Condition({self.name!r}, {self.size} rows)"
+
     @property
     def size(self) -> int:
         """Number m of rows."""
         return int(self.expression.shape[0])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Conditions:
     """All conditions of a problem and its running cost, sorted by how they enter the NLP.
 
@@ -69,6 +72,10 @@ class Conditions:
     along_qv: tuple[Condition, ...]
     via: tuple[tuple[Condition, ...], ...]
     via_continuity: tuple[Condition, ...]
+
+    def __repr__(self) -> str:
+        n, k = self.q.shape[0], self.p_values.size
+        return f"Conditions({len(list(self))} on {n} coordinates, {k} parameters)"
 
     def __iter__(self) -> Iterator[Condition]:
         yield from (*self.fixed, *self.ends, *self.bounds, *self.along_q, *self.along_qv)

@@ -33,7 +33,7 @@ class Structure:
         return (_unshared if self.key is None else _shared)(self, grid)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ProblemDefinition:
     """Everything about a problem that its NLP is built from.
 
@@ -52,6 +52,9 @@ class ProblemDefinition:
     via_parameters: tuple[float, ...] | None
     key: Hashable
     grid: Grid
+
+    def __repr__(self) -> str:
+        return f"ProblemDefinition({self.metric!r}, {self.conditions!r}, {self.grid!r})"
 
     @property
     def structure(self) -> Structure:

@@ -54,7 +54,7 @@ class Units:
         return np.asarray(self.origin + self.length * y)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Transcription:
     """The NLP in x = scaled positions at the nodes, one after the other, and p of `Units`.
 
@@ -77,6 +77,10 @@ class Transcription:
     objective: ca.Function
     constraints: ca.Function
     hessian: ca.Function
+
+    def __repr__(self) -> str:
+        variables, constraints = self.dim * self.grid.size, self.constraints.size1_out(0)
+        return f"Transcription({self.grid!r}, {variables} variables, {constraints} constraints)"
 
     def energy(self, nodes: Array, values: Array | tuple[()] = ()) -> float:
         """Energy and cost of the path through nodes (size, n)."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from geodesic_ocp.arrays import short_repr
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.ocp.nlp.definition import Structure
 from geodesic_ocp.ocp.problem.keys import key_of
@@ -14,7 +15,7 @@ from geodesic_ocp.ocp.problem.path_constraints import ConstrainedProblem
 from geodesic_ocp.ocp.problem.problem import Equality, Problem
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PointToPoint(ConstrainedProblem):
     """The geodesic between two configurations.
 
@@ -45,6 +46,9 @@ class PointToPoint(ConstrainedProblem):
             vector = metric.point(name, getattr(self, name))
             object.__setattr__(self, name, tuple(vector.tolist()))
         self.check_path_constraints()
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
     def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Equality]:
         """Both ends."""

@@ -1,0 +1,34 @@
+"""The check that `repr` of a value, and of every value of this package inside it, is short."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import geodesic_ocp as go
+
+LINES, CHARACTERS = 3, 300
+
+
+def check_reprs(values: Iterable[Any]) -> set[type]:
+    """Classes of the values, their fields and elements; the repr of each is short."""
+    seen: dict[int, Any] = {}
+    remaining, too_long = list(values), {}
+    while remaining:
+        value = remaining.pop()
+        if id(value) in seen:
+            continue
+        seen[id(value)] = value
+        if isinstance(value, (list, tuple)):
+            remaining += value
+        elif isinstance(value, Mapping):
+            remaining += value.values()
+        elif type(value).__module__.startswith(go.__name__):
+            shown = "" if type(value).__name__.startswith("_") else repr(value)
+            if len(shown) > CHARACTERS or len(shown.splitlines()) > LINES:
+                too_long[type(value).__name__] = shown[:CHARACTERS]
+            if is_dataclass(value):
+                remaining += [getattr(value, each.name) for each in fields(value)]
+    assert not too_long, "\n".join(f"{name}: {shown}" for name, shown in too_long.items())
+    return {type(value) for value in seen.values()}
