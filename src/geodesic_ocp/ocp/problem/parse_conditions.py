@@ -156,7 +156,7 @@ def _has_symbols(limit: Any) -> bool:
     if isinstance(limit, (list, tuple)):
         return any(map(_has_symbols, limit))
     if isinstance(limit, np.ndarray):
-        return limit.dtype == object
+        return bool(limit.dtype == object)
     return is_symbolic(limit)
 
 
