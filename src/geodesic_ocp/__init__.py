@@ -9,15 +9,15 @@ from geodesic_ocp.errors import (
     RecordingError,
 )
 from geodesic_ocp.figures.obstacles import draw_obstacle
-from geodesic_ocp.geodesics.frechet_mean import frechet_mean
-from geodesic_ocp.geodesics.geodesic import (
+from geodesic_ocp.logarithm.frechet_mean import frechet_mean
+from geodesic_ocp.logarithm.geodesic import (
     Geodesic,
     geodesic,
     geodesic_from_velocity,
     geodesics,
 )
-from geodesic_ocp.geodesics.geodesic_to_pose import ToPose, geodesic_to_pose
-from geodesic_ocp.geodesics.log import distance, log
+from geodesic_ocp.logarithm.geodesic_to_pose import ToPose, geodesic_to_pose
+from geodesic_ocp.logarithm.log import distance, log
 from geodesic_ocp.manifold.curvature import (
     riemann_curvature,
     scalar_curvature,
@@ -50,7 +50,7 @@ from geodesic_ocp.ocp.solve.load_solution import load_solution
 from geodesic_ocp.ocp.solve.solution import Solution
 from geodesic_ocp.ocp.solve.solve import solve
 from geodesic_ocp.ocp.solve.stats import Stats
-from geodesic_ocp.report.report import report
+from geodesic_ocp.reports.report import report
 from geodesic_ocp.retargeting.alignment import Alignment, alignment
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, merge_synergies

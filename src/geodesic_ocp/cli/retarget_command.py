@@ -13,7 +13,7 @@ from geodesic_ocp.cli.recording import analyse_bundled, analyse_file, check_fold
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.report.report import report
+from geodesic_ocp.reports.report import report
 from geodesic_ocp.retargeting.alignment import alignment
 from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.retargeting.retarget import retarget_arms

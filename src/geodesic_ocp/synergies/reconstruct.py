@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.geodesics.geodesic import geodesic
+from geodesic_ocp.logarithm.geodesic import geodesic
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.synergies.observed_velocity import speeds
 from geodesic_ocp.synergies.synergy import Synergy

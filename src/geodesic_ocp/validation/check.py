@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.errors import GeodesicOcpError
-from geodesic_ocp.geodesics.log import log
+from geodesic_ocp.logarithm.log import log
 from geodesic_ocp.manifold.exp import exp, sample_geodesic
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.rigid_body import BACKENDS, choose_backend, why_unavailable

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.report.viewer import Actor, page, viewer
+from geodesic_ocp.reports.viewer import Actor, page, viewer
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.table import Table

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.geodesics.single_start import (
+from geodesic_ocp.logarithm.single_start import (
     ConnectingGeodesic,
     find_from_path,
     find_from_velocity,

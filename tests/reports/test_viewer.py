@@ -17,7 +17,7 @@ from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 from geodesic_ocp.model.geometry.meshes import meshes
-from geodesic_ocp.report.viewer import HAND, RATE, TARGET, Actor, page, viewer
+from geodesic_ocp.reports.viewer import HAND, RATE, TARGET, Actor, page, viewer
 
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 FLOAT = 1e-6  # of single precision, for places of about a metre

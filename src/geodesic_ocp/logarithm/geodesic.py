@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_vector
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
-from geodesic_ocp.geodesics.multi_start import find_geodesics
-from geodesic_ocp.geodesics.single_start import CHECK_TOLERANCE, TOLERANCE, ConnectingGeodesic
+from geodesic_ocp.logarithm.multi_start import find_geodesics
+from geodesic_ocp.logarithm.single_start import CHECK_TOLERANCE, TOLERANCE, ConnectingGeodesic
 from geodesic_ocp.manifold.exp import exp, sample_geodesic
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.ocp.solve.certificate import Certificate, certify

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.geodesics.log import log
+from geodesic_ocp.logarithm.log import log
 from geodesic_ocp.manifold.exp import exp
 from geodesic_ocp.manifold.metric import Metric, as_metric
 

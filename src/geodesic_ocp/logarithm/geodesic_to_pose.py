@@ -16,11 +16,11 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, as_rotation, as_vector
 from geodesic_ocp.errors import GeodesicOcpError, NotConverged
-from geodesic_ocp.geodesics.geodesic import Geodesic, geodesic_from_velocity
-from geodesic_ocp.geodesics.log import log
-from geodesic_ocp.geodesics.pose_target import PoseTarget, ShootingResult, metric_of
-from geodesic_ocp.geodesics.shooting import shoot
-from geodesic_ocp.geodesics.transported_gradient import descend_transported_gradient
+from geodesic_ocp.logarithm.geodesic import Geodesic, geodesic_from_velocity
+from geodesic_ocp.logarithm.log import log
+from geodesic_ocp.logarithm.pose_target import PoseTarget, ShootingResult, metric_of
+from geodesic_ocp.logarithm.shooting import shoot
+from geodesic_ocp.logarithm.transported_gradient import descend_transported_gradient
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.ik.pose_error import pose_difference
 

@@ -10,13 +10,13 @@ from scipy.integrate import DOP853
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import IntegrationFailed
-from geodesic_ocp.geodesics.pose_target import (
+from geodesic_ocp.ipopt import Ipopt, Outcome
+from geodesic_ocp.logarithm.pose_target import (
     PoseTarget,
     ShootingResult,
     metric_of,
     pose_error_function,
 )
-from geodesic_ocp.ipopt import Ipopt, Outcome
 from geodesic_ocp.manifold.exp import exp
 from geodesic_ocp.model.model import Model
 

@@ -7,7 +7,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.geodesics.multi_start import find_geodesics
+from geodesic_ocp.logarithm.multi_start import find_geodesics
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.over_rows import over_rows
 
