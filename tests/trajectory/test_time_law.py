@@ -8,10 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import geodesic_ocp as go
+from geodesic_ocp.trajectory import time_law as module
 
 
 def cubic(length: float, duration: float, start: float, end: float, t: np.ndarray) -> np.ndarray:
-    """The one cubic with these four boundary values: what calculus of variations gives."""
+    """The unique cubic with these four boundary values, which satisfies the Euler equation."""
     square = (3 * length - (2 * start + end) * duration) / duration**2
     cube = (-2 * length + (start + end) * duration) / duration**3
     return start * t + square * t**2 + cube * t**3
@@ -23,7 +24,7 @@ def cubic(length: float, duration: float, start: float, end: float, t: np.ndarra
     start=st.floats(-2.0, 3.0),
     end=st.floats(-2.0, 3.0),
 )
-def test_unconstrained_is_the_cubic(
+def test_time_law_without_bounds_is_the_cubic(
     length: float, duration: float, start: float, end: float
 ) -> None:
     law = go.time_law(length, duration, start, end)
@@ -37,22 +38,54 @@ def test_unconstrained_is_the_cubic(
     assert law(duration, 1) == pytest.approx(end, abs=1e-9 * size / duration)
 
 
+@pytest.mark.parametrize(
+    "bounds", [{}, {"monotone": True}, {"max_speed": 2.0}, {"monotone": True, "max_speed": 2.0}]
+)
+def test_cubic_within_the_bounds_needs_no_solver(
+    bounds: dict[str, object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The four end conditions leave nothing to choose: a single cubic, without Ipopt."""
+
+    def refuse(*arguments: object, **options: object) -> None:
+        raise AssertionError("Ipopt was called")
+
+    monkeypatch.setattr(module, "Ipopt", refuse)
+    module._program.cache_clear()
+    law = go.time_law(1.0, 1.0, 0.5, 0.5, **bounds)
+    assert law.knots.tolist() == [0.0, 1.0]
+    t = np.linspace(0.0, 1.0, 11)
+    assert law(t) == pytest.approx(cubic(1.0, 1.0, 0.5, 0.5, t), abs=1e-15)
+    with pytest.raises(AssertionError, match="Ipopt was called"):
+        go.time_law(1.0, 1.0, 0.5, 0.5, max_speed=1.1)
+
+
+@pytest.mark.parametrize(("length", "start", "end"), [(1.0, 0.0, 0.0), (0.3, 1.0, -0.4)])
+def test_nlp_on_many_intervals_finds_the_cubic(length: float, start: float, end: float) -> None:
+    law = module._bounded(64, [length, start, end], -np.inf, np.inf)
+    assert law.knots.size == 65
+    t = np.linspace(0.0, 1.0, 101)
+    assert law(t) == pytest.approx(cubic(length, 1.0, start, end, t), abs=1e-7)
+    assert law.cost == pytest.approx(go.time_law(length, 1.0, start, end).cost, rel=1e-7)
+
+
 @given(length=st.floats(0.01, 1.0), start=st.floats(0.0, 5.0), end=st.floats(0.0, 5.0))
-def test_monotone_laws_never_run_backwards(length: float, start: float, end: float) -> None:
+def test_speed_of_a_monotone_time_law_is_never_negative(
+    length: float, start: float, end: float
+) -> None:
     law = go.time_law(length, 1.0, start, end, monotone=True)
     speed = max(length, start, end)
-    # Between the knots too: s' is a parabola with no coefficient below zero.
+    # Also between the knots: s' is a parabola without negative Bezier coefficients.
     assert law(np.linspace(0.0, 1.0, 2001), 1).min() >= -1e-9 * speed
     assert law(1.0) == pytest.approx(length, abs=1e-9 * speed)
     assert law(0.0, 1) == pytest.approx(start, abs=1e-9 * speed)
     assert law.cost >= go.time_law(length, 1.0, start, end).cost * (1.0 - 1e-6)
 
 
-def test_monotone_law_that_waits_is_the_optimal_one() -> None:
-    """Brake along u (1 - t/a)^2 to a halt, wait, start again; a and b by a Lagrange multiplier.
+def test_monotone_time_law_with_a_pause_is_optimal() -> None:
+    """Decelerate as u (1 - t/a)^2 to rest, pause, accelerate; a and b by a Lagrange multiplier.
 
-    Braking costs 4 u^2 / (3 a) and covers u a / 3; the least cost for a given length has a and b
-    in the ratio of the roots of the end speeds.
+    Deceleration costs 4 u^2 / (3 a) and covers u a / 3; at the least cost for a given length, a
+    and b have the ratio of the square roots of the end speeds.
     """
     length, start, end = 0.1, 1.0, 0.5
     root = 3 * length / (start**1.5 + end**1.5)
@@ -66,7 +99,7 @@ def test_monotone_law_that_waits_is_the_optimal_one() -> None:
     assert law(middle, 1) == pytest.approx(np.zeros(20), abs=1e-3)
 
 
-def test_bounded_speed_is_kept_and_used() -> None:
+def test_speed_reaches_its_bound_without_exceeding_it() -> None:
     free = go.time_law(0.9, 1.0, 0.0, 0.0)
     law = go.time_law(0.9, 1.0, 0.0, 0.0, max_speed=1.2)
     assert free(0.5, 1) == pytest.approx(1.35)
@@ -77,12 +110,12 @@ def test_bounded_speed_is_kept_and_used() -> None:
 
 
 @pytest.mark.parametrize("ends", [(0.08, 0.08), (0.3, 0.0), (0.7, 1.0)])
-@pytest.mark.parametrize("room", [0.002, 0.005, 0.05])
-def test_hardly_any_room_below_the_bound(room: float, ends: tuple[float, float]) -> None:
-    """Nearly all of the way at full speed, after braking or launching at once."""
-    law = go.time_law(1.0, 1.0, *ends, max_speed=1.0 + room)
+@pytest.mark.parametrize("gap", [0.002, 0.005, 0.05])
+def test_speed_bound_close_to_the_mean_speed(gap: float, ends: tuple[float, float]) -> None:
+    """Nearly all of the length at full speed, after immediate braking or acceleration."""
+    law = go.time_law(1.0, 1.0, *ends, max_speed=1.0 + gap)
     speeds = law(np.linspace(0.0, 1.0, 2001), 1)
-    assert speeds.max() <= (1.0 + room) * (1 + 1e-9)
+    assert speeds.max() <= (1.0 + gap) * (1 + 1e-9)
     assert law(1.0) == pytest.approx(1.0, abs=1e-9)
     assert [law(0.0, 1), law(1.0, 1)] == pytest.approx(ends, abs=1e-9)
 
@@ -94,7 +127,7 @@ def test_cost_is_the_integral() -> None:
     assert law.cost == pytest.approx(1.3 * np.mean(law(t, 2) ** 2), rel=1e-6)
 
 
-def test_derivatives_and_shapes() -> None:
+def test_derivatives_match_finite_differences() -> None:
     law = go.time_law(1.0, 2.0, 0.1, 0.3)
     t, h = np.linspace(0.1, 1.9, 7), 1e-6
     for order in (1, 2):
@@ -106,7 +139,7 @@ def test_derivatives_and_shapes() -> None:
     assert law.length == pytest.approx(1.0)
 
 
-def test_no_length_and_no_speed_is_rest() -> None:
+def test_zero_length_and_zero_speeds_give_rest() -> None:
     law = go.time_law(0.0, 1.0, 0.0, 0.0, monotone=True)
     assert not law(np.linspace(0.0, 1.0, 5)).any()
 
@@ -125,14 +158,14 @@ def test_no_length_and_no_speed_is_rest() -> None:
         ((1.0, 1.0, 0.0, 0.0), {"max_speed": 0.0}, "max_speed must be positive"),
     ],
 )
-def test_impossible_laws_are_refused(
+def test_infeasible_time_laws_are_refused(
     arguments: tuple[float, ...], options: dict[str, object], message: str
 ) -> None:
     with pytest.raises(ValueError, match=message):
         go.time_law(*arguments, **options)
 
 
-def test_arguments_outside_the_law_are_named() -> None:
+def test_arguments_out_of_range_are_named() -> None:
     law = go.time_law(1.0, 2.0, 0.0, 0.0)
     with pytest.raises(ValueError, match=r"t must lie in \[0, 2\] s"):
         law(2.1)

@@ -1,23 +1,31 @@
-"""Solutions that are saved and read again."""
+"""Solutions are saved to files and read again."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from known_metrics import Sphere
 from known_problems import PlaneAroundDisc
+from numpy.testing import assert_array_equal
 
 import geodesic_ocp as go
+from geodesic_ocp import records
+
+START, TARGET = (0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1), (0.10, 0.45, -0.05)  # [rad], [m]
 
 
-def test_a_solution_comes_back_whole(tmp_path: Path, arm: go.Model) -> None:
-    reach = go.Reach(arm, [0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1], position=[0.10, 0.45, -0.05])
+def test_saved_solution_is_read_unchanged(tmp_path: Path, arm: go.Model) -> None:
+    reach = go.Reach(arm, START, TARGET)
     for problem in (go.PointToPoint(Sphere(), (1.0, 0.0), (1.4, 1.9)), PlaneAroundDisc(), reach):
-        solution = go.solve(problem, tolerance=1e-4)
-        file = (solution).save(tmp_path / "solution.json")
+        solution = go.solve(problem, tolerance=1e-3)
+        file = solution.save(tmp_path / "solution.json")
         again = go.load_solution(file, problem)
         assert again.path.grid == solution.path.grid
         assert np.array_equal(again.path.nodes, solution.path.nodes)
@@ -30,18 +38,18 @@ def test_a_solution_comes_back_whole(tmp_path: Path, arm: go.Model) -> None:
         assert go.solve(problem, grid=again.path.grid, guess=again).stats.success
 
 
-def test_files_are_json_that_others_read(tmp_path: Path) -> None:
+def test_file_is_standard_json(tmp_path: Path) -> None:
     solution = go.solve(PlaneAroundDisc(), throw=False, ipopt={"max_iter": 1})
-    file = (solution).save(tmp_path / "solution.json")
+    file = solution.save(tmp_path / "solution.json")
     record = json.loads(file.read_text(), parse_constant=lambda name: pytest.fail(name))
     assert record["problem"] == "PlaneAroundDisc"
     assert np.shape(record["nodes"]) == (len(record["s"]), 2)
     assert record["stats"]["status"].startswith("Ipopt used up its iterations")
 
 
-def test_files_that_are_none_are_named(tmp_path: Path) -> None:
+def test_malformed_files_are_named(tmp_path: Path) -> None:
     problem = PlaneAroundDisc()
-    good = (go.solve(problem)).save(tmp_path / "good.json")
+    good = go.solve(problem).save(tmp_path / "good.json")
     other = go.PointToPoint(Sphere(), (1.0, 0.0), (1.4, 1.9))
     with pytest.raises(go.RecordingError, match="a solution of PlaneAroundDisc, not of PointToP"):
         go.load_solution(good, other)
@@ -63,3 +71,110 @@ def test_files_that_are_none_are_named(tmp_path: Path) -> None:
         go.load_solution(bad, problem)
     with pytest.raises(go.RecordingError, match="there is no such file"):
         go.load_solution(tmp_path / "none.json", problem)
+
+
+def test_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    solution = go.solve(PlaneAroundDisc())
+    file = solution.save(tmp_path / "solution.json")
+    before = file.read_bytes()
+
+    class DiskFull:
+        """A file that holds the beginning of what is written to it."""
+
+        def __init__(self, descriptor: int, *arguments: Any, **options: Any) -> None:
+            self.stream = open(descriptor, "w")  # noqa: SIM115
+
+        def __enter__(self) -> DiskFull:
+            return self
+
+        def __exit__(self, *reason: object) -> None:
+            self.stream.close()
+
+        def write(self, text: str) -> None:
+            self.stream.write(text[:100])
+            raise OSError("no space left on device")
+
+    monkeypatch.setattr(records, "open", DiskFull, raising=False)
+    with pytest.raises(OSError, match="no space left"):
+        go.solve(PlaneAroundDisc(radius=0.4)).save(file)
+    assert file.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [file]
+    with pytest.raises(OSError, match="none"):
+        solution.save(tmp_path / "none" / "solution.json")
+
+
+def test_model_with_other_limits_or_hand_is_refused(tmp_path: Path, arm: go.Model) -> None:
+    target = arm.hand_pose(START)[1] + [0.0, 0.02, 0.0]
+    file = go.solve(go.Reach(arm, START, target, limits=False)).save(tmp_path / "solution.json")
+    wider = arm.with_limits(arm.lower, arm.upper + 0.1)
+    with pytest.raises(go.RecordingError, match=r"upper of the problem's model 'human right arm'"):
+        go.load_solution(file, go.Reach(wider, START, target, limits=False))
+    other = arm.with_hand("right forearm")
+    with pytest.raises(go.RecordingError, match=r"hand of the problem's model 'human right arm'"):
+        go.load_solution(file, go.Reach(other, START, target, limits=False))
+    assert go.load_solution(file, go.Reach(arm, START, target, limits=False)).stats.success
+
+
+@dataclass(frozen=True)
+class WithObstacles(PlaneAroundDisc):
+    """Obstacles as a field; they do not take part."""
+
+    obstacles: tuple[Any, ...] = ()
+
+
+def test_obstacles_are_saved(tmp_path: Path) -> None:
+    obstacles = (
+        go.Ball((0.1, 0.2, 1 / 3), 0.05, name="lamp"),
+        go.Capsule((0.0, 0.0, 1.0), (0.0, 0.0, 2.0), 0.1),
+        go.HalfSpace((0.0, 0.0, -0.5), (0.0, 0.0, 1.0), "floor"),
+    )
+    file = go.solve(WithObstacles(obstacles=obstacles)).save(tmp_path / "solution.json")
+    again = go.load_solution(file).problem
+    assert isinstance(again, WithObstacles)
+    assert again.obstacles == obstacles
+
+
+class NoDataclass(go.Problem):
+    """A straight line whose goal is not a field."""
+
+    def __init__(self, goal: float) -> None:
+        self.goal = goal
+
+    @property
+    def metric(self) -> go.Metric:
+        return go.Euclidean(1)
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+        return [(q0, 0.0), (q1, self.goal)]
+
+
+def test_problem_that_is_no_dataclass_must_be_given(tmp_path: Path) -> None:
+    file = go.solve(NoDataclass(2.0)).save(tmp_path / "solution.json")
+    with pytest.raises(
+        go.RecordingError, match="does not hold the fields of NoDataclass; use load_solution"
+    ):
+        go.load_solution(file)
+    assert go.load_solution(file, NoDataclass(2.0)).path(1.0) == pytest.approx(2.0)
+    with pytest.raises(go.RecordingError, match="violates this problem's conditions by 1"):
+        go.load_solution(file, NoDataclass(3.0))
+
+
+class Undefined(NoDataclass):
+    """A constraint that is not a number anywhere."""
+
+    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+        return [(0.0, ca.sqrt(-1.0 - q**2), 1.0, "root")]
+
+
+def test_iterate_that_is_not_a_number_is_saved(tmp_path: Path) -> None:
+    failed = go.solve(Undefined(1.0), throw=False)
+    assert not failed.stats.success
+    file = failed.save(tmp_path / "solution.json")
+    record = json.loads(file.read_text(), parse_constant=pytest.fail)
+    assert record["stats"]["max_path_violation"] == "nan"
+    again = go.load_solution(file, Undefined(1.0))
+    assert again.stats.status == failed.stats.status
+    assert again.record() == failed.record()
+    assert_array_equal(again.path.nodes, failed.path.nodes)
+    for name, values in failed.multipliers.items():
+        assert_array_equal(again.multipliers[name], values)

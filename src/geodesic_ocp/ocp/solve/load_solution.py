@@ -140,7 +140,8 @@ def _check_same_problem(solution: Solution, path: FilePath) -> None:
         )
     largest = solution.violations[0].amount if solution.violations else 0.0
     saved = solution.stats.max_path_violation
-    if not (largest == saved or abs(largest - saved) <= _SAME_VIOLATION * max(1.0, abs(saved))):
+    same = abs(largest - saved) <= _SAME_VIOLATION * max(1.0, abs(saved))
+    if not (same or np.array_equal(largest, saved, equal_nan=True)):
         raise RecordingError(
             f"{path}: its path violates this problem's conditions by {largest:.3g} and was saved "
             f"with {saved:.3g}; pass the problem that was solved"
