@@ -1,4 +1,4 @@
-"""Ipopt: the only place that calls nlpsol and reads its success."""
+"""Ipopt through CasADi: the only module that calls nlpsol and reads its success."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 
-# The objective is scaled to be of the order of one, so these are relative to the path's energy.
-# Ipopt widens bounds by 1e-8 for its own ease; the answer keeps the ones that were asked for.
+# The objective is scaled to the order of one, so tolerances are relative to the path's energy.
+# Ipopt relaxes bounds by 1e-8 internally; the solution satisfies the original ones.
 _IPOPT = {
     "tol": 1e-10,
     "max_iter": 300,
@@ -23,17 +23,17 @@ _IPOPT = {
 }
 NO_VALUE = "not finite, or not differentiable"
 STOPPED = "the callback stopped Ipopt"
-NOT_FINITE = "the metric or a condition is not finite on the way"
+NOT_FINITE = "the metric or a condition is not finite along the path"
 _SENTENCES = {
     "Solve_Succeeded": "Ipopt found a local solution",
     "Solved_To_Acceptable_Level": "Ipopt could not reach its tolerance, only its acceptable level",
-    "Infeasible_Problem_Detected": "no path near the guess meets all conditions",
-    "Maximum_Iterations_Exceeded": "Ipopt used up its iterations (raise ipopt={'max_iter': ...})",
-    "Maximum_CpuTime_Exceeded": "Ipopt used up its time",
-    "Restoration_Failed": "Ipopt could not return to paths that meet the conditions",
+    "Infeasible_Problem_Detected": "the conditions cannot be met near the initial guess",
+    "Maximum_Iterations_Exceeded": "Ipopt reached its iteration limit (raise ipopt={'max_iter': ...})",
+    "Maximum_CpuTime_Exceeded": "Ipopt reached its time limit",
+    "Restoration_Failed": "Ipopt's restoration phase failed to meet the conditions",
     "Invalid_Number_Detected": NOT_FINITE,
     "Search_Direction_Becomes_Too_Small": "Ipopt's steps became too small",
-    "Diverging_Iterates": "the iterates run away to infinity",
+    "Diverging_Iterates": "the iterates diverge",
     "Error_In_Step_Computation": "the linear system of a step could not be solved",
     "User_Requested_Stop": STOPPED,
     "Not_Enough_Degrees_Of_Freedom": "there are more equalities than variables",
@@ -45,7 +45,7 @@ _INTERRUPTED = ("NonIpopt_Exception_Thrown", "User_Requested_Stop")
 
 @dataclass(frozen=True)
 class Outcome:
-    """What Ipopt returned: success, a sentence, iterations, time, objective and last iterate."""
+    """Result of Ipopt: success, status in words, iterations, time, objective, last iterate."""
 
     success: bool
     status: str
@@ -60,13 +60,13 @@ class Outcome:
 
 @dataclass(frozen=True, eq=False)
 class Ipopt:
-    """An NLP and Ipopt, ready to be called with values.
+    """A nonlinear program with Ipopt, to be called with numerical arguments.
 
     Args:
-        nlp: CasADi's dictionary of expressions or a function; x, p -> f, g.
-        derivatives: functions for nlpsol's options grad_f, hess_lag; CasADi's own where missing.
-        options: Ipopt's own, by name, over the package's.
-        relay: called in every iteration; to return other than zero stops Ipopt.
+        nlp: dictionary of CasADi expressions or a function; x, p -> f, g.
+        derivatives: functions for nlpsol's options grad_f and hess_lag, if not CasADi's own.
+        options: of Ipopt by name, which override the package's.
+        relay: CasADi callback for every iteration.
 
     Raises:
         ValueError: there is no such option, or its value is of another type.
@@ -81,7 +81,7 @@ class Ipopt:
     def __post_init__(self) -> None:
         options: dict[str, Any] = {
             "print_time": False,
-            "calc_lam_p": False,  # nobody asks, and where a solve failed CasADi would print so
+            "calc_lam_p": False,  # unused, and CasADi would print a warning after a failed solve
             "error_on_fail": False,
             "show_eval_warnings": False,
             "ipopt": {**_IPOPT, **self.options},

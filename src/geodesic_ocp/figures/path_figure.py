@@ -72,8 +72,8 @@ def _draw_coordinates(axes: Axes, path: Path) -> None:
     for line, limit in zip(axes.get_lines(), _limits_reached(path), strict=True):
         for value in limit:
             axes.axhline(value, color=line.get_color(), linewidth=0.8, linestyle=":")
-    for share in path.grid.via_s:
-        axes.axvline(float(share), color="#7a7a7a", linewidth=1.0, linestyle=":")
+    for at_via in path.grid.via_s:
+        axes.axvline(float(at_via), color="#7a7a7a", linewidth=1.0, linestyle=":")
     axes.set_ylabel(f"coordinates q{units}")
     axes.tick_params(labelbottom=False)
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")

@@ -63,7 +63,7 @@ def retarget(
         progress: called with the current step, the amount done and the total.
 
     Warns:
-        UserWarning: before anything is solved, which poses are out of reach, and by how much.
+        UserWarning: poses out of reach, with their distances, before anything is solved.
 
     Raises:
         ValueError: arguments of the wrong type or shape; a robot without an alignment; a start

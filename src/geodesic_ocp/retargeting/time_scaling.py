@@ -116,10 +116,10 @@ def scale_time(arms: Sequence[ArmPaths]) -> TimeScaling:
 def _laws(arm: ArmPaths, edges: Array, factors: Array) -> tuple[TimeLaw, ...]:
     steps = np.diff(edges) * factors
     later = np.concatenate([[0.0], np.cumsum(steps)])
-    places = np.searchsorted(edges, arm.edges)
-    durations = np.diff(later[places])
-    before = np.concatenate([[1.0], factors])[places]
-    after = np.concatenate([factors, [1.0]])[places]
+    index = np.searchsorted(edges, arm.edges)
+    durations = np.diff(later[index])
+    before = np.concatenate([[1.0], factors])[index]
+    after = np.concatenate([factors, [1.0]])[index]
     # A neighbour or another arm may be slowed down more: end speeds follow the smaller mean.
     mean = np.array([path.length for path in arm.paths]) / durations
     speeds = np.minimum(arm.speeds / np.maximum(before, after), _cap(mean))

@@ -86,9 +86,9 @@ class Grid:
         if not np.all(np.diff(edges) > 0.0):
             raise ValueError(f"via points must increase between s = 0 and 1, got {list(via_s)}")
         counts = np.maximum(2, np.round(self.segments * np.diff(edges)).astype(int))
-        stations = np.cumsum(counts)
-        ends = np.interp(np.arange(stations[-1] + 1), [0, *stations], edges)
-        inner = tuple(stations[:-1].tolist())
+        via = np.cumsum(counts)
+        ends = np.interp(np.arange(via[-1] + 1), [0, *via], edges)
+        inner = tuple(via[:-1].tolist())
         return Grid(len(ends) - 1, self.degree, tuple(ends.tolist()), inner)
 
     def with_via_points_at(self, via_s: Sequence[float]) -> Grid:

@@ -206,9 +206,9 @@ def _num_intervals(scaled: list[float], low: float, high: float) -> int:
     if low == 0.0:
         needed = max(needed, (start + end) / (3.0 * length) if length > 0.0 else np.inf)
     if np.isfinite(high):
-        room = high - length
+        margin = high - length
         braking = (high - start) + (high - end)
-        needed = max(needed, braking / (3.0 * room) if room > 0.0 else np.inf)
+        needed = max(needed, braking / (3.0 * margin) if margin > 0.0 else np.inf)
     if needed > _MAX_INTERVALS / 4:
         if start <= _SLACK and end <= _SLACK and length == 0.0:
             return _INTERVALS
@@ -225,8 +225,8 @@ def _bounded(intervals: int, scaled: list[float], low: float, high: float) -> Ti
     knots = np.linspace(0.0, 1.0, intervals + 1)
     lower = np.concatenate([np.full(intervals + 1, -np.inf), np.full(intervals + 1, low)])
     upper = np.concatenate([np.full(intervals + 1, np.inf), np.full(intervals + 1, high)])
-    for place, value in ((0, 0.0), (intervals, length), (intervals + 1, start), (-1, end)):
-        lower[place] = upper[place] = value
+    for index, value in ((0, 0.0), (intervals, length), (intervals + 1, start), (-1, end)):
+        lower[index] = upper[index] = value
     guess = np.concatenate([knots * length, start + knots * (end - start)])
     for tolerance in _TOLERANCES:
         outcome: Outcome = _program(intervals, tolerance)(

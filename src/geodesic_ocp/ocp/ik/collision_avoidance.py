@@ -1,4 +1,4 @@
-"""Which collision bodies are kept apart, and by how much."""
+"""Collision bodies that are kept apart, and their smallest distance."""
 
 from __future__ import annotations
 

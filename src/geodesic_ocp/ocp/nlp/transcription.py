@@ -177,6 +177,6 @@ def transcribe(functions: NodeFunctions, grid: Grid) -> Transcription:
 
 
 def _jump(slopes: ca.MX, grid: Grid, segment: int) -> ca.MX:
-    """By how much the velocity after a segment's end differs from that before, (n, 1)."""
+    """Jump of the velocity at the end of a segment, (n, 1)."""
     after = segment * (grid.degree + 1)
     return slopes[:, after] - slopes[:, after - 1]

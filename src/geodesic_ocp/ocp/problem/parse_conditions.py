@@ -4,52 +4,21 @@ from __future__ import annotations
 
 import copy
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, is_symbolic
-from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.ocp.nlp.conditions import Condition, Conditions
 
 
-class Conditioned(Protocol):
-    """The part of a `Problem` that conditions are read from."""
+def parse_conditions(problem: Any) -> Conditions:
+    """The conditions of a `Problem`; each of its methods is called once.
 
-    @property
-    def metric(self) -> Metric:
-        """Metric of the manifold."""
-
-    @property
-    def parameters(self) -> Sequence[str]:
-        """Names of the fields that are symbols in the NLP."""
-
-    @property
-    def continuous_velocity_at_via(self) -> bool:
-        """Whether the velocity is continuous at via points."""
-
-    @property
-    def boundary(self) -> Callable[..., Sequence[Any]]:
-        """Equalities at the ends."""
-
-    @property
-    def constraints(self) -> Callable[[ca.SX, ca.SX], Sequence[Any]]:
-        """Inequalities along the path."""
-
-    @property
-    def via(self) -> Callable[[ca.SX], Sequence[Sequence[Any]]]:
-        """Equalities at via points."""
-
-    @property
-    def cost(self) -> Callable[[ca.SX, ca.SX], Any]:
-        """Running cost."""
-
-
-def parse_conditions(problem: Conditioned) -> Conditions:
-    """The problem's conditions; every method of the problem is called once.
+    The parameter has no type, as `Problem` is built on this function.
 
     Raises:
         ValueError: an entry is malformed, two have the same name, or a parameter is not numeric.
@@ -96,7 +65,7 @@ def parse_conditions(problem: Conditioned) -> Conditions:
     )
 
 
-def _takes_velocities(problem: Conditioned) -> bool:
+def _takes_velocities(problem: Any) -> bool:
     return len(inspect.signature(problem.boundary).parameters) == 4
 
 
@@ -160,7 +129,7 @@ def _has_symbols(limit: Any) -> bool:
     return is_symbolic(limit)
 
 
-def _with_symbols(problem: Conditioned) -> tuple[Conditioned, _Parameters]:
+def _with_symbols(problem: Any) -> tuple[Any, _Parameters]:
     """The problem with symbols in place of its parameters, and these symbols."""
     if not problem.parameters:
         return problem, _Parameters(ca.SX(0, 1), np.zeros(0))

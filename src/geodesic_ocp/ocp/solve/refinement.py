@@ -26,7 +26,7 @@ _MAX_ROUNDS = 20
 _MAX_SEGMENTS = 400
 # Segments are halved whose error exceeds this fraction of the largest.
 _FRACTION = 0.1
-# After so many history an objective that is larger by so much is diverged.
+# After this many rounds, an objective larger by this factor has diverged.
 _PATIENCE, _WORSE = 3, 1.2
 
 
