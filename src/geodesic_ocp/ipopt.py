@@ -28,7 +28,7 @@ _SENTENCES = {
     "Solve_Succeeded": "Ipopt found a local solution",
     "Solved_To_Acceptable_Level": "Ipopt could not reach its tolerance, only its acceptable level",
     "Infeasible_Problem_Detected": "the conditions cannot be met near the initial guess",
-    "Maximum_Iterations_Exceeded": "Ipopt reached its iteration limit (raise ipopt={'max_iter': ...})",
+    "Maximum_Iterations_Exceeded": "Ipopt reached its iteration limit (ipopt={'max_iter': ...})",
     "Maximum_CpuTime_Exceeded": "Ipopt reached its time limit",
     "Restoration_Failed": "Ipopt's restoration phase failed to meet the conditions",
     "Invalid_Number_Detected": NOT_FINITE,

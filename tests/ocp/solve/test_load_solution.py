@@ -44,7 +44,7 @@ def test_file_is_standard_json(tmp_path: Path) -> None:
     record = json.loads(file.read_text(), parse_constant=lambda name: pytest.fail(name))
     assert record["problem"] == "PlaneAroundDisc"
     assert np.shape(record["nodes"]) == (len(record["s"]), 2)
-    assert record["stats"]["status"].startswith("Ipopt used up its iterations")
+    assert record["stats"]["status"].startswith("Ipopt reached its iteration limit")
 
 
 def test_malformed_files_are_named(tmp_path: Path) -> None:

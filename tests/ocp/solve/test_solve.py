@@ -1,4 +1,4 @@
-"""Problems, their transcription, and what Ipopt makes of them."""
+"""Solutions: accuracy, multipliers, convergence with the grid, and failures."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class SphereToMeridian(go.Problem):
 
 @dataclass(frozen=True)
 class Mixed(go.Problem):
-    """Every kind of condition at once, on a human arm."""
+    """All types of conditions at once, on a human arm."""
 
     model: go.Model = field(default_factory=go.human_arm)
 
@@ -60,8 +60,10 @@ class Mixed(go.Problem):
 
 
 @pytest.mark.parametrize("grid", [go.Grid(1, 6), go.Grid(3, 4), go.Grid(2, 2)])
-def test_assembled_derivatives_equal_casadis(grid: go.Grid, rng: np.random.Generator) -> None:
-    """Gradient and Hessian assembled from one node's, against those of the whole graph."""
+def test_assembled_derivatives_equal_those_of_casadi(
+    grid: go.Grid, rng: np.random.Generator
+) -> None:
+    """Gradient and Hessian assembled from those of one node, against CasADi's of the whole NLP."""
     problem = Mixed()
     terms = parse_conditions(problem)
     assert [len(group) for group in (terms.fixed, terms.ends, terms.bounds)] == [1, 1, 1]
@@ -71,7 +73,7 @@ def test_assembled_derivatives_equal_casadis(grid: go.Grid, rng: np.random.Gener
     check_derivatives(transcription, p, rng)
 
 
-def test_every_kind_of_condition_is_met() -> None:
+def test_all_types_of_conditions_are_met() -> None:
     problem = Mixed()
     solution = go.solve(problem)
     assert solution.stats.success
@@ -107,7 +109,7 @@ def test_free_ends_do_not_depend_on_rounding(shift: float) -> None:
     assert go.solve(Shifted()).stats.success
 
 
-def test_path_around_a_disc_has_its_known_length() -> None:
+def test_path_around_a_disc_has_the_exact_length() -> None:
     """Refined grids approach two tangents and an arc; the smooth parts alone would be 2."""
     problem = PlaneAroundDisc()
     errors = []
@@ -120,7 +122,7 @@ def test_path_around_a_disc_has_its_known_length() -> None:
     assert np.all(solution.multipliers["disc"] <= 1e-9)  # it pushes outwards only
 
 
-def test_free_end_meets_the_meridian_at_a_right_angle() -> None:
+def test_path_to_a_meridian_arrives_at_a_right_angle() -> None:
     """Transversality: v'G n = 0 along the free direction."""
     problem = SphereToMeridian()
     solution = go.solve(problem)
@@ -136,7 +138,7 @@ def test_multipliers_are_derivatives_of_the_least_energy() -> None:
     assert solution.multipliers["start"] == pytest.approx([3.0, 4.0], rel=1e-6)
 
 
-def test_multipliers_of_functions_have_the_energys_unit() -> None:
+def test_multipliers_of_constraint_functions_have_units_of_energy() -> None:
     """The same for a condition that is not a bare coordinate, against differences of energies."""
 
     @dataclass(frozen=True)
@@ -154,7 +156,7 @@ def test_multipliers_of_functions_have_the_energys_unit() -> None:
     assert go.solve(ToSum()).multipliers["sum"] == pytest.approx([-slope], rel=1e-6)
 
 
-def test_solution_carries_figures_and_is_not_polished() -> None:
+def test_stats_describe_the_solution() -> None:
     problem = go.PointToPoint(Sphere(), (1.0, 0.0), (1.4, 1.1))
     solution = go.solve(problem, grid=go.Grid(1, 12))
     stats = solution.stats
@@ -181,8 +183,8 @@ def test_grids_converge_spectrally() -> None:
     assert errors[3] < 1e-11
 
 
-def test_segments_converge_with_the_order_of_their_degree() -> None:
-    """Energy on segments of degree d is right to order 2 d: by slope in log-log."""
+def test_order_of_convergence_is_twice_the_degree() -> None:
+    """The energy on segments of degree d has order 2 d: the slope in log-log."""
     a, b = np.array([1.0, 0.0]), np.array([1.4, 1.9])
     exact = go.distance(Sphere(), a, b) ** 2 / 2
     problem = go.PointToPoint(Sphere(), tuple(a), tuple(b))
@@ -193,8 +195,8 @@ def test_segments_converge_with_the_order_of_their_degree() -> None:
         assert slope < -2 * degree + 0.5
 
 
-def test_units_do_not_matter() -> None:
-    """A mouse's geodesic is a giant's: the energies differ by ten orders of magnitude."""
+def test_geodesics_do_not_depend_on_the_scale_of_the_mass() -> None:
+    """The energies differ by ten orders of magnitude."""
     q0 = (0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1)
     q1 = (0.9, 0.0, -0.6, 0.6, 0.2, 0.0, 0.0)
     nodes = []
@@ -207,7 +209,7 @@ def test_units_do_not_matter() -> None:
     assert nodes[2] == pytest.approx(nodes[1], abs=1e-8)
 
 
-def test_unsolvable_problems_say_why_and_carry_the_record() -> None:
+def test_infeasible_problem_is_explained_with_its_last_iterate() -> None:
     @dataclass(frozen=True)
     class OutOfReach(Mixed):
         def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
@@ -215,26 +217,27 @@ def test_unsolvable_problems_say_why_and_carry_the_record() -> None:
             return [(q0, start), (self.model.hand_pose(q1)[1], [5.0, 0.0, 0.0], "hand")]
 
     message = r"OutOfReach was not solved: .*hand\[0\] falls below 5 by 4\.\d+ at s = 1\.00"
+    grid = go.Grid(4, 3)
     with pytest.raises(go.NotConverged, match=message) as info:
-        go.solve(OutOfReach())
+        go.solve(OutOfReach(), grid=grid)
     record = info.value.solution
     assert isinstance(record, go.Solution)
     assert record.stats.worst_constraint == "hand"
     assert record.stats.max_node_violation > 1.0
     assert record.violations[0].amount == pytest.approx(record.stats.max_path_violation)
-    again = go.solve(OutOfReach(), throw=False)
+    again = go.solve(OutOfReach(), grid=grid, throw=False)
     assert not again.stats.success
     assert again.stats.status == record.stats.status
 
 
-def test_options_reach_ipopt() -> None:
+def test_options_are_passed_to_ipopt() -> None:
     problem = go.PointToPoint(Sphere(), (1.0, 0.0), (1.4, 1.9))
-    with pytest.raises(go.NotConverged, match=r"used up its iterations \(raise ipopt="):
+    with pytest.raises(go.NotConverged, match=r"reached its iteration limit \(ipopt="):
         go.solve(problem, ipopt={"max_iter": 1})
     assert go.solve(problem).stats.success  # options of one call do not stay
 
 
-def test_start_outside_the_limits_is_found_before_the_solve() -> None:
+def test_start_outside_the_limits_is_reported_before_the_solve() -> None:
     @dataclass(frozen=True)
     class Outside(Mixed):
         def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
@@ -279,7 +282,7 @@ def test_malformed_conditions_are_named(entry: str, message: str | None) -> None
             go.solve(Odd())
 
 
-def test_other_mistakes_are_named() -> None:
+def test_other_errors_in_a_problem_are_named() -> None:
     with pytest.raises(ValueError, match="problem must be an instance of a Problem class"):
         go.solve(Mixed)
 
@@ -309,7 +312,7 @@ def test_other_mistakes_are_named() -> None:
     ("options", "reason"),
     [({"tolerance": 1e-3}, "No such IPOPT option: tolerance"), ({"max_iter": "many"}, "mismatch")],
 )
-def test_options_that_ipopt_does_not_take_are_named(options: dict, reason: str) -> None:
+def test_options_unknown_to_ipopt_are_named(options: dict, reason: str) -> None:
     problem = go.PointToPoint(go.Euclidean(2), (0.0, 0.0), (1.0, 0.0))
     with pytest.raises(ValueError, match=f"does not take ipopt=.*{next(iter(options))}.*{reason}"):
         go.solve(problem, ipopt=options)
