@@ -27,7 +27,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def pytest_configure() -> None:
-    """A back end that is passed over with a warning would fail every test; say it once instead."""
+    """A back end skipped with a warning would fail every test; report it once instead."""
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
         try:
@@ -44,7 +44,7 @@ def pytest_report_header() -> str:
 
 @pytest.fixture(scope="session", params=BACKENDS)
 def backend(request: pytest.FixtureRequest) -> str:
-    """Each of the back ends in turn, whichever of them all other tests use."""
+    """Each of the back ends in turn; all other tests use the default one."""
     if missing := why_unavailable(request.param):
         pytest.skip(f"{request.param} cannot be imported here: {missing}")
     return request.param
@@ -52,7 +52,7 @@ def backend(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture(scope="session")
 def shared() -> Path:
-    """The folder of recordings and reference values that are not the project's own."""
+    """The folder of recordings and reference values from outside the project."""
     folder = ROOT.parent / "shared"
     if not (folder / "data").is_dir():
         pytest.skip(f"needs the recordings and reference values beside the project, in {folder}")

@@ -1,4 +1,4 @@
-"""A small robot in URDF, whose joints and links can be given otherwise; another in MJCF."""
+"""A small robot in URDF, with joints and links that can be replaced, and another in MJCF."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ MASSLESS, POINT = "", INERTIAL.replace("0.15", "0").replace('0.1"', '0"').replac
 
 
 def urdf(**changes: str) -> str:
-    """A base, a lift, three turning links with a two-finger gripper, and a link beside them.
+    """A base, a lift, three revolute links with a two-finger gripper, and a link beside them.
 
-    Each joint or link may be given as something else.
+    Args:
+        changes: type of a joint by its name, or `<name>_inertial`, `_mimic`, `_origin` in XML.
     """
-    kinds = {"lift": "prismatic", "one": "revolute", "two": "continuous", "three": "revolute"}
-    kinds |= {"left": "revolute", "right": "revolute", "beside": "revolute"}
+    types = {"lift": "prismatic", "one": "revolute", "two": "continuous", "three": "revolute"}
+    types |= {"left": "revolute", "right": "revolute", "beside": "revolute"}
     parents = {"lift": "base", "one": "lift", "two": "one", "three": "two"}
     parents |= {"left": "three", "right": "three", "beside": "lift"}
     lines = ['<robot name="gadget">', '<link name="base"/>']
@@ -26,7 +27,7 @@ def urdf(**changes: str) -> str:
         mimic = changes.get(f"{name}_mimic", "")
         origin = changes.get(f"{name}_origin", 'rpy="0.1 0.2 0.3" xyz="0.1 0.2 0.3"')
         lines.append(
-            f'<joint name="j_{name}" type="{changes.get(name, kinds[name])}">'
+            f'<joint name="j_{name}" type="{changes.get(name, types[name])}">'
             f'<parent link="{parent}"/><child link="{name}"/><origin {origin}/>'
             f'<axis xyz="0 1 0"/><limit lower="0.2" upper="1" effort="1" velocity="1"/>'
             f"{mimic}</joint>"

@@ -1,4 +1,4 @@
-"""A problem with a constraint whose solution is known, and a check of every problem's NLP."""
+"""A constrained problem with a known solution, and a check of the derivatives of an NLP."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from geodesic_ocp.ocp.nlp.transcription import Transcription
 
 @dataclass(frozen=True)
 class PlaneAroundDisc(go.Problem):
-    """From (-1, 0) to (1, 0) around the unit disc's half: two tangents and an arc."""
+    """From (-1, 0) to (1, 0) around a disc at the origin: two tangents and an arc."""
 
     radius: float = 0.5
     metric: go.Metric = field(default_factory=lambda: go.Euclidean(2))
@@ -38,7 +38,7 @@ class PlaneAroundDisc(go.Problem):
 def check_derivatives(
     transcription: Transcription, p: np.ndarray, rng: np.random.Generator
 ) -> None:
-    """Gradient and Hessian assembled from one node's, against those of the whole graph."""
+    """Gradient and Hessian assembled from those of one node, against CasADi's of the whole NLP."""
     x = ca.MX.sym("x", transcription.dim * transcription.grid.size)
     factors = rng.normal(size=transcription.constraints.size1_out(0))
     f, gradient = transcription.objective(x, p)

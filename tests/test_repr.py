@@ -6,6 +6,7 @@ import inspect
 
 import numpy as np
 import pytest
+from known_models import planar_arm
 from short_reprs import check_reprs
 
 import geodesic_ocp as go
@@ -14,6 +15,7 @@ START = (0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1)  # [rad]
 TARGET = (0.1, 0.45, 0.1)  # [m]
 # These are checked in tests/retargeting/test_retarget.py, where there is one.
 OF_A_RETARGETING = {go.Retargeting, go.RetargetedArm, go.SynergyGroup}
+pytestmark = pytest.mark.xdist_group("recording")
 ABSTRACT = {go.Metric, go.Problem}
 NEEDS_A_NOTEBOOK = {go.LivePlot}
 
@@ -32,7 +34,7 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
     )
     with pytest.raises(go.NotConverged) as failure:
         go.solve(go.PointToPoint(metric, START, np.add(START, 0.1)), ipopt={"max_iter": 0})
-    plane = go.Euclidean(2)
+    plane, rods = go.Euclidean(2), planar_arm((1.0, 1.0), (1.0, 1.0), (0.5, 0.5), (0.1, 0.1))
     values = [
         solution,
         solution.certificate,
@@ -44,7 +46,7 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
         reach.definition(),
         go.PointToPoint(go.KineticEnergy(both), np.full(14, 1 / 3), np.ones(14), speed=np.pi),
         go.geodesic(plane, (0.0, 0.0), (1.0, 2.0)),
-        go.geodesic_to_pose(arm, START, TARGET, throw=False),
+        go.geodesic_to_pose(rods, (0.2, 0.9), rods.hand_pose((0.3, 0.8))[1]),
         go.Path(go.KineticEnergy(both), go.Grid(1, 20), np.zeros((21, 14))),
         go.JacobiMetric(arm, 100.0),
         go.RegionAvoiding(go.KineticEnergy(both), margin=tuple(np.linspace(0.1, 0.4, 14))),

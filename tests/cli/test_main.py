@@ -1,4 +1,4 @@
-"""The command line: what it prints, what it writes, how it ends."""
+"""The command line: output, files and exit codes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,9 @@ def short_file(tmp_path: Path, reach_file: Path) -> Path:
     return file
 
 
-def test_analyse(short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_analyse_prints_a_table_and_writes_files(
+    short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "out"
     arguments = ["analyse", str(short_file), "--side", "left", "--out", str(out)]
     assert cli.main(arguments) == 0
@@ -43,7 +45,9 @@ def test_analyse(short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture
     assert (out / "synergies.json").is_file()
 
 
-def test_height_mass_and_threshold(short_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_height_mass_and_threshold_are_options(
+    short_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     arguments = ["analyse", str(short_file), "--side", "left", "--height", "1.5", "--mass", "50"]
     assert cli.main([*arguments, "--threshold", "1.0"]) == 0
     text = capsys.readouterr().out
@@ -61,9 +65,24 @@ def test_height_comes_from_the_recording(shared: Path, capsys: pytest.CaptureFix
     assert "20 geodesic synergies" in text
 
 
-def test_demo(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.xdist_group("recording")
+def test_demo_writes_to_its_default_folder(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    bundled_analysis: go.Analysis,
 ) -> None:
+    def analyse(
+        model: go.Model, motion: go.Motion, *options: object, **more: object
+    ) -> go.Analysis:
+        """The analysis of this model and motion, which is at hand."""
+        assert repr(model) == repr(bundled_analysis.model)
+        assert model.mass == bundled_analysis.model.mass
+        assert len(motion) == len(bundled_analysis.motion)
+        assert options == (0.6,)
+        return bundled_analysis
+
+    monkeypatch.setattr(recording, "analyse", analyse)
     monkeypatch.chdir(tmp_path)
     assert cli.main(["demo"]) == 0
     assert "height 1.78 m" in capsys.readouterr().out
@@ -77,14 +96,14 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out == f"geodesic-ocp {go.__version__}\n"
 
 
-def test_the_other_arm_is_suggested(reach_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_other_arm_is_suggested(reach_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["analyse", str(reach_file), "--side", "right"]) == 2
     assert capsys.readouterr().err.endswith("LWy_joint; try --side left\n")
     assert cli.main(["analyse", str(reach_file.with_name("LICENSE.Apache-2.0"))]) == 2
     assert "try --side" not in capsys.readouterr().err
 
 
-def test_models(capsys: pytest.CaptureFixture[str]) -> None:
+def test_models_lists_arms_robots_and_back_ends(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["models"]) == 0
     text = capsys.readouterr().out
     assert f"{go.human_arm().backend}: in use" in text
@@ -95,7 +114,7 @@ def test_models(capsys: pytest.CaptureFixture[str]) -> None:
     assert all(len(line) <= 100 for line in text.splitlines() if "cannot be imported" not in line)
 
 
-def test_models_without_any_robots(
+def test_models_names_missing_packages(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(catalogue, "folder", lambda package: None)
@@ -123,10 +142,10 @@ def altered(file: Path, **changes: object) -> Path:
 def test_uneven_samples_are_resampled_on_request(
     short_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def late(rows: list[list[str]]) -> list[list[str]]:
+    def delayed(rows: list[list[str]]) -> list[list[str]]:
         return [[str(float(row[0]) + 0.006 * (i > 40)), *row[1:]] for i, row in enumerate(rows)]
 
-    command = ["analyse", str(altered(short_file, rows=late)), "--side", "left"]
+    command = ["analyse", str(altered(short_file, rows=delayed)), "--side", "left"]
     assert cli.main(command) == 2
     assert "--resample on the command line" in capsys.readouterr().err
     assert cli.main([*command, "--resample", "100"]) == 0
@@ -144,12 +163,12 @@ def with_nan(rows: list[list[str]]) -> list[list[str]]:
     return rows
 
 
-def with_time_standing_still(rows: list[list[str]]) -> list[list[str]]:
+def with_repeated_time(rows: list[list[str]]) -> list[list[str]]:
     rows[9][0] = rows[8][0]
     return rows
 
 
-def frozen(rows: list[list[str]]) -> list[list[str]]:
+def without_motion(rows: list[list[str]]) -> list[list[str]]:
     return [[row[0], *rows[0][1:]] for row in rows]
 
 
@@ -157,14 +176,14 @@ def frozen(rows: list[list[str]]) -> list[list[str]]:
     ("change", "message"),
     [
         (with_nan, "q of LSy_joint is nan at sample 7"),
-        (with_time_standing_still, "time must increase: sample 9"),
-        (frozen, "the motion never moves"),
+        (with_repeated_time, "time must increase: sample 9"),
+        (without_motion, "the motion never moves"),
         (in_milliseconds, "is time in milliseconds?"),
         (lambda rows: rows[:1], "needs at least two samples, got 1"),
         (lambda rows: rows[:20], "needs as many samples, not 20"),
     ],
 )
-def test_bad_tables_end_with_one_line(
+def test_wrong_tables_end_with_one_line(
     change: object, message: str, short_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = altered(short_file, rows=change)
@@ -192,7 +211,7 @@ def test_bad_tables_end_with_one_line(
         (["--side", "right"], "there is no joint RSx_joint"),
     ],
 )
-def test_bad_options_end_with_one_line(
+def test_wrong_options_end_with_one_line(
     options: list[str], message: str, short_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = short_file.parent / "out"
@@ -205,7 +224,7 @@ def test_bad_options_end_with_one_line(
     assert not out.exists()
 
 
-def test_missing_and_broken_files(
+def test_missing_and_broken_files_end_with_code_2(
     tmp_path: Path, short_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert cli.main(["analyse", str(tmp_path / "none.xml")]) == 2
@@ -213,14 +232,16 @@ def test_missing_and_broken_files(
     (tmp_path / "cut.xml").write_text("<MMM><Motion name='x'><Joint")
     assert cli.main(["analyse", str(tmp_path / "cut.xml")]) == 2
     assert "cut.xml: broken XML at line 1" in capsys.readouterr().err
-    # An output folder that is a file is found before any work is done.
+    # An output folder that is a file is reported before any work is done.
     arguments = ["analyse", str(short_file), "--side", "left", "--out", str(short_file)]
     assert cli.main(arguments) == 2
     assert "is a file, not a folder" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("arguments", [[], ["fly"], ["analyse"], ["analyse", "a", "--side", "up"]])
-def test_wrong_usage_is_code_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_usage_ends_with_code_2(
+    arguments: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(SystemExit) as info:
         cli.main(arguments)
     assert info.value.code == 2
@@ -253,7 +274,7 @@ def test_ctrl_c_during_a_solve_raises_keyboard_interrupt() -> None:
             process.kill()
 
 
-def test_failed_solvers_and_interruptions_have_their_own_codes(
+def test_failed_solvers_and_interruptions_have_exit_codes(
     short_file: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ["analyse", str(short_file), "--side", "left"]
@@ -273,7 +294,7 @@ def test_failed_solvers_and_interruptions_have_their_own_codes(
         assert printed.count("\n") == 1
 
 
-def test_robots_that_cannot_be_are_named(
+def test_wrong_robots_are_named(
     short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     command = ["retarget", str(short_file), "--side", "left", "--robot"]
@@ -305,7 +326,9 @@ def test_robots_without_an_alignment_are_named(
 
 @needs_robots
 @pytest.mark.slow
-def test_retarget(short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_retarget_prints_a_table_and_writes_files(
+    short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "out"
     arguments = ["retarget", str(short_file), "--side", "left", "--robot", "panda", "--report"]
     assert cli.main([*arguments, "--out", str(out), "--position-only"]) == 0

@@ -1,4 +1,4 @@
-"""Problems in files, by the command line: found, changed, solved, drawn."""
+"""geodesic-ocp solve: problems in files are found, changed, solved and plotted."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def own(tmp_path: Path) -> Path:
     return file
 
 
-def test_a_problem_is_solved_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_problem_is_solved_and_plotted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "new" / "folder"
     arguments = ["solve", DISC, "--set", "radius=0.4", "--tolerance", "1e-6", "--out", str(out)]
     assert cli.main(arguments) == 0
@@ -59,7 +59,7 @@ def test_a_problem_is_solved_and_drawn(tmp_path: Path, capsys: pytest.CaptureFix
     assert again.problem.radius == 0.4  # type: ignore[attr-defined]
 
 
-def test_every_class_of_a_file(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_class_of_a_file_is_solved(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["solve", str(own)]) == 0
     text = capsys.readouterr().out
     assert text.index("Straight: A straight line.") < text.index("Longer: Another.")
@@ -97,7 +97,7 @@ def test_wrong_settings_are_named(
     assert message in capsys.readouterr().err
 
 
-def test_fields_that_cannot_be_given_are_named(capsys: pytest.CaptureFixture[str]) -> None:
+def test_fields_of_the_wrong_type_are_named(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["solve", str(GALLERY / "throw.py"), "--set", "ball=3"]) == 2
     assert (
         "Throw(ball=3) is not a valid problem: 'int' object has no attribute"
@@ -116,7 +116,7 @@ def test_fields_that_cannot_be_given_are_named(capsys: pytest.CaptureFixture[str
         ("import sys\nsys.exit(0)\n", "line 2 cannot be run: SystemExit"),
     ],
 )
-def test_files_without_problems(
+def test_files_without_problems_are_named(
     tmp_path: Path, content: str, message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "file.py"
@@ -127,7 +127,9 @@ def test_files_without_problems(
     assert "missing.py is not a Python file" in capsys.readouterr().err
 
 
-def test_a_problem_that_is_not_solved(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_infeasible_problem_ends_with_code_2(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     file = tmp_path / "apart.py"
     file.write_text(
         OWN.replace("from beside import END", "END = (1.0, 1.0)")
@@ -139,7 +141,7 @@ def test_a_problem_that_is_not_solved(tmp_path: Path, capsys: pytest.CaptureFixt
     )
 
 
-def test_fields_are_set(own: Path) -> None:
+def test_fields_are_set_from_literals(own: Path) -> None:
     straight, _ = problem_classes(own)
     problem = with_fields(straight, {"end": "(2, 0)", "steps": "4", "named": "True"})
     assert (problem.end, problem.steps, problem.named) == ((2, 0), 4, True)  # type: ignore[attr-defined]

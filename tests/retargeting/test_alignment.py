@@ -1,4 +1,4 @@
-"""Alignment: a person's hand on a robot, and back; left and right; known robots."""
+"""Alignments: maps of hand poses to a robot and back, mirroring, and known robots."""
 
 from __future__ import annotations
 
@@ -23,35 +23,35 @@ def some(rng: np.random.Generator) -> go.Alignment:
     return go.Alignment(rng.normal(size=3), base, hand, 1.2)
 
 
-def test_the_way_there_and_back(some: go.Alignment, rng: np.random.Generator) -> None:
+def test_maps_to_robot_and_person_are_inverse(some: go.Alignment, rng: np.random.Generator) -> None:
     rotations = Rotation.random(5, random_state=1).as_matrix()
     positions = rng.normal(size=(5, 3))
     for mirror in (True, False):
-        there = some.to_robot(rotations, positions, scale=1.3, mirror=mirror)
-        back = some.to_person(*there, scale=1.3, mirror=mirror)
+        mapped = some.to_robot(rotations, positions, scale=1.3, mirror=mirror)
+        back = some.to_person(*mapped, scale=1.3, mirror=mirror)
         assert_allclose(back[0], rotations, atol=1e-12)
         assert_allclose(back[1], positions, atol=1e-12)
     one = some.to_robot(rotations[2], positions[2], scale=1.3)
-    assert_allclose(one[1], there[1][2], atol=1e-12)
+    assert_allclose(one[1], mapped[1][2], atol=1e-12)
 
 
 def test_positions_are_scaled_from_the_shoulder(some: go.Alignment) -> None:
     axes = np.eye(3)
     _, at_shoulder = some.to_robot(axes, np.zeros(3), scale=2.0)
-    _, away = some.to_robot(axes, np.array([0.1, 0.2, -0.3]), scale=2.0)
+    _, mapped = some.to_robot(axes, np.array([0.1, 0.2, -0.3]), scale=2.0)
     assert_allclose(at_shoulder, some.shoulder)
-    assert np.linalg.norm(away - at_shoulder) == pytest.approx(
+    assert np.linalg.norm(mapped - at_shoulder) == pytest.approx(
         2.0 * np.linalg.norm([0.1, 0.2, 0.3])
     )
 
 
-def test_a_mirrored_arm_is_the_other_arm() -> None:
+def test_mirrored_right_arm_is_the_left_arm() -> None:
     """Mirrored configurations of the right arm have the poses of the left arm, frame by frame."""
     right, left = go.human_arm("right", 1.8), go.human_arm("left", 1.8)
     here = go.alignment(right)
     rng = np.random.default_rng(4)
     for q in rng.uniform(right.lower, right.upper, (5, 7)):
-        # Joints about y and z turn the other way on the other side.
+        # Joints about y and z rotate in the opposite direction on the other side.
         signs = np.array([1.0 if name[2] == "x" else -1.0 for name in right.joint_names])
         mirrored = here.to_robot(*right.hand_pose(q), scale=1.0, mirror=True)
         of_left = left.hand_pose(signs * q)
@@ -59,7 +59,7 @@ def test_a_mirrored_arm_is_the_other_arm() -> None:
         assert_allclose(mirrored[1], of_left[1], atol=1e-9)
 
 
-def test_a_person_is_aligned_with_another() -> None:
+def test_alignment_of_a_human_arm_scales_with_height() -> None:
     small, tall = go.human_arm("left", 1.5), go.human_arm("left", 2.0)
     found = go.alignment(tall.with_payload(1.0))
     assert found.side == "left"
@@ -67,13 +67,13 @@ def test_a_person_is_aligned_with_another() -> None:
     assert_allclose(found.base, np.eye(3))
 
 
-def test_changes_and_robots_that_are_not_known() -> None:
+def test_changed_fields_and_unknown_robots() -> None:
     arm = go.human_arm()
     assert go.alignment(arm, side=None).side is None
     with pytest.raises(ValueError, match=r"alignment: .*'colour'"):
         go.alignment(arm, colour="red")
-    stranger = pin.buildSampleModelManipulator()
-    model = go.Model(stranger, stranger.frames[-1].name)
+    unknown = pin.buildSampleModelManipulator()
+    model = go.Model(unknown, unknown.frames[-1].name)
     with pytest.raises(ValueError, match=r"no default alignment for .*go\.Alignment\(shoulder"):
         go.alignment(model)
 
@@ -99,8 +99,8 @@ def test_wrong_fields_are_named(change: dict[str, Any], message: str) -> None:
         go.Alignment(**{**fields, **change})
 
 
-def test_the_arm_length_moves_with_the_joint() -> None:
-    """Of two links of one metre each the hand is a metre from the elbow, wherever that is."""
+def test_arm_length_is_measured_from_the_given_joint() -> None:
+    """With two links of one metre, the hand is always one metre from the elbow."""
     chain = pin.Model()
     at = pin.SE3(np.eye(3), np.array([1.0, 0.0, 0.0]))
     shoulder = chain.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "shoulder")
@@ -116,7 +116,7 @@ def test_the_arm_length_moves_with_the_joint() -> None:
 
 
 def hanging(name: str, package: str) -> tuple[go.Alignment, np.ndarray, np.ndarray]:
-    """The pose on a robot of the hanging arm of a person, of the robot's side."""
+    """The robot's alignment, and the pose on it of the hand of a person's hanging arm."""
     if folder(package) is None:
         pytest.skip(f"{package} is not installed: make robots")
     robot = go.load_model(name)
@@ -162,7 +162,7 @@ def test_palms_and_thumbs_of_armar(side: str, thumb: tuple[int, ...]) -> None:
     assert_allclose(rotation @ thumb, FORWARD, atol=1e-9)
 
 
-def test_the_hand_of_the_person_is_as_described() -> None:
-    """Of the hanging arm: x to the right, y backward, z along the fingers."""
+def test_axes_of_the_human_hand_are_as_documented() -> None:
+    """With the arm hanging: x to the right, y backward, z along the fingers."""
     rotation, _ = go.human_arm().hand_pose(np.zeros(7))
     assert_allclose(rotation, np.diag([1.0, -1.0, -1.0]), atol=1e-12)

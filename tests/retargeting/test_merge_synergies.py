@@ -1,4 +1,4 @@
-"""Merging of synergies: what is dropped, what is joined, what stays; for any lengths."""
+"""Synergies are kept, merged or dropped according to their lengths."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LENGTHS = st.lists(
 
 
 def synergies(pieces: list[tuple[float, int]]) -> list[go.Synergy]:
-    """Of these lengths and numbers of samples, at 100 Hz."""
+    """Synergies with these lengths and numbers of samples, at 100 Hz."""
     found, start = [], 0
     for length, samples in pieces:
         nodes = np.array([[0.0], [length / 2.0], [length]])
@@ -34,13 +34,13 @@ def synergies(pieces: list[tuple[float, int]]) -> list[go.Synergy]:
     return found
 
 
-def of(*pieces: tuple[float, int]) -> list[tuple[str, tuple[int, ...], tuple[int, ...]]]:
+def grouped(*pieces: tuple[float, int]) -> list[tuple[str, tuple[int, ...], tuple[int, ...]]]:
     groups = go.merge_synergies(synergies(list(pieces)), drop=DROP, merge=MERGE)
     return [(group.kind, group.members, group.dropped) for group in groups]
 
 
 @given(pieces=LENGTHS)
-def test_groups_are_without_gaps_and_long_ones_stay(pieces: list[tuple[float, int]]) -> None:
+def test_groups_have_no_gaps_and_keep_long_synergies(pieces: list[tuple[float, int]]) -> None:
     given_ones = synergies(pieces)
     groups = go.merge_synergies(given_ones, drop=DROP, merge=MERGE)
     assert [number for group in groups for number in group.members] == list(range(len(pieces)))
@@ -49,7 +49,7 @@ def test_groups_are_without_gaps_and_long_ones_stay(pieces: list[tuple[float, in
         assert group.stop == given_ones[group.members[-1]].stop
         lengths = {number: pieces[number][0] for number in group.members}
         assert set(group.dropped) <= set(group.members)
-        # Two long ones are never one.
+        # Two long synergies are never merged.
         assert sum(length >= MERGE for length in lengths.values()) <= 1
         if group.kind == "rest":
             assert sum(lengths.values()) < DROP or not any(lengths.values())
@@ -62,7 +62,7 @@ def test_groups_are_without_gaps_and_long_ones_stay(pieces: list[tuple[float, in
 
 
 @given(pieces=LENGTHS)
-def test_nothing_short_is_left_beside_what_moves(pieces: list[tuple[float, int]]) -> None:
+def test_no_short_group_is_next_to_a_moving_group(pieces: list[tuple[float, int]]) -> None:
     groups = go.merge_synergies(synergies(pieces), drop=DROP, merge=MERGE)
     for one, other in pairwise(groups):
         if "rest" not in (one.kind, other.kind):
@@ -71,31 +71,31 @@ def test_nothing_short_is_left_beside_what_moves(pieces: list[tuple[float, int]]
                 assert sum(pieces[n][0] for n in counted) >= MERGE - 1e-12
 
 
-def test_short_ones_are_dropped_and_pauses_are_rests() -> None:
-    assert of((0.5, 10), (0.01, 3), (0.5, 10)) == [("kept", (0,), ()), ("kept", (1, 2), (1,))]
-    assert of((0.5, 10), (0.01, 30), (0.5, 10)) == [
+def test_short_synergies_are_dropped_and_pauses_become_rests() -> None:
+    assert grouped((0.5, 10), (0.01, 3), (0.5, 10)) == [("kept", (0,), ()), ("kept", (1, 2), (1,))]
+    assert grouped((0.5, 10), (0.01, 30), (0.5, 10)) == [
         ("kept", (0,), ()),
         ("rest", (1,), (1,)),
         ("kept", (2,), ()),
     ]
-    # At the beginning and the end nothing takes their time.
-    assert of((0.01, 2), (0.5, 10), (0.01, 2)) == [
+    # At the beginning and the end, short synergies become rests.
+    assert grouped((0.01, 2), (0.5, 10), (0.01, 2)) == [
         ("rest", (0,), (0,)),
         ("kept", (1,), ()),
         ("rest", (2,), (2,)),
     ]
 
 
-def test_many_short_ones_together_are_a_movement() -> None:
-    assert of((0.5, 9), *[(0.03, 3)] * 8, (0.5, 9)) == [
+def test_many_short_synergies_are_merged_into_one() -> None:
+    assert grouped((0.5, 9), *[(0.03, 3)] * 8, (0.5, 9)) == [
         ("kept", (0,), ()),
         ("merged", tuple(range(1, 9)), ()),
         ("kept", (9,), ()),
     ]
 
 
-def test_small_ones_are_joined_until_they_are_long_enough() -> None:
-    assert of((0.5, 9), (0.1, 9), (0.11, 9), (0.1, 9), (0.12, 9), (0.5, 9)) == [
+def test_small_synergies_are_merged_until_long_enough() -> None:
+    assert grouped((0.5, 9), (0.1, 9), (0.11, 9), (0.1, 9), (0.12, 9), (0.5, 9)) == [
         ("kept", (0,), ()),
         ("merged", (1, 2), ()),
         ("merged", (3, 4), ()),
@@ -103,23 +103,23 @@ def test_small_ones_are_joined_until_they_are_long_enough() -> None:
     ]
 
 
-def test_what_is_still_small_joins_its_shorter_neighbour() -> None:
-    assert of((0.5, 9), (0.1, 9), (0.3, 9)) == [("kept", (0,), ()), ("merged", (1, 2), ())]
-    assert of((0.01, 50), (0.1, 9), (0.01, 50)) == [
+def test_remaining_small_synergy_joins_its_shorter_neighbour() -> None:
+    assert grouped((0.5, 9), (0.1, 9), (0.3, 9)) == [("kept", (0,), ()), ("merged", (1, 2), ())]
+    assert grouped((0.01, 50), (0.1, 9), (0.01, 50)) == [
         ("rest", (0,), (0,)),
         ("kept", (1,), ()),
         ("rest", (2,), (2,)),
     ]
 
 
-def test_thresholds_are_shares_of_the_longest() -> None:
+def test_default_thresholds_are_fractions_of_the_longest() -> None:
     pieces = [(1.0, 9), (0.14, 9), (0.02, 2), (1.0, 9), (0.16, 9)]
     for scale in (1.0, 7.0):
         groups = go.merge_synergies(synergies([(scale * length, n) for length, n in pieces]))
         assert [group.members for group in groups] == [(0, 1), (2, 3), (4,)]
 
 
-def test_zero_thresholds_leave_everything() -> None:
+def test_zero_thresholds_keep_everything() -> None:
     groups = go.merge_synergies(synergies([(0.5, 9), (0.001, 9), (0.1, 9)]), drop=0.0, merge=0.0)
     assert [group.kind for group in groups] == ["kept", "kept", "kept"]
 

@@ -1,4 +1,4 @@
-"""A person's synergies on a robot, on arms that need no other package."""
+"""A person's synergies on other human arms, which need no package with robots."""
 
 from __future__ import annotations
 
@@ -12,10 +12,14 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from short_reprs import check_reprs
 
 import geodesic_ocp as go
 from geodesic_ocp.model.formats.robots import folder
 from geodesic_ocp.retargeting.targets import REACHED
+
+# The retargeting is found once, by one worker.
+pytestmark = pytest.mark.xdist_group("recording")
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +38,7 @@ def analysis(reach_file: Path) -> go.Analysis:
 
 @pytest.fixture(scope="module")
 def robot() -> go.Model:
-    """Another person's arm, on the other side, whose joints are not fast."""
+    """Another person's arm, on the other side, with low speed limits."""
     arm = go.human_arm("right", 1.95, 90.0)
     chain = arm.pin.copy()
     chain.velocityLimit = np.full(7, 2.5)
@@ -54,7 +58,7 @@ def outside(model: go.Model, q: np.ndarray) -> float:
     return float(np.max([model.lower - q, q - model.upper]))
 
 
-def test_the_hand_is_at_the_poses(found: go.Retargeting, analysis: go.Analysis) -> None:
+def test_hand_reaches_the_poses(found: go.Retargeting, analysis: go.Analysis) -> None:
     (arm,) = found.arms
     assert arm.mapping.mirror
     assert not arm.out_of_reach
@@ -72,7 +76,7 @@ def test_the_hand_is_at_the_poses(found: go.Retargeting, analysis: go.Analysis) 
         assert_allclose(one.path.nodes[-1], other.path.nodes[0], atol=1e-12)
 
 
-def test_limits_are_kept_everywhere(found: go.Retargeting) -> None:
+def test_limits_hold_everywhere(found: go.Retargeting) -> None:
     (arm,) = found.arms
     s = np.linspace(0.0, 1.0, 1001)
     for synergy in arm.synergies:
@@ -84,7 +88,7 @@ def test_limits_are_kept_everywhere(found: go.Retargeting) -> None:
     assert arm.statistics["synergies"].limit_violation == 0.0
 
 
-def test_it_costs_less_than_tracking_the_hand(found: go.Retargeting) -> None:
+def test_action_is_less_than_that_of_tracking_the_hand(found: go.Retargeting) -> None:
     statistics = found.arms[0].statistics
     assert statistics["synergies"].action < statistics["ik"].action
     # Tracking follows the whole path, synergies attain the poses at their ends.
@@ -92,7 +96,7 @@ def test_it_costs_less_than_tracking_the_hand(found: go.Retargeting) -> None:
     assert statistics["synergies"].position < 0.1
 
 
-def test_the_motion_is_that_of_the_synergies(found: go.Retargeting) -> None:
+def test_motion_consists_of_the_synergies(found: go.Retargeting) -> None:
     (arm,) = found.arms
     motion, time = found.motion, found.motion.time
     assert motion.joint_names == arm.robot.joint_names
@@ -103,7 +107,7 @@ def test_the_motion_is_that_of_the_synergies(found: go.Retargeting) -> None:
         inner = slice(synergy.start, synergy.stop)
         assert_allclose(motion.q[inner], synergy(time[inner]), atol=1e-12)
         assert_allclose(found.trajectory.velocities[inner], synergy(time[inner], 1), atol=1e-12)
-    # Speeds in the metric are continuous where synergies meet, directions need not be.
+    # The speed in the metric is continuous where synergies meet, the direction need not be.
     metric = go.KineticEnergy(arm.robot)
     for one, other in pairwise(arm.synergies):
         at = other.start_time
@@ -112,8 +116,8 @@ def test_the_motion_is_that_of_the_synergies(found: go.Retargeting) -> None:
 
 
 @pytest.mark.slow
-def test_the_same_person_does_the_same(analysis: go.Analysis) -> None:
-    """On the own arm, from the own configuration, the poses are the recording's."""
+def test_own_arm_reaches_the_recorded_poses(analysis: go.Analysis) -> None:
+    """On the person's own arm, from the recorded start, the poses are the recorded ones."""
     first = analysis.motion.q[0]
     settings = go.RetargetingSettings(drop=0.0, merge=0.3)
     found = go.retarget(analysis, analysis.model, start=first, settings=settings)
@@ -127,7 +131,7 @@ def test_the_same_person_does_the_same(analysis: go.Analysis) -> None:
 
 
 @pytest.mark.slow
-def test_free_geodesics(analysis: go.Analysis, robot: go.Model) -> None:
+def test_formulation_with_free_geodesics(analysis: go.Analysis, robot: go.Model) -> None:
     settings = replace(SETTINGS, formulation="geodesic")
     free = go.retarget(analysis, robot, settings=settings)
     (arm,) = free.arms
@@ -137,13 +141,13 @@ def test_free_geodesics(analysis: go.Analysis, robot: go.Model) -> None:
         assert max(transfer.position_error, transfer.rotation_error) <= REACHED
         if group.kind != "rest":
             velocity = transfer.path(0.0, 1)
-            there = go.exp(metric, transfer.path.nodes[0], velocity)
-            assert_allclose(there, transfer.path.nodes[-1], atol=1e-4)
+            end = go.exp(metric, transfer.path.nodes[0], velocity)
+            assert_allclose(end, transfer.path.nodes[-1], atol=1e-4)
 
 
 @pytest.mark.slow
 def test_from_rest_to_rest(analysis: go.Analysis, robot: go.Model) -> None:
-    """The recording is cut in the middle of a motion, which no robot can begin with."""
+    """The recording begins in the middle of a motion, which no robot can."""
     moving, resting = (
         go.retarget(
             analysis,
@@ -159,7 +163,7 @@ def test_from_rest_to_rest(analysis: go.Analysis, robot: go.Model) -> None:
 
 
 @pytest.mark.slow
-def test_position_alone(analysis: go.Analysis, robot: go.Model) -> None:
+def test_free_orientation(analysis: go.Analysis, robot: go.Model) -> None:
     found = go.retarget(analysis, robot, settings=replace(SETTINGS, orientation_weight=0.0))
     (arm,) = found.arms
     assert all(transfer.rotation_error == 0.0 for transfer in arm.transfers)
@@ -173,7 +177,7 @@ def test_position_alone(analysis: go.Analysis, robot: go.Model) -> None:
 
 
 @pytest.mark.slow
-def test_orientation_alone_with_slow_joints(analysis: go.Analysis, robot: go.Model) -> None:
+def test_free_position_with_slow_joints(analysis: go.Analysis, robot: go.Model) -> None:
     settings = go.RetargetingSettings(position_weight=0.0, merge=0.4)
     found = go.retarget(analysis, robot, settings=settings)
     for transfer in found.arms[0].transfers:
@@ -182,10 +186,8 @@ def test_orientation_alone_with_slow_joints(analysis: go.Analysis, robot: go.Mod
 
 
 @pytest.mark.slow
-def test_inverse_kinematics_begins_at_the_first_pose(
-    analysis: go.Analysis, robot: go.Model
-) -> None:
-    """Wherever the synergies begin; or it would rush there first."""
+def test_baseline_begins_at_the_first_pose(analysis: go.Analysis, robot: go.Model) -> None:
+    """Wherever the synergies begin; otherwise it would first move there at high speed."""
     start = np.array([0.2, 0.0, -0.3, 1.9, 0.0, 0.0, 0.0])
     (arm,) = go.retarget(analysis, robot, start=start, tolerance=LOOSE, settings=SETTINGS).arms
     assert_allclose(arm.motion.q[0], start, atol=3e-4)
@@ -193,14 +195,14 @@ def test_inverse_kinematics_begins_at_the_first_pose(
 
 
 @pytest.mark.slow
-def test_out_of_reach_is_said_before_and_the_nearest_taken(
+def test_poses_out_of_reach_are_reported_before_and_replaced_by_the_nearest(
     analysis: go.Analysis, robot: go.Model
 ) -> None:
-    said: list[str] = []
+    reported: list[str] = []
 
     def progress(label: str, done: int, total: int) -> None:
         del total
-        said.append(f"{label} {done}")
+        reported.append(f"{label} {done}")
 
     with pytest.warns(
         UserWarning, match=r"out of reach, the nearest pose is taken: .* by 0\.\d+ m"
@@ -212,49 +214,50 @@ def test_out_of_reach_is_said_before_and_the_nearest_taken(
             settings=replace(SETTINGS, scale=1.5),
             progress=progress,
         )
-    assert said[0].startswith("planning")
+    assert reported[0].startswith("planning")
     (arm,) = found.arms
     assert arm.out_of_reach
-    for number, (away, _) in arm.out_of_reach.items():
+    for number, (distance, _) in arm.out_of_reach.items():
         if number > 0:
             transfer = arm.transfers[number - 1]
             assert not transfer.within_reach
-            assert transfer.position_error == pytest.approx(away, rel=0.05, abs=1e-3)
+            assert transfer.position_error == pytest.approx(distance, rel=0.05, abs=1e-3)
             assert "out of reach" in transfer.status
     assert outside(robot, found.motion.q) <= 0.0
 
 
 @pytest.mark.slow
-def test_bodies_are_kept_apart(analysis: go.Analysis, robot: go.Model) -> None:
+def test_obstacle_is_avoided_with_a_margin(analysis: go.Analysis, robot: go.Model) -> None:
     free = go.retarget(analysis, robot, tolerance=LOOSE, settings=SETTINGS)
-    way = robot.hand_pose(free.motion.q)[1]
-    k = len(way) * 3 // 4  # on the way up
-    beside = np.cross(way[k + 1] - way[k - 1], way[-1] - way[0] + np.array([0.0, 0.0, 1.0]))
-    place = way[k] + 0.07 * beside / np.linalg.norm(beside)
-    ball, links = go.Ball(tuple(place), 0.05, name="lamp"), ("right hand",)
-    touching = [
+    hand = robot.hand_pose(free.motion.q)[1]
+    k = len(hand) * 3 // 4  # while the hand rises
+    beside = np.cross(hand[k + 1] - hand[k - 1], hand[-1] - hand[0] + np.array([0.0, 0.0, 1.0]))
+    centre = hand[k] + 0.07 * beside / np.linalg.norm(beside)
+    ball, links = go.Ball(tuple(centre), 0.05, name="lamp"), ("right hand",)
+    before = [
         min(go.signed_distances(robot, q, [ball], links=links).values()) for q in free.motion.q
     ]
-    assert min(touching) < 0.0
-    assert min(touching[0], touching[-1]) > 0.02
+    assert min(before) < 0.0
+    assert min(before[0], before[-1]) > 0.02
     settings = replace(SETTINGS, obstacles=[ball], links=links, margin=0.01)
-    kept = go.retarget(analysis, robot, settings=settings)
-    clear = [
-        min(go.signed_distances(robot, q, [ball], links=links).values()) for q in kept.motion.q[::3]
+    avoiding = go.retarget(analysis, robot, settings=settings)
+    after = [
+        min(go.signed_distances(robot, q, [ball], links=links).values())
+        for q in avoiding.motion.q[::3]
     ]
-    assert min(clear) > 0.01 - 2e-6
+    assert min(after) > 0.01 - 2e-6
 
 
-def test_a_start_that_collides_is_said_before(analysis: go.Analysis, robot: go.Model) -> None:
+def test_start_in_collision_is_reported_before(analysis: go.Analysis, robot: go.Model) -> None:
     start = np.array([0.2, 0.0, -0.3, 1.0, 0.0, 0.0, 0.0])
-    place = robot.hand_pose(start)[1]
+    centre = robot.hand_pose(start)[1]
     called: list[str] = []
     with pytest.raises(ValueError, match=r"start: right forearm to lamp is -0\.\d+ m, and must"):
         go.retarget(
             analysis,
             robot,
             start=start,
-            settings=go.RetargetingSettings(obstacles=[go.Ball(tuple(place), 0.1, name="lamp")]),
+            settings=go.RetargetingSettings(obstacles=[go.Ball(tuple(centre), 0.1, name="lamp")]),
             progress=lambda label, done, total: called.append(label),
         )
     assert not called
@@ -325,7 +328,7 @@ def test_wrong_analyses_and_robots_are_named(analysis: go.Analysis, robot: go.Mo
         go.retarget_arms([analysis], robot)  # type: ignore[arg-type]
 
 
-def test_tables_and_figure(found: go.Retargeting) -> None:
+def test_tables_and_figure_show_both_methods(found: go.Retargeting) -> None:
     table = found.table()
     assert [row[1] for row in table.rows] == ["geodesic synergies", "inverse kinematics"]
     synergies = found.synergy_table()
@@ -350,7 +353,7 @@ def test_tables_and_figure(found: go.Retargeting) -> None:
     ]
 
 
-def test_files(found: go.Retargeting, tmp_path: Path) -> None:
+def test_saved_files_can_be_read(found: go.Retargeting, tmp_path: Path) -> None:
     files = {file.name for file in found.save(tmp_path / "new" / "folder")}
     assert files == {
         "figure.pdf",
@@ -377,16 +380,20 @@ def test_files(found: go.Retargeting, tmp_path: Path) -> None:
     assert np.array_equal(np.array(rows[1:], dtype=float)[:, 1:8], found.motion.q)
 
 
-def test_the_report(found: go.Retargeting, tmp_path: Path) -> None:
+def test_report_is_one_page(found: go.Retargeting, tmp_path: Path) -> None:
     file = go.report(found, tmp_path / "report.html")
     text = file.read_text(encoding="utf-8")
     assert "Human left arm (mirrored) on human right arm" in text
-    assert len(repr(found).splitlines()) <= 3
     assert text.count("<canvas") == 2
     assert text.count("<table>") == 2
     assert "data:image/png;base64," in text
     assert "http://" not in text
     assert "https://" not in text
+
+
+def test_reprs_are_short(found: go.Retargeting) -> None:
+    values = [found, found.motion, found.trajectory, dict(found.arms[0].statistics)]
+    assert check_reprs(values) >= {go.Retargeting, go.RetargetedArm, go.SynergyGroup}
 
 
 @pytest.mark.slow

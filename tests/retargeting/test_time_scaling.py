@@ -1,4 +1,4 @@
-"""When paths are travelled: hand-over speeds, stretched time, several arms."""
+"""Timing of a robot's paths: handover speeds, scaled time, several arms."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def velocities(found: ArmPaths, number: int, laws: tuple[go.TimeLaw, ...]) -> np
     return states_at(found.paths[number], law, np.linspace(0.0, law.duration, 501))[1]
 
 
-def test_fast_joints_leave_time_alone() -> None:
+def test_time_is_unchanged_within_speed_limits() -> None:
     one = arm(lines((0, 0), (1, 0), (1, 1), (0, 1)), 10.0)
     timing = scale_time([one])
     assert_allclose(timing.factors, 1.0)
@@ -44,7 +44,7 @@ def test_fast_joints_leave_time_alone() -> None:
     assert [law.duration for law in timing.laws[0]] == pytest.approx([1.0, 1.0, 1.0])
 
 
-def test_slow_joints_stretch_what_is_too_fast_and_speeds_stay_continuous() -> None:
+def test_time_is_scaled_to_speed_limits_and_speeds_stay_continuous() -> None:
     one = arm(lines((0, 0), (1, 0), (1, 4), (0, 4)), 2.0)
     timing = scale_time([one])
     assert timing.factors[1] > 2.0
@@ -57,7 +57,7 @@ def test_slow_joints_stretch_what_is_too_fast_and_speeds_stay_continuous() -> No
     assert timing(one.edges)[-1] == pytest.approx(np.sum(timing.factors))
 
 
-def test_arms_share_the_stretched_time() -> None:
+def test_arms_share_the_scaled_time() -> None:
     quick = arm(lines((0, 0), (0.1, 0), (0.2, 0)), 2.0, (0.0, 1.5, 3.0))
     slow = arm(lines((0, 0), (1, 0), (1, 4), (0, 4)), 2.0)
     timing = scale_time([quick, slow])
@@ -68,12 +68,12 @@ def test_arms_share_the_stretched_time() -> None:
         assert np.abs(velocities(each, 1, laws)).max() <= 2.0 + 1e-9
 
 
-def test_without_limits_nothing_is_stretched() -> None:
+def test_time_is_unchanged_without_speed_limits() -> None:
     one = arm(lines((0, 0), (100, 0)), np.inf)
     assert_allclose(scale_time([one]).factors, 1.0)
 
 
-def test_handover_speeds_are_in_proportion_and_stop_at_rests() -> None:
+def test_handover_speeds_are_proportional_and_zero_at_rests() -> None:
     speeds = np.array([0.2, 1.0, 0.5, 0.4, 0.3])
     lengths, durations = np.array([1.0, 2.0, 0.0, 1.0]), np.ones(4)
     paths = np.array([2.0, 6.0, 0.0, 3.0])
@@ -84,12 +84,12 @@ def test_handover_speeds_are_in_proportion_and_stop_at_rests() -> None:
     assert_allclose(fast, [3.0, 0.3, 0.3])
 
 
-def test_accelerations_are_those_of_the_motion() -> None:
-    """Of a path that is not travelled at constant speed by s: against differences in time."""
+def test_velocities_and_accelerations_match_finite_differences() -> None:
+    """On a path with varying |q'(s)|, against central differences in time."""
     grid = go.Grid(4, 5)
     metric = go.KineticEnergy(go.human_arm())
-    turns = np.outer(np.sin(2.0 * grid.nodes), np.linspace(0.2, 0.9, 7)) + grid.nodes[:, None] ** 2
-    path = go.Path(metric, grid, 0.5 * turns)
+    angles = np.outer(np.sin(2.0 * grid.nodes), np.linspace(0.2, 0.9, 7)) + grid.nodes[:, None] ** 2
+    path = go.Path(metric, grid, 0.5 * angles)
     law = go.time_law(path.length, 2.0, 0.1, 0.3)
     inside = np.array([0.31, 0.72, 1.1, 1.63])
     q, velocity, acceleration = states_at(path, law, inside)

@@ -10,7 +10,7 @@ from geodesic_ocp.retargeting.alignment import Alignment
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PoseMapping:
     """Maps configurations of a person's arm to poses of a robot's hand.
 
@@ -26,6 +26,10 @@ class PoseMapping:
     target: Alignment
     scale: float
     mirror: bool
+
+    def __repr__(self) -> str:
+        mirrored = ", mirrored" if self.mirror else ""
+        return f"PoseMapping(from {self.model.name}, scale {self.scale:.4g}{mirrored})"
 
     @classmethod
     def between(

@@ -1,4 +1,4 @@
-"""The logarithm of rotations, and how far poses are from each other."""
+"""The logarithm of rotations, and the error between two poses."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from geodesic_ocp.ocp.ik.pose_error import pose_difference, rotation_log
 
-TURN = ca.SX.sym("R", 3, 3)
-LOG = ca.Function("log", [TURN], [rotation_log(TURN)])
-SLOPE = ca.Function("slope", [TURN], [ca.jacobian(rotation_log(TURN), ca.vec(TURN))])
+ROTATION = ca.SX.sym("R", 3, 3)
+LOG = ca.Function("log", [ROTATION], [rotation_log(ROTATION)])
+SLOPE = ca.Function("slope", [ROTATION], [ca.jacobian(rotation_log(ROTATION), ca.vec(ROTATION))])
 COORDINATE = st.floats(-1.0, 1.0)
 ANGLE = st.one_of(
     st.floats(0.0, np.pi),
@@ -22,15 +22,15 @@ ANGLE = st.one_of(
 )
 
 
-def turned(axis: tuple[float, ...], angle: float) -> tuple[np.ndarray, np.ndarray]:
+def rotation_about(axis: tuple[float, ...], angle: float) -> tuple[np.ndarray, np.ndarray]:
     vector = np.array(axis)
     unit = vector / np.linalg.norm(vector) if np.linalg.norm(vector) > 0.1 else np.eye(3)[0]
     return angle * unit, Rotation.from_rotvec(angle * unit).as_matrix()
 
 
 @given(axis=st.tuples(COORDINATE, COORDINATE, COORDINATE), angle=ANGLE)
-def test_the_rotation_vector_up_to_half_a_turn(axis: tuple[float, ...], angle: float) -> None:
-    vector, matrix = turned(axis, angle)
+def test_rotation_vector_up_to_half_a_revolution(axis: tuple[float, ...], angle: float) -> None:
+    vector, matrix = rotation_about(axis, angle)
     found = LOG(matrix).full()[:, 0]
     assert np.linalg.norm(found) == pytest.approx(angle, abs=1e-7)
     if angle < np.pi - 1e-6:
@@ -39,20 +39,23 @@ def test_the_rotation_vector_up_to_half_a_turn(axis: tuple[float, ...], angle: f
 
 
 @pytest.mark.parametrize("axis", np.eye(3).tolist())
-def test_half_a_turn_about_each_axis(axis: list[float]) -> None:
+def test_half_a_revolution_about_each_axis(axis: list[float]) -> None:
     matrix = 2.0 * np.outer(axis, axis) - np.eye(3)
     assert_allclose(np.abs(LOG(matrix).full()[:, 0]), np.pi * np.array(axis), atol=1e-12)
 
 
-def test_the_slope_is_that_of_differences() -> None:
-    """Along x -> R exp(x) the derivative at small turns is one, and its second one is finite."""
+def test_derivatives_at_the_identity() -> None:
+    """The derivative of log exp(x) at zero is the identity; the Hessian of |log exp(x)|^2 is 2."""
     x = ca.SX.sym("x", 3)
     skew = ca.skew(x)
-    turn = ca.SX.eye(3) + skew + skew @ skew / 2
+    rotation = ca.SX.eye(3) + skew + skew @ skew / 2
     function = ca.Function(
         "f",
         [x],
-        [ca.jacobian(rotation_log(turn), x), ca.hessian(ca.sumsqr(rotation_log(turn)), x)[0]],
+        [
+            ca.jacobian(rotation_log(rotation), x),
+            ca.hessian(ca.sumsqr(rotation_log(rotation)), x)[0],
+        ],
     )
     slope, hessian = function([0.0, 0.0, 0.0])
     assert_allclose(slope.full(), np.eye(3), atol=1e-9)
@@ -60,9 +63,11 @@ def test_the_slope_is_that_of_differences() -> None:
 
 
 @given(axis=st.tuples(COORDINATE, COORDINATE, COORDINATE), angle=ANGLE)
-def test_the_miss_of_poses(axis: tuple[float, ...], angle: float) -> None:
-    _, matrix = turned(axis, angle)
-    wanted = Rotation.from_rotvec([0.3, -1.0, 0.2]).as_matrix()
-    away, found = pose_difference(wanted @ matrix, np.array([1.0, 2.0, 2.0]), wanted, np.zeros(3))
-    assert away == pytest.approx(3.0)
-    assert found == pytest.approx(angle, abs=1e-7)
+def test_error_between_poses(axis: tuple[float, ...], angle: float) -> None:
+    _, matrix = rotation_about(axis, angle)
+    target = Rotation.from_rotvec([0.3, -1.0, 0.2]).as_matrix()
+    distance, angle_found = pose_difference(
+        target @ matrix, np.array([1.0, 2.0, 2.0]), target, np.zeros(3)
+    )
+    assert distance == pytest.approx(3.0)
+    assert angle_found == pytest.approx(angle, abs=1e-7)

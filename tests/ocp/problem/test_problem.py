@@ -1,4 +1,4 @@
-"""What a problem's class may say: cost, velocities at the ends, parameters."""
+"""Problems with a running cost, conditions on end velocities, and parameters."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from geodesic_ocp.ocp.problem.parse_conditions import parse_conditions
 
 @dataclass(frozen=True)
 class Spring(go.Problem):
-    """In the plane, drawn to the origin: q'' = k^2 q."""
+    """In the plane, with a quadratic potential about the origin: q'' = k^2 q."""
 
     start: tuple = (1.0, 0.5)
     goal: tuple = (-0.5, 2.0)
@@ -41,8 +41,8 @@ class Spring(go.Problem):
 
     def exact(self, s: np.ndarray) -> np.ndarray:
         k = self.stiffness
-        shares = np.sinh(k * np.array([1.0 - s, s])) / np.sinh(k)
-        return np.outer(shares[0], self.start) + np.outer(shares[1], self.goal)
+        weights = np.sinh(k * np.array([1.0 - s, s])) / np.sinh(k)
+        return np.outer(weights[0], self.start) + np.outer(weights[1], self.goal)
 
 
 @pytest.mark.parametrize("stiffness", [0.5, 2.0, 6.0])
@@ -61,13 +61,13 @@ def test_cost_is_added_to_the_energy(stiffness: float) -> None:
     assert solution.certificate.morse_index == 0
 
 
-def test_parameters_change_without_a_new_nlp() -> None:
+def test_problems_that_differ_in_parameters_share_the_nlp() -> None:
     first = Spring(stiffness=1.0).nlp(go.Grid(1, 20)).transcription
     assert Spring(stiffness=3.0).nlp(go.Grid(1, 20)).transcription is first
     assert replace(Spring(), start=(1.0, 1.0)).nlp(go.Grid(1, 20)).transcription is not first
 
 
-def test_a_metric_that_depends_on_a_parameter_makes_a_new_nlp() -> None:
+def test_metric_that_depends_on_a_parameter_needs_a_new_nlp() -> None:
     @dataclass(frozen=True)
     class InWater(Spring):
         @property
@@ -81,7 +81,7 @@ def test_a_metric_that_depends_on_a_parameter_makes_a_new_nlp() -> None:
 
 @dataclass(frozen=True)
 class Torus(go.Metric):
-    """Of revolution, in angles about the tube and about the axis."""
+    """A torus, in the angles about its tube and about its axis."""
 
     dim: int = 2
     tube: float = 0.5
@@ -93,7 +93,7 @@ class Torus(go.Metric):
 
 @dataclass(frozen=True)
 class Closed(go.Problem):
-    """The shortest closed curve once round the axis: the inner circle."""
+    """The shortest closed curve around the axis: the inner equator."""
 
     metric: go.Metric = field(default_factory=Torus)
 
@@ -105,7 +105,7 @@ class Closed(go.Problem):
         return np.column_stack([2.5 + 0.2 * np.sin(2 * np.pi * s), 2 * np.pi * s])
 
 
-def test_velocities_at_the_ends_and_a_closed_geodesic() -> None:
+def test_closed_geodesic_by_conditions_on_end_velocities() -> None:
     solution = go.solve(Closed(), grid=go.Grid(2, 12))
     assert solution.path.length == pytest.approx(2 * np.pi * 1.5, rel=1e-9)
     assert_allclose(solution.path.nodes[:, 0], np.pi, rtol=0, atol=1e-6)
@@ -116,11 +116,11 @@ def test_velocities_at_the_ends_and_a_closed_geodesic() -> None:
 
 @dataclass(frozen=True)
 class Everything(go.Problem):
-    """Every kind of condition, with parameters in each, on the sphere."""
+    """All types of conditions, with parameters in each, on the sphere."""
 
-    parameters: ClassVar = ("weight", "place", "table")
+    parameters: ClassVar = ("weight", "centre", "table")
     weight: float = 0.7
-    place: tuple = (0.2, 0.3)
+    centre: tuple = (0.2, 0.3)
     table: np.ndarray = field(default_factory=lambda: np.array([[1.0, 2.0], [3.0, 4.0]]))
 
     @property
@@ -128,22 +128,28 @@ class Everything(go.Problem):
         return Sphere()
 
     def boundary(self, q0: ca.SX, q1: ca.SX, v0: ca.SX, v1: ca.SX) -> Sequence[Any]:
-        bent = ca.sin(v0[0]) * q1[1] + self.weight * v1[1] ** 2 * q0[0]
-        return [(q0[0], 1.0), (bent, 0.3, "bent"), (ca.dot(v0, v1) - self.place[0], self.weight)]
+        coupled = ca.sin(v0[0]) * q1[1] + self.weight * v1[1] ** 2 * q0[0]
+        return [
+            (q0[0], 1.0),
+            (coupled, 0.3, "coupled"),
+            (ca.dot(v0, v1) - self.centre[0], self.weight),
+        ]
 
     def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
         return [
-            (self.place[1], ca.dot(q, self.table @ q), np.inf, "still"),
+            (self.centre[1], ca.dot(q, self.table @ q), np.inf, "still"),
             (-1.0, q[0] * v[1] ** 2 * self.weight, 1.0, "moving"),
         ]
 
     def cost(self, q: ca.SX, v: ca.SX) -> Any:
-        return self.weight * ca.cos(q[0] * v[1]) + ca.dot(self.place[0] * q, v) ** 2
+        return self.weight * ca.cos(q[0] * v[1]) + ca.dot(self.centre[0] * q, v) ** 2
 
 
 @pytest.mark.parametrize("grid", [go.Grid(1, 6), go.Grid(3, 4, (0.0, 0.2, 0.9, 1.0))])
-def test_assembled_derivatives_equal_casadis(grid: go.Grid, rng: np.random.Generator) -> None:
-    """As in test_solve, with cost, velocities at the ends and parameters."""
+def test_assembled_derivatives_equal_those_of_casadi(
+    grid: go.Grid, rng: np.random.Generator
+) -> None:
+    """With a running cost, conditions on end velocities and parameters."""
     problem = Everything()
     terms = parse_conditions(problem)
     assert_allclose(terms.p_values, [0.7, 0.2, 0.3, 1.0, 3.0, 2.0, 4.0])
@@ -154,7 +160,7 @@ def test_assembled_derivatives_equal_casadis(grid: go.Grid, rng: np.random.Gener
 
 @dataclass(frozen=True)
 class Reach(go.Problem):
-    """The hand to a target that moves from solve to solve, past a ball that does, too."""
+    """The hand moves to a target past a ball; both may change from solve to solve."""
 
     model: go.Model
     target: tuple = (0.10, 0.45, -0.05)
@@ -170,11 +176,11 @@ class Reach(go.Problem):
         return [(q0, start), (self.model.hand_pose(q1)[1], self.target, "target")]
 
     def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
-        away = self.model.hand_pose(q)[1] - ca.vertcat(*ca.vertsplit(ca.SX(self.ball)))
-        return [(0.01, ca.dot(away, away), np.inf, "ball")]
+        offset = self.model.hand_pose(q)[1] - ca.vertcat(*ca.vertsplit(ca.SX(self.ball)))
+        return [(0.01, ca.dot(offset, offset), np.inf, "ball")]
 
 
-def test_a_moving_target_is_reached_from_the_last_solution(arm: go.Model) -> None:
+def test_moved_target_is_reached_from_the_last_solution(arm: go.Model) -> None:
     problem = Reach(arm)
     solution = go.solve(problem)
     for shift in (0.05, 0.10):
@@ -201,7 +207,7 @@ def test_wrong_parameters_are_named(
         go.solve(replace(Reach(arm), **{field_name: value}))
 
 
-def test_a_cost_must_be_one_number() -> None:
+def test_cost_must_be_a_scalar_expression() -> None:
     class Two(Spring):
         def cost(self, q: ca.SX, v: ca.SX) -> Any:
             return q
@@ -218,8 +224,8 @@ def test_a_cost_must_be_one_number() -> None:
 
 
 @dataclass(frozen=True)
-class Stretched(go.Problem):
-    """Two configurations of the arm whose geodesic bends the elbow too far."""
+class ElbowBounded(go.Problem):
+    """Two configurations of the arm whose geodesic exceeds a bound on elbow flexion."""
 
     model: go.Model
 
@@ -234,13 +240,13 @@ class Stretched(go.Problem):
         return [(-1.0, q[3], 0.2, "elbow"), (0.0, ca.dot(v, v), 4.0, "speed")]
 
 
-def test_what_is_missed_is_named_with_value_and_place(arm: go.Model) -> None:
-    """The goal itself bends the elbow to 0.3 rad, and is farther than a speed of two allows."""
+def test_violated_conditions_are_named_with_value_and_s(arm: go.Model) -> None:
+    """The goal has an elbow angle of 0.3 rad, and is farther than a speed of two allows."""
     with pytest.raises(ValueError, match=r"joint REx_joint is fixed at 0\.3"):
-        go.solve(Stretched(arm))
+        go.solve(ElbowBounded(arm))
 
     @dataclass(frozen=True)
-    class Hurried(Stretched):
+    class Hurried(ElbowBounded):
         def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
             return [(-np.inf, ca.sin(q[3]), 0.2, "elbow"), (0.0, ca.dot(v, v), 1.0, "speed")]
 
@@ -248,7 +254,7 @@ def test_what_is_missed_is_named_with_value_and_place(arm: go.Model) -> None:
         go.solve(Hurried(arm))
 
     class Barely(Hurried):
-        """Conditions in the velocity cannot be judged before the solve."""
+        """Conditions on the velocity cannot be checked before the solve."""
 
         def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
             (low, elbow, high, name), speed = super().constraints(q, v)
@@ -262,7 +268,7 @@ def test_what_is_missed_is_named_with_value_and_place(arm: go.Model) -> None:
     assert worst.name in ("elbow", "speed")
 
 
-def test_violations_are_sought_between_the_nodes() -> None:
+def test_violations_between_the_nodes_are_found() -> None:
     coarse, fine = (go.solve(PlaneAroundDisc(), grid=go.Grid(k, 4)) for k in (4, 32))
     assert coarse.stats.max_node_violation < 1e-8
     assert coarse.stats.max_path_violation > 1e-4
@@ -274,9 +280,9 @@ def test_violations_are_sought_between_the_nodes() -> None:
     assert coarse.stats.max_path_violation == pytest.approx(inside.max(), rel=0.1)
 
 
-def test_bounded_joints_are_named_by_themselves(arm: go.Model) -> None:
-    """A path from elsewhere is held against the problem's conditions."""
-    inside = Stretched(arm)
+def test_violated_joint_limits_are_named_by_the_joint(arm: go.Model) -> None:
+    """A geodesic, found without them, is checked against the problem's conditions."""
+    inside = ElbowBounded(arm)
     terms = parse_conditions(inside)
     path = go.geodesic(inside.metric, np.zeros(7), [1.4, 0.2, -0.6, 0.9, 0.0, 0.0, 0.0])
     found = find_violations(terms, path, arm.joint_names)
@@ -284,3 +290,56 @@ def test_bounded_joints_are_named_by_themselves(arm: go.Model) -> None:
     assert str(elbow).startswith("joint REx_joint exceeds its upper limit 0.2 rad by ")
     assert elbow.value == pytest.approx(path(elbow.s)[3])
     assert elbow.amount >= path(np.linspace(0.0, 1.0, 101))[:, 3].max() - 0.2 - 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Boxed(go.Problem):
+    """In the plane between bounds that are expressions in parameters, one of them in the way."""
+
+    low: float = 0.3
+    box: tuple = (2.0, 1.5)
+    parameters: ClassVar = ("low", "box")
+
+    @property
+    def metric(self) -> go.Metric:
+        return go.Euclidean(2)
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+        return [(q0, [-1.0, 2 * self.low]), (q1, ca.vertcat(1.0, 2 * self.low))]
+
+    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+        return [
+            ([-self.box[0], 0.0], q, [self.box[0], self.box[0] * self.box[1]], "box"),
+            (self.low**2 - 1.0, q[1] + ca.exp(-4 * q[0] ** 2), self.box[1], "bump"),
+        ]
+
+    def guess(self, s: np.ndarray) -> np.ndarray:
+        return np.column_stack([2.0 * s - 1.0, np.full_like(s, 2 * self.low)])
+
+
+def test_bounds_are_expressions_in_parameters() -> None:
+    first, second = Boxed(), Boxed(0.55, (1.5, 2.0))
+    assert first.nlp(first.grid).transcription is second.nlp(second.grid).transcription
+    for problem in (first, second):
+        conditions = {each.name: each for each in parse_conditions(problem)}
+        height = problem.box[0] * problem.box[1]
+        assert_allclose(conditions["box"].lower, [-problem.box[0], 0.0])
+        assert_allclose(conditions["box"].upper, [problem.box[0], height])
+        assert_allclose(conditions["bump"].lower, [problem.low**2 - 1.0])
+        assert_allclose(conditions["bump"].upper, [problem.box[1]])
+        assert_allclose(conditions["boundary[0]"].lower, [-1.0, 2 * problem.low])
+        assert_allclose(conditions["boundary[1]"].upper, [1.0, 2 * problem.low])
+
+    class InVariables(Boxed):
+        def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+            return [([-1.0, q[1]], q, [1.0, 1.0], "box")]
+
+    with pytest.raises(ValueError, match="box: a bound must be numbers or an expression in the p"):
+        parse_conditions(InVariables())
+
+    class Words(Boxed):
+        def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+            return [(["low", 0.0], q, 1.0, "box")]
+
+    with pytest.raises(ValueError, match="box: a bound must be numbers, got"):
+        parse_conditions(Words())

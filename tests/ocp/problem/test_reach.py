@@ -1,4 +1,4 @@
-"""Reaching a pose of the hand, and problems within joint limits and speeds."""
+"""Reaches to poses of the hand; joint limits and speed limits."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ GOAL = np.array([1.1, -0.2, -0.9, 1.4, -0.3, 0.1, 0.4])
 
 
 @pytest.mark.parametrize("given", [("position",), ("rotation",), ("position", "rotation")])
-def test_the_pose_is_reached_with_least_energy(arm: go.Model, given: tuple[str, ...]) -> None:
-    """At the end the momentum has no share along the configurations with that pose."""
+def test_pose_is_reached_by_a_path_of_least_energy(arm: go.Model, given: tuple[str, ...]) -> None:
+    """The final momentum is orthogonal to the configurations with that pose (transversality)."""
     pose = dict(zip(("rotation", "position"), arm.hand_pose(GOAL), strict=True))
     problem = go.Reach(arm, START, **{name: pose[name] for name in given}, limits=False)
     solution = go.solve(problem, tolerance=1e-9)
@@ -38,16 +38,16 @@ def test_the_pose_is_reached_with_least_energy(arm: go.Model, given: tuple[str, 
     metric = problem.metric
     momentum = metric.matrix(end) @ velocity
     assert np.abs(free.T @ momentum).max() < 1e-4 * np.linalg.norm(momentum)
-    # No worse than the way to the configuration that the pose was taken from.
+    # No longer than the geodesic to the configuration from which the pose was taken.
     assert solution.path.length <= go.distance(metric, START, GOAL) + 1e-6
     assert solution.certificate.locally_shortest
 
 
-def test_limits_are_kept_where_they_are_asked_for(arm: go.Model) -> None:
+def test_joint_limits_hold_if_requested(arm: go.Model) -> None:
     target = arm.hand_pose([1.4, 0.2, -0.6, 0.3, 0.0, 0.0, 0.0])[1]
     raised = [-0.3, 0.0, -0.6, 0.3, 0.0, 0.0, 0.0]
     within = go.solve(go.Reach(arm, raised, position=target), tolerance=1e-5)
-    # There are other ways for the hand: the one that the limits hold back.
+    # From the solution within limits, as there are other local solutions.
     free = go.solve(go.Reach(arm, raised, position=target, limits=False), guess=within)
     s = np.linspace(0.0, 1.0, 501)
     assert np.any(free.path(s) > arm.upper + 0.1) or np.any(free.path(s) < arm.lower - 0.1)
@@ -56,7 +56,7 @@ def test_limits_are_kept_where_they_are_asked_for(arm: go.Model) -> None:
     assert within.path.length > free.path.length
 
 
-def test_start_and_target_move_without_a_new_nlp(arm: go.Model) -> None:
+def test_reaches_with_other_start_and_target_share_the_nlp(arm: go.Model) -> None:
     position = arm.hand_pose(GOAL)[1]
     first = go.Reach(arm, START, position=position)
     second = replace(first, start=START + 0.1, position=np.add(position, [0.0, 0.0, 0.05]))
@@ -68,13 +68,13 @@ def test_start_and_target_move_without_a_new_nlp(arm: go.Model) -> None:
     assert_allclose(reached, second.position, rtol=0, atol=1e-8)
 
 
-def test_speed_is_bounded(arm: go.Model) -> None:
+def test_speed_limits_hold(arm: go.Model) -> None:
     metric = go.KineticEnergy(arm)
     free = go.geodesic(metric, START, GOAL)
     fastest = np.abs(free(np.linspace(0.0, 1.0, 201), 1)).max(axis=0)
     bound = np.maximum(0.8 * fastest, 1.02 * np.abs(GOAL - START))
     problem = go.PointToPoint(metric, START, GOAL, speed=tuple(bound))
-    solution = go.solve(problem, tolerance=1e-4)
+    solution = go.solve(problem, tolerance=1e-3)
     speeds = np.abs(solution.path(np.linspace(0.0, 1.0, 501), 1))
     assert np.all(speeds <= bound + 1e-3)
     assert solution.path.energy > free.energy
@@ -84,7 +84,7 @@ def test_speed_is_bounded(arm: go.Model) -> None:
         go.PointToPoint(metric, START, GOAL, speed=(1.0, 2.0))
 
 
-def test_joint_limits_by_a_keyword(arm: go.Model) -> None:
+def test_joint_limits_of_a_point_to_point_problem(arm: go.Model) -> None:
     ends = [-0.3, 0.0, -0.6, 0.3, 0.0, 0.0, 0.0], [1.4, 0.2, -0.6, 0.3, 0.0, 0.0, 0.0]
     metric = go.KineticEnergy(arm)
     limited = go.PointToPoint(metric, *ends, limits=True)
@@ -100,15 +100,6 @@ def test_joint_limits_by_a_keyword(arm: go.Model) -> None:
         go.PointToPoint(Sphere(), (1.0, 0.0), (1.2, 0.3), limits=True)
 
 
-def test_a_pose_out_of_reach_is_said_before_the_solve(arm: go.Model) -> None:
-    with pytest.raises(
-        go.NotConverged, match=r"no configuration of .* the smallest error reached is"
-    ) as info:
-        go.solve(go.Reach(arm, START, position=[0.0, 2.0, 0.0]))
-    error = float(str(info.value).split("reached is ")[1].split()[0])
-    assert error >= 2.0 - arm.reach
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -119,26 +110,13 @@ def test_a_pose_out_of_reach_is_said_before_the_solve(arm: go.Model) -> None:
         ({"position": [0.1, 0.2, 0.3], "start": [0.0]}, r"start must have shape \(7,\)"),
     ],
 )
-def test_wrong_reaches_are_named(arm: go.Model, arguments: dict, message: str) -> None:
+def test_wrong_arguments_are_named(arm: go.Model, arguments: dict, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         go.Reach(arm, **({"start": START} | arguments))
 
 
-def test_postures_are_found_near_and_within_limits(arm: go.Model, rng: np.random.Generator) -> None:
-    for _ in range(5):
-        wanted = rng.uniform(arm.lower, arm.upper)
-        rotation, position = arm.hand_pose(wanted)
-        q = go.inverse_kinematics(arm, START, position, rotation)
-        assert_allclose(arm.hand_pose(q)[0], rotation, rtol=0, atol=1e-6)
-        assert_allclose(arm.hand_pose(q)[1], position, rtol=0, atol=1e-6)
-        assert np.all(q >= arm.lower)
-        assert np.all(q <= arm.upper)
-    with pytest.raises(ValueError, match="inverse_kinematics needs a position, a rotation or both"):
-        go.inverse_kinematics(arm, START)
-
-
-def test_a_reach_can_be_changed() -> None:
-    """Also where no position is given, of which directions could be free."""
+def test_reach_without_position_can_be_replaced() -> None:
+    """Without a position there are no free directions, also after `replace`."""
     arm = go.human_arm()
     reach = go.Reach(arm, np.zeros(7), rotation=np.eye(3), limits=False)
     assert dataclasses.replace(reach, limits=True).limits

@@ -13,7 +13,7 @@ import geodesic_ocp as go
 from geodesic_ocp.manifold.exp import sample_geodesic
 
 
-def on_great_circle(length: float, start: tuple[float, float] = (1.2, 0.3)) -> go.Path:
+def along_great_circle(length: float, start: tuple[float, float] = (1.2, 0.3)) -> go.Path:
     metric = Sphere()
     velocity = np.array([0.3, 1.0])
     velocity *= length / metric.norm(start, velocity)
@@ -24,18 +24,18 @@ def on_great_circle(length: float, start: tuple[float, float] = (1.2, 0.3)) -> g
 
 @pytest.mark.parametrize("length", [0.5, 2.0, np.pi - 1e-3])
 def test_great_circles_are_minimizing_before_the_antipode(length: float) -> None:
-    certificate = go.certify(on_great_circle(length))
+    certificate = go.certify(along_great_circle(length))
     assert certificate.locally_shortest
     assert certificate.morse_index == 0
     assert certificate.first_conjugate_point is None
-    assert certificate.endpoint_error < 1e-6  # its velocity is the path's, not the integration's
+    assert certificate.endpoint_error < 1e-6  # from the path's velocity, not the integrated one
     assert certificate.drift < 1e-6
     assert str(certificate).startswith("locally minimizing; endpoint error")
 
 
 @pytest.mark.parametrize("length", [np.pi + 1e-3, 4.0, 2 * np.pi - 0.1, 2 * np.pi + 0.1])
 def test_great_circles_are_not_minimizing_beyond_the_antipode(length: float) -> None:
-    certificate = go.certify(on_great_circle(length))
+    certificate = go.certify(along_great_circle(length))
     assert not certificate.locally_shortest
     assert certificate.morse_index == int(length / np.pi)  # Morse: conjugate points inside
     assert certificate.first_conjugate_point == pytest.approx(np.pi / length, abs=1e-5)
@@ -60,27 +60,27 @@ def test_every_solution_has_a_certificate(arm: go.Model) -> None:
     assert str(failure.value.solution.certificate).startswith("not stationary")
 
 
-class ToMeridian(go.Problem):
+class AlongEquatorToMeridian(go.Problem):
     """From a point of the sphere to a meridian: minimizing up to the focal point, at pi / 2."""
 
-    def __init__(self, away: float) -> None:
-        self.away = away
+    def __init__(self, longitude: float) -> None:
+        self.longitude = longitude
 
     @property
     def metric(self) -> go.Metric:
         return Sphere()
 
     def boundary(self, q0: ca.SX, q1: ca.SX) -> list:
-        return [(q0, (np.pi / 2, 0.0)), (q1[1] * 1.0, self.away)]
+        return [(q0, (np.pi / 2, 0.0)), (q1[1] * 1.0, self.longitude)]
 
     def guess(self, s: np.ndarray) -> np.ndarray:
-        return np.column_stack([np.full_like(s, np.pi / 2), self.away * s])
+        return np.column_stack([np.full_like(s, np.pi / 2), self.longitude * s])
 
 
-@pytest.mark.parametrize(("away", "index"), [(1.4, 0), (1.8, 1), (4.0, 1)])
-def test_second_variation_includes_free_ends(away: float, index: int) -> None:
-    """Along the equator to a meridian: beyond the distance of the pole, other paths are shorter."""
-    solution = go.solve(ToMeridian(away), throw=False)
+@pytest.mark.parametrize(("longitude", "index"), [(1.4, 0), (1.8, 1), (4.0, 1)])
+def test_second_variation_includes_free_ends(longitude: float, index: int) -> None:
+    """Along the equator to a meridian: beyond pi / 2, paths by way of a pole are shorter."""
+    solution = go.solve(AlongEquatorToMeridian(longitude), throw=False)
     assert_allclose(solution.path.nodes[:, 0], np.pi / 2, rtol=0, atol=1e-6)
     assert solution.certificate.morse_index == index
 
@@ -101,7 +101,7 @@ class OutsideEllipse(go.Metric):
         return type(q).eye(2) * ca.if_else(outside, 1.0, np.nan)
 
 
-def test_no_verdict_where_the_metric_is_undefined() -> None:
+def test_undefined_metric_leaves_the_index_undetermined() -> None:
     grid = go.Grid(1, 20)
     straight = np.column_stack([2.0 * grid.nodes - 1.0, 0.0 * grid.nodes])
     certificate = go.certify(go.Path(OutsideEllipse(), grid, straight))
@@ -124,7 +124,7 @@ def test_paths_other_than_geodesics_are_not_stationary() -> None:
 
 
 def test_certify_names_wrong_arguments() -> None:
-    path = on_great_circle(1.0)
+    path = along_great_circle(1.0)
     with pytest.raises(ValueError, match=r"velocity must have shape \(2,\)"):
         go.certify(path, [1.0, 2.0, 3.0])
     with pytest.raises(ValueError, match="velocity must be finite"):

@@ -1,4 +1,4 @@
-"""Refinement of the grid until a solution holds to a tolerance."""
+"""Refinement of the grid until the conditions hold to a tolerance."""
 
 from __future__ import annotations
 
@@ -19,34 +19,34 @@ from geodesic_ocp.ocp.solve.refinement import refine
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-7])
-def test_around_a_disc_to_any_tolerance(tolerance: float) -> None:
+def test_path_around_a_disc_to_several_tolerances(tolerance: float) -> None:
     solution = go.solve(PlaneAroundDisc(), tolerance=tolerance)
     stats = solution.stats
     assert stats.max_path_violation <= tolerance
     assert solution.path.length == pytest.approx(PlaneAroundDisc().exact_length, rel=tolerance)
     s = np.linspace(0.0, 1.0, 5001)
     inside = 0.5 - np.linalg.norm(solution.path(s), axis=1)
-    assert inside.max() <= 1.1 * tolerance  # also where it was not looked at
+    assert inside.max() <= 1.1 * tolerance  # also between the checked points
     assert len(stats.mesh_history) > 1
     assert stats.mesh_history[-1].max_path_violation == stats.max_path_violation
     assert stats.mesh_history[0].segments == 16
 
 
-def test_segments_are_divided_where_the_constraint_begins_and_ends() -> None:
+def test_grid_is_finest_where_the_constraint_becomes_active() -> None:
     solution = go.solve(PlaneAroundDisc(), tolerance=1e-7)
     widths, ends = solution.path.grid.widths, solution.path.breakpoints
     assert solution.path.grid.segments < 40
-    # The tangents touch at (-+1/4, sqrt(3)/4): sqrt(3)/2 after the start, and before the end.
+    # The tangent points are (-+1/4, sqrt(3)/4): sqrt(3)/2 from the start and from the end.
     length = PlaneAroundDisc().exact_length
-    for touch in (np.sqrt(0.75) / length, 1.0 - np.sqrt(0.75) / length):
-        finest = int(np.argmin(np.where(np.abs(ends[:-1] - touch) < 0.1, widths, np.inf)))
+    for contact in (np.sqrt(0.75) / length, 1.0 - np.sqrt(0.75) / length):
+        finest = int(np.argmin(np.where(np.abs(ends[:-1] - contact) < 0.1, widths, np.inf)))
         assert widths[finest] < widths.max() / 8.0
-        assert abs(ends[finest] - touch) < 0.02
+        assert abs(ends[finest] - contact) < 0.02
 
 
 @dataclass(frozen=True)
 class Limited(go.Problem):
-    """The arm is raised; the geodesic would bend the wrist past its limit."""
+    """The arm is raised; the geodesic would exceed a limit of the wrist."""
 
     model: go.Model
 
@@ -62,6 +62,7 @@ class Limited(go.Problem):
         return [(self.model.lower, q, self.model.upper, "limits")]
 
 
+@pytest.mark.slow
 def test_joint_limits_hold_between_the_nodes(arm: go.Model) -> None:
     coarse = go.solve(Limited(arm))
     assert coarse.stats.max_path_violation > 1e-4
@@ -73,25 +74,25 @@ def test_joint_limits_hold_between_the_nodes(arm: go.Model) -> None:
     assert solution.certificate.locally_shortest
 
 
-def test_a_smooth_path_is_refined_until_its_energy_settles() -> None:
+def test_smooth_path_is_refined_until_its_energy_converges() -> None:
     problem = go.PointToPoint(Sphere(), (0.4, 0.0), (0.5, 2.5))
     solution = go.solve(problem, grid=go.Grid(1, 4), tolerance=1e-9)
     assert solution.path.length == pytest.approx(
-        go.distance(Sphere(), *problem_ends(problem)), rel=1e-9
+        go.distance(Sphere(), problem.q0, problem.q1), rel=1e-9
     )
     assert solution.stats.mesh_history[-1].segments > 1
 
 
-def problem_ends(problem: go.PointToPoint) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    return problem.q0, problem.q1
-
-
-def test_what_cannot_be_reached_is_said() -> None:
+@pytest.mark.slow
+def test_unattainable_tolerance_is_reported() -> None:
     with pytest.raises(
         go.NotConverged, match=r"PlaneAroundDisc was not solved: not solved to 1e-13"
     ) as info:
         go.solve(PlaneAroundDisc(), tolerance=1e-13)
     assert len(info.value.solution.stats.mesh_history) > 2
+
+
+def test_refinement_stops_at_wrong_tolerances_and_failures() -> None:
     with pytest.raises(ValueError, match="tolerance must be positive"):
         go.solve(PlaneAroundDisc(), tolerance=0.0)
     record = go.solve(PlaneAroundDisc(), tolerance=1e-6, throw=False, ipopt={"max_iter": 2})
@@ -99,15 +100,15 @@ def test_what_cannot_be_reached_is_said() -> None:
     assert len(record.stats.mesh_history) == 1
 
 
-def test_low_degrees_give_the_start_where_high_ones_lead_astray() -> None:
-    """Here finer grids fail until polynomials of degree two were tried."""
+def test_low_degree_gives_the_guess_where_high_degrees_fail() -> None:
+    """Finer grids fail here until polynomials of degree two have been tried."""
     problem, seen = PlaneAroundDisc(), []
 
     def solve_on(grid: go.Grid, guess: go.Path | None, near: bool) -> go.Solution:
         solution = go.solve(problem, grid=grid, guess=guess)
         seen.append((grid.degree, guess is None, near))
-        lost = near and all(degree > 2 for degree, _, _ in seen)
-        return replace(solution, stats=replace(solution.stats, success=not lost))
+        failed = near and all(degree > 2 for degree, _, _ in seen)
+        return replace(solution, stats=replace(solution.stats, success=not failed))
 
     found = refine(
         solve_on, violation_profile(parse_conditions(problem)), go.Grid(8, 4), 1e-5, None
@@ -116,13 +117,13 @@ def test_low_degrees_give_the_start_where_high_ones_lead_astray() -> None:
     assert found.stats.max_path_violation <= 1e-5
     assert seen[:4] == [(4, True, False), (4, False, True), (2, True, False), (4, False, False)]
     assert all(near for _, _, near in seen[4:])
-    first, _, rough, again = [each.segments for each in found.stats.mesh_history[:4]]
-    assert (first, rough, again) == (8, 32, 16)
+    first, _, low_degree, again = [each.segments for each in found.stats.mesh_history[:4]]
+    assert (first, low_degree, again) == (8, 32, 16)
 
 
 @pytest.mark.slow
-def test_a_reach_past_leaps_between_nodes() -> None:
-    """On a coarse grid the elbow, nearly straight, has cheap ways that no path is like."""
+def test_reach_whose_coarse_solution_jumps_between_nodes() -> None:
+    """Near the extended elbow a coarse grid has solutions that no continuous path resembles."""
     arm, rng = go.human_arm(), np.random.default_rng(5)
     for _ in range(18):
         start, end = rng.uniform(arm.lower, arm.upper, (2, 7))
@@ -133,8 +134,8 @@ def test_a_reach_past_leaps_between_nodes() -> None:
     assert solution.path.energy == pytest.approx(0.56081265, rel=1e-5)
 
 
-def test_bumps_between_the_places_that_are_looked_at_are_found() -> None:
-    """Where only four places a node were looked at, this reach left a limit by 3e-5."""
+def test_narrow_violations_between_nodes_are_found() -> None:
+    """With four check points per node, this reach exceeded a limit by 3e-5."""
     arm, rng = go.human_arm(), np.random.default_rng(5)
     for _ in range(9):
         start, end = rng.uniform(arm.lower, arm.upper, (2, 7))

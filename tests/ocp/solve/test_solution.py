@@ -1,4 +1,4 @@
-"""What can be done with a solution: waypoints, motions, pictures; the NLP and its iterations."""
+"""Waypoints, motions and figures of solutions; callbacks; the NLP for other solvers."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ TARGET = (0.1, 0.45, -0.05)  # [m]
 
 @pytest.fixture(scope="module")
 def uneven() -> go.Path:
-    """A path whose speed is not constant: s^2 along a great circle, then straight on."""
+    """A path along a circle of latitude, at a speed that is not constant."""
     grid = go.Grid(3, 8)
     angle = 0.2 + grid.nodes**2
     return go.Path(Sphere(), grid, np.column_stack([np.full(grid.size, 1.2), angle]))
 
 
-def test_waypoints_are_equally_far_apart(uneven: go.Path) -> None:
+def test_waypoints_are_equidistant(uneven: go.Path) -> None:
     points = uneven.resample(7)
     assert_allclose(points[:, 1], 0.2 + np.linspace(0.0, 1.0, 7), atol=1e-9)
     assert_allclose(uneven.resample(5, by="s"), uneven(np.linspace(0.0, 1.0, 5)))
@@ -46,14 +46,14 @@ def test_waypoints_are_equally_far_apart(uneven: go.Path) -> None:
         uneven.at_length([2.0 * uneven.length])
 
 
-def test_lengths_are_found_where_the_path_stands_still() -> None:
+def test_resampling_a_path_that_rests_at_first() -> None:
     grid = go.Grid(4, 4)
     nodes = np.where(grid.nodes < 0.5, 0.0, grid.nodes - 0.5)[:, None] * [[1.0, 1.0]]
     path = go.Path(go.Euclidean(2), grid, nodes)
     assert_allclose(path.resample(3)[:, 0], [0.0, 0.25, 0.5], atol=1e-9)
 
 
-def test_a_motion_from_rest_to_rest(arm: go.Model) -> None:
+def test_motion_from_rest_to_rest(arm: go.Model) -> None:
     solution = go.solve(go.Reach(arm, START, TARGET), tolerance=1e-6)
     motion = solution.to_motion(1.25, rate=400.0)
     assert motion.joint_names == arm.joint_names
@@ -64,15 +64,15 @@ def test_a_motion_from_rest_to_rest(arm: go.Model) -> None:
     assert_allclose(motion.velocity[[0, -1]], 0.0, atol=1e-9)
     slopes = np.gradient(motion.q, motion.time, axis=0)
     assert_allclose(motion.velocity[1:-1], slopes[1:-1], atol=2e-4)
-    # The least acceleration from rest to rest is a cubic: 1.5 times the mean speed in the middle.
+    # The minimum-acceleration time law from rest to rest is a cubic with peak 1.5 times the mean.
     speeds = [
         solution.path.metric.norm(q, v) for q, v in zip(motion.q, motion.velocity, strict=True)
     ]
     assert max(speeds) == pytest.approx(1.5 * solution.path.length / 1.25, rel=1e-5)
 
 
-def test_a_motion_by_a_time_law(arm: go.Model) -> None:
-    solution = go.solve(go.Reach(arm, START, TARGET), tolerance=1e-6)
+def test_motion_with_a_time_law(arm: go.Model) -> None:
+    solution = go.solve(go.Reach(arm, START, TARGET))
     law = go.time_law(solution.path.length, 0.8, 0.3, 0.2)
     motion = solution.to_motion(law)
     assert motion.velocity is not None
@@ -85,22 +85,22 @@ def test_a_motion_by_a_time_law(arm: go.Model) -> None:
         solution.to_motion(1.0, rate=0.0)
 
 
-def test_a_motion_needs_a_way() -> None:
+def test_motion_along_a_path_of_zero_length_is_refused() -> None:
     still = go.solve(go.PointToPoint(go.Euclidean(2), (1.0, 1.0), (1.0, 1.0)))
     with pytest.raises(ValueError, match="zero length"):
         still.to_motion(1.0)
 
 
-def test_coordinates_of_a_motion_have_names() -> None:
+def test_coordinates_without_a_model_are_numbered() -> None:
     solution = go.solve(go.PointToPoint(HalfPlane(), (0.0, 1.0), (1.0, 2.0)))
     assert solution.to_motion(1.0, rate=20.0).joint_names == ("q[0]", "q[1]")
 
 
-def test_pictures_show_what_there_is(arm: go.Model, tmp_path: Path) -> None:
+def test_figures_show_coordinates_speed_path_and_obstacles(arm: go.Model, tmp_path: Path) -> None:
     post = go.Capsule((0.45, 0.35, -0.4), (0.45, 0.35, 0.1), 0.04, name="post")
     table = go.HalfSpace((0.0, 0.0, -0.62), (0.0, 0.0, 1.0), "table")
     reach = go.Reach(arm, START, TARGET, obstacles=[post, table], through=[(0.3, 0.3, -0.2)])
-    figure = go.solve(reach).plot()
+    figure = go.solve(reach, grid=go.Grid(6, 3)).plot()
     joints, speed, hand = figure.axes
     assert [line.get_label() for line in joints.get_lines()][:7] == list(arm.joint_names)
     assert joints.get_ylabel() == "coordinates q [rad]"
@@ -108,7 +108,7 @@ def test_pictures_show_what_there_is(arm: go.Model, tmp_path: Path) -> None:
     assert hand.get_xlabel().startswith("hand ")
     labels = [text.get_text() for text in hand.get_legend().get_texts()]
     assert {"start", "via point", "end", "obstacle"} <= set(labels)
-    figure.savefig(tmp_path / "reach.png")
+    figure.savefig(tmp_path / "reach.png", dpi=20)
 
     flat = go.solve(PlaneAroundDisc()).plot()
     assert flat.axes[2].get_xlabel() == "q[0]"
@@ -116,10 +116,10 @@ def test_pictures_show_what_there_is(arm: go.Model, tmp_path: Path) -> None:
     assert isinstance(solid, matplotlib.figure.Figure)
     assert len(solid.axes) == 2
     for each in (flat, solid):
-        each.savefig(tmp_path / "other.png")
+        each.savefig(tmp_path / "other.png", dpi=20)
 
 
-def test_a_file_brings_its_problem_back(tmp_path: Path, arm: go.Model) -> None:
+def test_saved_problem_is_restored(tmp_path: Path, arm: go.Model) -> None:
     solution = go.solve(PlaneAroundDisc(radius=0.4))
     file = solution.save(tmp_path / "disc.json")
     again = go.load_solution(file)
@@ -143,17 +143,17 @@ def test_a_file_brings_its_problem_back(tmp_path: Path, arm: go.Model) -> None:
         go.load_solution(reach)
 
 
-def test_a_file_is_not_of_another_model(tmp_path: Path, arm: go.Model) -> None:
+def test_solution_of_another_model_is_refused(tmp_path: Path, arm: go.Model) -> None:
     file = go.solve(go.Reach(arm, START, TARGET)).save(tmp_path / "reach.json")
     taller = go.Reach(go.human_arm("right", height=1.9), START, TARGET)
     with pytest.raises(go.RecordingError, match=r"its path has the energy .* in this problem's"):
         go.load_solution(file, taller)
 
 
-def test_the_nlp_is_there_for_other_solvers() -> None:
+def test_nlp_can_be_solved_by_another_solver() -> None:
     nlp = PlaneAroundDisc().nlp(go.Grid(8, 4))
     quiet = {"print_time": False, "error_on_fail": True, "ipopt": {"print_level": 0, "sb": "yes"}}
-    # With derivatives of CasADi's own instead of the package's.
+    # With CasADi's derivatives instead of the package's.
     solver = ca.nlpsol("other", "ipopt", nlp.expressions, quiet)
     path = nlp.path(solver(**nlp.values)["x"].full())
     expected = go.solve(PlaneAroundDisc(), grid=go.Grid(8, 4)).path
@@ -161,7 +161,7 @@ def test_the_nlp_is_there_for_other_solvers() -> None:
     assert PlaneAroundDisc().nlp().grid == PlaneAroundDisc().grid
 
 
-def test_iterations_are_told() -> None:
+def test_callback_receives_every_iterate() -> None:
     seen: list[go.Iterate] = []
     solution = go.solve(PlaneAroundDisc(), callback=seen.append)
     assert [iterate.number for iterate in seen] == list(range(solution.stats.iterations + 1))
@@ -170,7 +170,7 @@ def test_iterations_are_told() -> None:
     assert_allclose(seen[-1].path.nodes, solution.path.nodes, atol=1e-6)
 
 
-def test_a_callback_stops_the_solver() -> None:
+def test_callback_stops_the_solver() -> None:
     with pytest.raises(go.NotConverged, match="the callback stopped Ipopt") as info:
         go.solve(PlaneAroundDisc(), callback=lambda iterate: iterate.number == 2)
     assert info.value.solution.stats.iterations == 2
@@ -180,7 +180,7 @@ def test_a_callback_stops_the_solver() -> None:
 
 @dataclass(frozen=True)
 class Around(PlaneAroundDisc):
-    """Fields of many kinds."""
+    """Fields of many types."""
 
     centre: Any = (0.0, 0.0)
     title: str = "nan"
@@ -189,7 +189,7 @@ class Around(PlaneAroundDisc):
     notes: Any = None
 
 
-def test_fields_come_back_as_they_were(tmp_path: Path) -> None:
+def test_fields_are_restored_with_their_types(tmp_path: Path) -> None:
     problem = Around(radius=np.float32(0.25), centre=np.array([0.5, -1.0]), title="inf")
     again = go.load_solution(go.solve(problem).save(tmp_path / "a.json")).problem
     assert isinstance(again, Around)
@@ -207,7 +207,7 @@ def test_fields_come_back_as_they_were(tmp_path: Path) -> None:
     assert go.load_solution(file, noted).stats.success
 
 
-def test_files_of_another_problem_or_damaged_ones_are_refused(tmp_path: Path) -> None:
+def test_files_of_another_problem_or_damaged_files_are_refused(tmp_path: Path) -> None:
     file = go.solve(PlaneAroundDisc(radius=0.5)).save(tmp_path / "disc.json")
     with pytest.raises(go.RecordingError, match=r"violates this problem's conditions by 0\.1"):
         go.load_solution(file, PlaneAroundDisc(radius=0.6))
@@ -234,7 +234,7 @@ def test_files_of_another_problem_or_damaged_ones_are_refused(tmp_path: Path) ->
         go.load_solution(bad, PlaneAroundDisc())
 
 
-def test_a_callback_stops_every_grid() -> None:
+def test_callback_stops_refinement() -> None:
     grids: list[int] = []
 
     def second(iterate: go.Iterate) -> object:
@@ -247,25 +247,25 @@ def test_a_callback_stops_every_grid() -> None:
     assert grids[-1] == 0
 
 
-def test_a_changed_array_is_another_problem() -> None:
+def test_changed_array_needs_a_new_nlp() -> None:
     @dataclass(frozen=True, eq=False)
     class Shifted(PlaneAroundDisc):
         radius: float = 0.5
-        place: Any = None
+        centre: Any = None
         parameters = ("radius",)
 
         def constraints(self, q: ca.SX, v: ca.SX) -> list[object]:
-            return [(self.radius, ca.norm_2(q - ca.DM(self.place)), np.inf, "disc")]
+            return [(self.radius, ca.norm_2(q - ca.DM(self.centre)), np.inf, "disc")]
 
-    place = np.array([0.0, 0.0])
-    problem = Shifted(place=place)
+    centre = np.array([0.0, 0.0])
+    problem = Shifted(centre=centre)
     go.solve(problem)
-    place[1] = 0.2
-    afresh = go.solve(Shifted(place=place.copy()))
-    assert go.solve(problem).stats.objective == afresh.stats.objective
+    centre[1] = 0.2
+    new = go.solve(Shifted(centre=centre.copy()))
+    assert go.solve(problem).stats.objective == new.stats.objective
 
 
-def test_options_and_grids_of_odd_types() -> None:
+def test_unhashable_options_are_named_and_lists_accepted() -> None:
     with pytest.raises(ValueError, match="ipopt: options are numbers and strings"):
         go.solve(PlaneAroundDisc(), ipopt={"tol": [1e-8]})
     assert hash(go.Grid(4, 4, None, [2])) == hash(go.Grid(4, 4, None, (2,)))
@@ -273,7 +273,7 @@ def test_options_and_grids_of_odd_types() -> None:
     assert PlaneAroundDisc().nlp(go.Grid(8, 4), start).grid.segments == 8
 
 
-def test_a_live_picture_in_a_notebook(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_live_plot_in_a_notebook(monkeypatch: pytest.MonkeyPatch) -> None:
     ipython = pytest.importorskip("IPython", reason="IPython is not installed here")
     display = pytest.importorskip("IPython.display")
     with pytest.raises(ValueError, match="works in a notebook only"):
@@ -293,13 +293,13 @@ def test_a_live_picture_in_a_notebook(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = PlaneAroundDisc()
     with go.LivePlot(problem, interval=1e9) as live:
         solution = go.solve(problem, callback=live)
-    assert len(shown) == 2  # the first, and the last when it was closed
+    assert len(shown) == 2  # the first iterate, and the last one on closing
     assert shown[0] is shown[1]
     title = shown[-1].get_suptitle()  # type: ignore[attr-defined]
     assert f"iteration {solution.stats.iterations}" in title
 
 
-def test_what_is_not_finite_on_the_guess_is_named() -> None:
+def test_constraint_not_differentiable_at_the_guess_is_named() -> None:
     @dataclass(frozen=True)
     class Straight(PlaneAroundDisc):
         metric: go.Metric = field(default_factory=lambda: go.Euclidean(2))
@@ -311,8 +311,8 @@ def test_what_is_not_finite_on_the_guess_is_named() -> None:
         go.solve(Straight(), grid=go.Grid(2, 4))
 
 
-class Priced(go.Problem):
-    """A cost bends the straight line."""
+class WithCost(go.Problem):
+    """With a running cost, the optimal path is not straight."""
 
     metric = go.Euclidean(2)
 
@@ -323,22 +323,22 @@ class Priced(go.Problem):
         return 3.0 * (q[1] - 0.5) ** 2
 
 
-class Quick(Priced):
-    """A velocity is asked for at the end."""
+class PrescribedArrival(WithCost):
+    """With a prescribed velocity at the end."""
 
     def boundary(self, q0: ca.SX, q1: ca.SX, v0: ca.SX, v1: ca.SX) -> list[object]:
         return [*super().boundary(q0, q1), (v1, (0.0, 1.0), "arrival")]
 
 
-def test_certificates_say_of_what_they_are() -> None:
-    priced = go.solve(Priced()).certificate
-    assert priced.has_running_cost
-    assert str(priced) == (
+def test_certificates_mention_cost_and_active_constraints() -> None:
+    with_cost = go.solve(WithCost()).certificate
+    assert with_cost.has_running_cost
+    assert str(with_cost) == (
         "locally minimizing energy and cost; not a geodesic, there is a running cost"
     )
-    bent = go.solve(PlaneAroundDisc()).certificate
-    assert bent.has_active_constraints
-    assert str(bent) == (
+    constrained = go.solve(PlaneAroundDisc()).certificate
+    assert constrained.has_active_constraints
+    assert str(constrained) == (
         "locally minimizing under its constraints; not a geodesic, constraints are active"
     )
     reach = go.solve(go.Reach(go.human_arm(), START, TARGET, limits=False)).certificate
@@ -346,21 +346,21 @@ def test_certificates_say_of_what_they_are() -> None:
     assert "endpoint error" in str(reach)
 
 
-def test_a_velocity_at_an_end_has_no_least_energy() -> None:
-    assert_allclose(go.solve(Quick()).path(1.0, 1), [0.0, 1.0], atol=1e-7)
+def test_prescribed_end_velocity_cannot_be_refined() -> None:
+    assert_allclose(go.solve(PrescribedArrival()).path(1.0, 1), [0.0, 1.0], atol=1e-7)
     with pytest.raises(ValueError, match=r"with a prescribed velocity at an end \(arrival\)"):
-        go.solve(Quick(), tolerance=1e-4)
+        go.solve(PrescribedArrival(), tolerance=1e-4)
 
 
-def test_classes_that_are_not_finished() -> None:
-    class Blank(Priced):
+def test_incomplete_classes_are_named() -> None:
+    class NoMetric(WithCost):
         metric = None  # type: ignore[assignment]
 
-    class Mute(Priced):
+    class NoConditions(WithCost):
         def boundary(self, q0: ca.SX, q1: ca.SX) -> None:  # type: ignore[override]
             return None
 
-    with pytest.raises(ValueError, match="Blank defines no metric"):
-        go.solve(Blank())
+    with pytest.raises(ValueError, match="NoMetric defines no metric"):
+        go.solve(NoMetric())
     with pytest.raises(ValueError, match="boundary must give a list of conditions, got None"):
-        go.solve(Mute())
+        go.solve(NoConditions())

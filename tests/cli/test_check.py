@@ -1,0 +1,84 @@
+"""geodesic-ocp check: exit codes and what it prints."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from geodesic_ocp.cli import main as cli
+from geodesic_ocp.validation import known_geodesics
+from geodesic_ocp.validation.known_geodesics import FORMAT
+
+DIAGONAL: dict[str, Any] = {
+    "name": "diagonal",
+    "metric": {"kind": "euclidean", "dim": 2},
+    "q0": [0.0, 0.0],
+    "v0": [3.0, 4.0],
+    "q1": [3.0, 4.0],
+    "length": 5.0,
+    "log": True,
+    "tolerances": {"exp": 1e-10, "log": 1e-9},
+    "points": [{"s": 0.5, "q": [1.5, 2.0]}],
+    "source": "Pythagoras.",
+}
+
+
+def table(file: Path, **changes: Any) -> Path:
+    entries = [{**DIAGONAL, **changes}]
+    file.write_text(json.dumps({"format": FORMAT, "version": 1, "entries": entries}))
+    return file
+
+
+@pytest.fixture
+def short_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One straight line instead of the bundled table."""
+    file = table(tmp_path / "bundled.json", name="bundled diagonal")
+    monkeypatch.setattr(known_geodesics, "BUNDLED", file)
+
+
+@pytest.mark.slow
+def test_bundled_table_passes(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["check"]) == 0
+    assert "checks passed; nearest to its tolerance is" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("short_table")
+def test_correct_table_ends_with_code_0(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["check", "--backend", "built-in"]) == 0
+    assert "1 known geodesics with built-in: all 4 checks passed" in capsys.readouterr().out
+    assert cli.main(["check", str(table(tmp_path / "mine.json"))]) == 0
+    assert "all 8 checks passed" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("short_table")
+def test_wrong_value_ends_with_code_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["check", str(table(tmp_path / "mine.json", length=5.1))]) == 1
+    printed = capsys.readouterr()
+    assert "1 of 8 checks FAILED, of 'diagonal'" in printed.out
+    assert printed.err == ""
+
+
+@pytest.mark.usefixtures("short_table")
+def test_malformed_table_ends_with_code_2(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for file, words in (
+        (table(tmp_path / "mine.json", length="long"), "length must be a number"),
+        (tmp_path / "none.json", "cannot be read"),
+    ):
+        assert cli.main(["check", str(file)]) == 2
+        printed = capsys.readouterr()
+        assert printed.out == ""
+        assert printed.err.startswith("geodesic-ocp: error: ")
+        assert f"{file.name}: " in printed.err
+        assert words in printed.err
+        assert printed.err.count("\n") == 1
+
+
+def test_unknown_back_end_is_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        cli.main(["check", "--backend", "symbolic"])
+    assert "invalid choice: 'symbolic'" in capsys.readouterr().err
