@@ -71,7 +71,7 @@ def test_interpolation_on_and_between_nodes() -> None:
     assert grid.interpolate(values, grid.nodes)[:, 0] == pytest.approx(np.exp(grid.nodes))
 
 
-def test_impossible_grids_are_refused() -> None:
+def test_wrong_grids_are_named() -> None:
     with pytest.raises(ValueError, match="segments must be at least 1, got 0"):
         go.Grid(0, 4)
     with pytest.raises(ValueError, match="degree must be 2 to 100, got 1"):
@@ -106,7 +106,7 @@ def test_length_of_a_path_with_a_corner() -> None:
     assert go.Path(go.Euclidean(2), grid, nodes).length == pytest.approx(0.5 + 2.5, rel=1e-10)
 
 
-def test_bad_paths_and_arguments_are_named() -> None:
+def test_wrong_paths_and_arguments_are_named() -> None:
     grid = go.Grid(1, 4)
     with pytest.raises(ValueError, match=r"nodes must have shape \(5, 2\), got \(4, 2\)"):
         go.Path(Sphere(), grid, np.zeros((4, 2)))

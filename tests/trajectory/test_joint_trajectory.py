@@ -19,7 +19,7 @@ def some(names: tuple[str, ...] = ("a", "b")) -> JointTrajectory:
     return JointTrajectory(TIME, values[0], values[1], values[2], names)
 
 
-def test_csv_holds_all_digits() -> None:
+def test_csv_has_all_digits() -> None:
     header, *rows = list(csv.reader(io.StringIO(some().csv())))
     assert header[:4] == ["time_from_start", "a position", "b position", "a velocity"]
     numbers = np.array(rows, dtype=float)
@@ -28,7 +28,7 @@ def test_csv_holds_all_digits() -> None:
     assert np.array_equal(numbers[:, 5:7], some().accelerations)
 
 
-def test_json_is_the_message() -> None:
+def test_json_has_the_fields_of_a_ros_message() -> None:
     message = json.loads(some().json())
     assert message["joint_names"] == ["a", "b"]
     assert set(message) == {"header", "joint_names", "points"}
@@ -46,7 +46,7 @@ def test_json_is_the_message() -> None:
         assert since["sec"] + since["nanosec"] / 1e9 == np.round(TIME[k], 9)
 
 
-def test_side_by_side() -> None:
+def test_trajectories_side_by_side() -> None:
     both = JointTrajectory.side_by_side([some(), some()], ("a", "b", "c", "d"))
     assert both.positions.shape == (3, 4)
     assert_allclose(both.velocities[:, 2:], some().velocities)

@@ -16,7 +16,7 @@ def parabola() -> go.Motion:
     return go.Motion(TIME, q, ("a", "b"))
 
 
-def test_filter_keeps_parabolas_and_knows_their_velocity() -> None:
+def test_filter_preserves_parabolas_and_gives_their_velocity() -> None:
     motion = parabola().filtered()
     assert motion.q == pytest.approx(parabola().q, abs=1e-12)
     expected = np.column_stack([2.0 - 6.0 * TIME, -1.0 + 2.0 * TIME])
@@ -30,7 +30,7 @@ def test_filter_reduces_noise(rng: np.random.Generator) -> None:
     assert np.std((noisy.q - parabola().q)[10:-10]) < 0.5 * np.std(noise)
 
 
-def test_motion_is_frozen_and_private() -> None:
+def test_motion_is_immutable_and_copies_its_arrays() -> None:
     q = parabola().q.copy()
     motion = go.Motion(TIME, q, ("a", "b"))
     q[:] = 0.0
@@ -41,7 +41,7 @@ def test_motion_is_frozen_and_private() -> None:
         motion.q = q
 
 
-def test_select_and_resample() -> None:
+def test_selected_joints_and_resampling() -> None:
     motion = parabola().filtered()
     swapped = motion.select(["b", "a"])
     assert np.array_equal(swapped.q, motion.q[:, ::-1])
@@ -55,7 +55,7 @@ def test_select_and_resample() -> None:
     assert dense.q[:, 0] == pytest.approx(expected, abs=1e-10)
 
 
-def test_curve_through_the_samples() -> None:
+def test_interpolation_passes_through_the_samples() -> None:
     motion = parabola()
     with pytest.raises(ValueError, match=r"s must lie in \[0, 0\.59\] s"):
         motion([0.3, 0.6])
@@ -73,19 +73,19 @@ def test_curve_through_the_samples() -> None:
         ([0.0, 0.1], np.zeros((2, 3)), r"got shapes \(2,\) and \(2, 3\)"),
     ],
 )
-def test_bad_samples_are_named(time: object, q: object, message: str) -> None:
+def test_wrong_samples_are_named(time: object, q: object, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         go.Motion(time, q, ("a", "b"))
 
 
-def test_other_mistakes_are_named() -> None:
+def test_wrong_arguments_are_named() -> None:
     with pytest.raises(ValueError, match="joint names must differ"):
         go.Motion([0.0, 0.1], np.zeros((2, 2)), ("a", "a"))
     with pytest.raises(ValueError, match=r"velocity must have the shape \(2, 2\) of q"):
         go.Motion([0.0, 0.1], np.zeros((2, 2)), ("a", "b"), np.zeros((2, 3)))
 
 
-def test_filter_refuses_what_it_cannot_filter() -> None:
+def test_filter_names_wrong_windows_and_uneven_samples() -> None:
     with pytest.raises(ValueError, match="needs as many samples, not 60"):
         parabola().filtered(window=61)
     for window, order in ((20, 2), (3, 3), (5, 0)):
@@ -97,7 +97,7 @@ def test_filter_refuses_what_it_cannot_filter() -> None:
         go.Motion(uneven, parabola().q, ("a", "b")).filtered()
 
 
-def test_rounded_time_stamps_are_even_enough() -> None:
+def test_rounded_time_stamps_count_as_evenly_spaced() -> None:
     """Milliseconds at 120 Hz are; a frame that is missing is not."""
     time = np.round(np.arange(61) / 120.0, 3)
     go.Motion(time[:60], parabola().q, ("a", "b")).filtered()

@@ -1,4 +1,4 @@
-"""The package against known geodesics, and the check itself against wrong ones."""
+"""The package against known geodesics, and the check against wrong values."""
 
 from __future__ import annotations
 
@@ -51,23 +51,23 @@ ENTRY: dict[str, Any] = {
 }
 
 
-def by_name(name: str) -> KnownGeodesic:
+def entry_named(name: str) -> KnownGeodesic:
     return next(known for known in KNOWN if known.name == name)
 
 
-def written(folder: Path, *entries: Any, **head: Any) -> Path:
+def write_table(folder: Path, *entries: Any, **head: Any) -> Path:
     file = folder / "mine.json"
     record = {"format": FORMAT, "version": 1, "entries": list(entries), **head}
     file.write_text(json.dumps(record))
     return file
 
 
-def changed(**fields: Any) -> dict[str, Any]:
-    """The entry with other fields; None leaves one out."""
+def changed_entry(**fields: Any) -> dict[str, Any]:
+    """The entry with changed fields; None leaves a field out."""
     return {name: value for name, value in {**ENTRY, **fields}.items() if value is not None}
 
 
-def failed(checks: list[Check]) -> set[str]:
+def failed_quantities(checks: list[Check]) -> set[str]:
     return {check.quantity for check in checks if not check.passed}
 
 
@@ -79,10 +79,10 @@ def test_known_geodesic(known: KnownGeodesic, backend: str) -> None:
     checks = check_geodesic(known, backend)
     expected = {"exp", "length"} | ({"path"} if known.points else set())
     assert {check.quantity for check in checks} == expected | ({"log"} if known.log else set())
-    assert failed(checks) == set(), table_of(checks)
+    assert failed_quantities(checks) == set(), table_of(checks)
 
 
-def test_every_kind_of_metric_is_in_the_table() -> None:
+def test_every_type_of_metric_is_in_the_table() -> None:
     assert {known.metric["kind"] for known in KNOWN} == {
         "euclidean",
         "sphere",
@@ -98,12 +98,12 @@ def test_every_kind_of_metric_is_in_the_table() -> None:
     assert len({len(known.q0) for known in KNOWN}) >= 4
 
 
-def test_long_geodesics_are_in_the_table_for_their_exponential_only() -> None:
+def test_some_geodesics_are_checked_without_the_logarithm() -> None:
     assert any(known.log for known in KNOWN)
     assert any(not known.log for known in KNOWN)
 
 
-# -- a check that cannot fail is none --------------------------------------------------------------
+# -- wrong values must fail --------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -124,8 +124,8 @@ def test_long_geodesics_are_in_the_table_for_their_exponential_only() -> None:
 def test_wrong_values_fail(
     name: str, change: Callable[[KnownGeodesic], dict[str, Any]], expected: set[str]
 ) -> None:
-    known = by_name(name)
-    assert failed(check_geodesic(replace(known, **change(known)))) == expected
+    known = entry_named(name)
+    assert failed_quantities(check_geodesic(replace(known, **change(known)))) == expected
 
 
 @pytest.mark.parametrize(
@@ -141,40 +141,42 @@ def test_wrong_values_fail(
     ],
 )
 def test_another_metric_fails(name: str, field: str, value: Any) -> None:
-    known = by_name(name)
-    assert "exp" in failed(check_geodesic(replace(known, metric={**known.metric, field: value})))
+    known = entry_named(name)
+    assert "exp" in failed_quantities(
+        check_geodesic(replace(known, metric={**known.metric, field: value}))
+    )
 
 
-def test_mass_and_height_of_a_person_count_in_the_length() -> None:
-    """They scale the metric as a whole, which leaves geodesics alone."""
-    known = by_name("human right arm, reach")
+def test_mass_and_height_of_a_person_change_the_length_alone() -> None:
+    """They scale the metric by a constant, which does not change geodesics."""
+    known = entry_named("human right arm, reach")
     for field in ("height", "mass"):
         scaled = {**known.metric, field: known.metric[field] * 1.001}
-        assert failed(check_geodesic(replace(known, metric=scaled))) == {"length"}
+        assert failed_quantities(check_geodesic(replace(known, metric=scaled))) == {"length"}
 
 
-def test_what_raises_fails_with_its_message() -> None:
-    known = by_name("plane in polar coordinates")
+def test_exceptions_are_failures_with_a_message() -> None:
+    known = entry_named("plane in polar coordinates")
     checks = check_geodesic(replace(known, q0=(0.0, 0.0)))
-    assert failed(checks) >= {"exp", "path", "log"}
+    assert failed_quantities(checks) >= {"exp", "path", "log"}
     assert all(check.message for check in checks if np.isinf(check.error))
     (check,) = check_geodesic(replace(known, metric={"kind": "euclidean", "dim": 0}))
     assert (check.quantity, check.passed) == ("metric", False)
     assert "dim" in check.message
 
 
-def test_not_a_number_is_not_within_a_tolerance() -> None:
+def test_nan_is_not_within_a_tolerance() -> None:
     assert not Check("x", "exp", "-", float("nan"), 1.0).passed
     assert Check("x", "exp", "-", 1.0, 1.0).passed
 
 
 def test_an_unknown_backend_is_an_error_not_a_failure() -> None:
     with pytest.raises(ValueError, match="backend must be one of"):
-        check_geodesic(by_name("two rods"), "symbolic")
+        check_geodesic(entry_named("two rods"), "symbolic")
 
 
 def test_metrics_without_a_model_are_checked_once() -> None:
-    known = [by_name("sphere, great circle"), by_name("two rods")]
+    known = [entry_named("sphere, great circle"), entry_named("two rods")]
     backends = [name for name in BACKENDS if not why_unavailable(name)]
     checks = check_known_geodesics(known, backends)
     exps = [(check.name, check.backend) for check in checks if check.quantity == "exp"]
@@ -192,30 +194,30 @@ def short_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder.mkdir()
     entries = json.loads(BUNDLED.read_text())["entries"]
     sphere = next(entry for entry in entries if entry["name"] == "sphere, great circle")
-    monkeypatch.setattr(known_geodesics, "BUNDLED", written(folder, sphere))
+    monkeypatch.setattr(known_geodesics, "BUNDLED", write_table(folder, sphere))
 
 
 @pytest.mark.usefixtures("short_table")
-def test_check_of_the_table(capsys: pytest.CaptureFixture[str]) -> None:
+def test_run_check_prints_the_table(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_check()
     printed = capsys.readouterr().out
     assert "sphere, great circle" in printed
     assert "all 4 checks passed" in printed
     for name in BACKENDS:
-        assert name in printed  # as one that was checked, or as one that could not be imported
+        assert name in printed  # whether checked or not available
     assert why_unavailable(BACKENDS[0]) in printed
 
 
 @pytest.mark.usefixtures("short_table")
-def test_check_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run_check(written(tmp_path, ENTRY), "built-in")
+def test_run_check_adds_a_users_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_check(write_table(tmp_path, ENTRY), "built-in")
     assert "2 known geodesics with built-in: all 8 checks passed" in capsys.readouterr().out
 
 
 @pytest.mark.usefixtures("short_table")
-def test_check_of_wrong_ones(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    nowhere = changed(name="nowhere", metric={"kind": "euclidean", "dim": 3})
-    assert not run_check(written(tmp_path, changed(length=5.1), nowhere))
+def test_run_check_names_failures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    nowhere = changed_entry(name="nowhere", metric={"kind": "euclidean", "dim": 3})
+    assert not run_check(write_table(tmp_path, changed_entry(length=5.1), nowhere))
     printed = capsys.readouterr().out
     line = next(line for line in printed.splitlines() if line.startswith("diagonal  "))
     quantity, backend, error, tolerance, verdict = line.split()[1:]
@@ -228,23 +230,25 @@ def test_check_of_wrong_ones(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 # -- tables ----------------------------------------------------------------------------------------
 
 
-def test_the_example_of_the_documentation_is_complete(tmp_path: Path) -> None:
+def test_example_of_the_documentation_passes(tmp_path: Path) -> None:
     (example,) = re.findall(r"```json\n(.*?)```", GUIDE.read_text(), flags=re.DOTALL)
     file = tmp_path / "example.json"
     file.write_text(example)
     (known,) = read_known_geodesics(file)
-    assert failed(check_geodesic(known)) == set()
+    assert failed_quantities(check_geodesic(known)) == set()
 
 
-def test_files_are_in_the_tables_folder(tmp_path: Path) -> None:
+def test_files_are_relative_to_the_table(tmp_path: Path) -> None:
     shutil.copy(BUNDLED.parent / "known_arm.urdf", tmp_path / "arm.urdf")
     metric = {"kind": "urdf", "file": "arm.urdf", "hand": "tool"}
     six = {name: [0.1] * 6 for name in ("q0", "v0", "q1")}
-    (known,) = read_known_geodesics(written(tmp_path, changed(metric=metric, points=[], **six)))
+    (known,) = read_known_geodesics(
+        write_table(tmp_path, changed_entry(metric=metric, points=[], **six))
+    )
     assert metric_of(known.metric).dim == 6
 
 
-def test_joints_of_a_description_can_be_picked(tmp_path: Path) -> None:
+def test_joints_of_a_urdf_can_be_selected(tmp_path: Path) -> None:
     metric = {"kind": "urdf", "file": str(BUNDLED.parent / "known_arm.urdf"), "hand": "tool"}
     assert metric_of({**metric, "joints": ["elbow", "pitch"]}).dim == 2
 
@@ -285,7 +289,7 @@ def test_joints_of_a_description_can_be_picked(tmp_path: Path) -> None:
     ],
 )
 def test_malformed_entries_are_named(tmp_path: Path, fields: dict[str, Any], words: str) -> None:
-    file = written(tmp_path, changed(name="fine"), changed(**fields))
+    file = write_table(tmp_path, changed_entry(name="fine"), changed_entry(**fields))
     with pytest.raises(ValueError, match=rf"mine\.json: entry 2 \('diagonal'\): .*{words}"):
         read_known_geodesics(file)
 
@@ -297,7 +301,7 @@ def test_malformed_entries_are_named(tmp_path: Path, fields: dict[str, Any], wor
         ([ENTRY], {"format": "geodesics"}, '"format" must be'),
         ([ENTRY], {"version": 2}, '"version" must be 1, is 2'),
         ([ENTRY, ENTRY], {}, r"entry 2 \('diagonal'\): name is that of an entry before"),
-        ([changed(name=None)], {}, "entry 1: name is missing"),
+        ([changed_entry(name=None)], {}, "entry 1: name is missing"),
         ([[1.0, 2.0]], {}, "entry 1: must be an object with the fields name, metric"),
     ],
 )
@@ -305,10 +309,10 @@ def test_malformed_tables_are_named(
     tmp_path: Path, entries: list[Any], head: dict[str, Any], words: str
 ) -> None:
     with pytest.raises(ValueError, match=rf"mine\.json: .*{words}"):
-        read_known_geodesics(written(tmp_path, *entries, **head))
+        read_known_geodesics(write_table(tmp_path, *entries, **head))
 
 
-def test_what_is_no_table_is_named(tmp_path: Path) -> None:
+def test_files_that_are_not_tables_are_named(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"none\.json: cannot be read"):
         read_known_geodesics(tmp_path / "none.json")
     (tmp_path / "text.json").write_text("geodesics")
@@ -325,15 +329,15 @@ def test_what_is_no_table_is_named(tmp_path: Path) -> None:
         ({"masses": [1.0, -0.5]}, "negative mass"),
     ],
 )
-def test_planar_arms_have_figures_for_every_link(fields: dict[str, Any], words: str) -> None:
+def test_planar_arms_need_values_for_every_link(fields: dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
-        metric_of({**by_name("two uneven links").metric, **fields})
+        metric_of({**entry_named("two uneven links").metric, **fields})
 
 
-# -- where the table comes from --------------------------------------------------------------------
+# -- the tool that computes the table -------------------------------------------------------------
 
 
-def test_the_tool_shares_no_code_with_the_package() -> None:
+def test_tool_shares_no_code_with_the_package() -> None:
     modules = set()
     for node in ast.walk(ast.parse(TOOL.read_text())):
         if isinstance(node, ast.Import):
@@ -345,7 +349,7 @@ def test_the_tool_shares_no_code_with_the_package() -> None:
 
 
 @pytest.mark.slow
-def test_the_tool_makes_the_table() -> None:
+def test_tool_reproduces_the_table() -> None:
     done = subprocess.run(
         [sys.executable, TOOL, "--check"], capture_output=True, text=True, check=False
     )

@@ -1,4 +1,4 @@
-"""A page that shows a person and a robot moving side by side, with tables and the figure."""
+"""An HTML page with a person and a robot in motion side by side, tables and the figure."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.table import Table
 
-# Half of the distance of a person's shoulders, of the body's height: Winter, Biomechanics and Motor
-# Control of Human Movement.
+# Half of the distance between the shoulders as a fraction of body height: Winter, Biomechanics and
+# Motor Control of Human Movement.
 _HALF_WIDTH = 0.129
-_HEIGHT = 1.75  # [m], where the recording does not say
+_HEIGHT = 1.75  # [m], if the recording does not give it
 
 
 def report(retargeting: Retargeting, file: str | PathLike[str]) -> Path:
     """Write an HTML page of a retargeting: both arms in motion, tables and the figure.
 
-    The page needs nothing but a browser. The robot is drawn with the meshes of its file, or as
+    The page needs only a browser. The robot is drawn with the meshes of its file, or as
     capsules (`Model.bodies`), rotated into the person's axes, with the paths of its hand and of the
     person's, mapped to the robot.
 
     Args:
         retargeting: result of `retarget`.
-        file: to be written; its folder must exist.
+        file: path of the page; its folder must exist.
 
     Returns:
         Path of the file.
@@ -58,7 +58,7 @@ def report(retargeting: Retargeting, file: str | PathLike[str]) -> Path:
         moving,
         "<h2>Compared with inverse kinematics that tracks the whole path of the hand</h2>",
         _html_table(retargeting.table()),
-        "<h2>The robot's synergies, and the person's from which they are made</h2>",
+        "<h2>The robot's synergies, and the person's synergies from which they are made</h2>",
         _html_table(retargeting.synergy_table()),
         f'<p><img alt="hand and joints over time" src="{_picture(retargeting)}"></p>',
     ]
@@ -71,7 +71,7 @@ def _sentences(retargeting: Retargeting) -> str:
     within_limits = retargeting.settings.within_limits
     held = "within the robot's limits" if within_limits else "without limits"
     formulation = retargeting.settings.formulation
-    kind = {
+    description = {
         "constrained": "Each synergy is the path of least energy to the hand pose at its end, "
         f"{held}.",
         "geodesic": "Each synergy is the geodesic that brings the hand nearest to the pose at the "
@@ -83,13 +83,13 @@ def _sentences(retargeting: Retargeting) -> str:
         if stretch > 1.0
         else "The robot takes the person's time."
     )
-    far = sum(len(arm.out_of_reach) for arm in retargeting.arms)
-    reach = f" Poses out of reach: {far}." if far else ""
-    return f"{kind} {time}{reach}"
+    num_unreachable = sum(len(arm.out_of_reach) for arm in retargeting.arms)
+    reach = f" Poses out of reach: {num_unreachable}." if num_unreachable else ""
+    return f"{description} {time}{reach}"
 
 
 def _shoulder(arm: RetargetedArm, count: int) -> Array:
-    """Position of the person's shoulder in the scene: in the middle, or to one side."""
+    """Position of the person's shoulder in the scene: at the origin, or to one side of it."""
     if count == 1:
         return np.zeros(3)
     height = arm.analysis.motion.subject.height or _HEIGHT
@@ -104,11 +104,11 @@ def _person(arm: RetargetedArm, count: int) -> Actor:
 
 
 def _robots(arms: tuple[RetargetedArm, ...]) -> list[Actor]:
-    """Each robot with its shoulder at the person's; two arms of one robot on one body."""
+    """Each robot with its shoulder at that of the person; two arms of one robot share its body."""
     frames = [{str(frame.name) for frame in arm.robot.pin.frames} for arm in arms]
     shoulders = np.array([np.asarray(arm.mapping.target.shoulder) for arm in arms])
-    apart = len(np.unique(shoulders.round(6), axis=0)) == len(arms)
-    one_body = len(arms) > 1 and apart and all(names == frames[0] for names in frames)
+    are_distinct = len(np.unique(shoulders.round(6), axis=0)) == len(arms)
+    one_body = len(arms) > 1 and are_distinct and all(names == frames[0] for names in frames)
     middle = shoulders.mean(axis=0)
     actors = []
     for number, arm in enumerate(arms):
@@ -120,7 +120,7 @@ def _robots(arms: tuple[RetargetedArm, ...]) -> list[Actor]:
         others = [other.robot for other in arms[:number] if one_body]
         later = [other.robot for other in arms[number + 1 :] if one_body]
         hidden = {name for name in frames[number] if any(robot.moves(name) for robot in later)}
-        if others:  # which have drawn the body
+        if others:  # the first of which shows the body
             hidden = {name for name in frames[number] if not arm.robot.moves(name)}
         actors.append(
             Actor(

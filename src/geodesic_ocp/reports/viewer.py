@@ -1,4 +1,4 @@
-"""Moving arms side by side in 3D, in a page of HTML that needs nothing else."""
+"""Animated 3D scenes of moving arms, side by side on a self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from geodesic_ocp.model.geometry.meshes import Mesh, meshes
 from geodesic_ocp.model.model import Model
 
 RATE = 25.0  # [frames / s], at most
-HAND, TARGET = "#1b3a5c", "#e07b00"  # dark blue and orange are told apart by everyone
+HAND, TARGET = "#1b3a5c", "#e07b00"  # distinguishable also with colour blindness
 
 _STYLE = """
 .viewer-scenes { display: flex; flex-wrap: wrap; gap: 0.8rem; }
@@ -58,7 +58,7 @@ pre { overflow-x: auto; }
 """.strip()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Actor:
     """A model that moves in a scene, whose x axis points right, y forward and z up.
 
@@ -69,10 +69,10 @@ class Actor:
         rotation, position: of the model's base in the scene, (3, 3) and (3,) [m].
         trail: positions (m, 3) [m] of the hand in the scene, drawn as a line; None: those of the
             model's hand.
-        target: positions (m, 3) [m] in the scene where the hand should go, if any.
+        target: positions (m, 3) [m] of the hand's target path in the scene, if any.
         hidden: links that are not drawn.
 
-    Of a trail or a target with k positions, the one at the time that is shown gets a dot.
+    If a trail or a target has k positions, a dot marks the one at the current time.
 
     Raises:
         ValueError: wrong shapes, or numbers that are not finite.
@@ -98,12 +98,15 @@ class Actor:
         if self.target is not None:
             object.__setattr__(self, "target", _rows("target", self.target, 3))
 
+    def __repr__(self) -> str:
+        return f"Actor({self.title!r}, {self.model!r}, {len(self.q)} configurations)"
+
     def poses(self, link: str, q: Array) -> Array:
-        """Of a link in the scene at configurations (k, n): its axes and its place, (k, 4, 3)."""
+        """Axes and position of a link in the scene at configurations (k, n): (k, 4, 3)."""
         rotations, positions = self.model.frame_pose(link, q)
         axes = (self.rotation @ rotations).transpose(0, 2, 1)
-        places = positions @ self.rotation.T + self.position
-        return np.asarray(np.concatenate([axes, places[:, None]], axis=1))
+        positions = positions @ self.rotation.T + self.position
+        return np.asarray(np.concatenate([axes, positions[:, None]], axis=1))
 
 
 def viewer(
@@ -113,18 +116,18 @@ def viewer(
     view: tuple[float, float] = (50.0, 22.0),
     target: str = "target",
 ) -> str:
-    """HTML of scenes side by side, with one button and slider for the time of all.
+    """HTML of scenes side by side, with one play button and one slider for all of them.
 
-    It holds its data and its script, and may stand in a page several times. Every scene is to the
-    same scale, all that moves is in view at first, and all are turned and zoomed together with the
-    mouse. It shows the samples nearest to 25 times a second.
+    The HTML contains its data and its script, and may appear on a page several times. All scenes
+    have the same scale; the initial view shows everything that moves; the mouse rotates and zooms
+    all scenes together. At most 25 samples per second are shown.
 
     Args:
         time: (k,) [s], increasing.
-        scenes: titles and who moves in them.
-        view: where the eye is at first [deg]: how far to the right of straight ahead of the models
-            (0: it looks back at them), and how high.
-        target: what the actors' targets are called.
+        scenes: titles and actors.
+        view: initial azimuth and elevation of the camera [deg]; at azimuth 0 it faces the models,
+            positive angles are to their right.
+        target: name of the actors' targets in the legend.
 
     Raises:
         ValueError: wrong shapes, or a time that does not increase.
@@ -167,18 +170,18 @@ def viewer(
 <div class="viewer-bar"><button type="button">Play</button>
 <input type="range" min="{start}" max="{end}" step="any" value="{start}" aria-label="time in s">
 <output>{clock[0]:.2f} s</output></div>
-<p class="viewer-legend">{legend}<span>Drag to turn, wheel to zoom, double click to go back.
-All to one scale; squares of the floor are 0.25 m wide.</span></p>
-<p class="viewer-missing" hidden>The moving pictures need WebGL, which this browser does not offer
-or has turned off.</p>
-<noscript>The moving pictures need JavaScript, which is turned off here.</noscript>
+<p class="viewer-legend">{legend}<span>Drag to rotate, wheel to zoom, double-click to reset.
+All scenes have one scale; squares of the floor are 0.25 m wide.</span></p>
+<p class="viewer-missing" hidden>The animation needs WebGL, which this browser does not support
+or has disabled.</p>
+<noscript>The animation needs JavaScript, which is disabled here.</noscript>
 <script type="application/json">{_json(data)}</script>
 <script>{script}</script>
 </div>"""
 
 
 def page(title: str, body: str) -> str:
-    """A whole HTML document, with a stylesheet, around a body of HTML; nothing is fetched."""
+    """A complete HTML document with a stylesheet around the given body; nothing is downloaded."""
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -202,13 +205,13 @@ def _rows(name: str, value: Any, columns: int) -> Array:
 
 
 def _frames(time: Array) -> list[int]:
-    """Numbers of the samples nearest to `RATE` times a second, with the first and the last."""
+    """Indices of samples at a rate close to `RATE`, including the first and the last."""
     count = int(np.floor((time[-1] - time[0]) * RATE + 1e-9)) + 1
-    wanted = np.linspace(time[0], time[-1], count) if count > 1 else time[[0, -1]]
-    after = np.clip(np.searchsorted(time, wanted), 1, max(1, len(time) - 1))
+    ideal = np.linspace(time[0], time[-1], count) if count > 1 else time[[0, -1]]
+    after = np.clip(np.searchsorted(time, ideal), 1, max(1, len(time) - 1))
     if len(time) == 1:
         return [0]
-    nearer = wanted - time[after - 1] < time[after] - wanted
+    nearer = ideal - time[after - 1] < time[after] - ideal
     return sorted({int(index) for index in after - nearer})
 
 
@@ -228,8 +231,8 @@ def _scene(
     bodies: Sequence[Sequence[Mesh]],
     frames: Sequence[int],
 ) -> dict[str, Any]:
-    """What a scene shows, points around all that moves, and the height of the floor."""
-    cast: list[dict[str, Any]] = []
+    """Actors of a scene, points that bound everything that moves, and the height of the floor."""
+    described: list[dict[str, Any]] = []
     moving: list[Array] = []
     still: list[Array] = []
     for actor, number in zip(actors, numbers, strict=True):
@@ -239,17 +242,17 @@ def _scene(
                 continue
             moves = actor.model.moves(mesh.link)
             if mesh.link not in poses:
-                # One pose is enough for what stands still.
+                # One pose is enough for a link that does not move.
                 poses[mesh.link] = actor.poses(mesh.link, actor.q[frames if moves else frames[:1]])
             box = np.array([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
             corners = np.array(np.meshgrid(*box.T)).reshape(3, -1).T
-            axes, places = poses[mesh.link][:, :3], poses[mesh.link][:, 3:]
-            (moving if moves else still).append((corners @ axes + places).reshape(-1, 3))
+            axes, positions = poses[mesh.link][:, :3], poses[mesh.link][:, 3:]
+            (moving if moves else still).append((corners @ axes + positions).reshape(-1, 3))
         lines = {"hand": actor.trail, "target": actor.target}
         drawn = {kind: line for kind, line in lines.items() if line is not None and len(line)}
         moving += drawn.values()
         dots = {kind: line[frames] for kind, line in drawn.items() if len(line) == len(actor.q)}
-        cast.append(
+        described.append(
             {
                 "body": number,
                 "poses": {link: _packed(pose) for link, pose in poses.items()},
@@ -259,16 +262,16 @@ def _scene(
         )
     points = np.concatenate(moving or still or [np.zeros((1, 3))])
     floor = min(float(each[:, 2].min()) for each in (points, *still))
-    return {"actors": cast, "extremes": _packed(_extremes(points)), "floor": floor}
+    return {"actors": described, "extremes": _packed(_extremes(points)), "floor": floor}
 
 
 def _extremes(points: Array) -> Array:
-    """Those of the points (k, 3) that lie farthest in one of many directions."""
-    turns = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
-    tilts = np.linspace(-np.pi / 2.0, np.pi / 2.0, 9)
-    turn, tilt = (each.reshape(-1) for each in np.meshgrid(turns, tilts))
-    level = np.cos(tilt)
-    directions = np.array([np.cos(turn) * level, np.sin(turn) * level, np.sin(tilt)])
+    """The points among (k, 3) that are extreme in one of many directions."""
+    azimuths = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
+    elevations = np.linspace(-np.pi / 2.0, np.pi / 2.0, 9)
+    azimuth, elevation = (each.reshape(-1) for each in np.meshgrid(azimuths, elevations))
+    level = np.cos(elevation)
+    directions = np.array([np.cos(azimuth) * level, np.sin(azimuth) * level, np.sin(elevation)])
     farthest = {int(np.argmax(points @ direction)) for direction in directions.T}
     return points[sorted(farthest)]
 
@@ -277,7 +280,7 @@ def _part(mesh: Mesh) -> dict[str, Any]:
     bits = 16 if len(mesh.vertices) <= 2**16 else 32
     return {
         "link": mesh.link,
-        "colour": [round(share, 4) for share in mesh.colour],
+        "colour": [round(component, 4) for component in mesh.colour],
         "vertices": _packed(mesh.vertices),
         "triangles": _packed(mesh.triangles, f"<u{bits // 8}"),
         "bits": bits,
@@ -289,5 +292,5 @@ def _packed(values: Any, kind: str = "<f4") -> str:
 
 
 def _json(data: Any) -> str:
-    """JSON that cannot end the script element it stands in."""
+    """JSON without "<", so that it cannot close its script element."""
     return json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
