@@ -1,4 +1,4 @@
-"""Make the table of known geodesics, src/geodesic_ocp/data/known_geodesics.json.
+"""Compute the table of known geodesics, src/geodesic_ocp/data/known_geodesics.json.
 
 Usage:  python tools/known_geodesics.py [--check]
 
@@ -35,9 +35,9 @@ DATA = Path(__file__).resolve().parents[1] / "src" / "geodesic_ocp" / "data"
 FORMAT, VERSION = "geodesic_ocp known geodesics", 1
 DECIMALS = 13  # of every number in the table
 SAME = 1e-12  # two tables are the same up to this
-CONVERGED = 1e-13  # change of every value when steps are halved, misses of Newton's method
-# What the package is held to. Its exp is called with the first as its own tolerance; its log ends
-# within 1e-9 of the goal, which the derivative of the logarithm turns into a few times as much.
+CONVERGED = 1e-13  # change of every value when steps are halved, endpoint errors of Newton's method
+# Tolerances of the package. Its exp is called with the first as its own; its log ends within 1e-9
+# of the goal, and the derivative of the logarithm may multiply this by a few.
 EXP_TOLERANCE, LOG_TOLERANCE = 1e-11, 1e-8
 QUARTERS = (0.25, 0.5, 0.75)
 
@@ -80,7 +80,7 @@ def from_curve(
     *,
     log: bool = True,
 ) -> Entry:
-    """Entry of a curve at constant speed that is known at every s."""
+    """Entry of a curve at constant speed, given in closed form."""
     points = tuple((s, curve(s)) for s in QUARTERS)
     return Entry(
         name, metric, curve(0.0), np.array(v0), curve(1.0), length, source, log=log, points=points
@@ -94,7 +94,7 @@ def straight(q0: ArrayLike, q1: ArrayLike) -> Curve:
 
 
 def polar(point: Array, near: float) -> Array:
-    """Radius and angle of a point of the plane, the angle within half a turn of another."""
+    """Radius and angle of a point of the plane, the angle within half a revolution of another."""
     angle = np.arctan2(point[1], point[0])
     turns = np.round((near - angle) / (2.0 * np.pi))
     return np.array([np.hypot(*point), angle + 2.0 * np.pi * turns])
@@ -121,7 +121,7 @@ def sphere(
 
     def curve(s: float) -> Array:
         position = np.cos(length * s) * start + np.sin(length * s) * tangent
-        # The longitude grows by less than half a turn in every half of a turn of the great circle.
+        # The longitude grows by less than pi along every half of the great circle.
         near = longitude + np.sign(np.sin(heading)) * length * s
         around = polar(position[:2], near)
         return np.array([np.arctan2(around[0], position[2]), around[1]])
@@ -142,7 +142,7 @@ def sphere(
 
 
 def half_plane_circle() -> Entry:
-    """Part of a half circle about a point of the boundary."""
+    """Part of a half circle centred on the boundary."""
     centre, radius, a, b = 0.4, 1.5, -0.8, 1.1
     slope = np.array([1.0 / np.cosh(a) ** 2, -np.tanh(a) / np.cosh(a)])
     return from_curve(
@@ -176,7 +176,7 @@ def half_plane_vertical() -> Entry:
 def developed(
     name: str, metric: Mapping[str, Any], share: float, p0: Array, p1: Array, source: str
 ) -> Entry:
-    """A straight line of the plane in polar coordinates (r, phi), of angles phi times a share."""
+    """A straight line of the plane in polar coordinates (r, phi), with scaled angles."""
     start = polar(p0, 0.0)
 
     def curve(s: float) -> Array:
@@ -214,7 +214,7 @@ def cone() -> Entry:
 
 
 def cylinder() -> Entry:
-    """A helix of more than one turn."""
+    """A helix of more than one revolution."""
     radius, q0, q1 = 0.7, np.array([-0.2, 0.5]), np.array([1.6, 8.3])
     return from_curve(
         "cylinder, helix of more than a turn",
@@ -241,13 +241,13 @@ def torus_equator() -> Entry:
 
 
 def hold(value: float, bound: float, what: str) -> None:
-    """Raise ArithmeticError where a value is above its bound."""
+    """Raise ArithmeticError if a value exceeds its bound."""
     if not value <= bound:
         raise ArithmeticError(f"{what} by {value:.1e}, more than {bound:.0e}")
 
 
 def integral(function: Callable[[float], float], a: float, b: float) -> float:
-    """Integral of a smooth function by Gauss's quadrature, the same with half of the nodes."""
+    """Integral of a smooth function by Gauss quadrature, checked with half of the nodes."""
     values = []
     for count in (100, 200):
         nodes, weights = legendre.leggauss(count)
@@ -266,7 +266,7 @@ def clairaut(
     u1: float,
     moment: float,
 ) -> Entry:
-    """From the parallel u0 to the parallel u1 without turning back.
+    """From the parallel u0 to the parallel u1, with u monotone.
 
     On ds^2 = E du^2 + r^2 dphi^2 at unit speed r^2 phi' = c, so that
     dphi/du = c sqrt(E) / (r sqrt(r^2 - c^2)) and ds/du = r sqrt(E) / sqrt(r^2 - c^2).
@@ -352,7 +352,7 @@ def catenoid() -> list[Entry]:
 
 
 def tip_mass(name: str, start: tuple[float, float], goal: tuple[float, float]) -> Entry:
-    """Two links with all mass at the tip, which moves like a free point.
+    """Two links with all mass at the tip, which moves as a free particle.
 
     The tip is at l1 (cos q1, sin q1) + l2 (cos(q1 + q2), sin(q1 + q2)).
     """
@@ -383,7 +383,7 @@ def tip_mass(name: str, start: tuple[float, float], goal: tuple[float, float]) -
     straight_line = tip(goal) - tip(start)
     return from_curve(
         name,
-        # Formats of robots ask for a moment of inertia: this one is below rounding.
+        # Robot formats require a moment of inertia: this one is below rounding errors.
         planar((l1, l2), (0.0, mass), (0.0, l2), (0.0, 1e-15)),
         curve,
         np.linalg.solve(jacobian, straight_line),
@@ -401,7 +401,7 @@ def planar(
     centres: Sequence[float],
     inertias: Sequence[float],
 ) -> dict[str, Any]:
-    """Description of links [m] that turn about z; inertias [kg m^2] are about the centres."""
+    """Description of links [m] that rotate about z; inertias [kg m^2] are about the centres."""
     figures = (list(lengths), list(masses), list(centres), list(inertias))
     names = ("lengths", "masses", "centres", "inertias")
     return {"kind": "planar arm", **dict(zip(names, figures, strict=True))}
@@ -538,7 +538,7 @@ class GaussLegendre:
         self.weights = 0.5 * weights
 
     def step(self, rate: Callable[[Array], Array], y: Array, h: float) -> Array:
-        """The state a step h on."""
+        """The state after a step h."""
         slopes = np.tile(rate(y), (self.stages, 1))
         change = np.inf
         for _ in range(60):
@@ -567,7 +567,7 @@ class Mechanism:
         self._free = np.zeros(self.model.nv)
 
     def configuration(self, q: Array) -> Array:
-        """Pinocchio's configuration, which holds a cosine and a sine of continuous joints."""
+        """Pinocchio's configuration, with cosine and sine for continuous joints."""
         return np.asarray(pin.integrate(self.model, self._neutral, q))
 
     def rate(self, y: Array) -> Array:
@@ -592,9 +592,9 @@ class Mechanism:
         return float(np.sqrt(2.0 * self.data.kinetic_energy))
 
     def velocity(
-        self, q0: Array, q1: Array, guess: Array, steps: int, miss: float = CONVERGED / 2.0
+        self, q0: Array, q1: Array, guess: Array, steps: int, error: float = CONVERGED / 2.0
     ) -> Array:
-        """v0 of the geodesic from q0 to q1 near a guess, by Newton's method, up to a miss of q1.
+        """v0 of the geodesic from q0 to q1 near a guess, by Newton's method, to an endpoint error.
 
         The derivative of the end point is taken by central differences, from larger steps.
         ArithmeticError where Newton's method does not converge.
@@ -602,7 +602,7 @@ class Mechanism:
         v0, coarse = guess.copy(), max(8, steps // 4)
         for _ in range(8):
             residual = self.path(q0, v0, steps)[-1] - q1
-            if np.abs(residual).max() <= miss:
+            if np.abs(residual).max() <= error:
                 return v0
             delta = 1e-5 * max(1.0, float(np.abs(v0).max()))
             columns = [
@@ -611,7 +611,9 @@ class Mechanism:
                 for e in delta * np.eye(v0.size)
             ]
             v0 = v0 - np.linalg.solve(np.array(columns).T, residual)
-        raise ArithmeticError(f"Newton's method misses by {np.abs(residual).max():.1e}")
+        raise ArithmeticError(
+            f"Newton's method leaves an endpoint error of {np.abs(residual).max():.1e}"
+        )
 
     def followed(self, q0: Array, q1: Array, steps: int) -> Array:
         """v0 of the geodesic from q0 to q1 that grows from the short ones, by continuation."""
@@ -682,8 +684,8 @@ def mechanical(
     hold(change, CONVERGED, f"{name}: halving the steps changes values")
     end = fine[-1]
     if goal is not None:
-        miss = float(np.abs(end - goal).max())
-        hold(miss, SAME, f"{name}: the rounded velocity misses the goal")
+        error = float(np.abs(end - goal).max())
+        hold(error, SAME, f"{name}: the rounded velocity has an endpoint error")
         end = goal
     print(f"{name}: halving the step of 1/{steps} changes values by {change:.1e}")
     points = tuple(zip(QUARTERS, fine[1:-1], strict=True))
@@ -774,7 +776,7 @@ def human_arms() -> list[Entry]:
 
 
 def urdf_arms() -> list[Entry]:
-    """The invented arm of the data folder."""
+    """The fictitious arm of the data folder."""
     arm = {"kind": "urdf", "file": "known_arm.urdf", "hand": "tool"}
     start = [0.3, -0.4, 0.1, 0.5, 0.8, -0.3]
     return [
@@ -818,12 +820,12 @@ def entries() -> list[Entry]:
 
 
 def numbers(values: ArrayLike) -> list[float]:
-    """Numbers as the table has them; without minus zero."""
+    """Numbers rounded as in the table; without minus zero."""
     return [float(value) + 0.0 for value in np.round(np.asarray(values), DECIMALS)]
 
 
 def record(entry: Entry) -> dict[str, Any]:
-    """The entry as it stands in the table."""
+    """The entry as in the table."""
     fields: dict[str, Any] = {
         "name": entry.name,
         "metric": dict(entry.metric),
@@ -840,7 +842,7 @@ def record(entry: Entry) -> dict[str, Any]:
 
 
 def written(records: Sequence[Mapping[str, Any]]) -> str:
-    """The table as JSON, a line for every field."""
+    """The table as JSON, with one line for each field."""
     blocks = []
     for fields in records:
         lines = [f"      {json.dumps(key)}: {json.dumps(value)}" for key, value in fields.items()]
@@ -850,7 +852,7 @@ def written(records: Sequence[Mapping[str, Any]]) -> str:
 
 
 def difference(a: Any, b: Any) -> float:
-    """The largest between numbers at the same places; infinite where anything else differs."""
+    """Largest difference between corresponding numbers; infinite if anything else differs."""
     if isinstance(a, bool) or isinstance(b, bool) or isinstance(a, str) or a is None:
         return 0.0 if a == b else np.inf
     if isinstance(a, (int, float)) and isinstance(b, (int, float)):
@@ -863,7 +865,7 @@ def difference(a: Any, b: Any) -> float:
 
 
 def main() -> int:
-    """Write the table, or compare it with the one that is there."""
+    """Write the table, or compare it with the existing one."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--check", action="store_true", help="compare with the table in the file")
     arguments = parser.parse_args()

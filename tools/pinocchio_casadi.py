@@ -42,7 +42,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"pinocchio.casadi: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
-        print("\ninterrupted; the next run goes on from here", file=sys.stderr)
+        print("\ninterrupted; the next run continues from here", file=sys.stderr)
         return 130
 
 
@@ -51,9 +51,15 @@ def _parser() -> argparse.ArgumentParser:
         description="Build pinocchio.casadi for this Python's environment (pip's pin and casadi)."
     )
     what = parser.add_mutually_exclusive_group()
-    what.add_argument("--jobs", type=_count, help="compilers at once (default: what fits)")
-    what.add_argument("--cached", action="store_true", help="only if the cache has it: exit code 3")
-    what.add_argument("--remove", action="store_true", help="take it out of this environment")
+    what.add_argument(
+        "--jobs", type=_count, help="parallel compilers (default: by processors and memory)"
+    )
+    what.add_argument(
+        "--cached",
+        action="store_true",
+        help="install from the cache only; exit code 3 if it is not there",
+    )
+    what.add_argument("--remove", action="store_true", help="remove it from this environment")
     what.add_argument("--purge", action="store_true", help="the same, and empty the cache")
     return parser
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.geodesics import single_start
+from geodesic_ocp.logarithm import single_start
 from geodesic_ocp.manifold.exp import sample_geodesic
 from geodesic_ocp.manifold.integrator import Integrator
 

@@ -63,7 +63,7 @@ def built(wheels: Target, content: bytes = b"machine code") -> Path:
 # What it is built for
 
 
-def test_builds_are_kept_apart_by_everything_they_are_linked_with(wheels: Target) -> None:
+def test_builds_differ_by_everything_that_they_are_linked_with(wheels: Target) -> None:
     def key(**changes: str) -> str:
         return Target(VERSIONS | changes, wheels.pinocchio, wheels.casadi).key
 
@@ -75,7 +75,7 @@ def test_builds_are_kept_apart_by_everything_they_are_linked_with(wheels: Target
     assert elsewhere.key != wheels.key
 
 
-def test_libraries_are_found_from_where_the_module_is(wheels: Target) -> None:
+def test_libraries_are_found_relative_to_the_module(wheels: Target) -> None:
     folders = [
         Path(entry.replace("$ORIGIN", str(wheels.pinocchio))).resolve()
         for entry in wheels.runpath.split(":")
@@ -84,7 +84,7 @@ def test_libraries_are_found_from_where_the_module_is(wheels: Target) -> None:
     assert folders == [(prefix / "lib").resolve(), wheels.casadi.resolve()]
 
 
-def test_packages_that_are_not_pips_are_named(
+def test_packages_not_installed_by_pip_are_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     other = tmp_path / "casadi" / "__init__.py"
@@ -105,7 +105,7 @@ def test_missing_wheels_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
         target.installed_target()
 
 
-def test_this_environment_is_understood() -> None:
+def test_versions_of_this_environment_are_found() -> None:
     """The real wheels: versions of all that pin and casadi require."""
     try:
         found = target.installed_target()
@@ -122,7 +122,7 @@ def test_this_environment_is_understood() -> None:
 # Whether it can be built
 
 
-def test_platforms_without_a_recipe_are_sent_to_conda(
+def test_platforms_without_a_recipe_are_referred_to_conda(
     wheels: Target, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(checks.sys, "platform", "darwin")
@@ -196,7 +196,7 @@ def test_compilers_that_fail_are_named(
         checks.find_compiler(wheels)
 
 
-def test_compilers_are_known_by_their_whole_path(
+def test_compilers_have_absolute_paths(
     tmp_path: Path, wheels: Target, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """CMake starts it from another folder."""
@@ -216,7 +216,8 @@ def test_missing_headers_of_python_are_named(
         checks.find_compiler(wheels)
 
 
-def test_this_machines_compiler_links_with_casadi() -> None:
+@pytest.mark.slow
+def test_compiler_of_this_machine_links_with_casadi() -> None:
     try:
         wheels = target.installed_target()
         checks.check_casadi(wheels)
@@ -241,7 +242,7 @@ def test_jobs_fit_into_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
         checks.choose_jobs(None)
 
 
-def test_memory_is_that_of_the_container(tmp_path: Path) -> None:
+def test_memory_of_a_container_counts(tmp_path: Path) -> None:
     group = tmp_path / "sys" / "fs" / "cgroup"
     for folder in (tmp_path / "proc", group):
         folder.mkdir(parents=True)
@@ -277,7 +278,7 @@ def test_full_disks_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 # The build's steps
 
 
-def test_output_goes_to_the_log_and_settings_of_others_stay_out(
+def test_output_is_logged_and_foreign_settings_are_ignored(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("CXXFLAGS", "-march=native")
@@ -307,7 +308,9 @@ def test_failures_are_explained(output: str, meaning: str, tmp_path: Path) -> No
     assert output in str(failure.value)
 
 
-def test_cmake_starts_afresh_unless_it_has_succeeded_with_the_same(tmp_path: Path) -> None:
+def test_cmake_starts_from_scratch_unless_it_succeeded_with_the_same_settings(
+    tmp_path: Path,
+) -> None:
     folder, log = tmp_path / "build", tmp_path / "build.log"
 
     def configure(*code: str) -> None:
@@ -325,7 +328,7 @@ def test_cmake_starts_afresh_unless_it_has_succeeded_with_the_same(tmp_path: Pat
     assert not (folder / "object.o").exists()
 
 
-def test_stopping_stops_the_program(tmp_path: Path) -> None:
+def test_interruption_stops_the_program(tmp_path: Path) -> None:
     def stop(line: str) -> None:
         raise KeyboardInterrupt
 
@@ -360,7 +363,7 @@ def test_progress_counts_and_estimates(capsys: pytest.CaptureFixture[str]) -> No
 # The cache
 
 
-def test_finished_builds_are_found_again_unless_damaged(wheels: Target) -> None:
+def test_finished_builds_are_found_unless_damaged(wheels: Target) -> None:
     assert cache.find(wheels) is None
     folder = built(wheels)
     assert cache.find(wheels) == folder
@@ -375,7 +378,7 @@ def test_finished_builds_are_found_again_unless_damaged(wheels: Target) -> None:
 @pytest.mark.parametrize(
     "record", ["", "[]", "null", "{}", '{"sha256": null}', '{"versions": {}, "sha256": {}}']
 )
-def test_damaged_records_are_no_builds(record: str, wheels: Target) -> None:
+def test_builds_with_damaged_records_are_ignored(record: str, wheels: Target) -> None:
     (built(wheels) / cache.RECORD).write_text(record)
     assert cache.find(wheels) is None
 
@@ -400,7 +403,7 @@ def test_one_run_at_a_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert f"waiting for another run in {tmp_path}" in capsys.readouterr().out
 
 
-def test_builds_that_are_being_made_are_not_purged(wheels: Target) -> None:
+def test_unfinished_builds_are_not_purged(wheels: Target) -> None:
     folder = built(wheels)
     cache.work_folder(wheels).mkdir()
     with (
@@ -417,7 +420,7 @@ def test_builds_that_are_being_made_are_not_purged(wheels: Target) -> None:
 
 
 @pytest.mark.usefixtures("works")
-def test_what_is_installed_can_be_removed_without_a_trace(wheels: Target) -> None:
+def test_installed_build_is_removed_completely(wheels: Target) -> None:
     before = files(wheels.pinocchio)
     assert install.installed_key(wheels.pinocchio) is None
     install.install(wheels, built(wheels))
@@ -429,7 +432,7 @@ def test_what_is_installed_can_be_removed_without_a_trace(wheels: Target) -> Non
     assert not install.remove(wheels.pinocchio)
 
 
-def test_what_does_not_work_is_taken_out_again(
+def test_build_that_does_not_work_is_removed(
     wheels: Target, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before, folder = files(wheels.pinocchio), built(wheels)
@@ -448,7 +451,7 @@ def test_what_does_not_work_is_taken_out_again(
     assert cache.find(wheels) == folder
 
 
-def test_bindings_of_others_are_left_alone(wheels: Target) -> None:
+def test_foreign_bindings_are_not_touched(wheels: Target) -> None:
     (wheels.pinocchio / "casadi").mkdir()
     (wheels.pinocchio / "casadi" / "__init__.py").touch()
     assert install.installed_key(wheels.pinocchio) == install.FOREIGN
@@ -472,8 +475,8 @@ def test_other_versions_of_the_wheels_are_refused_on_import(
         exec(source, {})
 
 
-def test_check_of_the_import_says_what_is_wrong() -> None:
-    """Run for real: there is an error here, or pinocchio.casadi can be imported."""
+def test_import_check_reports_errors() -> None:
+    """In this environment: an error, or pinocchio.casadi can be imported."""
     error = install.import_error()
     there = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", "import pinocchio.casadi"], capture_output=True
@@ -516,7 +519,7 @@ def never(*arguments: object) -> tuple[Path, Path]:
     raise AssertionError("built although it is there")
 
 
-def test_built_once_then_reused_then_removed(
+def test_build_is_made_once_reused_and_removed(
     command: Callable[..., Callable[..., int]],
     wheels: Target,
     capsys: pytest.CaptureFixture[str],
@@ -561,7 +564,7 @@ def test_interruptions_and_failures_lose_nothing(
         raise CannotBuild("ninja failed")
 
     assert command(interrupted)("--jobs", "1") == 130
-    assert "the next run goes on from here" in capsys.readouterr().err
+    assert "the next run continues from here" in capsys.readouterr().err
     assert command(failed)() == 1
     assert capsys.readouterr().err == "pinocchio.casadi: ninja failed\n"
     assert install.installed_key(wheels.pinocchio) is None
@@ -578,7 +581,7 @@ def test_older_builds_are_replaced(
     assert (wheels.pinocchio / MODULE).read_bytes() == b"machine code"
 
 
-def test_foreign_bindings_that_work_are_enough_and_others_are_named(
+def test_foreign_bindings_are_used_if_they_work_and_named_otherwise(
     command: Callable[..., Callable[..., int]],
     wheels: Target,
     monkeypatch: pytest.MonkeyPatch,
@@ -593,7 +596,7 @@ def test_foreign_bindings_that_work_are_enough_and_others_are_named(
     assert "was not put there by this tool, and does not work" in capsys.readouterr().err
 
 
-def test_damaged_builds_are_told_and_made_again(
+def test_damaged_builds_are_reported_and_rebuilt(
     command: Callable[..., Callable[..., int]],
     wheels: Target,
     capsys: pytest.CaptureFixture[str],
@@ -605,7 +608,7 @@ def test_damaged_builds_are_told_and_made_again(
     assert (wheels.pinocchio / MODULE).read_bytes() == b"machine code"
 
 
-def test_errors_of_the_system_are_one_line(
+def test_system_errors_end_with_one_line(
     command: Callable[..., Callable[..., int]],
     wheels: Target,
     monkeypatch: pytest.MonkeyPatch,
@@ -621,7 +624,9 @@ def test_errors_of_the_system_are_one_line(
 @pytest.mark.parametrize(
     "arguments", [["--jobs", "0"], ["--jobs", "two"], ["--remove", "--cached"], ["again"]]
 )
-def test_wrong_usage(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_usage_ends_with_code_2(
+    arguments: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(SystemExit, match="2"):
         pinocchio_casadi.main(arguments)
     assert "usage:" in capsys.readouterr().err

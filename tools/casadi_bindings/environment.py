@@ -1,4 +1,4 @@
-"""The environment variables that the build's programs get."""
+"""Environment variables of the programs of the build."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LEFT_OUT = (
 
 
 def clean_environment() -> dict[str, str]:
-    """Environment variables of the process, without what would change the result."""
+    """Environment variables of the process, without those that would change the result."""
     kept = {
         name: value
         for name, value in os.environ.items()

@@ -2,4 +2,4 @@
 
 
 class CannotBuild(Exception):
-    """What is in the way, and what helps."""
+    """The reason why a build is impossible, and what to do."""

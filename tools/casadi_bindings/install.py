@@ -1,4 +1,4 @@
-"""Put a finished build beside the installed pinocchio, check it, and take it away again."""
+"""Install a finished build beside the installed pinocchio, check it, and remove it."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def installed_key(pinocchio: Path) -> str | None:
 
 
 def install(target: Target, build: Path) -> None:
-    """Copy a finished build into the environment and make sure that it works there.
+    """Copy a finished build into the environment and check that it works there.
 
     Raises:
         CannotBuild: the environment cannot be written to, or the import fails; then it is as if
@@ -76,7 +76,7 @@ def install(target: Target, build: Path) -> None:
 
 
 def remove(pinocchio: Path) -> bool:
-    """Take out what `install` put there; False if there was nothing of the kind."""
+    """Remove what `install` copied; False if there was nothing."""
     if installed_key(pinocchio) in (None, FOREIGN):
         return False
     (pinocchio / MODULE).unlink(missing_ok=True)
@@ -93,7 +93,7 @@ def imported_folder() -> Path | None:
 
 
 def wheel_folders() -> list[Path]:
-    """Folders of pip's pinocchio in this environment, also of what is left of it without pin."""
+    """Folders of pip's pinocchio in this environment, including remains after pin was removed."""
     packages = Path(sysconfig.get_path("platlib"))
     return sorted(packages.glob("cmeel.prefix/lib*/python*/site-packages/pinocchio"))
 

@@ -1,4 +1,4 @@
-"""Progress of one step on the terminal, or in a log that somebody reads later."""
+"""Progress of one step, on the terminal or in a log."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ EVERY = 30.0  # s between lines where there is no terminal to write over the las
 
 
 class Progress:
-    """Say what is going on while it does, and how long it took."""
+    """Print a step while it runs, and how long it took."""
 
     def __init__(self, what: str) -> None:
         self._what = what
@@ -22,7 +22,7 @@ class Progress:
         return self
 
     def ninja(self, line: str) -> None:
-        """Take a line of Ninja's output, "[12/84] Building ...", and say how far it is."""
+        """Take a line of Ninja's output, "[12/84] Building ...", and print the progress."""
         counted = re.match(r"\[(\d+)/(\d+)\]", line)
         if counted is None:
             return

@@ -42,7 +42,7 @@ class Target:
 
     @cached_property
     def runpath(self) -> str:
-        """Where the module finds the libraries of pin's and casadi's wheels, from where it is."""
+        """Paths from the module to the libraries of the wheels of pin and casadi."""
         folders = (self.pinocchio.parents[2], self.casadi)
         return ":".join("$ORIGIN/" + os.path.relpath(path, self.pinocchio) for path in folders)
 
