@@ -45,8 +45,6 @@ REFINED = [
     else each
     for each in PROBLEMS
 ]
-# The solutions are found once, by one worker.
-pytestmark = pytest.mark.xdist_group("problems")
 
 
 def name_of(problem: Any) -> str:

@@ -15,7 +15,6 @@ START = (0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1)  # [rad]
 TARGET = (0.1, 0.45, 0.1)  # [m]
 # These are checked in tests/retargeting/test_retarget.py, where there is one.
 OF_A_RETARGETING = {go.Retargeting, go.RetargetedArm, go.SynergyGroup}
-pytestmark = pytest.mark.xdist_group("recording")
 ABSTRACT = {go.Metric, go.Problem}
 NEEDS_A_NOTEBOOK = {go.LivePlot}
 

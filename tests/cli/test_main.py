@@ -65,7 +65,6 @@ def test_height_comes_from_the_recording(shared: Path, capsys: pytest.CaptureFix
     assert "20 geodesic synergies" in text
 
 
-@pytest.mark.xdist_group("recording")
 def test_demo_writes_to_its_default_folder(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,

@@ -18,9 +18,6 @@ import geodesic_ocp as go
 from geodesic_ocp.model.formats.robots import folder
 from geodesic_ocp.retargeting.targets import REACHED
 
-# The retargeting is found once, by one worker.
-pytestmark = pytest.mark.xdist_group("recording")
-
 
 @pytest.fixture(scope="module")
 def analysis(reach_file: Path) -> go.Analysis:

@@ -15,9 +15,6 @@ import geodesic_ocp as go
 
 METHODS = ["riemannian", "euclidean", "euclidean_same_segments", "ik"]
 
-# One worker analyses the bundled recording.
-pytestmark = pytest.mark.xdist_group("recording")
-
 
 def test_everything_is_there(bundled_analysis: go.Analysis) -> None:
     assert list(bundled_analysis.errors) == METHODS
