@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
-PARALLEL ?= --numprocesses auto --dist loadgroup
+PARALLEL ?= --numprocesses auto --dist loadfile
 
 .PHONY: demo test test-slow lint docs package notebooks bench robots pinocchio-casadi clean
 

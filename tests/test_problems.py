@@ -92,6 +92,7 @@ def test_solution_is_locally_minimizing(solution: go.Solution) -> None:
     assert solution.certificate.locally_shortest
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("problem", REFINED, indirect=True, ids=name_of, scope="module")
 def test_energy_converges_with_the_grid(problem: go.Problem, solution: go.Solution) -> None:
     """The energy hardly changes with twice as many segments."""
@@ -135,6 +136,7 @@ def test_solution_agrees_with_its_closed_form(problem: go.Problem, solution: go.
         assert path(s) == pytest.approx(expected, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_figure_has_labels_and_is_written(solution: go.Solution, tmp_path: Path) -> None:
     figure = solution.plot()
     assert all(axes.get_ylabel() for axes in figure.axes)

@@ -57,6 +57,7 @@ def test_height_mass_and_threshold_are_options(
     assert "wrote" not in text
 
 
+@pytest.mark.slow
 def test_height_comes_from_the_recording(shared: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = shared / "data" / "kit" / "take_book_from_shelf_right_arm_02.xml"
     assert cli.main(["analyse", str(file)]) == 0
@@ -65,6 +66,7 @@ def test_height_comes_from_the_recording(shared: Path, capsys: pytest.CaptureFix
     assert "20 geodesic synergies" in text
 
 
+@pytest.mark.slow
 def test_demo_writes_to_its_default_folder(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -247,6 +249,7 @@ def test_wrong_usage_ends_with_code_2(
     assert "usage:" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_ctrl_c_during_a_solve_raises_keyboard_interrupt() -> None:
     """A real signal, sent by another process while Ipopt runs."""
     script = (

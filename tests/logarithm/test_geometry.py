@@ -106,6 +106,7 @@ CHARTS: dict[str, Callable[[Any], Any]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chart", CHARTS)
 def test_coordinates_do_not_matter(metric: go.Metric, chart: str, rng: np.random.Generator) -> None:
     other = InOtherCoordinates(metric, CHARTS[chart])

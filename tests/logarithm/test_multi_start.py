@@ -182,6 +182,7 @@ def test_rows_take_starts(two_link: go.KineticEnergy) -> None:
     assert np.array_equal(rows[1], go.log(two_link, [0.0, 0.3], goals[1], num_starts=3))
 
 
+@pytest.mark.slow
 def test_both_parts_of_a_great_circle_are_found() -> None:
     """The longer of the two is not minimizing."""
 

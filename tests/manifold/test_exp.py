@@ -180,6 +180,7 @@ SLOW_SEEDS = [pytest.param(seed, marks=pytest.mark.slow) for seed in range(5, 25
 
 
 # Seed 4602 passes so close to gimbal lock that two integrations agree by chance.
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [4602, *range(5), *SLOW_SEEDS])
 def test_tolerance_is_of_the_end_point(arm_metric: go.KineticEnergy, seed: int) -> None:
     """Fast geodesics diverge: the result is within the tolerance, or an error."""

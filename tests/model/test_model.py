@@ -181,3 +181,19 @@ def test_an_unlimited_prismatic_joint_has_infinite_reach() -> None:
     native.addFrame(pin.Frame("end", slide, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
     assert go.Model(native, "end").reach == np.inf
     assert go.Model(native, "end").with_limits([-1.0], [2.0]).reach == pytest.approx(2.0)
+
+
+def test_a_metric_or_model_in_the_wrong_place_is_named(
+    arm: go.Model, arm_metric: go.KineticEnergy
+) -> None:
+    q = np.zeros(7)
+    with pytest.raises(ValueError, match=r"metric must be .*use go.KineticEnergy\(model\)"):
+        go.distance(arm, q, q)  # type: ignore[arg-type]
+    message = "model must be a Model, got .*; use its attribute model"
+    for call in (
+        lambda: go.Reach(arm_metric, q, [0.1, 0.4, 0.0]),  # type: ignore[arg-type]
+        lambda: go.inverse_kinematics(arm_metric, q, [0.1, 0.4, 0.0]),  # type: ignore[arg-type]
+        lambda: go.geodesic_to_pose(arm_metric, q, [0.1, 0.4, 0.0]),  # type: ignore[arg-type]
+    ):
+        with pytest.raises(ValueError, match=message):
+            call()

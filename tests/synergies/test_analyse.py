@@ -42,6 +42,7 @@ def test_errors_are_small_against_the_motion(bundled_analysis: go.Analysis) -> N
         )
 
 
+@pytest.mark.slow
 def test_finer_thresholds_explain_more(bundled_analysis: go.Analysis) -> None:
     model, whole = bundled_analysis.model, bundled_analysis.motion
     metric = go.KineticEnergy(model)
@@ -120,6 +121,7 @@ def test_a_failed_save_leaves_nothing_half_written(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_progress_runs_to_its_end(reach_file: Path) -> None:
     seen: list[tuple[str, int, int]] = []
     arm = go.human_arm("left")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import geodesic_ocp as go
@@ -68,6 +68,7 @@ def test_nlp_on_many_intervals_finds_the_cubic(length: float, start: float, end:
     assert law.cost == pytest.approx(go.time_law(length, 1.0, start, end).cost, rel=1e-7)
 
 
+@settings(max_examples=10)
 @given(length=st.floats(0.01, 1.0), start=st.floats(0.0, 5.0), end=st.floats(0.0, 5.0))
 def test_speed_of_a_monotone_time_law_is_never_negative(
     length: float, start: float, end: float
@@ -109,6 +110,7 @@ def test_speed_reaches_its_bound_without_exceeding_it() -> None:
     assert law.cost > free.cost
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ends", [(0.08, 0.08), (0.3, 0.0), (0.7, 1.0)])
 @pytest.mark.parametrize("gap", [0.002, 0.005, 0.05])
 def test_speed_bound_close_to_the_mean_speed(gap: float, ends: tuple[float, float]) -> None:

@@ -128,6 +128,7 @@ def test_wrong_values_fail(
     assert failed_quantities(check_geodesic(replace(known, **change(known)))) == expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "field", "value"),
     [

@@ -21,6 +21,7 @@ from geodesic_ocp.logarithm.log import log
 from geodesic_ocp.logarithm.pose_target import PoseTarget, ShootingResult, metric_of
 from geodesic_ocp.logarithm.shooting import shoot
 from geodesic_ocp.logarithm.transported_gradient import descend_transported_gradient
+from geodesic_ocp.model.as_model import as_model
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.ik.pose_error import pose_difference
 
@@ -112,7 +113,7 @@ def geodesic_to_pose(
         NotConverged: see `throw`.
         IntegrationFailed: a geodesic cannot be integrated.
     """
-    q0 = as_vector("start", start, model.dof)
+    q0 = as_vector("start", start, as_model(model).dof)
     if position is None and rotation is None:
         raise ValueError("geodesic_to_pose needs a position, a rotation or both")
     if method not in get_args(Method):

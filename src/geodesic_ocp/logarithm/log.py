@@ -51,4 +51,5 @@ def distance(
     >>> go.distance(go.Euclidean(2), [0.0, 0.0], [3.0, 4.0])
     5.0
     """
-    return float(metric.norm(q0, log(metric, q0, q1, num_starts=num_starts, seed=seed)))
+    velocity = log(metric, q0, q1, num_starts=num_starts, seed=seed)
+    return float(metric.norm(q0, velocity))

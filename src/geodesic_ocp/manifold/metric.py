@@ -21,12 +21,14 @@ import numpy as np
 from geodesic_ocp.arrays import Array, as_expression, as_vector, evaluate, is_symbolic
 from geodesic_ocp.manifold.integrator import Integrator
 from geodesic_ocp.manifold.singularity import describe_singularity, is_singular
+from geodesic_ocp.model.model import Model
 
 
 def as_metric(metric: Any) -> Metric:
     """The argument, if it is a metric with a dimension; ValueError otherwise."""
     if not isinstance(metric, Metric):
-        raise ValueError(f"metric must be an instance of a Metric class, got {metric!r}")
+        hint = "; use go.KineticEnergy(model)" if isinstance(metric, Model) else ""
+        raise ValueError(f"metric must be an instance of a Metric class, got {metric!r}{hint}")
     dim = getattr(metric, "dim", None)
     if not isinstance(dim, int) or dim < 1:
         raise ValueError(f"{type(metric).__name__}.dim must be a positive integer, is {dim!r}")
@@ -60,8 +62,6 @@ class Metric(ABC):
     >>> HalfPlane().matrix([0.0, 2.0])
     array([[0.25, 0.  ],
            [0.  , 0.25]])
-    >>> go.exp(HalfPlane(), [0.0, 1.0], [0.0, 1.0]).round(6)  # straight up, to y = e
-    array([0.      , 2.718282])
     """
 
     dim: int
@@ -69,6 +69,9 @@ class Metric(ABC):
     joint_names: tuple[str, ...] | None = None
     # Period of every coordinate, such as 2 pi for an angle; inf if it is not periodic.
     periods: tuple[float, ...] | None = None
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}(dim={self.dim})"
 
     @abstractmethod
     def matrix(self, q: Any) -> Any:

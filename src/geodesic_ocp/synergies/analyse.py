@@ -8,6 +8,7 @@ import numpy as np
 
 from geodesic_ocp.manifold.euclidean import Euclidean
 from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
+from geodesic_ocp.model.as_model import as_model
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.synergies.analysis import Analysis
 from geodesic_ocp.synergies.evaluate import evaluate
@@ -58,7 +59,7 @@ def analyse(
         NotConverged: no geodesic was found for a segment.
     """
     report = progress or no_progress
-    motion = motion.select(model.joint_names)
+    motion = motion.select(as_model(model).joint_names)
     _check_plausible(model, motion)
     if motion.velocity is None:
         motion = motion.filtered()

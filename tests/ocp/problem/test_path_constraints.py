@@ -44,6 +44,7 @@ def test_only_the_named_links_avoid_obstacles(arm: go.Model) -> None:
     assert "right forearm to lamp" not in hand.multipliers
 
 
+@pytest.mark.slow
 def test_hand_avoids_the_upper_arm(arm: go.Model) -> None:
     """Full elbow flexion brings the hand to the shoulder."""
     pairs = [("right upper arm", "right hand")]
@@ -69,6 +70,7 @@ def test_start_in_collision_is_reported_before_the_solve(arm: go.Model) -> None:
         go.solve(go.PointToPoint(go.KineticEnergy(arm), START, START + 0.2, obstacles=[shelf]))
 
 
+@pytest.mark.slow
 def test_target_behind_a_wall_is_reported_before_the_solve(arm: go.Model) -> None:
     ceiling = go.HalfSpace((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), "ceiling")
     reach = go.Reach(arm, START, TARGET, obstacles=[ceiling], links=["right hand"])
@@ -163,6 +165,7 @@ class AroundMovedBall(go.Problem):
         ]
 
 
+@pytest.mark.slow
 def test_obstacles_may_depend_on_parameters(arm: go.Model) -> None:
     first, other = AroundMovedBall(arm), AroundMovedBall(arm, (0.2, 0.35, -0.1), 0.05)
     assert first.nlp(first.grid).transcription is other.nlp(other.grid).transcription

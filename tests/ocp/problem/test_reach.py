@@ -68,6 +68,7 @@ def test_reaches_with_other_start_and_target_share_the_nlp(arm: go.Model) -> Non
     assert_allclose(reached, second.position, rtol=0, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_speed_limits_hold(arm: go.Model) -> None:
     metric = go.KineticEnergy(arm)
     free = go.geodesic(metric, START, GOAL)

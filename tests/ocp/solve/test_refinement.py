@@ -134,6 +134,7 @@ def test_reach_whose_coarse_solution_jumps_between_nodes() -> None:
     assert solution.path.energy == pytest.approx(0.56081265, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_narrow_violations_between_nodes_are_found() -> None:
     """With four check points per node, this reach exceeded a limit by 3e-5."""
     arm, rng = go.human_arm(), np.random.default_rng(5)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, as_rotation, as_vector
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.ipopt import Ipopt
+from geodesic_ocp.model.as_model import as_model
 from geodesic_ocp.model.geometry.signed_distances import signed_distances
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Obstacle
@@ -199,7 +200,7 @@ class _Search:
         rows += [*range(3, 6)] if rotation is not None else []
         return cls(
             model,
-            as_vector("near", near, model.dof),
+            as_vector("near", near, as_model(model).dof),
             np.zeros(3) if position is None else as_vector("position", position, 3),
             np.eye(3) if rotation is None else as_rotation("rotation", rotation),
             ((0, 1, 2) if position is not None else ())

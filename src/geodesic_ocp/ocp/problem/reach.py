@@ -14,6 +14,7 @@ from geodesic_ocp.arrays import Array, as_rotation, as_vector, short_repr
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
 from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.model.as_model import as_model
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.ik.free_directions import as_directions, complement
 from geodesic_ocp.ocp.ik.inverse_kinematics import inverse_kinematics
@@ -63,7 +64,8 @@ class Reach(ConstrainedProblem):
     continuous_velocity_at_via: bool = field(default=True, kw_only=True)  # type: ignore[misc]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "start", as_vector("start", self.start, self.model.dof))
+        dof = as_model(self.model).dof
+        object.__setattr__(self, "start", as_vector("start", self.start, dof))
         if self.position is None and self.rotation is None:
             raise ValueError("Reach needs a position, a rotation or both")
         if self.position is not None:
