@@ -20,7 +20,7 @@ def riemann_curvature(
     """Riemann curvature tensor <R(u, v) w, z> at q for four tangent vectors (n,).
 
     R(u, v) w = D_u D_v w - D_v D_u w - D_[u, v] w with the Levi-Civita connection D, so that
-    <R(u, v) v, u> is positive on a sphere (do Carmo, *Riemannian Geometry* (1992), chapter 4, uses
+    <R(u, v) v, u> is positive on a sphere (do Carmo, "Riemannian Geometry" (1992), chapter 4, uses
     the opposite sign).
 
     Raises:

@@ -16,7 +16,7 @@ from geodesic_ocp.manifold.kinetic_energy import ModelMetric
 class JacobiMetric(ModelMetric):
     """(E - V(q)) G(q): geodesics are the paths of torque-free motion at total energy E.
 
-    Maupertuis' principle in Jacobi's form (Arnold, *Mathematical Methods of Classical Mechanics*,
+    Maupertuis' principle in Jacobi's form (Arnold, "Mathematical Methods of Classical Mechanics",
     section 45): the motion without torques, with kinetic energy E - V at q, follows a geodesic of
     this metric, at speed |dq/dt|_G = sqrt(2 (E - V)) instead of constant speed. The metric is
     defined only where V < E, and paths cannot leave that region.
