@@ -33,7 +33,7 @@ class Alignment:
         hand: rotation (3, 3) whose columns are the axes of the robot's hand in those of the
             person's: x to the right and y backward of the hanging hand with the palm to the body,
             z along the fingers.
-        length: of the robot's arm, from that position to the hand [m].
+        length: of the robot's arm: the largest distance of the hand from that position [m].
         side: of the body, "right" or "left"; recordings of the other side are mirrored. None:
             either side.
 
