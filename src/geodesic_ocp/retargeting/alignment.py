@@ -144,6 +144,10 @@ def alignment(robot: Model, **changes: Any) -> Alignment:
 
     Raises:
         ValueError: the robot is not known, or a change is not a field of an alignment.
+
+    >>> import geodesic_ocp as go
+    >>> go.alignment(go.human_arm("left")).side
+    'left'
     """
     name, _, _ = robot.name.partition(" with ")  # a payload
     known = _ALIGNMENTS.get(name)

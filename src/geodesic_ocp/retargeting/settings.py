@@ -43,6 +43,11 @@ class RetargetingSettings:
 
     Raises:
         ValueError: a value of the wrong type or out of range; the message names the field.
+
+    >>> import geodesic_ocp as go
+    >>> settings = go.RetargetingSettings(rest=True, orientation_weight=0.0)
+    >>> settings.rest, settings.limits, settings.formulation
+    (True, True, 'constrained')
     """
 
     formulation: Formulation = "constrained"

@@ -34,6 +34,11 @@ class PointToPoint(ConstrainedProblem):
     Raises:
         ValueError: wrong shapes or numbers that are not finite, or the metric is singular there;
             limits or obstacles of a metric without a model.
+
+    >>> import geodesic_ocp as go
+    >>> line = go.PointToPoint(go.Euclidean(2), (0.0, 0.0), (3.0, 4.0), speed=5.0)
+    >>> round(go.solve(line).path.length, 6)
+    5.0
     """
 
     metric: Metric
