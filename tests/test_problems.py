@@ -16,6 +16,7 @@ from geodesic_ocp.cli.problem_file import problem_classes
 from geodesic_ocp.ocp.problem.parse_conditions import parse_conditions
 
 GALLERY = Path(__file__).resolve().parents[1] / "problems"
+EXPENSIVE = ("AroundBall", "BothArms", "CarryingCup", "ViaPoint", "WithinLimits")
 
 
 def discovered_problems() -> list[Any]:
@@ -27,31 +28,22 @@ def discovered_problems() -> list[Any]:
     ]
     for file in sorted(GALLERY.glob("*.py")):
         for problem_class in problem_classes(file):
+            name = problem_class.__name__
             try:
-                found.append(problem_class())
+                slow = [pytest.mark.slow] if name in EXPENSIVE else []
+                found.append(pytest.param(problem_class(), marks=slow, id=name))
             except ValueError as error:
                 if "not installed" not in str(error):
                     raise
-                skip = pytest.mark.skip(reason=f"{problem_class.__name__}: {error}")
-                found.append(pytest.param(problem_class, marks=skip, id=problem_class.__name__))
+                skip = pytest.mark.skip(reason=f"{name}: {error}")
+                found.append(pytest.param(problem_class, marks=skip, id=name))
     return found
 
 
 PROBLEMS = discovered_problems()
-# The expensive ones on a refined grid: in the slow part of the suite.
-REFINED = [
-    pytest.param(each, marks=pytest.mark.slow)
-    if type(each).__name__ in ("AroundBall", "BothArms", "CarryingCup", "ViaPoint", "WithinLimits")
-    else each
-    for each in PROBLEMS
-]
 
 
-def name_of(problem: Any) -> str:
-    return getattr(problem, "__name__", type(problem).__name__)
-
-
-@pytest.fixture(scope="module", params=PROBLEMS, ids=name_of)
+@pytest.fixture(scope="module", params=PROBLEMS, ids=lambda problem: type(problem).__name__)
 def problem(request: pytest.FixtureRequest) -> go.Problem:
     return request.param
 
@@ -93,7 +85,6 @@ def test_solution_is_locally_minimizing(solution: go.Solution) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("problem", REFINED, indirect=True, ids=name_of, scope="module")
 def test_energy_converges_with_the_grid(problem: go.Problem, solution: go.Solution) -> None:
     """The energy hardly changes with twice as many segments."""
     grid = problem.grid

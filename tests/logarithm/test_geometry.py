@@ -64,6 +64,7 @@ def test_first_variation(metric: go.Metric, rng: np.random.Generator) -> None:
     assert slope == pytest.approx(expected, abs=10.0 * DIFFERENCES * metric.norm(q, v))
 
 
+@pytest.mark.slow
 def test_distance_is_a_metric(metric: go.Metric, rng: np.random.Generator) -> None:
     """Symmetric, positive, with the triangle inequality."""
     a, b, c = points(metric, rng, 3)

@@ -49,6 +49,7 @@ def chain_of_geodesics(
     return motion, list(pairwise(cuts))
 
 
+@pytest.mark.slow
 @settings(max_examples=10)
 @given(
     samples=st.lists(st.integers(8, 40), min_size=1, max_size=5),

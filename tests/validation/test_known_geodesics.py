@@ -74,7 +74,14 @@ def failed_quantities(checks: list[Check]) -> set[str]:
 # -- the package -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("known", KNOWN, ids=lambda known: known.name)
+# Building the NLP of a mechanism of many joints takes most of the time; `check` runs them all.
+MANY_JOINTS = [
+    pytest.param(each, marks=[pytest.mark.slow] if len(each.q0) > 3 else [], id=each.name)
+    for each in KNOWN
+]
+
+
+@pytest.mark.parametrize("known", MANY_JOINTS)
 def test_known_geodesic(known: KnownGeodesic, backend: str) -> None:
     checks = check_geodesic(known, backend)
     expected = {"exp", "length"} | ({"path"} if known.points else set())

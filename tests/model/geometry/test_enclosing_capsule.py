@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull
 import geodesic_ocp as go
 
 
-@settings(max_examples=12)
+@settings(max_examples=6)
 @given(st.integers(0, 10_000), st.integers(2, 60), st.sampled_from([1e-3, 1.0, 1e3]))
 def test_all_points_are_in_the_capsule(seed: int, count: int, size: float) -> None:
     rng = np.random.default_rng(seed)

@@ -42,6 +42,7 @@ def coals_distance(one: np.ndarray, other: np.ndarray) -> float:
     return float(found + 2.0 * radius)
 
 
+@pytest.mark.slow
 def test_distances_agree_with_coal(rng: np.random.Generator) -> None:
     for _ in range(500):
         one, other = rng.normal(size=(2, 2, 3)) * rng.uniform(0.05, 1.0, (2, 1, 1))

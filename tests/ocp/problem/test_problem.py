@@ -280,6 +280,7 @@ def test_violations_between_the_nodes_are_found() -> None:
     assert coarse.stats.max_path_violation == pytest.approx(inside.max(), rel=0.1)
 
 
+@pytest.mark.slow
 def test_violated_joint_limits_are_named_by_the_joint(arm: go.Model) -> None:
     """A geodesic, found without them, is checked against the problem's conditions."""
     inside = ElbowBounded(arm)

@@ -43,6 +43,7 @@ def test_pose_is_reached_by_a_path_of_least_energy(arm: go.Model, given: tuple[s
     assert solution.certificate.locally_shortest
 
 
+@pytest.mark.slow
 def test_joint_limits_hold_if_requested(arm: go.Model) -> None:
     target = arm.hand_pose([1.4, 0.2, -0.6, 0.3, 0.0, 0.0, 0.0])[1]
     raised = [-0.3, 0.0, -0.6, 0.3, 0.0, 0.0, 0.0]

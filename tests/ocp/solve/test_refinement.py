@@ -18,7 +18,7 @@ from geodesic_ocp.ocp.problem.parse_conditions import parse_conditions
 from geodesic_ocp.ocp.solve.refinement import refine
 
 
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-7])
+@pytest.mark.parametrize("tolerance", [1e-3, pytest.param(1e-5, marks=pytest.mark.slow), 1e-7])
 def test_path_around_a_disc_to_several_tolerances(tolerance: float) -> None:
     solution = go.solve(PlaneAroundDisc(), tolerance=tolerance)
     stats = solution.stats

@@ -96,6 +96,7 @@ def test_coordinates_without_a_model_are_numbered() -> None:
     assert solution.to_motion(1.0, rate=20.0).joint_names == ("q[0]", "q[1]")
 
 
+@pytest.mark.slow
 def test_figures_show_coordinates_speed_path_and_obstacles(arm: go.Model, tmp_path: Path) -> None:
     post = go.Capsule((0.45, 0.35, -0.4), (0.45, 0.35, 0.1), 0.04, name="post")
     table = go.HalfSpace((0.0, 0.0, -0.62), (0.0, 0.0, 1.0), "table")

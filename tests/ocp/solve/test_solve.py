@@ -93,6 +93,7 @@ def test_all_types_of_conditions_are_met() -> None:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shift", [-0.05, -0.017, 0.0, 0.013, 0.05])
 def test_free_ends_do_not_depend_on_rounding(shift: float) -> None:
     """The guess stays at the start; its extent of 1e-16 must not become the NLP's unit."""
