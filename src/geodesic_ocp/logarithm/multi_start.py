@@ -9,13 +9,12 @@ including those that are not minimal.
 
 from __future__ import annotations
 
-import operator
 from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, as_integer
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.logarithm.single_start import (
     ConnectingGeodesic,
@@ -48,8 +47,8 @@ def find_geodesics(
     """
     metric = as_metric(metric)
     start, goal = metric.point("q0", q0), metric.point("q1", q1)
-    count = _as_integer("num_starts", num_starts, 1)
-    rng = np.random.default_rng(_as_integer("seed", seed, 0))
+    count = as_integer("num_starts", num_starts, 1)
+    rng = np.random.default_rng(as_integer("seed", seed, 0))
     if count == 1:
         return [find_from_path(metric, start, goal, None)]
     goals = _periodic_goals(metric, start, goal)[:count]
@@ -87,17 +86,6 @@ def find_geodesics(
             getattr(failures[0], "solution", None),
         )
     return sorted(found, key=lambda each: float(metric.norm(start, each.velocity)))
-
-
-def _as_integer(name: str, value: object, least: int) -> int:
-    try:
-        number = operator.index(value)  # type: ignore[arg-type]
-    except TypeError:
-        number = least - 1
-    if number < least:
-        allowed = "a positive integer" if least else "a non-negative integer"
-        raise ValueError(f"{name} must be {allowed}, got {value!r}")
-    return number
 
 
 def _as_periods(metric: Metric) -> Array:
