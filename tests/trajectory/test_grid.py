@@ -119,3 +119,17 @@ def test_wrong_paths_and_arguments_are_named() -> None:
             path(s)
     with pytest.raises(ValueError, match="order must not be negative"):
         path(0.5, -1)
+
+
+@given(degree=st.integers(2, 24), segments=st.integers(1, 4))
+def test_quadrature_integrates_products_of_path_and_metric(degree: int, segments: int) -> None:
+    """It is exact for polynomials of degree 3 d - 1, in values and in slopes."""
+    grid = go.Grid(segments, degree)
+    quadrature = grid.quadrature
+    s = grid.in_segments(grid.nodes)
+    path = s**degree  # its square times its slope has degree 3 d - 1
+    density = (quadrature.values @ path[..., None])[..., 0] ** 2 * (
+        quadrature.slopes @ path[..., None]
+    )[..., 0]
+    integral = float(np.sum(quadrature.weights * density))
+    assert integral == pytest.approx(1.0 / 3.0, rel=1e-11)
