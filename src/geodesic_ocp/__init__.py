@@ -1,79 +1,10 @@
-"""Geodesics of mechanical systems, and human motion seen as sequences of them."""
+"""Geodesics of mechanical systems, and human motion seen as sequences of them.
 
-from importlib.metadata import version as _version
+Importing the package is quick: each name is imported from its module when it is first used.
+"""
 
-from geodesic_ocp.errors import (
-    GeodesicOcpError,
-    IntegrationFailed,
-    NotConverged,
-    RecordingError,
-)
-from geodesic_ocp.figures.obstacles import draw_obstacle
-from geodesic_ocp.logarithm.frechet_mean import frechet_mean
-from geodesic_ocp.logarithm.geodesic import (
-    Geodesic,
-    geodesic,
-    geodesic_from_velocity,
-    geodesics,
-)
-from geodesic_ocp.logarithm.geodesic_to_pose import ToPose, geodesic_to_pose
-from geodesic_ocp.logarithm.log import distance, log
-from geodesic_ocp.manifold.curvature import (
-    riemann_curvature,
-    scalar_curvature,
-    sectional_curvature,
-)
-from geodesic_ocp.manifold.euclidean import Euclidean
-from geodesic_ocp.manifold.exp import exp
-from geodesic_ocp.manifold.jacobi_metric import JacobiMetric
-from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
-from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.manifold.parallel_transport import parallel_transport
-from geodesic_ocp.manifold.region_avoiding import RegionAvoiding
-from geodesic_ocp.model.combine import combine
-from geodesic_ocp.model.formats.load_model import load_model
-from geodesic_ocp.model.geometry.enclosing_capsule import enclosing_capsule
-from geodesic_ocp.model.geometry.signed_distances import collision_pairs, signed_distances
-from geodesic_ocp.model.human_arm import human_arm
-from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.primitives import Ball, Capsule, HalfSpace
-from geodesic_ocp.ocp.ik.inverse_kinematics import inverse_kinematics
-from geodesic_ocp.ocp.nlp.nlp import NLP
-from geodesic_ocp.ocp.problem.path_constraints import clearance_constraints
-from geodesic_ocp.ocp.problem.point_to_point import PointToPoint
-from geodesic_ocp.ocp.problem.problem import Problem
-from geodesic_ocp.ocp.problem.reach import Reach
-from geodesic_ocp.ocp.solve.callback import Iterate
-from geodesic_ocp.ocp.solve.certificate import Certificate, certify
-from geodesic_ocp.ocp.solve.live_plot import LivePlot
-from geodesic_ocp.ocp.solve.load_solution import load_solution
-from geodesic_ocp.ocp.solve.solution import Solution
-from geodesic_ocp.ocp.solve.solve import solve
-from geodesic_ocp.ocp.solve.stats import Stats
-from geodesic_ocp.reports.report import report
-from geodesic_ocp.retargeting.alignment import Alignment, alignment
-from geodesic_ocp.retargeting.arm_result import RetargetedArm
-from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, merge_synergies
-from geodesic_ocp.retargeting.result import Retargeting
-from geodesic_ocp.retargeting.retarget import retarget, retarget_arms
-from geodesic_ocp.retargeting.settings import RetargetingSettings
-from geodesic_ocp.synergies.analyse import analyse
-from geodesic_ocp.synergies.analysis import Analysis
-from geodesic_ocp.synergies.evaluate import MotionErrors, evaluate
-from geodesic_ocp.synergies.read_motion import read_motion
-from geodesic_ocp.synergies.reconstruct import Reconstruction, reconstruct
-from geodesic_ocp.synergies.segment import segment
-from geodesic_ocp.synergies.segment_zero_velocity import segment_zero_velocity
-from geodesic_ocp.synergies.synergy import Synergy
-from geodesic_ocp.synergies.synergy_files import load_synergies, save_synergies
-from geodesic_ocp.synergies.track_hand import track_hand
-from geodesic_ocp.table import Table
-from geodesic_ocp.trajectory.grid import Grid
-from geodesic_ocp.trajectory.motion import Motion, Subject
-from geodesic_ocp.trajectory.path import Path
-from geodesic_ocp.trajectory.time_law import TimeLaw, time_law
-
-__version__ = _version("geodesic_ocp")
+from importlib import import_module as _import_module
+from typing import TYPE_CHECKING
 
 __all__ = [
     "NLP",
@@ -155,3 +86,152 @@ __all__ = [
     "time_law",
     "track_hand",
 ]
+
+if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same names
+    from geodesic_ocp.errors import (
+        GeodesicOcpError,
+        IntegrationFailed,
+        NotConverged,
+        RecordingError,
+    )
+    from geodesic_ocp.figures.obstacles import draw_obstacle
+    from geodesic_ocp.logarithm.frechet_mean import frechet_mean
+    from geodesic_ocp.logarithm.geodesic import (
+        Geodesic,
+        geodesic,
+        geodesic_from_velocity,
+        geodesics,
+    )
+    from geodesic_ocp.logarithm.geodesic_to_pose import ToPose, geodesic_to_pose
+    from geodesic_ocp.logarithm.log import distance, log
+    from geodesic_ocp.manifold.curvature import (
+        riemann_curvature,
+        scalar_curvature,
+        sectional_curvature,
+    )
+    from geodesic_ocp.manifold.euclidean import Euclidean
+    from geodesic_ocp.manifold.exp import exp
+    from geodesic_ocp.manifold.jacobi_metric import JacobiMetric
+    from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
+    from geodesic_ocp.manifold.metric import Metric
+    from geodesic_ocp.manifold.parallel_transport import parallel_transport
+    from geodesic_ocp.manifold.region_avoiding import RegionAvoiding
+    from geodesic_ocp.model.combine import combine
+    from geodesic_ocp.model.formats.load_model import load_model
+    from geodesic_ocp.model.geometry.enclosing_capsule import enclosing_capsule
+    from geodesic_ocp.model.geometry.signed_distances import collision_pairs, signed_distances
+    from geodesic_ocp.model.human_arm import human_arm
+    from geodesic_ocp.model.model import Model
+    from geodesic_ocp.model.primitives import Ball, Capsule, HalfSpace
+    from geodesic_ocp.ocp.ik.inverse_kinematics import inverse_kinematics
+    from geodesic_ocp.ocp.nlp.nlp import NLP
+    from geodesic_ocp.ocp.problem.path_constraints import clearance_constraints
+    from geodesic_ocp.ocp.problem.point_to_point import PointToPoint
+    from geodesic_ocp.ocp.problem.problem import Problem
+    from geodesic_ocp.ocp.problem.reach import Reach
+    from geodesic_ocp.ocp.solve.callback import Iterate
+    from geodesic_ocp.ocp.solve.certificate import Certificate, certify
+    from geodesic_ocp.ocp.solve.live_plot import LivePlot
+    from geodesic_ocp.ocp.solve.load_solution import load_solution
+    from geodesic_ocp.ocp.solve.solution import Solution
+    from geodesic_ocp.ocp.solve.solve import solve
+    from geodesic_ocp.ocp.solve.stats import Stats
+    from geodesic_ocp.reports.report import report
+    from geodesic_ocp.retargeting.alignment import Alignment, alignment
+    from geodesic_ocp.retargeting.arm_result import RetargetedArm
+    from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, merge_synergies
+    from geodesic_ocp.retargeting.result import Retargeting
+    from geodesic_ocp.retargeting.retarget import retarget, retarget_arms
+    from geodesic_ocp.retargeting.settings import RetargetingSettings
+    from geodesic_ocp.synergies.analyse import analyse
+    from geodesic_ocp.synergies.analysis import Analysis
+    from geodesic_ocp.synergies.evaluate import MotionErrors, evaluate
+    from geodesic_ocp.synergies.read_motion import read_motion
+    from geodesic_ocp.synergies.reconstruct import Reconstruction, reconstruct
+    from geodesic_ocp.synergies.segment import segment
+    from geodesic_ocp.synergies.segment_zero_velocity import segment_zero_velocity
+    from geodesic_ocp.synergies.synergy import Synergy
+    from geodesic_ocp.synergies.synergy_files import load_synergies, save_synergies
+    from geodesic_ocp.synergies.track_hand import track_hand
+    from geodesic_ocp.table import Table
+    from geodesic_ocp.trajectory.grid import Grid
+    from geodesic_ocp.trajectory.motion import Motion, Subject
+    from geodesic_ocp.trajectory.path import Path
+    from geodesic_ocp.trajectory.time_law import TimeLaw, time_law
+
+    __version__: str
+else:
+    # Public names by the module that defines them (PEP 562).
+    _HOMES = {
+        "errors": "GeodesicOcpError IntegrationFailed NotConverged RecordingError",
+        "figures.obstacles": "draw_obstacle",
+        "logarithm.frechet_mean": "frechet_mean",
+        "logarithm.geodesic": "Geodesic geodesic geodesic_from_velocity geodesics",
+        "logarithm.geodesic_to_pose": "ToPose geodesic_to_pose",
+        "logarithm.log": "distance log",
+        "manifold.curvature": "riemann_curvature scalar_curvature sectional_curvature",
+        "manifold.euclidean": "Euclidean",
+        "manifold.exp": "exp",
+        "manifold.jacobi_metric": "JacobiMetric",
+        "manifold.kinetic_energy": "KineticEnergy",
+        "manifold.metric": "Metric",
+        "manifold.parallel_transport": "parallel_transport",
+        "manifold.region_avoiding": "RegionAvoiding",
+        "model.combine": "combine",
+        "model.formats.load_model": "load_model",
+        "model.geometry.enclosing_capsule": "enclosing_capsule",
+        "model.geometry.signed_distances": "collision_pairs signed_distances",
+        "model.human_arm": "human_arm",
+        "model.model": "Model",
+        "model.primitives": "Ball Capsule HalfSpace",
+        "ocp.ik.inverse_kinematics": "inverse_kinematics",
+        "ocp.nlp.nlp": "NLP",
+        "ocp.problem.path_constraints": "clearance_constraints",
+        "ocp.problem.point_to_point": "PointToPoint",
+        "ocp.problem.problem": "Problem",
+        "ocp.problem.reach": "Reach",
+        "ocp.solve.callback": "Iterate",
+        "ocp.solve.certificate": "Certificate certify",
+        "ocp.solve.live_plot": "LivePlot",
+        "ocp.solve.load_solution": "load_solution",
+        "ocp.solve.solution": "Solution",
+        "ocp.solve.solve": "solve",
+        "ocp.solve.stats": "Stats",
+        "reports.report": "report",
+        "retargeting.alignment": "Alignment alignment",
+        "retargeting.arm_result": "RetargetedArm",
+        "retargeting.merge_synergies": "SynergyGroup merge_synergies",
+        "retargeting.result": "Retargeting",
+        "retargeting.retarget": "retarget retarget_arms",
+        "retargeting.settings": "RetargetingSettings",
+        "synergies.analyse": "analyse",
+        "synergies.analysis": "Analysis",
+        "synergies.evaluate": "MotionErrors evaluate",
+        "synergies.read_motion": "read_motion",
+        "synergies.reconstruct": "Reconstruction reconstruct",
+        "synergies.segment": "segment",
+        "synergies.segment_zero_velocity": "segment_zero_velocity",
+        "synergies.synergy": "Synergy",
+        "synergies.synergy_files": "load_synergies save_synergies",
+        "synergies.track_hand": "track_hand",
+        "table": "Table",
+        "trajectory.grid": "Grid",
+        "trajectory.motion": "Motion Subject",
+        "trajectory.path": "Path",
+        "trajectory.time_law": "TimeLaw time_law",
+    }
+    _MODULES = {name: module for module, names in _HOMES.items() for name in names.split()}
+
+    def __getattr__(name):
+        """Import a public name when it is first used."""
+        if name == "__version__":
+            value = _import_module("importlib.metadata").version(__name__)
+        elif name in _MODULES:
+            value = getattr(_import_module(f"{__name__}.{_MODULES[name]}"), name)
+        else:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        globals()[name] = value
+        return value
+
+    def __dir__():
+        return [*__all__, "__version__"]

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.patches import Polygon
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.primitives import Capsule, HalfSpace, Obstacle, as_capsule
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _ROUNDING = 1e-9
 _FILL: dict[str, Any] = {
@@ -49,6 +50,8 @@ def _draw_capsule(axes: Axes, start: Array, end: Array, radius: float, label: st
 
 def _draw_half_plane(axes: Axes, point: Array, normal: Array, label: str | None) -> None:
     """Fill the half-plane behind a line with a point (2,) and normal (2,) within the axes."""
+    from matplotlib.patches import Polygon
+
     far = 10.0 * max(float(np.abs([axes.get_xlim(), axes.get_ylim()]).max()), 1.0)
     across = np.array([-normal[1], normal[0]])
     near = [point - far * across, point + far * across]

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import FigureBase
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.figures.styles import BASELINE, OBSERVED, PREDICTED
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import FigureBase
 
 Names = tuple[str, str]
 NAMES: Names = ("observed", "predicted")

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from geodesic_ocp.arrays import Array, evaluate
+from geodesic_ocp.figures.new_figure import new_figure
 from geodesic_ocp.figures.overview import widest_columns
 from geodesic_ocp.figures.plane import draw_coordinates, draw_plane_path, draw_unit_balls
 from geodesic_ocp.figures.styles import OBSERVED
@@ -17,8 +16,12 @@ from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.trajectory.path import Path
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 # (axes, path, columns): draws additional items, such as obstacles; see `Problem.draw`.
-DrawExtra: TypeAlias = Callable[[Axes, Path, tuple[int, int]], None]
+DrawExtra: TypeAlias = "Callable[[Axes, Path, tuple[int, int]], None]"
 
 _SAMPLES = 201
 _BALLS, _RADIUS = 7, 0.06  # unit balls along the path, and their size relative to it
@@ -40,7 +43,7 @@ def draw_path(
     in_space = model is not None and len({model.moves(model.hand)}) and path.metric.dim > 2
     beside = in_space or path.metric.dim == 2
     if figure is None:
-        figure = Figure(figsize=(11.0 if beside else 7.0, 5.2), layout="constrained")
+        figure = new_figure(11.0 if beside else 7.0, 5.2)
     else:
         figure.clear()
     grid = figure.add_gridspec(2, 2 if beside else 1, height_ratios=(2.2, 1.0))

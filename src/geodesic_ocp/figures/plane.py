@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.figures.styles import OBSERVED, PREDICTED, line_styles
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 def draw_coordinates(axes: Axes, s: Array, values: Array, names: Sequence[str]) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps
 
 # Dark blue and orange differ in hue and in lightness, and remain distinct in greyscale print.
 OBSERVED: dict[str, Any] = {"color": "#1b3a5c", "linewidth": 2.0}
@@ -16,6 +15,8 @@ _DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2
 
 def line_styles(count: int) -> list[dict[str, Any]]:
     """Styles of several lines: colours from dark to light, and dashes for greyscale print."""
+    from matplotlib import colormaps
+
     shades = colormaps["viridis"](np.linspace(0.0, 0.85, max(count, 2)))
     return [
         {"color": shades[index], "linestyle": _DASHES[index % len(_DASHES)], "linewidth": 1.6}

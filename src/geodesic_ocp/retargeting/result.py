@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path as FilePath
-
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING
 
 from geodesic_ocp.figures import overview
+from geodesic_ocp.figures.new_figure import new_figure
 from geodesic_ocp.records import write_together
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.settings import RetargetingSettings
@@ -18,6 +18,9 @@ from geodesic_ocp.synergies.synergy_files import save_synergies
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _METHODS = {"synergies": "geodesic synergies", "ik": "inverse kinematics"}
 
@@ -157,7 +160,7 @@ class Retargeting:
         synergies. The robot's joints are drawn beside those of inverse kinematics.
         """
         count = len(self.arms)
-        figure = Figure(figsize=(11.0, 7.5 * count), layout="constrained")
+        figure = new_figure(11.0, 7.5 * count)
         parts = figure.subfigures(count, 1, squeeze=False)[:, 0]
         for arm, part in zip(self.arms, parts, strict=True):
             time = arm.trajectory.time

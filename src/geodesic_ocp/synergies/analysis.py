@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path as FilePath
-
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING
 
 from geodesic_ocp.figures import overview
+from geodesic_ocp.figures.new_figure import new_figure
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.records import write_together
 from geodesic_ocp.synergies.evaluate import MotionErrors
@@ -16,6 +16,9 @@ from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.synergies.synergy_files import save_synergies
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.motion import Motion
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _LABELS = {
     "riemannian": "geodesics (Riemannian)",
@@ -76,7 +79,7 @@ class Analysis:
 
     def plot(self) -> Figure:
         """Hand and three joints over time, observed and predicted, and the path of the hand."""
-        figure = Figure(figsize=(11.0, 7.5), layout="constrained")
+        figure = new_figure(11.0, 7.5)
         time = self.motion.time - self.motion.time[0]
         hands = (
             self.model.hand_pose(self.motion.q)[1],

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
-from matplotlib.axes import Axes
 
 from geodesic_ocp.arrays import as_number, as_vector
 from geodesic_ocp.figures.obstacles import draw_obstacle
@@ -18,6 +17,9 @@ from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.ocp.problem.keys import key_of
 from geodesic_ocp.ocp.problem.problem import Inequality, Problem
 from geodesic_ocp.trajectory.path import Path
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _NEEDS_MODEL = {"limits": "limits", "obstacles": "bodies", "pairs": "bodies"}
 

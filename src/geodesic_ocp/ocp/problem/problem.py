@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Hashable, Sequence
-from typing import Any, ClassVar, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 
 import casadi as ca
-from matplotlib.axes import Axes
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.manifold.metric import Metric
@@ -18,6 +17,9 @@ from geodesic_ocp.ocp.problem.keys import key_of
 from geodesic_ocp.ocp.problem.parse_conditions import parse_conditions
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 # (expression, value) or (expression, value, name)
 Equality: TypeAlias = tuple[Any, Any] | tuple[Any, Any, str]

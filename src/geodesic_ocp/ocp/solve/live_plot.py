@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from time import perf_counter
-from typing import Any
-
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any
 
 from geodesic_ocp.figures.path_figure import draw_path
 from geodesic_ocp.ocp.problem.problem import Problem
 from geodesic_ocp.ocp.solve.callback import Iterate
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 class LivePlot:

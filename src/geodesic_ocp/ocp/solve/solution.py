@@ -8,9 +8,7 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from os import PathLike
 from pathlib import Path as FilePath
-from typing import Any
-
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.figures.path_figure import draw_path
@@ -25,6 +23,9 @@ from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.path import Path
 from geodesic_ocp.trajectory.time_law import TimeLaw
 from geodesic_ocp.trajectory.timed_path import motion_along
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 FORMAT, VERSION = "geodesic_ocp solution", 2
 

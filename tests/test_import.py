@@ -1,0 +1,82 @@
+"""Importing the package is quick: names, and the libraries behind them, load when first used."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import geodesic_ocp as go
+
+HEAVY = ("casadi", "matplotlib", "numpy", "pinocchio", "scipy", "tqdm")
+ANALYSE = """
+import geodesic_ocp as go
+import sys
+from importlib.resources import files
+
+arm = go.human_arm("left", height=1.78)
+motion = go.read_motion(files("geodesic_ocp") / "data" / "reach.csv", arm.joint_names)
+go.log(go.KineticEnergy(arm), motion.q[480], motion.q[-1])
+analysis = go.analyse(arm, go.Motion(motion.time[480:], motion.q[480:], motion.joint_names))
+assert "matplotlib" not in sys.modules
+analysis.plot()
+"""
+
+
+def loaded_after(code: str) -> set[str]:
+    """Names of the modules that a new interpreter has loaded after running the code."""
+    run = [sys.executable, "-c", f"{code}\nimport sys\nprint(*sys.modules)"]
+    return set(subprocess.run(run, capture_output=True, text=True, check=True).stdout.split())
+
+
+def test_import_loads_no_other_library() -> None:
+    assert not loaded_after("import geodesic_ocp") & set(HEAVY)
+
+
+def test_only_figures_load_matplotlib() -> None:
+    loaded = loaded_after(ANALYSE)
+    assert "matplotlib" in loaded
+    assert "matplotlib.pyplot" not in loaded
+
+
+def test_the_type_checker_sees_the_same_names() -> None:
+    tree = ast.parse(Path(go.__file__).read_text())
+    seen = {
+        alias.name: node.module.removeprefix("geodesic_ocp.")
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and node.module.startswith("geodesic_ocp.")
+        for alias in node.names
+    }
+    assert seen == go._MODULES
+    assert sorted(seen) == sorted(go.__all__)
+    assert set(go.__all__) < set(dir(go))
+
+
+def test_functions_are_not_hidden_by_their_modules() -> None:
+    loaded_after(
+        "import geodesic_ocp.manifold.exp, geodesic_ocp.logarithm.log\n"
+        "from geodesic_ocp import *\n"
+        "assert callable(exp) and callable(log)"
+    )
+    for name in go.__all__:
+        assert callable(getattr(go, name)), name
+
+
+def test_unknown_names_are_attribute_errors() -> None:
+    with pytest.raises(AttributeError, match="module 'geodesic_ocp' has no attribute 'geodesik'"):
+        _ = go.geodesik
+    failed = subprocess.run(
+        [sys.executable, "-c", "import geodesic_ocp as go; go.geodesik"],
+        capture_output=True,
+        text=True,
+    )
+    assert "Did you mean: 'geodesic'?" in failed.stderr
+    with pytest.raises(ImportError, match="cannot import name 'geodesik'"):
+        from geodesic_ocp import geodesik  # noqa: F401
+
+
+def test_version() -> None:
+    assert go.__version__.count(".") == 2
