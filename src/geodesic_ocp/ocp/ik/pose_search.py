@@ -1,0 +1,234 @@
+"""The search for configurations with a hand pose: simultaneously, and one by one with Ipopt."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from geodesic_ocp.arrays import Array, as_rotation, as_vector, evaluate
+from geodesic_ocp.ipopt import Ipopt
+from geodesic_ocp.model.as_model import as_model
+from geodesic_ocp.model.geometry.signed_distances import signed_distances
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.ocp.ik.collision_avoidance import CollisionAvoidance
+from geodesic_ocp.ocp.ik.free_directions import as_directions, complement
+from geodesic_ocp.ocp.ik.pose_error import rotation_log
+from geodesic_ocp.ocp.ik.simultaneous_search import search_simultaneously
+
+_AT_ONCE = 20  # starts searched from simultaneously
+_EXACT = 1e-9  # pose error [m] and [rad] of the simultaneous search
+
+
+def search_bounds(model: Model, start: Array, limits: bool) -> tuple[Array, Array, Array]:
+    """Bounds (n,) of a search for configurations, and the start clipped to the limits.
+
+    Joints with a range above one revolution are searched over one revolution, which covers all
+    poses without winding up: half a revolution to either side, shifted to lie within the limits.
+    """
+    lower = model.lower if limits else np.full(model.dof, -np.inf)
+    upper = model.upper if limits else np.full(model.dof, np.inf)
+    inside = np.clip(start, lower, upper)
+    wide = ~(upper - lower <= 2.0 * np.pi)
+    with np.errstate(invalid="ignore"):  # prismatic joints without limits
+        first = np.clip(inside - np.pi, lower, upper - 2.0 * np.pi)
+    lower = np.where(wide, first, lower)
+    upper = np.where(wide, first + 2.0 * np.pi, upper)
+    return lower, upper, np.asarray(inside)
+
+
+@dataclass(frozen=True, eq=False)
+class SearchOutcome:
+    """A configuration, its pose errors, the overlap of collision bodies, and Ipopt's verdict."""
+
+    q: Array
+    errors: Array
+    overlap: float
+    success: bool
+    objective: float
+
+    def error(self, bound: Array) -> float:
+        """Largest pose error among those that must vanish, or overlap of collision bodies."""
+        return float(np.max(np.abs(self.errors[bound == 0.0]), initial=self.overlap))
+
+
+@dataclass(frozen=True, eq=False)
+class PoseSearch:
+    """Configurations of one model with a hand pose, sought from several starts.
+
+    Attributes:
+        rows: which of the six rows of the pose error (position, rotation vector) are part of it.
+    """
+
+    model: Model
+    near: Array
+    position: Array
+    rotation: Array
+    rows: tuple[int, ...]
+    collisions: CollisionAvoidance
+
+    @classmethod
+    def checked(
+        cls,
+        caller: str,
+        model: Model,
+        near: ArrayLike,
+        position: ArrayLike | None,
+        rotation: ArrayLike | None,
+        collisions: CollisionAvoidance,
+    ) -> PoseSearch:
+        """The search for a pose as users give it; ValueError if it is malformed."""
+        if position is None and rotation is None:
+            raise ValueError(f"{caller} needs a position, a rotation or both")
+        rows = [*range(3)] if position is not None else []
+        rows += [*range(3, 6)] if rotation is not None else []
+        return cls(
+            model,
+            as_vector("near", near, as_model(model).dof),
+            np.zeros(3) if position is None else as_vector("position", position, 3),
+            np.eye(3) if rotation is None else as_rotation("rotation", rotation),
+            ((0, 1, 2) if position is not None else ())
+            + ((3, 4, 5) if rotation is not None else ()),
+            collisions,
+        )
+
+    def axes_and_bound(self, free: ArrayLike | None) -> tuple[Array, Array]:
+        """Axes (3, 3) of position errors, and bounds of the errors: zero, or infinite if free."""
+        axes, num_free = complement(as_directions("free", free))
+        held = np.array([*(np.arange(3) >= num_free), True, True, True])[list(self.rows)]
+        return axes, np.where(held, 0.0, np.inf)
+
+    def starts(self, limits: bool, count: int) -> list[Array]:
+        """`near`, within the limits, and random configurations."""
+        lower, upper, inside = search_bounds(self.model, self.near, limits)
+        rng = np.random.default_rng(0)
+        return [inside, *rng.uniform(lower, upper, (count - 1, self.model.dof))]
+
+    def simultaneously(
+        self, limits: bool, starts: Sequence[Array], axes: Array, weights: Array, enough: int
+    ) -> tuple[list[Array], list[Array], float]:
+        """Configurations with the pose, others, and the least error, without collision avoidance.
+
+        Those with the pose are sorted by their distance from `near`, the others by their error.
+        """
+        lower, upper, _ = search_bounds(self.model, self.near, limits)
+        p = self._parameters(axes, 0.0, np.zeros(len(self.rows)))
+
+        def pose_errors(q: Array) -> tuple[Array, Array]:
+            count, m = len(q), len(self.rows)
+            function = _error_function(self.model, self.rows, count)
+            errors, jacobians = evaluate(function, q.T, p)
+            jacobians = jacobians.reshape(m, count, -1).transpose(1, 0, 2)
+            return weights * errors.T, weights[:, None] * jacobians
+
+        attained: list[Array] = []
+        others: list[tuple[float, Array]] = []
+        for number in range(0, len(starts), _AT_ONCE):
+            batch = np.array(starts[number : number + _AT_ONCE])
+            missing = enough - len(attained)
+            ends = search_simultaneously(pose_errors, batch, self.near, lower, upper, missing)
+            attained += list(ends.q[ends.errors <= _EXACT])
+            others += [*zip(ends.errors.tolist(), ends.q, strict=True)]
+            if len(attained) >= enough:
+                break
+        others.sort(key=lambda pair: pair[0])
+        attained.sort(key=lambda q: float(np.linalg.norm(q - self.near)))
+        return attained, [q for _, q in others], others[0][0]
+
+    def _parameters(self, axes: Array, stay: float, weights: Array) -> Array:
+        pose = [self.position, self.rotation.ravel(order="F"), axes.ravel(order="F")]
+        return np.concatenate([self.near, *pose, [stay], weights])
+
+    def outcomes(
+        self,
+        limits: bool,
+        starts: Iterable[Array],
+        axes: Array,
+        weights: Array,
+        stay: float,
+        bound: Array,
+    ) -> Iterator[SearchOutcome]:
+        """Outcomes of Ipopt from one start after the other.
+
+        min stay |q - near|^2 / 2 + |weights e|^2 / 2 over q and the pose errors e, |e| <= bound,
+        with position errors in the given axes (3, 3).
+        """
+        n, rows = self.model.dof, list(self.rows)
+        lower, upper, _ = search_bounds(self.model, self.near, limits)
+        program, errors = _program(self.model, self.rows, self.collisions.bodies)
+        least = np.concatenate([np.zeros(len(rows)), self._margins(program.size_g - len(rows))])
+        p = self._parameters(axes, stay, weights[rows])
+        lbx, ubx = np.concatenate([lower, -bound]), np.concatenate([upper, bound])
+        most = np.concatenate([np.zeros(len(rows)), np.full(least.size - len(rows), np.inf)])
+        for start in starts:
+            first = np.clip(errors(start, p).full()[:, 0], -bound, bound)
+            x0 = np.concatenate([start, first])
+            outcome = program(x0=x0, p=p, lbx=lbx, ubx=ubx, lbg=least, ubg=most)
+            q = outcome.x[:n]
+            overlap = float(np.max(least[len(rows) :] - outcome.g[len(rows) :], initial=0.0))
+            # The errors of q itself: Ipopt meets equalities to its own tolerance.
+            now = errors(q, p).full()[:, 0]
+            yield SearchOutcome(q, now, overlap, outcome.success, outcome.objective)
+
+    def _margins(self, count: int) -> Array:
+        return np.full(count, self.collisions.margin)
+
+
+@lru_cache(maxsize=32)
+def _pose_errors(model: Model, rows: tuple[int, ...]) -> ca.Function:
+    """The pose errors (q, p) -> e; p: near, position, rotation, axes, stay, weights."""
+    n = model.dof
+    q, p = ca.SX.sym("q", n), ca.SX.sym("p", n + 22 + len(rows))
+    position, rotation, axes = ca.vertsplit(p[n : n + 21], [0, 3, 12, 21])
+    hand_rotation, hand_position = model.hand_pose(q)
+    errors = ca.vertcat(
+        ca.reshape(axes, 3, 3).T @ (hand_position - position),
+        rotation_log(ca.reshape(rotation, 3, 3).T @ hand_rotation),
+    )[list(rows)]
+    return ca.Function("pose_errors", [q, p], [errors])
+
+
+@lru_cache(maxsize=32)
+def _errors_and_twists(model: Model, rows: tuple[int, ...]) -> ca.Function:
+    """Pose errors, and how they change with the joints.
+
+    The derivative of the rotation vector is replaced by the angular velocity in the hand's axes,
+    which it approaches as the error vanishes, and which changes its length in the same way.
+    """
+    function = _pose_errors(model, rows)
+    q, p = (ca.SX.sym(name, function.size1_in(k)) for k, name in enumerate("qp"))
+    rotation, _ = model.hand_pose(q)
+    jacobian = model.hand_jacobian(q)
+    axes = ca.reshape(p[model.dof + 12 : model.dof + 21], 3, 3)
+    twists = ca.vertcat(axes.T @ jacobian[:3, :], rotation.T @ jacobian[3:, :])[list(rows), :]
+    outputs = ca.cse([function(q, p), ca.densify(twists)])
+    return ca.Function("pose_errors", [q, p], outputs)
+
+
+@lru_cache(maxsize=256)
+def _error_function(model: Model, rows: tuple[int, ...], count: int) -> ca.Function:
+    """Pose errors (m, count) and their Jacobians, side by side, of many configurations."""
+    function = _errors_and_twists(model, rows)
+    return function.map("pose_errors", "serial", count, [1], [])
+
+
+@lru_cache(maxsize=32)
+def _program(
+    model: Model, rows: tuple[int, ...], bodies: tuple[Any, Any, Any]
+) -> tuple[Ipopt, ca.Function]:
+    """The program in x = (q, e), and the pose errors e (q, p); then come the distances."""
+    n, count = model.dof, len(rows)
+    function = _pose_errors(model, rows)
+    q, e, p = ca.SX.sym("q", n), ca.SX.sym("e", count), ca.SX.sym("p", function.size1_in(1))
+    near, stay, weights = p[:n], p[n + 21], p[n + 22 :]
+    obstacles, links, pairs = bodies
+    distances = signed_distances(model, q, obstacles, links=links, pairs=pairs)
+    f = stay * ca.sumsqr(q - near) / 2 + ca.sumsqr(weights * e) / 2
+    g = ca.vertcat(function(q, p) - e, *distances.values())
+    nlp = {"x": ca.vertcat(q, e), "p": p, "f": f, "g": g}
+    return Ipopt(nlp), function

@@ -1,0 +1,101 @@
+"""Inverse kinematics from many starts at once: Levenberg-Marquardt steps on all of them together.
+
+Damping in proportion to the squared error converges quadratically, also near singularities
+(Sugihara, "Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method", IEEE
+Trans. Robotics 27, 2011). What the pose leaves free serves to come nearer to a configuration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geodesic_ocp.arrays import Array
+
+# configurations (k, n) -> weighted pose errors (k, m) and their Jacobians (k, m, n)
+PoseErrors: TypeAlias = Callable[[Array], tuple[Array, Array]]
+
+_STEPS = 40
+_PATIENCE = 12  # steps after which starts far from the pose are given up
+_FAR, _EXACT = 0.1, 1e-11  # pose errors [m] and [rad]
+_DAMPING, _LEAST_DAMPING = 0.05, 1e-12  # of the squared error
+_LONGEST = 0.7  # step [rad or m]
+_SETTLED = 1e-2  # step [rad or m] along the configurations with the pose
+_SLIDE = 0.5  # of the way to the nearest configuration, as the pose's curvature is ignored
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Configurations (k, n), and the largest of their weighted pose errors (k,)."""
+
+    q: Array
+    errors: Array
+
+
+def search_simultaneously(
+    pose_errors: PoseErrors, starts: Array, near: Array, lower: Array, upper: Array, enough: int
+) -> Found:
+    """Configurations within bounds whose pose errors vanish, or are least nearby.
+
+    Args:
+        pose_errors: of many configurations.
+        starts: configurations (k, n) to search from.
+        near: configuration (n,) to come near to, in the directions that the pose leaves free.
+        lower, upper: bounds (n,).
+        enough: the search ends when so many have attained the pose and no longer move.
+    """
+    q = np.clip(starts, lower, upper)
+    done_q: list[Array] = []
+    for number in range(_STEPS):
+        errors, jacobians = pose_errors(q)
+        largest = np.abs(errors).max(axis=1, initial=0.0)
+        step, slide = _steps(q, errors, jacobians, near, lower, upper)
+        settled = (largest <= _EXACT) & (slide <= _SETTLED)
+        if np.any(settled):
+            done_q += list(q[settled])
+            if len(done_q) >= enough:
+                break
+        keep = ~settled & ((number < _PATIENCE) | (largest <= _FAR))
+        if not np.any(keep):
+            break
+        q = np.clip(q[keep] + step[keep], lower, upper)
+    every = np.concatenate([np.array(done_q).reshape(-1, q.shape[1]), q])
+    return Found(every, np.abs(pose_errors(every)[0]).max(axis=1, initial=0.0))
+
+
+def _steps(
+    q: Array, errors: Array, jacobians: Array, near: Array, lower: Array, upper: Array
+) -> tuple[Array, Array]:
+    """Steps (k, n), and the lengths (k,) of their parts along configurations with one pose."""
+    free = np.ones_like(q, dtype=bool)
+    for _ in range(3):  # joints that would leave their range stay at its end
+        step, slide = _free_steps(q, errors, jacobians, near, free)
+        pushed: NDArray[np.bool_] = ((q <= lower) & (step < 0.0)) | ((q >= upper) & (step > 0.0))
+        if not np.any(pushed & free):
+            break
+        free &= ~pushed
+    return step, slide
+
+
+def _free_steps(
+    q: Array, errors: Array, jacobians: Array, near: Array, free: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    free_jacobians = jacobians * free[:, None, :]
+    transposed = free_jacobians.transpose(0, 2, 1)
+    square = np.einsum("km,km->k", errors, errors)
+    damping = _DAMPING * square + _LEAST_DAMPING
+    matrices = free_jacobians @ transposed
+    rows = np.arange(errors.shape[1])
+    matrices[:, rows, rows] += damping[:, None]
+    closer = _SLIDE * (near - q) * free
+    wanted = np.stack([errors, np.einsum("kmn,kn->km", free_jacobians, closer)], axis=2)
+    corrections = transposed @ np.linalg.solve(matrices, wanted)
+    slide = np.where((square < _FAR**2)[:, None], closer - corrections[:, :, 1], 0.0)
+    lengths = np.linalg.norm(slide, axis=1)
+    step = slide - corrections[:, :, 0]
+    length = np.linalg.norm(step, axis=1, keepdims=True)
+    return step * np.minimum(1.0, _LONGEST / np.maximum(length, _LONGEST)), lengths
