@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
+from typing import TypeAlias
 
+import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.arrays import Array, as_positive, evaluate
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.rotations import rotation_vector
+from geodesic_ocp.ocp.ik.pose_error import rotation_log
 from geodesic_ocp.trajectory.motion import Motion
 
 # Largest displacement of a joint in one step of the controller [rad or m].
 _MAX_STEP = 0.05
-Poses = Callable[[Array], tuple[Array, Array]]
+Poses: TypeAlias = Callable[[Array], tuple[Array, Array]]
+Pose: TypeAlias = tuple[ca.SX, ca.SX]
 
 
 def track_hand(
@@ -87,7 +91,7 @@ def track_poses(
         model: whose hand tracks.
         start: configuration (n,).
         time: increasing times (k,) [s].
-        poses: rotations (m, 3, 3) and positions (m, 3) [m] of the hand at m times.
+        poses: rotations (m, 3, 3) and positions (m, 3) [m] of the hand at m times; called once.
         gain: of the pose error [1/s].
         damping: of the Jacobian's small singular values [m or rad per joint unit].
         counts: (k - 1,) steps of the controller between the times; one by default.
@@ -97,32 +101,49 @@ def track_poses(
         ValueError: a number is not positive.
     """
     gain, damping = as_positive("gain", gain, "1/s"), as_positive("damping", damping)
+    counts = np.ones(time.size - 1) if counts is None else counts
+    step = np.diff(time) / counts
+    interval = np.repeat(np.arange(time.size - 1), counts.astype(int))
+    ends = np.cumsum(counts).astype(int)
+    within = np.arange(interval.size) - (ends - counts)[interval]
+    instants = np.append(time[interval] + within * step[interval], time[-1])
+    rotations, positions = poses(instants)
+    # Rotations side by side, (3, 3 m), as CasADi takes several arguments.
+    beside = rotations.transpose(1, 0, 2).reshape(3, -1)
+    controller = _controller(model, turning, placing).mapaccum(interval.size)
+    configurations = evaluate(
+        controller,
+        start,
+        beside[:, :-3],
+        positions[:-1].T,
+        beside[:, 3:],
+        positions[1:].T,
+        step[None, interval],
+        # A gain above 1/step would overshoot, above 2/step diverge.
+        np.minimum(gain, 1.0 / step)[None, interval],
+        np.full((1, interval.size), damping),
+    ).T
+    q = np.vstack([start, configurations[ends - 1]])
+    velocity = np.diff(q, axis=0) / np.diff(time)[:, None]
+    return Motion(time, q, model.joint_names, np.vstack([velocity, velocity[-1:]]))
+
+
+@lru_cache(maxsize=32)
+def _controller(model: Model, turning: bool, placing: bool) -> ca.Function:
+    """One step: q, pose of the hand now and after the step, step [s], gain, damping -> next q."""
     rows = slice(0 if placing else 3, 6 if turning else 3)
-    q = np.empty((time.size, model.dof))
-    velocity = np.zeros_like(q)
-    q[0] = start
-    for k in range(time.size - 1):
-        count = 1 if counts is None else int(counts[k])
-        times = np.linspace(time[k], time[k + 1], count + 1)
-        rotations, positions = poses(times)
-        configuration, step = q[k], float(times[1] - times[0])
-        for index in range(count):
-            rotation, position = model.hand_pose(configuration)
-            error = _twist(rotation, position, rotations[index], positions[index])
-            forward = _twist(
-                rotations[index], positions[index], rotations[index + 1], positions[index + 1]
-            )
-            # A gain above 1/step would overshoot, above 2/step diverge.
-            twist = (forward / step + min(gain, 1.0 / step) * error)[rows]
-            jacobian = model.hand_jacobian(configuration)[rows]
-            damped = jacobian @ jacobian.T + damping**2 * np.eye(len(jacobian))
-            configuration = configuration + step * jacobian.T @ np.linalg.solve(damped, twist)
-        q[k + 1] = configuration
-        velocity[k] = (configuration - q[k]) / (time[k + 1] - time[k])
-    velocity[-1] = velocity[-2]
-    return Motion(time, q, model.joint_names, velocity)
+    q, step, gain, damping = ca.SX.sym("q", model.dof), *(ca.SX.sym(name) for name in "hkd")
+    now, after = ((ca.SX.sym("R", 3, 3), ca.SX.sym("p", 3)) for _ in range(2))
+    forward, error = _twist(now, after), _twist(model.hand_pose(q), now)
+    twist = (forward / step + gain * error)[rows]
+    jacobian = model.hand_jacobian(q)[rows, :]
+    damped = jacobian @ jacobian.T + damping**2 * ca.SX.eye(jacobian.shape[0])
+    factors, upper, permutation = ca.ldl(damped, False)  # positive definite: no pivoting
+    change = step * (jacobian.T @ ca.ldl_solve(twist, factors, upper, permutation))
+    arguments = [q, *now, *after, step, gain, damping]
+    return ca.Function("controller", arguments, [ca.cse(ca.densify(q + change))])
 
 
-def _twist(rotation: Array, position: Array, rotation_to: Array, position_to: Array) -> Array:
+def _twist(pose: Pose, target: Pose) -> ca.SX:
     """Translation and rotation vector (6,) from one pose to the other, in the base frame."""
-    return np.concatenate([position_to - position, rotation_vector(rotation_to @ rotation.T)])
+    return ca.vertcat(target[1] - pose[1], rotation_log(target[0] @ pose[0].T))

@@ -11,12 +11,12 @@ Bezier coefficients hold between the knots as well.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from math import perm
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicHermiteSpline
 
 from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.errors import NotConverged
@@ -92,22 +92,28 @@ class TimeLaw:
             raise ValueError(f"order must not be negative, got {order}")
         if order > 3:
             return np.zeros(times.shape)
-        spline = CubicHermiteSpline(self.knots, self.positions, self.speeds)
-        result: Array = np.asarray(spline(np.clip(times, 0.0, self.duration), nu=order))
+        inside = np.clip(times, 0.0, self.duration)
+        interval = np.searchsorted(self.knots[1:-1], inside, side="right")
+        since = inside - self.knots[interval]
+        result: Array = np.zeros(times.shape)
+        for power in range(3, order - 1, -1):  # Horner's scheme
+            result = result * since + perm(power, order) * self._coefficients[power, interval]
         return result
+
+    @cached_property
+    def _coefficients(self) -> Array:
+        """Of the powers 0 to 3 of the time since an interval's first knot, (4, k - 1)."""
+        h, start, stop = np.diff(self.knots), self.speeds[:-1], self.speeds[1:]
+        chord = np.diff(self.positions) / h
+        second, third = (3.0 * chord - 2.0 * start - stop) / h, (start + stop - 2.0 * chord) / h**2
+        return np.array([self.positions[:-1], start, second, third])
 
     @property
     def cost(self) -> float:
         """The integral of s''(t)^2 over time."""
-        start, stop = self(self.knots[:-1], 2), _second_at_end(self)
-        return float(np.sum(np.diff(self.knots) * (start**2 + start * stop + stop**2) / 3.0))
-
-
-def _second_at_end(law: TimeLaw) -> Array:
-    """Second derivatives at the ends of the intervals, one-sided."""
-    h = np.diff(law.knots)
-    chord = np.diff(law.positions) / h
-    return (2.0 * law.speeds[:-1] + 4.0 * law.speeds[1:] - 6.0 * chord) / h
+        h, (_, _, second, third) = np.diff(self.knots), self._coefficients
+        start, stop = 2.0 * second, 2.0 * second + 6.0 * third * h
+        return float(np.sum(h * (start**2 + start * stop + stop**2) / 3.0))
 
 
 def time_law(
@@ -162,9 +168,10 @@ def time_law(
     # Units in which the duration is one and the speeds are of order one.
     scaled = [length / (speed * duration), start_speed / speed, end_speed / speed]
     low, high = lowest / speed, highest / speed
-    law = _cubic(scaled)
-    if not _within(law, low, high):
-        law = _bounded(_num_intervals(scaled, low, high), scaled, low, high)
+    if _cubic_within(scaled, low, high):
+        ends = ((0.0, duration), (0.0, length), (start_speed, end_speed))
+        return TimeLaw(*(np.array(values) for values in ends))
+    law = _bounded(_num_intervals(scaled, low, high), scaled, low, high)
     return TimeLaw(duration * law.knots, speed * duration * law.positions, speed * law.speeds)
 
 
@@ -179,20 +186,14 @@ def _finite(name: str, value: float) -> float:
     return number
 
 
-def _cubic(scaled: list[float]) -> TimeLaw:
-    """The solution without inequalities."""
+def _cubic_within(scaled: list[float], low: float, high: float) -> bool:
+    """Whether the speed of the solution without inequalities is within the bounds at all times."""
     length, start, end = scaled
-    return TimeLaw(np.array([0.0, 1.0]), np.array([0.0, length]), np.array([start, end]))
-
-
-def _within(law: TimeLaw, low: float, high: float) -> bool:
-    """Whether the speed of a single cubic is within the bounds at all times."""
-    start, rate = float(law(0.0, 2)), float(law(0.0, 3))
-    times = [0.0, 1.0]
-    if rate != 0.0 and 0.0 < -start / rate < 1.0:
-        times.append(-start / rate)
-    speeds = law(times, 1)
-    return bool(np.all((speeds >= low - _SLACK) & (speeds <= high + _SLACK)))
+    half, third = 3.0 * length - 2.0 * start - end, 3.0 * (start + end - 2.0 * length)
+    speeds = [start, end]  # of start + 2 half t + third t^2
+    if third != 0.0 and 0.0 < -half / third < 1.0:
+        speeds.append(start - half**2 / third)
+    return all(low - _SLACK <= speed <= high + _SLACK for speed in speeds)
 
 
 def _num_intervals(scaled: list[float], low: float, high: float) -> int:
