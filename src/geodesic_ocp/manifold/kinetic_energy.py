@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from geodesic_ocp.manifold.metric import Metric
@@ -51,3 +52,21 @@ class KineticEnergy(ModelMetric):
     def matrix(self, q: Any) -> Any:
         """Mass-inertia matrix G(q), (n, n)."""
         return self.model.mass_matrix(q)
+
+    def _energy(self, q: ca.SX, v: ca.SX) -> ca.SX:
+        """Kinetic energy v' G(q) v / 2 [J], summed over the bodies."""
+        if not self._has_mass_matrix:
+            return super()._energy(q, v)
+        return ca.SX(self.model.kinetic_energy(q, v))
+
+    def _christoffel_force(self, q: ca.SX, u: ca.SX, v: ca.SX) -> ca.SX:
+        """sum_jk Gamma_ijk u_j v_k, (n, 1): the symmetric bilinear form of the Coriolis forces."""
+        if not self._has_mass_matrix:
+            return super()._christoffel_force(q, u, v)
+        quadratic = ca.SX(self.model.coriolis_force(q, u))
+        return quadratic if ca.is_equal(u, v) else ca.jtimes(quadratic, u, v) / 2
+
+    @property
+    def _has_mass_matrix(self) -> bool:
+        """Whether no subclass overrides `matrix`, so that the model's recursions apply."""
+        return type(self).matrix is KineticEnergy.matrix

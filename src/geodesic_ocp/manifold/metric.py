@@ -112,8 +112,18 @@ class Metric(ABC):
         derivative = ca.jacobian(ca.vec(self._matrix_function(q)), q)
         return ca.Function("dG", [q], [ca.densify(ca.cse(derivative))])
 
+    def _energy(self, q: ca.SX, v: ca.SX) -> ca.SX:
+        """Half of the squared norm, v' G(q) v / 2, for symbols q and v."""
+        return ca.dot(v, self._matrix_function(q) @ v) / 2
+
+    @cached_property
+    def energy_density(self) -> ca.Function:
+        """(q, v) -> v' G(q) v / 2, the integrand of the energy of a path."""
+        q, v = ca.SX.sym("q", self.dim), ca.SX.sym("v", self.dim)
+        return ca.Function("energy_density", [q, v], [self._energy(q, v)], ["q", "v"], ["T"])
+
     def _christoffel_force(self, q: ca.SX, u: ca.SX, v: ca.SX) -> ca.SX:
-        """sum_jk Gamma_ijk u_j v_k, (n, 1)."""
+        """sum_jk Gamma_ijk u_j v_k, (n, 1), for symbols q, u and v."""
         tensor = self._matrix_function(q)
         momentum_u, momentum_v = tensor @ u, tensor @ v
         return 0.5 * (

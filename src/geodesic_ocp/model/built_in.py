@@ -1,8 +1,9 @@
 """The built-in back end: symbolic rigid-body algorithms on CasADi SX, from a pin.Model.
 
-Composite-rigid-body algorithm and forward kinematics for trees of one-degree-of-freedom joints
-(revolute, prismatic, helical; any axis), in body coordinates: Featherstone, *Rigid Body Dynamics
-Algorithms* (2008), table 6.2. Spatial vectors are ordered (linear, angular), as in Pinocchio.
+Composite-rigid-body algorithm, recursive Newton-Euler algorithm and forward kinematics for trees of
+one-degree-of-freedom joints (revolute, prismatic, helical; any axis), in body coordinates:
+Featherstone, *Rigid Body Dynamics Algorithms* (2008), tables 5.1 and 6.2. Spatial vectors are
+ordered (linear, angular), as in Pinocchio.
 """
 
 from __future__ import annotations
@@ -10,24 +11,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import casadi as ca
-import numpy as np
 import pinocchio as pin
 
-from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.joints import motion_subspace, without_noise
-
-
-@dataclass(frozen=True)
-class _Placement:
-    """Rotation (3, 3) and translation (3, 1) of a frame relative to its parent."""
-
-    rotation: ca.SX
-    translation: ca.SX
-
-    def __matmul__(self, other: _Placement) -> _Placement:
-        return _Placement(
-            self.rotation @ other.rotation, self.rotation @ other.translation + self.translation
-        )
+from geodesic_ocp.model.joints import motion_subspace
+from geodesic_ocp.model.placements import (
+    Placement,
+    constant,
+    constant_placement,
+    joint_placements,
+)
 
 
 @dataclass(frozen=True)
@@ -43,94 +35,127 @@ class _Inertia:
             self.mass + other.mass, self.first + other.first, self.second + other.second
         )
 
-    def in_parent(self, placement: _Placement) -> _Inertia:
+    def in_parent(self, placement: Placement) -> _Inertia:
         """The same inertia in the parent frame, with the second moment about its origin."""
         first = placement.rotation @ self.first
         arm, moment = ca.skew(placement.translation), ca.skew(first)
         second = placement.rotation @ self.second @ placement.rotation.T
         second -= arm @ moment + moment @ arm + self.mass * (arm @ arm)
+        # Symmetric; written so, half of its entries are computed once.
+        second = ca.triu2symm(ca.triu(second))
         return _Inertia(self.mass, first + self.mass * placement.translation, second)
 
 
-def _constant(matrix: Array) -> ca.SX:
-    return ca.SX(np.asarray(matrix, dtype=float))
-
-
-def _constant_placement(placement: pin.SE3) -> _Placement:
-    clean = without_noise(placement)
-    return _Placement(_constant(clean.rotation), _constant(clean.translation))
-
-
-def _screw_motion(subspace: Array, q: ca.SX) -> _Placement:
-    """exp(S q) for a constant twist S = (linear, angular): rotation, translation or screw."""
-    linear, angular = subspace[:3], subspace[3:]
-    rate = float(np.linalg.norm(angular))
-    if rate == 0.0:
-        return _Placement(ca.SX.eye(3), _constant(linear) * q)
-    axis, angle = angular / rate, rate * q
-    cos, sin = ca.cos(angle), ca.sin(angle)
-    projection = np.outer(axis, axis)
-    cross = np.array(ca.DM(ca.skew(ca.DM(axis))))
-    # R = a a' + cos (1 - a a') + sin [a] has exact zeros and ones for a coordinate axis.
-    normal = np.eye(3) - projection
-    rotation = _constant(projection) + cos * _constant(normal) + sin * _constant(cross)
-    slide = linear / rate
-    translation = (
-        angle * _constant(projection @ slide)
-        + sin * _constant(normal @ slide)
-        + (1 - cos) * _constant(cross @ slide)
-    )
-    return _Placement(rotation, translation)
-
-
-def _joint_placements(model: pin.Model, q: ca.SX) -> list[_Placement]:
-    """Placement of every joint relative to its parent; index 0 is the universe."""
-    placements = [_constant_placement(pin.SE3.Identity())]
-    for index in range(1, model.njoints):
-        moved = _screw_motion(motion_subspace(model, index), q[model.joints[index].idx_v])
-        placements.append(_constant_placement(model.jointPlacements[index]) @ moved)
-    return placements
-
-
 def _body_inertia(inertia: pin.Inertia) -> _Inertia:
-    lever = ca.skew(ca.DM(inertia.lever))
-    about_origin = inertia.inertia - inertia.mass * np.array(ca.DM(lever @ lever))
+    lever = pin.skew(inertia.lever)
+    about_origin = inertia.inertia - inertia.mass * lever @ lever
     return _Inertia(
-        ca.SX(inertia.mass), _constant(inertia.mass * inertia.lever), _constant(about_origin)
+        ca.SX(inertia.mass), constant(inertia.mass * inertia.lever), constant(about_origin)
     )
+
+
+def _axis(model: pin.Model, index: int) -> tuple[ca.SX, ca.SX]:
+    """Linear and angular part, (3, 1) each, of a joint's motion subspace."""
+    subspace = motion_subspace(model, index)
+    return constant(subspace[:3]), constant(subspace[3:])
 
 
 def mass_matrix(model: pin.Model, q: ca.SX) -> ca.SX:
     """Joint-space mass-inertia matrix (nv, nv) at the joint coordinates q (nv, 1)."""
-    placements = _joint_placements(model, q)
-    subspaces = [np.zeros(6)] + [motion_subspace(model, i) for i in range(1, model.njoints)]
+    placements = joint_placements(model, q)
     composite = [_body_inertia(inertia) for inertia in model.inertias]
+    # Wrenches that accelerate the composite bodies of descendants, one column for each joint.
+    columns: list[list[int]] = [[] for _ in placements]
+    forces, torques = ([ca.SX(3, 0)] * model.njoints for _ in range(2))
     matrix = ca.SX(model.nv, model.nv)
     for index in range(model.njoints - 1, 0, -1):
-        body, row = composite[index], model.joints[index].idx_v
-        linear, angular = (_constant(part) for part in np.split(subspaces[index], 2))
+        body, row, parent = composite[index], model.joints[index].idx_v, model.parents[index]
+        linear, angular = _axis(model, index)
         force = body.mass * linear + ca.cross(angular, body.first)
         torque = ca.cross(body.first, linear) + body.second @ angular
-        matrix[row, row] = ca.dot(linear, force) + ca.dot(angular, torque) + model.armature[row]
-        ancestor = index
-        while model.parents[ancestor] > 0:
-            placement = placements[ancestor]
+        force = ca.horzcat(force, forces[index])
+        torque = ca.horzcat(torque, torques[index])
+        entries = linear.T @ force + angular.T @ torque
+        columns[index].insert(0, row)
+        matrix[row, columns[index]] = entries
+        matrix[columns[index], row] = entries.T
+        matrix[row, row] += model.armature[row]
+        if parent > 0:
+            placement = placements[index]
             force = placement.rotation @ force
-            torque = placement.rotation @ torque + ca.cross(placement.translation, force)
-            ancestor = model.parents[ancestor]
-            linear, angular = (_constant(part) for part in np.split(subspaces[ancestor], 2))
-            column = model.joints[ancestor].idx_v
-            matrix[row, column] = ca.dot(linear, force) + ca.dot(angular, torque)
-            matrix[column, row] = matrix[row, column]
-        parent = model.parents[index]
-        composite[parent] = composite[parent] + body.in_parent(placements[index])
+            torque = placement.rotation @ torque + ca.skew(placement.translation) @ force
+            columns[parent] += columns[index]
+            forces[parent] = ca.horzcat(forces[parent], force)
+            torques[parent] = ca.horzcat(torques[parent], torque)
+            composite[parent] += body.in_parent(placement)
     return ca.cse(ca.densify(matrix))
+
+
+def kinetic_energy(model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
+    """Kinetic energy v' G(q) v / 2, (1, 1) [J], at joint velocities v (nv, 1).
+
+    Summed over the bodies, with their velocities in body coordinates; armature is included.
+    """
+    placements = joint_placements(model, q)
+    linear, angular = [ca.SX.zeros(3)], [ca.SX.zeros(3)]  # of the origins of the bodies
+    doubled = ca.dot(constant(model.armature), v**2)
+    for index in range(1, model.njoints):
+        placement, parent = placements[index], model.parents[index]
+        body, rate = model.inertias[index], v[model.joints[index].idx_v]
+        into_body, (slide, turn) = placement.rotation.T, _axis(model, index)
+        at_joint = linear[parent] + ca.cross(angular[parent], placement.translation)
+        linear.append(into_body @ at_joint + slide * rate)
+        angular.append(into_body @ angular[parent] + turn * rate)
+        centre = linear[index] + ca.cross(angular[index], constant(body.lever))
+        doubled += body.mass * ca.sumsqr(centre)
+        doubled += ca.dot(angular[index], constant(body.inertia) @ angular[index])
+    return ca.cse(ca.densify(doubled / 2))
+
+
+def coriolis_force(model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
+    """Coriolis and centrifugal forces C(q, v) v, (nv, 1), at joint velocities v (nv, 1).
+
+    Recursive Newton-Euler algorithm without gravity and joint accelerations. Linear accelerations
+    are those of the bodies' origins, as by Luh, Walker and Paul (1980): unlike Featherstone's
+    spatial accelerations, they need no linear velocities.
+    """
+    placements, none = joint_placements(model, q), ca.SX.zeros(3)
+    axes = [(none, none), *(_axis(model, index) for index in range(1, model.njoints))]
+    # Of each body: its angular velocity and acceleration, and the acceleration of its origin.
+    velocity, angular, linear = [none], [none], [none]
+    # Of each body: the matrix that maps offsets from its origin to relative accelerations.
+    relative = [ca.SX.zeros(3, 3)]
+    forces, torques = [none], [none]  # on each body, later with its descendants
+    for index in range(1, model.njoints):
+        placement, parent = placements[index], model.parents[index]
+        body, rate = model.inertias[index], v[model.joints[index].idx_v]
+        into_body, slide, turn = placement.rotation.T, axes[index][0] * rate, axes[index][1] * rate
+        carried = into_body @ velocity[parent]
+        at_joint = linear[parent] + relative[parent] @ placement.translation
+        velocity.append(carried + turn)
+        angular.append(into_body @ angular[parent] + ca.cross(carried, turn))
+        linear.append(into_body @ at_joint + ca.cross(2 * carried + turn, slide))
+        spin = ca.skew(velocity[index])
+        relative.append(ca.skew(angular[index]) + spin @ spin)
+        lever, inertia = constant(body.lever), constant(body.inertia)
+        forces.append(body.mass * (linear[index] + relative[index] @ lever))
+        torque = inertia @ angular[index] + spin @ (inertia @ velocity[index])
+        torques.append(torque + ca.cross(lever, forces[index]))
+    joint_forces = ca.SX(model.nv, 1)
+    for index in range(model.njoints - 1, 0, -1):
+        placement, parent, (slide, turn) = placements[index], model.parents[index], axes[index]
+        along = ca.dot(slide, forces[index]) + ca.dot(turn, torques[index])
+        joint_forces[model.joints[index].idx_v] = along
+        force = placement.rotation @ forces[index]
+        torque = placement.rotation @ torques[index] + ca.cross(placement.translation, force)
+        forces[parent], torques[parent] = forces[parent] + force, torques[parent] + torque
+    return ca.cse(ca.densify(joint_forces))
 
 
 def frame_pose(model: pin.Model, q: ca.SX, frame: int) -> tuple[ca.SX, ca.SX]:
     """Rotation (3, 3) and position (3, 1) [m] of a frame in the base frame."""
-    placements = _joint_placements(model, q)
-    pose = _constant_placement(model.frames[frame].placement)
+    placements = joint_placements(model, q)
+    pose = constant_placement(model.frames[frame].placement)
     joint = model.frames[frame].parentJoint
     while joint > 0:
         pose = placements[joint] @ pose
@@ -140,11 +165,11 @@ def frame_pose(model: pin.Model, q: ca.SX, frame: int) -> tuple[ca.SX, ca.SX]:
 
 def potential_energy(model: pin.Model, q: ca.SX) -> ca.SX:
     """Gravitational potential energy (1, 1) [J], zero at the height of the base."""
-    gravity, energy = _constant(model.gravity.linear), ca.SX(1, 1)
-    poses = _joint_placements(model, q)
+    gravity, energy = constant(model.gravity.linear), ca.SX(1, 1)
+    poses = joint_placements(model, q)
     for index in range(1, model.njoints):
         poses[index] = poses[model.parents[index]] @ poses[index]
         body = model.inertias[index]
-        moment = poses[index].rotation @ _constant(body.mass * body.lever)
+        moment = poses[index].rotation @ constant(body.mass * body.lever)
         energy -= ca.dot(gravity, moment + body.mass * poses[index].translation)
     return ca.densify(energy)

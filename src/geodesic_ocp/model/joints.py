@@ -95,16 +95,30 @@ def without_noise(placement: pin.SE3) -> pin.SE3:
 
 
 def merge_limits(
+    given: Sequence[ArrayLike | Mapping[str, float] | None],
+    current: Sequence[Array],
+    joint_names: Sequence[str],
+) -> list[Array]:
+    """The given lower and upper limits, (n,) each, with the current ones where none is given.
+
+    Raises:
+        ValueError: an unknown joint, not n numbers, or a lower limit above the upper one.
+    """
+    sides = zip(("lower", "upper"), given, current, strict=True)
+    limits = [_merged(name, new, old, joint_names) for name, new, old in sides]
+    for joint, low, high in zip(joint_names, *limits, strict=True):
+        if low > high or low == np.inf or high == -np.inf:  # the range is empty
+            raise ValueError(f"{joint}: the lower limit {low:g} lies above the upper {high:g}")
+    return limits
+
+
+def _merged(
     name: str,
     given: ArrayLike | Mapping[str, float] | None,
     current: Array,
     joint_names: Sequence[str],
 ) -> Array:
-    """The given limits (n,), with the current ones where none is given.
-
-    Raises:
-        ValueError: an unknown joint, or not n numbers; names the argument.
-    """
+    """One side of the limits, (n,); errors name the argument."""
     if given is None:
         return current
     if isinstance(given, Mapping):

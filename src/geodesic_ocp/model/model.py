@@ -140,26 +140,23 @@ class Model:
         return rigid_body(str(self.backend))
 
     @cached_property
-    def _mass_matrix(self) -> ca.Function:
-        q = ca.SX.sym("q", self.dof)
-        matrix = self._algorithms.mass_matrix(self.pin, q)
-        return ca.Function("mass_matrix", [q], [matrix], ["q"], ["G"])
-
-    @cached_property
-    def _poses(self) -> dict[int, ca.Function]:
+    def _functions(self) -> dict[str, ca.Function]:
         return {}
 
-    def _pose_function(self, frame: int) -> ca.Function:
-        if frame not in self._poses:
-            q = ca.SX.sym("q", self.dof)
-            pose = self._algorithms.frame_pose(self.pin, q, frame)
-            self._poses[frame] = ca.Function("frame_pose", [q], list(pose), ["q"], ["R", "p"])
-        return self._poses[frame]
+    def _function(self, name: str, arguments: str, *options: int) -> ca.Function:
+        """An algorithm of the back end as a function of q, or of q and v; built once."""
+        key = "_".join((name, *map(str, options)))
+        if key not in self._functions:
+            symbols = [ca.SX.sym(argument, self.dof) for argument in arguments]
+            outputs = getattr(self._algorithms, name)(self.pin, *symbols, *options)
+            listed = list(outputs) if isinstance(outputs, tuple) else [outputs]
+            self._functions[key] = ca.Function(key, symbols, listed)
+        return self._functions[key]
 
     @cached_property
     def _hand_jacobian(self) -> ca.Function:
         q = ca.SX.sym("q", self.dof)
-        rotation, position = self._pose_function(self._hand_id)(q)
+        rotation, position = self._function("frame_pose", "q", self._hand_id)(q)
         columns = [
             ca.inv_skew(ca.reshape(ca.jacobian(rotation, q[i]), 3, 3) @ rotation.T)
             for i in range(self.dof)
@@ -167,18 +164,28 @@ class Model:
         jacobian = ca.vertcat(ca.jacobian(position, q), ca.horzcat(*columns))
         return ca.Function("hand_jacobian", [q], [ca.densify(ca.cse(jacobian))], ["q"], ["J"])
 
-    @cached_property
-    def _potential_energy(self) -> ca.Function:
-        q = ca.SX.sym("q", self.dof)
-        energy = self._algorithms.potential_energy(self.pin, q)
-        return ca.Function("potential_energy", [q], [energy], ["q"], ["V"])
-
-    def _checked(self, q: Any) -> Any:
-        return q if is_symbolic(q) else as_vector("q", q, self.dof)
+    def _checked(self, **vectors: Any) -> list[Any]:
+        if is_symbolic(*vectors.values()):
+            return list(vectors.values())
+        return [as_vector(name, value, self.dof) for name, value in vectors.items()]
 
     def mass_matrix(self, q: Any) -> Any:
         """Mass-inertia matrix G(q), (n, n) [kg m^2 for revolute, kg for prismatic joints]."""
-        return evaluate(self._mass_matrix, self._checked(q))
+        return evaluate(self._function("mass_matrix", "q"), *self._checked(q=q))
+
+    def kinetic_energy(self, q: Any, v: Any) -> Any:
+        """Kinetic energy v' G(q) v / 2 [J] at the joint velocities v (n,) [rad/s or m/s]."""
+        energy = evaluate(self._function("kinetic_energy", "qv"), *self._checked(q=q, v=v))
+        return energy if is_symbolic(q, v) else float(energy[0, 0])
+
+    def coriolis_force(self, q: Any, v: Any) -> Any:
+        """Coriolis and centrifugal forces C(q, v) v, (n,) [N m or N], gravity excluded.
+
+        Joint forces that keep the joint velocities v (n,) [rad/s or m/s] constant, by the recursive
+        Newton-Euler algorithm (Featherstone, "Rigid Body Dynamics Algorithms", 2008, table 5.1).
+        """
+        force = evaluate(self._function("coriolis_force", "qv"), *self._checked(q=q, v=v))
+        return force if is_symbolic(q, v) else force[:, 0]
 
     def hand_pose(self, q: Any) -> Any:
         """Rotation (3, 3) and position (3,) [m] of the hand frame in the base frame.
@@ -212,9 +219,9 @@ class Model:
         return int(self.pin.frames[frame_index(self.pin, frame)].parentJoint)
 
     def _pose(self, frame: int, q: Any) -> Any:
-        function = self._pose_function(frame)
+        function = self._function("frame_pose", "q", frame)
         if is_symbolic(q) or np.ndim(q) < 2:
-            rotation, position = evaluate(function, self._checked(q))
+            rotation, position = evaluate(function, *self._checked(q=q))
             return rotation, position if is_symbolic(q) else position[:, 0]
         rows = np.asarray(q, dtype=float)
         if rows.ndim != 2 or rows.shape[1] != self.dof or not np.all(np.isfinite(rows)):
@@ -224,11 +231,11 @@ class Model:
 
     def hand_jacobian(self, q: Any) -> Any:
         """Jacobian (6, n) of the hand: linear [m], then angular velocity, in base frame axes."""
-        return evaluate(self._hand_jacobian, self._checked(q))
+        return evaluate(self._hand_jacobian, *self._checked(q=q))
 
     def potential_energy(self, q: Any) -> Any:
         """Gravitational potential energy V(q) [J], zero at the height of the base."""
-        energy = evaluate(self._potential_energy, self._checked(q))
+        energy = evaluate(self._function("potential_energy", "q"), *self._checked(q=q))
         return energy if is_symbolic(q) else float(energy[0, 0])
 
     def with_payload(
@@ -266,13 +273,7 @@ class Model:
         Raises:
             ValueError: wrong shapes or names, not numbers, or a lower limit above the upper one.
         """
-        limits = [
-            merge_limits("lower", lower, self.lower, self.joint_names),
-            merge_limits("upper", upper, self.upper, self.joint_names),
-        ]
-        for joint, low, high in zip(self.joint_names, *limits, strict=True):
-            if low > high or low == np.inf or high == -np.inf:  # the range is empty
-                raise ValueError(f"{joint}: the lower limit {low:g} lies above the upper {high:g}")
+        limits = merge_limits((lower, upper), (self.lower, self.upper), self.joint_names)
         limited = self.pin.copy()
         limited.lowerPositionLimit, limited.upperPositionLimit = limits
         return replace(self, pin=limited)

@@ -1,7 +1,8 @@
 """The two back ends of the symbolic rigid-body algorithms, and the choice between them.
 
 `pinocchio.casadi` (Pinocchio's own algorithms on CasADi scalars) is used if it can be imported,
-otherwise the package's built-in algorithms on the same pin.Model. Both compute the same functions.
+otherwise the package's built-in algorithms on the same pin.Model. Both compute the same functions;
+where Pinocchio's expressions are more than a tenth larger, the former takes the built-in ones, too.
 An argument or the environment variable GEODESIC_OCP_BACKEND overrides the choice.
 """
 
@@ -15,6 +16,7 @@ from types import ModuleType
 from typing import Any, Protocol
 
 import casadi as ca
+import numpy as np
 import pinocchio as pin
 
 from geodesic_ocp.model import built_in
@@ -33,6 +35,12 @@ class RigidBody(Protocol):
 
     def mass_matrix(self, model: pin.Model, q: ca.SX) -> ca.SX:
         """Joint-space mass-inertia matrix (nv, nv), both triangles filled."""
+
+    def kinetic_energy(self, model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
+        """Kinetic energy v' G(q) v / 2, (1, 1) [J], armature included."""
+
+    def coriolis_force(self, model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
+        """Coriolis and centrifugal forces C(q, v) v, (nv, 1), without gravity."""
 
     def frame_pose(self, model: pin.Model, q: ca.SX, frame: int) -> tuple[ca.SX, ca.SX]:
         """Rotation (3, 3) and position (3, 1) [m] of a frame in the base frame."""
@@ -55,7 +63,22 @@ class _PinocchioCasadi:
         symbolic = self._symbolic(model)
         matrix = self._cpin.crba(symbolic, symbolic.createData(), configuration(model, q))
         symmetric = ca.triu2symm(ca.triu(matrix))  # crba fills the upper triangle only
-        return ca.SX(ca.cse(ca.densify(symmetric)))
+        return _unless_larger(symmetric, built_in.mass_matrix(model, q))
+
+    def kinetic_energy(self, model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
+        bare = model.copy()
+        bare.armature = np.zeros(model.nv)  # which Pinocchio omits for joints of any axis
+        symbolic = self._symbolic(bare)
+        data, full = symbolic.createData(), configuration(model, q)
+        energy = ca.SX(self._cpin.computeKineticEnergy(symbolic, data, full, v))
+        energy += ca.dot(ca.DM(model.armature), v**2) / 2
+        return _unless_larger(energy, built_in.kinetic_energy(model, q, v))
+
+    def coriolis_force(self, model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
+        symbolic = self._symbolic(_weightless(model))
+        data, full = symbolic.createData(), configuration(model, q)
+        force = ca.SX(self._cpin.nonLinearEffects(symbolic, data, full, v))
+        return _unless_larger(force, built_in.coriolis_force(model, q, v))
 
     def _symbolic(self, model: pin.Model) -> Any:
         clean = model.copy()
@@ -67,15 +90,13 @@ class _PinocchioCasadi:
 
     def _mass_matrix_by_columns(self, model: pin.Model, q: ca.SX) -> ca.SX:
         """The mass matrix as torques of unit accelerations at rest, without gravity."""
-        weightless = model.copy()
-        weightless.gravity = pin.Motion.Zero()
-        symbolic = self._symbolic(weightless)
+        symbolic = self._symbolic(_weightless(model))
         data, still = symbolic.createData(), ca.SX.zeros(model.nv)
         columns = [
             ca.SX(self._cpin.rnea(symbolic, data, configuration(model, q), still, unit))
             for unit in ca.horzsplit(ca.SX.eye(model.nv))
         ]
-        return ca.SX(ca.cse(ca.densify(ca.horzcat(*columns))))
+        return _unless_larger(ca.horzcat(*columns), built_in.mass_matrix(model, q))
 
     def frame_pose(self, model: pin.Model, q: ca.SX, frame: int) -> tuple[ca.SX, ca.SX]:
         symbolic = self._symbolic(model)
@@ -90,11 +111,24 @@ class _PinocchioCasadi:
         return ca.SX(self._cpin.computePotentialEnergy(symbolic, data, configuration(model, q)))
 
 
+def _weightless(model: pin.Model) -> pin.Model:
+    copy = model.copy()
+    copy.gravity = pin.Motion.Zero()
+    return copy
+
+
+def _unless_larger(expression: ca.SX, built_in: ca.SX) -> ca.SX:
+    """Pinocchio's expression, or the built-in one if that saves more than a tenth of it."""
+    own = ca.SX(ca.cse(ca.densify(expression)))
+    return own if ca.n_nodes(own) <= 1.1 * ca.n_nodes(built_in) else built_in
+
+
 def _numbered_depth_first(model: pin.Model) -> bool:
     """Whether the joints of every subtree are numbered consecutively, as Pinocchio's crba requires.
 
     Models from files are. In models built by hand, joints can be appended to an earlier branch;
-    crba then omits entries of the matrix.
+    crba then omits entries of the matrix. The recursions over single bodies, computeKineticEnergy
+    and nonLinearEffects, are not affected.
     """
     subtrees = [list(subtree) for subtree in model.subtrees]
     return all(subtree[-1] - subtree[0] == len(subtree) - 1 for subtree in subtrees[1:])
