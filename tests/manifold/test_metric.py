@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from known_metrics import HalfPlane, PolarPlane, Sphere
+from known_models import random_tree
 
 import geodesic_ocp as go
 
@@ -100,6 +101,56 @@ def test_acceleration_solves_the_geodesic_equation(
     force = np.einsum("ijk,j,k->i", metric.christoffel(q), v, v)
     residual = metric.matrix(q) @ metric.acceleration(q, v) + force
     assert np.abs(residual).max() < 1e-12 * max(1.0, np.abs(force).max())
+
+
+class FromTensor(go.KineticEnergy):
+    """The same metric from derivatives of G: subclasses with a tensor of their own are."""
+
+    def matrix(self, q: Any) -> Any:
+        return self.model.mass_matrix(q)
+
+
+def models() -> dict[str, go.Model]:
+    arm, rng = go.human_arm(), np.random.default_rng(5)
+    geared = random_tree(rng, joints=6)
+    geared.armature = rng.uniform(0.1, 1.0, geared.nv)
+    trees = {f"tree {index}": go.Model(random_tree(rng), "tool") for index in range(4)}
+    return trees | {
+        "human arm": arm,
+        "both arms": go.combine(go.human_arm("left"), arm),
+        "payload": arm.with_payload(2.0, (0.0, 0.1, 0.2)),
+        "armature": go.Model(geared, "tool"),
+        "numbered otherwise": go.Model(random_tree(rng, depth_first=False), "tool"),
+    }
+
+
+@pytest.mark.parametrize("name", models())
+def test_recursions_and_derivatives_of_the_tensor_agree(
+    name: str, rng: np.random.Generator
+) -> None:
+    pair = go.KineticEnergy(models()[name]), FromTensor(models()[name])
+    n = pair[0].dim
+    for _ in range(5):
+        q, u, v, w, z = rng.uniform(-1.5, 1.5, (5, n))
+        energies = [float(metric.energy_density(q, v)) for metric in pair]
+        assert energies[0] == pytest.approx(energies[1], rel=1e-12)
+        geodesics = [metric.geodesic_equation(np.r_[q, v]).full()[n:, 0] for metric in pair]
+        transports = [metric.transport_equation(w, np.r_[q, v]).full()[:, 0] for metric in pair]
+        # As forces: terms cancel, and rounding is relative to the terms.
+        G, gamma = pair[0].matrix(q), np.abs(pair[0].christoffel(q))
+        for rates, other in ((geodesics, v), (transports, w)):
+            terms = np.einsum("ijk,j,k->i", gamma, np.abs(v), np.abs(other)).max()
+            terms += (np.abs(G) @ np.abs(rates[1])).max()
+            assert np.abs(G @ (rates[0] - rates[1])).max() <= 1e-12 * terms
+        curvatures = [float(metric.curvature_form(q, u, v, w, z)) for metric in pair]
+        assert curvatures[0] == pytest.approx(curvatures[1], rel=1e-11)
+
+
+def test_recursions_make_smaller_functions(arm: go.Model) -> None:
+    """About half of the operations of derivatives of G."""
+    for name in ("energy_density", "geodesic_equation", "transport_equation"):
+        pair = [getattr(metric(arm), name).n_nodes() for metric in (go.KineticEnergy, FromTensor)]
+        assert pair[0] < 0.6 * pair[1]
 
 
 def test_a_user_defined_metric() -> None:

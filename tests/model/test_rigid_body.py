@@ -66,6 +66,25 @@ def test_potential_energy(name: str, backend: str, rng: np.random.Generator) -> 
 
 
 @pytest.mark.parametrize("name", systems())
+def test_kinetic_energy_and_coriolis_force(
+    name: str, backend: str, rng: np.random.Generator
+) -> None:
+    native, hand = systems()[name]
+    model, weightless = go.Model(native, hand, backend), native.copy()
+    weightless.gravity = pin.Motion.Zero()
+    data, metric = weightless.createData(), go.KineticEnergy(model)
+    for _ in range(20):
+        q, v = rng.uniform(-3.0, 3.0, (2, model.dof))
+        full = configuration(native, q)
+        energy = pin.computeKineticEnergy(weightless, data, full, v)
+        assert model.kinetic_energy(q, v) == pytest.approx(energy, rel=RELATIVE)
+        force = pin.nonLinearEffects(weightless, data, full, v)
+        # Terms cancel, so rounding is relative to the terms.
+        terms = np.einsum("ijk,j,k->i", np.abs(metric.christoffel(q)), np.abs(v), np.abs(v))
+        assert np.abs(model.coriolis_force(q, v) - force).max() <= RELATIVE * terms.max()
+
+
+@pytest.mark.parametrize("name", systems())
 def test_coriolis_terms(name: str, backend: str, rng: np.random.Generator) -> None:
     native, hand = systems()[name]
     metric = go.KineticEnergy(go.Model(native, hand, backend))
@@ -91,15 +110,22 @@ def test_trees_that_are_not_numbered_depth_first(backend: str, rng: np.random.Ge
     columns = [pin.rnea(native, data, full, still, unit) for unit in np.eye(model.dof)]
     assert not close(np.triu(pin.crba(native, data, full)), np.triu(np.array(columns)))
     assert close(model.mass_matrix(q), np.array(columns))
+    v = rng.uniform(-3.0, 3.0, model.dof)
+    assert model.kinetic_energy(q, v) == pytest.approx(v @ np.array(columns) @ v / 2, rel=RELATIVE)
+    assert close(model.coriolis_force(q, v), pin.nonLinearEffects(native, data, full, v))
 
 
 def test_armature_adds_to_the_diagonal(backend: str, rng: np.random.Generator) -> None:
     native = random_tree(rng)
+    bare = go.Model(native, "tool", backend)
     native.armature = rng.uniform(0.1, 1.0, native.nv)
     model = go.Model(native, "tool", backend)
-    q = rng.uniform(-1.0, 1.0, model.dof)
+    q, v = rng.uniform(-1.0, 1.0, (2, model.dof))
     upper = np.triu(pin.crba(native, native.createData(), configuration(native, q)))
-    assert close(model.mass_matrix(q), upper + np.triu(upper, 1).T)
+    tensor = upper + np.triu(upper, 1).T
+    assert close(model.mass_matrix(q), tensor)
+    assert model.kinetic_energy(q, v) == pytest.approx(v @ tensor @ v / 2, rel=RELATIVE)
+    assert np.array_equal(model.coriolis_force(q, v), bare.coriolis_force(q, v))
 
 
 @pytest.mark.parametrize("name", systems())
@@ -113,6 +139,8 @@ def test_backends_agree(name: str, rng: np.random.Generator) -> None:
     for _ in range(5):
         q, v = rng.uniform(-3.0, 3.0, (2, native.nv))
         assert close(*(model.mass_matrix(q) for model in pair))
+        assert close(*(model.coriolis_force(q, v) for model in pair))
+        assert close(*(np.array(model.kinetic_energy(q, v)) for model in pair))
         assert close(*(model.hand_jacobian(q) for model in pair))
         for found, expected in zip(*(model.hand_pose(q) for model in pair), strict=True):
             assert close(found, expected)
@@ -131,9 +159,21 @@ def test_rounding_noise_of_a_file_does_not_grow_the_graph(backend: str) -> None:
             native.appendBodyToJoint(parent, body, pin.SE3.Identity())
         native.addFrame(pin.Frame("tool", parent, placement, pin.FrameType.OP_FRAME))
         model, q = go.Model(native, "tool", backend), ca.SX.sym("q", 5)
-        outputs = [model.mass_matrix(q), *model.hand_pose(q)]
+        outputs = [model.mass_matrix(q), model.coriolis_force(q, q), *model.hand_pose(q)]
         counts.append(ca.Function("f", [q], outputs).n_instructions())
     assert counts[0] == counts[1]
+
+
+@pytest.mark.parametrize("name", systems())
+def test_pinocchio_is_hardly_slower(name: str) -> None:
+    """Its expressions have at most a tenth more operations than the built-in ones."""
+    if missing := rigid_body.why_unavailable("pinocchio.casadi"):
+        pytest.skip(f"pinocchio.casadi cannot be imported here: {missing}")
+    native, hand = systems()[name]
+    pair = [go.KineticEnergy(go.Model(native, hand, backend)) for backend in rigid_body.BACKENDS]
+    for function in ("geodesic_equation", "transport_equation", "energy_density"):
+        own, built_in = (getattr(metric, function).n_nodes() for metric in pair)
+        assert own <= 1.1 * built_in + 10, function
 
 
 def lagrangian_hessian(model: go.Model) -> ca.Function:
@@ -213,4 +253,6 @@ def test_symbolic_arguments_give_symbolic_results(arm: go.Model) -> None:
     for kind in (ca.SX, ca.MX):
         q = kind.sym("q", arm.dof)
         assert isinstance(arm.mass_matrix(q), kind)
+        assert isinstance(arm.kinetic_energy(q, q), kind)
+        assert isinstance(arm.coriolis_force(q, np.ones(arm.dof)), kind)
         assert all(isinstance(part, kind) for part in arm.hand_pose(q))
