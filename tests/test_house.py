@@ -15,6 +15,7 @@ PACKAGE = SOURCE.name
 LAYERS = [
     ("errors", "arrays", "rotations", "table", "records", "over_rows"),
     ("ipopt",),
+    ("compiled",),
     ("model",),
     ("model.geometry",),
     ("model.formats",),

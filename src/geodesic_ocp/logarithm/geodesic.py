@@ -11,8 +11,12 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_vector
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
+from geodesic_ocp.logarithm.connecting_geodesic import (
+    CHECK_TOLERANCE,
+    TOLERANCE,
+    ConnectingGeodesic,
+)
 from geodesic_ocp.logarithm.multi_start import find_geodesics
-from geodesic_ocp.logarithm.single_start import CHECK_TOLERANCE, TOLERANCE, ConnectingGeodesic
 from geodesic_ocp.manifold.exp import exp, sample_geodesic
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.ocp.solve.certificate import Certificate, certify
@@ -55,7 +59,13 @@ class Geodesic(Path):
 
 
 def geodesic(
-    metric: Metric, q0: ArrayLike, q1: ArrayLike, *, num_starts: int = 1, seed: int = 0
+    metric: Metric,
+    q0: ArrayLike,
+    q1: ArrayLike,
+    *,
+    num_starts: int = 1,
+    seed: int = 0,
+    solver: str | None = None,
 ) -> Geodesic:
     """The geodesic of `log` as a path from q0 to q1 at constant speed.
 
@@ -77,11 +87,17 @@ def geodesic(
         ValueError: wrong shapes, or numbers that are not finite.
         NotConverged: see `log`.
     """
-    return _sample_path(metric, find_geodesics(metric, q0, q1, num_starts, seed)[0])
+    return _sample_path(metric, find_geodesics(metric, q0, q1, num_starts, seed, solver)[0])
 
 
 def geodesics(
-    metric: Metric, q0: ArrayLike, q1: ArrayLike, *, num_starts: int = 20, seed: int = 0
+    metric: Metric,
+    q0: ArrayLike,
+    q1: ArrayLike,
+    *,
+    num_starts: int = 20,
+    seed: int = 0,
+    solver: str | None = None,
 ) -> tuple[Geodesic, ...]:
     """All distinct geodesics from q0 to q1 that are found from several starts, shortest first.
 
@@ -106,13 +122,14 @@ def geodesics(
             the same.
         num_starts: number of initial guesses, at least one.
         seed: of the random numbers.
+        solver: see `log`.
 
     Raises:
         ValueError, NotConverged: see `log`.
     """
     paths: list[Geodesic] = []
     failures: list[NotConverged] = []
-    for found in find_geodesics(metric, q0, q1, num_starts, seed):
+    for found in find_geodesics(metric, q0, q1, num_starts, seed, solver):
         try:
             paths.append(_sample_path(metric, found))
         except NotConverged as failure:
@@ -137,7 +154,7 @@ def geodesic_from_velocity(metric: Metric, q0: ArrayLike, v0: ArrayLike) -> Geod
     if not np.any(velocity):
         raise ValueError("v0 must not be zero: a geodesic moves at constant speed")
     end = exp(metric, start, velocity)
-    return _sample_path(metric, ConnectingGeodesic(start, end, velocity, None))
+    return _sample_path(metric, ConnectingGeodesic(start, end, velocity))
 
 
 def _sample_path(metric: Metric, found: ConnectingGeodesic) -> Geodesic:
@@ -152,8 +169,7 @@ def _sample_path(metric: Metric, found: ConnectingGeodesic) -> Geodesic:
             return path
     raise NotConverged(
         f"the geodesic from {found.q0} to {found.q1} bends too sharply for {grid.segments} "
-        f"segments of degree {grid.degree}: the error of its velocity is {error:.1e}",
-        found.solution,
+        f"segments of degree {grid.degree}: the error of its velocity is {error:.1e}"
     )
 
 

@@ -14,7 +14,13 @@ from geodesic_ocp.over_rows import over_rows
 
 @over_rows
 def log(
-    metric: Metric, q0: ArrayLike, q1: ArrayLike, *, num_starts: int = 1, seed: int = 0
+    metric: Metric,
+    q0: ArrayLike,
+    q1: ArrayLike,
+    *,
+    num_starts: int = 1,
+    seed: int = 0,
+    solver: str | None = None,
 ) -> Array:
     """Log_q0(q1): the velocity v0 (n,) with Exp_q0(v0) = q1.
 
@@ -22,6 +28,9 @@ def log(
     initial guesses, of which the first is the straight line; see `geodesics`. The end point
     Exp_q0(v0) equals q1 to 1e-9 in every coordinate, with more than one start up to whole periods
     of the metric's coordinates. For k points (k, n) at either end or both: k velocities (k, n).
+
+    `solver` is "newton", which takes milliseconds, or "ipopt", the reference; None takes the
+    environment variable GEODESIC_OCP_SOLVER, or "newton". Both minimize the same discrete energy.
 
     >>> import geodesic_ocp as go
     >>> metric = go.KineticEnergy(go.human_arm())
@@ -38,12 +47,18 @@ def log(
             along which the metric is not defined.
         NotConverged: no geodesic was found, or it does not end at q1 when integrated forward.
     """
-    return find_geodesics(metric, q0, q1, num_starts, seed)[0].velocity
+    return find_geodesics(metric, q0, q1, num_starts, seed, solver)[0].velocity
 
 
 @over_rows
 def distance(
-    metric: Metric, q0: ArrayLike, q1: ArrayLike, *, num_starts: int = 1, seed: int = 0
+    metric: Metric,
+    q0: ArrayLike,
+    q1: ArrayLike,
+    *,
+    num_starts: int = 1,
+    seed: int = 0,
+    solver: str | None = None,
 ) -> Any:
     """Length |Log_q0(q1)| of the geodesic of `log`, a float; for k pairs an array (k,).
 
@@ -51,5 +66,5 @@ def distance(
     >>> go.distance(go.Euclidean(2), [0.0, 0.0], [3.0, 4.0])
     5.0
     """
-    velocity = log(metric, q0, q1, num_starts=num_starts, seed=seed)
+    velocity = log(metric, q0, q1, num_starts=num_starts, seed=seed, solver=solver)
     return float(metric.norm(q0, velocity))

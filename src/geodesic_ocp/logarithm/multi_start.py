@@ -16,11 +16,9 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_integer
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.logarithm.single_start import (
-    ConnectingGeodesic,
-    find_from_path,
-    find_from_velocity,
-)
+from geodesic_ocp.logarithm.by_shooting import find_by_shooting
+from geodesic_ocp.logarithm.connecting_geodesic import ConnectingGeodesic
+from geodesic_ocp.logarithm.single_start import as_solver, find_from_path
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
@@ -36,21 +34,26 @@ _EQUAL = 1e-6
 
 
 def find_geodesics(
-    metric: Metric, q0: ArrayLike, q1: ArrayLike, num_starts: int, seed: int
+    metric: Metric,
+    q0: ArrayLike,
+    q1: ArrayLike,
+    num_starts: int,
+    seed: int,
+    solver: str | None = None,
 ) -> list[ConnectingGeodesic]:
     """The distinct geodesics found from `num_starts` initial guesses, shortest first.
 
     Raises:
         ValueError: wrong points, num_starts is not a positive integer, seed is not a non-negative
-            integer, or the metric's periods are wrong.
+            integer, the metric's periods are wrong, or there is no such solver.
         NotConverged: none was found.
     """
-    metric = as_metric(metric)
+    metric, solver = as_metric(metric), as_solver(solver)
     start, goal = metric.point("q0", q0), metric.point("q1", q1)
     count = as_integer("num_starts", num_starts, 1)
     rng = np.random.default_rng(as_integer("seed", seed, 0))
     if count == 1:
-        return [find_from_path(metric, start, goal, None)]
+        return [find_from_path(metric, start, goal, None, solver)]
     goals = _periodic_goals(metric, start, goal)[:count]
     found: list[ConnectingGeodesic] = []
     failures: list[NotConverged | ValueError] = []
@@ -58,14 +61,16 @@ def find_geodesics(
     for number in range(len(goals) if metric.has_constant_tensor else count):
         try:
             if number < len(goals):
-                new = find_from_path(metric, start, goals[number], None, thorough=number == 0)
+                new = find_from_path(
+                    metric, start, goals[number], None, solver, thorough=number == 0
+                )
             elif (number - len(goals)) % 3 < 2 or not found:
                 if (number - len(goals)) % 3 == 0:
                     goal, offset = goals[int(rng.integers(len(goals)))], _random_offset(metric, rng)
                 else:
                     offset = -offset  # to the other side
                 guess = _path_through_waypoint(metric, start, goal, offset)
-                new = find_from_path(metric, start, goal, guess, thorough=False)
+                new = find_from_path(metric, start, goal, guess, solver, thorough=False)
             else:
                 near = found[int(rng.integers(len(found)))]
                 goal, velocity = near.q1, _perturbed_velocity(metric, near, rng)
@@ -73,7 +78,7 @@ def find_geodesics(
                     # Where a coordinate is periodic, the opposite direction leads to the goal, too.
                     goal = goals[int(rng.integers(len(goals)))]
                     velocity = -np.exp(rng.uniform(*np.log(_REVERSED))) * near.velocity
-                new = find_from_velocity(metric, start, goal, velocity)
+                new = find_by_shooting(metric, start, goal, velocity)
         except (NotConverged, ValueError) as failure:
             failures.append(failure)
             continue

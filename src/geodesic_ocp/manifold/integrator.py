@@ -9,6 +9,7 @@ stage.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -25,6 +26,43 @@ _SMALLEST_STEP = 1e-13  # relative to the interval
 
 # Times of the stages within a step; the last is the end of the step.
 STAGE_TIMES: Array = np.append(DOP853.C[:_STAGES], 1.0)
+
+
+@dataclass(frozen=True)
+class IntegrationEnd:
+    """Where an integration stopped early.
+
+    Attributes:
+        too_many_steps: whether it stopped at the largest number of steps, or the step at the
+            smallest size.
+        time: reached.
+        step: size of the last step.
+        steps: number of steps.
+    """
+
+    too_many_steps: bool
+    time: float
+    step: float
+    steps: int
+
+
+def integration_failure(
+    end: IntegrationEnd, times: Array, tolerance: float, state: Array
+) -> IntegrationFailed:
+    """The exception for an integration over these times that stopped at this state."""
+    why = (
+        f"{end.steps} steps were not enough, the last of {end.step:.1e}; the motion is too fast or "
+        "the tolerance too small"
+        if end.too_many_steps
+        else f"the step fell to {end.step:.1e}; the metric is singular there, or the tolerance "
+        "cannot be reached"
+    )
+    return IntegrationFailed(
+        f"the integration stopped at t = {end.time:.6g} in [{times[0]:.6g}, {times[-1]:.6g}], with "
+        f"a tolerance of {tolerance:.1e} per step: {why}",
+        end.time,
+        state,
+    )
 
 
 class Integrator:
@@ -100,19 +138,8 @@ class Integrator:
                 size = suggested if error > 1.0 or step == size else max(size, suggested)
                 taken += 1
                 if taken >= max_steps or size < _SMALLEST_STEP * interval:
-                    why = (
-                        f"{taken} steps were not enough, the last of {size:.1e}; the motion is too "
-                        "fast or the tolerance too small"
-                        if taken >= max_steps
-                        else f"the step fell to {size:.1e}; the metric is singular there, or the "
-                        "tolerance cannot be reached"
-                    )
-                    raise IntegrationFailed(
-                        f"the integration stopped at t = {now:.6g} in [{times[0]:.6g}, "
-                        f"{times[-1]:.6g}], with a tolerance of {tolerance:.1e} per step: {why}",
-                        now,
-                        state,
-                    )
+                    end_of = IntegrationEnd(taken >= max_steps, now, size, taken)
+                    raise integration_failure(end_of, times, tolerance, state)
             states.append(state)
         return np.array(states)
 

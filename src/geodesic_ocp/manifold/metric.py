@@ -19,7 +19,10 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, as_expression, as_vector, evaluate, is_symbolic
+from geodesic_ocp.compiled.library import Library
+from geodesic_ocp.manifold.compiled_functions import compiled_functions
 from geodesic_ocp.manifold.integrator import Integrator
+from geodesic_ocp.manifold.kernels import Kernels
 from geodesic_ocp.manifold.singularity import describe_singularity, is_singular
 from geodesic_ocp.model.model import Model
 
@@ -182,6 +185,25 @@ class Metric(ABC):
         """(q, v) -> |v|_q."""
         q, v = ca.SX.sym("q", self.dim), ca.SX.sym("v", self.dim)
         return ca.Function("speed", [q, v], [ca.sqrt(self.inner(q, v, v))], ["q", "v"], ["speed"])
+
+    @cached_property
+    def kernel_functions(self) -> dict[str, ca.Function]:
+        """The functions of `compiled_functions`, by name."""
+        return compiled_functions(
+            self._matrix_function,
+            self.energy_density,
+            self.geodesic_equation,
+            self.transport_equation,
+        )
+
+    @cached_property
+    def kernels(self) -> Kernels:
+        """These functions compiled, where there is a compiler."""
+        fingerprint = f"{type(self).__qualname__} {self._matrix_function.serialize()}"
+        return Kernels(Library(lambda: self.kernel_functions, fingerprint, self.dim), self.dim)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "kernels"}
 
     @cached_property
     def geodesic_integrator(self) -> Integrator:

@@ -1,0 +1,115 @@
+/* Adaptive integration with the method of order 8 of Dormand and Prince (DOP853: Hairer, Norsett,
+   Wanner, Solving Ordinary Differential Equations I, 2nd ed., section II.5). The coefficients
+   RK_A, RK_B, RK_E5, RK_E3 come from SciPy. The same algorithm as in manifold/integrator.py. */
+
+#define STAGES 12
+#define LARGEST_STATE (2 * N)
+
+typedef int (*rate_function)(const double **, double **, casadi_int *, double *, int);
+
+enum { INTEGRATED = 0, TOO_MANY_STEPS = 1, STEP_TOO_SMALL = 2 };
+
+typedef struct {
+  double time;      /* reached */
+  double step;      /* size of the last one */
+  long steps;       /* taken, rejected ones included */
+} integration;
+
+static void evaluate_rate(rate_function rate, const double *y, const double *p, double *dy,
+                          double *work) {
+  const double *arguments[2];
+  double *results[1];
+  arguments[0] = y;
+  arguments[1] = p;
+  results[0] = dy;
+  rate(arguments, results, 0, work, 0);
+}
+
+/* Slopes at all stages of a step of size h from y, whose slope k[0] is given; the end point, its
+   slope k[12] and Hairer's estimate of the error relative to the tolerance. Where p is given, its
+   row s, of width np, belongs to stage s, the last to the end of the step. */
+static double take_step(rate_function rate, int size, const double *y, const double *p, int np,
+                        double h, double tolerance, double k[STAGES + 1][LARGEST_STATE],
+                        double *end, double *work) {
+  double at[LARGEST_STATE], fifth = 0, third = 0;
+  int i, j, s;
+  for (s = 1; s < STAGES; s++) {
+    for (i = 0; i < size; i++) {
+      double sum = 0;
+      for (j = 0; j < s; j++) sum += RK_A[s][j] * k[j][i];
+      at[i] = y[i] + h * sum;
+    }
+    evaluate_rate(rate, at, p ? p + s * np : 0, k[s], work);
+  }
+  for (i = 0; i < size; i++) {
+    double sum = 0;
+    for (j = 0; j < STAGES; j++) sum += RK_B[j] * k[j][i];
+    end[i] = y[i] + h * sum;
+  }
+  evaluate_rate(rate, end, p ? p + STAGES * np : 0, k[STAGES], work);
+  for (i = 0; i < size; i++) {
+    double of_fifth = 0, of_third = 0, scale = fmax(1, fmax(fabs(y[i]), fabs(end[i])));
+    for (j = 0; j <= STAGES; j++) {
+      of_fifth += RK_E5[j] * k[j][i];
+      of_third += RK_E3[j] * k[j][i];
+    }
+    of_fifth *= h / (scale * tolerance);
+    of_third *= h / (scale * tolerance);
+    fifth += of_fifth * of_fifth;
+    third += of_third * of_third;
+  }
+  if (!(fifth + third < 1e300)) return 1e300;
+  if (fifth + third == 0) return 1e-16;
+  return fmax(1e-16, fifth / sqrt((fifth + 0.01 * third) * size));
+}
+
+/* Integrate y' = rate(y) over increasing times; the state at times[i] is written to row i. Where it
+   stops early, the first row is the state that it has reached. */
+static int integrate(rate_function rate, int size, const double *start, int count,
+                     const double *times, double tolerance, long max_steps, double *states,
+                     double *work, integration *result) {
+  double k[STAGES + 1][LARGEST_STATE], y[LARGEST_STATE], end[LARGEST_STATE];
+  double interval = times[count - 1] - times[0], h = interval / 8, now = times[0];
+  int i, at;
+  long taken = 0;
+  for (i = 0; i < size; i++) states[i] = y[i] = start[i];
+  evaluate_rate(rate, y, 0, k[0], work);
+  for (at = 1; at < count; at++) {
+    while (now < times[at]) {
+      int is_last = h >= times[at] - now;
+      double step = is_last ? times[at] - now : h, error, factor;
+      error = take_step(rate, size, y, 0, 0, step, tolerance, k, end, work);
+      if (error <= 1) {
+        now = is_last ? times[at] : now + step;
+        for (i = 0; i < size; i++) {
+          y[i] = end[i];
+          k[0][i] = k[STAGES][i];
+        }
+      }
+      factor = step * fmin(8, fmax(0.2, 0.9 * pow(error, -0.125)));
+      /* A step that was shortened to end at a stop does not limit the next one. */
+      h = error > 1 || step == h ? factor : fmax(h, factor);
+      taken++;
+      if (taken >= max_steps || h < 1e-13 * interval) {
+        for (i = 0; i < size; i++) states[i] = y[i];
+        result->time = now;
+        result->step = h;
+        result->steps += taken;
+        return taken >= max_steps ? TOO_MANY_STEPS : STEP_TOO_SMALL;
+      }
+    }
+    for (i = 0; i < size; i++) states[(long)at * size + i] = y[i];
+  }
+  result->time = now;
+  result->step = h;
+  result->steps += taken;
+  return INTEGRATED;
+}
+
+/* The geodesic equation, from the state (q, v) at times[0]. */
+int integrate_geodesic(const double *start, int count, const double *times, double tolerance,
+                       long max_steps, double *states, integration *result) {
+  double work[WORK_SIZE];
+  return integrate(geodesic_rate, 2 * N, start, count, times, tolerance, max_steps, states, work,
+                   result);
+}

@@ -1,0 +1,157 @@
+/* The logarithmic map: the initial velocity of the geodesic of least energy near a given path. */
+
+enum { FOUND = 0, MINIMIZATION = 10, INTEGRATION = 20, STALLED = 21, UNVERIFIED = 22 };
+
+typedef struct {
+  double step;      /* tolerance of a step of the integration */
+  double wanted;    /* endpoint error at which corrections end */
+  double accepted;  /* largest endpoint error of a result */
+} tolerances;
+
+static void solve_metric(const double *q, const double *momentum, double *velocity, double *work) {
+  const double *arguments[2];
+  double *results[1];
+  arguments[0] = q;
+  arguments[1] = momentum;
+  results[0] = velocity;
+  metric_solve(arguments, results, 0, work, 0);
+}
+
+/* Initial velocity v0 = G^-1 p0 and its derivative by the goal, (N, N), columns first, of the
+   minimum that `minimize` found on this grid.
+
+   With the Jacobi fields J = H_ii^-1 H_i0 of the inner nodes, dp0/dq1 = J' H_i1 - H_01. The
+   momentum is p0 = -dE(e - J), the derivative of the energy by moving the first node with all
+   others following. An error of the path enters it in the second order only, and so it gains by a
+   finer quadrature: E is that of the next level, if there is one. */
+static void initial_velocity(const level *grid, const level *next, const blas *library,
+                             const double *x, workspace *w, double *velocity, double *by_goal) {
+  int size = num_nodes(grid) * N, inner = size - 2 * N, c, i, k;
+  double momentum[N], column[N];
+  for (c = 0; c < N; c++) {
+    double *field = w->fields + (long)c * inner;
+    for (k = 0; k < inner; k++) field[k] = w->hessian[(long)(N + k) * size + c];
+    solve_triangular(library, 1, w->factor, inner, field);
+    solve_triangular(library, 0, w->factor, inner, field);
+  }
+  if (next) {
+    int nodes = num_nodes(next), before = num_nodes(grid), segment, a, j;
+    double *path = w->finer, *slope = path + (long)nodes * N, *out = w->points;
+    double state[2 * N], density;
+    const double *arguments[1];
+    double *results[2];
+    arguments[0] = state;
+    results[0] = &density;
+    interpolate(next, before, x, path);
+    for (segment = 0; segment < next->segments; segment++)
+      for (k = 0; k < next->points; k++, out += GRADIENT) {
+        state_at(next, path + (long)segment * next->degree * N, k, state);
+        results[1] = out;
+        energy_gradient(arguments, results, 0, w->casadi, 0);
+      }
+    gradient_of(next, w->points, GRADIENT, slope);
+    memset(w->gradient, 0, sizeof(double) * size);
+    for (i = 0; i < nodes; i++)
+      for (a = 0; a < before; a++) {
+        double weight = next->refine[i * before + a];
+        for (j = 0; j < N; j++) w->gradient[a * N + j] += weight * slope[i * N + j];
+      }
+  } else { /* to first order, that after the last step */
+    gradient_of(grid, w->points, POINT_SIZE, w->gradient);
+    for (c = 0; c < N; c++)
+      for (k = 0; k < inner; k++)
+        w->gradient[c] += w->hessian[(long)(N + k) * size + c] * w->step[k];
+    memset(w->gradient + N, 0, sizeof(double) * inner);
+  }
+  for (c = 0; c < N; c++) {
+    const double *field = w->fields + (long)c * inner;
+    momentum[c] = -w->gradient[c];
+    for (k = 0; k < inner; k++) momentum[c] += field[k] * w->gradient[N + k];
+  }
+  solve_metric(x, momentum, velocity, w->casadi);
+  for (c = 0; c < N; c++) {
+    const double *of_goal = w->hessian + (long)(size - N + c) * size;
+    for (i = 0; i < N; i++) {
+      const double *field = w->fields + (long)i * inner;
+      column[i] = -of_goal[i];
+      for (k = 0; k < inner; k++) column[i] += field[k] * of_goal[N + k];
+    }
+    solve_metric(x, column, by_goal + c * N, w->casadi);
+  }
+}
+
+/* Difference of Exp_q0(v0) from the goal, integrated with the given tolerance of a step. */
+static int endpoint_error(const double *q0, const double *q1, const double *v0, double tolerance,
+                          double *difference, double *largest, workspace *w, statistics *stats) {
+  double start[2 * N], states[4 * N], times[2] = {0, 1};
+  integration record = {0, 0, 0};
+  int i, failure;
+  for (i = 0; i < N; i++) {
+    start[i] = q0[i];
+    start[N + i] = v0[i];
+  }
+  failure = integrate(geodesic_rate, 2 * N, start, 2, times, tolerance, 2000, states, w->casadi,
+                      &record);
+  stats->integrations++;
+  stats->steps += record.steps;
+  *largest = 0;
+  for (i = 0; i < N; i++) {
+    difference[i] = states[2 * N + i] - q1[i];
+    *largest = fabs(difference[i]) <= *largest ? *largest : fabs(difference[i]);
+  }
+  return failure;
+}
+
+/* Correct v0 until the geodesic ends at the goal: Newton's method with Broyden's updates of the
+   derivative (N, N) of v0 by the goal.
+
+   The first integrations have a tolerance 30 times as large as the last. Where the last one meets
+   the goal after a correction by such a coarser one, the two agree, and the difference bounds the
+   error of the coarser. Otherwise a coarser one verifies the result. */
+static int correct(const double *q0, const double *q1, const tolerances *allowed, double *v0,
+                   double *by_goal, workspace *w, statistics *stats) {
+  double difference[N], before[N], change[N], step = allowed->step, last = 1e300, error;
+  int round, i, c, is_fine = 0;
+  for (round = 0; round < 14; round++) {
+    int after_coarse = !is_fine;
+    is_fine = last < 1e-5;
+    if (endpoint_error(q0, q1, v0, is_fine ? step : 30 * step, difference, &error, w, stats))
+      return INTEGRATION;
+    if (round == 0) stats->first_error = error;
+    stats->error = error;
+    if (!(error < 0.5 * last || error <= allowed->accepted)) return STALLED;
+    if (round > 0) { /* Broyden's second form, for the inverse */
+      double along[N], row[N], product = 0, square = 0;
+      for (i = 0; i < N; i++) {
+        along[i] = row[i] = 0;
+        for (c = 0; c < N; c++) {
+          along[i] += by_goal[i + N * c] * (difference[c] - before[c]);
+          row[i] += change[c] * by_goal[c + N * i];
+        }
+        product += change[i] * along[i];
+        square += change[i] * change[i];
+      }
+      if (fabs(product) > 0.1 * square)
+        for (i = 0; i < N; i++)
+          for (c = 0; c < N; c++) by_goal[i + N * c] += (change[i] - along[i]) * row[c] / product;
+    }
+    for (i = 0; i < N; i++) {
+      change[i] = 0;
+      before[i] = difference[i];
+      for (c = 0; c < N; c++) change[i] -= by_goal[i + N * c] * difference[c];
+      v0[i] += change[i];
+    }
+    if (is_fine && error <= allowed->accepted &&
+        (error <= allowed->wanted || !(error < 0.5 * last))) {
+      if (after_coarse) return FOUND;
+      if (endpoint_error(q0, q1, v0, 30 * step, difference, &error, w, stats)) return INTEGRATION;
+      stats->error = fmax(stats->error, error / 2);
+      if (error / 2 <= allowed->accepted) return FOUND;
+      if (step <= 1e-13) return UNVERIFIED;
+      step = fmax(1e-13, step / 30);
+      error = 1e-6;
+    }
+    last = error;
+  }
+  return STALLED;
+}

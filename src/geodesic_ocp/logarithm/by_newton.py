@@ -1,0 +1,190 @@
+"""Geodesics by Newton's method on the discrete energy, from coarse to fine grids.
+
+The NLP of `PointToPoint` without Ipopt: positions at Gauss-Lobatto nodes, the energy by a finer
+Gauss quadrature. Coarse grids cost little and lead to the neighbourhood of a minimum, the finer
+ones to a path whose initial velocity, from the momentum at its fixed first node, v0 = -G(q0)^-1
+dE/dq0 (the discrete Legendre transform of Marsden and West, Acta Numerica 2001), ends near the
+goal; a few integrations correct it, with the derivative dv0/dq1 from the Hessian. The compiled core
+does all of it in one call.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.compiled.lapack import one_blas_thread
+from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.logarithm.connecting_geodesic import (
+    CHECK_TOLERANCE,
+    TOLERANCE,
+    ConnectingGeodesic,
+)
+from geodesic_ocp.logarithm.correction import STEP, correct_velocity
+from geodesic_ocp.logarithm.discrete_energy import DiscreteEnergy
+from geodesic_ocp.logarithm.levels import Levels, levels_of
+from geodesic_ocp.logarithm.likely_cause import check_straight_line, likely_cause
+from geodesic_ocp.logarithm.newton import (
+    CONVERGED,
+    MANY_STEPS,
+    Minimum,
+    initial_velocity,
+    minimize,
+)
+from geodesic_ocp.manifold.kernels import Tolerances
+from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.trajectory.path import Path
+
+_LEVELS = levels_of(((1, 5), (1, 10), (1, 18), (1, 28), (2, 20), (4, 20)), 2)
+# Where these fail, other coarse grids often lead to another minimum, and so does continuation.
+_OTHER_LEVELS = (
+    levels_of(((1, 6), (1, 12), (1, 20), (1, 30), (2, 20), (4, 20)), 2),
+    levels_of(((1, 8), (1, 16), (1, 24), (2, 20), (4, 20), (8, 20)), 2),
+)
+_CONTINUED = levels_of(((1, 12), (1, 20), (1, 30), (2, 20), (4, 20), (8, 20)), 1)
+# Multiples of the diagonal of G(q0) that are added to G, from large to small.
+_ADDED = (10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
+# Paths through random points: number, and offset from the straight line relative to its length.
+_WAYPOINTS, _OFFSET = 6, (0.2, 1.0)
+_STATUS = {
+    11: "the energy has no minimum nearby, or Newton's method needs more steps",
+    12: "the Hessian of the energy is not finite",
+    13: "no step decreases the energy",
+    14: "the metric is not finite along the path",
+    20: "its integration fails",
+    21: "integrated forward, it does not end at the goal",
+    22: "rounding errors grow beyond the tolerance along it",
+}
+
+
+class Attempt(NamedTuple):
+    """Result of one pass through the levels: a velocity, or None and why; the last path's nodes."""
+
+    velocity: Array | None
+    nodes: Array
+    reason: str
+
+
+def find_by_newton(
+    metric: Metric, q0: Array, q1: Array, guess: Path | None, *, thorough: bool = True
+) -> ConnectingGeodesic:
+    """The geodesic of locally minimal energy near a path, or near the straight line.
+
+    Args:
+        metric: of the manifold; its tensor is not constant.
+        q0, q1: the ends (n,), not the same.
+        guess: a path between them; None is the straight line.
+        thorough: where the first pass fails, try other coarse grids, a continuation in a diagonal
+            added to G, and paths through random points.
+
+    Raises:
+        NotConverged: none was found.
+        ValueError: the metric is not defined along the straight line.
+    """
+    reasons: list[str] = []
+    last: Attempt | None = None
+    for attempt in _attempts(metric, q0, q1, guess, thorough):
+        if attempt.velocity is not None:
+            return ConnectingGeodesic(q0, q1, attempt.velocity)
+        if not reasons:
+            check_straight_line(metric, q0, q1, guess)
+        last = last or attempt
+        reasons.append(attempt.reason)
+    assert last is not None
+    raise NotConverged(
+        f"no geodesic was found from {q0} to {q1}: {likely_cause(metric, last.nodes)} "
+        f"({reasons[0]}; {len(reasons)} attempts)"
+    )
+
+
+def _attempts(
+    metric: Metric, q0: Array, q1: Array, guess: Path | None, thorough: bool
+) -> Iterator[Attempt]:
+    none = np.zeros((0, metric.dim))
+    yield _pass(metric, q0, q1, _LEVELS, _start(_LEVELS, q0, q1, guess), none)
+    if not thorough:
+        return
+    for levels in _OTHER_LEVELS:
+        yield _pass(metric, q0, q1, levels, _start(levels, q0, q1, guess), none)
+    added = np.outer(_ADDED, np.diag(metric.matrix(q0)))
+    yield _pass(metric, q0, q1, _CONTINUED, _start(_CONTINUED, q0, q1, guess), added)
+    rng = np.random.default_rng(0)
+    for _ in range(_WAYPOINTS):
+        direction = rng.normal(size=metric.dim)
+        size = np.exp(rng.uniform(*np.log(_OFFSET))) * np.linalg.norm(q1 - q0)
+        s = _LEVELS.grids[0].nodes[:, None]
+        bulge = 4.0 * s * (1.0 - s) * size * direction / np.linalg.norm(direction)
+        yield _pass(metric, q0, q1, _LEVELS, q0 + s * (q1 - q0) + bulge, none)
+
+
+def _start(levels: Levels, q0: Array, q1: Array, guess: Path | None) -> Array:
+    """Nodes on the first level of the guess, or of the straight line."""
+    s = levels.grids[0].nodes
+    if guess is None:
+        return np.asarray(q0 + s[:, None] * (q1 - q0))
+    nodes = guess(s)
+    nodes[0], nodes[-1] = q0, q1
+    return nodes
+
+
+def _pass(metric: Metric, q0: Array, q1: Array, levels: Levels, x: Array, added: Array) -> Attempt:
+    """All levels from coarse to fine, compiled if possible."""
+    # Short geodesics are corrected down to rounding: their direction counts, too.
+    wanted = CHECK_TOLERANCE * min(1.0, float(np.abs(q1 - q0).max()))
+    kernels = metric.kernels
+    if not kernels.available():
+        with one_blas_thread:
+            return _interpreted_pass(metric, q0, q1, levels, x, added, wanted)
+    velocity, nodes, status, _ = kernels.log_map(
+        q0,
+        q1,
+        x,
+        levels.structures,
+        levels.first,
+        levels.largest,
+        np.ascontiguousarray(added),
+        Tolerances(STEP, wanted, TOLERANCE),
+    )
+    return Attempt(velocity if status == 0 else None, nodes, _STATUS.get(status, ""))
+
+
+def _interpreted_pass(
+    metric: Metric, q0: Array, q1: Array, levels: Levels, x: Array, added: Array, wanted: float
+) -> Attempt:
+    functions = metric.kernel_functions
+    energies = [DiscreteEnergy(functions, grid, np.zeros(metric.dim)) for grid in levels.grids]
+    share, reason = 1.0, ""
+    for diagonal in added:
+        energy = DiscreteEnergy(functions, levels.grids[0], diagonal)
+        found = minimize(energy, levels, 0, x, share, False)
+        if found.status > MANY_STEPS:
+            break
+        x, share = _after(found), found.share
+    for level, energy in enumerate(energies):
+        if level:
+            x = levels.refinements[level - 1] @ x
+            x[0], x[-1] = q0, q1
+        found = minimize(energy, levels, level, x, share, level >= levels.first)
+        x, share = _after(found), found.share
+        if level < levels.first:
+            continue
+        if found.status != CONVERGED:
+            reason = _STATUS[10 + found.status]
+            continue
+        more = level + 1 < len(energies)
+        finer = (energies[level + 1], levels.refinements[level]) if more else None
+        velocity, by_goal = initial_velocity(functions, energy, found, x, finer)
+        corrected, reason = correct_velocity(metric, q0, q1, velocity, by_goal, wanted, TOLERANCE)
+        if corrected is not None:
+            return Attempt(corrected, x, "")
+    return Attempt(None, x, reason)
+
+
+def _after(found: Minimum) -> Array:
+    """The path after the last step."""
+    x = found.x.copy()
+    x[1:-1] += found.step.reshape(x[1:-1].shape)
+    return x

@@ -1,0 +1,86 @@
+"""Correction of an initial velocity by integration, interpreted: core/logarithm.h in NumPy."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.errors import IntegrationFailed
+from geodesic_ocp.manifold.exp import integrate_geodesic
+from geodesic_ocp.manifold.metric import Metric
+
+MAX_STEPS = 2000  # of one integration: hundreds suffice for the longest geodesics of an arm
+# Tolerance of a step: of the last integrations, of the first relative to them, the smallest.
+STEP, _COARSER, _SMALLEST = 1e-12, 30.0, 1e-13
+_ROUNDS, _CONTRACTION, _NEAR = 14, 0.5, 1e-5
+_UNIT_INTERVAL = np.array([0.0, 1.0])
+
+
+def correct_velocity(
+    metric: Metric,
+    q0: Array,
+    q1: Array,
+    velocity: Array,
+    by_goal: Array,
+    wanted: float,
+    accepted: float,
+) -> tuple[Array | None, str]:
+    """Correct the velocity (n,) until Exp_q0(velocity) is q1, with its derivative by q1 (n, n).
+
+    Corrections end at an endpoint error of `wanted`, or where they gain nothing and the error is at
+    most `accepted`. The result was integrated with two different tolerances of the steps.
+
+    Returns the velocity, or None and why there is none.
+    """
+    last, step, is_fine = np.inf, STEP, False
+    before = change = np.zeros_like(velocity)
+    for number in range(_ROUNDS):
+        after_coarse, is_fine = not is_fine, last < _NEAR
+        tolerance = step if is_fine else _COARSER * step
+        try:
+            difference = _end_point(metric, q0, velocity, tolerance) - q1
+        except IntegrationFailed as failure:
+            return None, _where(failure)
+        error = float(np.abs(difference).max())
+        if not (error < _CONTRACTION * last or error <= accepted):
+            return None, f"integrated forward, it ends {error:.1e} from the goal"
+        if number:
+            by_goal = _update(by_goal, difference - before, change)
+        before, change = difference, -by_goal @ difference
+        velocity = velocity + change
+        if is_fine and error <= accepted and (error <= wanted or error >= _CONTRACTION * last):
+            if after_coarse:
+                return velocity, ""
+            try:
+                end = _end_point(metric, q0, velocity, _COARSER * step)
+            except IntegrationFailed as failure:
+                return None, _where(failure)
+            verified = float(np.abs(end - q1).max()) / 2.0
+            if verified <= accepted:
+                return velocity, ""
+            if step <= _SMALLEST:
+                return None, f"its end point is known to {verified:.1e} at best"
+            step, error = max(_SMALLEST, step / _COARSER), _NEAR / 10.0
+        last = error
+    return None, f"integrated forward, it ends {last:.1e} from the goal"
+
+
+def _end_point(metric: Metric, q0: Array, velocity: Array, tolerance: float) -> Array:
+    positions, _ = integrate_geodesic(
+        metric, q0, velocity, _UNIT_INTERVAL, tolerance, max_steps=MAX_STEPS
+    )
+    return np.asarray(positions[-1])
+
+
+def _where(failure: IntegrationFailed) -> str:
+    place = "" if failure.time is None else f" at s = {failure.time:.3g}"
+    return f"its integration fails{place}"
+
+
+def _update(inverse: Array, difference: Array, change: Array) -> Array:
+    """Broyden's second update of the inverse derivative."""
+    along, row = inverse @ difference, change @ inverse
+    product = float(change @ along)
+    if abs(product) <= 0.1 * float(change @ change):
+        return inverse
+    return inverse + np.outer(change - along, row) / product
