@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import savgol_filter
 
 import geodesic_ocp as go
 
@@ -28,6 +29,15 @@ def test_filter_reduces_noise(rng: np.random.Generator) -> None:
     noisy = go.Motion(TIME, parabola().q + noise, ("a", "b")).filtered()
     # 21 samples, order 2: the variance falls to 9/84 or so in the middle.
     assert np.std((noisy.q - parabola().q)[10:-10]) < 0.5 * np.std(noise)
+
+
+@pytest.mark.parametrize(("window", "order"), [(21, 2), (5, 4), (3, 1), (51, 3)])
+def test_filter_agrees_with_scipy(window: int, order: int) -> None:
+    q = np.random.default_rng(2).normal(size=(51, 3))
+    found = go.Motion(0.01 * np.arange(51), q, ("a", "b", "c")).filtered(window, order)
+    assert found.q == pytest.approx(savgol_filter(q, window, order, axis=0), abs=1e-10)
+    slope = savgol_filter(q, window, order, deriv=1, delta=0.01, axis=0)
+    assert found.velocity == pytest.approx(slope, abs=1e-8)
 
 
 def test_motion_is_immutable_and_copies_its_arrays() -> None:

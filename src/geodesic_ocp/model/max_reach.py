@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from scipy.optimize import minimize
+import scipy
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.joints import motion_subspace
@@ -53,7 +53,9 @@ def max_reach(
     high = np.where(np.isfinite(upper), upper, np.pi)
     rng, bounds = np.random.default_rng(0), list(zip(low, high, strict=True))
     found = [
-        minimize(negative_square, start, jac=True, bounds=bounds, method="L-BFGS-B").fun
+        scipy.optimize.minimize(
+            negative_square, start, jac=True, bounds=bounds, method="L-BFGS-B"
+        ).fun
         for start in rng.uniform(low, high, (_NUM_STARTS, model.nv))
     ]
     return float(np.sqrt(-min(found)))

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
-from scipy.signal import savgol_filter
 
 from geodesic_ocp.arrays import Array, as_positive
 
@@ -110,8 +110,8 @@ class Motion:
     # -- as a curve, for parallel transport ----------------------------------------------------
 
     @cached_property
-    def _spline(self) -> CubicSpline:
-        return CubicSpline(self.time, self.q)
+    def _spline(self) -> scipy.interpolate.CubicSpline:
+        return scipy.interpolate.CubicSpline(self.time, self.q)
 
     @property
     def breakpoints(self) -> Array:
@@ -183,6 +183,21 @@ class Motion:
                 f"the even grid of steps of {step:.6g} s; resample first (Motion.resampled, or "
                 "--resample on the command line)"
             )
-        position = savgol_filter(self.q, window, order, axis=0)
-        velocity = savgol_filter(self.q, window, order, deriv=1, delta=step, axis=0)
-        return replace(self, q=position, velocity=velocity)
+        q, slope = _fitted(self.q, window, order)
+        return replace(self, q=q, velocity=slope / step)
+
+
+def _fitted(values: Array, window: int, order: int) -> list[Array]:
+    """Values and slopes per sample, (k, n) each, of polynomials fitted to `window` samples.
+
+    Each sample is in the middle of its polynomial's samples, except near the ends.
+    """
+    half, powers = window // 2, np.arange(order + 1)
+    x = np.linspace(-1.0, 1.0, window)[:, None]
+    fit = np.linalg.pinv(x**powers)  # from samples to coefficients
+    first, last = values[:window], values[-window:]
+    windows = sliding_window_view(values, window, axis=0)
+    return [
+        np.vstack([at[:half] @ first, windows @ at[half], at[half + 1 :] @ last])
+        for at in (x**powers @ fit, (powers / half * x ** np.maximum(powers - 1, 0)) @ fit)
+    ]

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.optimize import minimize
-from scipy.spatial import ConvexHull, QhullError
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.primitives import Capsule
@@ -33,7 +32,7 @@ def enclosing_capsule(points: ArrayLike, link: str | None = None, name: str = ""
     principal = np.linalg.svd(cloud - cloud.mean(axis=0), full_matrices=True)[2]
     fits = [_segment_along(cloud, axis) for axis in (*np.eye(3), *principal)]
     best = min(fits, key=lambda ends: _volume(ends, cloud))
-    found = minimize(
+    found = scipy.optimize.minimize(
         lambda ends: _volume(ends, cloud) / size**3,
         best,
         method="Nelder-Mead",
@@ -56,8 +55,8 @@ def distances_to_segment(points: Array, start: Array, end: Array) -> Array:
 
 def _hull_vertices(cloud: Array) -> Array:
     try:
-        return np.asarray(cloud[ConvexHull(cloud).vertices])
-    except QhullError:  # flat, or fewer than four points
+        return np.asarray(cloud[scipy.spatial.ConvexHull(cloud).vertices])
+    except scipy.spatial.QhullError:  # flat, or fewer than four points
         return cloud
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from scipy.spatial import ConvexHull
+import scipy
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.geometry.enclosing_capsule import enclosing_capsule
@@ -150,7 +150,9 @@ def _points(shape: Any, kind: str) -> Array | None:
         directions = _cube((-1.0, 0.0, 1.0))
         ball = directions[np.any(directions != 0.0, axis=1)]
         ball /= np.linalg.norm(ball, axis=1, keepdims=True)
-        inside = -ConvexHull(ball).equations[:, 3].max()  # distance of the closest face
+        inside = (
+            -scipy.spatial.ConvexHull(ball).equations[:, 3].max()
+        )  # distance of the closest face
         return np.asarray(ball / inside * np.array(shape.radii))
     vertices = getattr(shape, "vertices", None)
     if vertices is None:

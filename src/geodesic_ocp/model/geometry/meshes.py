@@ -8,8 +8,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.geometry.link_geometry import LinkGeometry
@@ -133,7 +133,7 @@ def _cube_corners() -> Array:
 
 
 def _hull(points: Array) -> Surface:
-    hull = ConvexHull(points)
+    hull = scipy.spatial.ConvexHull(points)
     triangles = hull.simplices.astype(np.int64)
     sides = points[triangles]
     normals = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])

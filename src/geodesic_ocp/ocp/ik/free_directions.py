@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.linalg import null_space
 
 from geodesic_ocp.arrays import Array
 
@@ -43,6 +43,6 @@ def complement(directions: Array) -> tuple[Array, int]:
     """Orthonormal axes (3, 3), in columns, of which the first m span the directions, and m."""
     if not len(directions):
         return np.eye(3), 0
-    across = null_space(directions)
-    along = null_space(across.T)
+    across = scipy.linalg.null_space(directions)
+    along = scipy.linalg.null_space(across.T)
     return np.hstack([along, across]), along.shape[1]

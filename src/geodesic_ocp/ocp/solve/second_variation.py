@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import cholesky_banded, solve_triangular
+import scipy
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.ocp.nlp.transcription import Units
@@ -32,7 +32,7 @@ def stationarity_and_index(gradient: Array, hessian: Array) -> tuple[bool, int]:
     if gradient.size == 0:
         return True, 0
     if (factor := _cholesky(hessian)) is not None:
-        along = solve_triangular(factor, gradient, lower=True)
+        along = scipy.linalg.solve_triangular(factor, gradient, lower=True)
         return bool(along @ along <= _DECREASE), 0
     eigenvalues, vectors = np.linalg.eigh(hessian)
     rounding = _ROUNDING * np.abs(eigenvalues).max()
@@ -82,7 +82,7 @@ def _is_positive_definite(matrix: Array, width: int) -> bool:
     for row in range(len(band)):
         band[row, : size - row] = np.diagonal(matrix, -row)
     try:
-        cholesky_banded(band, lower=True, check_finite=False)
+        scipy.linalg.cholesky_banded(band, lower=True, check_finite=False)
     except np.linalg.LinAlgError:
         return False
     return True
