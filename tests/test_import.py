@@ -11,7 +11,7 @@ import pytest
 
 import geodesic_ocp as go
 
-HEAVY = ("casadi", "matplotlib", "numpy", "pinocchio", "scipy", "tqdm")
+HEAVY = ("casadi", "matplotlib", "numpy", "pinocchio", "scipy")
 ANALYSE = """
 import geodesic_ocp as go
 import sys

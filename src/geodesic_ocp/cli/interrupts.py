@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 from typing import Any
-
-from tqdm import tqdm
 
 
 class Interrupts:
@@ -33,28 +32,22 @@ def on_interrupt(handler: Any) -> Any:
 
 
 class ProgressBar:
-    """A progress bar on standard error, created once the amount of work is known."""
+    """A progress bar on standard error, if that is a terminal."""
 
-    def __init__(self) -> None:
-        self._bar: tqdm | None = None
+    _WIDTH = 40
 
     def __call__(self, label: str, done: int, total: int) -> None:
         """Show the current step and the fraction done."""
         if Interrupts.seen:
             raise KeyboardInterrupt
-        if self._bar is None:
-            self._bar = tqdm(
-                total=total,
-                leave=False,
-                disable=None,
-                bar_format="{desc}: {percentage:3.0f}% |{bar}|",
-            )
-        self._bar.total = total
-        self._bar.set_description_str(label, refresh=False)
-        self._bar.update(done - self._bar.n)
-        self._bar.refresh()
+        filled = "#" * (self._WIDTH * done // total)
+        self._show(f"{label}: {100 * done // total:3d}% |{filled:{self._WIDTH}}|")
 
     def close(self) -> None:
         """Remove the bar."""
-        if self._bar is not None:
-            self._bar.close()
+        self._show("")
+
+    def _show(self, text: str) -> None:
+        """Replace the current line of the terminal."""
+        if sys.stderr.isatty():
+            print(f"\r{text}\033[K", end="", file=sys.stderr, flush=True)

@@ -12,13 +12,9 @@ from typing import get_args
 
 from geodesic_ocp.cli.interrupts import Interrupts, in_main_thread, on_interrupt
 from geodesic_ocp.cli.recording import analyse_bundled, analyse_file, check_folder, save_analysis
-from geodesic_ocp.cli.retarget_command import demo_on_robot, retarget_file
-from geodesic_ocp.cli.solve_command import solve_file
 from geodesic_ocp.errors import GeodesicOcpError
-from geodesic_ocp.model.formats.catalogue import catalogue
 from geodesic_ocp.model.rigid_body import BACKENDS
 from geodesic_ocp.retargeting.settings import Formulation
-from geodesic_ocp.validation.check import run_check
 
 _EXIT = """exit codes: 0 done; 1 a check failed, or an error in a problem's own code, shown whole;
 2 wrong input, named in one line; 3 a solver or integration failed; 130 interrupted"""
@@ -92,7 +88,7 @@ def _parser() -> argparse.ArgumentParser:
         help="write a page with animated models (default folder: geodesic_ocp_retarget)",
     )
     _add_analysis_options(command)
-    command.set_defaults(run=retarget_file)
+    command.set_defaults(run=_retarget)
 
     command = commands.add_parser("demo", help="analyse the bundled recording", epilog=_EXIT)
     command.add_argument("--robot", metavar="NAME", help="also transfer it to this robot")
@@ -118,7 +114,7 @@ def _parser() -> argparse.ArgumentParser:
         help="refine the grid until the conditions hold to this everywhere",
     )
     command.add_argument("--out", type=Path, help="folder for figures and solutions (JSON)")
-    command.set_defaults(run=solve_file)
+    command.set_defaults(run=_solve)
 
     command = commands.add_parser(
         "check", help="check the installation against known geodesics", epilog=_EXIT
@@ -180,25 +176,46 @@ def _add_transfer_options(command: argparse.ArgumentParser) -> None:
     )
 
 
+# Each command imports what it alone needs, so that none waits for another's.
+
+
 def _analyse(options: argparse.Namespace) -> None:
     check_folder(options.out)
     save_analysis(analyse_file(options, options.side), options.out)
+
+
+def _retarget(options: argparse.Namespace) -> None:
+    from geodesic_ocp.cli.retarget_command import retarget_file
+
+    retarget_file(options)
 
 
 def _demo(options: argparse.Namespace) -> None:
     options.out = options.out or Path("geodesic_ocp_demo")
     check_folder(options.out)
     if options.robot is not None:
+        from geodesic_ocp.cli.retarget_command import demo_on_robot
+
         demo_on_robot(options)
         return
     save_analysis(analyse_bundled(options), options.out)
 
 
+def _solve(options: argparse.Namespace) -> None:
+    from geodesic_ocp.cli.solve_command import solve_file
+
+    solve_file(options)
+
+
 def _check(options: argparse.Namespace) -> int:
+    from geodesic_ocp.validation.check import run_check
+
     return 0 if run_check(options.file, options.backend) else 1
 
 
 def _models(options: argparse.Namespace) -> None:
+    from geodesic_ocp.model.formats.catalogue import catalogue
+
     del options
     for line in catalogue():
         print(line)
