@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.arrays import evaluate as evaluate_function
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.rotations import rotation_vector
 from geodesic_ocp.trajectory.motion import Motion
+from geodesic_ocp.trajectory.path import speeds_at
 
 
 @dataclass(frozen=True, repr=False)
@@ -76,5 +76,8 @@ def action(metric: Metric, motion: Motion) -> float:
     """
     steps = np.diff(motion.time)
     midpoints, chords = (motion.q[1:] + motion.q[:-1]) / 2.0, np.diff(motion.q, axis=0)
-    lengths = evaluate_function(metric.speed.map(steps.size), midpoints.T, chords.T)[0]
-    return float(np.sum(lengths**2 / steps) / 2.0)
+    if motion.q.shape[1] != metric.dim:
+        raise ValueError(
+            f"the metric has dimension {metric.dim}, the motion {motion.q.shape[1]} joints"
+        )
+    return float(np.sum(speeds_at(metric, midpoints, chords) ** 2 / steps) / 2.0)

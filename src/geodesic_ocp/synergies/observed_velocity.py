@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from geodesic_ocp.arrays import Array, evaluate
+from geodesic_ocp.arrays import Array
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.trajectory.motion import Motion
+from geodesic_ocp.trajectory.path import speeds_at
 
 # Joints within this range do not move: it is below the noise of motion capture [rad or m].
 _STILL = 1e-3
@@ -39,6 +40,4 @@ def speeds(metric: Metric, motion: Motion) -> Array:
             f"the motion's joints {', '.join(motion.joint_names)} are not the metric's in its "
             f"order, {', '.join(metric.joint_names)}; use motion.select(model.joint_names)"
         )
-    velocity = observed_velocity(motion)
-    result: Array = evaluate(metric.speed.map(len(motion)), motion.q.T, velocity.T).ravel()
-    return result
+    return speeds_at(metric, motion.q, observed_velocity(motion))

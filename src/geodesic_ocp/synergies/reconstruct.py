@@ -99,5 +99,5 @@ def _predict(motion: Motion, synergies: Sequence[Synergy]) -> Motion:
     for synergy in synergies:
         # A shared sample belongs to the synergy that starts there.
         samples = slice(synergy.start, synergy.stop + 1)
-        q[samples], velocity[samples], _ = synergy.states(motion.time[samples])
+        q[samples], velocity[samples] = synergy.states(motion.time[samples], 1)
     return Motion(motion.time, q, motion.joint_names, velocity, motion.subject)

@@ -60,9 +60,12 @@ class Synergy:
         """
         if order not in (0, 1, 2):
             raise ValueError(f"order must be 0, 1 or 2, got {order}")
-        result = self.states(np.atleast_1d(np.asarray(t, dtype=float)))[order]
+        result = self.states(np.atleast_1d(np.asarray(t, dtype=float)), order)[order]
         return result[0] if np.ndim(t) == 0 else result
 
-    def states(self, t: Array) -> tuple[Array, Array, Array]:
-        """Configurations, velocities and accelerations, (k, n) each, at times t (k,) [s]."""
-        return states_at(self.path, self.law, t - self.start_time)
+    def states(self, t: Array, order: int = 2) -> tuple[Array, ...]:
+        """Configurations, velocities and accelerations, (k, n) each, at times t (k,) [s].
+
+        Derivatives above the given order are left out.
+        """
+        return states_at(self.path, self.law, t - self.start_time, order)

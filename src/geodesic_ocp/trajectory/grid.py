@@ -236,6 +236,18 @@ def _interpolation(reference: _Reference, x: Array) -> Array:
 
 
 @lru_cache(maxsize=64)
+def interpolation_between(degree: int, finer: int, parts: int) -> tuple[Array, Array]:
+    """From values at the nodes of a segment on [-1, 1] to values and slopes within its parts.
+
+    (parts * (finer + 1), degree + 1) each, at the nodes of degree `finer` in each of equal parts.
+    """
+    inner = (_reference(finer).nodes + 1.0) / 2.0
+    x = 2.0 * (np.arange(parts)[:, None] + inner).ravel() / parts - 1.0
+    values = _interpolation(_reference(degree), x)
+    return values, values @ _reference(degree).differentiation
+
+
+@lru_cache(maxsize=64)
 def _reference(degree: int) -> _Reference:
     polynomial = np.zeros(degree + 1)
     polynomial[degree] = 1.0

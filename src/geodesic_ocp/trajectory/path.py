@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_number, evaluate
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.trajectory.grid import Grid
+from geodesic_ocp.trajectory.grid import Grid, interpolation_between
 
-_NEWTON = 4
-_HALVINGS, _RESOLVED = 5, 1e-10  # of the length, relative
+# Newton's method for s at an arc length converges quadratically: one step below this is the last.
+_NEWTON, _CONVERGED = 4, 1e-10
+_LEVELS, _RESOLVED = 6, 1e-10  # of the length, relative
 _TINY = float(np.finfo(float).tiny)
 
 
@@ -92,14 +93,18 @@ class Path:
         return float(self.grid.weights.ravel() @ self.speeds_at_nodes**2) / 2.0
 
     def _speeds_on(self, fine: Grid) -> Array:
-        """Speeds |q'|_G (segments, degree + 1) at the nodes of a refinement of the path's grid."""
-        by_segment = fine.in_segments(fine.nodes)
-        # One-sided at breakpoints, where the derivative may jump.
-        middle = by_segment.mean(axis=1, keepdims=True)
-        s = (middle + (1.0 - 1e-12) * (by_segment - middle)).ravel()
-        function = self.metric.speed
-        speeds = evaluate(function.map(s.size), self(s).T, self(s, 1).T)
-        return np.asarray(speeds.reshape(by_segment.shape))
+        """Speeds |q'|_G (segments, degree + 1) at the nodes of a refinement of the path's grid.
+
+        One-sided at breakpoints, where the derivative may jump.
+        """
+        grid, n = self.grid, self.metric.dim
+        values, slopes = interpolation_between(
+            grid.degree, fine.degree, fine.segments // grid.segments
+        )
+        nodes = grid.in_segments(self.nodes)
+        rates = (slopes @ (nodes - nodes[:, :1])) * (2.0 / grid.widths)[:, None, None]
+        q, velocity = (values @ nodes).reshape(-1, n), rates.reshape(-1, n)
+        return speeds_at(self.metric, q, velocity).reshape(fine.segments, fine.degree + 1)
 
     @cached_property
     def _speeds(self) -> tuple[Grid, Array]:
@@ -108,21 +113,15 @@ class Path:
         Its degree is twice the path's, and it is refined until the length no longer changes:
         rounded corners are almost kinks of the speed.
         """
-        fine = replace(self.grid, degree=min(2 * self.grid.degree, 100), via_segments=())
+        fine = _refined(self.grid, 0)
         speeds = self._speeds_on(fine)
-        for _ in range(_HALVINGS):
-            ends = np.interp(
-                np.arange(2 * fine.segments + 1) / 2.0,
-                np.arange(fine.segments + 1),
-                fine.breakpoints,
-            )
-            halved = Grid(2 * fine.segments, fine.degree, tuple(ends.tolist()))
-            finer = self._speeds_on(halved)
+        length = float(np.sum(fine.weights * speeds))
+        for level in range(1, _LEVELS + 1):
+            fine, before = _refined(self.grid, level), length
+            speeds = self._speeds_on(fine)
             length = float(np.sum(fine.weights * speeds))
-            change = float(np.sum(halved.weights * finer)) - length
-            if not abs(change) > _RESOLVED * length:
+            if not abs(length - before) > _RESOLVED * before:
                 break
-            fine, speeds = halved, finer
         return fine, speeds
 
     @property
@@ -149,42 +148,35 @@ class Path:
             return np.zeros(0)
         if wanted.ndim != 1 or not np.all((wanted >= -slack) & (wanted <= total + slack)):
             raise ValueError(f"lengths must be (k,) between 0 and {total:.6g}, got {lengths!r}")
-        s, upto = self._lengths
+        fine, values = self._arc_length
+        s, upto = fine.nodes, np.append(values[:, :-1, 0].ravel(), values[-1, -1, 0])
+        upto = np.maximum.accumulate(upto)
         found = np.interp(wanted, upto, s)
         below, above = (
             s[np.clip(np.searchsorted(upto, wanted) + k, 0, s.size - 1)] for k in (-1, 0)
         )
         for _ in range(_NEWTON):
-            rates = evaluate(self.metric.speed.map(found.size), self(found).T, self(found, 1).T)
-            here = self._length_upto(found)
-            step = np.divide(here - wanted, rates[0], out=np.zeros_like(found), where=rates[0] > 0)
+            here, rates = fine.interpolate(values, found).T
+            step = np.divide(here - wanted, rates, out=np.zeros_like(found), where=rates > 0)
             found = np.clip(found - step, below, above)
+            if np.abs(step).max() <= _CONVERGED:
+                break
         return np.asarray(found)
 
     @cached_property
-    def _antiderivative(self) -> tuple[Grid, Array]:
-        """Arc length from the start of each segment, as polynomials on the grid of the speeds."""
+    def _arc_length(self) -> tuple[Grid, Array]:
+        """Arc length from the start and its derivative by s, as polynomials on a finer grid.
+
+        (segments, degree + 1, 2), at the nodes of the grid that resolves the speed.
+        """
         fine, speeds = self._speeds
-        # D y = speeds with y = 0 at the first node.
+        # D y = speeds with y = 0 at the first node of each segment.
         inner = fine.differentiation[:, 1:, 1:]
         rest = np.linalg.solve(inner, speeds[:, 1:, None])[:, :, 0]
-        return fine, np.concatenate([np.zeros((fine.segments, 1)), rest], axis=1)
-
-    @cached_property
-    def _lengths(self) -> tuple[Array, Array]:
-        """Path parameters s and arc lengths at the nodes of the refined grid."""
-        fine, parts = self._antiderivative
+        parts = np.concatenate([np.zeros((fine.segments, 1)), rest], axis=1)
         before = np.concatenate([[0.0], np.cumsum(parts[:, -1])])
-        upto = np.append((before[:-1, None] + parts[:, :-1]).ravel(), before[-1])
-        return fine.nodes, np.maximum.accumulate(upto) * (self.length / max(before[-1], _TINY))
-
-    def _length_upto(self, s: Array) -> Array:
-        fine, parts = self._antiderivative
-        before = np.concatenate([[0.0], np.cumsum(parts[:, -1])])
-        segment = np.clip(np.searchsorted(fine.breakpoints, s, side="right") - 1, 0, None)
-        segment = np.minimum(segment, fine.segments - 1)
-        here = fine.interpolate(parts[:, :, None], s)[:, 0]
-        return np.asarray((before[segment] + here) * (self.length / max(before[-1], _TINY)))
+        values = np.stack([before[:-1, None] + parts, speeds], axis=2)
+        return fine, values * (self.length / max(before[-1], _TINY))
 
     def resample(self, count: int, by: str = "length") -> Array:
         """Evenly spaced positions (count, n) from one end to the other.
@@ -202,3 +194,23 @@ class Path:
             raise ValueError(f"by must be 'length' or 's', got {by!r}")
         s = np.linspace(0.0, 1.0, int(count))
         return self(s if by == "s" else self.at_length(s * self.length))
+
+
+def speeds_at(metric: Metric, q: Array, velocity: Array) -> Array:
+    """Speeds |v|_q (k,) of velocities (k, n) at positions (k, n); NaN where there is no metric."""
+    if metric.has_constant_tensor:
+        squares = np.sum(velocity @ metric.matrix(q[0]) * velocity, axis=1)
+        return np.asarray(np.sqrt(squares))
+    result: Array = evaluate(metric.speed.map(len(q)), q.T, velocity.T)[0]
+    return result
+
+
+@lru_cache(maxsize=64)
+def _refined(grid: Grid, level: int) -> Grid:
+    """The grid, then with twice its degree, then with its segments halved again and again."""
+    degree, parts = min(2 * grid.degree, 100), 2 ** (level - 1)
+    if level <= 1:
+        return replace(grid, degree=degree if level else grid.degree, via_segments=())
+    fractions = np.arange(parts * grid.segments + 1) / parts
+    ends = np.interp(fractions, np.arange(grid.segments + 1), grid.breakpoints)
+    return Grid(parts * grid.segments, degree, tuple(ends.tolist()))

@@ -10,7 +10,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array, as_positive, evaluate
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.trajectory.motion import Motion
-from geodesic_ocp.trajectory.path import Path
+from geodesic_ocp.trajectory.path import Path, speeds_at
 from geodesic_ocp.trajectory.time_law import TimeLaw, time_law
 
 _SAME = 1e-6  # of lengths, relative
@@ -39,32 +39,36 @@ def motion_along(path: Path, timing: float | TimeLaw, rate: float = 100.0) -> Mo
     covered = law(time)
     if np.any(covered < -_SAME * length) or np.any(covered > (1.0 + _SAME) * length):
         raise ValueError("the time law leaves the path at one of its ends")
-    q, velocity, _ = states_at(path, law, time)
+    q, velocity = states_at(path, law, time, 1)
     names = path.metric.joint_names or tuple(f"q[{index}]" for index in range(path.metric.dim))
     return Motion(time, q, names, velocity)
 
 
-def states_at(path: Path, law: TimeLaw, t: Array) -> tuple[Array, Array, Array]:
+def states_at(path: Path, law: TimeLaw, t: Array, order: int = 2) -> tuple[Array, ...]:
     """Positions, velocities and accelerations, (k, n) each, at times t (k,) [s] of a time law.
 
     Distances beyond an end of the path are clipped to it; on a path of zero length nothing moves.
+    Derivatives above the given order are left out.
     """
-    covered, rate, second = (law(t, order) for order in (0, 1, 2))
     if not path.length > 0.0:
         q = np.tile(path.nodes[0], (t.size, 1))
-        return q, np.zeros_like(q), np.zeros_like(q)
-    s = path.at_length(np.clip(covered, 0.0, path.length))
-    q, slope, bend = (path(s, order) for order in (0, 1, 2))
-    speed, change = (
-        np.asarray(each)[0]
-        for each in evaluate(_speed_along(path.metric).map(s.size), q.T, slope.T, bend.T)
-    )
-    there = speed > 0.0
-    per_speed = np.divide(1.0, speed, out=np.zeros_like(speed), where=there)
-    rate = rate * per_speed
-    second = (second - rate**2 * change) * per_speed
-    velocity = slope * rate[:, None]
-    return q, velocity, bend * rate[:, None] ** 2 + slope * second[:, None]
+        return (q, np.zeros_like(q), np.zeros_like(q))[: order + 1]
+    s = path.at_length(np.clip(law(t), 0.0, path.length))
+    curve = [path(s, each) for each in range(order + 1)]
+    if order == 0:
+        return tuple(curve)
+    if order == 1:
+        speed, change = speeds_at(path.metric, *curve), np.zeros(0)
+    else:
+        function = _speed_along(path.metric).map(s.size)
+        speed, change = (each[0] for each in evaluate(function, *(each.T for each in curve)))
+    per_speed = np.divide(1.0, speed, out=np.zeros_like(speed), where=speed > 0.0)
+    rate = law(t, 1) * per_speed
+    states = [curve[0], curve[1] * rate[:, None]]
+    if order == 2:
+        second = (law(t, 2) - rate**2 * change) * per_speed
+        states.append(curve[2] * rate[:, None] ** 2 + curve[1] * second[:, None])
+    return tuple(states)
 
 
 @lru_cache(maxsize=32)
