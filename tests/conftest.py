@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import warnings
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
+from geodesic_ocp.compiled.compilers import ENVIRONMENT_VARIABLE as COMPILER_VARIABLE
 from geodesic_ocp.model.rigid_body import (
     BACKENDS,
     ENVIRONMENT_VARIABLE,
@@ -22,6 +24,9 @@ from geodesic_ocp.model.rigid_body import (
 # One numerical example can take tens of milliseconds on a busy machine: no deadline, few examples.
 hypothesis.settings.register_profile("package", deadline=None, max_examples=25, derandomize=True)
 hypothesis.settings.load_profile("package")
+
+# Dozens of metrics are compiled in the tests: quickly, without optimization in the background.
+os.environ.setdefault(COMPILER_VARIABLE, "tcc")
 
 ROOT = Path(__file__).resolve().parents[1]
 
