@@ -22,9 +22,7 @@ from pathlib import Path
 ENVIRONMENT_VARIABLE = "GEODESIC_OCP_COMPILER"
 CHOICES = ("auto", "system", "tcc", "none")
 _SYSTEM_COMPILERS = ("cc", "gcc", "clang")
-# Sums may be reordered, so that loops are vectorised, but NaN keeps its meaning.
 _OPTIMIZATION = ("-O2", "-ftree-vectorize", "-fno-math-errno", "-fno-trapping-math")
-_REORDERING = ("-fassociative-math", "-fno-signed-zeros", "-ffp-contract=fast")
 
 
 @dataclass(frozen=True)
@@ -63,7 +61,7 @@ def system_compiler() -> Compiler | None:
         return None
     native = ("-march=native",) if platform.machine() in ("x86_64", "AMD64") else ()
     linking = ("-undefined", "dynamic_lookup") if sys.platform == "darwin" else ("-nostdlib",)
-    flags = (*_OPTIMIZATION, *_REORDERING, *native, "-w", "-fPIC", "-shared", *linking)
+    flags = (*_OPTIMIZATION, *native, "-w", "-fPIC", "-shared", *linking)
     return Compiler("system", (program, *flags), _identity(program, *flags, _processor()))
 
 

@@ -8,11 +8,11 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.logarithm.multi_start import find_geodesics
-from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.manifold.metric import Metric, has_compiled_code
 from geodesic_ocp.over_rows import over_rows
 
 
-@over_rows
+@over_rows(has_compiled_code)
 def log(
     metric: Metric,
     q0: ArrayLike,
@@ -50,7 +50,7 @@ def log(
     return find_geodesics(metric, q0, q1, num_starts, seed, solver)[0].velocity
 
 
-@over_rows
+@over_rows(has_compiled_code)
 def distance(
     metric: Metric,
     q0: ArrayLike,

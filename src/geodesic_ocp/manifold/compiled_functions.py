@@ -24,10 +24,13 @@ def compiled_functions(
     factors, upper, permutation = ca.ldl(tensor, False)
     energy = energy_density(q, v)
     gradient = ca.gradient(energy, state)
-    by_position = ca.jacobian(gradient[:n], state)  # l_qq and l_qv; l_vv is G itself
+    by_position = ca.triu2symm(ca.triu(ca.jacobian(gradient[:n], q)))
+    mixed = ca.jacobian(gradient[n:], q).T  # l_vv is G itself
     momentum = ca.SX.sym("p", n)
     solution = ca.ldl_solve(momentum, factors, upper, permutation)
-    derivatives = ca.vertcat(gradient, ca.vec(ca.densify(by_position)), ca.vec(tensor))
+    derivatives = ca.vertcat(
+        gradient, ca.vec(ca.densify(by_position)), ca.vec(ca.densify(mixed)), ca.vec(tensor)
+    )
     outputs: dict[str, tuple[list[ca.SX], list[ca.SX]]] = {
         "metric_tensor": ([q], [tensor]),
         "metric_solve": ([q, momentum], [solution]),

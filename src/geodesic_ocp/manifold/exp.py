@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, as_vector
 from geodesic_ocp.errors import IntegrationFailed
-from geodesic_ocp.manifold.metric import Metric, as_metric
+from geodesic_ocp.manifold.metric import Metric, as_metric, has_compiled_code
 from geodesic_ocp.over_rows import over_rows
 
 # Initial tolerance of a step, relative to the tolerance of the end point, and its lower bound.
@@ -26,7 +26,7 @@ _LOOSER = 30.0
 _ESTIMATE = 0.5
 
 
-@over_rows
+@over_rows(has_compiled_code)
 def exp(metric: Metric, q: Any, v: Any, *, tolerance: float = 1e-9) -> Array:
     """Exp_q(v): the point at time 1 of the geodesic from q (n,) with initial velocity v (n,).
 

@@ -62,6 +62,11 @@ class Kernels:
         """
         return self._library.handle(at_once) is not None
 
+    @property
+    def loaded(self) -> bool:
+        """Whether the compiled library is in use."""
+        return self._library.compiler is not None
+
     def interpreted(self, seconds: float) -> None:
         """Report for how long the interpreted functions have been used instead."""
         self._library.used(seconds)
@@ -71,6 +76,12 @@ class Kernels:
         """Name of the compiler whose code is used; empty if there is none."""
         compiler = self._library.compiler
         return "" if compiler is None else compiler.name
+
+    @property
+    def file(self) -> str:
+        """Path of the compiled library, which also has CasADi's functions; empty if none."""
+        handle = self._library.handle(True)
+        return "" if handle is None else handle._name
 
     def _call(self, name: str, *arguments: Any) -> Any:
         handle = self._library.handle(True)
@@ -105,6 +116,12 @@ class Kernels:
             end = IntegrationEnd(status == 1, record.time, record.step, record.steps)
             raise integration_failure(end, times, tolerance, states[0])
         return states
+
+    def matrix(self, q: Array) -> Array:
+        """The metric tensor (n, n) at q (n,)."""
+        tensor = np.empty((self._dim, self._dim))
+        self._call("tensor_at", _pointer(q), _pointer(tensor))
+        return tensor
 
     def transport(
         self, sizes: Array, curve: Array, vector: Array, tolerance: float

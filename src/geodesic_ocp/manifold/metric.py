@@ -38,6 +38,13 @@ def as_metric(metric: Any) -> Metric:
     return metric
 
 
+def has_compiled_code(metric: Any) -> bool:
+    """Whether the functions of this metric are compiled, or can be now."""
+    return (
+        isinstance(metric, Metric) and not metric.has_constant_tensor and metric.kernels.available()
+    )
+
+
 def _also_numeric(matrix: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
     """The symbolic matrix(q) of a subclass, extended to take and return NumPy arrays."""
 
@@ -45,7 +52,11 @@ def _also_numeric(matrix: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any
     def wrapped(self: Metric, q: Any) -> Any:
         if is_symbolic(q):
             return matrix(self, q)
-        return evaluate(self._matrix_function, as_vector("q", q, self.dim))
+        point = as_vector("q", q, self.dim)
+        kernels = self.__dict__.get("kernels")
+        if kernels is not None and kernels.loaded:
+            return kernels.matrix(point)
+        return evaluate(self._matrix_function, point)
 
     return wrapped
 
@@ -247,7 +258,7 @@ class Metric(ABC):
         tensor = self.matrix(point)
         if not np.all(np.isfinite(tensor)):
             raise ValueError(f"{name}: the metric is not finite at {point}")
-        if not np.allclose(tensor, tensor.T, rtol=1e-9, atol=1e-9 * np.abs(tensor).max()):
+        if not np.abs(tensor - tensor.T).max() <= 1e-9 * np.abs(tensor).max():
             raise ValueError(f"{name}: the metric tensor is not symmetric at {point}")
         if is_singular(tensor):
             smallest, largest = np.linalg.eigvalsh(tensor)[[0, -1]]

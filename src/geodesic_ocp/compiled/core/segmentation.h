@@ -1,5 +1,15 @@
 /* Segmentation of a sampled motion: the same rule as in synergies/segment.py. */
 
+/* The metric tensor (N, N) at q. */
+void tensor_at(const double *q, double *tensor) {
+  double work[WORK_SIZE];
+  const double *arguments[1];
+  double *results[1];
+  arguments[0] = q;
+  results[0] = tensor;
+  metric_tensor(arguments, results, 0, work, 0);
+}
+
 static double product(const double *tensor, const double *u, const double *v) {
   double sum = 0;
   int i, j;
@@ -34,9 +44,6 @@ double segment_motion(long samples, const double *time, const double *curve, lon
   double work[WORK_SIZE], tensor[N * N], w[N], norm = 0, largest = 0;
   long k, part, row = (2 * substeps + 1) * 2 * N;
   int i, has_vector = 0;
-  const double *arguments[1];
-  double *results[1];
-  results[0] = tensor;
   cuts[0] = cuts[samples - 1] = 1;
   for (k = 0; k < samples; k++) {
     const double *v = velocity + k * N;
@@ -45,8 +52,7 @@ double segment_motion(long samples, const double *time, const double *curve, lon
       has_vector = 0;
       continue;
     }
-    arguments[0] = k < samples - 1 ? curve + k * row : curve + k * row - 2 * N;
-    metric_tensor(arguments, results, 0, work, 0);
+    tensor_at(k < samples - 1 ? curve + k * row : curve + k * row - 2 * N, tensor);
     if (k > 0 && state[k - 1] == 2) cuts[k] = 1;
     else if (has_vector) {
       double h = (time[k] - time[k - 1]) / substeps, change, now;
