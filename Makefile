@@ -34,8 +34,8 @@ package: $(READY)  ## wheel and source distribution, into dist/, checked
 notebooks: $(READY)  ## execute the notebooks, keeping their output
 	$(BIN)/jupyter-execute --inplace notebooks/*.ipynb
 
-bench: $(READY)  ## speed and accuracy against another solver
-	$(BIN)/python benchmarks/log_map.py
+bench: $(READY)  ## speed and accuracy next to other solvers, into benchmarks/results/; ARGS=--quick
+	$(BIN)/python benchmarks/run.py $(ARGS)
 
 robots: $(READY)  ## descriptions of robots, 190 MB, for load_model and its tests
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[robots]'
