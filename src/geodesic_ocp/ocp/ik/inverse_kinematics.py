@@ -15,7 +15,7 @@ from geodesic_ocp.ocp.ik.collision_avoidance import CollisionAvoidance
 from geodesic_ocp.ocp.ik.pose_search import PoseSearch
 
 _STARTS, _ENOUGH = 60, 4
-_STARTS_NEAREST = 24
+_STARTS_NEAREST, _STARTS_WITHIN = 28, 4
 _LAST_RESORT = 4  # starts of Ipopt if no pose is attained otherwise
 _REACHED = 1e-6  # [m] and [rad]
 # Among configurations with the same pose error, the one near the start: too small a weight to
@@ -84,17 +84,22 @@ def inverse_kinematics_solutions(
     free: ArrayLike | None,
     collisions: CollisionAvoidance,
     enough: int,
+    settled: float = 1e-2,
+    least: int = 1,
 ) -> list[Array]:
-    """At least `enough` configurations with a hand pose, if there are as many, from several starts.
+    """At least `least` configurations with a hand pose, if there are as many, from several starts.
 
     They are sorted by their distance from `near`, which is also the first start. Each is near to a
-    local minimum of that distance, not exactly at it.
+    local minimum of that distance, not exactly at it: the search still moves by `settled` a step.
     """
     search = PoseSearch.checked("inverse_kinematics", model, near, position, rotation, collisions)
     axes, bound = search.axes_and_bound(free)
-    starts = search.starts(limits, _STARTS)
+    bounds = search.bounds(limits)
+    starts = search.starts(bounds, _STARTS)
     weights = (bound == 0.0).astype(float)
-    found, others, smallest = search.simultaneously(limits, starts, axes, weights, enough)
+    found, others, smallest = search.simultaneously(
+        bounds, starts, axes, weights, enough, settled, least
+    )
     if not found or not collisions.is_empty:
         if not collisions.is_empty:
             smallest = np.inf  # without collision avoidance
@@ -117,6 +122,25 @@ def inverse_kinematics_solutions(
             f"hand's {' and '.join(what)}: the smallest error reached is {smallest:.3g} {unit}"
         )
     return sorted(found, key=lambda q: float(np.linalg.norm(q - search.near)))
+
+
+def configuration_within(
+    model: Model,
+    near: ArrayLike,
+    position: ArrayLike | None,
+    rotation: ArrayLike | None,
+    bounds: tuple[Array, Array],
+) -> Array | None:
+    """A configuration (n,) with a hand pose within bounds, (n,) each, or None if none is found.
+
+    Raises:
+        ValueError: wrong shapes or values, or neither position nor rotation.
+    """
+    collisions = CollisionAvoidance()
+    search = PoseSearch.checked("configuration_within", model, near, position, rotation, collisions)
+    starts, weights = search.starts(bounds, _STARTS_WITHIN), np.ones(len(search.rows))
+    found, _, _ = search.simultaneously(bounds, starts, np.eye(3), weights, 1, np.inf)
+    return found[0] if found else None
 
 
 def nearest_configuration(
@@ -142,9 +166,10 @@ def nearest_configuration(
     )
     bound = np.full(len(search.rows), np.inf)
     each = np.repeat(weights, 3)
-    starts = search.starts(limits, _STARTS_NEAREST)
+    bounds = search.bounds(limits)
+    starts = search.starts(bounds, _STARTS_NEAREST)
     rows = each[list(search.rows)]
-    _, best, _ = search.simultaneously(limits, starts, np.eye(3), rows, len(starts))
+    _, best, _ = search.simultaneously(bounds, starts, np.eye(3), rows, len(starts))
     starts = best[:_LAST_RESORT] if collisions.is_empty else [*best[:_LAST_RESORT], *starts]
     outcomes = search.outcomes(limits, starts, np.eye(3), each, _STAY, bound)
     found = [outcome for outcome in outcomes if outcome.success]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -21,7 +22,9 @@ from geodesic_ocp.ocp.ik.free_directions import as_directions, complement
 from geodesic_ocp.ocp.ik.pose_error import rotation_log
 from geodesic_ocp.ocp.ik.simultaneous_search import search_simultaneously
 
-_AT_ONCE = 20  # starts searched from simultaneously
+# Starts searched from simultaneously: first those nearby, which are the most promising.
+_FIRST, _AT_ONCE = 8, 20
+_SPREAD = 0.7  # [rad or m], standard deviation
 _EXACT = 1e-9  # pose error [m] and [rad] of the simultaneous search
 
 
@@ -103,20 +106,35 @@ class PoseSearch:
         held = np.array([*(np.arange(3) >= num_free), True, True, True])[list(self.rows)]
         return axes, np.where(held, 0.0, np.inf)
 
-    def starts(self, limits: bool, count: int) -> list[Array]:
-        """`near`, within the limits, and random configurations."""
-        lower, upper, inside = search_bounds(self.model, self.near, limits)
-        rng = np.random.default_rng(0)
-        return [inside, *rng.uniform(lower, upper, (count - 1, self.model.dof))]
+    def bounds(self, limits: bool) -> tuple[Array, Array]:
+        """Lower and upper bounds (n,) of the search."""
+        lower, upper, _ = search_bounds(self.model, self.near, limits)
+        return lower, upper
+
+    def starts(self, bounds: tuple[Array, Array], count: int) -> list[Array]:
+        """`near`, moved into the bounds, random configurations around it, and random ones."""
+        rng, n = np.random.default_rng(0), self.model.dof
+        around = self.near + _SPREAD * rng.standard_normal((_FIRST - 1, n))
+        others = rng.uniform(*bounds, (max(0, count - _FIRST), n))
+        every = [np.clip(each, *bounds) for each in (self.near, *around)]
+        return [*every[:count], *others]
 
     def simultaneously(
-        self, limits: bool, starts: Sequence[Array], axes: Array, weights: Array, enough: int
+        self,
+        bounds: tuple[Array, Array],
+        starts: Sequence[Array],
+        axes: Array,
+        weights: Array,
+        enough: int,
+        settled: float = 1e-2,
+        least: int = 1,
     ) -> tuple[list[Array], list[Array], float]:
         """Configurations with the pose, others, and the least error, without collision avoidance.
 
         Those with the pose are sorted by their distance from `near`, the others by their error.
+        The search ends when enough of them move by less than `settled` [rad or m] towards it, or
+        when at least some have been found from the most promising starts.
         """
-        lower, upper, _ = search_bounds(self.model, self.near, limits)
         p = self._parameters(axes, 0.0, np.zeros(len(self.rows)))
 
         def pose_errors(q: Array) -> tuple[Array, Array]:
@@ -128,13 +146,14 @@ class PoseSearch:
 
         attained: list[Array] = []
         others: list[tuple[float, Array]] = []
-        for number in range(0, len(starts), _AT_ONCE):
-            batch = np.array(starts[number : number + _AT_ONCE])
+        edges = [0, *range(_FIRST, len(starts), _AT_ONCE), len(starts)]
+        for first, last in pairwise(edges):
+            batch = np.array(starts[first:last])
             missing = enough - len(attained)
-            ends = search_simultaneously(pose_errors, batch, self.near, lower, upper, missing)
+            ends = search_simultaneously(pose_errors, batch, self.near, bounds, missing, settled)
             attained += list(ends.q[ends.errors <= _EXACT])
             others += [*zip(ends.errors.tolist(), ends.q, strict=True)]
-            if len(attained) >= enough:
+            if len(attained) >= least:
                 break
         others.sort(key=lambda pair: pair[0])
         attained.sort(key=lambda q: float(np.linalg.norm(q - self.near)))
@@ -159,7 +178,7 @@ class PoseSearch:
         with position errors in the given axes (3, 3).
         """
         n, rows = self.model.dof, list(self.rows)
-        lower, upper, _ = search_bounds(self.model, self.near, limits)
+        lower, upper = self.bounds(limits)
         program, errors = _program(self.model, self.rows, self.collisions.bodies)
         least = np.concatenate([np.zeros(len(rows)), self._margins(program.size_g - len(rows))])
         p = self._parameters(axes, stay, weights[rows])

@@ -25,7 +25,8 @@ _FAR, _EXACT = 0.1, 1e-11  # pose errors [m] and [rad]
 _DAMPING, _LEAST_DAMPING = 0.05, 1e-12  # of the squared error
 _LONGEST = 0.7  # step [rad or m]
 _SETTLED = 1e-2  # step [rad or m] along the configurations with the pose
-_SLIDE = 0.5  # of the way to the nearest configuration, as the pose's curvature is ignored
+_STUCK = 1e-2  # step relative to the pose error of a search that ends away from the pose
+_SLIDE = 0.7  # of the way to the nearest configuration, as the pose's curvature is ignored
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +38,12 @@ class Found:
 
 
 def search_simultaneously(
-    pose_errors: PoseErrors, starts: Array, near: Array, lower: Array, upper: Array, enough: int
+    pose_errors: PoseErrors,
+    starts: Array,
+    near: Array,
+    bounds: tuple[Array, Array],
+    enough: int,
+    settled: float = _SETTLED,
 ) -> Found:
     """Configurations within bounds whose pose errors vanish, or are least nearby.
 
@@ -45,25 +51,30 @@ def search_simultaneously(
         pose_errors: of many configurations.
         starts: configurations (k, n) to search from.
         near: configuration (n,) to come near to, in the directions that the pose leaves free.
-        lower, upper: bounds (n,).
+        bounds: lower and upper (n,).
         enough: the search ends when so many have attained the pose and no longer move.
+        settled: how little they still move [rad or m]; infinite if any configuration will do.
     """
+    lower, upper = bounds
     q = np.clip(starts, lower, upper)
     done_q: list[Array] = []
+    given_up: list[Array] = []
     for number in range(_STEPS):
         errors, jacobians = pose_errors(q)
         largest = np.abs(errors).max(axis=1, initial=0.0)
         step, slide = _steps(q, errors, jacobians, near, lower, upper)
-        settled = (largest <= _EXACT) & (slide <= _SETTLED)
-        if np.any(settled):
-            done_q += list(q[settled])
+        done = (largest <= _EXACT) & (slide <= settled)
+        if np.any(done):
+            done_q += list(q[done])
             if len(done_q) >= enough:
                 break
-        keep = ~settled & ((number < _PATIENCE) | (largest <= _FAR))
-        if not np.any(keep):
-            break
+        moves = np.abs(step).max(axis=1) > _STUCK * largest
+        keep = ~done & moves & ((number < _PATIENCE) | (largest <= _FAR))
+        given_up += list(q[~done & ~keep])
         q = np.clip(q[keep] + step[keep], lower, upper)
-    every = np.concatenate([np.array(done_q).reshape(-1, q.shape[1]), q])
+        if not len(q):
+            break
+    every = np.array([*done_q, *q, *given_up])
     return Found(every, np.abs(pose_errors(every)[0]).max(axis=1, initial=0.0))
 
 
