@@ -1,46 +1,73 @@
-"""Compile one C file and publish the library in one step; a program that needs nothing else.
+"""Compile a C file and publish the library in one step; a program that needs nothing else.
 
-    python build.py SOURCE KEY COMPILER [FLAG ...]
+    python build.py JOB KEY COMPILER [FLAG ...]
 
-The library appears beside the source as KEY.DIGEST.so (`cache.file_name`), and the source is
-removed. It runs as a process of its own, which goes on when the program that started it ends.
+JOB is a folder of its own with the source. The library appears beside it, as KEY.DIGEST.so with a
+digest of its content, and the folder is removed. It runs as a process of its own, which goes on
+when the program that started it ends.
 """
 
 from __future__ import annotations
 
+import errno
 import os
+import shutil
 import subprocess
 import sys
 from hashlib import sha256
 from pathlib import Path
 
+SOURCE = "functions.c"
+_OUTPUT = "library"
 
-def build(source: Path, key: str, command: list[str]) -> Path:
-    """Compile `source`, remove it, and return the library.
+
+def build(job: Path, key: str, command: list[str]) -> Path:
+    """Compile the source in the folder, remove the folder, and return the library.
 
     Raises:
-        OSError: the folder cannot be written to, or the compiler cannot be started.
+        OSError: there is no space left, or the compiler cannot be started.
         subprocess.CalledProcessError: the compiler failed; stderr says why.
     """
-    output = source.with_suffix(".part")
     try:
+        # Relative names, so that equal sources become equal libraries.
         subprocess.run(
-            [*command, str(source), "-o", str(output)],
+            [*command, SOURCE, "-o", _OUTPUT],
             check=True,
             capture_output=True,
             text=True,
+            errors="replace",
             stdin=subprocess.DEVNULL,
+            cwd=job,
+            env={**os.environ, "TMPDIR": str(job)},
         )
-        digest = sha256(output.read_bytes()).hexdigest()[:32]
-        library = source.with_name(f"{key}.{digest}.so")
+        output = job / _OUTPUT
+        content = output.read_bytes()
+        if not is_complete(content):  # TinyCC does not notice a full disk
+            raise OSError(errno.ENOSPC, "the compiled library is incomplete", str(output))
+        output.chmod(0o700)
+        library = job.with_name(file_name(key, content))
         os.replace(output, library)
     finally:
-        source.unlink(missing_ok=True)
-        output.unlink(missing_ok=True)
+        shutil.rmtree(job, ignore_errors=True)
     return library
 
 
+def file_name(key: str, content: bytes) -> str:
+    """Name of the library with this key and content."""
+    return f"{key}.{sha256(content).hexdigest()[:32]}.so"
+
+
+def is_complete(content: bytes) -> bool:
+    """Whether an ELF file reaches to the end of its section headers; True for other formats."""
+    if content[:4] != b"\x7fELF" or len(content) < 64:
+        return len(content) > 0 and content[:4] != b"\x7fELF"
+    start = int.from_bytes(content[40:48], sys.byteorder)
+    size, count = (int.from_bytes(content[at : at + 2], sys.byteorder) for at in (58, 60))
+    return start + size * count <= len(content)
+
+
 if __name__ == "__main__":
+    os.nice(10)
     try:
         build(Path(sys.argv[1]), sys.argv[2], sys.argv[3:])
     except (OSError, subprocess.CalledProcessError) as failure:

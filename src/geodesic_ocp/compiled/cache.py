@@ -1,96 +1,229 @@
 """The user's cache of compiled libraries.
 
-A library's file name holds the key of what it was made from and a digest of its content, so that it
-appears in one step, complete, and a damaged file is noticed and made anew. Nothing is loaded from
-a folder that other users can write to: where the cache is not private, a temporary folder is used.
+A library's file name holds the key of its sources and a digest of its content, so that it appears
+in one step, complete, and a damaged file is noticed and built again. Nothing is loaded from a
+folder that other users can change: where the cache is not private, a temporary folder is used.
 """
 
 from __future__ import annotations
 
+import atexit
 import os
+import re
+import shutil
 import stat
 import tempfile
-from functools import lru_cache
-from hashlib import sha256
+import time
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from platformdirs import user_cache_path
 
+from geodesic_ocp.compiled.build import SOURCE, file_name
+
 ENVIRONMENT_VARIABLE = "GEODESIC_OCP_CACHE"
-_SUFFIX = ".so"
+_LIBRARY = re.compile(r"[0-9a-f]{32}\.[0-9a-f]{32}\.so")
+_JOB = "build-"
+# A build that has not ended after this time was interrupted [s].
+_STALE = 1800.0
+# Size beyond which the libraries that have not been used for the longest time are removed [bytes].
+_LARGEST = 500_000_000
+# Space that suffices for a library and the files of a compiler [bytes].
+_ENOUGH = 50_000_000
+# Time between looks at the job of another process [s].
+_PAUSE = 0.2
 
 
 def cache_folder() -> Path:
     """Where compiled libraries are kept: $GEODESIC_OCP_CACHE, or a folder of the user's cache."""
     chosen = os.environ.get(ENVIRONMENT_VARIABLE)
-    return (Path(chosen) if chosen else user_cache_path("geodesic_ocp")) / "compiled"
+    base = Path(chosen).expanduser().absolute() if chosen else user_cache_path("geodesic_ocp")
+    return base / "compiled"
 
 
-def usable_folder() -> Path:
-    """The cache's folder if it is private and can be written to, else one of this process."""
-    folder = cache_folder()
+def why_unused(folder: Path) -> str:
+    """Why libraries are not kept in this folder; empty if they are, and then it exists."""
+    if not folder.is_absolute():
+        return f"there is no home folder; set {ENVIRONMENT_VARIABLE}"
     try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if why_not_private(folder) == "" and os.access(folder, os.W_OK):
-            return folder
-    except OSError:
-        pass
-    return temporary_folder()
+        _make_private(folder)
+        return why_not_private(folder)
+    except OSError as error:
+        return str(error)
 
 
-@lru_cache(maxsize=1)
-def _temporary() -> tempfile.TemporaryDirectory[str]:
-    return tempfile.TemporaryDirectory(prefix="geodesic_ocp-")
-
-
-def temporary_folder() -> Path:
-    """A folder that is removed when this process ends."""
-    return Path(_temporary().name)
+def _make_private(folder: Path) -> None:
+    """Create the folder and its missing parents for this user alone, whatever the umask is."""
+    if not folder.is_dir():
+        _make_private(folder.parent)
+        folder.mkdir(mode=0o700, exist_ok=True)
 
 
 def why_not_private(folder: Path) -> str:
     """Which folder on the path another user could change, and why; empty if there is none."""
     if not hasattr(os, "getuid"):
         return ""
-    owners = (0, os.getuid())
     resolved = folder.resolve()
     for each in (resolved, *resolved.parents):
         status = each.stat()
-        if status.st_uid not in owners:
+        if status.st_uid not in (0, os.getuid()):
             return f"{each} belongs to another user"
-        shared = status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
         # In a sticky folder, such as /tmp, nobody can replace what belongs to others.
-        if shared and not (each != resolved and status.st_mode & stat.S_ISVTX):
+        is_sticky = each != resolved and status.st_mode & stat.S_ISVTX
+        if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH) and not is_sticky:
             return f"{each} can be written to by other users"
     return ""
 
 
-def find(folder: Path, key: str) -> Path | None:
+# The temporary folder of this process; a forked process makes its own.
+_temporary: dict[int, Path] = {}
+
+
+def _temporary_folder() -> Path:
+    process = os.getpid()
+    if process not in _temporary:
+        _temporary[process] = folder = Path(tempfile.mkdtemp(prefix="geodesic_ocp-")).resolve()
+        atexit.register(_remove_own, folder, process)
+    return _temporary[process]
+
+
+def _remove_own(folder: Path, process: int) -> None:
+    if os.getpid() == process:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def writable_folders() -> Iterator[Path]:
+    """Private folders in the order in which they are tried: the cache, then a temporary one.
+
+    Their paths contain no links, which others might change after the check.
+    """
+    folder = cache_folder()
+    if not why_unused(folder):
+        yield folder.resolve()
+    with suppress(OSError):  # there is no temporary folder either
+        folder = _temporary_folder()
+        if not why_unused(folder):
+            yield folder
+
+
+def new_job(folder: Path, text: str, name: str | None = None) -> Path:
+    """A new folder in which a source is compiled.
+
+    Raises:
+        FileExistsError: there is a job of this name.
+        OSError: the folder cannot be written to, or has no space left.
+    """
+    for job in folder.glob(f"{_JOB}*"):
+        if is_stale(job):
+            shutil.rmtree(job, ignore_errors=True)
+    if name is None:
+        job = Path(tempfile.mkdtemp(prefix=_JOB, dir=folder))
+    else:
+        job = job_folder(folder, name)
+        job.mkdir(mode=0o700)
+    try:
+        (job / SOURCE).write_text(text, encoding="utf-8")
+    except OSError:
+        shutil.rmtree(job, ignore_errors=True)
+        raise
+    return job
+
+
+def job_folder(folder: Path, name: str) -> Path:
+    """The folder of the job of this name."""
+    return folder / f"{_JOB}{name}"
+
+
+def is_stale(job: Path) -> bool:
+    """Whether the process that worked at this job was interrupted, or has ended."""
+    try:
+        return time.time() - job.stat().st_mtime > _STALE
+    except OSError:
+        return True
+
+
+def wait_for_job(folder: Path, name: str) -> None:
+    """Wait until another process has ended this job."""
+    while not is_stale(job_folder(folder, name)):
+        time.sleep(_PAUSE)
+
+
+def has_space(folder: Path) -> bool:
+    """Whether a compiler that failed there had enough space."""
+    try:
+        return shutil.disk_usage(folder).free > _ENOUGH
+    except OSError:
+        return False
+
+
+def find(key: str) -> Path | None:
     """The undamaged library with this key; damaged ones are removed."""
-    for file in sorted(folder.glob(f"{key}.*{_SUFFIX}")):
-        try:
-            if file.name == file_name(key, file.read_bytes()):
-                return file
-            file.unlink()
-        except OSError:
-            continue
+    folders = [folder.resolve() for folder in [cache_folder()] if not why_unused(folder)]
+    if (temporary := _temporary.get(os.getpid())) is not None and not why_unused(temporary):
+        folders.append(temporary)
+    for folder in folders:
+        for file in sorted(folder.glob(f"{key}.*.so")):
+            try:
+                if _is_own(file) and file.name == file_name(key, file.read_bytes()):
+                    _note_use(file)
+                    return file
+                file.unlink()
+            except OSError:
+                continue
     return None
 
 
-def file_name(key: str, content: bytes) -> str:
-    """Name of the library with this key and content."""
-    return f"{key}.{sha256(content).hexdigest()[:32]}{_SUFFIX}"
+def remove(file: Path) -> None:
+    """Remove a library that cannot be used."""
+    with suppress(OSError):
+        file.unlink()
+
+
+def _is_own(file: Path) -> bool:
+    """Whether nobody else can have written the file, also before its folder was made private."""
+    status = file.lstat()
+    is_shared = status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    owners = (0, os.getuid()) if hasattr(os, "getuid") else (status.st_uid,)
+    return stat.S_ISREG(status.st_mode) and not is_shared and status.st_uid in owners
+
+
+def _note_use(file: Path) -> None:
+    with suppress(OSError):  # it may belong to the administrator
+        os.utime(file)
 
 
 def stored() -> list[Path]:
-    """All files in the cache."""
+    """All libraries in the cache."""
     folder = cache_folder()
-    return sorted(file for file in folder.iterdir() if file.is_file()) if folder.is_dir() else []
+    try:
+        return sorted(file for file in folder.iterdir() if _LIBRARY.fullmatch(file.name))
+    except OSError:
+        return []
+
+
+def limit_size() -> None:
+    """Remove the libraries that have not been used for the longest time from a large cache."""
+    try:
+        status = [(file.stat().st_mtime, file.stat().st_size, file) for file in stored()]
+        total = 0
+        for _, size, file in sorted(status, reverse=True):
+            total += size
+            if total > _LARGEST:
+                file.unlink()
+    except OSError:  # another process does the same
+        return
 
 
 def clear() -> int:
-    """Remove all files from the cache, and return their number."""
+    """Remove all libraries and unfinished builds from the cache; returns the number of libraries.
+
+    Raises:
+        OSError: a library cannot be removed.
+    """
     files = stored()
     for file in files:
         file.unlink(missing_ok=True)
+    for job in cache_folder().glob(f"{_JOB}*"):
+        shutil.rmtree(job, ignore_errors=True)
     return len(files)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import os
 import platform
+import shlex
 import shutil
 import sys
 from dataclasses import dataclass
@@ -39,6 +40,11 @@ class Compiler:
     command: tuple[str, ...]
     identity: str
 
+    @property
+    def is_quick(self) -> bool:
+        """Whether compiling takes a fraction of a second."""
+        return self.name == "tcc"
+
 
 def compiler_choice() -> str:
     """The value of the environment variable; ValueError if it is none of `CHOICES`."""
@@ -50,18 +56,42 @@ def compiler_choice() -> str:
     return choice
 
 
-@lru_cache(maxsize=1)
+def compilers() -> list[Compiler]:
+    """The compilers that may be used, the quickest first and the one of the fastest code last.
+
+    Raises:
+        ValueError: the environment variable is none of `CHOICES`.
+    """
+    choice = compiler_choice()
+    tiny = tiny_compiler() if choice in ("auto", "tcc") else None
+    system = system_compiler() if choice in ("auto", "system") else None
+    return [compiler for compiler in (tiny, system) if compiler is not None]
+
+
 def system_compiler() -> Compiler | None:
     """The compiler $CC, or the first of cc, gcc and clang; None if there is none."""
     if os.name != "posix":
         return None
-    programs = ([os.environ["CC"]] if os.environ.get("CC") else []) + list(_SYSTEM_COMPILERS)
-    program = next((found for name in programs if (found := shutil.which(name))), None)
-    if program is None:
-        return None
+    names = [*filter(None, [os.environ.get("CC")]), *_SYSTEM_COMPILERS]
+    for program, *options in map(_words, names):
+        if (found := shutil.which(program)) is not None:
+            return _system_compiler(os.path.abspath(found), *options)
+    return None
+
+
+def _words(command: str) -> list[str]:
+    """Program and options: $CC may have some, as in "gcc -m64"."""
+    try:
+        return shlex.split(command) or [""]
+    except ValueError:
+        return [command]
+
+
+@lru_cache(maxsize=4)
+def _system_compiler(program: str, *options: str) -> Compiler:
     native = ("-march=native",) if platform.machine() in ("x86_64", "AMD64") else ()
     linking = ("-undefined", "dynamic_lookup") if sys.platform == "darwin" else ("-nostdlib",)
-    flags = (*_OPTIMIZATION, *native, "-w", "-fPIC", "-shared", *linking)
+    flags = (*options, *_OPTIMIZATION, *native, "-w", "-fPIC", "-shared", *linking)
     return Compiler("system", (program, *flags), _identity(program, *flags, _processor()))
 
 

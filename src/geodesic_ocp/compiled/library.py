@@ -1,46 +1,41 @@
-"""A compiled library: loaded from the cache, or made, at first quickly and then with optimization.
+"""A compiled library: loaded from the cache or built, at first quickly, later with optimization.
 
-The library of TinyCC is made at once. When it has been used for some time, the system's compiler
-starts in a process of its own, and its library takes over when it is ready. Both stay in the cache.
+TinyCC's library is built at once. When it has been used for some time, the system's compiler starts
+in a process of its own, and its library takes over when it is ready. Both stay in the cache.
 """
 
 from __future__ import annotations
 
 import ctypes
-import os
+import shutil
 import subprocess
 import sys
-import tempfile
 import threading
-import time
 import warnings
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from hashlib import sha256
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import casadi as ca
 
 from geodesic_ocp.compiled import build, cache
-from geodesic_ocp.compiled.compilers import (
-    Compiler,
-    compiler_choice,
-    system_compiler,
-    tiny_compiler,
-)
+from geodesic_ocp.compiled.compilers import Compiler, compiler_choice, compilers
 from geodesic_ocp.compiled.source import core_text, source_text
 
 # Use of the interpreted functions after which a library is worth its making [s].
 _FIRST_WORTHWHILE = 0.2
 # Use of TinyCC's library after which an optimized one is worth its making [s].
 _WORTHWHILE = 0.5
-# A source that another process left behind is ignored after this time [s].
-_STALE = 600.0
+# Optimized libraries are built one after the other.
+_one_at_a_time = threading.Lock()
 
 
 class Library:
     """CasADi functions on R^dim and the core that calls them, as one shared library.
+
+    It may be used by several threads at once.
 
     Args:
         functions: gives the functions by their names, when they have to be compiled.
@@ -51,22 +46,20 @@ class Library:
     def __init__(
         self, functions: Callable[[], Mapping[str, ca.Function]], fingerprint: str, dim: int
     ) -> None:
-        self._functions, self._dim = functions, dim
-        self._fingerprint = fingerprint
+        self._functions, self._fingerprint, self._dim = functions, fingerprint, dim
         self._lock = threading.Lock()
+        self._loaded: tuple[ctypes.CDLL, Compiler] | None = None
+        # Compilers that have not been tried, the quickest first; None before the first use.
+        self._untried: list[Compiler] | None = None
         self._source: str | None = None
-        self._loaded: ctypes.CDLL | None = None
-        self._compiler: Compiler | None = None
-        self._process: subprocess.Popen[bytes] | None = None
-        self._next: Compiler | None = None
+        self._is_building = False
+        self._failures: list[str] = []
         self._used = 0.0
-        self._has_searched = False
-        self._compilers: list[Compiler] = []
 
     @property
     def compiler(self) -> Compiler | None:
         """The compiler of the library that is loaded."""
-        return self._compiler
+        return None if self._loaded is None else self._loaded[1]
 
     def handle(self, at_once: bool) -> ctypes.CDLL | None:
         """The library; None where there is no compiler, or none that works.
@@ -74,138 +67,150 @@ class Library:
         Args:
             at_once: compile if none is stored; otherwise only after some use.
         """
-        if self._loaded is None or self._process is not None:
+        if self._loaded is None:
             with self._lock:
-                self._advance(at_once)
-        return self._loaded
+                self._prepare(at_once)
+        return None if self._loaded is None else self._loaded[0]
 
     def used(self, seconds: float) -> None:
-        """Report for how long the library has been computing."""
+        """Report for how long the functions have been computing."""
         self._used += seconds
-        if self._next is not None and self._used > _WORTHWHILE and self._loaded is not None:
+        if self._loaded is not None and self._untried and self._used > _WORTHWHILE:
             with self._lock:
-                if self._next is not None and self._process is None:
-                    self._start(self._next)
+                self._start_building()
 
-    def _advance(self, at_once: bool) -> None:
-        if self._loaded is None and self._process is None:
-            if not self._has_searched:
-                self._search()
-            if self._loaded is None and (at_once or self._used > _FIRST_WORTHWHILE):
-                self._make_first()
-        elif self._process is not None and self._process.poll() is not None:
-            compiler, failed = self._next, self._process.returncode != 0
-            self._process = self._next = None
-            if compiler is not None and not failed:
-                self._load_stored(compiler)
+    def _prepare(self, at_once: bool) -> None:
+        """Load the best library that is stored, or build one."""
+        if self._untried is None:
+            candidates = compilers()
+            best = next((each for each in reversed(candidates) if self._load_stored(each)), None)
+            self._untried = candidates[candidates.index(best) + 1 :] if best else candidates
+        if at_once or self._used > _FIRST_WORTHWHILE:
+            while self._untried and self._loaded is None and not self._is_building:
+                if self._untried[0].is_quick or compiler_choice() == "system":
+                    self._build(self._untried.pop(0), None, build.build)
+                else:
+                    self._start_building()
+        if self._failures and not (self._loaded or self._untried or self._is_building):
+            reasons, self._failures = "; ".join(self._failures), []
+            warnings.warn(
+                f"functions stay interpreted, and slower: {reasons}", RuntimeWarning, stacklevel=2
+            )
 
-    def _search(self) -> None:
-        """Load the best library that is stored."""
-        self._has_searched = True
-        choice = compiler_choice()
-        tiny = tiny_compiler() if choice in ("auto", "tcc") else None
-        system = system_compiler() if choice in ("auto", "system") else None
-        self._compilers = [compiler for compiler in (system, tiny) if compiler is not None]
-        if any(self._load_stored(compiler) for compiler in self._compilers):
-            self._next = system if self._compiler != system else None
+    def _start_building(self) -> None:
+        """Build with the next compiler in a process that goes on when this one ends."""
+        if self._untried and not self._is_building:
+            self._is_building = True
+            compiler = self._untried.pop(0)
+            self._text()  # CasADi's expressions are not for several threads
+            thread = threading.Thread(target=self._build_beside, args=(compiler,), daemon=True)
+            thread.start()
 
-    def _make_first(self) -> None:
-        """Compile now where that is quick or asked for, else beside the interpreted functions."""
-        compilers, self._compilers = self._compilers, []  # none is tried twice
-        for compiler in reversed(compilers):
-            if compiler.name == "tcc" or compiler_choice() == "system":
-                if self._make(compiler):
-                    self._next = compilers[0] if compilers[0] != compiler else None
-                    return
-            else:
-                self._start(compiler)
-
-    def _key(self, compiler: Compiler) -> str:
-        versions = f"{version('geodesic_ocp')} {version('casadi')}"
-        parts = (versions, core_text(), compiler.identity, self._fingerprint)
-        return sha256("\0".join(parts).encode()).hexdigest()[:32]
-
-    def _load_stored(self, compiler: Compiler) -> bool:
-        for folder in {cache.usable_folder(), *_folders_of_this_process}:
-            file = cache.find(folder, self._key(compiler))
-            if file is not None and self._load(file, compiler):
-                return True
-        return False
-
-    def _load(self, file: Path, compiler: Compiler) -> bool:
-        _load_mathematics()
+    def _build_beside(self, compiler: Compiler) -> None:
+        can_run = sys.executable and not getattr(sys, "frozen", False)
         try:
-            self._loaded = ctypes.CDLL(str(file))
-        except OSError as error:
-            _warn(f"a compiled library cannot be loaded: {error}")
-            return False
-        self._compiler = compiler
-        return True
+            with _one_at_a_time:
+                if not self._load_stored(compiler):
+                    self._build(compiler, self._key(compiler), _run if can_run else build.build)
+        finally:
+            self._is_building = False
+
+    def _build(
+        self,
+        compiler: Compiler,
+        job_name: str | None,
+        run: Callable[[Path, str, list[str]], object],
+    ) -> None:
+        """Build in the first folder that can be written to, and load the library.
+
+        Args:
+            compiler: for it.
+            job_name: if another process has a job of this name, wait for it.
+            run: compiles in a folder.
+        """
+        key, failure = self._key(compiler), "other users can change all folders for its output"
+        for folder in cache.writable_folders():
+            try:
+                job = cache.new_job(folder, self._text(), job_name)
+                run(job, key, list(compiler.command))
+                failure = ""
+            except FileExistsError:
+                cache.wait_for_job(folder, key)
+            except subprocess.CalledProcessError as error:
+                failure = _last_line(error.stderr)
+                if cache.has_space(folder):
+                    break
+            except OSError as error:
+                failure = str(error)
+            if self._load_stored(compiler):
+                cache.limit_size()
+                return
+        if failure:
+            self._failures.append(f"{compiler.command[0]} failed: {failure}")
 
     def _text(self) -> str:
         if self._source is None:
             self._source = source_text(self._functions(), self._dim)
         return self._source
 
-    def _write_source(self, name: str | None = None) -> Path:
-        """The source in the cache or, where that has no space left, in a temporary folder."""
-        text = self._text()
-        for folder in (cache.usable_folder(), cache.temporary_folder()):
-            _folders_of_this_process.add(folder)
-            source: Path | None = None
-            try:
-                if name is None:
-                    handle, path = tempfile.mkstemp(".c", "build-", folder)
-                    os.close(handle)
-                    source = Path(path)
-                    source.write_text(text)
-                else:
-                    source = folder / name
-                    if source.exists() and time.time() - source.stat().st_mtime > _STALE:
-                        source.unlink()
-                    with source.open("x") as file:
-                        file.write(text)
-                return source
-            except FileExistsError:
-                raise
-            except OSError as error:
-                failure = error
-                if source is not None:
-                    source.unlink(missing_ok=True)
-        raise failure
+    def _key(self, compiler: Compiler) -> str:
+        parts = (_versions(), core_text(), compiler.identity, self._fingerprint)
+        return sha256("\0".join(parts).encode()).hexdigest()[:32]
 
-    def _make(self, compiler: Compiler) -> bool:
-        """Compile now."""
-        try:
-            file = build.build(self._write_source(), self._key(compiler), list(compiler.command))
-        except (OSError, subprocess.CalledProcessError) as error:
-            reason = getattr(error, "stderr", None) or str(error)
-            _warn(f"{compiler.command[0]} failed: {reason.strip().splitlines()[-1]}")
+    def _load_stored(self, compiler: Compiler) -> bool:
+        file = cache.find(self._key(compiler))
+        if file is None:
             return False
-        return self._load(file, compiler)
-
-    def _start(self, compiler: Compiler) -> None:
-        """Compile in a process of its own; another one may already be at it."""
-        self._next = compiler
-        key = self._key(compiler)
         try:
-            source = self._write_source(f"{key}.c")
-            command = [sys.executable, "-I", build.__file__, str(source), key, *compiler.command]
-            self._process = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                start_new_session=True,
-            )
-            # The thread holds on to the process until it ends, also if this object does not.
-            threading.Thread(target=self._process.wait, daemon=True).start()
-        except OSError:  # without an optimized library, all goes on as before
-            self._next = None
+            _load_mathematics()
+            library = ctypes.CDLL(str(file))
+            library.log_map  # noqa: B018 - raises if this is a library of something else
+        except (OSError, AttributeError) as error:
+            self._failures.append(f"a library of {compiler.command[0]} cannot be loaded: {error}")
+            cache.remove(file)
+            return False
+        self._loaded = (library, compiler)
+        return True
 
 
-# Where this process has put libraries: a temporary folder where the cache has no space left.
-_folders_of_this_process: set[Path] = set()
+def _run(job: Path, key: str, command: list[str]) -> None:
+    """`build.build` in a process of its own."""
+    try:
+        subprocess.run(
+            [sys.executable, "-I", build.__file__, str(job), key, *command],
+            check=True,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            stdin=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+    except OSError:
+        shutil.rmtree(job, ignore_errors=True)
+        raise
+
+
+@lru_cache(maxsize=1)
+def _versions() -> str:
+    """Versions of what makes the functions, with the package's own code, which may be edited."""
+    versions = [version(name) for name in ("geodesic_ocp", "casadi", "pin") if _is_known(name)]
+    package = Path(__file__).parents[1]
+    sources = sorted(
+        file for name in ("model", "manifold") for file in (package / name).glob("*.py")
+    )
+    return "\n".join([*versions, *(sha256(file.read_bytes()).hexdigest() for file in sources)])
+
+
+def _is_known(name: str) -> bool:
+    try:
+        version(name)
+    except PackageNotFoundError:  # conda-forge's Pinocchio
+        return False
+    return True
+
+
+def _last_line(text: str) -> str:
+    return (text.strip().splitlines() or ["it says nothing"])[-1]
 
 
 @lru_cache(maxsize=1)
@@ -213,7 +218,3 @@ def _load_mathematics() -> None:
     """Make the C library's sin, cos, ... visible: libraries are linked without it."""
     if sys.platform.startswith("linux"):
         ctypes.CDLL("libm.so.6", mode=ctypes.RTLD_GLOBAL)
-
-
-def _warn(reason: str) -> None:
-    warnings.warn(f"functions stay interpreted, and slower: {reason}", RuntimeWarning, stacklevel=2)
