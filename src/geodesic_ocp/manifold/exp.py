@@ -24,6 +24,8 @@ _LOOSER = 30.0
 # The error of the end point is proportional to that of the steps if it is small, so the difference
 # of the two overestimates it by far. Where geodesics diverge it decreases less: half is safe.
 _ESTIMATE = 0.5
+# Perturbation of the velocity, in units of its rounding, to which rounding errors of steps amount.
+_ROUNDING = 4.0
 
 
 @over_rows(has_compiled_code)
@@ -77,9 +79,11 @@ def sample_geodesic(
         error = _ESTIMATE * float(np.abs(positions - looser).max())
         if refined and error <= tolerance:
             # Two integrations can agree by chance where rounding errors grow beyond the tolerance.
-            perturbed = np.nextafter(velocity, np.inf)
-            nearby, _ = integrate_geodesic(metric, point, perturbed, instants, per_step)
-            error = max(error, float(np.abs(positions - nearby).max()))
+            for rounding in _ROUNDING * np.spacing(np.abs(velocity)) * np.array([[1.0], [-1.0]]):
+                nearby, _ = integrate_geodesic(
+                    metric, point, velocity + rounding, instants, per_step
+                )
+                error = max(error, float(np.abs(positions - nearby).max()))
         if error <= tolerance:
             _check_speed(metric, positions, velocities)
             return positions, velocities

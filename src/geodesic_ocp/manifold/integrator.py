@@ -8,8 +8,10 @@ stage.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -81,7 +83,8 @@ class Integrator:
     def _step_function(self, rate: ca.Function) -> ca.Function:
         y = ca.MX.sym("y", rate.size1_in(0))
         first = ca.MX.sym("f", rate.size1_in(0))
-        size = ca.MX.sym("h")
+        step = ca.MX.sym("step", 2)  # its size, and the tolerance
+        size = step[0]
         p = ca.MX.sym("p", self._parameters, _STAGES + 1)
 
         def slope(state: ca.MX, stage: int) -> ca.MX:
@@ -94,9 +97,10 @@ class Integrator:
         end = y + size * (ca.horzcat(*slopes) @ ca.DM(DOP853.B))
         slopes.append(slope(end, _STAGES))
         stages = ca.horzcat(*slopes)
-        fifth, third = (size * (stages @ ca.DM(weights)) for weights in (DOP853.E5, DOP853.E3))
-        inputs = [y, first, size, p] if self._parameters else [y, first, size]
-        return ca.Function("step", inputs, [end, slopes[-1], fifth, third])
+        scale = step[1] * ca.fmax(ca.fmax(ca.fabs(y), ca.fabs(end)), 1.0)
+        errors = [ca.sumsqr(size * (stages @ ca.DM(w)) / scale) for w in (DOP853.E5, DOP853.E3)]
+        inputs = [y, first, step, p] if self._parameters else [y, first, step]
+        return ca.Function("step", inputs, [end, slopes[-1], ca.vertcat(*errors)])
 
     def __call__(
         self,
@@ -114,25 +118,37 @@ class Integrator:
         Raises:
             IntegrationFailed: the step became too small, or more than `max_steps` were needed.
         """
-        states = [np.asarray(start, dtype=float)]
-        state, now = states[0], float(times[0])
+        state = np.array(start, dtype=float)
+        states, now = [state.copy()], float(times[0])
         p = [] if parameters is None else [parameters(now * np.ones(1))]
         slope = self._rate(state, *p).full()[:, 0]
+        # Inputs and outputs at fixed addresses: CasADi's conversions would cost more than the step.
+        controls, squares = np.array([0.0, tolerance]), np.empty(2)
+        end, end_slope = np.empty(state.size), np.empty(state.size)
+        stages = np.empty((_STAGES + 1, self._parameters))
+        arguments: list[Any] = [state, slope, controls, *([] if parameters is None else [stages])]
+        buffer: Any
+        buffer, take_step = self._step.buffer()
+        for index, array in enumerate(arguments):
+            buffer.set_arg(index, memoryview(array))
+        results: list[Any] = [end, end_slope, squares]
+        for index, array in enumerate(results):
+            buffer.set_res(index, memoryview(array))
         interval = float(times[-1]) - now
         # Initial step: a known curve is smooth between its stops, otherwise it is a guess.
         size = interval / 8.0 if parameters is None else float(times[1]) - now
         taken = 0
         for stop in times[1:]:
             while now < stop:
-                step = min(size, stop - now)
-                p = [] if parameters is None else [parameters(now + step * STAGE_TIMES)]
-                outputs = self._step(state, slope, step, *p)
-                end, end_slope, fifth, third = (out.full()[:, 0] for out in outputs)
-                error = _error(fifth, third, np.maximum(np.abs(state), np.abs(end)), tolerance)
+                controls[0] = step = min(size, stop - now)
+                if parameters is not None:
+                    stages[:] = parameters(now + step * STAGE_TIMES).T
+                take_step()
+                error = _error(float(squares[0]), float(squares[1]), state.size)
                 if error <= 1.0:
                     now = stop if step == stop - now else now + step
-                    state, slope = end, end_slope
-                factor = _SHRINK if not np.isfinite(error) else _SAFETY * error ** (-1 / _ORDER)
+                    state[:], slope[:] = end, end_slope
+                factor = _SHRINK if error == np.inf else _SAFETY * error ** (-1 / _ORDER)
                 suggested = step * min(max(factor, _SHRINK), _GROW)
                 # A step that was shortened to end at a stop does not limit the next one.
                 size = suggested if error > 1.0 or step == size else max(size, suggested)
@@ -140,18 +156,14 @@ class Integrator:
                 if taken >= max_steps or size < _SMALLEST_STEP * interval:
                     end_of = IntegrationEnd(taken >= max_steps, now, size, taken)
                     raise integration_failure(end_of, times, tolerance, state)
-            states.append(state)
+            states.append(state.copy())
         return np.array(states)
 
 
-def _error(fifth: Array, third: Array, magnitude: Array, tolerance: float) -> float:
+def _error(squared_5: float, squared_3: float, size: int) -> float:
     """Hairer's combined estimate of the error of a step, relative to the tolerance."""
-    scale = tolerance * np.maximum(magnitude, 1.0)
-    squared_5 = float(np.sum((fifth / scale) ** 2))
-    squared_3 = float(np.sum((third / scale) ** 2))
-    if not np.isfinite(squared_5 + squared_3):
-        return np.inf
+    if not math.isfinite(squared_5 + squared_3):
+        return math.inf
     if squared_5 + squared_3 == 0.0:
         return 1e-16
-    error = squared_5 / np.sqrt((squared_5 + 0.01 * squared_3) * fifth.size)
-    return max(float(error), 1e-16)
+    return max(squared_5 / math.sqrt((squared_5 + 0.01 * squared_3) * size), 1e-16)

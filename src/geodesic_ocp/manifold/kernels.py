@@ -148,23 +148,31 @@ class Kernels:
     ) -> tuple[np.ndarray, float]:
         """Flags (k,) of the samples where a motion is cut, and the error of the transport.
 
-        curve: (k - 1, 2 m + 1, 2 n), positions and velocities from each sample to the next;
-        state: (k,) of unsigned bytes: 0 moving, 1 at rest, 2 in a long rest.
+        The error is the largest relative change of the transported vector's norm from one sample to
+        the next.
+
+        Args:
+            times, velocity: of the samples, (k,) and (k, n).
+            curve: ((k - 1) 2 m + 1, 2 n), positions and velocities at the samples and 2 m - 1
+                equidistant times between each and the next, for m steps of the transport.
+            state: (k,) of unsigned bytes: 0 moving, 1 at rest, 2 in a long rest.
+            threshold: largest angle [rad].
         """
         cuts = np.zeros(times.size, dtype=np.uint8)
-        function = self._library.handle(True).segment_motion  # type: ignore[union-attr]
-        function.restype = c_double
-        change = function(
+        change = c_double()
+        self._call(
+            "segment_motion",
             c_long(times.size),
             _pointer(times),
             _pointer(curve),
-            c_long((curve.shape[1] - 1) // 2),
+            c_long((len(curve) - 1) // (2 * (times.size - 1))),
             _pointer(velocity),
             c_void_p(state.ctypes.data),
             c_double(threshold),
             c_void_p(cuts.ctypes.data),
+            byref(change),
         )
-        return cuts, float(change)
+        return cuts, change.value
 
     def log_map(
         self,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from itertools import pairwise
 from typing import Protocol
 
@@ -10,7 +11,10 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, as_vector
 from geodesic_ocp.errors import IntegrationFailed
+from geodesic_ocp.manifold.integrator import STAGE_TIMES
 from geodesic_ocp.manifold.metric import Metric, as_metric
+
+_MAX_STEPS = 20_000  # between two breakpoints
 
 
 class Curve(Protocol):
@@ -71,21 +75,66 @@ def transport_between(
     if metric.has_constant_tensor:
         metric.point("the curve's start", curve(stops[:1])[0])
         return np.tile(vector, (len(stops), 1))
-    result = [vector / size]
+    transport = _compiled if metric.kernels.available(at_once=False) else _interpreted
+    began = time.perf_counter()
+    result = transport(metric, curve, vector / size, stops, 0.01 * tolerance)
+    if transport is _interpreted:
+        metric.kernels.interpreted(time.perf_counter() - began)
+    return np.asarray(size * result)
+
+
+def _interpreted(
+    metric: Metric, curve: Curve, vector: Array, stops: Array, tolerance: float
+) -> Array:
+    """Transported vectors at the stops (k, n), with adaptive steps of this tolerance."""
+    result = [vector]
     for start, stop in pairwise(stops):
 
-        def along(
-            times: Array, middle: float = (start + stop) / 2, half: float = (stop - start) / 2
-        ) -> Array:
-            # One-sided at the ends, to exclude the derivative of the adjacent piece.
-            inside = middle + (1.0 - 1e-12) * np.clip(times - middle, -half, half)
-            return np.vstack([curve(inside).T, curve(inside, 1).T])
+        def along(times: Array, start: float = start, stop: float = stop) -> Array:
+            return _states(curve, times, start, stop).T
 
         try:
             states = metric.transport_integrator(
-                result[-1], np.array([start, stop]), 0.01 * tolerance, along
+                result[-1], np.array([start, stop]), tolerance, along
             )
         except IntegrationFailed as failure:
             raise IntegrationFailed(f"parallel transport: {failure}") from None
         result.append(states[-1])
-    return size * np.array(result)
+    return np.array(result)
+
+
+def _states(curve: Curve, times: Array, start: ArrayLike, stop: ArrayLike) -> Array:
+    """Positions and velocities (k, 2 n) at times (k,) between start and stop.
+
+    One-sided at the ends, to exclude the derivative of the adjacent piece.
+    """
+    middle, half = np.add(start, stop) / 2, np.subtract(stop, start) / 2
+    inside = middle + (1.0 - 1e-12) * np.clip(times - middle, -half, half)
+    return np.hstack([curve(inside), curve(inside, 1)])
+
+
+def _compiled(metric: Metric, curve: Curve, vector: Array, stops: Array, tolerance: float) -> Array:
+    """The same, with equal steps between two stops, as many as each piece needs."""
+    counts = np.ones(len(stops) - 1, dtype=int)
+    while True:
+        piece = np.repeat(np.arange(counts.size), counts)
+        number = np.arange(piece.size) - np.repeat(np.cumsum(counts) - counts, counts)
+        sizes = (np.diff(stops) / counts)[piece]
+        times = (stops[piece] + number * sizes)[:, None] + sizes[:, None] * STAGE_TIMES
+        starts, ends = (np.repeat(each[piece], STAGE_TIMES.size) for each in (stops, stops[1:]))
+        states = _states(curve, times.ravel(), starts, ends).reshape(*times.shape, -1)
+        vectors, errors = metric.kernels.transport(
+            sizes, np.ascontiguousarray(states), vector, tolerance
+        )
+        errors = np.maximum.reduceat(errors, np.cumsum(counts) - counts)
+        if np.all(errors <= 1.0):
+            return np.vstack([vector, vectors[np.cumsum(counts) - 1]])
+        worst = int(np.argmax(errors))
+        if counts[worst] >= _MAX_STEPS:
+            raise IntegrationFailed(
+                f"parallel transport: between {stops[worst]:.6g} and {stops[worst + 1]:.6g}, "
+                f"{counts[worst]} steps do not reach a tolerance of {tolerance:.1e} per step; the "
+                "metric is singular there, or the tolerance cannot be reached"
+            )
+        factors = np.clip(errors ** (1 / 8) / 0.9, 1.0, 8.0)
+        counts = np.where(errors > 1.0, np.ceil(factors * counts).astype(int) + 1, counts)

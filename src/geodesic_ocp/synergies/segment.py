@@ -7,13 +7,14 @@ from itertools import pairwise
 import numpy as np
 
 from geodesic_ocp.arrays import Array, as_positive
-from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.manifold.metric import Metric, has_compiled_code
 from geodesic_ocp.manifold.parallel_transport import transport_between
 from geodesic_ocp.synergies.observed_velocity import moving_velocity, speeds
 from geodesic_ocp.trajectory.motion import Motion
 
 # Angles to the transported velocity are compared to a threshold of tenths of a radian.
 _TRANSPORT_TOLERANCE = 1e-6
+_MAX_STEPS = 64  # between two samples
 
 
 def segment(
@@ -67,6 +68,22 @@ def segment(
     at_rest = speed <= rest * speed.max()
     in_long_rest = _in_long_rest(at_rest, motion.time, rest_duration)
 
+    if has_compiled_code(metric):
+        cuts = _compiled_cuts(metric, motion, velocity, at_rest, in_long_rest, threshold)
+    else:
+        cuts = _cuts(metric, motion, velocity, at_rest, in_long_rest, threshold)
+    return list(pairwise(cuts))
+
+
+def _cuts(
+    metric: Metric,
+    motion: Motion,
+    velocity: Array,
+    at_rest: np.ndarray,
+    in_long_rest: np.ndarray,
+    threshold: float,
+) -> list[int]:
+    """Samples at which the motion is cut, the first and the last included."""
     cuts = {0, len(motion) - 1}
     transported: Array | None = None
     for k in range(len(motion)):
@@ -89,7 +106,35 @@ def segment(
         elif metric.angle(motion.q[k], transported, velocity[k]) > threshold:
             cuts.add(k)
             transported = velocity[k]
-    return list(pairwise(sorted(cuts)))
+    return sorted(cuts)
+
+
+def _compiled_cuts(
+    metric: Metric,
+    motion: Motion,
+    velocity: Array,
+    at_rest: np.ndarray,
+    in_long_rest: np.ndarray,
+    threshold: float,
+) -> list[int]:
+    """The same in one call, with as many steps between samples as the transport needs."""
+    state = np.where(in_long_rest, 2, at_rest).astype(np.uint8)
+    steps = 1
+    while True:
+        fractions = np.arange(2 * steps) / (2 * steps)
+        between = motion.time[:-1, None] + fractions * np.diff(motion.time)[:, None]
+        times = np.append(between.ravel(), motion.time[-1])
+        curve = np.hstack([motion(times), motion(times, 1)])
+        cuts, error = metric.kernels.segment(
+            np.ascontiguousarray(motion.time),
+            np.ascontiguousarray(curve),
+            np.ascontiguousarray(velocity),
+            state,
+            threshold,
+        )
+        if error <= _TRANSPORT_TOLERANCE or steps >= _MAX_STEPS:
+            return np.flatnonzero(cuts).tolist()
+        steps *= 2
 
 
 def as_threshold(threshold: float) -> float:

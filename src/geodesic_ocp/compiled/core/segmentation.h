@@ -34,16 +34,17 @@ static void transport_step(double h, const double *p, double *w, double *work) {
 
 /* Cut where the angle between the transported and the observed velocity exceeds the threshold.
 
-   curve: positions and velocities (2 N) at 2 * substeps + 1 instants from each sample to the next,
-   (samples - 1, 2 * substeps + 1, 2 N); velocity: (samples, N); state of a sample: 0 moves, 1 at
-   rest, 2 in a long rest. cuts has a flag for each sample. Returns the largest relative change of
-   the transported vector's norm over one interval, which would be zero without errors. */
-double segment_motion(long samples, const double *time, const double *curve, long substeps,
+   curve: positions and velocities (2 N) at the samples and, from each to the next, at 2 * substeps - 1
+   instants between them at equal distances; velocity: (samples, N); state of a sample: 0 moves, 1 at
+   rest, 2 in a long rest. cuts has a flag for each sample. `change` is the largest relative change
+   of the transported vector's norm over one interval, which would be zero without errors. */
+void segment_motion(long samples, const double *time, const double *curve, long substeps,
                       const double *velocity, const unsigned char *state, double threshold,
-                      unsigned char *cuts) {
-  double work[WORK_SIZE], tensor[N * N], w[N], norm = 0, largest = 0;
-  long k, part, row = (2 * substeps + 1) * 2 * N;
+                    unsigned char *cuts, double *change) {
+  double work[WORK_SIZE], tensor[N * N], w[N], norm = 0;
+  long k, part, row = 2 * substeps * 2 * N;
   int i, has_vector = 0;
+  *change = 0;
   cuts[0] = cuts[samples - 1] = 1;
   for (k = 0; k < samples; k++) {
     const double *v = velocity + k * N;
@@ -52,15 +53,15 @@ double segment_motion(long samples, const double *time, const double *curve, lon
       has_vector = 0;
       continue;
     }
-    tensor_at(k < samples - 1 ? curve + k * row : curve + k * row - 2 * N, tensor);
+    tensor_at(curve + k * row, tensor);
     if (k > 0 && state[k - 1] == 2) cuts[k] = 1;
     else if (has_vector) {
-      double h = (time[k] - time[k - 1]) / substeps, change, now;
+      double h = (time[k] - time[k - 1]) / substeps, relative, now;
       for (part = 0; part < substeps; part++)
         transport_step(h, curve + (k - 1) * row + part * 4 * N, w, work);
       now = sqrt(product(tensor, w, w));
-      change = fabs(now - norm) / norm;
-      if (!(change <= largest)) largest = change;
+      relative = fabs(now - norm) / norm;
+      if (!(relative <= *change)) *change = relative;
       norm = now;
     }
     if (state[k] == 1) continue;
@@ -82,5 +83,4 @@ double segment_motion(long samples, const double *time, const double *curve, lon
       has_vector = 1;
     }
   }
-  return largest;
 }
