@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from shaded_times import is_shaded
 from short_reprs import check_reprs
 
 import geodesic_ocp as go
@@ -340,7 +341,10 @@ def test_tables_and_figure_show_both_methods(found: go.Retargeting) -> None:
     labels = [panel.get_ylabel() for panel in panels]
     assert [label.partition(" ")[0] for label in labels[:2]] == ["hand", "hand"]
     assert all(label.endswith("[rad]") for label in labels[2:5])
-    assert len(panels[0].patches) == len(arm.groups)
+    edges = [(group.start, group.stop) for group in arm.groups]
+    middles = arm.trajectory.time[np.array(edges)].mean(axis=1)
+    shaded = is_shaded(panels[0], middles - arm.trajectory.time[0])
+    assert shaded.tolist() == [k % 2 == 0 for k in range(len(edges))]
     (legend,) = part.legends
     assert [text.get_text() for text in legend.get_texts()] == [
         "person's hand, mapped",

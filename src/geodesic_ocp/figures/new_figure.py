@@ -1,7 +1,8 @@
-"""New figures, which belong to no window."""
+"""Figures that belong to no window: new ones, and their files."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -14,3 +15,10 @@ def new_figure(width: float, height: float) -> Figure:
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained")
+
+
+def save_figure(figure: Figure, folder: Path) -> None:
+    """Write figure.png and figure.pdf to the folder; the figure's layout is final then."""
+    figure.savefig(folder / "figure.png", dpi=150)
+    figure.set_layout_engine("none")  # finding the layout takes as long as drawing
+    figure.savefig(folder / "figure.pdf")

@@ -18,13 +18,17 @@ Names = tuple[str, str]
 NAMES: Names = ("observed", "predicted")
 _TICKS: dict[str, Any] = {"color": "#1b3a5c", "markersize": 9, "clip_on": False}
 _LONG = 12  # letters of an axis label beside a panel
-_SHADES = ("#dfe6ee", "#ffffff")
+_SHADE = "#dfe6ee"
 
 
 def shade_segments(axes: Axes, time: Array, segments: Sequence[tuple[int, int]]) -> None:
-    """Shade the time spans [s] of the segments alternately."""
-    for index, (start, stop) in enumerate(segments):
-        axes.axvspan(time[start], time[stop], color=_SHADES[index % 2], linewidth=0, zorder=0)
+    """Shade the time spans [s] of every other segment."""
+    edges = time[[*(start for start, _ in segments), segments[-1][1]]]
+    # One area is drawn faster than a span for each segment.
+    height = np.arange(edges.size) % 2 == 0
+    where = axes.get_xaxis_transform()
+    style: dict[str, Any] = {"color": _SHADE, "linewidth": 0, "zorder": 0}
+    axes.fill_between(edges, 0.0, height, step="post", transform=where, **style)
     axes.set_xlim(time[0], time[-1])
 
 

@@ -8,7 +8,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from geodesic_ocp.figures import overview
-from geodesic_ocp.figures.new_figure import new_figure
+from geodesic_ocp.figures.new_figure import new_figure, save_figure
 from geodesic_ocp.records import write_together
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.settings import RetargetingSettings
@@ -205,9 +205,7 @@ class Retargeting:
             (made / f"{name}.md").write_text(table.markdown(), encoding="utf-8")
         (made / "trajectory.csv").write_text(self.trajectory.csv(), encoding="utf-8")
         (made / "trajectory.json").write_text(self.trajectory.json(), encoding="utf-8")
-        figure = self.plot()
-        figure.savefig(made / "figure.png", dpi=150)
-        figure.savefig(made / "figure.pdf")
+        save_figure(self.plot(), made)
         for number, arm in enumerate(self.arms):
             name = "synergies.json" if len(self.arms) == 1 else f"synergies_{number}.json"
             save_synergies(made / name, arm.synergies, arm.robot.joint_names)

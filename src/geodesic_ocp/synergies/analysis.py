@@ -8,7 +8,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from geodesic_ocp.figures import overview
-from geodesic_ocp.figures.new_figure import new_figure
+from geodesic_ocp.figures.new_figure import new_figure, save_figure
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.records import write_together
 from geodesic_ocp.synergies.evaluate import MotionErrors
@@ -115,9 +115,8 @@ class Analysis:
         return write_together(folder, self._write)
 
     def _write(self, folder: FilePath) -> None:
-        table, figure = self.table(), self.plot()
+        table = self.table()
         (folder / "table.csv").write_text(table.csv(), encoding="utf-8")
         (folder / "table.md").write_text(table.markdown(), encoding="utf-8")
-        figure.savefig(folder / "figure.png", dpi=150)
-        figure.savefig(folder / "figure.pdf")
+        save_figure(self.plot(), folder)
         save_synergies(folder / "synergies.json", self.synergies, self.motion.joint_names)
