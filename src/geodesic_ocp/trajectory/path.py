@@ -64,13 +64,22 @@ class Path:
             raise ValueError(f"order must not be negative, got {order}")
         if not np.all((times >= -1e-9) & (times <= 1.0 + 1e-9)):
             raise ValueError(f"s must lie in [0, 1], got {s!r}")
-        values = self.grid.in_segments(self.nodes)
-        for _ in range(order):
-            # The derivative of a constant is exactly zero, and short paths lose no digits.
-            values = values - values[:, :1]
-            values = self.grid.differentiation @ values
+        values = self._derivatives_at_nodes(order)[order]
         result = self.grid.interpolate(values, np.clip(np.atleast_1d(times), 0.0, 1.0))
         return result[0] if times.ndim == 0 else result
+
+    def derivatives(self, s: Array, order: int) -> list[Array]:
+        """q(s) and its derivatives by s up to the given order, (k, n) each, at s (k,) in [0, 1]."""
+        values = np.concatenate(self._derivatives_at_nodes(order), axis=2)
+        return np.split(self.grid.interpolate(values, s), order + 1, axis=1)
+
+    def _derivatives_at_nodes(self, order: int) -> list[Array]:
+        """By segment, (segments, degree + 1, n) each."""
+        values = [self.grid.in_segments(self.nodes)]
+        for _ in range(order):
+            # The derivative of a constant is exactly zero, and short paths lose no digits.
+            values.append(self.grid.differentiation @ (values[-1] - values[-1][:, :1]))
+        return values
 
     @property
     def breakpoints(self) -> Array:

@@ -54,7 +54,7 @@ def states_at(path: Path, law: TimeLaw, t: Array, order: int = 2) -> tuple[Array
         q = np.tile(path.nodes[0], (t.size, 1))
         return (q, np.zeros_like(q), np.zeros_like(q))[: order + 1]
     s = path.at_length(np.clip(law(t), 0.0, path.length))
-    curve = [path(s, each) for each in range(order + 1)]
+    curve = path.derivatives(s, order)
     if order == 0:
         return tuple(curve)
     if order == 1:
