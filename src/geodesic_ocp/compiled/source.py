@@ -12,7 +12,17 @@ from numpy.typing import ArrayLike
 from scipy.integrate import DOP853
 
 # In the order in which they use each other.
-_CORE = ("dop853", "dense", "energy", "newton", "logarithm", "log_map", "transport", "segmentation")
+_CORE = (
+    "dop853",
+    "dense",
+    "energy",
+    "newton",
+    "logarithm",
+    "log_map",
+    "tensor",
+    "transport",
+    "segmentation",
+)
 
 
 @lru_cache(maxsize=1)

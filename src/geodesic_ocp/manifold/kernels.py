@@ -123,6 +123,13 @@ class Kernels:
         self._call("tensor_at", _pointer(q), _pointer(tensor))
         return tensor
 
+    def speeds(self, q: Array, velocity: Array) -> Array:
+        """Speeds (k,) of velocities (k, n) at positions (k, n)."""
+        result = np.empty(len(q))
+        rows = (np.ascontiguousarray(each, dtype=float) for each in (q, velocity))
+        self._call("speeds_at", c_long(len(q)), *map(_pointer, rows), _pointer(result))
+        return result
+
     def transport(
         self, sizes: Array, curve: Array, vector: Array, tolerance: float
     ) -> tuple[Array, Array]:

@@ -1,23 +1,5 @@
 /* Segmentation of a sampled motion: the same rule as in synergies/segment.py. */
 
-/* The metric tensor (N, N) at q. */
-void tensor_at(const double *q, double *tensor) {
-  double work[WORK_SIZE];
-  const double *arguments[1];
-  double *results[1];
-  arguments[0] = q;
-  results[0] = tensor;
-  metric_tensor(arguments, results, 0, work, 0);
-}
-
-static double product(const double *tensor, const double *u, const double *v) {
-  double sum = 0;
-  int i, j;
-  for (j = 0; j < N; j++)
-    for (i = 0; i < N; i++) sum += u[i] * tensor[i + N * j] * v[j];
-  return sum;
-}
-
 /* One step of the classical method of order 4, from curve points p[0] to p[2] over h. */
 static void transport_step(double h, const double *p, double *w, double *work) {
   double k1[N], k2[N], k3[N], k4[N], at[N];
