@@ -41,7 +41,7 @@ def check_derivatives(
     """Gradient and Hessian assembled from those of one node, against CasADi's of the whole NLP."""
     x = ca.MX.sym("x", transcription.dim * transcription.grid.size)
     factors = rng.normal(size=transcription.constraints.size1_out(0))
-    f, gradient = transcription.objective(x, p)
+    f, (_, gradient) = transcription.value(x, p), transcription.objective(x, p)
     lagrangian = 1.7 * f + ca.dot(factors, transcription.constraints(x, p))
     whole = ca.Function("whole", [x], [ca.hessian(lagrangian, x)[0], ca.gradient(f, x), gradient])
     nodes = rng.normal(size=x.shape[0])

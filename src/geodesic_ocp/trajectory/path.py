@@ -87,19 +87,18 @@ class Path:
         return self.grid.breakpoints
 
     @cached_property
-    def speeds_at_nodes(self) -> Array:
-        """Speeds |q'|_G (grid.collocations,) at the nodes of all segments."""
-        grid, n = self.grid, self.metric.dim
-        positions = grid.in_segments(self.nodes)
-        slopes = grid.differentiation @ (positions - positions[:, :1])
-        function = self.metric.speed.map(grid.collocations)
-        speeds = evaluate(function, positions.reshape(-1, n).T, slopes.reshape(-1, n).T)
-        return np.asarray(speeds.ravel())
+    def speeds_at_quadrature_points(self) -> Array:
+        """Speeds |q'|_G (segments, m) at the points of `Grid.quadrature`."""
+        quadrature, n = self.grid.quadrature, self.metric.dim
+        nodes = self.grid.in_segments(self.nodes)
+        positions = (quadrature.values @ nodes).reshape(-1, n)
+        slopes = (quadrature.slopes @ (nodes - nodes[:, :1])).reshape(-1, n)
+        return speeds_at(self.metric, positions, slopes).reshape(quadrature.weights.shape)
 
     @property
-    def energy_at_nodes(self) -> float:
+    def discrete_energy(self) -> float:
         """Energy by the quadrature of the grid, which is what a solver minimises."""
-        return float(self.grid.weights.ravel() @ self.speeds_at_nodes**2) / 2.0
+        return float(np.sum(self.grid.quadrature.weights * self.speeds_at_quadrature_points**2)) / 2
 
     def _speeds_on(self, fine: Grid) -> Array:
         """Speeds |q'|_G (segments, degree + 1) at the nodes of a refinement of the path's grid.
@@ -210,6 +209,8 @@ def speeds_at(metric: Metric, q: Array, velocity: Array) -> Array:
     if metric.has_constant_tensor:
         squares = np.sum(velocity @ metric.matrix(q[0]) * velocity, axis=1)
         return np.asarray(np.sqrt(squares))
+    if metric.kernels.available(at_once=False):
+        return metric.kernels.speeds(q, velocity)
     result: Array = evaluate(metric.speed.map(len(q)), q.T, velocity.T)[0]
     return result
 

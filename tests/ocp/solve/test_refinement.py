@@ -64,7 +64,8 @@ class Limited(go.Problem):
 
 @pytest.mark.slow
 def test_joint_limits_hold_between_the_nodes(arm: go.Model) -> None:
-    coarse = go.solve(Limited(arm))
+    with pytest.warns(RuntimeWarning, match="between them joint .* limit .* rad by"):
+        coarse = go.solve(Limited(arm), grid=go.Grid(16, 4))
     assert coarse.stats.max_path_violation > 1e-4
     solution = go.solve(Limited(arm), tolerance=1e-6, guess=coarse)
     q = solution.path(np.linspace(0.0, 1.0, 5001))
@@ -143,3 +144,36 @@ def test_narrow_violations_between_nodes_are_found() -> None:
     path = go.solve(go.Reach(arm, start, arm.hand_pose(end)[1]), tolerance=1e-6).path
     q = path(np.linspace(0.0, 1.0, 20_001))
     assert np.max([arm.lower - q, q - arm.upper]) <= 1.05e-6
+
+
+def test_speed_limit_holds_between_the_nodes_by_default() -> None:
+    """On 16 segments the speed would exceed its limit between the nodes by more than 1e-3."""
+    problem = go.PointToPoint(Sphere(), (0.25, 0.0), (0.25, 2.7), speed=2.9)
+    solution = go.solve(problem)
+    assert 0.0 < solution.stats.max_path_violation <= 1e-4
+    assert np.abs(solution.path(np.linspace(0.0, 1.0, 5001), 1)).max() <= 2.9 + 1.1e-4
+    first, *_, last = solution.stats.mesh_history
+    assert first.segments == 16
+    assert first.max_path_violation > 1e-3
+    assert last.segments == solution.path.grid.segments > 16
+    assert solution.stats.total_iterations > solution.stats.iterations
+
+
+def test_own_grid_is_kept_and_violations_between_its_nodes_are_warned_of() -> None:
+    problem = go.PointToPoint(Sphere(), (0.25, 0.0), (0.25, 2.7), speed=2.9)
+    message = (
+        r"PointToPoint meets its conditions at the nodes, but between them .* exceeds 2.9 by 0\.\d+"
+        r" at s = 0\.\d\d \(condition 'speed'\); leave grid out, or set tolerance"
+    )
+    with pytest.warns(RuntimeWarning, match=message) as caught:
+        solution = go.solve(problem, grid=go.Grid(6, 4))
+    assert solution.path.grid == go.Grid(6, 4)
+    assert solution.stats.mesh_history == ()
+    assert solution.stats.max_path_violation > 1e-4
+    assert [each.filename for each in caught] == [__file__]
+
+
+def test_limits_that_hold_need_no_finer_grid_and_no_warning() -> None:
+    problem = go.PointToPoint(Sphere(), (1.0, 0.0), (1.0, 0.3), speed=2.9)
+    for grid in (None, go.Grid(8, 4)):
+        assert go.solve(problem, grid=grid).stats.mesh_history == ()

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.ocp.nlp.compiled_energy import build_functions
 from geodesic_ocp.ocp.nlp.conditions import Conditions
 from geodesic_ocp.ocp.nlp.node_functions import NodeFunctions
-from geodesic_ocp.ocp.nlp.transcription import Transcription, transcribe
+from geodesic_ocp.ocp.nlp.transcription import Transcription, transcribe, transcribe_shape
 from geodesic_ocp.trajectory.grid import Grid
 
 
@@ -63,7 +64,7 @@ class ProblemDefinition:
 
 
 # Differentiating takes longest, and the derivatives are the same on every grid.
-_unshared_functions = lru_cache(maxsize=4)(NodeFunctions.build)
+_unshared_functions = lru_cache(maxsize=4)(build_functions)
 
 
 def _unshared(structure: Structure, grid: Grid) -> Transcription:
@@ -72,9 +73,17 @@ def _unshared(structure: Structure, grid: Grid) -> Transcription:
 
 @lru_cache(maxsize=32)
 def _shared_functions(structure: Structure) -> NodeFunctions:
-    return NodeFunctions.build(structure.metric, structure.conditions)
+    return build_functions(structure.metric, structure.conditions)
 
 
 @lru_cache(maxsize=32)
 def _shared(structure: Structure, grid: Grid) -> Transcription:
+    if grid.ends is not None:
+        return shared_shape(structure, replace(grid, ends=None)).on(grid)
     return transcribe(_shared_functions(structure), grid)
+
+
+@lru_cache(maxsize=32)
+def shared_shape(structure: Structure, grid: Grid) -> Transcription:
+    """The NLP with the widths of the segments at the end of p, for all grids of this shape."""
+    return transcribe_shape(_shared_functions(structure), grid)

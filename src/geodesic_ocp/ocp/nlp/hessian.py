@@ -1,74 +1,108 @@
-"""Hessians of the NLP, assembled from those of single nodes."""
+"""Hessians of the NLP, assembled from those at single points of its segments."""
 
 from __future__ import annotations
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
+from geodesic_ocp.arrays import Array
 from geodesic_ocp.trajectory.grid import Grid
 
-
-def segment_matrices(grid: Grid) -> tuple[ca.DM, ca.DM]:
-    """E and D, sparse (collocations, nodes): values and slopes at each segment's own nodes."""
-    width = grid.degree + 1
-    select, differentiate = (ca.DM(grid.collocations, grid.size) for _ in range(2))
-    for segment in range(grid.segments):
-        rows = slice(segment * width, (segment + 1) * width)
-        columns = slice(segment * grid.degree, segment * grid.degree + width)
-        select[rows, columns] = ca.DM.eye(width)
-        differentiate[rows, columns] = ca.DM(grid.differentiation[segment])
-    return select, differentiate
+_SPARSE = 0.5  # matrices with a smaller fraction of entries other than zero are stored as sparse
+# CasADi's own product of dense matrices is several times slower.
+_BLAS = ("classic",) if getattr(ca, "has_blas", lambda _: False)("classic") else ()
 
 
-def assemble(blocks: ca.MX, grid: Grid, n: int) -> ca.MX:
-    """Upper triangle of sum_k [E_k; D_k]' H_k [E_k; D_k] from vec(H_k), (4 n^2, collocations)."""
-    width = grid.degree + 1
-    slope = grid.differentiation[0]
+def segment_matrices(grid: Grid, values: Array, slopes: Array) -> tuple[ca.DM, ca.DM]:
+    """E and D, sparse (segments * m, nodes): values and slopes at m points of each segment.
+
+    Args:
+        grid: of the nodes.
+        values: (m, degree + 1), from the values at a segment's nodes to those at its points.
+        slopes: (segments, m, degree + 1), to the derivatives by s at its points.
+    """
+    segments, m, width = slopes.shape
+    row, column = np.indices((segments * m, width))
+    column += grid.degree * (row // m)
+    size = (segments * m, grid.size)
+    every = np.tile(values, (segments, 1)), slopes.reshape(-1, width)
+    value, slope = (_sparse(row, column, entries, size) for entries in every)
+    return value, slope
+
+
+def assemble(blocks: ca.MX, grid: Grid, values: Array, slopes: Array, n: int) -> ca.MX:
+    """Upper triangle of sum_k [E_k; D_k]' H_k [E_k; D_k] from vec(H_k), (4 n^2, segments * m).
+
+    With H_k = [Q C'; C V], the block of nodes a and b is the sum over k of
+
+        e_a e_b Q + (d_a e_b + e_a d_b) (C + C')/2 + d_a d_b V + (d_a e_b - e_a d_b) (C - C')/2.
+
+    Three terms are symmetric and one is antisymmetric, so that half of their entries suffice.
+    Values and slopes are those of `segment_matrices`, of whose rows e and d are entries.
+    """
+    segments, m, width = slopes.shape
     first, second = np.triu_indices(width)  # the pairs (a, b) of a segment's nodes with a <= b
-    nodes = np.arange(width)[:, None]
-    at_first, at_second = (nodes == first).astype(float), (nodes == second).astype(float)
-    along_first, along_second = slope[:, first], slope[:, second]
-    products = [
-        at_first * at_second,  # q q
-        along_first * at_second,  # v q
-        at_first * along_second,  # q v
-        along_first * along_second,  # v v
-    ]
-    # Rows of vec(H_k) by the four quarters of H_k, in the order of the products.
-    entry_of = np.arange(4 * n * n).reshape(2 * n, 2 * n, order="F")
-    quarters = [entry_of[:n, :n], entry_of[n:, :n], entry_of[:n, n:], entry_of[n:, n:]]
-
-    # Entry (a, i), (b, j) of the segment's matrix lies in row (i, j), column (a, b) of the sum.
-    row = (n * first)[None, None, :] + np.arange(n)[:, None, None]
-    column = (n * second)[None, None, :] + np.arange(n)[None, :, None]
-    row, column = np.broadcast_arrays(row, column)
-    entry = np.arange(n * n)[:, None] + n * n * np.arange(first.size)
-    entry = entry.reshape(n, n, first.size, order="F")
-    upper = row <= column
-    total = ca.MX(n * grid.size, n * grid.size)
-    for segment in range(grid.segments):
-        here = blocks[:, segment * width : (segment + 1) * width]
-        steeper = grid.widths[0] / grid.widths[segment]  # slopes than in the first segment
-        powers = (1.0, steeper, steeper, steeper**2)
-        sums = sum(
-            here[quarter.ravel(order="F").tolist(), :] @ ca.sparsify(ca.DM(power * product))
-            for quarter, product, power in zip(quarters, products, powers, strict=True)
-        )
-        shift = segment * grid.degree * n
-        sparsity, mapping = _triplets(
-            row[upper] + shift, column[upper] + shift, n * grid.size, entry[upper]
-        )
-        total += ca.MX(sparsity, ca.vec(ca.densify(sums))[mapping])
-    return total
+    half = n * (n + 1) // 2
+    split, join = _halves(n)
+    parts = split @ blocks
+    sums = []
+    for segment in range(segments):
+        here = parts[:, segment * m : (segment + 1) * m]
+        symmetric = ca.horzcat(*(here[k * half : (k + 1) * half, :] for k in range(3)))
+        e, d = values, slopes[segment]
+        de, ed = d[:, first] * e[:, second], e[:, first] * d[:, second]
+        products = np.vstack([e[:, first] * e[:, second], de + ed, d[:, first] * d[:, second]])
+        both = _product(symmetric, products), _product(here[3 * half :, :], de - ed)
+        sums.append(ca.vec(join @ ca.vertcat(*both)))
+    # Segments share nodes with their neighbours alone.
+    odd = ca.vertcat(ca.MX(0, 1), *sums[1::2])
+    return _placed(ca.vertcat(*sums[::2]), grid, n, 0) + _placed(odd, grid, n, 1)
 
 
-def _triplets(
-    rows: np.ndarray, columns: np.ndarray, size: int, entries: np.ndarray
-) -> tuple[ca.Sparsity, list[int]]:
-    """Sparsity of these entries, and their indices in its order (columns first)."""
-    order = np.lexsort((rows, columns))
-    sparsity = ca.Sparsity.triplet(size, size, rows[order].tolist(), columns[order].tolist())
-    return sparsity, entries[order].tolist()
+def _product(matrix: ca.MX, factors: Array) -> ca.MX:
+    few = np.count_nonzero(factors) < _SPARSE * factors.size
+    return ca.densify(ca.mtimes(matrix, ca.sparsify(ca.DM(factors)) if few else factors, *_BLAS))
+
+
+def _halves(n: int) -> tuple[ca.DM, ca.DM]:
+    """From vec(H_k) to half of the entries of Q, (C + C')/2, V and (C - C')/2, and back.
+
+    The second matrix joins the halves of a symmetric and an antisymmetric matrix to their sum, in
+    the order of columns.
+    """
+    entry = np.arange(4 * n * n).reshape(2 * n, 2 * n, order="F")
+    upper, strict = np.triu_indices(n), np.triu_indices(n, 1)
+    position, velocity, mixed = entry[:n, :n], entry[n:, n:], entry[n:, :n]
+    unit = np.eye(4 * n * n)
+    split = [unit[each[upper]] + unit[each.T[upper]] for each in (position, mixed, velocity)]
+    split.append(unit[mixed[strict]] - unit[mixed.T[strict]])
+    entry, unit = np.arange(n * n).reshape(n, n, order="F"), np.eye(n * n)
+    join = [np.maximum(unit[entry[upper]], unit[entry.T[upper]])]
+    join.append(unit[entry[strict]] - unit[entry.T[strict]])
+    return ca.sparsify(ca.DM(np.vstack(split) / 2.0)), ca.sparsify(ca.DM(np.vstack(join).T))
+
+
+def _placed(blocks: ca.MX, grid: Grid, n: int, start: int) -> ca.MX:
+    """Upper triangle from the blocks, by columns, of every second segment's pairs of nodes."""
+    first, second = np.triu_indices(grid.degree + 1)
+    shift = grid.degree * np.arange(start, grid.segments, 2)[:, None]
+    row = n * (shift + first)[:, :, None, None] + np.arange(n)
+    column = n * (shift + second)[:, :, None, None] + np.arange(n)[:, None]
+    row, column = (each.ravel() for each in np.broadcast_arrays(row, column))
+    entry = np.flatnonzero(row <= column)
+    entry = entry[np.lexsort((row[entry], column[entry]))]  # CasADi's order, columns first
+    size = (n * grid.size, n * grid.size)
+    pattern = ca.Sparsity.triplet(*size, row[entry].tolist(), column[entry].tolist())
+    return ca.MX(pattern, blocks[entry.tolist()])
+
+
+def _sparse(
+    row: NDArray[np.int64], column: NDArray[np.int64], entries: Array, size: tuple[int, int]
+) -> ca.DM:
+    """The matrix with these entries at (row, column), without its zeros."""
+    kept = entries != 0.0
+    return ca.DM.triplet(row[kept].tolist(), column[kept].tolist(), entries[kept], *size)
 
 
 def on_diagonal(blocks: ca.MX, grid: Grid, n: int) -> ca.MX:

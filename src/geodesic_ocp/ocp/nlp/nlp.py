@@ -74,26 +74,28 @@ class NLP:
         """
         x = ca.MX.sym("x", self.transcription.dim * self.grid.size)
         p = ca.MX.sym("p", self.transcription.size_p)
-        f, _ = self.transcription.objective(x, p)
+        f = self.transcription.value(x, p)
         return {"x": x, "p": p, "f": f, "g": self.transcription.constraints(x, p)}
 
     def not_finite(self) -> list[str]:
         """Names of the expressions that are not finite or not differentiable on the guess."""
         c, grid, metric = self.conditions, self.grid, self.definition.metric
         path = Path(metric, grid, self.nodes)
-        q, v = path.nodes.T, path(grid.nodes, 1).T
+        points = grid.in_segments(grid.nodes) @ grid.quadrature.values.T
+        s = np.sort(np.concatenate([grid.nodes, points.ravel()]))
+        q, v = path(s).T, path(s, 1).T
         expressions = {"the metric": metric.inner(c.q, c.v, c.v), "the cost": c.cost}
         expressions |= {repr(each.name): each.expression for each in (*c.along_q, *c.along_qv)}
         names = []
         for name, expression in expressions.items():
             outputs = [expression, ca.jacobian(expression, ca.vertcat(c.q, c.v))]
-            function = ca.Function("expression", [c.q, c.v, c.p], outputs).map(grid.size)
-            repeated = np.tile(c.p_values[:, None], grid.size)
+            function = ca.Function("expression", [c.q, c.v, c.p], outputs).map(s.size)
+            repeated = np.tile(c.p_values[:, None], s.size)
             finite = [np.isfinite(values) for values in evaluate(function, q, v, repeated)]
-            by_node = [each.all(axis=0).reshape(grid.size, -1).all(axis=1) for each in finite]
+            by_node = [each.all(axis=0).reshape(s.size, -1).all(axis=1) for each in finite]
             bad = ~np.all(by_node, axis=0)
             if np.any(bad):
-                names.append(f"{name} at s = {grid.nodes[int(np.argmax(bad))]:.2f}")
+                names.append(f"{name} at s = {s[int(np.argmax(bad))]:.2f}")
         return names
 
     def path(self, x: Array) -> Path:

@@ -21,7 +21,7 @@ class NodeFunctions:
         num_parameters: number of the problem's parameters.
         num_continuous_via: number of via points at which the velocity is continuous.
         at_ends, at_nodes, at_via, in_segments: the conditions.
-        lagrangian: energy and cost, followed by the path constraints in q and v.
+        lagrangian: integrand of energy and cost.
     """
 
     dim: int
@@ -39,7 +39,7 @@ class NodeFunctions:
         c = conditions
         p, q, state = c.p, c.q, ca.vertcat(c.q, c.v)
         ends = ca.vertcat(c.q0, c.q1, c.v0, c.v1)
-        density = metric.inner(q, c.v, c.v) / 2 + c.cost
+        density = metric.energy_density(q, c.v) + c.cost
         return cls(
             dim=metric.dim,
             num_parameters=p.shape[0],
@@ -48,7 +48,7 @@ class NodeFunctions:
             at_nodes=NodeFunction("node", q, p, c.along_q),
             at_via=tuple(NodeFunction("via", q, p, at_one) for at_one in c.via),
             in_segments=NodeFunction("state", state, p, c.along_qv),
-            lagrangian=NodeFunction("energy", state, p, c.along_qv, density),
+            lagrangian=NodeFunction("energy", state, p, (), density),
         )
 
 

@@ -1,17 +1,18 @@
 """Transcription: a problem on a grid as a nonlinear program.
 
 Variables are the positions at the grid's nodes; velocities at the nodes follow from the
-differentiation matrix, the energy from Gauss-Lobatto quadrature on the same nodes (a high-order
-variational integrator: Marsden and West, Acta Numerica 2001; Ober-Bloebaum, Junge, Marsden, ESAIM
-COCV 2011). Gradient and Hessian of the Lagrangian are assembled from those of one node, which
-CasADi differentiates once: with E the selection of a segment's nodes and D its differentiation,
+differentiation matrix. Path constraints hold at the nodes; energy and cost are integrated by
+`Grid.quadrature`, more accurately than the nodes would allow (a high-order variational integrator:
+Marsden and West, Acta Numerica 2001; Ober-Bloebaum, Junge, Marsden, ESAIM COCV 2011). Gradient and
+Hessian of the Lagrangian are assembled from those at one point, which CasADi differentiates once:
+with E and D from the nodes to values and slopes at the points,
 
     H = sum_k w_k [E_k; D_k]' (d^2 l / d(q, v)^2)_k [E_k; D_k].
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
@@ -20,6 +21,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array, evaluate
 from geodesic_ocp.ocp.nlp.hessian import assemble, on_diagonal, on_ends, on_node, segment_matrices
 from geodesic_ocp.ocp.nlp.node_functions import NodeFunctions
+from geodesic_ocp.ocp.nlp.widths import Widths
 from geodesic_ocp.trajectory.grid import Grid
 
 
@@ -63,6 +65,7 @@ class Transcription:
         dim: number n of coordinates.
         size_p: number n + 2 + k of parameters.
         size_ends: number of constraints at the ends, the first of all.
+        value: (x, p) -> f, which CasADi can differentiate.
         objective: (x, p) -> (f, gradient); f is the energy and the cost in the unit of energy.
         constraints: (x, p) -> g: at the ends; at one via point after the other, then the jumps of
             the velocity there; in q at one node after the other; in q and v at one node after the
@@ -74,6 +77,7 @@ class Transcription:
     dim: int
     size_p: int
     size_ends: int
+    value: ca.Function
     objective: ca.Function
     constraints: ca.Function
     hessian: ca.Function
@@ -86,12 +90,24 @@ class Transcription:
         """Energy and cost of the path through nodes (size, n)."""
         units = Units(nodes[0], 1.0, 1.0)
         p = units.with_values(np.array(values))
-        return float(self.objective(units.scaled(nodes).ravel(), p)[0])
+        return float(self.value(units.scaled(nodes).ravel(), p))
 
     def full_hessian(self, x: Array, p: Array, lam_g: Array) -> Array:
         """Symmetric Hessian of the Lagrangian with lam_f = 1, as a matrix."""
         upper = evaluate(self.hessian, x, p, 1.0, lam_g)
         return np.asarray(np.triu(upper) + np.triu(upper, 1).T)
+
+    def on(self, grid: Grid) -> Transcription:
+        """With the segments' widths in a grid, in place of those at the end of p."""
+        given = ca.MX.sym("p", self.size_p - grid.segments)
+        values = ca.vertcat(given, grid.widths)
+        bound = []
+        for function in (self.value, self.objective, self.constraints, self.hessian):
+            x, _, *more = function.mx_in()
+            outputs = function.call([x, values, *more])
+            names = function.name_in(), function.name_out()
+            bound.append(ca.Function(function.name(), [x, given, *more], outputs, *names))
+        return Transcription(grid, self.dim, given.shape[0], self.size_ends, *bound)
 
     @cached_property
     def momentum(self) -> ca.Function:
@@ -114,23 +130,45 @@ class Transcription:
 
 def transcribe(functions: NodeFunctions, grid: Grid) -> Transcription:
     """The NLP of these functions on the grid."""
+    if grid.ends is None:
+        return _transcription(functions, grid, with_widths=False)
+    return transcribe_shape(functions, grid).on(grid)
+
+
+def transcribe_shape(functions: NodeFunctions, grid: Grid) -> Transcription:
+    """The NLP on all grids that differ in the widths of their segments, the last entries of p."""
+    return _transcription(functions, replace(grid, ends=None), with_widths=True)
+
+
+def _transcription(functions: NodeFunctions, grid: Grid, with_widths: bool) -> Transcription:
     n, at_ends, at_nodes = functions.dim, functions.at_ends, functions.at_nodes
     at_via, in_segments = functions.at_via, functions.in_segments
     lagrangian = functions.lagrangian
-    x, p = ca.MX.sym("x", n * grid.size), ca.MX.sym("p", n + 2 + functions.num_parameters)
-    scale, length, origin, values = p[0], p[1], p[2 : n + 2], p[n + 2 :]
+    size_p = n + 2 + functions.num_parameters
+    x = ca.MX.sym("x", n * grid.size)
+    p = ca.MX.sym("p", size_p + with_widths * grid.segments)
+    scale, length, origin, values = p[0], p[1], p[2 : n + 2], p[n + 2 : size_p]
+    widths = Widths(grid, p[size_p:] if with_widths else None)
     scaled = ca.reshape(x, n, grid.size)
     positions = ca.repmat(origin, 1, grid.size) + length * scaled
-    select, differentiate = segment_matrices(grid)
-    slopes = length * (scaled @ differentiate.T)
+    at_own_nodes = np.eye(grid.degree + 1), grid.differentiation
+    select, differentiate = segment_matrices(grid, *at_own_nodes)
+    slopes = widths.scale_rows(length * (scaled @ differentiate.T))
     states = ca.vertcat(positions @ select.T, slopes)
     ends = ca.vertcat(positions[:, 0], positions[:, -1], slopes[:, 0], slopes[:, -1])
-    weights = ca.DM(grid.weights.ravel()).T
 
-    density, slope = lagrangian.first(states, values)
+    at_points = grid.quadrature.values, grid.quadrature.slopes
+    interpolate, derive = segment_matrices(grid, *at_points)
+    integrand = ca.vertcat(
+        positions @ interpolate.T, widths.scale_rows(length * (scaled @ derive.T))
+    )
+    weights = widths.scale_weights(ca.DM(grid.quadrature.weights.ravel()).T)
+    density, slope = lagrangian.first(integrand, values)
     f = ca.dot(weights, density) / scale
+    value = ca.dot(weights, lagrangian.value(integrand, values)) / scale
     slope = slope * ca.repmat(weights, 2 * n, 1)
-    gradient = ca.vec(slope[:n, :] @ select + slope[n:, :] @ differentiate) * (length / scale)
+    by_slope = widths.scale_rows(slope[n:, :]) @ derive
+    gradient = ca.vec(slope[:n, :] @ interpolate + by_slope) * (length / scale)
     g = ca.vertcat(
         at_ends.value(ends, values),
         *(
@@ -148,12 +186,16 @@ def transcribe(functions: NodeFunctions, grid: Grid) -> Transcription:
     second = first + at_nodes.size * grid.size
     lam_nodes = ca.reshape(lam_g[first:second], at_nodes.size, grid.size)
     lam_moving = ca.reshape(lam_g[second:], in_segments.size, grid.collocations)
-    factors = ca.vertcat(weights * lam_f / scale, lam_moving)
-    hessian = assemble(lagrangian.second(states, values, factors), grid, n)
+    second_derivatives = lagrangian.second(integrand, values, weights * lam_f / scale)
+    hessian = assemble(widths.scale_hessians(second_derivatives), grid, *at_points, n)
+    if in_segments.size:
+        second_derivatives = in_segments.second(states, values, lam_moving)
+        hessian += assemble(widths.scale_hessians(second_derivatives), grid, *at_own_nodes, n)
     if at_nodes.size:
         hessian += on_diagonal(at_nodes.second(positions, values, lam_nodes), grid, n)
     if at_ends.size:
-        hessian += on_ends(at_ends.second(ends, values, lam_g[: at_ends.size]), grid, n)
+        second_derivatives = at_ends.second(ends, values, lam_g[: at_ends.size])
+        hessian += on_ends(widths.scale_at_ends(second_derivatives), grid, n)
     for number, (function, node) in enumerate(zip(at_via, grid.via_nodes, strict=True)):
         factors = lam_g[of_via[number] : of_via[number + 1]]
         second_derivatives = function.second(positions[:, node], values, factors)
@@ -164,6 +206,7 @@ def transcribe(functions: NodeFunctions, grid: Grid) -> Transcription:
         n,
         p.shape[0],
         at_ends.size,
+        ca.Function("nlp_f", [x, p], [value], ["x", "p"], ["f"]),
         ca.Function("nlp_grad_f", [x, p], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
         ca.Function("nlp_g", [x, p], [g], ["x", "p"], ["g"]),
         ca.Function(

@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.linalg import null_space
 
 from geodesic_ocp.arrays import Array, as_vector
 from geodesic_ocp.errors import IntegrationFailed
@@ -142,7 +142,7 @@ def certify_iterate(iterate: FinalIterate) -> Certificate:
     reduced = iterate.hessian()[np.ix_(free, free)]
     if np.any(active_g):
         normals = iterate.constraint_jacobian()[np.ix_(np.flatnonzero(active_g), free)]
-        tangent = null_space(normals, rcond=_DEPENDENT)
+        tangent = scipy.linalg.null_space(normals, rcond=_DEPENDENT)
         reduced = tangent.T @ reduced @ tangent
     # Ipopt has ensured the first-order conditions, with all multipliers.
     _, index = stationarity_and_index(np.zeros(len(reduced)), reduced)
@@ -168,9 +168,9 @@ def _endpoint_error(path: Path, velocity: Array) -> float:
 
 
 def _energy_drift(path: Path) -> float:
-    """Largest relative deviation of |q'|^2 at the nodes from its mean."""
-    squares = path.speeds_at_nodes**2
+    """Largest relative deviation of |q'|^2 from its mean, at the points of the quadrature."""
+    squares = path.speeds_at_quadrature_points**2
     if not np.all(np.isfinite(squares)):
         return np.inf
-    mean = float(path.grid.weights.ravel() @ squares)
+    mean = float(np.sum(path.grid.quadrature.weights * squares))
     return float(np.abs(squares / mean - 1.0).max()) if mean > 0.0 else 0.0

@@ -132,7 +132,7 @@ def _check_models(record: dict[str, Any], problem: Problem, path: FilePath) -> N
 
 def _check_same_problem(solution: Solution, path: FilePath) -> None:
     """RecordingError if energy or violations are not those that were saved."""
-    energy, saved = solution.path.energy_at_nodes, solution.stats.energy
+    energy, saved = solution.path.discrete_energy, solution.stats.energy
     if np.isfinite(saved) and not abs(energy - saved) <= _SAME_ENERGY * abs(saved):
         raise RecordingError(
             f"{path}: its path has the energy {energy:.9g} in this problem's metric and was saved "

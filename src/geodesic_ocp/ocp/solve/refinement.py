@@ -16,12 +16,15 @@ from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.ipopt import STOPPED
-from geodesic_ocp.ocp.nlp.violations import ViolationProfile
+from geodesic_ocp.ocp.nlp.conditions import Conditions
+from geodesic_ocp.ocp.nlp.violations import ViolationProfile, violation_profile
 from geodesic_ocp.ocp.solve.solution import Solution
 from geodesic_ocp.ocp.solve.stats import MeshIteration
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
+# Without a tolerance, segments are halved in which conditions are violated by more than this.
+BETWEEN_NODES = 1e-4
 _MAX_ROUNDS = 20
 _MAX_SEGMENTS = 400
 # Segments are halved whose error exceeds this fraction of the largest.
@@ -73,6 +76,37 @@ def refine(
     return replace(again, stats=replace(again.stats, mesh_history=history))
 
 
+def refine_where_violated(
+    solve_on: SolveOn, conditions: Conditions, solution: Solution
+) -> Solution:
+    """The solution on a grid on which conditions hold to `BETWEEN_NODES` everywhere on the path.
+
+    Segments in which they do not are halved. If that fails, the last solution is returned.
+
+    Args:
+        solve_on: solves on a grid.
+        conditions: of the problem.
+        solution: on the first grid.
+    """
+    history = [_mesh_iteration(solution)]
+    profile = violation_profile(conditions)
+    for _ in range(_MAX_ROUNDS):
+        stats, path = solution.stats, solution.path
+        if not stats.success or stats.max_path_violation <= BETWEEN_NODES:
+            break
+        coarse = _worst_by_segment(path, profile(path)) > BETWEEN_NODES
+        if not np.any(coarse) or path.grid.segments + int(coarse.sum()) > _MAX_SEGMENTS:
+            break
+        finer = solve_on(halved(path.grid, coarse), path, True)
+        history.append(_mesh_iteration(finer))
+        if not (finer.stats.success or finer.stats.status == STOPPED):
+            break
+        solution = finer
+    if len(history) == 1:
+        return solution
+    return replace(solution, stats=replace(solution.stats, mesh_history=tuple(history)))
+
+
 def _regrid(grid: Grid, segments: int, degree: int) -> Grid:
     even = Grid(segments, degree)
     return even.with_via_points(grid.via_s.tolist()) if grid.via_segments else even
@@ -105,7 +139,7 @@ def _refine_from(
         diverged = number >= _PATIENCE and stats.objective > _WORSE * history[0].objective > 0.0
         if diverged or grid.segments + int(coarse.sum()) > _MAX_SEGMENTS:
             break
-        grid, guess = _halved(grid, coarse), solution.path
+        grid, guess = halved(grid, coarse), solution.path
     change = abs(history[-1].objective - history[-2].objective)
     status = (
         f"not solved to {tolerance:g}: on {history[-1].segments} segments conditions are still "
@@ -116,19 +150,24 @@ def _refine_from(
 
 def _coarse(path: Path, violations: tuple[Array, Array], tolerance: float) -> NDArray[np.bool_]:
     """Which segments to halve, (segments,); all of them if none stands out."""
-    s, amounts = violations
-    segment = np.searchsorted(path.breakpoints, s, side="right") - 1
-    segment = np.clip(segment, 0, path.grid.segments - 1)
-    worst = np.zeros(path.grid.segments)
-    np.maximum.at(worst, segment, amounts)
-    unresolved = _unresolved_energy(path)
+    worst = _worst_by_segment(path, violations)
+    unresolved = unresolved_energy(path)
     allowed = tolerance * path.energy / path.grid.segments
     coarse = (worst > tolerance) & (worst > _FRACTION * worst.max())
     coarse |= (unresolved > allowed) & (unresolved > _FRACTION * unresolved.max())
     return coarse if np.any(coarse) else np.ones_like(coarse)
 
 
-def _unresolved_energy(path: Path) -> Array:
+def _worst_by_segment(path: Path, violations: tuple[Array, Array]) -> Array:
+    """Largest violation in each segment, (segments,)."""
+    s, amounts = violations
+    segment = np.searchsorted(path.breakpoints, s, side="right") - 1
+    worst = np.zeros(path.grid.segments)
+    np.maximum.at(worst, np.clip(segment, 0, path.grid.segments - 1), amounts)
+    return worst
+
+
+def unresolved_energy(path: Path) -> Array:
     """Energy (segments,) of the last term of each segment's polynomial velocity."""
     grid = path.grid
     values = grid.in_segments(path.nodes)
@@ -145,7 +184,8 @@ def _unresolved_energy(path: Path) -> Array:
     return np.asarray(0.5 * grid.widths * np.square(sizes) / (2 * grid.degree - 1))
 
 
-def _halved(grid: Grid, coarse: NDArray[np.bool_]) -> Grid:
+def halved(grid: Grid, coarse: NDArray[np.bool_]) -> Grid:
+    """The grid with some of its segments halved."""
     ends = grid.breakpoints
     middle = (ends[:-1] + ends[1:])[coarse] / 2.0
     every = np.sort(np.concatenate([ends, middle]))

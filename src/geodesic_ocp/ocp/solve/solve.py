@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import casadi as ca
+import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.ipopt import NO_VALUE, NOT_FINITE, STOPPED, Ipopt, Outcome
-from geodesic_ocp.ocp.nlp.definition import ProblemDefinition, Structure
+from geodesic_ocp.ocp.nlp.definition import ProblemDefinition, Structure, shared_shape
 from geodesic_ocp.ocp.nlp.nlp import NLP, build_nlp
 from geodesic_ocp.ocp.nlp.transcription import Transcription
-from geodesic_ocp.ocp.nlp.violations import NEGLIGIBLE, find_violations, violation_profile
+from geodesic_ocp.ocp.nlp.violations import find_violations, violation_profile
 from geodesic_ocp.ocp.problem.problem import Problem
 from geodesic_ocp.ocp.solve.callback import Callback, IterationCallback
 from geodesic_ocp.ocp.solve.final_iterate import FinalIterate
-from geodesic_ocp.ocp.solve.refinement import refine
+from geodesic_ocp.ocp.solve.messages import describe_failure, warn_of_violations
+from geodesic_ocp.ocp.solve.refinement import BETWEEN_NODES, refine, refine_where_violated
 from geodesic_ocp.ocp.solve.solution import Solution, with_effort_of
 from geodesic_ocp.ocp.solve.stats import Stats
 from geodesic_ocp.ocp.solve.via_points import with_optimal_via_points
@@ -28,10 +30,13 @@ from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
 # With a free end, polynomials of a higher degree need an initial guess, solved on this grid.
-_STIFF, _COARSE = 8, Grid(8, 2)
-_LISTED = 3  # violations in a message
+_STIFF, _COARSE = 8, Grid(4, 4)
+# A step may increase the energy only if it reduces the violation of the conditions by this
+# fraction, without a second-order correction: otherwise one step can replace a good guess by a path
+# of fifty times its energy, and the result depends on rounding.
+FILTER = {"gamma_theta": 0.9, "max_soc": 0}
 # If the guess is nearly a solution, Ipopt must not push it far from its bounds.
-_NEAR = {"bound_push": 1e-6, "bound_frac": 1e-6, "mu_init": 1e-4}
+NEAR = {"bound_push": 1e-6, "bound_frac": 1e-6, "mu_init": 1e-4}
 # If there are multipliers as well, it need not estimate them.
 _WARM_START = {
     "warm_start_init_point": "yes",
@@ -62,12 +67,13 @@ def solve(
 
     Args:
         problem: an instance of a subclass of Problem.
-        grid: of the nodes; the problem's own by default.
+        grid: of the nodes; the solution has this grid. None: the problem's own, refined where
+            conditions are violated between the nodes by more than 1e-4, each in its unit.
         guess: path or solution to start from, on any grid; by default the problem's guess, or the
             straight line. A solution is a warm start.
         tolerance: refine the grid until the conditions hold to this everywhere, each in its unit,
             and the objective changes by less, relative, from one grid to the next;
-            stats.mesh_history lists the solves. None: solve on the grid as it is.
+            stats.mesh_history lists the solves.
         throw: raise NotConverged if there is no solution; else return the last iterate, with
             stats.success False.
         callback: called with an `Iterate` in every iteration of Ipopt, and stops it by returning
@@ -80,6 +86,11 @@ def solve(
             velocities at the ends, of which there is none of least energy.
         NotConverged: Ipopt found no solution, or the callback stopped it; the last iterate is its
             `solution`.
+
+    Warns:
+        RuntimeWarning: there is no tolerance, and a condition is violated between the nodes by
+            more than 1e-4: on a given grid, or if refinement has failed. With continuous velocity
+            at via points or prescribed velocities at the ends, grids are not refined.
 
     Example:
         >>> import geodesic_ocp as go
@@ -95,13 +106,17 @@ def solve(
     if getattr(problem, "metric", None) is None:
         raise ValueError(f"{type(problem).__name__} defines no metric")
     definition = problem.definition()
-    grid = definition.grid if grid is None else grid
+    first = definition.grid if grid is None else grid
     before = guess if isinstance(guess, Solution) else None
     start = guess.path if isinstance(guess, Solution) else guess
     solver = _Solver(problem, definition, dict(ipopt or {}), callback, before)
     conditions = definition.conditions
     if tolerance is None:
-        solution = solver.solve_from(grid, start)
+        solution = solver.solve_from(first, start)
+        depends_on_grid = bool(conditions.via_continuity or conditions.on_end_velocities)
+        if grid is None and not depends_on_grid:
+            solution = refine_where_violated(solver, conditions, solution)
+        warn_of_violations(solution, BETWEEN_NODES, given_grid=grid is not None)
     elif conditions.via_continuity:
         raise ValueError(
             "tolerance: the path of least energy has a corner at its via points, which a path with "
@@ -115,9 +130,9 @@ def solve(
             "tolerance out"
         )
     else:
-        solution = refine(solver, violation_profile(conditions), grid, tolerance, start)
+        solution = refine(solver, violation_profile(conditions), first, tolerance, start)
     if throw and not solution.stats.success:
-        raise NotConverged(_explanation(solution), solution)
+        raise NotConverged(describe_failure(solution), solution)
     return solution
 
 
@@ -136,7 +151,7 @@ class _Solver:
         has_free_end = bool(self.definition.conditions.ends)
         if guess is None and has_free_end and grid.degree > _STIFF:
             return self._solve_from_coarse(grid)
-        return self._optimise_via(self._solve_once(grid, guess, _NEAR if near else {}))
+        return self._optimise_via(self._solve_once(grid, guess, NEAR if near else {}))
 
     def solve_from(self, grid: Grid, start: Path | None) -> Solution:
         """The solution on a grid, from another solution if there is one, else from a path."""
@@ -144,7 +159,7 @@ class _Solver:
             return self(grid, start, False)
         nlp = build_nlp(self.definition, grid, start)
         multipliers = _scaled_multipliers(nlp, self.before)
-        usual = {**_NEAR, **(_WARM_START if multipliers else {})}
+        usual = {**NEAR, **(_WARM_START if multipliers else {})}
         solution = self._optimise_via(self._solve_nlp(nlp, usual, multipliers))
         if solution.stats.success or solution.stats.status == STOPPED:
             return solution
@@ -163,7 +178,7 @@ class _Solver:
         if self.definition.via_parameters is not None:
             return solution
         return with_optimal_via_points(
-            solution, lambda grid, start: self._solve_once(grid, start, _NEAR)
+            solution, lambda grid, start: self._solve_once(grid, start, NEAR)
         )
 
     def _solve_once(self, grid: Grid, guess: Path | None, usual: Mapping[str, Any]) -> Solution:
@@ -177,7 +192,7 @@ class _Solver:
     ) -> Solution:
         """The solution of the NLP from given multipliers, or the last iterate."""
         values = {**nlp.values, **multipliers}
-        given = {**usual, **self.ipopt}
+        given = {**FILTER, **usual, **self.ipopt}
         settings = tuple(sorted(given.items()))
         try:
             hash(settings)
@@ -189,7 +204,7 @@ class _Solver:
             if relay.failure is not None:
                 raise relay.failure
         elif self.definition.key is not None:
-            outcome = _shared_ipopt(self.definition.structure, nlp.grid, settings)(**values)
+            outcome = shared_ipopt(self.definition.structure, nlp.grid, settings)(**values)
         else:
             outcome = _ipopt(nlp.transcription, settings)(**values)
         if outcome.status == NOT_FINITE and (names := nlp.not_finite()):
@@ -213,15 +228,32 @@ def _ipopt(
 ) -> Ipopt:
     x = ca.MX.sym("x", transcription.dim * transcription.grid.size)
     p = ca.MX.sym("p", transcription.size_p)
-    f, _ = transcription.objective(x, p)
+    f = transcription.value(x, p)
     nlp = {"x": x, "p": p, "f": f, "g": transcription.constraints(x, p)}
     derivatives = {"grad_f": transcription.objective, "hess_lag": transcription.hessian}
     return Ipopt(nlp, derivatives, dict(settings), relay)
 
 
+def shared_ipopt(structure: Structure, grid: Grid, settings: Settings) -> Callable[..., Outcome]:
+    """Ipopt for all problems of this structure; grids that differ in widths alone share it, too."""
+    if grid.ends is None:
+        return _even_ipopt(structure, grid, settings)
+    ipopt = _uneven_ipopt(structure, replace(grid, ends=None), settings)
+
+    def with_widths(*, p: Array, **values: Array) -> Outcome:
+        return ipopt(p=np.concatenate([p, grid.widths]), **values)
+
+    return with_widths
+
+
 @lru_cache(maxsize=32)
-def _shared_ipopt(structure: Structure, grid: Grid, settings: Settings) -> Ipopt:
+def _even_ipopt(structure: Structure, grid: Grid, settings: Settings) -> Ipopt:
     return _ipopt(structure.transcription(grid), settings)
+
+
+@lru_cache(maxsize=32)
+def _uneven_ipopt(structure: Structure, grid: Grid, settings: Settings) -> Ipopt:
+    return _ipopt(shared_shape(structure, grid), settings)
 
 
 def _solution(problem: Problem, nlp: NLP, outcome: Outcome) -> Solution:
@@ -238,7 +270,7 @@ def _solution(problem: Problem, nlp: NLP, outcome: Outcome) -> Solution:
         variables=outcome.x.size,
         constraints=outcome.g.size,
         objective=transcription.energy(path.nodes, conditions.p_values),
-        energy=path.energy_at_nodes,
+        energy=path.discrete_energy,
         max_node_violation=violation,
         worst_constraint=worst,
         max_path_violation=violations[0].amount if violations else 0.0,
@@ -259,18 +291,3 @@ def _solution(problem: Problem, nlp: NLP, outcome: Outcome) -> Solution:
         energy_only=bool(conditions.cost.is_zero()),
     )
     return Solution(problem, path, stats, multipliers, violations, iterate)
-
-
-def _explanation(solution: Solution) -> str:
-    stats = solution.stats
-    large = [each for each in solution.violations if each.amount > NEGLIGIBLE][:_LISTED]
-    violated = f": {'; '.join(map(str, large))}" if large else ""
-    advice = (
-        ". Are its conditions compatible? If so, try another guess (guess(s) or solve(..., "
-        "guess=path)) or a finer grid"
-    )
-    advice = "" if stats.status == STOPPED or len(stats.mesh_history) > 1 else advice
-    return (
-        f"{type(solution.problem).__name__} was not solved: {stats.status}, after "
-        f"{stats.iterations} iterations{violated}{advice}."
-    )

@@ -38,7 +38,7 @@ class Stats:
         max_node_violation: largest violation of any condition at the nodes, in its unit.
         worst_constraint: name of the condition with that violation.
         max_path_violation: largest violation anywhere on the path, between the nodes included.
-        mesh_history: the solves of a mesh refinement, if a tolerance was requested.
+        mesh_history: the solves of a mesh refinement; empty if there was none.
     """
 
     success: bool

@@ -88,8 +88,7 @@ def _balanced_via_s(path: Path) -> Array:
 def _lengths(path: Path) -> Array:
     """Lengths of the pieces between via points, from their mean square speeds."""
     grid = path.grid
-    squares = (path.speeds_at_nodes**2).reshape(grid.segments, -1)
-    energies = (grid.weights * squares).sum(axis=1)
+    energies = (grid.quadrature.weights * path.speeds_at_quadrature_points**2).sum(axis=1)
     pieces = np.split(energies, grid.via_segments)
     widths = np.diff([0.0, *grid.via_s, 1.0])
     return np.sqrt([width * piece.sum() for width, piece in zip(widths, pieces, strict=True)])
