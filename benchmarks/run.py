@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
     quick, start = options.quick, time.perf_counter()
     options.out.mkdir(parents=True, exist_ok=True)
     arm = go.human_arm()
-    pairs = random_pairs(arm, FRACTION, 12 if quick else 200)
+    pairs = random_pairs(arm, FRACTION, 24 if quick else 200)
 
     texts = [f"# Computing times\n\n{report.machine()}"]
     records: dict[str, object] = {"machine": report.machine()}
@@ -63,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
         records[title] = rows if isinstance(rows, str) else [row.record() for row in rows]
 
     print(f"{texts[0]}\n")
-    logs = maps.logarithmic_maps(arm, pairs, slow=3 if quick else 20)
+    logs = maps.logarithmic_maps(arm, pairs)
     add(f"Logarithmic map, {arm.name}, {len(pairs)} pairs", logs)
     title = f"Logarithmic maps, {arm.name}, {len(pairs)} pairs"
     plots.save_distributions(options.out / "logarithmic_maps", logs, title)

@@ -14,24 +14,22 @@ from comparison.plain_collocation import PlainCollocation
 ENDPOINT = "endpoint error"
 
 
-def logarithmic_maps(model: go.Model, pairs: np.ndarray, slow: int = 0) -> list[Measurement]:
-    """All routes to log; `slow`: number of pairs for the plain collocation."""
+def logarithmic_maps(model: go.Model, pairs: np.ndarray) -> list[Measurement]:
+    """All routes to log; half of the pairs for slow ones, a tenth for the plain collocation."""
     dynamics = ForwardDynamics(model)
 
     def error(velocity: np.ndarray, q0: np.ndarray, q1: np.ndarray) -> float:
         return dynamics.endpoint_error(q0, velocity, q1)
 
-    routes = [
-        Route(f"go.log, {name}", our_routes.log(model, variables), error)
-        for name, variables in our_routes.available().items()
-    ]
+    half, plain = len(pairs) // 2, PlainCollocation(model)
+    fast = our_routes.available().items()
+    routes = [Route(f"go.log, {name}", our_routes.log(model, how), error) for name, how in fast]
+    routes[-1].limit = half
     routes += [
-        Route("go.log, Ipopt", our_routes.log(model, our_routes.IPOPT), error),
-        Route("scipy solve_bvp, Pinocchio's ABA", BoundaryValueSolver(dynamics), error),
+        Route("go.log, Ipopt", our_routes.log(model, our_routes.IPOPT), error, limit=half),
+        Route("scipy solve_bvp, Pinocchio's ABA", BoundaryValueSolver(dynamics), error, limit=half),
+        Route("CasADi MX collocation, Ipopt", plain, error, limit=max(3, len(pairs) // 10)),
     ]
-    if slow:
-        plain = PlainCollocation(model)
-        routes.append(Route("CasADi MX collocation, Ipopt", plain, error, limit=slow))
     return compare(routes, list(pairs), ENDPOINT)
 
 
@@ -50,9 +48,9 @@ def batch(model: go.Model, pairs: np.ndarray) -> list[Measurement]:
     def together() -> None:
         go.log(metric, starts, goals)
 
-    times = []
-    for function in (one_by_one, together):
-        times.append(repeat(our_routes.within(variables, function), 3) / len(found))
+    with our_routes.environment(variables):
+        go.log(metric, starts[0], goals[0])
+        times = [repeat(each, 2, warm_up=False) / len(found) for each in (one_by_one, together)]
     alone = Measurement(f"go.log, {len(found)} pairs one by one, each", times[0])
     name = f"go.log, {len(found)} pairs in one call, each"
     return [alone, Measurement(name, times[1], baseline=alone)]

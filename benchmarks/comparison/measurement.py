@@ -113,9 +113,10 @@ def compare(
     return results
 
 
-def repeat(function: Callable[[], Any], count: int) -> np.ndarray:
-    """Times of several calls [s], after one that is not counted."""
-    function()
+def repeat(function: Callable[[], Any], count: int, *, warm_up: bool = True) -> np.ndarray:
+    """Times of several calls [s], by default after one that is not counted."""
+    if warm_up:
+        function()
     times = []
     for _ in range(count):
         start = time.perf_counter()

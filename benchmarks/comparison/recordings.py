@@ -49,7 +49,7 @@ def _retargeting(analysis: go.Analysis, repetitions: int) -> Measurement:
             go.retarget(analysis, panda, throw=False)
 
     count = len(analysis.synergies)
-    times = repeat(transfer, min(repetitions, 2)) / count
+    times = repeat(transfer, 2) / count
     return Measurement(f"go.retarget to a Panda, {count} synergies, each", times)
 
 
