@@ -66,6 +66,15 @@ def test_speeds_of_constant_and_other_metrics_agree() -> None:
     assert found == pytest.approx(np.abs(v[:, 0]) * np.sqrt(1 + q[:, 0] ** 2), rel=1e-14)
 
 
+def test_speeds_of_columns_of_one_array(arm: go.Model) -> None:
+    """Arrays that are not contiguous, also where compiled code reads them."""
+    metric, both = go.KineticEnergy(arm), np.random.default_rng(3).normal(size=(81, 14))
+    go.log(metric, both[0, :7] / 10.0, both[1, :7] / 10.0)  # compiles, where there is a compiler
+    q, v = np.split(both, 2, axis=1)
+    expected = [metric.norm(*pair) for pair in zip(q, v, strict=True)]
+    assert speeds_at(metric, q, v) == pytest.approx(expected, rel=1e-12)
+
+
 def test_states_up_to_an_order_are_the_first_of_all() -> None:
     grid = go.Grid(1, 8)
     path = go.Path(Scaled(), grid, grid.nodes[:, None])
