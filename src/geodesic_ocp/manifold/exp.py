@@ -100,9 +100,11 @@ def _check_speed(metric: Metric, positions: Array, velocities: Array) -> None:
 
     There the distance to the boundary loses its digits, in both integrations alike.
     """
-    squares = np.einsum(
-        "ki,kij,kj->k", velocities, [metric.matrix(q) for q in positions], velocities
-    )
+    if metric.kernels.loaded:
+        squares = metric.kernels.speeds(positions, velocities) ** 2
+    else:
+        tensors = [metric.matrix(q) for q in positions]
+        squares = np.einsum("ki,kij,kj->k", velocities, tensors, velocities)
     kept = np.abs(squares - squares[0]) <= _SPEED_CHANGE * squares[0]
     if not np.all(kept):
         first = int(np.argmin(kept))

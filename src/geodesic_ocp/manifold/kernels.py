@@ -126,7 +126,7 @@ class Kernels:
     def speeds(self, q: Array, velocity: Array) -> Array:
         """Speeds (k,) of velocities (k, n) at positions (k, n)."""
         result = np.empty(len(q))
-        rows = (np.ascontiguousarray(each, dtype=float) for each in (q, velocity))
+        rows = [np.ascontiguousarray(each, dtype=float) for each in (q, velocity)]
         self._call("speeds_at", c_long(len(q)), *map(_pointer, rows), _pointer(result))
         return result
 
