@@ -14,6 +14,7 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.model.geometry.signed_distances import signed_distances
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.ik.inverse_kinematics import (
+    configuration_within,
     inverse_kinematics_solutions,
     nearest_configuration,
 )
@@ -21,7 +22,9 @@ from geodesic_ocp.ocp.ik.pose_error import pose_difference
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 
 REACHED = 1e-6  # [m] and [rad]
-_SOLUTIONS = 8  # of inverse kinematics
+# How near inverse kinematics comes to the configuration it starts from [rad or m].
+_SETTLED, _ANYWHERE = 1e-2, 0.2
+_SOLUTIONS = 5  # of inverse kinematics
 _SAME = 1e-3  # [rad or m]
 _CLOSE = 1e-3  # [m] and [rad]
 
@@ -140,16 +143,16 @@ class PoseFinder:
         """Configurations with the poses, or the nearest to them, each near the one before."""
         found, near = [], start
         for pose in poses:
-            near = self._nearest(near, pose)
+            near = self._nearest(near, pose, settled=_ANYWHERE)
             found.append(KeyPose(pose, near, pose.error(self.robot, near)))
         return found
 
-    def end_configurations(self, near: Array, target: KeyPose) -> list[Array]:
+    def end_configurations(self, near: Array, target: KeyPose, least: int) -> list[Array]:
         """Configurations in which a path may end, sorted by the energy of the straight line."""
         if not target.within_reach:
             return [self._nearest(near, target.pose)]
         try:
-            found = self._solutions(near, target.pose, _SOLUTIONS)
+            found = self._solutions(near, target.pose, max(_SOLUTIONS, least), least=least)
         except NotConverged:  # from here; it was found from elsewhere
             return [target.configuration]
         distinct: list[Array] = []
@@ -158,16 +161,28 @@ class PoseFinder:
                 distinct.append(q)
         return sorted(distinct, key=lambda q: _line_energy(self.arm, near, q))
 
+    def configuration_within(
+        self, lower: Array, upper: Array, near: Array, pose: Pose
+    ) -> Array | None:
+        """A configuration with the pose within bounds (n,) and the limits, or None."""
+        if self.settings.within_limits:
+            lower, upper = np.maximum(lower, self.arm.lower), np.minimum(upper, self.arm.upper)
+        if np.any(lower > upper):
+            return None
+        return configuration_within(self.arm, near, pose.position, pose.rotation, (lower, upper))
+
     def configuration_near(self, start: Array, pose: Pose) -> Array:
         """The start if it has the pose, else the nearest configuration with it."""
         if max(pose.error(self.robot, start)) <= _CLOSE:
             return start
         return self._nearest(start, pose)
 
-    def _nearest(self, near: Array, pose: Pose, enough: int = 1) -> Array:
+    def _nearest(
+        self, near: Array, pose: Pose, enough: int = 1, settled: float = _SETTLED
+    ) -> Array:
         """The nearest of several configurations with the pose, or the nearest pose."""
         try:
-            return self._solutions(near, pose, enough)[0]
+            return self._solutions(near, pose, enough, settled)[0]
         except NotConverged:
             settings = self.settings
             return nearest_configuration(
@@ -175,10 +190,13 @@ class PoseFinder:
                 *(settings.within_limits, settings.collisions),
             )
 
-    def _solutions(self, near: Array, pose: Pose, enough: int) -> list[Array]:
+    def _solutions(
+        self, near: Array, pose: Pose, enough: int, settled: float = _SETTLED, least: int = 1
+    ) -> list[Array]:
         within, collisions = self.settings.within_limits, self.settings.collisions
         return inverse_kinematics_solutions(
-            self.arm, near, pose.position, pose.rotation, within, None, collisions, enough
+            *(self.arm, near, pose.position, pose.rotation, within, None, collisions),
+            *(enough, settled, least),
         )
 
 

@@ -98,15 +98,16 @@ def scale_time(arms: Sequence[ArmPaths]) -> TimeScaling:
     """
     edges = np.unique(np.concatenate([arm.edges for arm in arms]))
     factors = np.ones(edges.size - 1)
+    speeds = [[_unit_speeds(path, arm.limits) for path in arm.paths] for arm in arms]
     for _ in range(_MAX_ROUNDS):
         scaling = TimeScaling(tuple(_laws(arm, edges, factors) for arm in arms), edges, factors)
         needed = np.ones_like(factors)
-        for arm, laws in zip(arms, scaling.laws, strict=True):
-            for start, stop, path, law in zip(
-                arm.edges[:-1], arm.edges[1:], arm.paths, laws, strict=True
+        for arm, laws, of_arm in zip(arms, scaling.laws, speeds, strict=True):
+            for start, stop, law, of_path in zip(
+                arm.edges[:-1], arm.edges[1:], laws, of_arm, strict=True
             ):
                 here = (edges[:-1] >= start) & (edges[1:] <= stop)
-                needed[here] = np.maximum(needed[here], _speed_ratio(path, law, arm.limits))
+                needed[here] = np.maximum(needed[here], _speed_ratio(law, of_path))
         if np.all(needed <= 1.0):
             return scaling
         factors = factors * np.where(needed > 1.0, needed * _MARGIN, 1.0)
@@ -131,7 +132,18 @@ def _laws(arm: ArmPaths, edges: Array, factors: Array) -> tuple[TimeLaw, ...]:
     return tuple(laws)
 
 
-def _speed_ratio(path: Path, law: TimeLaw, limits: Array) -> float:
+def _unit_speeds(path: Path, limits: Array) -> Array:
+    """Largest joint speed relative to its limit (k,) at evenly spaced lengths, at unit speed."""
+    if not path.length > 0.0:
+        return np.zeros(1)
+    ends = np.array([0.0, path.length])
+    law = TimeLaw(ends, ends, np.ones(2))
+    _, velocity = states_at(path, law, np.linspace(0.0, law.duration, _SAMPLES), order=1)
+    return np.asarray((np.abs(velocity) / limits).max(axis=1))
+
+
+def _speed_ratio(law: TimeLaw, unit_speeds: Array) -> float:
     """Ratio of the fastest joint speed to its limit."""
-    _, velocity, _ = states_at(path, law, np.linspace(0.0, law.duration, _SAMPLES))
-    return float((np.abs(velocity) / limits).max(initial=0.0))
+    times = np.linspace(0.0, law.duration, _SAMPLES)
+    lengths = np.linspace(0.0, law.length, unit_speeds.size)
+    return float((law(times, 1) * np.interp(law(times), lengths, unit_speeds)).max())

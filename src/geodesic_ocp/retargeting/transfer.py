@@ -19,6 +19,7 @@ from geodesic_ocp.ocp.problem.point_to_point import PointToPoint
 from geodesic_ocp.ocp.problem.reach import Reach
 from geodesic_ocp.ocp.solve.solution import Solution
 from geodesic_ocp.ocp.solve.solve import solve
+from geodesic_ocp.retargeting.least_energy import FoundPath, least_energy_path, line
 from geodesic_ocp.retargeting.targets import REACHED, KeyPose, Pose, PoseFinder
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
@@ -29,6 +30,7 @@ _PEAK = 1.5
 _SPEED_FACTORS = ((1.0, 1.0), (2.0, 4.0))
 _UNBOUNDED = 1e6  # [rad or m]
 _COARSE = Grid(8, 2)
+_MANY_ENDS = 8  # configurations from which all is tried
 _THERE = 1e-3 * REACHED
 
 
@@ -132,12 +134,8 @@ def _planned(
     return Transfer(path, pose, target.within_reach, *error, iterations, success, status)
 
 
-def _line(metric: KineticEnergy, q0: Array, q1: Array) -> Path:
-    return Path(metric, Grid(1, 2), np.array([q0, (q0 + q1) / 2.0, q1]))
-
-
 def _rest(metric: KineticEnergy, q: Array) -> Path:
-    return _line(metric, q, q)
+    return line(metric, q, q)
 
 
 def _constrained(
@@ -145,67 +143,103 @@ def _constrained(
 ) -> tuple[Path, int, bool, str]:
     """Least energy to the exact pose, or to the configuration with the nearest one."""
     arm, settings = metric.model, finder.settings
+    iterations = 0
+    found: list[FoundPath] = []
+    failures: list[FoundPath] = []
+    tried: list[Array] = []
+    has_fixed_end = False
+    for least in (settings.num_starts, _MANY_ENDS):
+        for end in () if found else finder.end_configurations(q, target, least):
+            tried.append(end)
+            # Out of reach, the nearest pose takes its place, which other configurations may have.
+            pose = target.pose if target.within_reach else target.pose.reached_by(arm, end)
+            outcome = _to_pose(finder, q, pose, end, duration)
+            iterations += outcome.iterations
+            (found if outcome.success else failures).append(outcome)
+            if len(found) >= settings.num_starts:
+                break
+    for end in tried if not found else ():
+        has_fixed_end = True
+        fixed = PointToPoint(
+            metric, tuple(q.tolist()), tuple(end.tolist()), **_path_constraints(finder)
+        )
+        outcome = _solve(finder, fixed, line(metric, q, end), duration)
+        iterations += outcome.iterations
+        (found if outcome.success else failures).append(outcome)
+        if found:
+            break
+    if not found:
+        return failures[0].path, iterations, False, failures[0].status
+    best = min(found, key=lambda each: each.energy)
+    status = best.status
+    if not target.within_reach:
+        status = "the pose is out of reach; the path ends at the nearest one"
+    elif has_fixed_end:
+        status = "the end configuration is that of inverse kinematics, not the one of least energy"
+    return best.path, iterations, True, status
+
+
+def _path_constraints(finder: PoseFinder) -> dict[str, Any]:
+    settings = finder.settings
     obstacles, links, pairs, margin = settings.collisions
-    constraints: dict[str, Any] = {
+    return {
         "limits": settings.within_limits,
         "obstacles": obstacles,
         "links": links,
         "pairs": pairs,
         "margin": margin,
     }
-    iterations = 0
-    found: list[Solution] = []
-    failures: list[Solution] = []
-    tried: list[Array] = []
-    for end in finder.end_configurations(q, target):
-        tried.append(end)
-        # A pose out of reach is replaced by the nearest, which other configurations may have, too.
-        pose = target.pose if target.within_reach else target.pose.reached_by(arm, end)
-        problem = Reach(arm, q, pose.position, pose.rotation, **constraints)
-        solution = _solve(finder, problem, _line(metric, q, end), duration)
-        iterations += solution.stats.total_iterations
-        (found if solution.stats.success else failures).append(solution)
-        if len(found) >= settings.num_starts:
-            break
-    for end in tried if not found else ():
-        fixed = PointToPoint(metric, tuple(q.tolist()), tuple(end.tolist()), **constraints)
-        solution = _solve(finder, fixed, _line(metric, q, end), duration)
-        iterations += solution.stats.total_iterations
-        (found if solution.stats.success else failures).append(solution)
-        if found:
-            break
-    if not found:
-        return failures[0].path, iterations, False, failures[0].stats.status
-    best = min(found, key=lambda solution: solution.stats.objective)
-    status = best.stats.status
-    if not target.within_reach:
-        status = "the pose is out of reach; the path ends at the nearest one"
-    elif isinstance(best.problem, PointToPoint):
-        status = "the end configuration is that of inverse kinematics, not the one of least energy"
-    return best.path, iterations, True, status
+
+
+def _to_pose(finder: PoseFinder, q: Array, pose: Pose, end: Array, duration: float) -> FoundPath:
+    """The path to a pose, within the speed limits if there is such a path."""
+    arm, settings = finder.arm, finder.settings
+    if not settings.collisions.is_empty:
+        problem = Reach(arm, q, pose.position, pose.rotation, **_path_constraints(finder))
+        return _solve(finder, problem, line(problem.metric, q, end), duration)
+    numbers: dict[str, Any] = {"limits": settings.within_limits, "tolerance": finder.tolerance}
+    rough = least_energy_path(arm, q, pose, end, is_rough=True, **numbers)
+    if not rough.success:
+        return rough
+    if settings.within_speed_limits:
+        for speed in _slower(finder, rough.path, duration):
+            # The straight line to such a configuration meets all limits; else no path does.
+            near = finder.configuration_within(q - speed, q + speed, rough.path.nodes[-1], pose)
+            if near is not None:
+                found = least_energy_path(arm, q, pose, near, speed=speed, **numbers)
+                if found.success:
+                    return replace(found, iterations=rough.iterations + found.iterations)
+    return least_energy_path(arm, q, pose, end, after=rough, **numbers)
 
 
 def _solve(
     finder: PoseFinder, problem: Reach | PointToPoint, guess: Path, duration: float
-) -> Solution:
+) -> FoundPath:
     """The solution, within the speed limits if there is such a path."""
     solution = solve(problem, guess=guess, tolerance=finder.tolerance, throw=False)
-    if not solution.stats.success or not finder.settings.within_speed_limits:
-        return solution
-    fastest = velocity_limits(finder.robot) * duration / _PEAK
-    reached = np.abs(solution.path(np.linspace(0.0, 1.0, 101), 1)).max(axis=0)
-    if np.all(reached <= fastest):
-        return solution
-    excess = float((reached / fastest).max())
-    for factor, least_excess in _SPEED_FACTORS:
-        if excess > least_excess:
-            # Another path may meet the limits, or nearly; scaling time does the rest.
-            speed = np.where(np.isfinite(fastest), factor * fastest, _UNBOUNDED)
+    if solution.stats.success and finder.settings.within_speed_limits:
+        for speed in _slower(finder, solution.path, duration):
             slower = replace(problem, speed=tuple(speed.tolist()))
             again = solve(slower, guess=solution, tolerance=finder.tolerance, throw=False)
             if again.stats.success:
-                return again
-    return solution
+                solution = again
+                break
+    stats = solution.stats
+    iterations, status = stats.total_iterations, stats.status
+    return FoundPath(solution.path, stats.objective, iterations, stats.success, status)
+
+
+def _slower(finder: PoseFinder, path: Path, duration: float) -> Iterator[Array]:
+    """Speed limits by which another path is sought, (n,) each; none if the path is slow enough.
+
+    Another path may meet the limits, or nearly; scaling time does the rest.
+    """
+    fastest = velocity_limits(finder.robot) * duration / _PEAK
+    reached = np.abs(path(np.linspace(0.0, 1.0, 101), 1)).max(axis=0)
+    excess = float((reached / fastest).max())
+    for factor, least_excess in _SPEED_FACTORS:
+        if excess > least_excess:
+            yield np.where(np.isfinite(fastest), factor * fastest, _UNBOUNDED)
 
 
 def velocity_limits(robot: Model) -> Array:
@@ -221,7 +255,7 @@ def _free_geodesic(
     arm, settings = metric.model, finder.settings
     found: list[ToPose] = []
     iterations, reached, status = 0, 0, ""
-    ends = finder.end_configurations(q, target)
+    ends = finder.end_configurations(q, target, _MANY_ENDS)
     for towards in (*ends[:1], None, *ends[1:]):
         pose = target.pose
         if not target.within_reach:
@@ -256,4 +290,4 @@ def _free_geodesic(
 def _coarse_reach(metric: KineticEnergy, q: Array, pose: Pose, towards: Array) -> Solution:
     """The path of least energy on a coarse grid; its velocity is close to that of a geodesic."""
     problem = Reach(metric.model, q, pose.position, pose.rotation, limits=False)
-    return solve(problem, grid=_COARSE, guess=_line(metric, q, towards), throw=False)
+    return solve(problem, grid=_COARSE, guess=line(metric, q, towards), throw=False)

@@ -1,0 +1,40 @@
+"""The energy's compiled derivatives are those of the interpreted functions."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import geodesic_ocp as go
+from geodesic_ocp.ocp.nlp.compiled_energy import CompiledEnergy, build_functions
+from geodesic_ocp.ocp.nlp.node_functions import NodeFunctions
+from geodesic_ocp.ocp.nlp.transcription import Units, transcribe
+from geodesic_ocp.ocp.problem.parse_conditions import parse_conditions
+
+
+@pytest.mark.parametrize("grid", [go.Grid(1, 6), go.Grid(3, 4, (0.0, 0.2, 0.9, 1.0))])
+def test_compiled_derivatives_equal_interpreted_ones(
+    arm: go.Model, grid: go.Grid, rng: np.random.Generator
+) -> None:
+    problem = go.Reach(arm, np.zeros(7), np.zeros(3))
+    if not problem.metric.kernels.available():
+        pytest.skip("needs a compiler")
+    conditions = parse_conditions(problem)
+    functions = [
+        build(problem.metric, conditions) for build in (build_functions, NodeFunctions.build)
+    ]
+    assert isinstance(functions[0].lagrangian, CompiledEnergy)
+    compiled, interpreted = (transcribe(each, grid) for each in functions)
+    x = rng.normal(size=arm.dof * grid.size)
+    p = Units(rng.normal(size=arm.dof), 0.7, 3.0).with_values(rng.normal(size=3))
+    factors = rng.normal(size=interpreted.constraints.size1_out(0))
+    arguments = {"value": [x, p], "objective": [x, p], "hessian": [x, p, 0.7, factors]}
+    for name, values in arguments.items():
+        results = [getattr(each, name).call(values) for each in (compiled, interpreted)]
+        for one, other in zip(*results, strict=True):
+            expected = ca.DM(other).full()
+            assert_allclose(
+                ca.DM(one).full(), expected, rtol=0, atol=1e-12 * np.abs(expected).max()
+            )
