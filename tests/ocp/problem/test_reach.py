@@ -65,7 +65,7 @@ def test_reaches_with_other_start_and_target_share_the_nlp(arm: go.Model) -> Non
     assert second.nlp(grid).transcription is first.nlp(grid).transcription
     other = go.Reach(arm, START, position=position, limits=False)
     assert other.nlp(grid).transcription is not first.nlp(grid).transcription
-    reached = arm.hand_pose(go.solve(second, grid=grid).path(1.0))[1]
+    reached = arm.hand_pose(go.solve(second).path(1.0))[1]
     assert_allclose(reached, second.position, rtol=0, atol=1e-8)
 
 
