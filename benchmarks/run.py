@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
     plots.save_distributions(options.out / "logarithmic_maps", logs, title)
     add(
         "Many logarithmic maps in one call",
-        maps.batch(arm, random_pairs(arm, FRACTION, 12 if quick else 1000, seed=1)),
+        maps.batch(arm, random_pairs(arm, FRACTION, 12 if quick else 500, seed=1)),
     )
     add(f"Exponential map, {arm.name}", maps.exponential_maps(arm, pairs[: 5 if quick else 50]))
     add("Recordings", recordings(2 if quick else 5))
