@@ -1,0 +1,203 @@
+"""Integration and parallel transport in the compiled core: orders, agreement, failures."""
+
+from __future__ import annotations
+
+from ctypes import byref, c_double, c_int, c_long, c_void_p
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from all_metrics import METRICS, points
+from known_metrics import HalfPlane, Sphere
+
+import geodesic_ocp as go
+from geodesic_ocp.compiled import compilers
+from geodesic_ocp.manifold.integrator import STAGE_TIMES
+from geodesic_ocp.manifold.kernels import _IntegrationRecord
+
+CURVED = sorted(METRICS.keys() - {"Euclidean"})
+
+
+class Ending(go.Metric):
+    """The half-line q < 1 with ds = (1 - q) dq, whose end is at a finite distance."""
+
+    dim = 1
+
+    def matrix(self, q: Any) -> Any:
+        return (1.0 - q) ** 2
+
+
+def slope(x: list[float], y: list[float]) -> float:
+    return float(np.polyfit(np.log(x), np.log(y), 1)[0])
+
+
+def pointer(array: np.ndarray) -> c_void_p:
+    return c_void_p(array.ctypes.data)
+
+
+def steps_and_error(tolerance: float) -> tuple[float, float]:
+    """Of the half-plane's geodesic (tanh t, 1 / cosh t) over [0, 3]."""
+    metric = HalfPlane()
+    library = metric.kernels._library.handle(True)
+    assert library is not None
+    start, times, states = np.array([0.0, 1.0, 1.0, 0.0]), np.array([0.0, 3.0]), np.empty((2, 4))
+    record = _IntegrationRecord(0.0, 0.0, 0)
+    status = library.integrate_geodesic(
+        pointer(start),
+        c_int(2),
+        pointer(times),
+        c_double(tolerance),
+        c_long(10_000),
+        pointer(states),
+        byref(record),
+    )
+    assert status == 0
+    exact = np.array([np.tanh(3.0), 1.0 / np.cosh(3.0)])
+    return float(record.steps), float(np.abs(states[1, :2] - exact).max())
+
+
+@pytest.mark.usefixtures("compiler")
+def test_errors_of_the_integration_decrease_with_order_8() -> None:
+    steps, errors = zip(*map(steps_and_error, 10.0 ** np.arange(-4.0, -11.0, -1.0)), strict=True)
+    assert -9.5 < slope(steps, errors) < -7.0
+
+
+def latitude(colatitude: float, times: np.ndarray) -> np.ndarray:
+    """The circle of latitude, and its velocity, (len(times), 4)."""
+    states = np.tile([colatitude, 0.0, 0.0, 1.0], (times.size, 1))
+    states[:, 1] = times
+    return states
+
+
+@pytest.mark.usefixtures("compiler")
+def test_errors_of_the_transport_decrease_with_order_8() -> None:
+    """Along a circle of latitude, vectors turn at the rate cos(colatitude)."""
+    angle, colatitude = 6.0, 0.8
+    metric, errors, counts = Sphere(), [], [2, 3, 4, 6, 8]
+    assert metric.kernels.available()
+    turned = angle * np.cos(colatitude)
+    exact = np.array([np.cos(turned), -np.sin(turned) / np.sin(colatitude)])
+    for count in counts:
+        sizes = np.full(count, angle / count)
+        times = (angle / count) * (np.arange(count)[:, None] + STAGE_TIMES)
+        curve = latitude(colatitude, times.ravel()).reshape(count, STAGE_TIMES.size, 4)
+        vectors, estimates = metric.kernels.transport(sizes, curve, np.array([1.0, 0.0]), 1e-9)
+        assert vectors.shape == (count, 2)
+        assert np.all(estimates > 0.0)
+        errors.append(float(np.abs(vectors[-1] - exact).max()))
+    assert slope(counts, errors) == pytest.approx(-8.0, abs=0.7)
+
+
+@pytest.mark.usefixtures("compiler")
+def test_norms_along_a_motion_are_kept_with_order_4() -> None:
+    metric, colatitude, samples = Sphere(), 0.8, 5
+    assert metric.kernels.available()
+    times = np.linspace(0.0, 4.0, samples)
+    velocity, state = np.tile([0.0, 1.0], (samples, 1)), np.zeros(samples, dtype=np.uint8)
+    changes = []
+    for steps in (4, 8, 16):
+        instants = np.linspace(0.0, 4.0, 2 * steps * (samples - 1) + 1)
+        curve = latitude(colatitude, instants)
+        cuts, change = metric.kernels.segment(times, curve, velocity, state, 3.0)
+        changes.append(change)
+    assert slope([4, 8, 16], changes) < -3.8
+    assert cuts.tolist() == [1, 0, 0, 0, 1]
+
+
+@pytest.mark.usefixtures("compiler")
+def test_cuts_are_where_the_velocity_has_turned_from_the_transported_one() -> None:
+    metric, colatitude = Sphere(), 0.8
+    assert metric.kernels.available()
+    samples, steps = 101, 2
+    times = np.linspace(0.0, 4.0, samples)
+    curve = latitude(colatitude, np.linspace(0.0, 4.0, 2 * steps * (samples - 1) + 1))
+    velocity = np.tile([0.0, 1.0], (samples, 1))
+    state = np.zeros(samples, dtype=np.uint8)
+    cuts, _ = metric.kernels.segment(times, curve, velocity, state, 0.5)
+    every = int(np.floor(0.5 / np.cos(colatitude) / 0.04)) + 1
+    assert np.flatnonzero(cuts).tolist() == [*range(0, samples - 1, every), samples - 1]
+    state[40:50] = 2  # a long rest is a segment
+    state[60] = 1  # no velocity to compare with
+    cuts, _ = metric.kernels.segment(times, curve, velocity, state, 3.0)
+    assert np.flatnonzero(cuts).tolist() == [0, 40, 50, 100]
+
+
+@pytest.mark.parametrize("name", CURVED)
+def test_integrations_agree_with_interpreted_ones(
+    name: str, tcc: None, rng: np.random.Generator
+) -> None:
+    metric = METRICS[name]()
+    assert metric.kernels.available()
+    q, v = points(metric, rng, 2)
+    start, times = np.concatenate([q, 0.3 * v]), np.array([0.0, 0.1, 0.5, 0.6])
+    states = metric.kernels.integrate(start, times, 1e-10, 1000)
+    expected = metric.geodesic_integrator(start, times, 1e-10, max_steps=1000)
+    assert states == pytest.approx(expected, abs=1e-12, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("metric", "start", "tolerance", "max_steps", "words"),
+    [
+        (HalfPlane(), (0.0, 1.0, 1.0, 0.3), 1e-10, 5, "5 steps were not enough"),
+        (Ending(), (0.0, 1.0), 1e-6, 5000, "the step fell to"),
+        (HalfPlane(), (0.0, -0.5, np.nan, 0.3), 1e-10, 500, "the step fell to"),
+    ],
+)
+def test_failures_are_those_of_the_interpreted_integration(
+    metric: go.Metric,
+    start: tuple[float, ...],
+    tolerance: float,
+    max_steps: int,
+    words: str,
+    compiler: str,
+) -> None:
+    kernels = type(metric)().kernels
+    assert kernels.available()
+    arguments = np.array(start), np.array([0.0, 2.0]), tolerance, max_steps
+    with pytest.raises(go.IntegrationFailed, match=words) as compiled:
+        kernels.integrate(*arguments)
+    with pytest.raises(go.IntegrationFailed, match=words) as interpreted:
+        metric.geodesic_integrator(*arguments[:3], max_steps=max_steps)
+    assert _without_digits(compiled.value) == _without_digits(interpreted.value)
+    assert compiled.value.time == pytest.approx(interpreted.value.time, abs=1e-7)
+    assert compiled.value.state == pytest.approx(interpreted.value.state, rel=1e-3, nan_ok=True)
+
+
+def _without_digits(error: Exception) -> str:
+    """The message without its last digits, which differ by rounding where a metric is singular."""
+    return " ".join(word[:3] if word[0].isdigit() else word for word in str(error).split())
+
+
+@pytest.mark.parametrize("name", CURVED)
+def test_parallel_transport_agrees_with_the_interpreted_one(
+    name: str, monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
+) -> None:
+    metric = METRICS[name]()
+    q0, q1, v = points(metric, rng, 3)
+    path = go.geodesic(metric, q0, q1)
+    results = []
+    for choice in ("tcc", "none"):
+        monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, choice)
+        fresh = METRICS[name]()
+        if not fresh.kernels.available() and choice != "none":
+            pytest.skip("needs TinyCC")
+        results.append(go.parallel_transport(fresh, path, v))
+        assert fresh.norm(q1, results[-1]) == pytest.approx(fresh.norm(q0, v), rel=1e-8)
+    assert results[0] == pytest.approx(results[1], abs=1e-9)
+
+
+@pytest.mark.parametrize("threshold", [0.3, 0.6, 1.2])
+def test_segments_are_those_of_the_interpreted_transport(
+    reach_file: Path, monkeypatch: pytest.MonkeyPatch, threshold: float
+) -> None:
+    arm = go.human_arm("left", 1.78)
+    motion = go.read_motion(reach_file, joints=arm.joint_names).filtered()
+    segments = []
+    for choice in ("tcc", "none"):
+        monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, choice)
+        metric = go.KineticEnergy(arm)
+        if not metric.kernels.available() and choice != "none":
+            pytest.skip("needs TinyCC")
+        segments.append(go.segment(metric, motion, threshold=threshold))
+    assert segments[0] == segments[1]

@@ -1,0 +1,275 @@
+"""The logarithmic map in the compiled core, in NumPy and by Ipopt."""
+
+from __future__ import annotations
+
+import threading
+from ctypes import CFUNCTYPE, byref, c_char, c_int, c_void_p, cast
+
+import casadi as ca
+import numpy as np
+import pytest
+from all_metrics import METRICS, points
+from known_metrics import HalfPlane, Sphere
+from known_models import planar_arm
+
+import geodesic_ocp as go
+from geodesic_ocp.compiled import compilers, lapack
+from geodesic_ocp.logarithm import by_newton
+from geodesic_ocp.logarithm.correction import STEP
+from geodesic_ocp.logarithm.discrete_energy import DiscreteEnergy
+from geodesic_ocp.logarithm.levels import Levels
+from geodesic_ocp.manifold.kernels import Statistics, Tolerances
+from geodesic_ocp.trajectory.grid import Grid
+
+NONE = np.zeros((0, 2))
+Q0, Q1 = np.array([0.3, 1.2]), np.array([1.4, 0.9])
+ALL = {
+    **METRICS,
+    "planar arm with five links": lambda: go.KineticEnergy(
+        planar_arm((1.0,) * 5, (1.3,) * 5, (0.4,) * 5, (0.2,) * 5)
+    ),
+    "human arm of 75 kg": lambda: go.KineticEnergy(go.human_arm("right", 1.8, 75.0)),
+}
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_all_routes_agree(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    metric = ALL[name]()
+    q0, q1 = points(metric, np.random.default_rng(7), 2)
+    velocities = [go.log(metric, q0, q1, solver="ipopt")]
+    for choice in ("tcc", "none"):
+        monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, choice)
+        velocities.append(go.log(ALL[name](), q0, q1, solver="newton"))
+    for other in velocities[1:]:
+        assert other == pytest.approx(velocities[0], abs=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["human arm", "gravity", "tree"])
+def test_optimized_code_agrees(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    if compilers.system_compiler() is None:
+        pytest.skip("needs a compiler of the system")
+    metric = ALL[name]()
+    q0, q1 = points(metric, np.random.default_rng(7), 2)
+    expected = go.log(metric, q0, q1, solver="ipopt")
+    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "system")
+    optimized = ALL[name]()
+    assert go.log(optimized, q0, q1) == pytest.approx(expected, abs=1e-9)
+    assert optimized.kernels.compiler_name == "system"
+
+
+@pytest.mark.usefixtures("compiler")
+def test_the_sphere_at_any_distance() -> None:
+    for angle in (1e-6, 0.1, 1.0, 2.0, 3.0, 3.1):
+        velocity = go.log(Sphere(), [np.pi / 2, 0.0], [np.pi / 2, angle])
+        assert velocity == pytest.approx([0.0, angle], abs=1e-9)
+
+
+def status_of(
+    metric: go.Metric,
+    levels: Levels,
+    tolerances: Tolerances,
+    x: np.ndarray | None = None,
+    ends: tuple[np.ndarray, np.ndarray] = (Q0, Q1),
+) -> tuple[int, Statistics]:
+    """Status and statistics of the compiled log map from the straight line, or from nodes x."""
+    q0, q1 = ends
+    assert metric.kernels.available()
+    start = by_newton._start(levels, q0, q1, None) if x is None else x
+    arguments = levels.structures, levels.first, levels.largest, np.zeros((0, metric.dim))
+    _, _, status, statistics = metric.kernels.log_map(q0, q1, start, *arguments, tolerances)
+    return status, statistics
+
+
+def levels(*grids: tuple[int, int], first: int = 0) -> Levels:
+    return Levels(tuple(Grid(*each) for each in grids), first)
+
+
+USUAL = Tolerances(STEP, 1e-10, 1e-9)
+
+
+@pytest.mark.usefixtures("tcc")
+def test_the_first_level_that_is_fine_enough_gives_the_result() -> None:
+    far = np.array([-4.0, 0.3]), np.array([4.0, 0.3])
+    for grids, ends, last in (
+        (levels((1, 30), (2, 30)), (Q0, Q1), 0),
+        (levels((1, 3), (1, 30), (2, 30)), far, 1),
+    ):
+        status, statistics = status_of(HalfPlane(), grids, USUAL, ends=ends)
+        assert status == 0
+        assert statistics.level == last
+        assert statistics.error <= 1e-9
+        assert statistics.newton_steps > 0
+        assert statistics.integrations >= 2
+
+
+def changed(name: str, factor: float) -> Levels:
+    result = levels((1, 12))
+    result._arrays[0][name] *= factor
+    return result
+
+
+@pytest.mark.usefixtures("tcc")
+def test_every_way_to_fail() -> None:
+    few = levels((1, 12))
+    few.structures[0].max_steps = 1
+    below = np.linspace([0.3, 1.2], [1.4, 0.9], 13)
+    below[6, 1] = np.nan
+    for status, grids, tolerances, x in (
+        (11, few, USUAL, None),
+        (12, changed("products", -1.0), USUAL, None),
+        (13, changed("products", 1e-9), USUAL, None),
+        (14, levels((1, 12)), USUAL, below),
+        (20, levels((1, 12)), Tolerances(1e-90, 1e-10, 1e-9), None),
+        (21, levels((1, 2)), Tolerances(STEP, 0.0, 0.0), None),
+    ):
+        assert status_of(HalfPlane(), grids, tolerances, x)[0] == status
+        assert status in by_newton._STATUS
+    attempt = by_newton._interpreted_pass(HalfPlane(), Q0, Q1, levels((1, 12)), below, NONE, 1e-10)
+    assert attempt.velocity is None
+    assert attempt.reason == by_newton._STATUS[14]
+
+
+class Chasm(go.Metric):
+    """Flat, except that it is undefined for 0.5 < q0 < 0.6."""
+
+    dim = 2
+
+    def matrix(self, q: ca.SX) -> ca.SX:
+        return ca.SX.eye(2) * (1.0 + q[1] ** 2 + 0.0 * ca.sqrt((q[0] - 0.5) * (q[0] - 0.6)))
+
+
+@pytest.mark.parametrize("ends", [((0.0, 0.2), (1.0, 0.3)), ((0.0, 0.2), (0.4, 0.3))])
+def test_where_the_metric_is_undefined_both_routes_say_the_same(
+    ends: tuple[tuple[float, float], ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    results = []
+    for choice in ("tcc", "none"):
+        monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, choice)
+        try:
+            results.append(go.log(Chasm(), *ends).round(8).tolist())
+        except (ValueError, go.NotConverged) as error:
+            results.append(str(error))
+    assert results[0] == results[1]
+
+
+@pytest.mark.parametrize("metric", [HalfPlane(), Sphere()], ids=["half-plane", "sphere"])
+def test_continuation_in_an_added_diagonal(
+    metric: go.Metric, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    grids = by_newton._CONTINUED
+    added = np.outer(by_newton._ADDED, np.diag(metric.matrix(Q0)))
+    x = by_newton._start(grids, Q0, Q1, None)
+    x[1:-1] += 0.2 * np.random.default_rng(0).normal(size=x[1:-1].shape)
+    found = []
+    for choice in ("tcc", "none"):
+        monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, choice)
+        attempt = by_newton._pass(type(metric)(), Q0, Q1, grids, x.copy(), added)
+        assert attempt.reason == ""
+        assert attempt.velocity is not None
+        assert go.exp(metric, Q0, attempt.velocity) == pytest.approx(Q1, abs=1e-9)
+        found.append(attempt.velocity)
+    assert found[0] == pytest.approx(found[1], abs=1e-9)
+
+
+def test_an_exhausted_search_says_the_same_on_both_routes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(by_newton, "_LEVELS", by_newton.levels_of(((1, 2), (1, 3)), 0))
+    found = []
+    for choice in ("tcc", "none"):
+        monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, choice)
+        # The long way around the sphere is no minimum.
+        metric = Sphere()
+        attempt = by_newton._pass(
+            metric,
+            np.array([1.0, 0.0]),
+            np.array([1.2, 5.8]),
+            by_newton._LEVELS,
+            np.array([[1.0, 0.0], [0.9, 3.0], [1.2, 5.8]]),
+            NONE,
+        )
+        assert attempt.velocity is None
+        assert attempt.reason != ""
+        found.append(attempt.nodes)
+    assert found[0].shape == found[1].shape
+
+
+@pytest.mark.parametrize("grid", [Grid(1, 6), Grid(3, 4)], ids=str)
+@pytest.mark.parametrize("metric", [HalfPlane(), METRICS["planar arm"]()], ids=["plane", "arm"])
+def test_gradient_and_hessian_of_the_discrete_energy(
+    metric: go.Metric, grid: Grid, rng: np.random.Generator
+) -> None:
+    energy = DiscreteEnergy(metric.kernel_functions, grid, np.array([0.3, 0.0]))
+    x = points(metric, rng, grid.size)
+    _, out = energy.derivatives(x)
+    h, size = 1e-6, x.size
+    gradient, hessian = energy.gradient(out).ravel(), energy.hessian(out, 1.0)
+    assert energy.slopes(x).ravel() == pytest.approx(gradient, abs=1e-12 * abs(gradient).max())
+    for k in range(size):
+        step = h * np.eye(size)[k].reshape(x.shape)
+        change = (energy.energy(x + step) - energy.energy(x - step)) / (2 * h)
+        assert change == pytest.approx(gradient[k], abs=1e-7 * abs(gradient).max())
+        column = (energy.slopes(x + step) - energy.slopes(x - step)).ravel() / (2 * h)
+        upper = hessian[: k + 1, k]
+        assert upper == pytest.approx(column[: k + 1], abs=1e-7 * abs(hessian).max())
+    without = energy.hessian(out, 0.0)
+    inner = without[metric.dim : -metric.dim, metric.dim : -metric.dim]
+    full = np.triu(inner) + np.triu(inner, 1).T
+    assert np.linalg.eigvalsh(full).min() > 0.0
+
+
+@pytest.mark.parametrize("degree", [2, 3])
+def test_the_discrete_energy_of_a_geodesic_converges_with_twice_the_degree(degree: int) -> None:
+    metric = HalfPlane()
+    path = np.array([0.5, 1.0])  # (tanh t, 1 / cosh t) at unit speed, of energy 1 / 2
+    errors, counts = [], [4, 8, 16]
+    for segments in counts:
+        grid = Grid(segments, degree)
+        t = grid.nodes + path[0]
+        x = np.column_stack([np.tanh(t), 1.0 / np.cosh(t)])
+        energy = DiscreteEnergy(metric.kernel_functions, grid, np.zeros(2))
+        errors.append(abs(energy.energy(x) - 0.5))
+    slope = np.polyfit(np.log(counts), np.log(errors), 1)[0]
+    assert slope == pytest.approx(-2 * degree, abs=0.4)
+
+
+def test_the_pointers_to_lapack_and_blas(rng: np.random.Generator) -> None:
+    a = rng.normal(size=(6, 6))
+    matrix = np.asfortranarray(a @ a.T + np.eye(6))
+    expected = np.linalg.cholesky(matrix).T
+    factor, info, size = matrix.copy(order="F"), c_int(7), c_int(6)
+    as_function = CFUNCTYPE(None, *[c_void_p] * 5)
+    potrf = as_function(lapack.blas().potrf)
+    upper = c_char(b"U")
+
+    def at(value: object) -> c_void_p:
+        return cast(byref(value), c_void_p)  # type: ignore[arg-type]
+
+    potrf(at(upper), at(size), factor.ctypes.data, at(size), at(info))
+    assert info.value == 0
+    assert np.triu(factor) == pytest.approx(expected, abs=1e-12)
+    indefinite = np.asfortranarray(np.diag([1.0, 2.0, -1.0, 1.0, 1.0, 1.0]))
+    potrf(at(upper), at(size), indefinite.ctypes.data, at(size), at(info))
+    assert info.value == 3
+
+
+def test_threads_of_blas_are_restored_after_the_last_user() -> None:
+    library = lapack._openblas()
+    if library is None:
+        pytest.skip("SciPy has no OpenBLAS of its own here")
+    before = library.scipy_openblas_get_num_threads()
+    entered, leave = threading.Event(), threading.Event()
+
+    def other() -> None:
+        with lapack.one_blas_thread:
+            entered.set()
+            leave.wait()
+
+    thread = threading.Thread(target=other)
+    thread.start()
+    entered.wait()
+    with lapack.one_blas_thread:
+        assert library.scipy_openblas_get_num_threads() == 1
+    assert library.scipy_openblas_get_num_threads() == 1
+    leave.set()
+    thread.join()
+    assert library.scipy_openblas_get_num_threads() == before
