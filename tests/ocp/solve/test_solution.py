@@ -101,7 +101,8 @@ def test_figures_show_coordinates_speed_path_and_obstacles(arm: go.Model, tmp_pa
     post = go.Capsule((0.45, 0.35, -0.4), (0.45, 0.35, 0.1), 0.04, name="post")
     table = go.HalfSpace((0.0, 0.0, -0.62), (0.0, 0.0, 1.0), "table")
     reach = go.Reach(arm, START, TARGET, obstacles=[post, table], through=[(0.3, 0.3, -0.2)])
-    figure = go.solve(reach, grid=go.Grid(6, 3)).plot()
+    with pytest.warns(RuntimeWarning, match="between them joint RWx_joint"):
+        figure = go.solve(reach, grid=go.Grid(6, 3)).plot()
     joints, speed, hand = figure.axes
     assert [line.get_label() for line in joints.get_lines()][:7] == list(arm.joint_names)
     assert joints.get_ylabel() == "coordinates q [rad]"

@@ -89,8 +89,7 @@ def solve(
 
     Warns:
         RuntimeWarning: there is no tolerance, and a condition is violated between the nodes by
-            more than 1e-4: on a given grid, or if refinement has failed. With continuous velocity
-            at via points or prescribed velocities at the ends, grids are not refined.
+            more than 1e-4: on a given grid, or if refinement has failed.
 
     Example:
         >>> import geodesic_ocp as go
@@ -113,8 +112,7 @@ def solve(
     conditions = definition.conditions
     if tolerance is None:
         solution = solver.solve_from(first, start)
-        depends_on_grid = bool(conditions.via_continuity or conditions.on_end_velocities)
-        if grid is None and not depends_on_grid:
+        if grid is None:
             solution = refine_where_violated(solver, conditions, solution)
         warn_of_violations(solution, BETWEEN_NODES, given_grid=grid is not None)
     elif conditions.via_continuity:
