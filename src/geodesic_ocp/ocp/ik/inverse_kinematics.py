@@ -16,7 +16,8 @@ from geodesic_ocp.ocp.ik.pose_search import PoseSearch
 
 _STARTS, _ENOUGH = 60, 4
 _STARTS_NEAREST, _STARTS_WITHIN = 28, 4
-_LAST_RESORT = 4  # starts of Ipopt if no pose is attained otherwise
+_FEW, _LAST_RESORT = 2, 6  # configurations that are too few, and further starts of Ipopt then
+_BEST = 4  # starts of Ipopt for a pose out of reach
 _REACHED = 1e-6  # [m] and [rad]
 # Among configurations with the same pose error, the one near the start: too small a weight to
 # change the pose error.
@@ -100,18 +101,20 @@ def inverse_kinematics_solutions(
     found, others, smallest = search.simultaneously(
         bounds, starts, axes, weights, enough, settled, least
     )
-    if not found or not collisions.is_empty:
-        if not collisions.is_empty:
-            smallest = np.inf  # without collision avoidance
-        first = [*found, *starts] if found else [*starts[:1], *others[: _LAST_RESORT - 1]]
-        found = []
-        for outcome in search.outcomes(limits, first, axes, np.zeros(6), 1.0, bound):
-            error = outcome.error(bound)
-            smallest = min(smallest, error)
-            if outcome.success and error <= _REACHED:
-                found.append(outcome.q)
-                if len(found) == enough:
-                    break
+    candidates: list[Array] = []
+    if not collisions.is_empty:
+        candidates, found, smallest = [*found, *starts], [], np.inf
+    elif len(found) < min(_FEW, enough):
+        # Joints that stop at their limits can trap that search, not Ipopt's interior points.
+        candidates = [starts[0], *others[len(found) :][:1], *starts[-_LAST_RESORT:]]
+        enough = len(found) + _FEW + 1
+    for outcome in search.outcomes(limits, candidates, axes, np.zeros(6), 1.0, bound):
+        error = outcome.error(bound)
+        smallest = min(smallest, error)
+        if outcome.success and error <= _REACHED:
+            found.append(outcome.q)
+            if len(found) == enough:
+                break
     if not found:
         given = {"position": position, "rotation": rotation}
         what = [name for name, value in given.items() if value is not None]
@@ -170,7 +173,7 @@ def nearest_configuration(
     starts = search.starts(bounds, _STARTS_NEAREST)
     rows = each[list(search.rows)]
     _, best, _ = search.simultaneously(bounds, starts, np.eye(3), rows, len(starts))
-    starts = best[:_LAST_RESORT] if collisions.is_empty else [*best[:_LAST_RESORT], *starts]
+    starts = best[:_BEST] if collisions.is_empty else [*best[:_BEST], *starts]
     outcomes = search.outcomes(limits, starts, np.eye(3), each, _STAY, bound)
     found = [outcome for outcome in outcomes if outcome.success]
     if not found:
