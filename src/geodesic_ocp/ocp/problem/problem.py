@@ -100,7 +100,7 @@ class Problem(ABC):
 
     @property
     def grid(self) -> Grid:
-        """Grid to solve on unless another is requested; a subclass may choose its own.
+        """Grid to start from unless another is requested; a subclass may choose its own.
 
         By default one polynomial of degree 20 for problems with conditions at the ends alone, whose
         paths are smooth, and 16 segments of degree 4 for all others.
