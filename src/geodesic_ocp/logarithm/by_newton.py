@@ -23,7 +23,7 @@ from geodesic_ocp.logarithm.connecting_geodesic import (
     TOLERANCE,
     ConnectingGeodesic,
 )
-from geodesic_ocp.logarithm.correction import STEP, correct_velocity
+from geodesic_ocp.logarithm.correction import ROUNDING, STEP, correct_velocity
 from geodesic_ocp.logarithm.discrete_energy import DiscreteEnergy
 from geodesic_ocp.logarithm.levels import Levels, levels_of
 from geodesic_ocp.logarithm.likely_cause import check_straight_line, likely_cause
@@ -48,7 +48,7 @@ _CONTINUED = levels_of(((1, 12), (1, 20), (1, 30), (2, 20), (4, 20), (8, 20)), 1
 # Multiples of the diagonal of G(q0) that are added to G, from large to small.
 _ADDED = (10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
 # Paths through random points: number, and offset from the straight line relative to its length.
-_WAYPOINTS, _OFFSET = 6, (0.2, 1.0)
+_WAYPOINTS, _OFFSET = 12, (0.2, 1.0)
 _STATUS = {
     11: "the energy has no minimum nearby, or Newton's method needs more steps",
     12: "the Hessian of the energy is not finite",
@@ -56,7 +56,7 @@ _STATUS = {
     14: "the metric is not finite along the path",
     20: "its integration fails",
     21: "integrated forward, it does not end at the goal",
-    22: "rounding errors grow beyond the tolerance along it",
+    22: ROUNDING,
 }
 
 
@@ -94,9 +94,12 @@ def find_by_newton(
         last = last or attempt
         reasons.append(attempt.reason)
     assert last is not None
+    if ROUNDING in reasons:
+        cause = "geodesics diverge so fast that rounding errors exceed 1e-9 at the goal"
+    else:
+        cause = likely_cause(metric, last.nodes)
     raise NotConverged(
-        f"no geodesic was found from {q0} to {q1}: {likely_cause(metric, last.nodes)} "
-        f"({reasons[0]}; {len(reasons)} attempts)"
+        f"no geodesic was found from {q0} to {q1}: {cause} ({reasons[0]}; {len(reasons)} attempts)"
     )
 
 

@@ -10,6 +10,7 @@ from geodesic_ocp.manifold.exp import integrate_geodesic
 from geodesic_ocp.manifold.metric import Metric
 
 MAX_STEPS = 2000  # of one integration: hundreds suffice for the longest geodesics of an arm
+ROUNDING = "rounding errors exceed the tolerance of its end point"
 # Tolerance of a step: of the last integrations, of the first relative to them, the smallest.
 STEP, _COARSER, _SMALLEST = 1e-12, 30.0, 1e-13
 _ROUNDS, _CONTRACTION, _NEAR = 14, 0.5, 1e-5
@@ -59,7 +60,7 @@ def correct_velocity(
             if verified <= accepted:
                 return velocity, ""
             if step <= _SMALLEST:
-                return None, f"its end point is known to {verified:.1e} at best"
+                return None, ROUNDING
             step, error = max(_SMALLEST, step / _COARSER), _NEAR / 10.0
         last = error
     return None, f"integrated forward, it ends {last:.1e} from the goal"

@@ -49,18 +49,19 @@ def minimize(
     n = x.shape[1]
     value, out = energy.derivatives(x)
     empty = np.zeros(x.size - 2 * n)
-    hessian = factor = np.zeros((0, 0))
+    hessian = np.zeros((0, 0))
+    factor: Array | None = None
     for number in range(levels.max_steps(level)):
         gradient = energy.gradient(out)
         share = 0.25 if share == 0.0 else min(1.0, 2.0 * share)
         while True:
             hessian = energy.hessian(out, share)
-            factor, failure = dpotrf(hessian[n:-n, n:-n], clean=False)
-            if failure == 0 or share == 0.0:
+            factor = _cholesky(hessian[n:-n, n:-n], n * levels.grids[level].degree, n)
+            if factor is not None or share == 0.0:
                 break
             share = next(lower for above, lower in _SHARES if share > above)
-        if failure:
-            return Minimum(NOT_POSITIVE, x, empty, hessian, factor, out, share, number)
+        if factor is None:
+            return Minimum(NOT_POSITIVE, x, empty, hessian, empty, out, share, number)
         half = -dtrtrs(factor, gradient[1:-1].ravel(), trans=1)[0]
         decrement = float(half @ half)
         step = dtrtrs(factor, half)[0]
@@ -83,7 +84,26 @@ def minimize(
             return Minimum(NO_DECREASE, x, empty, hessian, factor, out, share, number + 1)
         x = trial
         value, out = (tried, new) if halving == 0 else energy.derivatives(x)
-    return Minimum(MANY_STEPS, x, empty, hessian, factor, out, share, levels.max_steps(level))
+    return Minimum(MANY_STEPS, x, empty, hessian, empty, out, share, levels.max_steps(level))
+
+
+def _cholesky(matrix: Array, width: int, shared: int) -> Array | None:
+    """U with U' U = matrix, segment by segment, see core/dense.h; None if it is indefinite."""
+    factor = np.array(matrix, order="F")
+    start, size = 0, len(matrix)
+    while start < size:
+        stop = min(size, start + width - (shared if start == 0 else 0))
+        block, failure = dpotrf(factor[start:stop, start:stop], clean=False)
+        if failure:
+            return None
+        factor[start:stop, start:stop] = block
+        columns = slice(stop, stop + shared)
+        if stop < size:
+            coupling = dtrtrs(block, factor[start:stop, columns], trans=1)[0]
+            factor[start:stop, columns] = coupling
+            factor[columns, columns] -= coupling.T @ coupling
+        start = stop
+    return factor
 
 
 def initial_velocity(

@@ -31,8 +31,8 @@ static void initial_velocity(const level *grid, const level *next, const blas *l
   for (c = 0; c < N; c++) {
     double *field = w->fields + (long)c * inner;
     for (k = 0; k < inner; k++) field[k] = w->hessian[(long)(N + k) * size + c];
-    solve_triangular(library, 1, w->factor, inner, field);
-    solve_triangular(library, 0, w->factor, inner, field);
+    solve_triangular(library, 1, w->factor, inner, inner, field);
+    solve_triangular(library, 0, w->factor, inner, inner, field);
   }
   if (next) {
     int nodes = num_nodes(next), before = num_nodes(grid), segment, a, j;

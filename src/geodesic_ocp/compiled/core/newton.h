@@ -32,7 +32,7 @@ static int factor_inner(const level *grid, const blas *library, double *share, w
     for (j = 0; j < inner; j++)
       memcpy(w->factor + (long)j * inner, w->hessian + (long)(j + N) * size + N,
              sizeof(double) * (j + 1));
-    if (!cholesky(library, w->factor, inner)) return 0;
+    if (!cholesky(library, w->factor, inner, grid->degree * N, N)) return 0;
     if (*share == 0) return NOT_POSITIVE;
     *share = *share > 0.6 ? 0.4 : *share > 0.3 ? 0.15 : 0;
   }
@@ -51,9 +51,9 @@ static int minimize(const level *grid, const blas *library, const double *added,
     gradient_of(grid, w->points, POINT_SIZE, w->gradient);
     if ((failure = factor_inner(grid, library, share, w))) return failure;
     for (i = 0; i < inner; i++) w->step[i] = -w->gradient[N + i];
-    solve_triangular(library, 1, w->factor, inner, w->step);
+    solve_triangular(library, 1, w->factor, inner, inner, w->step);
     for (i = 0; i < inner; i++) decrement += w->step[i] * w->step[i];
-    solve_triangular(library, 0, w->factor, inner, w->step);
+    solve_triangular(library, 0, w->factor, inner, inner, w->step);
     stats->newton_steps++;
     stats->energy = energy;
     if (!(decrement >= 0 && energy < 1e300)) return NOT_FINITE;
