@@ -140,7 +140,7 @@ class Chasm(go.Metric):
     dim = 2
 
     def matrix(self, q: ca.SX) -> ca.SX:
-        return ca.SX.eye(2) * (1.0 + q[1] ** 2 + 0.0 * ca.sqrt((q[0] - 0.5) * (q[0] - 0.6)))
+        return ca.SX.eye(2) * (1.0 + q[1] ** 2 + 1e-30 * ca.sqrt((q[0] - 0.5) * (q[0] - 0.6)))
 
 
 @pytest.mark.parametrize("ends", [((0.0, 0.2), (1.0, 0.3)), ((0.0, 0.2), (0.4, 0.3))])
