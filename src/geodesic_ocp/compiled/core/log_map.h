@@ -1,17 +1,43 @@
 /* From the coarsest level to the finest: minimise, and from level `first` on, correct. */
 
-long log_workspace(const level *levels, int count) {
-  long size = 0, nodes = 0, width = 0, pairs = 0, points = 0;
+typedef struct {
+  long nodes, width, points; /* largest numbers: of nodes, of a segment's nodes, of points */
+} extent;
+
+static extent largest(const level *levels, int count) {
+  extent result = {0, 0, 0};
   int i;
   for (i = 0; i < count; i++) {
-    const level *l = levels + i;
-    nodes = num_nodes(l) > nodes ? num_nodes(l) : nodes;
-    width = l->degree + 1 > width ? l->degree + 1 : width;
-    points = l->segments * l->points > points ? l->segments * l->points : points;
+    long nodes = num_nodes(levels + i), width = levels[i].degree + 1;
+    long points = (long)levels[i].segments * levels[i].points;
+    if (nodes > result.nodes) result.nodes = nodes;
+    if (width > result.width) result.width = width;
+    if (points > result.points) result.points = points;
   }
-  pairs = width * (width + 1) / 2;
-  size = nodes * N;
-  return points * POINT_SIZE + 2 * N * N * pairs + 2 * size * size + (6 + N) * size + WORK_SIZE;
+  return result;
+}
+
+/* Divide the memory, and return its size; without memory, only that. */
+static long divide(const level *levels, int count, double *memory, workspace *w) {
+  extent of = largest(levels, count);
+  long size = of.nodes * N, at = 0;
+  w->points = memory + at, at += of.points * POINT_SIZE;
+  w->blocks = memory + at, at += N * N * of.width * (of.width + 1);
+  w->hessian = memory + at, at += size * size;
+  w->factor = memory + at, at += size * size;
+  w->gradient = memory + at, at += size;
+  w->step = memory + at, at += size;
+  w->trial = memory + at, at += size;
+  w->fields = memory + at, at += N * size;
+  w->finer = memory + at, at += 2 * size;
+  w->casadi = memory + at, at += WORK_SIZE;
+  return at;
+}
+
+/* Size of the memory that `log_map` needs. */
+long log_workspace(const level *levels, int count) {
+  workspace w;
+  return divide(levels, count, 0, &w);
 }
 
 /* `x` holds the path on the first level, at the end that of the last one used. Returns FOUND, or
@@ -21,26 +47,9 @@ int log_map(const double *q0, const double *q1, const level *levels, int count, 
             double *x, double *memory, double *v0, statistics *stats) {
   workspace w;
   int i, at, failure = 0, result = STALLED, before = 0;
-  long nodes = 0, width = 0, points = 0, size;
   double share = 1, by_goal[N * N], none[N];
   for (i = 0; i < N; i++) none[i] = 0;
-  for (i = 0; i < count; i++) {
-    const level *l = levels + i;
-    nodes = num_nodes(l) > nodes ? num_nodes(l) : nodes;
-    width = l->degree + 1 > width ? l->degree + 1 : width;
-    points = l->segments * l->points > points ? l->segments * l->points : points;
-  }
-  size = nodes * N;
-  w.points = memory;
-  w.blocks = w.points + points * POINT_SIZE;
-  w.hessian = w.blocks + N * N * width * (width + 1);
-  w.factor = w.hessian + size * size;
-  w.gradient = w.factor + size * size;
-  w.step = w.gradient + size;
-  w.trial = w.step + size;
-  w.fields = w.trial + size;
-  w.finer = w.fields + N * size;
-  w.casadi = w.finer + 2 * size;
+  divide(levels, count, memory, &w);
   memset(stats, 0, sizeof(statistics));
   for (i = 0; i < num_added; i++) { /* continuation in a diagonal added to G, on the first level */
     failure = minimize(levels, library, added + i * N, 0, x, &share, &w, stats);

@@ -16,8 +16,8 @@ static void transport_step(double h, const double *p, double *w, double *work) {
 
 /* Cut where the angle between the transported and the observed velocity exceeds the threshold.
 
-   curve: positions and velocities (2 N) at the samples and, from each to the next, at 2 * substeps - 1
-   instants between them at equal distances; velocity: (samples, N); state of a sample: 0 moves, 1 at
+   curve: positions and velocities (2 N) at the samples and at 2 * substeps - 1 equidistant times
+   between each and the next; velocity: (samples, N); state of a sample: 0 moves, 1 at
    rest, 2 in a long rest. cuts has a flag for each sample. `change` is the largest relative change
    of the transported vector's norm over one interval, which would be zero without errors. */
 void segment_motion(long samples, const double *time, const double *curve, long substeps,
