@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -168,3 +170,22 @@ def test_bad_arguments_are_named(arm_metric: go.KineticEnergy, rng: np.random.Ge
         go.segment(go.Euclidean(2), motion)
     with pytest.raises(ValueError, match=r"rest must be in \[0, 1\)"):
         go.segment(arm_metric, motion, rest=1.0)
+
+
+class WithGap(go.Metric):
+    """Not defined for q[0] between 0.493 and 0.507."""
+
+    dim = 2
+
+    def matrix(self, q: Any) -> Any:
+        outside = ca.sqrt((q[0] - 0.493) * (q[0] - 0.507))
+        return ca.SX.eye(2) * (1.0 + q[1] ** 2 + 1e-30 * outside)
+
+
+def test_a_metric_that_is_undefined_between_two_samples_is_an_error() -> None:
+    time = np.linspace(0.0, 1.0, 101)
+    time = time[(time < 0.49) | (time > 0.51)]
+    velocity = np.tile([1.0, 0.3], (time.size, 1))
+    motion = go.Motion(time, time[:, None] * velocity, ("x", "y"), velocity)
+    with pytest.raises(go.IntegrationFailed, match="parallel transport"):
+        go.segment(WithGap(), motion)

@@ -132,8 +132,10 @@ def _compiled_cuts(
             state,
             threshold,
         )
-        if error <= _TRANSPORT_TOLERANCE or steps >= _MAX_STEPS:
+        if error <= _TRANSPORT_TOLERANCE:
             return np.flatnonzero(cuts).tolist()
+        if not np.isfinite(error) or steps >= _MAX_STEPS:  # names the place, or finds a way
+            return _cuts(metric, motion, velocity, at_rest, in_long_rest, threshold)
         steps *= 2
 
 
