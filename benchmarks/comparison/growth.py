@@ -19,7 +19,7 @@ from comparison.pinocchio_aba import ForwardDynamics
 SIZES = (2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30)
 FRACTION = 0.4  # of the range of +-2 rad
 # A route is not tried on larger systems once its maps, or the first one, take this long [s].
-TOO_LONG, FIRST_TOO_LONG = 0.5, 5.0
+TOO_LONG, FIRST_TOO_LONG = 0.5, 10.0
 # The exponent is that of systems of at least this size, where it dominates.
 FITTED_FROM = 6
 

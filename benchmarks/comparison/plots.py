@@ -37,7 +37,7 @@ def save_growth(file: Path, curves: Sequence[Growth]) -> None:
         exponent, factor = curve.fit
         label = rf"{curve.name}, $n^{{{exponent:.1f}}}$"
         (line,) = axes.plot(curve.joints, 1e3 * curve.seconds, "o-", label=label, markersize=4)
-        fitted = np.array([curve.joints.min(), curve.joints.max()])
+        fitted = np.array([curve.fitted_from, curve.joints.max()])
         color = line.get_color()
         axes.plot(fitted, 1e3 * factor * fitted**exponent, "--", color=color, linewidth=0.8)
         if curve.both_arms is not None:
