@@ -49,11 +49,12 @@ def growth_table(curves: Iterable[Growth]) -> str:
     parts = ["## Growth with the number of joints\n"]
     for curve in curves:
         exponent, _ = curve.fit
-        arms = _amount(curve.both_arms, "s")
+        arms = ""
+        if curve.both_arms is not None:
+            arms = f"; both human arms (14 joints) {_amount(curve.both_arms, 's')}"
         rows = {"median": curve.seconds, "first, with compilation": curve.first}
         parts += [
-            f"{curve.name}: n^{exponent:.1f} from n = {curve.fitted_from}"
-            + (f"; both human arms (14 joints) {arms}.\n" if curve.both_arms else ".\n"),
+            f"{curve.name}: n^{exponent:.1f} from n = {curve.fitted_from}{arms}.\n",
             "| joints | " + " | ".join(f"{n:.0f}" for n in curve.joints) + " |",
             "| --- " + "| ---: " * curve.joints.size + "|",
         ]
