@@ -20,6 +20,7 @@ _CORE = (
     "logarithm",
     "log_map",
     "tensor",
+    "exp_map",
     "transport",
     "segmentation",
 )

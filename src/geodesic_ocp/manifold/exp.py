@@ -13,6 +13,7 @@ from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.manifold.metric import Metric, as_metric, has_compiled_code
 from geodesic_ocp.over_rows import over_rows
 
+_UNIT_INTERVAL = np.array([0.0, 1.0])
 # Initial tolerance of a step, relative to the tolerance of the end point, and its lower bound.
 _STEP_FRACTION = 0.02
 _FINEST_STEP_TOLERANCE = 1e-13
@@ -50,7 +51,14 @@ def exp(metric: Metric, q: Any, v: Any, *, tolerance: float = 1e-9) -> Array:
         IntegrationFailed: the metric becomes singular along the geodesic, or the tolerance cannot
             be reached; `time` and `state` say where.
     """
-    positions, _ = sample_geodesic(metric, q, v, np.array([0.0, 1.0]), tolerance=tolerance)
+    metric = as_metric(metric)
+    point, velocity = as_vector("q", q, metric.dim), as_vector("v", v, metric.dim)
+    tolerance = as_positive("tolerance", tolerance)
+    if not metric.has_constant_tensor and metric.kernels.available(at_once=False):
+        end = metric.kernels.exp(point, velocity, _step_tolerance(tolerance), tolerance)
+        if end is not None:
+            return end
+    positions, _ = sample_geodesic(metric, point, velocity, _UNIT_INTERVAL, tolerance=tolerance)
     return np.asarray(positions[-1])
 
 
@@ -70,7 +78,7 @@ def sample_geodesic(
     if metric.has_constant_tensor:
         line = point + np.outer(instants - instants[0], velocity)
         return line, np.tile(velocity, (instants.size, 1))
-    per_step = max(_STEP_FRACTION * tolerance, _SMALLEST)
+    per_step = _step_tolerance(tolerance)
     positions, _ = integrate_geodesic(metric, point, velocity, instants, _LOOSER * per_step)
     refined = False
     while True:
@@ -93,6 +101,11 @@ def sample_geodesic(
                 f"are accurate to {error:.1e} at best, not to {tolerance:.1e}"
             )
         per_step, refined = max(per_step / _LOOSER, _FINEST_STEP_TOLERANCE), True
+
+
+def _step_tolerance(tolerance: float) -> float:
+    """Initial tolerance of a step for this tolerance of the end point."""
+    return max(_STEP_FRACTION * tolerance, _SMALLEST)
 
 
 def _check_speed(metric: Metric, positions: Array, velocities: Array) -> None:

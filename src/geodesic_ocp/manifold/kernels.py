@@ -123,6 +123,23 @@ class Kernels:
         self._call("tensor_at", _pointer(q), _pointer(tensor))
         return tensor
 
+    def is_regular(self, q: Array) -> bool:
+        """Whether G(q) is certainly finite, symmetric and positive definite."""
+        return bool(self._call("is_regular", _pointer(q)))
+
+    def exp(self, q: Array, v: Array, step_tolerance: float, tolerance: float) -> Array | None:
+        """Exp_q(v); None where it needs a closer look, see core/exp_map.h."""
+        state = np.empty(2 * self._dim)
+        doubtful = self._call(
+            "exp_map",
+            _pointer(q),
+            _pointer(v),
+            c_double(step_tolerance),
+            c_double(tolerance),
+            _pointer(state),
+        )
+        return None if doubtful else state[: self._dim]
+
     def speeds(self, q: Array, velocity: Array) -> Array:
         """Speeds (k,) of velocities (k, n) at positions (k, n)."""
         result = np.empty(len(q))

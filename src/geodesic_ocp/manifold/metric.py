@@ -255,6 +255,9 @@ class Metric(ABC):
             ValueError: not n finite numbers, or G(q) is not finite, symmetric or positive definite.
         """
         point = as_vector(name, q, self.dim)
+        kernels = self.__dict__.get("kernels")
+        if kernels is not None and kernels.loaded and kernels.is_regular(point):
+            return point
         tensor = self.matrix(point)
         if not np.all(np.isfinite(tensor)):
             raise ValueError(f"{name}: the metric is not finite at {point}")
