@@ -12,7 +12,9 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from all_metrics import METRICS, points
@@ -336,3 +338,36 @@ def test_threads_may_go_on_while_a_library_takes_over(empty_cache: Path) -> None
         for thread in threads:
             thread.join()
     assert failures == []
+
+
+class EveryOperation(go.Metric):
+    """All operations of CasADi that a metric may contain."""
+
+    dim = 2
+
+    def matrix(self, q: Any) -> Any:
+        x, y = q[0], q[1]
+        terms = [
+            *(f(x) for f in (ca.sin, ca.cos, ca.tan, ca.atan, ca.sinh, ca.cosh, ca.tanh, ca.asinh)),
+            *(f(x / 9) for f in (ca.asin, ca.acos, ca.atanh, ca.erfinv, ca.log1p, ca.expm1)),
+            *(f(x) for f in (ca.exp, ca.fabs, ca.sign, ca.floor, ca.ceil, ca.erf)),
+            *(f(2 + x * x) for f in (ca.log, ca.sqrt, ca.acosh)),
+            *(f(x, y) for f in (ca.atan2, ca.fmin, ca.fmax, ca.copysign, ca.hypot, ca.remainder)),
+            *(ca.fmod(x, 3), (x**2 + 1) ** y, ca.power(x, 3), ca.constpow(x, 2), 1 / (2 + x)),
+            *(ca.if_else(x > 0, x, y), ca.logic_and(x > 0, y > 0), ca.logic_not(x > 5)),
+            *(x <= y, x == y, x != y),
+        ]
+        return ca.SX.eye(2) * (10 + sum(1e-3 * (number + 1) * t for number, t in enumerate(terms)))
+
+
+def test_every_operation_of_casadi_compiles(
+    monkeypatch: pytest.MonkeyPatch, empty_cache: Path
+) -> None:
+    monkeypatch.setenv("GEODESIC_OCP_COMPILER", "none")
+    q0, q1 = np.array([0.3, 0.4]), np.array([0.9, 0.7])
+    expected, velocity = EveryOperation().matrix(q0), go.log(EveryOperation(), q0, q1)
+    monkeypatch.setenv("GEODESIC_OCP_COMPILER", "tcc")
+    metric = EveryOperation()
+    assert go.log(metric, q0, q1) == pytest.approx(velocity, abs=1e-10)
+    assert metric.kernels.loaded
+    assert metric.matrix(q0) == pytest.approx(expected, rel=1e-14)

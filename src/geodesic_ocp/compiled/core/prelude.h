@@ -14,3 +14,13 @@ void *memset(void *, int, unsigned long);
 #define isinf(x) (!isnan(x) && isnan((x) - (x)))
 #define NAN (0.0 / 0.0)
 #define INFINITY (1.0 / 0.0)
+
+/* The inverse of erf, which CasADi has and C has not: Winitzki's approximation, then Newton. */
+static double erfinv(double x) {
+  double l = log(1 - x * x), a = 4.3307508 + l / 2, y;
+  int i;
+  if (!(fabs(x) < 1)) return x / (1 - fabs(x));
+  y = copysign(sqrt(fabs(sqrt(a * a - l / 0.147) - a)), x);
+  for (i = 0; i < 4; i++) y -= (erf(y) - x) * 0.886226925452758 * exp(y * y);
+  return y;
+}
