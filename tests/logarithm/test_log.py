@@ -168,3 +168,20 @@ def test_bad_arguments_are_named(q0: object, q1: object, message: str) -> None:
     for function in (go.log, go.distance, go.geodesic):
         with pytest.raises(ValueError, match=message):
             function(Sphere(), q0, q1)
+
+
+class PeriodicSphere(Sphere):
+    periods = (np.inf, 2.0 * np.pi)
+
+
+@pytest.mark.parametrize("compiler", ["none", "tcc"])
+def test_a_straight_line_that_is_a_geodesic_but_not_the_shortest(
+    monkeypatch: pytest.MonkeyPatch, compiler: str
+) -> None:
+    """The equator the long way round is stationary: a single start finds it, several a shorter."""
+    monkeypatch.setenv("GEODESIC_OCP_COMPILER", compiler)
+    metric, q0, q1 = PeriodicSphere(), [np.pi / 2, 0.0], [np.pi / 2, 5.0]
+    path = go.geodesic(metric, q0, q1)
+    assert path.velocity == pytest.approx(np.array([0.0, 5.0]), abs=1e-9)
+    assert path.certificate.morse_index == 1
+    assert go.distance(metric, q0, q1, num_starts=2) == pytest.approx(2 * np.pi - 5.0, abs=1e-9)

@@ -10,6 +10,7 @@ does all of it in one call.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -49,6 +50,8 @@ _CONTINUED = levels_of(((1, 12), (1, 20), (1, 30), (2, 20), (4, 20), (8, 20)), 1
 _ADDED = (10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
 # Paths through random points: number, and offset from the straight line relative to its length.
 _WAYPOINTS, _OFFSET = 12, (0.2, 1.0)
+# No further attempt is made after this time [s], with interpreted functions a multiple of it.
+_PATIENCE, _INTERPRETED = 1.0, 10.0
 _STATUS = {
     11: "the energy has no minimum nearby, or Newton's method needs more steps",
     12: "the Hessian of the energy is not finite",
@@ -86,6 +89,8 @@ def find_by_newton(
     """
     reasons: list[str] = []
     last: Attempt | None = None
+    began = time.thread_time()
+    patience = _PATIENCE if metric.kernels.available() else _INTERPRETED * _PATIENCE
     for attempt in _attempts(metric, q0, q1, guess, thorough):
         if attempt.velocity is not None:
             return ConnectingGeodesic(q0, q1, attempt.velocity)
@@ -93,13 +98,16 @@ def find_by_newton(
             check_straight_line(metric, q0, q1, guess)
         last = last or attempt
         reasons.append(attempt.reason)
+        if time.thread_time() - began > patience:
+            break
     assert last is not None
     if ROUNDING in reasons:
         cause = "geodesics diverge so fast that rounding errors exceed 1e-9 at the goal"
     else:
         cause = likely_cause(metric, last.nodes)
     raise NotConverged(
-        f"no geodesic was found from {q0} to {q1}: {cause} ({reasons[0]}; {len(reasons)} attempts)"
+        f"no geodesic was found from {q0} to {q1}: {cause} ({reasons[0]}; number of attempts: "
+        f"{len(reasons)})"
     )
 
 

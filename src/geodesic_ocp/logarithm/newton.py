@@ -16,6 +16,9 @@ from geodesic_ocp.logarithm.levels import Levels
 _SHARES = ((0.6, 0.4), (0.3, 0.15), (0.0, 0.0))
 _HALVINGS, _SHORTER, _ARMIJO, _ROUNDING = 12, 0.4, 1e-4, 1e-13
 
+# Relative decrease of the energy by a step that is rounding: a stationary path, if no minimum.
+_STATIONARY = 1e-20
+
 CONVERGED, MANY_STEPS, NOT_POSITIVE, NO_DECREASE, NOT_FINITE = range(5)
 
 
@@ -67,7 +70,9 @@ def minimize(
         step = dtrtrs(factor, half)[0]
         if not (decrement >= 0.0 and np.isfinite(value)):
             return Minimum(NOT_FINITE, x, empty, hessian, factor, out, share, number)
-        if decrement <= levels.decrease(level) * value and (share == 1.0 or not is_final):
+        is_minimum = share == 1.0 or not is_final
+        limit = levels.decrease(level) if is_minimum else _STATIONARY
+        if decrement <= limit * value:
             return Minimum(CONVERGED, x, step, hessian, factor, out, share, number + 1)
         length = 1.0
         for halving in range(_HALVINGS):

@@ -1,5 +1,8 @@
 /* Newton's method on the discrete energy with fixed ends. */
 
+/* Relative decrease of the energy by a step that is rounding. */
+#define STATIONARY 1e-20
+
 enum { CONVERGED = 0, MANY_NEWTON_STEPS = 1, NOT_POSITIVE = 2, NO_DECREASE = 3, NOT_FINITE = 4 };
 
 typedef struct {
@@ -40,7 +43,8 @@ static int factor_inner(const level *grid, const blas *library, double *share, w
 
 /* Minimise over the inner nodes of x (nodes, N). It ends where the step would decrease the energy
    by less than the level's fraction: with is_final only where the full Hessian is positive
-   definite, so that the path is a minimum. w->step is then left to be taken. */
+   definite, so that the path is a minimum, or where the path is stationary up to rounding, as a
+   symmetric one may be that is no minimum. w->step is then left to be taken. */
 static int minimize(const level *grid, const blas *library, const double *added, int is_final,
                     double *x, double *share, workspace *w, statistics *stats) {
   int size = num_nodes(grid) * N, inner = size - 2 * N, i, halvings, failure;
@@ -58,6 +62,7 @@ static int minimize(const level *grid, const blas *library, const double *added,
     stats->energy = energy;
     if (!(decrement >= 0 && energy < 1e300)) return NOT_FINITE;
     if (decrement <= grid->decrease * energy && (*share == 1 || !is_final)) return CONVERGED;
+    if (decrement <= STATIONARY * energy) return CONVERGED;
     for (halvings = 0;; halvings++) {
       if (halvings == 12) return NO_DECREASE;
       memcpy(w->trial, x, sizeof(double) * size);
