@@ -10,19 +10,15 @@ kind,
 from __future__ import annotations
 
 import functools
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable
-from functools import cached_property
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array, as_expression, as_vector, evaluate, is_symbolic
-from geodesic_ocp.compiled.library import Library
-from geodesic_ocp.manifold.compiled_functions import compiled_functions
-from geodesic_ocp.manifold.integrator import Integrator
-from geodesic_ocp.manifold.kernels import Kernels
+from geodesic_ocp.arrays import Array, as_vector, evaluate, is_symbolic
+from geodesic_ocp.manifold.metric_functions import MetricFunctions
 from geodesic_ocp.manifold.singularity import describe_singularity, is_singular
 from geodesic_ocp.model.model import Model
 
@@ -61,7 +57,7 @@ def _also_numeric(matrix: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any
     return wrapped
 
 
-class Metric(ABC):
+class Metric(MetricFunctions):
     """A Riemannian metric on R^n given by its tensor G(q).
 
     A subclass defines `dim` and `matrix(q)` in CasADi operations. Everything else follows, and
@@ -95,153 +91,6 @@ class Metric(ABC):
         super().__init_subclass__(**keywords)
         if "matrix" in cls.__dict__:
             cls.matrix = _also_numeric(cls.__dict__["matrix"])  # type: ignore[method-assign,assignment]
-
-    # -- symbolic functions, built once --------------------------------------------------------
-
-    @cached_property
-    def _matrix_function(self) -> ca.Function:
-        q = ca.SX.sym("q", self.dim)
-        matrix = as_expression(f"{type(self).__name__}.matrix(q)", self.matrix(q))
-        if matrix.shape != (self.dim, self.dim):
-            raise ValueError(
-                f"{type(self).__name__}.matrix(q) must have shape ({self.dim}, {self.dim}), "
-                f"got {matrix.shape}"
-            )
-        return ca.Function("G", [q], [ca.densify(matrix)], ["q"], ["G"])
-
-    @cached_property
-    def has_constant_tensor(self) -> bool:
-        """Whether the expression of G(q) does not contain q.
-
-        Then geodesics are straight lines at constant speed, and parallel transport leaves the
-        components of a vector as they are: `exp`, `log` and the others use these closed forms.
-        """
-        q = ca.SX.sym("q", self.dim)
-        return not ca.depends_on(self._matrix_function(q), q)
-
-    @cached_property
-    def _matrix_derivative(self) -> ca.Function:
-        """Derivatives of vec(G) with respect to each coordinate: q -> (n^2, n)."""
-        q = ca.SX.sym("q", self.dim)
-        derivative = ca.jacobian(ca.vec(self._matrix_function(q)), q)
-        return ca.Function("dG", [q], [ca.densify(ca.cse(derivative))])
-
-    def _energy(self, q: ca.SX, v: ca.SX) -> ca.SX:
-        """Half of the squared norm, v' G(q) v / 2, for symbols q and v."""
-        return ca.dot(v, self._matrix_function(q) @ v) / 2
-
-    @cached_property
-    def energy_density(self) -> ca.Function:
-        """(q, v) -> v' G(q) v / 2, the integrand of the energy of a path."""
-        q, v = ca.SX.sym("q", self.dim), ca.SX.sym("v", self.dim)
-        return ca.Function("energy_density", [q, v], [self._energy(q, v)], ["q", "v"], ["T"])
-
-    def _christoffel_force(self, q: ca.SX, u: ca.SX, v: ca.SX) -> ca.SX:
-        """sum_jk Gamma_ijk u_j v_k, (n, 1), for symbols q, u and v."""
-        tensor = self._matrix_function(q)
-        momentum_u, momentum_v = tensor @ u, tensor @ v
-        return 0.5 * (
-            ca.jtimes(momentum_u, q, v)
-            + ca.jtimes(momentum_v, q, u)
-            - ca.gradient(ca.dot(u, momentum_v), q)
-        )
-
-    def _transport_rate(self, q: ca.SX, u: ca.SX, v: ca.SX) -> ca.SX:
-        """Derivative of v transported along u: -G^-1 sum_jk Gamma_ijk u_j v_k, (n, 1)."""
-        # L D L' without pivoting: G is positive definite, and the graph stays small.
-        factors, upper, permutation = ca.ldl(self._matrix_function(q), False)
-        force = self._christoffel_force(q, u, v)
-        # Detects an invalid G where its derivatives are zero.
-        valid = ca.if_else(ca.trace(self._matrix_function(q)) > 0, 0.0, np.nan)
-        return ca.densify(ca.cse(valid - ca.ldl_solve(force, factors, upper, permutation)))
-
-    @cached_property
-    def geodesic_equation(self) -> ca.Function:
-        """First-order form of the geodesic equation: y = (q, v), (2n,) -> y' = (v, v')."""
-        q, v = ca.SX.sym("q", self.dim), ca.SX.sym("v", self.dim)
-        rate = ca.vertcat(v, self._transport_rate(q, v, v))
-        return ca.Function("geodesic", [ca.vertcat(q, v)], [rate], ["y"], ["dy"])
-
-    @cached_property
-    def transport_equation(self) -> ca.Function:
-        """Parallel transport: w (n,), p = (q, q') (2n,) of the curve -> w' (n,)."""
-        w, q, v = (ca.SX.sym(name, self.dim) for name in ("w", "q", "v"))
-        rate = self._transport_rate(q, v, w)
-        return ca.Function("transport", [w, ca.vertcat(q, v)], [rate], ["w", "p"], ["dw"])
-
-    @cached_property
-    def curvature_form(self) -> ca.Function:
-        """Riemann curvature tensor <R(u, v) w, z>: q, u, v, w, z, each (n,), -> number.
-
-        With constant vector fields and Christoffel symbols C of the first kind, it is
-        (d_w d_u <z, v> + d_z d_v <w, u> - d_z d_u <w, v> - d_w d_v <z, u>) / 2
-        + C(w, u)' G^-1 C(z, v) - C(w, v)' G^-1 C(z, u).
-        """
-        q, u, v, w, z = (ca.SX.sym(name, self.dim) for name in ("q", "u", "v", "w", "z"))
-
-        def second(a: ca.SX, b: ca.SX, c: ca.SX, d: ca.SX) -> ca.SX:
-            """Second derivative of <c, d> along a and b."""
-            return ca.jtimes(ca.jtimes(self.inner(q, c, d), q, a), q, b)
-
-        def product(a: ca.SX, b: ca.SX, c: ca.SX, d: ca.SX) -> ca.SX:
-            """C(a, b)' G^-1 C(c, d)."""
-            return -ca.dot(self._christoffel_force(q, a, b), self._transport_rate(q, c, d))
-
-        linear = second(w, u, z, v) + second(z, v, w, u) - second(z, u, w, v) - second(w, v, z, u)
-        form = linear / 2 + product(w, u, z, v) - product(w, v, z, u)
-        return ca.Function("R", [q, u, v, w, z], [ca.cse(form)])
-
-    @cached_property
-    def speed(self) -> ca.Function:
-        """(q, v) -> |v|_q."""
-        q, v = ca.SX.sym("q", self.dim), ca.SX.sym("v", self.dim)
-        return ca.Function("speed", [q, v], [ca.sqrt(self.inner(q, v, v))], ["q", "v"], ["speed"])
-
-    @cached_property
-    def kernel_functions(self) -> dict[str, ca.Function]:
-        """The functions of `compiled_functions`, by name."""
-        return compiled_functions(
-            self._matrix_function,
-            self.energy_density,
-            self.geodesic_equation,
-            self.transport_equation,
-        )
-
-    @cached_property
-    def kernels(self) -> Kernels:
-        """These functions compiled, where there is a compiler."""
-        fingerprint = f"{type(self).__qualname__} {self._matrix_function.serialize()}"
-        return Kernels(Library(lambda: self.kernel_functions, fingerprint, self.dim), self.dim)
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name != "kernels"}
-
-    @cached_property
-    def geodesic_integrator(self) -> Integrator:
-        """Integrator of `geodesic_equation`."""
-        return Integrator(self.geodesic_equation)
-
-    @cached_property
-    def variation_integrator(self) -> Integrator:
-        """Integrator of `geodesic_equation` with its derivatives by the initial velocity.
-
-        y = (q, v, dq/dv0, dv/dv0), (2 n + 2 n^2,), with the derivatives in column-major order.
-        """
-        n, x = self.dim, ca.SX.sym("x", 2 * self.dim)
-        derivative = ca.densify(ca.cse(ca.jacobian(self.geodesic_equation(x), x)))
-        jacobian = ca.Function("geodesic_jacobian", [x], [derivative])
-        y = ca.MX.sym("y", 2 * n + 2 * n * n)
-        state, fields = y[: 2 * n], y[2 * n :]
-        columns = ca.vertcat(ca.reshape(fields[: n * n], n, n), ca.reshape(fields[n * n :], n, n))
-        rate = self.geodesic_equation(state)
-        slopes = jacobian(state) @ columns
-        parts = [rate, ca.vec(slopes[:n, :]), ca.vec(slopes[n:, :])]
-        return Integrator(ca.Function("variation", [y], [ca.vertcat(*parts)], ["y"], ["dy"]))
-
-    @cached_property
-    def transport_integrator(self) -> Integrator:
-        """Integrator of `transport_equation`."""
-        return Integrator(self.transport_equation)
 
     def _checked(self, **vectors: Any) -> list[Any]:
         if is_symbolic(*vectors.values()):
