@@ -99,10 +99,11 @@ def test_norms_along_a_motion_are_kept_with_order_4() -> None:
     for steps in (4, 8, 16):
         instants = np.linspace(0.0, 4.0, 2 * steps * (samples - 1) + 1)
         curve = latitude(colatitude, instants)
-        cuts, change = metric.kernels.segment(times, curve, velocity, state, 3.0)
+        cuts, change, worst = metric.kernels.segment(times, curve, velocity, state, 3.0)
         changes.append(change)
     assert slope([4, 8, 16], changes) < -3.8
     assert cuts.tolist() == [1, 0, 0, 0, 1]
+    assert 1 <= worst < samples
 
 
 @pytest.mark.usefixtures("compiler")
@@ -114,12 +115,12 @@ def test_cuts_are_where_the_velocity_has_turned_from_the_transported_one() -> No
     curve = latitude(colatitude, np.linspace(0.0, 4.0, 2 * steps * (samples - 1) + 1))
     velocity = np.tile([0.0, 1.0], (samples, 1))
     state = np.zeros(samples, dtype=np.uint8)
-    cuts, _ = metric.kernels.segment(times, curve, velocity, state, 0.5)
+    cuts, _, _ = metric.kernels.segment(times, curve, velocity, state, 0.5)
     every = int(np.floor(0.5 / np.cos(colatitude) / 0.04)) + 1
     assert np.flatnonzero(cuts).tolist() == [*range(0, samples - 1, every), samples - 1]
     state[40:50] = 2  # a long rest is a segment
     state[60] = 1  # no velocity to compare with
-    cuts, _ = metric.kernels.segment(times, curve, velocity, state, 3.0)
+    cuts, _, _ = metric.kernels.segment(times, curve, velocity, state, 3.0)
     assert np.flatnonzero(cuts).tolist() == [0, 40, 50, 100]
 
 

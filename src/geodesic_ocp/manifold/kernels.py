@@ -169,11 +169,11 @@ class Kernels:
 
     def segment(
         self, times: Array, curve: Array, velocity: Array, state: np.ndarray, threshold: float
-    ) -> tuple[np.ndarray, float]:
+    ) -> tuple[np.ndarray, float, int]:
         """Flags (k,) of the samples where a motion is cut, and the error of the transport.
 
         The error is the largest relative change of the transported vector's norm from one sample to
-        the next.
+        the next, whose index comes last.
 
         Args:
             times, velocity: of the samples, (k,) and (k, n).
@@ -182,8 +182,9 @@ class Kernels:
             state: (k,) of unsigned bytes: 0 moving, 1 at rest, 2 in a long rest.
             threshold: largest angle [rad].
         """
+        times, curve, velocity = map(np.ascontiguousarray, (times, curve, velocity))
         cuts = np.zeros(times.size, dtype=np.uint8)
-        change = c_double()
+        change, worst = c_double(), c_long()
         self._call(
             "segment_motion",
             c_long(times.size),
@@ -195,8 +196,9 @@ class Kernels:
             c_double(threshold),
             c_void_p(cuts.ctypes.data),
             byref(change),
+            byref(worst),
         )
-        return cuts, change.value
+        return cuts, change.value, worst.value
 
     def log_map(
         self,

@@ -170,3 +170,19 @@ class MetricFunctions(ABC):
     def transport_integrator(self) -> Integrator:
         """Integrator of `transport_equation`."""
         return Integrator(self.transport_equation)
+
+    @cached_property
+    def transport_step(self) -> ca.Function:
+        """One step of parallel transport: w (n,), p (2n, 3), h -> w (n,).
+
+        The classical Runge-Kutta method of order 4 over h, with the positions and velocities p of
+        the curve at its start, middle and end.
+        """
+        w, p, h = (ca.MX.sym(*args) for args in (("w", self.dim), ("p", 2 * self.dim, 3), ("h",)))
+        rate = self.transport_equation
+        first = rate(w, p[:, 0])
+        second = rate(w + h / 2 * first, p[:, 1])
+        third = rate(w + h / 2 * second, p[:, 1])
+        fourth = rate(w + h * third, p[:, 2])
+        end = w + h / 6 * (first + 2 * second + 2 * third + fourth)
+        return ca.Function("transport_step", [w, p, h], [end], ["w", "p", "h"], ["end"])

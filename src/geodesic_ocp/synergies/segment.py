@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
-from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.arrays import Array, as_positive, evaluate
+from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.manifold.metric import Metric, has_compiled_code
-from geodesic_ocp.manifold.parallel_transport import transport_between
 from geodesic_ocp.synergies.observed_velocity import moving_velocity, speeds
 from geodesic_ocp.trajectory.motion import Motion
 
 # Angles to the transported velocity are compared to a threshold of tenths of a radian.
 _TRANSPORT_TOLERANCE = 1e-6
 _MAX_STEPS = 64  # between two samples
+_MOVING, _AT_REST, _IN_LONG_REST = range(3)  # states of a sample
 
 
 def segment(
@@ -68,75 +70,89 @@ def segment(
     at_rest = speed <= rest * speed.max()
     in_long_rest = _in_long_rest(at_rest, motion.time, rest_duration)
 
-    if has_compiled_code(metric):
-        cuts = _compiled_cuts(metric, motion, velocity, at_rest, in_long_rest, threshold)
-    else:
-        cuts = _cuts(metric, motion, velocity, at_rest, in_long_rest, threshold)
-    return list(pairwise(cuts))
+    state = np.where(in_long_rest, 2, at_rest).astype(np.uint8)
+    return list(pairwise(_cuts(metric, motion, velocity, state, threshold)))
 
 
 def _cuts(
-    metric: Metric,
-    motion: Motion,
-    velocity: Array,
-    at_rest: np.ndarray,
-    in_long_rest: np.ndarray,
-    threshold: float,
+    metric: Metric, motion: Motion, velocity: Array, state: np.ndarray, threshold: float
 ) -> list[int]:
-    """Samples at which the motion is cut, the first and the last included."""
-    cuts = {0, len(motion) - 1}
-    transported: Array | None = None
-    for k in range(len(motion)):
-        if in_long_rest[k]:
-            if k == 0 or not in_long_rest[k - 1]:
-                cuts.add(k)
-            transported = None
-            continue
-        if k > 0 and in_long_rest[k - 1]:
-            cuts.add(k)
-        elif transported is not None:
-            times = motion.time[k - 1 : k + 1]
-            transported = transport_between(
-                metric, motion, transported, times, tolerance=_TRANSPORT_TOLERANCE
-            )[-1]
-        if at_rest[k]:
-            continue
-        if transported is None:
-            transported = velocity[k]
-        elif metric.angle(motion.q[k], transported, velocity[k]) > threshold:
-            cuts.add(k)
-            transported = velocity[k]
-    return sorted(cuts)
+    """Samples at which the motion is cut, with as many steps between two as the transport needs.
 
-
-def _compiled_cuts(
-    metric: Metric,
-    motion: Motion,
-    velocity: Array,
-    at_rest: np.ndarray,
-    in_long_rest: np.ndarray,
-    threshold: float,
-) -> list[int]:
-    """The same in one call, with as many steps between samples as the transport needs."""
-    state = np.where(in_long_rest, 2, at_rest).astype(np.uint8)
+    `state` (k,) of a sample is one of _MOVING, _AT_REST and _IN_LONG_REST.
+    """
+    cuts = metric.kernels.segment if has_compiled_code(metric) else partial(_flags, metric)
     steps = 1
     while True:
         fractions = np.arange(2 * steps) / (2 * steps)
         between = motion.time[:-1, None] + fractions * np.diff(motion.time)[:, None]
         times = np.append(between.ravel(), motion.time[-1])
         curve = np.hstack([motion(times), motion(times, 1)])
-        cuts, error = metric.kernels.segment(
-            np.ascontiguousarray(motion.time),
-            np.ascontiguousarray(curve),
-            np.ascontiguousarray(velocity),
-            state,
-            threshold,
-        )
+        flags, error, worst = cuts(motion.time, curve, velocity, state, threshold)
         if error <= _TRANSPORT_TOLERANCE:
-            return np.flatnonzero(cuts).tolist()
-        if not np.isfinite(error) or steps >= _MAX_STEPS:  # names the place, or finds a way
-            return _cuts(metric, motion, velocity, at_rest, in_long_rest, threshold)
+            return np.flatnonzero(flags).tolist()
+        if not np.isfinite(error) or steps >= _MAX_STEPS:
+            raise IntegrationFailed(
+                f"parallel transport: from t = {motion.time[worst - 1]:.6g} to "
+                f"{motion.time[worst]:.6g} s its error is {error:.1e} with {steps} steps, not "
+                f"{_TRANSPORT_TOLERANCE:.0e}: the metric is singular or not defined there",
+                float(motion.time[worst - 1]),
+            )
         steps *= 2
+
+
+def _flags(
+    metric: Metric,
+    time: Array,
+    curve: Array,
+    velocity: Array,
+    state: np.ndarray,
+    threshold: float,
+) -> tuple[np.ndarray, float, int]:
+    """Interpreted, what `Kernels.segment` does."""
+    count, n = velocity.shape
+    steps = (len(curve) - 1) // (2 * (count - 1))
+    tensors = evaluate(metric._matrix_function.map(count), curve[:: 2 * steps, :n].T)
+    tensors = tensors.reshape(n, count, n).swapaxes(0, 1)
+    flags, change, worst = np.zeros(count, dtype=np.uint8), 0.0, 0
+    flags[[0, -1]] = 1
+    transported: Array | None = None
+    norm = 0.0
+    for k in range(count):
+        if state[k] == _IN_LONG_REST:
+            flags[k] |= k == 0 or state[k - 1] != _IN_LONG_REST
+            transported = None
+            continue
+        if k > 0 and state[k - 1] == _IN_LONG_REST:
+            flags[k] = 1
+        elif transported is not None:
+            size = (time[k] - time[k - 1]) / steps
+            for part in range(2 * steps * (k - 1), 2 * steps * k, 2):
+                points = curve[part : part + 3].T
+                transported = metric.transport_step(transported, points, size).full()[:, 0]
+            now = _norm(tensors[k], transported)
+            relative = abs(now - norm) / norm
+            if not (relative <= change or np.isnan(change)):
+                change, worst = relative, k
+            norm = now
+        if state[k] == _AT_REST:
+            continue
+        if transported is not None and _angle(tensors[k], transported, velocity[k]) > threshold:
+            flags[k], transported = 1, None
+        if transported is None:
+            transported = velocity[k]
+            norm = _norm(tensors[k], transported)
+    return flags, change, worst
+
+
+def _norm(tensor: Array, v: Array) -> float:
+    return float(np.sqrt(v @ tensor @ v))
+
+
+def _angle(tensor: Array, u: Array, v: Array) -> float:
+    """As in `Metric.angle`, with NaN where the metric is not defined."""
+    unit_u, unit_v = u / _norm(tensor, u), v / _norm(tensor, v)
+    return float(2.0 * np.arctan2(_norm(tensor, unit_u - unit_v), _norm(tensor, unit_u + unit_v)))
 
 
 def as_threshold(threshold: float) -> float:

@@ -19,14 +19,16 @@ static void transport_step(double h, const double *p, double *w, double *work) {
    curve: positions and velocities (2 N) at the samples and at 2 * substeps - 1 equidistant times
    between each and the next; velocity: (samples, N); state of a sample: 0 moves, 1 at
    rest, 2 in a long rest. cuts has a flag for each sample. `change` is the largest relative change
-   of the transported vector's norm over one interval, which would be zero without errors. */
+   of the transported vector's norm over one interval, which would be zero without errors, or NaN;
+   that interval ends at the sample `worst`. */
 void segment_motion(long samples, const double *time, const double *curve, long substeps,
                       const double *velocity, const unsigned char *state, double threshold,
-                    unsigned char *cuts, double *change) {
+                    unsigned char *cuts, double *change, long *worst) {
   double work[WORK_SIZE], tensor[N * N], w[N], norm = 0;
   long k, part, row = 2 * substeps * 2 * N;
   int i, has_vector = 0;
   *change = 0;
+  *worst = 0;
   cuts[0] = cuts[samples - 1] = 1;
   for (k = 0; k < samples; k++) {
     const double *v = velocity + k * N;
@@ -43,7 +45,10 @@ void segment_motion(long samples, const double *time, const double *curve, long 
         transport_step(h, curve + (k - 1) * row + part * 4 * N, w, work);
       now = sqrt(product(tensor, w, w));
       relative = fabs(now - norm) / norm;
-      if (!(relative <= *change)) *change = relative;
+      if (!(relative <= *change) && *change == *change) {
+        *change = relative;
+        *worst = k;
+      }
       norm = now;
     }
     if (state[k] == 1) continue;
