@@ -23,8 +23,8 @@ class NotConverged(GeodesicOcpError):
     """A solver stopped without a solution.
 
     Attributes:
-        solution: the record of the attempt (last iterate, status, residuals), or None if it
-            stopped before the first iterate.
+        solution: the record of the attempt (last iterate, status, residuals), for a log map the
+            last path, or None if it stopped before the first iterate.
     """
 
     def __init__(self, message: str, solution: object = None) -> None:

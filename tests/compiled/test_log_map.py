@@ -18,6 +18,7 @@ from geodesic_ocp.logarithm import by_newton
 from geodesic_ocp.logarithm.correction import STEP
 from geodesic_ocp.logarithm.discrete_energy import DiscreteEnergy
 from geodesic_ocp.logarithm.levels import Levels
+from geodesic_ocp.logarithm.newton import _cholesky
 from geodesic_ocp.manifold.kernels import Statistics, Tolerances
 from geodesic_ocp.trajectory.grid import Grid
 
@@ -277,3 +278,24 @@ def test_threads_of_blas_are_restored_after_the_last_user() -> None:
     leave.set()
     thread.join()
     assert library.scipy_openblas_get_num_threads() == before
+
+
+@pytest.mark.parametrize("segments", [1, 2, 4])
+def test_segments_are_eliminated_one_after_the_other(
+    rng: np.random.Generator, segments: int
+) -> None:
+    """As LAPACK factors the whole matrix."""
+    n, degree = 3, 5
+    size = (segments * degree - 1) * n
+    matrix = np.zeros((size + 2 * n, size + 2 * n))
+    for segment in range(segments):
+        start = segment * degree * n
+        block = rng.normal(size=((degree + 1) * n, (degree + 1) * n))
+        here = slice(start, start + len(block))
+        matrix[here, here] += block @ block.T + np.eye(len(block))
+    inner = matrix[n:-n, n:-n]
+    factor = _cholesky(inner, degree * n, n)
+    assert factor is not None
+    assert np.triu(factor) == pytest.approx(np.linalg.cholesky(inner).T, abs=1e-10)
+    inner[-1, -1] = -1.0
+    assert _cholesky(inner, degree * n, n) is None

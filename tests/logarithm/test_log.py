@@ -153,8 +153,10 @@ def test_metrics_need_no_hash() -> None:
 
 def test_no_geodesic_is_an_error() -> None:
     """Polar coordinates: straight lines cover less than half a revolution about the origin."""
-    with pytest.raises(go.NotConverged, match="no geodesic was found from"):
+    with pytest.raises(go.NotConverged, match="no geodesic was found from") as failure:
         go.log(PolarPlane(), [1.0, 0.0], [1.0, 4.0])
+    assert isinstance(failure.value.solution, go.Path)
+    assert failure.value.solution(1.0) == pytest.approx(np.array([1.0, 4.0]))
 
 
 @pytest.mark.parametrize(

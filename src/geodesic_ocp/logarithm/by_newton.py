@@ -37,6 +37,7 @@ from geodesic_ocp.logarithm.newton import (
 )
 from geodesic_ocp.manifold.kernels import Tolerances
 from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
 _LEVELS = levels_of(((1, 5), (1, 10), (1, 18), (1, 28), (2, 20), (4, 20)), 2)
@@ -64,9 +65,10 @@ _STATUS = {
 
 
 class Attempt(NamedTuple):
-    """Result of one pass through the levels: a velocity, or None and why; the last path's nodes."""
+    """Result of one pass through the levels: a velocity, or None and why; the last path."""
 
     velocity: Array | None
+    grid: Grid
     nodes: Array
     reason: str
 
@@ -84,7 +86,7 @@ def find_by_newton(
             added to G, and paths through random points.
 
     Raises:
-        NotConverged: none was found.
+        NotConverged: none was found; `solution` is the path on which the first attempt ended.
         ValueError: the metric is not defined along the straight line.
     """
     reasons: list[str] = []
@@ -107,8 +109,16 @@ def find_by_newton(
         cause = likely_cause(metric, last.nodes)
     raise NotConverged(
         f"no geodesic was found from {q0} to {q1}: {cause} ({reasons[0]}; number of attempts: "
-        f"{len(reasons)})"
+        f"{len(reasons)})",
+        _as_path(metric, last),
     )
+
+
+def _as_path(metric: Metric, attempt: Attempt) -> Path | None:
+    """The last path of an attempt, if it is finite."""
+    if not np.all(np.isfinite(attempt.nodes)):
+        return None
+    return Path(metric, attempt.grid, attempt.nodes)
 
 
 def _attempts(
@@ -149,7 +159,7 @@ def _pass(metric: Metric, q0: Array, q1: Array, levels: Levels, x: Array, added:
     if not kernels.available():
         with one_blas_thread:
             return _interpreted_pass(metric, q0, q1, levels, x, added, wanted)
-    velocity, nodes, status, _ = kernels.log_map(
+    velocity, nodes, status, statistics = kernels.log_map(
         q0,
         q1,
         x,
@@ -159,7 +169,8 @@ def _pass(metric: Metric, q0: Array, q1: Array, levels: Levels, x: Array, added:
         np.ascontiguousarray(added),
         Tolerances(STEP, wanted, TOLERANCE),
     )
-    return Attempt(velocity if status == 0 else None, nodes, _STATUS.get(status, ""))
+    grid = levels.grids[statistics.level]
+    return Attempt(velocity if status == 0 else None, grid, nodes, _STATUS.get(status, ""))
 
 
 def _interpreted_pass(
@@ -190,8 +201,8 @@ def _interpreted_pass(
         velocity, by_goal = initial_velocity(functions, energy, found, x, finer)
         corrected, reason = correct_velocity(metric, q0, q1, velocity, by_goal, wanted, TOLERANCE)
         if corrected is not None:
-            return Attempt(corrected, x, "")
-    return Attempt(None, x, reason)
+            return Attempt(corrected, levels.grids[level], x, "")
+    return Attempt(None, levels.grids[-1], x, reason)
 
 
 def _after(found: Minimum) -> Array:
