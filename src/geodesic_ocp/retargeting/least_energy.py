@@ -27,6 +27,7 @@ from geodesic_ocp.retargeting.targets import Pose
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
+_ROUGH = Grid(1, 4)
 _SMOOTH = (Grid(1, 8), Grid(1, 14), Grid(1, 20))
 _SEGMENTS = (8, 12, 16, 24, 32, 48, 64, 96)  # few numbers, as each has a program of its own
 _DEGREE = 4
@@ -41,6 +42,8 @@ _REFINED = {
 }
 _HALVINGS = 2  # of a segment, from one grid to the next
 _LOOSEST, _ACCURACY = 1e-7, 1e-3  # of Ipopt: the latter times the tolerance
+_ROUGH_ACCURACY = 1e-3  # of Ipopt
+_ROUGH_VIOLATION = 1e-2  # above which limits are active, each in its unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,13 +94,15 @@ def least_energy_path(
         tolerance: of the conditions everywhere on the path, each in its unit, and relative of the
             energy.
         after: a rough path to continue from.
-        is_rough: return the first path that Ipopt accepts, however far it is from the tolerance.
+        is_rough: return the first path that Ipopt accepts on a coarse grid, however far it is from
+            the tolerance; its energy is close to that of the path.
     """
     definition = _definition(arm, start, pose, limits, speed)
-    options = {**FILTER, **NEAR, "tol": min(_LOOSEST, _ACCURACY * tolerance)}
+    accuracy = _ROUGH_ACCURACY if is_rough else min(_LOOSEST, _ACCURACY * tolerance)
+    options = {**FILTER, **NEAR, "tol": accuracy}
     profile = violation_profile(definition.conditions)
     guess, iterations = line(definition.metric, start, end), 0
-    near, grid = guess, (_SMOOTH[0] if speed is None else _piecewise())
+    near, grid = guess, (_piecewise() if speed is not None else _ROUGH if is_rough else _SMOOTH[0])
     if after is not None:
         near, iterations = after.path, after.iterations
         finer = _finer(near, profile(near), after.energy, tolerance)
@@ -111,7 +116,7 @@ def least_energy_path(
         iterations += outcome.iterations
         path, energy = nlp.path(outcome.x), outcome.objective * nlp.units.scale
         if not outcome.success:
-            finer, near = (_piecewise() if grid in _SMOOTH else None), guess
+            finer, near = (_piecewise() if grid in (_ROUGH, *_SMOOTH) else None), guess
         else:
             finer, near = grid, path
             if not is_rough:
@@ -133,6 +138,9 @@ def _finer(
 ) -> Grid | None:
     """The grid to solve on next: the path's own if it resolves it, None if there is none."""
     grid, (s, amounts) = path.grid, violations
+    if grid == _ROUGH:
+        violated = float(amounts.max(initial=0.0)) > _ROUGH_VIOLATION
+        return _graded(s[amounts > _ROUGH_VIOLATION]) if violated else _SMOOTH[0]
     unresolved = unresolved_energy(path) / max(energy, np.finfo(float).tiny)
     violated = float(amounts.max(initial=0.0)) > tolerance
     if not violated and unresolved.sum() <= tolerance:

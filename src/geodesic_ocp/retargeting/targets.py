@@ -24,8 +24,9 @@ from geodesic_ocp.retargeting.settings import RetargetingSettings
 REACHED = 1e-6  # [m] and [rad]
 # How near inverse kinematics comes to the configuration it starts from [rad or m].
 _SETTLED, _ANYWHERE = 1e-2, 0.2
-_SOLUTIONS = 5  # of inverse kinematics
-_SAME = 1e-3  # [rad or m]
+_SOLUTIONS, _ENDS = 5, 10  # of inverse kinematics
+_FEWEST = 4  # ends of a path to choose from, if there are as many
+_SAME = 0.1  # [rad or m]
 _CLOSE = 1e-3  # [m] and [rad]
 
 
@@ -147,19 +148,19 @@ class PoseFinder:
             found.append(KeyPose(pose, near, pose.error(self.robot, near)))
         return found
 
-    def end_configurations(self, near: Array, target: KeyPose, least: int) -> list[Array]:
+    def end_configurations(self, near: Array, target: KeyPose) -> list[Array]:
         """Configurations in which a path may end, sorted by the energy of the straight line."""
         if not target.within_reach:
             return [self._nearest(near, target.pose)]
         try:
-            found = self._solutions(near, target.pose, max(_SOLUTIONS, least), least=least)
+            found = self._solutions(near, target.pose, _ENDS, _ANYWHERE, least=_FEWEST)
         except NotConverged:  # from here; it was found from elsewhere
             return [target.configuration]
         distinct: list[Array] = []
         for q in found:
             if all(np.abs(q - other).max() > _SAME for other in distinct):
                 distinct.append(q)
-        return sorted(distinct, key=lambda q: _line_energy(self.arm, near, q))
+        return sorted(distinct, key=lambda q: line_energy(self.arm, near, q))
 
     def configuration_within(
         self, lower: Array, upper: Array, near: Array, pose: Pose
@@ -200,7 +201,7 @@ class PoseFinder:
         )
 
 
-def _line_energy(arm: Model, q0: Array, q1: Array) -> float:
+def line_energy(arm: Model, q0: Array, q1: Array) -> float:
     """Energy of the straight line, with the mass matrix at three of its points."""
     matrices = [arm.mass_matrix(q0 + s * (q1 - q0)) for s in (0.0, 0.5, 1.0)]
     return float((q1 - q0) @ np.mean(matrices, axis=0) @ (q1 - q0))

@@ -20,6 +20,7 @@ from geodesic_ocp.ocp.problem.reach import Reach
 from geodesic_ocp.ocp.solve.solution import Solution
 from geodesic_ocp.ocp.solve.solve import solve
 from geodesic_ocp.retargeting.least_energy import FoundPath, least_energy_path, line
+from geodesic_ocp.retargeting.promising_ends import promising_ends
 from geodesic_ocp.retargeting.targets import REACHED, KeyPose, Pose, PoseFinder
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
@@ -30,7 +31,6 @@ _PEAK = 1.5
 _SPEED_FACTORS = ((1.0, 1.0), (2.0, 4.0))
 _UNBOUNDED = 1e6  # [rad or m]
 _COARSE = Grid(8, 2)
-_MANY_ENDS = 8  # configurations from which all is tried
 _THERE = 1e-3 * REACHED
 
 
@@ -148,16 +148,16 @@ def _constrained(
     failures: list[FoundPath] = []
     tried: list[Array] = []
     has_fixed_end = False
-    for least in (settings.num_starts, _MANY_ENDS):
-        for end in () if found else finder.end_configurations(q, target, least):
-            tried.append(end)
-            # Out of reach, the nearest pose takes its place, which other configurations may have.
-            pose = target.pose if target.within_reach else target.pose.reached_by(arm, end)
-            outcome = _to_pose(finder, q, pose, end, duration)
-            iterations += outcome.iterations
-            (found if outcome.success else failures).append(outcome)
-            if len(found) >= settings.num_starts:
-                break
+    fastest = velocity_limits(finder.robot) if settings.within_speed_limits else np.inf
+    for end, rough in promising_ends(finder, q, target, fastest * duration):
+        tried.append(end)
+        # Out of reach, the nearest pose takes its place, which other configurations may have.
+        pose = target.pose if target.within_reach else target.pose.reached_by(arm, end)
+        outcome = _to_pose(finder, q, pose, end, rough, duration)
+        iterations += outcome.iterations
+        (found if outcome.success else failures).append(outcome)
+        if len(found) >= settings.num_starts:
+            break
     for end in tried if not found else ():
         has_fixed_end = True
         fixed = PointToPoint(
@@ -191,14 +191,16 @@ def _path_constraints(finder: PoseFinder) -> dict[str, Any]:
     }
 
 
-def _to_pose(finder: PoseFinder, q: Array, pose: Pose, end: Array, duration: float) -> FoundPath:
+def _to_pose(
+    finder: PoseFinder, q: Array, pose: Pose, end: Array, rough: FoundPath | None, duration: float
+) -> FoundPath:
     """The path to a pose, within the speed limits if there is such a path."""
     arm, settings = finder.arm, finder.settings
     if not settings.collisions.is_empty:
         problem = Reach(arm, q, pose.position, pose.rotation, **_path_constraints(finder))
         return _solve(finder, problem, line(problem.metric, q, end), duration)
     numbers: dict[str, Any] = {"limits": settings.within_limits, "tolerance": finder.tolerance}
-    rough = least_energy_path(arm, q, pose, end, is_rough=True, **numbers)
+    rough = rough or least_energy_path(arm, q, pose, end, is_rough=True, **numbers)
     if not rough.success:
         return rough
     if settings.within_speed_limits:
@@ -255,7 +257,7 @@ def _free_geodesic(
     arm, settings = metric.model, finder.settings
     found: list[ToPose] = []
     iterations, reached, status = 0, 0, ""
-    ends = finder.end_configurations(q, target, _MANY_ENDS)
+    ends = finder.end_configurations(q, target)
     for towards in (*ends[:1], None, *ends[1:]):
         pose = target.pose
         if not target.within_reach:

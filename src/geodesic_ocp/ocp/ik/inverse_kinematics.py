@@ -17,7 +17,8 @@ from geodesic_ocp.ocp.ik.pose_search import PoseSearch
 _STARTS, _ENOUGH = 60, 4
 _STARTS_NEAREST, _STARTS_WITHIN = 28, 4
 _FEW, _LAST_RESORT = 2, 6  # configurations that are too few, and further starts of Ipopt then
-_BEST = 4  # starts of Ipopt for a pose out of reach
+_BEST = 4  # starts of Ipopt for a pose out of reach, from different configurations
+_DIFFERENT = 0.3  # [rad or m]
 _REACHED = 1e-6  # [m] and [rad]
 # Among configurations with the same pose error, the one near the start: too small a weight to
 # change the pose error.
@@ -172,8 +173,12 @@ def nearest_configuration(
     bounds = search.bounds(limits)
     starts = search.starts(bounds, _STARTS_NEAREST)
     rows = each[list(search.rows)]
-    _, best, _ = search.simultaneously(bounds, starts, np.eye(3), rows, len(starts))
-    starts = best[:_BEST] if collisions.is_empty else [*best[:_BEST], *starts]
+    _, nearest, _ = search.simultaneously(bounds, starts, np.eye(3), rows, len(starts))
+    best: list[Array] = []
+    for q in nearest:
+        if len(best) < _BEST and all(np.abs(q - other).max() > _DIFFERENT for other in best):
+            best.append(q)
+    starts = best if collisions.is_empty else [*best, *starts]
     outcomes = search.outcomes(limits, starts, np.eye(3), each, _STAY, bound)
     found = [outcome for outcome in outcomes if outcome.success]
     if not found:

@@ -24,6 +24,7 @@ from geodesic_ocp.ocp.ik.simultaneous_search import search_simultaneously
 
 # Starts searched from simultaneously: first those nearby, which are the most promising.
 _FIRST, _AT_ONCE = 8, 20
+_MANY = 32  # at once, if several configurations are to be found
 _SPREAD = 0.7  # [rad or m], standard deviation
 _EXACT = 1e-9  # pose error [m] and [rad] of the simultaneous search
 
@@ -146,7 +147,8 @@ class PoseSearch:
 
         attained: list[Array] = []
         others: list[tuple[float, Array]] = []
-        edges = [0, *range(_FIRST, len(starts), _AT_ONCE), len(starts)]
+        first_batch = _FIRST if least <= 1 else _MANY
+        edges = [0, *range(first_batch, len(starts), _AT_ONCE), len(starts)]
         for first, last in pairwise(edges):
             batch = np.array(starts[first:last])
             missing = enough - len(attained)

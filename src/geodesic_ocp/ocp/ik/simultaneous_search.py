@@ -19,7 +19,7 @@ from geodesic_ocp.arrays import Array
 # configurations (k, n) -> weighted pose errors (k, m) and their Jacobians (k, m, n)
 PoseErrors: TypeAlias = Callable[[Array], tuple[Array, Array]]
 
-_STEPS = 40
+_STEPS, _USUAL_STEPS = 40, 24  # the latter if anything has been found
 _PATIENCE = 12  # steps after which starts far from the pose are given up
 _FAR, _EXACT = 0.1, 1e-11  # pose errors [m] and [rad]
 _DAMPING, _LEAST_DAMPING = 0.05, 1e-12  # of the squared error
@@ -72,7 +72,7 @@ def search_simultaneously(
         keep = ~done & moves & ((number < _PATIENCE) | (largest <= _FAR))
         given_up += list(q[~done & ~keep])
         q = np.clip(q[keep] + step[keep], lower, upper)
-        if not len(q):
+        if not len(q) or (done_q and number >= _USUAL_STEPS):
             break
     every = np.array([*done_q, *q, *given_up])
     return Found(every, np.abs(pose_errors(every)[0]).max(axis=1, initial=0.0))
