@@ -9,7 +9,8 @@ from importlib.resources import files
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.integrate import DOP853
+
+from geodesic_ocp.compiled import dop853
 
 # In the order in which they use each other.
 _CORE = (
@@ -30,10 +31,10 @@ _CORE = (
 def core_text() -> str:
     """The core, with the coefficients of its integrator."""
     tables = {
-        "RK_A": DOP853.A[: DOP853.n_stages, : DOP853.n_stages],
-        "RK_B": DOP853.B,
-        "RK_E5": DOP853.E5,
-        "RK_E3": DOP853.E3,
+        "RK_A": dop853.A,
+        "RK_B": dop853.B,
+        "RK_E5": dop853.E5,
+        "RK_E3": dop853.E3,
     }
     return "\n".join([*(_constant(*item) for item in tables.items()), *map(_read, _CORE)])
 

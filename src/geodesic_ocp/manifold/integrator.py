@@ -15,19 +15,19 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from scipy.integrate import DOP853
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.compiled import dop853
 from geodesic_ocp.errors import IntegrationFailed
 
-_STAGES = DOP853.n_stages
+_STAGES = dop853.STAGES
 _ORDER = 8
 _SAFETY = 0.9
 _SHRINK, _GROW = 0.2, 8.0
 _SMALLEST_STEP = 1e-13  # relative to the interval
 
 # Times of the stages within a step; the last is the end of the step.
-STAGE_TIMES: Array = np.append(DOP853.C[:_STAGES], 1.0)
+STAGE_TIMES: Array = np.append(dop853.C, 1.0)
 
 
 @dataclass(frozen=True)
@@ -92,13 +92,13 @@ class Integrator:
 
         slopes = [first]
         for stage in range(1, _STAGES):
-            weights = ca.DM(DOP853.A[stage, :stage])
+            weights = ca.DM(dop853.A[stage, :stage])
             slopes.append(slope(y + size * (ca.horzcat(*slopes) @ weights), stage))
-        end = y + size * (ca.horzcat(*slopes) @ ca.DM(DOP853.B))
+        end = y + size * (ca.horzcat(*slopes) @ ca.DM(dop853.B))
         slopes.append(slope(end, _STAGES))
         stages = ca.horzcat(*slopes)
         scale = step[1] * ca.fmax(ca.fmax(ca.fabs(y), ca.fabs(end)), 1.0)
-        errors = [ca.sumsqr(size * (stages @ ca.DM(w)) / scale) for w in (DOP853.E5, DOP853.E3)]
+        errors = [ca.sumsqr(size * (stages @ ca.DM(w)) / scale) for w in (dop853.E5, dop853.E3)]
         inputs = [y, first, step, p] if self._parameters else [y, first, step]
         return ca.Function("step", inputs, [end, slopes[-1], ca.vertcat(*errors)])
 
