@@ -37,6 +37,8 @@ def over_rows(parallel: Callable[[Any], bool]) -> Callable[[Function], Function]
 
         @functools.wraps(function)
         def wrapped(*positional: Any, **named: Any) -> Any:
+            if len(positional) > 2 and all(getattr(a, "ndim", 0) == 1 for a in positional[1:3]):
+                return function(*positional, **named)  # the usual case, without detours
             arguments = signature.bind(*positional, **named).arguments
             pair = {name: arguments[name] for name in names[1:]}
             try:
