@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_rotation, as_vector, evaluate
+from geodesic_ocp.arrays import Array, as_rotation, as_vector
 from geodesic_ocp.ipopt import Ipopt
 from geodesic_ocp.model.as_model import as_model
 from geodesic_ocp.model.geometry.signed_distances import signed_distances
@@ -139,11 +139,18 @@ class PoseSearch:
         p = self._parameters(axes, 0.0, np.zeros(len(self.rows)))
 
         def pose_errors(q: Array) -> tuple[Array, Array]:
-            count, m = len(q), len(self.rows)
-            function = _error_function(self.model, self.rows, count)
-            errors, jacobians = evaluate(function, q.T, p)
-            jacobians = jacobians.reshape(m, count, -1).transpose(1, 0, 2)
-            return weights * errors.T, weights[:, None] * jacobians
+            (count, n), m = q.shape, len(self.rows)
+            # Arrays at fixed addresses, as CasADi's conversions would take as long as the function.
+            arguments: list[Any] = [np.ascontiguousarray(q), p]
+            results: list[Any] = [np.empty((count, m)), np.empty((count, n, m))]
+            buffer: Any
+            buffer, call = _error_function(self.model, self.rows, count).buffer()
+            for index, (argument, result) in enumerate(zip(arguments, results, strict=True)):
+                buffer.set_arg(index, memoryview(argument))
+                buffer.set_res(index, memoryview(result))
+            call()
+            errors, jacobians = results
+            return weights * errors, weights[:, None] * jacobians.transpose(0, 2, 1)
 
         attained: list[Array] = []
         others: list[tuple[float, Array]] = []

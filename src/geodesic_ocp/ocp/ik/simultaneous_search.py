@@ -97,16 +97,17 @@ def _free_steps(
 ) -> tuple[Array, Array]:
     free_jacobians = jacobians * free[:, None, :]
     transposed = free_jacobians.transpose(0, 2, 1)
-    square = np.einsum("km,km->k", errors, errors)
+    square = (errors * errors).sum(axis=1)
     damping = _DAMPING * square + _LEAST_DAMPING
     matrices = free_jacobians @ transposed
     rows = np.arange(errors.shape[1])
     matrices[:, rows, rows] += damping[:, None]
     closer = _SLIDE * (near - q) * free
-    wanted = np.stack([errors, np.einsum("kmn,kn->km", free_jacobians, closer)], axis=2)
+    wanted = np.empty((*errors.shape, 2))
+    wanted[:, :, 0], wanted[:, :, 1] = errors, (free_jacobians @ closer[:, :, None])[:, :, 0]
     corrections = transposed @ np.linalg.solve(matrices, wanted)
     slide = np.where((square < _FAR**2)[:, None], closer - corrections[:, :, 1], 0.0)
-    lengths = np.linalg.norm(slide, axis=1)
+    lengths = np.sqrt((slide * slide).sum(axis=1))
     step = slide - corrections[:, :, 0]
-    length = np.linalg.norm(step, axis=1, keepdims=True)
-    return step * np.minimum(1.0, _LONGEST / np.maximum(length, _LONGEST)), lengths
+    length = np.sqrt((step * step).sum(axis=1))[:, None]
+    return step * (_LONGEST / np.maximum(length, _LONGEST)), lengths
