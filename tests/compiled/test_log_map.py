@@ -130,7 +130,7 @@ def test_every_way_to_fail() -> None:
     ):
         assert status_of(HalfPlane(), grids, tolerances, x)[0] == status
         assert status in by_newton._STATUS
-    attempt = by_newton._interpreted_pass(HalfPlane(), Q0, Q1, levels((1, 12)), below, NONE, 1e-10)
+    attempt = by_newton._interpreted_pass(HalfPlane(), Q0, Q1, levels((1, 12)), below, NONE)
     assert attempt.velocity is None
     assert attempt.reason == by_newton._STATUS[14]
 

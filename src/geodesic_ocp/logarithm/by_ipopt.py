@@ -13,9 +13,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array, evaluate
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.logarithm.connecting_geodesic import (
-    CHECK_TOLERANCE,
     GRIDS,
-    TOLERANCE,
     ConnectingGeodesic,
 )
 from geodesic_ocp.logarithm.correction import correct_velocity
@@ -47,7 +45,6 @@ def find_by_ipopt(
         ValueError: the metric is not finite along the path.
     """
     problem = PointToPoint(metric, q0, q1)  # type: ignore[arg-type]
-    wanted = CHECK_TOLERANCE * min(1.0, float(np.abs(q1 - q0).max()))
     reasons = []
     solution: Solution | None = None
     for grid in GRIDS if thorough else GRIDS[2:]:
@@ -61,7 +58,7 @@ def find_by_ipopt(
             except np.linalg.LinAlgError:
                 reason = "the Hessian of the energy is singular"
             else:
-                velocity, reason = correct_velocity(metric, q0, q1, *initial, wanted, TOLERANCE)
+                velocity, reason = correct_velocity(metric, q0, q1, *initial)
                 if velocity is not None:
                     return ConnectingGeodesic(q0, q1, velocity, grid.size)
         reasons.append(f"{grid.segments} x degree {grid.degree}: {reason}")

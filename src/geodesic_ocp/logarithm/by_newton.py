@@ -20,9 +20,9 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.compiled.lapack import one_blas_thread
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.logarithm.connecting_geodesic import (
-    CHECK_TOLERANCE,
     TOLERANCE,
     ConnectingGeodesic,
+    wanted_error,
 )
 from geodesic_ocp.logarithm.correction import ROUNDING, STEP, correct_velocity
 from geodesic_ocp.logarithm.discrete_energy import DiscreteEnergy
@@ -153,12 +153,10 @@ def _start(levels: Levels, q0: Array, q1: Array, guess: Path | None) -> Array:
 
 def _pass(metric: Metric, q0: Array, q1: Array, levels: Levels, x: Array, added: Array) -> Attempt:
     """All levels from coarse to fine, compiled if possible."""
-    # Short geodesics are corrected down to rounding: their direction counts, too.
-    wanted = CHECK_TOLERANCE * min(1.0, float(np.abs(q1 - q0).max()))
     kernels = metric.kernels
     if not kernels.available():
         with one_blas_thread:
-            return _interpreted_pass(metric, q0, q1, levels, x, added, wanted)
+            return _interpreted_pass(metric, q0, q1, levels, x, added)
     velocity, nodes, status, statistics = kernels.log_map(
         q0,
         q1,
@@ -167,14 +165,14 @@ def _pass(metric: Metric, q0: Array, q1: Array, levels: Levels, x: Array, added:
         levels.first,
         levels.largest,
         np.ascontiguousarray(added),
-        Tolerances(STEP, wanted, TOLERANCE),
+        Tolerances(STEP, wanted_error(q0, q1), TOLERANCE),
     )
     grid = levels.grids[statistics.level]
     return Attempt(velocity if status == 0 else None, grid, nodes, _STATUS.get(status, ""))
 
 
 def _interpreted_pass(
-    metric: Metric, q0: Array, q1: Array, levels: Levels, x: Array, added: Array, wanted: float
+    metric: Metric, q0: Array, q1: Array, levels: Levels, x: Array, added: Array
 ) -> Attempt:
     functions = metric.kernel_functions
     energies = [DiscreteEnergy(functions, grid, np.zeros(metric.dim)) for grid in levels.grids]
@@ -199,7 +197,7 @@ def _interpreted_pass(
         more = level + 1 < len(energies)
         finer = (energies[level + 1], levels.refinements[level]) if more else None
         velocity, by_goal = initial_velocity(functions, energy, found, x, finer)
-        corrected, reason = correct_velocity(metric, q0, q1, velocity, by_goal, wanted, TOLERANCE)
+        corrected, reason = correct_velocity(metric, q0, q1, velocity, by_goal)
         if corrected is not None:
             return Attempt(corrected, levels.grids[level], x, "")
     return Attempt(None, levels.grids[-1], x, reason)

@@ -6,11 +6,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
-from geodesic_ocp.logarithm.connecting_geodesic import (
-    CHECK_TOLERANCE,
-    TOLERANCE,
-    ConnectingGeodesic,
-)
+from geodesic_ocp.logarithm.connecting_geodesic import ConnectingGeodesic
 from geodesic_ocp.logarithm.correction import MAX_STEPS, correct_velocity
 from geodesic_ocp.manifold.exp import integrate_geodesic
 from geodesic_ocp.manifold.exp_derivative import exp_with_derivative
@@ -44,8 +40,7 @@ def _shoot(metric: Metric, q0: Array, q1: Array, velocity: Array) -> ConnectingG
         error = end - q1
         if np.abs(error).max() <= _NEAR:
             inverse = np.asarray(np.linalg.inv(jacobian), dtype=float)
-            wanted = CHECK_TOLERANCE * min(1.0, float(np.abs(q1 - q0).max()))
-            corrected, _ = correct_velocity(metric, q0, q1, velocity, inverse, wanted, TOLERANCE)
+            corrected, _ = correct_velocity(metric, q0, q1, velocity, inverse)
             if corrected is not None:
                 return ConnectingGeodesic(q0, q1, corrected)
             break

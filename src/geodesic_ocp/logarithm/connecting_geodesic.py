@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.trajectory.grid import Grid
 
@@ -14,6 +16,14 @@ CHECK_TOLERANCE = 1e-10  # of that integration
 GRIDS = (Grid(1, 14), *(Grid(segments, 20) for segments in (1, 2, 4, 8)))
 # A sharply bending path needs more segments to be represented than to be found.
 _FINE_GRIDS = (Grid(16, 20), Grid(32, 20))
+
+
+def wanted_error(q0: Array, q1: Array) -> float:
+    """Endpoint error at which corrections of a geodesic from q0 to q1 end [rad or m].
+
+    Short geodesics are corrected down to rounding: their direction counts, too.
+    """
+    return CHECK_TOLERANCE * min(1.0, float(np.abs(q1 - q0).max()))
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,6 +6,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import IntegrationFailed
+from geodesic_ocp.logarithm.connecting_geodesic import TOLERANCE, wanted_error
 from geodesic_ocp.manifold.exp import integrate_geodesic
 from geodesic_ocp.manifold.metric import Metric
 
@@ -23,17 +24,15 @@ def correct_velocity(
     q1: Array,
     velocity: Array,
     by_goal: Array,
-    wanted: float,
-    accepted: float,
 ) -> tuple[Array | None, str]:
     """Correct the velocity (n,) until Exp_q0(velocity) is q1, with its derivative by q1 (n, n).
 
-    Corrections end at an endpoint error of `wanted`, or where they gain nothing and the error is at
-    most `accepted`. The result was integrated with two different tolerances of the steps.
+    Corrections end at an endpoint error of `wanted_error`, or where they gain nothing and the error
+    is at most TOLERANCE. The result was integrated with two different tolerances of the steps.
 
     Returns the velocity, or None and why there is none.
     """
-    last, step, is_fine = np.inf, STEP, False
+    wanted, last, step, is_fine = wanted_error(q0, q1), np.inf, STEP, False
     before = change = np.zeros_like(velocity)
     for number in range(_ROUNDS):
         after_coarse, is_fine = not is_fine, last < _NEAR
@@ -43,13 +42,13 @@ def correct_velocity(
         except IntegrationFailed as failure:
             return None, _where(failure)
         error = float(np.abs(difference).max())
-        if not (error < _CONTRACTION * last or error <= accepted):
+        if not (error < _CONTRACTION * last or error <= TOLERANCE):
             return None, f"integrated forward, it ends {error:.1e} from the goal"
         if number:
             by_goal = _update(by_goal, difference - before, change)
         before, change = difference, -by_goal @ difference
         velocity = velocity + change
-        if is_fine and error <= accepted and (error <= wanted or error >= _CONTRACTION * last):
+        if is_fine and error <= TOLERANCE and (error <= wanted or error >= _CONTRACTION * last):
             if after_coarse:
                 return velocity, ""
             try:
@@ -57,7 +56,7 @@ def correct_velocity(
             except IntegrationFailed as failure:
                 return None, _where(failure)
             verified = float(np.abs(end - q1).max()) / 2.0
-            if verified <= accepted:
+            if verified <= TOLERANCE:
                 return velocity, ""
             if step <= _SMALLEST:
                 return None, ROUNDING

@@ -15,8 +15,9 @@ typedef struct {
   long steps;       /* taken, rejected ones included */
 } integration;
 
-static void evaluate_rate(rate_function rate, const double *y, const double *p, double *dy,
-                          double *work) {
+/* dy := rate(y), or rate(y, p) */
+static void evaluate(rate_function rate, const double *y, const double *p, double *dy,
+                     double *work) {
   const double *arguments[2];
   double *results[1];
   arguments[0] = y;
@@ -39,14 +40,14 @@ static double take_step(rate_function rate, int size, const double *y, const dou
       for (j = 0; j < s; j++) sum += RK_A[s][j] * k[j][i];
       at[i] = y[i] + h * sum;
     }
-    evaluate_rate(rate, at, p ? p + s * np : 0, k[s], work);
+    evaluate(rate, at, p ? p + s * np : 0, k[s], work);
   }
   for (i = 0; i < size; i++) {
     double sum = 0;
     for (j = 0; j < STAGES; j++) sum += RK_B[j] * k[j][i];
     end[i] = y[i] + h * sum;
   }
-  evaluate_rate(rate, end, p ? p + STAGES * np : 0, k[STAGES], work);
+  evaluate(rate, end, p ? p + STAGES * np : 0, k[STAGES], work);
   for (i = 0; i < size; i++) {
     double of_fifth = 0, of_third = 0, scale = fmax(1, fmax(fabs(y[i]), fabs(end[i])));
     for (j = 0; j <= STAGES; j++) {
@@ -73,7 +74,7 @@ static int integrate(rate_function rate, int size, const double *start, int coun
   int i, at;
   long taken = 0;
   for (i = 0; i < size; i++) states[i] = y[i] = start[i];
-  evaluate_rate(rate, y, 0, k[0], work);
+  evaluate(rate, y, 0, k[0], work);
   for (at = 1; at < count; at++) {
     while (now < times[at]) {
       int is_last = h >= times[at] - now;

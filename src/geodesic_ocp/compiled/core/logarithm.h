@@ -8,15 +8,6 @@ typedef struct {
   double accepted;  /* largest endpoint error of a result */
 } tolerances;
 
-static void solve_metric(const double *q, const double *momentum, double *velocity, double *work) {
-  const double *arguments[2];
-  double *results[1];
-  arguments[0] = q;
-  arguments[1] = momentum;
-  results[0] = velocity;
-  metric_solve(arguments, results, 0, work, 0);
-}
-
 /* Initial velocity v0 = G^-1 p0 and its derivative by the goal, (N, N), columns first, of the
    minimum that `minimize` found on this grid.
 
@@ -68,7 +59,7 @@ static void initial_velocity(const level *grid, const level *next, const blas *l
     momentum[c] = -w->gradient[c];
     for (k = 0; k < inner; k++) momentum[c] += field[k] * w->gradient[N + k];
   }
-  solve_metric(x, momentum, velocity, w->casadi);
+  evaluate(metric_solve, x, momentum, velocity, w->casadi);
   for (c = 0; c < N; c++) {
     const double *of_goal = w->hessian + (long)(size - N + c) * size;
     for (i = 0; i < N; i++) {
@@ -76,7 +67,7 @@ static void initial_velocity(const level *grid, const level *next, const blas *l
       column[i] = -of_goal[i];
       for (k = 0; k < inner; k++) column[i] += field[k] * of_goal[N + k];
     }
-    solve_metric(x, column, by_goal + c * N, w->casadi);
+    evaluate(metric_solve, x, column, by_goal + c * N, w->casadi);
   }
 }
 

@@ -4,13 +4,13 @@
 static void transport_step(double h, const double *p, double *w, double *work) {
   double k1[N], k2[N], k3[N], k4[N], at[N];
   int i;
-  evaluate_rate(transport_rate, w, p, k1, work);
+  evaluate(transport_rate, w, p, k1, work);
   for (i = 0; i < N; i++) at[i] = w[i] + h / 2 * k1[i];
-  evaluate_rate(transport_rate, at, p + 2 * N, k2, work);
+  evaluate(transport_rate, at, p + 2 * N, k2, work);
   for (i = 0; i < N; i++) at[i] = w[i] + h / 2 * k2[i];
-  evaluate_rate(transport_rate, at, p + 2 * N, k3, work);
+  evaluate(transport_rate, at, p + 2 * N, k3, work);
   for (i = 0; i < N; i++) at[i] = w[i] + h * k3[i];
-  evaluate_rate(transport_rate, at, p + 4 * N, k4, work);
+  evaluate(transport_rate, at, p + 4 * N, k4, work);
   for (i = 0; i < N; i++) w[i] += h / 6 * (k1[i] + 2 * k2[i] + 2 * k3[i] + k4[i]);
 }
 

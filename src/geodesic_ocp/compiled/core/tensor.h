@@ -3,11 +3,7 @@
 /* The metric tensor (N, N) at q. */
 void tensor_at(const double *q, double *tensor) {
   double work[WORK_SIZE];
-  const double *arguments[1];
-  double *results[1];
-  arguments[0] = q;
-  results[0] = tensor;
-  metric_tensor(arguments, results, 0, work, 0);
+  evaluate(metric_tensor, q, 0, tensor, work);
 }
 
 static double product(const double *tensor, const double *u, const double *v) {

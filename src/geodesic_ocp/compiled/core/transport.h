@@ -10,7 +10,7 @@ void transport(long count, const double *h, const double *p, const double *start
   int i;
   for (i = 0; i < N; i++) w[i] = start[i];
   for (step = 0; step < count; step++) {
-    evaluate_rate(transport_rate, w, p + step * row, k[0], work);
+    evaluate(transport_rate, w, p + step * row, k[0], work);
     errors[step] = take_step(transport_rate, N, w, p + step * row, 2 * N, h[step], tolerance, k,
                              end, work);
     for (i = 0; i < N; i++) states[step * N + i] = w[i] = end[i];
