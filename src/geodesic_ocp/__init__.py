@@ -102,8 +102,8 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
         geodesic_from_velocity,
         geodesics,
     )
-    from geodesic_ocp.logarithm.geodesic_to_pose import ToPose, geodesic_to_pose
     from geodesic_ocp.logarithm.log import distance, log
+    from geodesic_ocp.logarithm.to_pose.geodesic_to_pose import ToPose, geodesic_to_pose
     from geodesic_ocp.manifold.curvature import (
         riemann_curvature,
         scalar_curvature,
@@ -167,7 +167,7 @@ else:
         "figures.obstacles": "draw_obstacle",
         "logarithm.frechet_mean": "frechet_mean",
         "logarithm.geodesic": "Geodesic geodesic geodesic_from_velocity geodesics",
-        "logarithm.geodesic_to_pose": "ToPose geodesic_to_pose",
+        "logarithm.to_pose.geodesic_to_pose": "ToPose geodesic_to_pose",
         "logarithm.log": "distance log",
         "manifold.curvature": "riemann_curvature scalar_curvature sectional_curvature",
         "manifold.euclidean": "Euclidean",

@@ -11,7 +11,7 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.compiled import dop853
 from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.ipopt import Ipopt, Outcome
-from geodesic_ocp.logarithm.pose_target import (
+from geodesic_ocp.logarithm.to_pose.pose_target import (
     PoseTarget,
     ShootingResult,
     metric_of,

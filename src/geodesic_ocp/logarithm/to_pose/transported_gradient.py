@@ -12,7 +12,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.logarithm.geodesic import geodesic_from_velocity
-from geodesic_ocp.logarithm.pose_target import PoseTarget, ShootingResult
+from geodesic_ocp.logarithm.to_pose.pose_target import PoseTarget, ShootingResult
 from geodesic_ocp.manifold.exp import exp
 from geodesic_ocp.manifold.parallel_transport import parallel_transport
 from geodesic_ocp.trajectory.path import Path

@@ -18,9 +18,9 @@ from geodesic_ocp.arrays import Array, as_positive, as_rotation, as_vector
 from geodesic_ocp.errors import GeodesicOcpError, NotConverged
 from geodesic_ocp.logarithm.geodesic import Geodesic, geodesic_from_velocity
 from geodesic_ocp.logarithm.log import log
-from geodesic_ocp.logarithm.pose_target import PoseTarget, ShootingResult, metric_of
-from geodesic_ocp.logarithm.shooting import shoot
-from geodesic_ocp.logarithm.transported_gradient import descend_transported_gradient
+from geodesic_ocp.logarithm.to_pose.pose_target import PoseTarget, ShootingResult, metric_of
+from geodesic_ocp.logarithm.to_pose.shooting import shoot
+from geodesic_ocp.logarithm.to_pose.transported_gradient import descend_transported_gradient
 from geodesic_ocp.model.as_model import as_model
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.ik.pose_error import pose_difference

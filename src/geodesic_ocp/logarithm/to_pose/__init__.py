@@ -1,0 +1,1 @@
+"""Geodesics from a configuration to a pose of the hand."""
