@@ -109,13 +109,13 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
         scalar_curvature,
         sectional_curvature,
     )
-    from geodesic_ocp.manifold.euclidean import Euclidean
     from geodesic_ocp.manifold.exp import exp
-    from geodesic_ocp.manifold.jacobi_metric import JacobiMetric
-    from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
     from geodesic_ocp.manifold.metric import Metric
+    from geodesic_ocp.manifold.metrics.euclidean import Euclidean
+    from geodesic_ocp.manifold.metrics.jacobi_metric import JacobiMetric
+    from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
+    from geodesic_ocp.manifold.metrics.region_avoiding import RegionAvoiding
     from geodesic_ocp.manifold.parallel_transport import parallel_transport
-    from geodesic_ocp.manifold.region_avoiding import RegionAvoiding
     from geodesic_ocp.model.combine import combine
     from geodesic_ocp.model.formats.load_model import load_model
     from geodesic_ocp.model.geometry.enclosing_capsule import enclosing_capsule
@@ -170,13 +170,13 @@ else:
         "logarithm.to_pose.geodesic_to_pose": "ToPose geodesic_to_pose",
         "logarithm.log": "distance log",
         "manifold.curvature": "riemann_curvature scalar_curvature sectional_curvature",
-        "manifold.euclidean": "Euclidean",
+        "manifold.metrics.euclidean": "Euclidean",
         "manifold.exp": "exp",
-        "manifold.jacobi_metric": "JacobiMetric",
-        "manifold.kinetic_energy": "KineticEnergy",
+        "manifold.metrics.jacobi_metric": "JacobiMetric",
+        "manifold.metrics.kinetic_energy": "KineticEnergy",
         "manifold.metric": "Metric",
         "manifold.parallel_transport": "parallel_transport",
-        "manifold.region_avoiding": "RegionAvoiding",
+        "manifold.metrics.region_avoiding": "RegionAvoiding",
         "model.combine": "combine",
         "model.formats.load_model": "load_model",
         "model.geometry.enclosing_capsule": "enclosing_capsule",

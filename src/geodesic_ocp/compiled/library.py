@@ -196,7 +196,7 @@ def _versions() -> str:
     versions = [version(name) for name in ("geodesic_ocp", "casadi", "pin") if _is_known(name)]
     package = Path(__file__).parents[1]
     sources = sorted(
-        file for name in ("model", "manifold") for file in (package / name).glob("*.py")
+        file for name in ("model", "manifold") for file in (package / name).rglob("*.py")
     )
     return "\n".join([*versions, *(sha256(file.read_bytes()).hexdigest() for file in sources)])
 

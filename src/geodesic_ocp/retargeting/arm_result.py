@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
+from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.merge_synergies import SynergyGroup
 from geodesic_ocp.retargeting.pose_mapping import PoseMapping

@@ -13,7 +13,7 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.logarithm.to_pose.geodesic_to_pose import ToPose, geodesic_to_pose, nearest_of
 from geodesic_ocp.logarithm.to_pose.pose_target import metric_of
-from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
+from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.problem.point_to_point import PointToPoint
 from geodesic_ocp.ocp.problem.reach import Reach

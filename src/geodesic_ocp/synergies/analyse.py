@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from geodesic_ocp.manifold.euclidean import Euclidean
-from geodesic_ocp.manifold.kinetic_energy import KineticEnergy
+from geodesic_ocp.manifold.metrics.euclidean import Euclidean
+from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.as_model import as_model
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.synergies.analysis import Analysis

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.manifold.kinetic_energy import ModelMetric
+from geodesic_ocp.manifold.metrics.kinetic_energy import ModelMetric
 
 
 @dataclass(frozen=True)

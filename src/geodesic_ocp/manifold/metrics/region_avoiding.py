@@ -12,7 +12,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, as_vector, evaluate
 from geodesic_ocp.manifold.metric import Metric, as_metric
-from geodesic_ocp.manifold.region import (
+from geodesic_ocp.manifold.metrics.region import (
     Region,
     joint_limit_region,
     middle_configuration,

@@ -1,0 +1,1 @@
+"""Metrics on the joint space of a model, and the Euclidean one."""
