@@ -145,14 +145,14 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.retargeting.settings import RetargetingSettings
     from geodesic_ocp.synergies.analyse import analyse
     from geodesic_ocp.synergies.analysis import Analysis
-    from geodesic_ocp.synergies.evaluate import MotionErrors, evaluate
+    from geodesic_ocp.synergies.baselines.track_hand import track_hand
     from geodesic_ocp.synergies.read_motion import read_motion
     from geodesic_ocp.synergies.reconstruct import Reconstruction, reconstruct
-    from geodesic_ocp.synergies.segment import segment
-    from geodesic_ocp.synergies.segment_zero_velocity import segment_zero_velocity
+    from geodesic_ocp.synergies.scores.evaluate import MotionErrors, evaluate
+    from geodesic_ocp.synergies.segmentation.segment import segment
+    from geodesic_ocp.synergies.segmentation.segment_zero_velocity import segment_zero_velocity
     from geodesic_ocp.synergies.synergy import Synergy
     from geodesic_ocp.synergies.synergy_files import load_synergies, save_synergies
-    from geodesic_ocp.synergies.track_hand import track_hand
     from geodesic_ocp.table import Table
     from geodesic_ocp.trajectory.grid import Grid
     from geodesic_ocp.trajectory.motion import Motion, Subject
@@ -206,14 +206,14 @@ else:
         "retargeting.settings": "RetargetingSettings",
         "synergies.analyse": "analyse",
         "synergies.analysis": "Analysis",
-        "synergies.evaluate": "MotionErrors evaluate",
+        "synergies.scores.evaluate": "MotionErrors evaluate",
         "synergies.read_motion": "read_motion",
         "synergies.reconstruct": "Reconstruction reconstruct",
-        "synergies.segment": "segment",
-        "synergies.segment_zero_velocity": "segment_zero_velocity",
+        "synergies.segmentation.segment": "segment",
+        "synergies.segmentation.segment_zero_velocity": "segment_zero_velocity",
         "synergies.synergy": "Synergy",
         "synergies.synergy_files": "load_synergies save_synergies",
-        "synergies.track_hand": "track_hand",
+        "synergies.baselines.track_hand": "track_hand",
         "table": "Table",
         "trajectory.grid": "Grid",
         "trajectory.motion": "Motion Subject",

@@ -20,7 +20,7 @@ from geodesic_ocp.model.human_arm import DEFAULT_HEIGHT, DEFAULT_MASS, human_arm
 from geodesic_ocp.synergies.analyse import analyse
 from geodesic_ocp.synergies.analysis import Analysis
 from geodesic_ocp.synergies.read_motion import read_motion
-from geodesic_ocp.synergies.segment import as_threshold
+from geodesic_ocp.synergies.segmentation.segment import as_threshold
 from geodesic_ocp.trajectory.motion import Motion
 
 _LONGEST_STEP = 1.0  # [s] between samples of a recording

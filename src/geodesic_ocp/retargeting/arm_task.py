@@ -17,9 +17,9 @@ from geodesic_ocp.retargeting.targets import REACHED, KeyPose, Pose, PoseFinder
 from geodesic_ocp.retargeting.time_scaling import ArmPaths, TimeScaling, handover_speeds
 from geodesic_ocp.retargeting.transfer import Transfer, plan_transfers, velocity_limits
 from geodesic_ocp.synergies.analysis import Analysis
+from geodesic_ocp.synergies.baselines.track_hand import steps_between, track_poses
 from geodesic_ocp.synergies.observed_velocity import speeds
 from geodesic_ocp.synergies.synergy import Synergy
-from geodesic_ocp.synergies.track_hand import steps_between, track_poses
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion
 

@@ -11,11 +11,11 @@ from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.as_model import as_model
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.synergies.analysis import Analysis
-from geodesic_ocp.synergies.evaluate import evaluate
+from geodesic_ocp.synergies.baselines.track_hand import track_hand
 from geodesic_ocp.synergies.reconstruct import Reconstruction, reconstruct
-from geodesic_ocp.synergies.segment import segment
-from geodesic_ocp.synergies.segment_zero_velocity import segment_zero_velocity
-from geodesic_ocp.synergies.track_hand import track_hand
+from geodesic_ocp.synergies.scores.evaluate import evaluate
+from geodesic_ocp.synergies.segmentation.segment import segment
+from geodesic_ocp.synergies.segmentation.segment_zero_velocity import segment_zero_velocity
 from geodesic_ocp.trajectory.motion import Motion
 
 # Recordings exceed the joint limits by tenths; more than this means wrong units [rad or m].

@@ -11,7 +11,7 @@ from geodesic_ocp.figures import overview
 from geodesic_ocp.figures.new_figure import new_figure, save_figure
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.records import write_together
-from geodesic_ocp.synergies.evaluate import MotionErrors
+from geodesic_ocp.synergies.scores.evaluate import MotionErrors
 from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.synergies.synergy_files import save_synergies
 from geodesic_ocp.table import Table

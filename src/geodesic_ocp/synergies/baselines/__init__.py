@@ -1,0 +1,1 @@
+"""Predictions that geodesics are compared with."""

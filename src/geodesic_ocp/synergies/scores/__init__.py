@@ -1,0 +1,1 @@
+"""How well a predicted motion explains an observed one."""

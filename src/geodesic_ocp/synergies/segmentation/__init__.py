@@ -1,0 +1,1 @@
+"""Where a motion is cut into segments."""
