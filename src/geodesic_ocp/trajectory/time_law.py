@@ -2,33 +2,33 @@
 
 min int_0^T s''(t)^2 dt with s(0) = 0, s(T) = l and given end speeds (Klein et al. 2022; the
 minimum-acceleration counterpart of the minimum-jerk model of Flash and Hogan, J. Neuroscience 5,
-1985). The four end conditions determine the solution without inequalities, a cubic, which is
-returned at once if it satisfies the bounds. Otherwise an NLP finds s as a cubic on each of equal
-intervals, with s and s' continuous; s' is then a parabola on each interval, and bounds on its three
-Bezier coefficients hold between the knots as well.
+1985), in closed form. The four end conditions determine the solution without inequalities, a cubic.
+
+With the bound s' >= 0, the speed u = s' satisfies u'' = c with one constant c wherever it is
+positive, and u' = 0 where it reaches zero, as the multiplier of the bound is not negative. So if
+the cubic moves backwards, the motion brakes along u_0 (1 - t/a)^2, rests, and accelerates along
+u_1 (1 - (T - t)/b)^2. Both have u'' = c, hence a : b = sqrt(u_0) : sqrt(u_1), and they cover
+(u_0 a + u_1 b)/3 = l. A bound s' <= u_max is the same for the speed u_max - u. The two are never
+active together: where the cubic falls below zero its largest speed is at an end, and vice versa.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import perm
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive
-from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.ipopt import Ipopt, Outcome
 
-_INTERVALS = 64
-_MAX_INTERVALS = 4096
-# Of Ipopt; hard braking has multipliers so large that the finest is lost to rounding. The problem
-# is convex: every tolerance leads to the same solution.
-_TOLERANCES = (1e-9, 1e-7, 1e-6)
 # Tolerance for bounds that hold with equality, relative to the speed scale of the problem.
 _SLACK = 1e-9
+# Braking to rest over less than this fraction of the length at full speed loses its digits.
+_SHORTEST = 1e-6
+# Speeds that count as zero, and durations of pauses that are left out, in scaled units.
+_NEGLIGIBLE = 1e-12
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -137,7 +137,6 @@ def time_law(
     Raises:
         ValueError: a number is not finite or out of range, or no s(t) satisfies the conditions; the
             message says which.
-        NotConverged: the solver failed.
 
     Example:
         >>> import geodesic_ocp as go
@@ -168,11 +167,18 @@ def time_law(
     # Units in which the duration is one and the speeds are of order one.
     scaled = [length / (speed * duration), start_speed / speed, end_speed / speed]
     low, high = lowest / speed, highest / speed
-    if _cubic_within(scaled, low, high):
+    smallest, largest = _speed_range(*scaled)
+    if low - _SLACK <= smallest and largest <= high + _SLACK:
         ends = ((0.0, duration), (0.0, length), (start_speed, end_speed))
         return TimeLaw(*(np.array(values) for values in ends))
-    law = _bounded(_num_intervals(scaled, low, high), scaled, low, high)
-    return TimeLaw(duration * law.knots, speed * duration * law.positions, speed * law.speeds)
+    if smallest < low - _SLACK:
+        knots, positions, speeds = _with_pause(*scaled, "is too short to stop in")
+    else:
+        margins = [high - number for number in scaled]
+        knots, behind, slower = _with_pause(*margins, "needs the full speed throughout")
+        positions, speeds = high * knots - behind, high - slower
+    positions[-1], speeds[[0, -1]] = scaled[0], scaled[1:]
+    return TimeLaw(duration * knots, speed * duration * positions, speed * speeds)
 
 
 def _finite(name: str, value: float) -> float:
@@ -186,78 +192,33 @@ def _finite(name: str, value: float) -> float:
     return number
 
 
-def _cubic_within(scaled: list[float], low: float, high: float) -> bool:
-    """Whether the speed of the solution without inequalities is within the bounds at all times."""
-    length, start, end = scaled
+def _speed_range(length: float, start: float, end: float) -> tuple[float, float]:
+    """Smallest and largest speed of the solution without inequalities, over a unit of time."""
     half, third = 3.0 * length - 2.0 * start - end, 3.0 * (start + end - 2.0 * length)
     speeds = [start, end]  # of start + 2 half t + third t^2
     if third != 0.0 and 0.0 < -half / third < 1.0:
         speeds.append(start - half**2 / third)
-    return all(low - _SLACK <= speed <= high + _SLACK for speed in speeds)
+    return min(speeds), max(speeds)
 
 
-def _num_intervals(scaled: list[float], low: float, high: float) -> int:
-    """Number of intervals that allows for immediate braking on the first or last of them.
+def _with_pause(
+    length: float, start: float, end: float, failure: str
+) -> tuple[Array, Array, Array]:
+    """Knots, positions and speeds over a unit of time: brake to rest, pause, accelerate.
 
-    On an interval of width h the speed cannot leave its end value u for the bound sooner than along
-    the parabola u (1 - t/h)^2, which covers u h / 3.
+    Raises:
+        ValueError: the length is too short, in the words of `failure`.
     """
-    length, start, end = scaled
-    needed = 1.0
-    if low == 0.0:
-        needed = max(needed, (start + end) / (3.0 * length) if length > 0.0 else np.inf)
-    if np.isfinite(high):
-        margin = high - length
-        braking = (high - start) + (high - end)
-        needed = max(needed, braking / (3.0 * margin) if margin > 0.0 else np.inf)
-    if needed > _MAX_INTERVALS / 4:
-        if start <= _SLACK and end <= _SLACK and length == 0.0:
-            return _INTERVALS
-        raise ValueError(
-            f"no time law on {_MAX_INTERVALS} intervals keeps its speed within bounds: the length "
-            f"{'is too short to stop in' if low == 0.0 else 'needs the full speed throughout'}"
-        )
-    return max(_INTERVALS, int(np.ceil(4.0 * needed)))
-
-
-def _bounded(intervals: int, scaled: list[float], low: float, high: float) -> TimeLaw:
-    """The solution of the NLP, in scaled units."""
-    length, start, end = scaled
-    knots = np.linspace(0.0, 1.0, intervals + 1)
-    lower = np.concatenate([np.full(intervals + 1, -np.inf), np.full(intervals + 1, low)])
-    upper = np.concatenate([np.full(intervals + 1, np.inf), np.full(intervals + 1, high)])
-    for index, value in ((0, 0.0), (intervals, length), (intervals + 1, start), (-1, end)):
-        lower[index] = upper[index] = value
-    guess = np.concatenate([knots * length, start + knots * (end - start)])
-    for tolerance in _TOLERANCES:
-        outcome: Outcome = _program(intervals, tolerance)(
-            x0=guess,
-            lbx=lower,
-            ubx=upper,
-            lbg=np.full(intervals, low),
-            ubg=np.full(intervals, high),
-        )
-        if outcome.success:
-            break
-    else:
-        raise NotConverged(f"the time law was not found: {outcome.status}")
-    positions, speeds = np.split(outcome.x, 2)
-    return TimeLaw(knots, positions, speeds)
-
-
-@lru_cache(maxsize=32)
-def _program(intervals: int, tolerance: float) -> Ipopt:
-    """Min sum over the intervals of int s''^2; g: the middle Bezier coefficient of s' on each."""
-    positions, speeds = ca.SX.sym("s", intervals + 1), ca.SX.sym("u", intervals + 1)
-    h = 1.0 / intervals
-    chord = (positions[1:] - positions[:-1]) / h
-    start, stop = speeds[:-1], speeds[1:]
-    # s'' is linear on a piece: its values at the piece's ends.
-    at_start = (6 * chord - 4 * start - 2 * stop) / h
-    at_stop = (2 * start + 4 * stop - 6 * chord) / h
-    cost = h / 3 * ca.sum1(at_start**2 + at_start * at_stop + at_stop**2)
-    middle = 3 * chord - start - stop
-    x = ca.vertcat(positions, speeds)
-    # Without relaxed bounds the speed is never negative, not even by Ipopt's usual 1e-8.
-    options = {"tol": tolerance, "bound_relax_factor": 0.0}
-    return Ipopt({"x": x, "f": cost, "g": middle}, options=options)
+    start, end = max(start, 0.0), max(end, 0.0)
+    if length < _SHORTEST * (start + end):
+        raise ValueError(f"no time law keeps its speed within bounds: the length {failure}")
+    total = start**1.5 + end**1.5
+    brake, launch = 3.0 * length / total * np.sqrt([start, end])
+    pause = length * start**1.5 / total  # the position at rest
+    points = [(0.0, 0.0, start)]
+    if start > _NEGLIGIBLE:
+        points.append((brake, pause, 0.0))
+    if end > _NEGLIGIBLE and 1.0 - launch > points[-1][0] + _NEGLIGIBLE:
+        points.append((1.0 - launch, pause, 0.0))
+    knots, positions, speeds = np.transpose([*points, (1.0, length, end)])
+    return knots, positions, speeds
