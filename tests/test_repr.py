@@ -61,6 +61,8 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
         go.IntegrationFailed("an error"),
         go.RecordingError("an error"),
         go.evaluate(arm, *2 * [go.Motion([0.0, 1.0], np.zeros((2, 7)), arm.joint_names)]),
+        go.score(arm, *2 * [go.Motion([0.0, 1.0], np.eye(2, 7), arm.joint_names)]),
+        go.Recording(arm, go.Motion([0.0, 1.0], np.eye(2, 7), arm.joint_names, np.eye(2, 7))),
         go.reconstruct(
             plane, go.Motion([0.0, 0.1, 0.2], np.eye(3, 2), ("x", "y")).filtered(3, 1), [(0, 2)]
         ),

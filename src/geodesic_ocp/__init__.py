@@ -33,11 +33,13 @@ __all__ = [
     "Problem",
     "Reach",
     "Reconstruction",
+    "Recording",
     "RecordingError",
     "RegionAvoiding",
     "RetargetedArm",
     "Retargeting",
     "RetargetingSettings",
+    "Scores",
     "Solution",
     "Stats",
     "Subject",
@@ -52,6 +54,7 @@ __all__ = [
     "clearance_constraints",
     "collision_pairs",
     "combine",
+    "distal_inertia",
     "distance",
     "draw_obstacle",
     "enclosing_capsule",
@@ -69,6 +72,9 @@ __all__ = [
     "load_synergies",
     "log",
     "merge_synergies",
+    "minimum_acceleration",
+    "minimum_jerk",
+    "minimum_jerk_hand",
     "parallel_transport",
     "read_motion",
     "reconstruct",
@@ -78,6 +84,7 @@ __all__ = [
     "riemann_curvature",
     "save_synergies",
     "scalar_curvature",
+    "score",
     "sectional_curvature",
     "segment",
     "segment_zero_velocity",
@@ -145,10 +152,18 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.retargeting.settings import RetargetingSettings
     from geodesic_ocp.synergies.analyse import analyse
     from geodesic_ocp.synergies.analysis import Analysis
+    from geodesic_ocp.synergies.baselines.distal_inertia import distal_inertia
+    from geodesic_ocp.synergies.baselines.joint_polynomials import (
+        minimum_acceleration,
+        minimum_jerk,
+    )
+    from geodesic_ocp.synergies.baselines.minimum_jerk_hand import minimum_jerk_hand
     from geodesic_ocp.synergies.baselines.track_hand import track_hand
     from geodesic_ocp.synergies.read_motion import read_motion
     from geodesic_ocp.synergies.reconstruct import Reconstruction, reconstruct
+    from geodesic_ocp.synergies.recording import Recording
     from geodesic_ocp.synergies.scores.evaluate import MotionErrors, evaluate
+    from geodesic_ocp.synergies.scores.score import Scores, score
     from geodesic_ocp.synergies.segmentation.segment import segment
     from geodesic_ocp.synergies.segmentation.segment_zero_velocity import segment_zero_velocity
     from geodesic_ocp.synergies.synergy import Synergy
@@ -214,6 +229,11 @@ else:
         "synergies.synergy": "Synergy",
         "synergies.synergy_files": "load_synergies save_synergies",
         "synergies.baselines.track_hand": "track_hand",
+        "synergies.scores.score": "Scores score",
+        "synergies.baselines.joint_polynomials": "minimum_acceleration minimum_jerk",
+        "synergies.baselines.minimum_jerk_hand": "minimum_jerk_hand",
+        "synergies.baselines.distal_inertia": "distal_inertia",
+        "synergies.recording": "Recording",
         "table": "Table",
         "trajectory.grid": "Grid",
         "trajectory.motion": "Motion Subject",
