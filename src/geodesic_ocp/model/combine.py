@@ -61,6 +61,7 @@ def combine(*models: Model, placements: Sequence[Any] | None = None) -> Model:
     restore_frames(whole, original)
     whole.name = " and ".join(model.name for model in models)
     whole.gravity = pin.Motion(gravity, np.zeros(3))
+    _copy_armature(parts, whole)
     continuous = [
         new_names[name]
         for model, new_names in zip(models, names, strict=True)
@@ -68,6 +69,16 @@ def combine(*models: Model, placements: Sequence[Any] | None = None) -> Model:
     ]
     shapes = partial(_bodies, models, names)
     return Model(whole, names[0][models[0].hand], models[0].backend, tuple(continuous), shapes)
+
+
+def _copy_armature(parts: Sequence[pin.Model], whole: pin.Model) -> None:
+    """Give the joints of the whole the armature that they have in the parts, which is lost."""
+    armature = np.zeros(whole.nv)
+    for part in parts:
+        for index in range(1, part.njoints):
+            joint = whole.joints[whole.getJointId(part.names[index])]
+            armature[joint.idx_v] = part.armature[part.joints[index].idx_v]
+    whole.armature = armature
 
 
 def _bodies(models: Sequence[Model], names: Sequence[Mapping[str, str]]) -> tuple[Body, ...]:

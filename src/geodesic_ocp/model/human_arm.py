@@ -7,10 +7,12 @@ and reproducing human motion on humanoid robots", Humanoids 2014).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import get_args
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.model.anthropometry import Segment, Sex, Side, TableName, anthropometry
@@ -64,6 +66,7 @@ def human_arm(
     *,
     table: TableName = "winter",
     sex: Sex | None = None,
+    armature: ArrayLike | Mapping[str, float] = 0.0,
     backend: str | None = None,
 ) -> Model:
     """A human arm with shoulder (x, z, y), elbow (x, z) and wrist (x, y).
@@ -83,15 +86,17 @@ def human_arm(
     Args:
         side: "right" or "left"; joints are named as in MMM files (RSx_joint, ..., LWy_joint).
         height: body height [m]; lengths scale with it, inertias with its square.
-        mass: body mass [kg]; it scales the metric and does not change geodesics.
+        mass: body mass [kg]; without armature it scales the metric and does not change geodesics.
         table: lengths, masses and inertias of the Master Motor Map ("winter") or of de Leva
             ("de_leva").
         sex: "male" or "female", for the table "de_leva" only.
+        armature: joint inertia [kg m^2], as for `Model.with_armature`: one number, 7 numbers, or
+            some by joint name. It is not scaled with height and mass.
         backend: back end of the symbolic rigid-body algorithms, see `Model`.
 
     Raises:
         ValueError: an unknown side, table or sex; height or mass not positive, or above 3 m or
-            1000 kg.
+            1000 kg; an armature that `Model.with_armature` rejects.
     """
     if side not in get_args(Side):
         raise ValueError(f"side must be 'right' or 'left', got {side!r}")
@@ -136,7 +141,8 @@ def human_arm(
         volume = segment.mass * mass / _DENSITY[name]
         radius = np.sqrt(volume / (np.pi * length * height))
         bodies.append(Capsule(*ends, float(radius), link))
-    return Model(arm, "hand", backend, shapes=tuple(bodies))
+    model = Model(arm, "hand", backend, shapes=tuple(bodies))
+    return model.with_armature(armature)
 
 
 def _inertia(segment: Segment, height: float, mass: float) -> pin.Inertia:

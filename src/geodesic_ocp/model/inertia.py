@@ -41,7 +41,7 @@ def check_inertias(model: pin.Model) -> None:
 
     Every moving link, with all that is fixed to it, must have mass and, if it can rotate, positive
     principal moments of inertia. A link may be massless if a later link of its chain has mass, as
-    between the axes of a shoulder.
+    between the axes of a shoulder, or if its joint has an inertia of its own (armature).
 
     Raises:
         ValueError: names the link and what is wrong with its inertia.
@@ -69,7 +69,7 @@ def check_inertias(model: pin.Model) -> None:
         if carried[index] <= 0.0 and not model.armature[model.joints[index].idx_v]:
             raise ValueError(
                 f"link {link!r} moves with joint {joint!r}, but neither it nor any later link "
-                "has mass"
+                "has mass, and the joint has no armature"
             )
     _check_mass_matrix(model)
 
@@ -110,5 +110,5 @@ def _check_mass_matrix(model: pin.Model) -> None:
     index = next(i for i in range(1, model.njoints) if joints[i].idx_v == int(np.argmax(idle)))
     raise ValueError(
         f"link {_link_of(model, index)!r}: the mass matrix is singular in every configuration, as "
-        f"joint {model.names[index]!r} can move without moving any mass"
+        f"joint {model.names[index]!r} can move without moving any mass, and has no armature"
     )

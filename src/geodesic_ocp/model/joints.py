@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, is_symbolic
+from geodesic_ocp.arrays import Array, as_number, is_symbolic
 
 _ROUNDING = 1e-15
 
@@ -110,6 +110,35 @@ def merge_limits(
         if low > high or low == np.inf or high == -np.inf:  # the range is empty
             raise ValueError(f"{joint}: the lower limit {low:g} lies above the upper {high:g}")
     return limits
+
+
+def as_armature(
+    value: ArrayLike | Mapping[str, float], current: Array, joint_names: Sequence[str]
+) -> Array:
+    """Joint inertias (n,) from one number, n numbers, or some by joint name.
+
+    Raises:
+        ValueError: an unknown joint, not 1 or n numbers, or one that is negative or not finite.
+    """
+    if isinstance(value, str) or not isinstance(value, (Mapping, Sequence, np.ndarray)):
+        value = [as_number("armature", value)] * current.size
+    armature = _merged("armature", value, current, joint_names)
+    _reject_negative(armature, joint_names)
+    return armature
+
+
+def check_armature(model: pin.Model) -> None:
+    """Reject joint inertias that are negative or not finite."""
+    joints = sorted(range(1, model.njoints), key=lambda index: model.joints[index].idx_v)
+    _reject_negative(np.array(model.armature), [str(model.names[index]) for index in joints])
+
+
+def _reject_negative(armature: Array, joint_names: Sequence[str]) -> None:
+    for joint, inertia in zip(joint_names, armature, strict=True):
+        if not 0.0 <= inertia < np.inf:
+            raise ValueError(
+                f"armature of joint {joint!r} must be finite and not negative, got {inertia:g}"
+            )
 
 
 def _merged(

@@ -7,18 +7,24 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_positive, as_vector, evaluate, is_symbolic
+from geodesic_ocp.arrays import Array, as_positive, as_vector, is_symbolic
 from geodesic_ocp.model.continuous_joints import continuous_joints, with_angles
 from geodesic_ocp.model.inertia import body_inertia
-from geodesic_ocp.model.joints import frame_index, merge_limits, motion_subspace
+from geodesic_ocp.model.joints import (
+    as_armature,
+    check_armature,
+    frame_index,
+    merge_limits,
+    motion_subspace,
+)
 from geodesic_ocp.model.max_reach import max_reach
 from geodesic_ocp.model.primitives import Ball, Bodies, Body, Capsule
-from geodesic_ocp.model.rigid_body import RigidBody, choose_backend, rigid_body
+from geodesic_ocp.model.rigid_body import choose_backend
+from geodesic_ocp.model.symbolic_functions import SymbolicFunctions
 from geodesic_ocp.table import Table
 
 
@@ -39,7 +45,8 @@ class Model:
     only if they are the same object.
 
     Raises:
-        ValueError: a joint does not have one degree of freedom, or there is no frame `hand`.
+        ValueError: a joint does not have one degree of freedom or has a negative armature, or
+            there is no frame `hand`.
     """
 
     pin: pin.Model
@@ -55,6 +62,7 @@ class Model:
             raise ValueError(f"the model has no frame {self.hand!r}; its frames are {known}")
         for index in range(1, self.pin.njoints):
             motion_subspace(self.pin, index)
+        check_armature(self.pin)
         for name in self.continuous:
             if name not in list(self.pin.names)[1:]:
                 raise ValueError(f"continuous: {name!r} is not a joint of the model")
@@ -69,9 +77,9 @@ class Model:
         return f"Model({self.name!r}, dof={self.dof}, hand={self.hand!r}, backend={self.backend!r})"
 
     def _repr_markdown_(self) -> str:
-        limits = self.lower.tolist(), self.upper.tolist()
-        rows = tuple(zip(self.joint_names, self.units, *limits, strict=True))
-        table = Table(("joint", "unit", "lower limit", "upper limit"), rows)
+        values = self.lower.tolist(), self.upper.tolist(), self.armature.tolist()
+        rows = tuple(zip(self.joint_names, self.units, *values, strict=True))
+        table = Table(("joint", "unit", "lower limit", "upper limit", "armature"), rows)
         return f"**{self.name}**: hand `{self.hand}`, mass {self.mass:.3g} kg\n\n{table.markdown()}"
 
     @property
@@ -114,6 +122,17 @@ class Model:
         return limits
 
     @cached_property
+    def armature(self) -> Array:
+        """Joint inertia (n,) on the diagonal of G [kg m^2, kg for prismatic joints], read-only.
+
+        Pinocchio's `Model.armature`; of a geared motor it is the inertia of the rotor times the
+        square of the gear ratio.
+        """
+        armature = np.array(self.pin.armature, dtype=float)
+        armature.flags.writeable = False
+        return armature
+
+    @cached_property
     def bodies(self) -> tuple[Body, ...]:
         """Collision bodies: capsules and spheres around the links, from a file or a table.
 
@@ -135,47 +154,17 @@ class Model:
         """
         return max_reach(self.pin, self._hand_id, self.lower, self.upper)
 
-    @property
-    def _algorithms(self) -> RigidBody:
-        return rigid_body(str(self.backend))
-
     @cached_property
-    def _functions(self) -> dict[str, ca.Function]:
-        return {}
-
-    def _function(self, name: str, arguments: str, *options: int) -> ca.Function:
-        """An algorithm of the back end as a function of q, or of q and v; built once."""
-        key = "_".join((name, *map(str, options)))
-        if key not in self._functions:
-            symbols = [ca.SX.sym(argument, self.dof) for argument in arguments]
-            outputs = getattr(self._algorithms, name)(self.pin, *symbols, *options)
-            listed = list(outputs) if isinstance(outputs, tuple) else [outputs]
-            self._functions[key] = ca.Function(key, symbols, listed)
-        return self._functions[key]
-
-    @cached_property
-    def _hand_jacobian(self) -> ca.Function:
-        q = ca.SX.sym("q", self.dof)
-        rotation, position = self._function("frame_pose", "q", self._hand_id)(q)
-        columns = [
-            ca.inv_skew(ca.reshape(ca.jacobian(rotation, q[i]), 3, 3) @ rotation.T)
-            for i in range(self.dof)
-        ]
-        jacobian = ca.vertcat(ca.jacobian(position, q), ca.horzcat(*columns))
-        return ca.Function("hand_jacobian", [q], [ca.densify(ca.cse(jacobian))], ["q"], ["J"])
-
-    def _checked(self, **vectors: Any) -> list[Any]:
-        if is_symbolic(*vectors.values()):
-            return list(vectors.values())
-        return [as_vector(name, value, self.dof) for name, value in vectors.items()]
+    def _functions(self) -> SymbolicFunctions:
+        return SymbolicFunctions(self.pin, str(self.backend))
 
     def mass_matrix(self, q: Any) -> Any:
         """Mass-inertia matrix G(q), (n, n) [kg m^2 for revolute, kg for prismatic joints]."""
-        return evaluate(self._function("mass_matrix", "q"), *self._checked(q=q))
+        return self._functions.value("mass_matrix", q=q)
 
     def kinetic_energy(self, q: Any, v: Any) -> Any:
         """Kinetic energy v' G(q) v / 2 [J] at the joint velocities v (n,) [rad/s or m/s]."""
-        energy = evaluate(self._function("kinetic_energy", "qv"), *self._checked(q=q, v=v))
+        energy = self._functions.value("kinetic_energy", q=q, v=v)
         return energy if is_symbolic(q, v) else float(energy[0, 0])
 
     def coriolis_force(self, q: Any, v: Any) -> Any:
@@ -184,7 +173,7 @@ class Model:
         Joint forces that keep the joint velocities v (n,) [rad/s or m/s] constant, by the recursive
         Newton-Euler algorithm (Featherstone, "Rigid Body Dynamics Algorithms", 2008, table 5.1).
         """
-        force = evaluate(self._function("coriolis_force", "qv"), *self._checked(q=q, v=v))
+        force = self._functions.value("coriolis_force", q=q, v=v)
         return force if is_symbolic(q, v) else force[:, 0]
 
     def hand_pose(self, q: Any) -> Any:
@@ -192,7 +181,7 @@ class Model:
 
         For k configurations (k, n): rotations (k, 3, 3) and positions (k, 3).
         """
-        return self._pose(self._hand_id, q)
+        return self._functions.pose(self._hand_id, q)
 
     def frame_pose(self, frame: str, q: Any) -> Any:
         """Pose of any frame of `pin`, in the form of `hand_pose`.
@@ -200,7 +189,7 @@ class Model:
         Raises:
             ValueError: there is no such frame.
         """
-        return self._pose(frame_index(self.pin, frame), q)
+        return self._functions.pose(frame_index(self.pin, frame), q)
 
     def moves(self, frame: str) -> bool:
         """Whether any of the joints moves the frame.
@@ -218,24 +207,13 @@ class Model:
         """
         return int(self.pin.frames[frame_index(self.pin, frame)].parentJoint)
 
-    def _pose(self, frame: int, q: Any) -> Any:
-        function = self._function("frame_pose", "q", frame)
-        if is_symbolic(q) or np.ndim(q) < 2:
-            rotation, position = evaluate(function, *self._checked(q=q))
-            return rotation, position if is_symbolic(q) else position[:, 0]
-        rows = np.asarray(q, dtype=float)
-        if rows.ndim != 2 or rows.shape[1] != self.dof or not np.all(np.isfinite(rows)):
-            raise ValueError(f"q must be finite, of shape (k, {self.dof}), got {rows.shape}")
-        rotations, positions = evaluate(function.map(len(rows)), rows.T)
-        return rotations.reshape(3, -1, 3).transpose(1, 0, 2), positions.reshape(3, -1).T
-
     def hand_jacobian(self, q: Any) -> Any:
         """Jacobian (6, n) of the hand: linear [m], then angular velocity, in base frame axes."""
-        return evaluate(self._hand_jacobian, *self._checked(q=q))
+        return self._functions.jacobian(self._hand_id, q)
 
     def potential_energy(self, q: Any) -> Any:
         """Gravitational potential energy V(q) [J], zero at the height of the base."""
-        energy = evaluate(self._function("potential_energy", "q"), *self._checked(q=q))
+        energy = self._functions.value("potential_energy", q=q)
         return energy if is_symbolic(q) else float(energy[0, 0])
 
     def with_payload(
@@ -262,6 +240,26 @@ class Model:
         loaded.appendBodyToJoint(hand.parentJoint, body, hand.placement)
         loaded.name = f"{self.name} with {mass:g} kg"
         return replace(self, pin=loaded)
+
+    def with_armature(self, value: ArrayLike | Mapping[str, float]) -> Model:
+        """The model with another joint inertia a, so that its mass matrix is G(q) + diag(a).
+
+        It replaces the joint inertia that the model has; G(q) is that of the bodies alone.
+
+        >>> import geodesic_ocp as go
+        >>> go.human_arm("right").with_armature({"RWx_joint": 0.05, "RWy_joint": 0.05}).armature
+        array([0.  , 0.  , 0.  , 0.  , 0.  , 0.05, 0.05])
+
+        Args:
+            value: one number for all joints, n numbers, or some by joint name, where the others
+                keep theirs [kg m^2, kg for prismatic joints].
+
+        Raises:
+            ValueError: an unknown joint, not 1 or n numbers, or one that is negative or not finite.
+        """
+        geared = self.pin.copy()
+        geared.armature = as_armature(value, self.armature, self.joint_names)
+        return replace(self, pin=geared)
 
     def with_limits(
         self,

@@ -15,6 +15,7 @@ from geodesic_ocp.model.continuous_joints import DEFAULT_LIMIT
 from geodesic_ocp.model.formats.description import Description, read_description, read_file
 from geodesic_ocp.model.formats.reduction import change_base, lock_joints
 from geodesic_ocp.model.formats.robots import INSTALL, ROBOTS, described, locate, on_demand
+from geodesic_ocp.model.formats.rotors import set_armature, srdf_armature
 from geodesic_ocp.model.inertia import check_inertias
 from geodesic_ocp.model.joints import frame_index, motion_subspace
 from geodesic_ocp.model.model import Model
@@ -39,7 +40,10 @@ def load_model(
 
     All other joints are locked; the links that they carry remain, as part of the links that they
     are then fixed to. Continuous joints become angles with limits of +-2 pi rad
-    (`Model.with_limits` changes them).
+    (`Model.with_limits` changes them). Joint inertias that a file states become `Model.armature`:
+    the armature of an MJCF, of a URDF that of `<dynamics>` or the rotor inertias and gear ratios of
+    its transmissions (extensions by Drake), and for robots by name the `rotor_params` of an SRDF in
+    their package. Most files state none (`Model.with_armature` adds them).
 
     >>> import geodesic_ocp as go
     >>> pendulum = '''<robot name="pendulum">
@@ -135,7 +139,9 @@ def _read(
         if robot is not None:
             hand = robot.hand if hand is None else hand
             base = robot.base if base is None else base
-        file = found
+        description = read_file(found, height, mass)
+        set_armature(description.pin, srdf_armature(found))
+        return description, hand, base
     return read_file(file, height, mass), hand, base
 
 

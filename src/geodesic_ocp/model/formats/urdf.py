@@ -1,4 +1,4 @@
-"""URDF as a Pinocchio model; commas in vectors are repaired."""
+"""URDF as a Pinocchio model, with its joint inertias; commas in vectors are repaired."""
 
 from __future__ import annotations
 
@@ -9,10 +9,14 @@ from collections.abc import Iterator
 import pinocchio as pin
 
 from geodesic_ocp.model.formats.mimic import Mimic
+from geodesic_ocp.model.formats.rotors import set_armature, urdf_armature
 
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 # <origin rpy="1.57, 0 0"/>: in a valid vector, numbers are separated by spaces only.
 _VECTOR = re.compile(r"""\b(rpy|xyz)\s*=\s*(["'])([^"']*,[^"']*)\2""")
+
+# The parser of URDF rejects the element unless it has one of its standard attributes.
+_DYNAMICS = re.compile(r"<dynamics\b(?![^>]*\b(?:damping|friction)\b)")
 
 
 def urdf_model(
@@ -35,10 +39,12 @@ def urdf_model(
         warnings.append(f"{name}, line {line}: the comma in {match.group()} is read as a space")
     _check(root, name)
     text = _VECTOR.sub(lambda m: m.group().replace(",", " "), text)
+    text = _DYNAMICS.sub('<dynamics damping="0"', text)
     try:
         model = pin.buildModelFromXML(text)
     except Exception as error:
         raise ValueError(f"{name} is not a URDF that Pinocchio can read: {error}") from None
+    set_armature(model, urdf_armature(root, name))
     moving = [joint for joint in root.iter("joint") if joint.get("name") in model.names]
     warnings += _zero_range_warnings(moving, name)
     mimics = _mimics(moving, name)
