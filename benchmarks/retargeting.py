@@ -36,7 +36,7 @@ def main() -> None:
     for file in options.files:
         for side in options.sides:
             recordings.append((f"{file.stem} {side}", _read(file, side)))
-    with as_file(files("geodesic_ocp") / "data" / "reach.csv") as file:
+    with as_file(files("geodesic_ocp") / "data" / "climb.csv") as file:
         recordings.append(("bundled left", _read(file, "left")))
     print(
         "| recording | robot | synergies | out of reach | reached | position [m] | rotation [rad] "

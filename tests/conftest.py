@@ -86,12 +86,12 @@ def rng() -> np.random.Generator:
 
 
 @pytest.fixture(scope="session")
-def reach_file() -> Path:
+def bundled_file() -> Path:
     """The bundled recording."""
-    return ROOT / "src" / "geodesic_ocp" / "data" / "reach.csv"
+    return ROOT / "src" / "geodesic_ocp" / "data" / "climb.csv"
 
 
 @pytest.fixture(scope="session")
-def bundled_analysis(reach_file: Path) -> go.Analysis:
+def bundled_analysis(bundled_file: Path) -> go.Analysis:
     """The analysis of the bundled recording, with the default threshold."""
-    return go.analyse(go.human_arm("left", 1.78), go.read_motion(reach_file))
+    return go.analyse(go.human_arm("left", 1.78), go.read_motion(bundled_file))

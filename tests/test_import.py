@@ -18,9 +18,9 @@ import sys
 from importlib.resources import files
 
 arm = go.human_arm("left", height=1.78)
-motion = go.read_motion(files("geodesic_ocp") / "data" / "reach.csv", arm.joint_names)
-go.log(go.KineticEnergy(arm), motion.q[480], motion.q[-1])
-analysis = go.analyse(arm, go.Motion(motion.time[480:], motion.q[480:], motion.joint_names))
+motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
+go.log(go.KineticEnergy(arm), motion.q[790], motion.q[-1])
+analysis = go.analyse(arm, go.Motion(motion.time[790:], motion.q[790:], motion.joint_names))
 assert "matplotlib" not in sys.modules
 analysis.plot()
 """

@@ -14,7 +14,7 @@ from comparison.measurement import Measurement, repeat
 from comparison.models import is_installed, robot
 
 FRAMES = 1000
-FILE = files("geodesic_ocp") / "data" / "reach.csv"
+FILE = files("geodesic_ocp") / "data" / "climb.csv"
 
 
 def recordings(repetitions: int) -> list[Measurement]:

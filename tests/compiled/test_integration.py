@@ -190,10 +190,10 @@ def test_parallel_transport_agrees_with_the_interpreted_one(
 
 @pytest.mark.parametrize("threshold", [0.3, 0.6, 1.2])
 def test_segments_are_those_of_the_interpreted_transport(
-    reach_file: Path, monkeypatch: pytest.MonkeyPatch, threshold: float
+    bundled_file: Path, monkeypatch: pytest.MonkeyPatch, threshold: float
 ) -> None:
     arm = go.human_arm("left", 1.78)
-    motion = go.read_motion(reach_file, joints=arm.joint_names).filtered()
+    motion = go.read_motion(bundled_file, joints=arm.joint_names).filtered()
     segments = []
     for choice in ("tcc", "none"):
         monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, choice)

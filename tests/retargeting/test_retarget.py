@@ -21,15 +21,15 @@ from geodesic_ocp.retargeting.targets import REACHED
 
 
 @pytest.fixture(scope="module")
-def analysis(reach_file: Path) -> go.Analysis:
-    """The reach at the end of the bundled recording."""
-    motion = go.read_motion(reach_file).filtered()
-    start = len(motion) - 170
+def analysis(bundled_file: Path) -> go.Analysis:
+    """The reach for the box in the bundled recording."""
+    motion = go.read_motion(bundled_file).filtered()
+    reach = slice(260, 430)
     cut = go.Motion(
-        motion.time[start:],
-        motion.q[start:],
+        motion.time[reach],
+        motion.q[reach],
         motion.joint_names,
-        motion.velocity[start:],  # type: ignore[index]
+        motion.velocity[reach],  # type: ignore[index]
     )
     return go.analyse(go.human_arm("left", 1.78), cut)
 

@@ -29,7 +29,7 @@ def derivation() -> ModuleType:
 @pytest.fixture(scope="module")
 def recorded() -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, str]]:
     """Samples, positions by name [m] in the torso frame, and the notes of the file."""
-    lines = (ROOT / "tests" / "data" / "reach_positions.csv").read_text().splitlines()
+    lines = (ROOT / "tests" / "data" / "climb_positions.csv").read_text().splitlines()
     notes = dict(line[2:].split(": ", 1) for line in lines if line.startswith("# "))
     table = [line.split(",") for line in lines if not line.startswith("#")]
     header, values = table[0], np.array(table[1:], dtype=float)
@@ -39,12 +39,12 @@ def recorded() -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, str]]:
 
 
 def test_forward_kinematics_returns_the_recorded_points(
-    reach_file: Path, recorded: tuple[np.ndarray, dict[str, np.ndarray], dict[str, str]]
+    bundled_file: Path, recorded: tuple[np.ndarray, dict[str, np.ndarray], dict[str, str]]
 ) -> None:
     """With the person's own segment lengths, and directions from the arm model."""
     samples, points, notes = recorded
     arm = go.human_arm("left")
-    motion = go.read_motion(reach_file, arm.joint_names)
+    motion = go.read_motion(bundled_file, arm.joint_names)
     lengths = [float(notes[name].split()[0]) for name in ("upper arm", "forearm")]
     for row, sample in enumerate(samples):
         # Orientation of each segment: that of the hand with all joints beyond it at zero.
@@ -78,18 +78,20 @@ def test_derived_angles_invert_forward_kinematics(
     assert derivation.arm_angles(upper, forearm, hand) == pytest.approx(angles, abs=1e-9)
 
 
-def test_the_file_states_its_origin(reach_file: Path, derivation: ModuleType) -> None:
-    text = reach_file.read_text()
-    assert reach_file.stat().st_size < 200_000
+def test_the_file_states_its_origin(bundled_file: Path, derivation: ModuleType) -> None:
+    text = bundled_file.read_text()
+    assert bundled_file.stat().st_size < 200_000
     for word in ("unit: rad", "licence: Apache-2.0", "source: holosoma-retargeting==0.1.0"):
         assert f"# {word}" in text
     assert derivation.MOTION in text
-    assert (reach_file.parent / "LICENSE.Apache-2.0").is_file()
+    assert (bundled_file.parent / "LICENSE.Apache-2.0").is_file()
     arm = go.human_arm("left")
-    motion = go.read_motion(reach_file, arm.joint_names)
+    motion = go.read_motion(bundled_file, arm.joint_names)
     assert motion.subject.height == 1.78
     assert 4.0 <= motion.duration <= 8.0
     assert np.all(motion.q >= arm.lower)
     assert np.all(motion.q <= arm.upper)
     hand = arm.hand_pose(motion.q)[1]
     assert np.ptp(hand, axis=0).max() > 0.5
+    speed = np.linalg.norm(np.gradient(hand, motion.time, axis=0), axis=1)
+    assert np.mean(speed < 0.1) < 0.1  # it moves nearly all the time

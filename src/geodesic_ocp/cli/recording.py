@@ -58,8 +58,8 @@ def _in_seconds(motion: Motion, rate: float | None) -> Motion:
 def analyse_bundled(options: argparse.Namespace) -> Analysis:
     """Analyse the bundled recording, and print the results."""
     options.file = "the bundled recording"
-    print("A person steps up and reaches with the left hand (motion capture, 4.4 s).")
-    with as_file(files("geodesic_ocp") / "data" / "reach.csv") as file:
+    print("The left arm of a person who climbs onto a box (motion capture, 7 s).")
+    with as_file(files("geodesic_ocp") / "data" / "climb.csv") as file:
         motion = read_motion(file, human_arm("left").joint_names)
     return analyse_motion(motion, "left", None, None, options)
 

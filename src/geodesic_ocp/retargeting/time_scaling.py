@@ -42,7 +42,7 @@ class ArmPaths:
     limits: Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class TimeScaling:
     """Time laws of the arms' paths, and robot time as a function of recording time.
 
@@ -55,6 +55,10 @@ class TimeScaling:
     laws: tuple[tuple[TimeLaw, ...], ...]
     edges: Array
     factors: Array
+
+    def __repr__(self) -> str:
+        largest = float(np.max(self.factors))
+        return f"TimeScaling({len(self.factors)} intervals, scaled by at most {largest:.3g})"
 
     def __call__(self, time: Array) -> Array:
         """Robot time [s], from 0, for times of the recording [s]."""

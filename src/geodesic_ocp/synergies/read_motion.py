@@ -19,9 +19,9 @@ def read_motion(path: str | Path, joints: Sequence[str] | None = None) -> Motion
 
     >>> import geodesic_ocp as go
     >>> from importlib.resources import files
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "reach.csv")
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv")
     >>> len(motion), motion.joint_names[:3]
-    (528, ('LSx_joint', 'LSz_joint', 'LSy_joint'))
+    (840, ('LSx_joint', 'LSz_joint', 'LSy_joint'))
 
     Args:
         path: of the file.

@@ -13,7 +13,7 @@ from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.synergies.observed_velocity import speeds
 from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.trajectory.motion import Motion
-from geodesic_ocp.trajectory.time_law import time_law
+from geodesic_ocp.trajectory.time_law import TimeLaw, time_law
 
 # A segment that returns to its start has a path too short for the observed speeds at its ends:
 # these are limited to this multiple of the mean speed along the path.
@@ -46,12 +46,12 @@ def reconstruct(
 
     >>> import geodesic_ocp as go
     >>> from importlib.resources import files
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "reach.csv").filtered()
-    >>> result = go.reconstruct(go.Euclidean(7), motion, [(0, 200), (200, len(motion) - 1)])
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv").filtered()
+    >>> result = go.reconstruct(go.Euclidean(7), motion, [(0, 300), (300, len(motion) - 1)])
     >>> [round(synergy.length, 3) for synergy in result.synergies]
-    [0.212, 1.66]
+    [0.438, 0.364]
     >>> result.predicted.q.shape
-    (528, 7)
+    (840, 7)
 
     Args:
         metric: of the motion's dimension.
@@ -87,11 +87,23 @@ def reconstruct(
 
 def _plan(metric: Metric, motion: Motion, speed: Array, start: int, stop: int) -> Synergy:
     path = geodesic(metric, motion.q[start], motion.q[stop])
-    duration = float(motion.time[stop] - motion.time[start])
-    max_speed = _MAX_SPEED_RATIO * path.length / duration
-    end_speeds = (float(min(speed[index], max_speed)) for index in (start, stop))
-    law = time_law(path.length, duration, *end_speeds, monotone=True)
+    law = law_of_segment(motion, speed, path.length, start, stop)
     return Synergy(start, stop, float(motion.time[start]), path, law)
+
+
+def law_of_segment(motion: Motion, speed: Array, length: float, start: int, stop: int) -> TimeLaw:
+    """The time law over a path of this length between two samples.
+
+    Args:
+        motion: observed.
+        speed: its speeds |q'|_G at the samples (k,), which the law takes at both ends.
+        length: of the path, in the metric.
+        start, stop: indices of the samples.
+    """
+    duration = float(motion.time[stop] - motion.time[start])
+    max_speed = _MAX_SPEED_RATIO * length / duration
+    end_speeds = (float(min(speed[index], max_speed)) for index in (start, stop))
+    return time_law(length, duration, *end_speeds, monotone=True)
 
 
 def _predict(motion: Motion, synergies: Sequence[Synergy]) -> Motion:

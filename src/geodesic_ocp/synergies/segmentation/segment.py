@@ -42,9 +42,9 @@ def segment(
     >>> import geodesic_ocp as go
     >>> from importlib.resources import files
     >>> arm = go.human_arm("left", height=1.78)
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "reach.csv", arm.joint_names)
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
     >>> go.segment(go.KineticEnergy(arm), motion.filtered(), threshold=0.6)[:4]
-    [(0, 20), (20, 33), (33, 43), (43, 51)]
+    [(0, 48), (48, 57), (57, 66), (66, 69)]
 
     Args:
         metric: whose transport and angles are used, of the motion's dimension.
