@@ -1,0 +1,80 @@
+"""The figure of an analysis: the arm, errors over time, the path of the hand, and a curve."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.figures.arm_strip import draw_arm_strip
+from geodesic_ocp.figures.error_over_time import draw_error_over_time
+from geodesic_ocp.figures.overview import draw_hand_path, widest_columns
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import FigureBase
+
+INSTANTS = 9  # stick figures in the strip
+_TITLE: dict[str, Any] = {"loc": "left", "fontsize": "medium"}
+_MARKS: dict[str, Any] = {"color": "0.3", "markersize": 5, "clip_on": False}
+_LEGEND: dict[str, Any] = {"frameon": False, "fontsize": "medium"}
+
+
+def draw_analysis(
+    figure: FigureBase,
+    time: Array,
+    segments: Sequence[tuple[int, int]],
+    instants: Sequence[int],
+    links: tuple[Array, Array],
+    hands: tuple[Array, Array],
+    errors: Mapping[str, tuple[Array, Array]],
+    curve: Callable[[Axes], object] | None = None,
+) -> None:
+    """Draw the arm at some instants, the errors over time, the path of the hand, and the curve.
+
+    Args:
+        figure: to draw in.
+        time: of the samples (k,) [s].
+        segments: (start, stop) samples of the segments.
+        instants: samples of the stick figures, see `strip_instants`.
+        links: end points of the observed and the predicted links at the instants,
+            (instants, links, 2, 3) each [m].
+        hands: positions (k, 3) [m] of the observed and the predicted hand.
+        errors: by prediction, error of the joints (k,) [rad] and of the hand (k,) [m] over time.
+        curve: draws the error against the number of synergies; None leaves that panel out.
+    """
+    grid = figure.add_gridspec(3, 2, width_ratios=(1.6, 1.0), height_ratios=(1.4, 1.0, 1.0))
+    strip = figure.add_subplot(grid[0, :])
+    names = "observed", f"predicted, {next(iter(errors))}"
+    draw_arm_strip(strip, time[list(instants)], *links, names)
+    strip.set_title("arm, halfway between cuts", **_TITLE)
+    strip.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=2, **_LEGEND)
+
+    panels: list[Axes] = []
+    for row, (label, scale) in enumerate((("joints [rad]", 1.0), ("hand [mm]", 1000.0))):
+        axes = figure.add_subplot(grid[1 + row, 0], sharex=panels[0] if panels else None)
+        shown = {name: scale * both[row] for name, both in errors.items()}
+        draw_error_over_time(axes, time, segments, shown, label)
+        panels.append(axes)
+    panels[0].label_outer()
+    panels[0].set_title("mean error over time, same segments", **_TITLE)
+    marks = np.ones(len(instants))
+    top = panels[0].get_xaxis_transform()
+    panels[0].plot(time[list(instants)], marks, "v", transform=top, **_MARKS)
+    panels[-1].set_xlabel("time [s]")
+    figure.align_ylabels(panels)
+    lines = panels[-1].get_legend_handles_labels()
+    figure.legend(*lines, loc="outside lower left", ncols=len(errors), **_LEGEND)
+
+    columns = widest_columns(hands[0], 2)
+    axis_names = ("xyz"[columns[0]], "xyz"[columns[1]])
+    path = figure.add_subplot(grid[1:, 1] if curve is None else grid[1, 1])
+    observed, predicted = (hand[:, columns] for hand in hands)
+    draw_hand_path(path, observed, predicted, segments, axis_names)
+    path.set_title("path of the hand; circles are cuts", **_TITLE)
+    if curve is not None:
+        axes = figure.add_subplot(grid[2, 1])
+        curve(axes)
+        axes.set_title("optimal cuts", **_TITLE)

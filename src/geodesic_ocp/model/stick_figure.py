@@ -1,0 +1,64 @@
+"""Stick figures: the links of a model as line segments, for drawings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.model.model import Model
+
+_SHORTEST = 1e-6  # [m]: shorter links are joints that coincide
+
+
+def stick_figure(model: Model, q: ArrayLike) -> Array:
+    """End points of the links of a model in configurations q, in its base frame.
+
+    A link goes from one joint to the next. The last link of every chain ends at the hand, or, in
+    chains without one, at the frame that is farthest from the last joint. Joints that coincide,
+    such as those of a shoulder, have no link between them.
+
+    Args:
+        model: a chain, or a tree such as both arms of a person.
+        q: configurations (k, n) [rad or m].
+
+    Returns:
+        End points (k, links, 2, 3) [m].
+    """
+    data = model.pin.createData()
+    frames = _ends(model)
+    figures = []
+    for row in np.atleast_2d(np.asarray(q, dtype=float)):
+        pin.forwardKinematics(model.pin, data, row)
+        pin.updateFramePlacements(model.pin, data)
+        joints = [
+            (data.oMi[model.pin.parents[index]].translation, data.oMi[index].translation)
+            for index in range(1, model.pin.njoints)
+            if model.pin.parents[index] > 0
+        ]
+        ends = [
+            (data.oMi[model.pin.frames[frame].parentJoint].translation, data.oMf[frame].translation)
+            for frame in frames
+        ]
+        figures.append(np.array([*joints, *ends]))
+    links = np.array(figures)
+    lengths = np.linalg.norm(links[:, :, 1] - links[:, :, 0], axis=-1)
+    return np.array(links[:, lengths.max(axis=0) > _SHORTEST])
+
+
+def _ends(model: Model) -> list[int]:
+    """Indices of the hand and of one frame at the end of every other chain."""
+    hand = model.pin.getFrameId(model.hand)
+    ends = [hand]
+    parents = set(model.pin.parents)
+    for joint in range(1, model.pin.njoints):
+        attached = [
+            index for index, frame in enumerate(model.pin.frames) if frame.parentJoint == joint
+        ]
+        if joint not in parents and hand not in attached:
+            distances = [
+                np.linalg.norm(model.pin.frames[index].placement.translation) for index in attached
+            ]
+            ends.append(attached[int(np.argmax(distances))])
+    return ends

@@ -1,0 +1,76 @@
+"""The figure of an analysis: the strip of arms, and errors over time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from geodesic_ocp.figures.analysis_figure import draw_analysis
+from geodesic_ocp.figures.arm_strip import strip_instants
+from geodesic_ocp.figures.error_over_time import draw_error_over_time
+
+TIME = np.linspace(0.0, 2.0, 101)
+SEGMENTS = [(0, 10), (10, 70), (70, 75), (75, 100)]
+
+
+def test_instants_are_halfway_between_cuts_and_follow_the_longest_segments() -> None:
+    assert strip_instants(SEGMENTS, 4) == [40, 87]  # at 12, 37, 62 and 87 of 100 samples
+    assert strip_instants(SEGMENTS, 100) == [5, 40, 72, 87]
+
+
+@pytest.fixture
+def figure() -> Figure:
+    """Of an arm with two links, a prediction and two others that are worse."""
+    links = np.zeros((3, 2, 2, 3))
+    links[:, 0, 1] = links[:, 1, 0] = [0.0, 0.3, -0.1]
+    links[:, 1, 1] = [0.1, 0.5, 0.2]
+    hand = np.stack([TIME, TIME**2, 0 * TIME], axis=1)
+    bump = np.sin(np.pi * TIME / 2.0)
+    errors = {
+        "good": (0.01 * bump, 0.002 * bump),
+        "worse": (0.02 * bump, 0.003 * bump),
+        "far worse": (0.5 * bump, 0.004 * bump),
+    }
+    drawn = Figure(layout="constrained")
+    hands = hand, hand + 0.01
+    draw_analysis(drawn, TIME, SEGMENTS, [5, 40, 87], (links, links + 0.01), hands, errors, draw)
+    return drawn
+
+
+def draw(axes: object) -> None:
+    axes.set_xlabel("number of synergies")  # type: ignore[attr-defined]
+
+
+def test_arms_are_drawn_in_both_views(figure: Figure) -> None:
+    strip = figure.axes[0]
+    lines = [line.get_xydata() for line in strip.get_lines() if len(line.get_xydata()) == 6]
+    assert len(lines) == 3 * 2 * 2  # instants, views, and observed or predicted
+    for along_x, along_y in zip(lines[:6], lines[6:], strict=True):
+        for line, extent in ((along_x, (0.5, 0.2)), (along_y, (0.1, 0.2))):
+            assert line[4] - line[0] == pytest.approx(extent, abs=1e-12)  # to scale
+    times = [text.get_text() for text in strip.texts if text.get_text().endswith(" s")]
+    assert times == ["0.1 s", "0.8 s", "1.7 s"]
+
+
+def test_panels_have_units_and_the_curve_is_drawn(figure: Figure) -> None:
+    joints, hand = figure.axes[1:3]
+    assert joints.get_ylabel() == "joints [rad]"
+    assert hand.get_ylabel() == "hand [mm]"
+    assert hand.get_lines()[0].get_ydata() == pytest.approx(2.0 * np.sin(np.pi * TIME / 2.0))
+    assert figure.axes[-1].get_xlabel() == "number of synergies"
+    names = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+    assert names == ["good", "worse", "far worse"]
+
+
+def test_what_exceeds_the_scale_is_written(figure: Figure) -> None:
+    joints, hand = figure.axes[1:3]
+    assert joints.get_ylim() == pytest.approx((0.0, 0.032))
+    assert [text.get_text() for text in joints.texts] == ["up to 0.5"]
+    assert not hand.texts
+
+
+def test_an_exact_prediction_has_a_scale() -> None:
+    axes = Figure().add_subplot()
+    draw_error_over_time(axes, TIME, SEGMENTS, {"exact": 0.0 * TIME}, "joints [rad]")
+    assert axes.get_ylim()[1] > 0.0
