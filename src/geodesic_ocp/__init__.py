@@ -23,11 +23,14 @@ __all__ = [
     "JacobiMetric",
     "KineticEnergy",
     "LivePlot",
+    "MethodComparison",
     "Metric",
     "Model",
     "Motion",
     "MotionErrors",
     "NotConverged",
+    "OptimalSegmentations",
+    "PairedTest",
     "Path",
     "PointToPoint",
     "Problem",
@@ -54,6 +57,8 @@ __all__ = [
     "clearance_constraints",
     "collision_pairs",
     "combine",
+    "compare_methods",
+    "default_joint_inertia",
     "distal_inertia",
     "distance",
     "draw_obstacle",
@@ -75,8 +80,11 @@ __all__ = [
     "minimum_acceleration",
     "minimum_jerk",
     "minimum_jerk_hand",
+    "optimal_segmentations",
+    "paired_test",
     "parallel_transport",
     "read_motion",
+    "read_recordings",
     "reconstruct",
     "report",
     "retarget",
@@ -87,6 +95,7 @@ __all__ = [
     "score",
     "sectional_curvature",
     "segment",
+    "segment_optimal",
     "segment_zero_velocity",
     "signed_distances",
     "solve",
@@ -95,6 +104,9 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same names
+    from geodesic_ocp.comparison.compare_methods import compare_methods
+    from geodesic_ocp.comparison.method_comparison import MethodComparison
+    from geodesic_ocp.comparison.paired_test import PairedTest, paired_test
     from geodesic_ocp.errors import (
         GeodesicOcpError,
         IntegrationFailed,
@@ -159,12 +171,19 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     )
     from geodesic_ocp.synergies.baselines.minimum_jerk_hand import minimum_jerk_hand
     from geodesic_ocp.synergies.baselines.track_hand import track_hand
+    from geodesic_ocp.synergies.joint_inertia import default_joint_inertia
     from geodesic_ocp.synergies.read_motion import read_motion
+    from geodesic_ocp.synergies.read_recordings import read_recordings
     from geodesic_ocp.synergies.reconstruct import Reconstruction, reconstruct
     from geodesic_ocp.synergies.recording import Recording
     from geodesic_ocp.synergies.scores.evaluate import MotionErrors, evaluate
     from geodesic_ocp.synergies.scores.score import Scores, score
+    from geodesic_ocp.synergies.segmentation.optimal_segmentations import (
+        OptimalSegmentations,
+        optimal_segmentations,
+    )
     from geodesic_ocp.synergies.segmentation.segment import segment
+    from geodesic_ocp.synergies.segmentation.segment_optimal import segment_optimal
     from geodesic_ocp.synergies.segmentation.segment_zero_velocity import segment_zero_velocity
     from geodesic_ocp.synergies.synergy import Synergy
     from geodesic_ocp.synergies.synergy_files import load_synergies, save_synergies
@@ -222,9 +241,14 @@ else:
         "synergies.analyse": "analyse",
         "synergies.analysis": "Analysis",
         "synergies.scores.evaluate": "MotionErrors evaluate",
+        "synergies.joint_inertia": "default_joint_inertia",
         "synergies.read_motion": "read_motion",
         "synergies.reconstruct": "Reconstruction reconstruct",
+        "synergies.segmentation.optimal_segmentations": (
+            "OptimalSegmentations optimal_segmentations"
+        ),
         "synergies.segmentation.segment": "segment",
+        "synergies.segmentation.segment_optimal": "segment_optimal",
         "synergies.segmentation.segment_zero_velocity": "segment_zero_velocity",
         "synergies.synergy": "Synergy",
         "synergies.synergy_files": "load_synergies save_synergies",
@@ -234,6 +258,10 @@ else:
         "synergies.baselines.minimum_jerk_hand": "minimum_jerk_hand",
         "synergies.baselines.distal_inertia": "distal_inertia",
         "synergies.recording": "Recording",
+        "synergies.read_recordings": "read_recordings",
+        "comparison.compare_methods": "compare_methods",
+        "comparison.method_comparison": "MethodComparison",
+        "comparison.paired_test": "PairedTest paired_test",
         "table": "Table",
         "trajectory.grid": "Grid",
         "trajectory.motion": "Motion Subject",

@@ -57,10 +57,8 @@ def over_rows(parallel: Callable[[Any], bool]) -> Callable[[Function], Function]
                 values = {name: pair[name][row] for name in stacked}
                 return _of_row(function, arguments | values, row)
 
-            in_threads = counts[0] >= _FEW and parallel(arguments[names[0]])
-            results = (
-                _in_threads(of_row, counts[0]) if in_threads else map(of_row, range(counts[0]))
-            )
+            threaded = counts[0] >= _FEW and parallel(arguments[names[0]])
+            results = in_threads(of_row, counts[0]) if threaded else map(of_row, range(counts[0]))
             return np.array(list(results))
 
         return cast(Function, wrapped)
@@ -79,8 +77,8 @@ def _of_row(function: Callable[..., Any], arguments: dict[str, Any], row: int) -
         raise ValueError(f"row {row}: {error}") from error
 
 
-def _in_threads(of_row: Callable[[int], Any], count: int) -> Iterator[Any]:
-    """The results in order; where one raises, rows that have not started are left out."""
+def in_threads(of_row: Callable[[int], Any], count: int) -> Iterator[Any]:
+    """Results of calls with 0 to count - 1, in order; where one raises, the rest is left out."""
     with ThreadPoolExecutor(_processors()) as threads:
         futures = [threads.submit(of_row, row) for row in range(count)]
         try:

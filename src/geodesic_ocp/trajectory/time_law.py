@@ -172,10 +172,10 @@ def time_law(
         ends = ((0.0, duration), (0.0, length), (start_speed, end_speed))
         return TimeLaw(*(np.array(values) for values in ends))
     if smallest < low - _SLACK:
-        knots, positions, speeds = _with_pause(*scaled, "is too short to stop in")
+        knots, positions, speeds = _with_pause("is too short to stop in", *scaled)
     else:
         margins = [high - number for number in scaled]
-        knots, behind, slower = _with_pause(*margins, "needs the full speed throughout")
+        knots, behind, slower = _with_pause("needs the full speed throughout", *margins)
         positions, speeds = high * knots - behind, high - slower
     positions[-1], speeds[[0, -1]] = scaled[0], scaled[1:]
     return TimeLaw(duration * knots, speed * duration * positions, speed * speeds)
@@ -202,7 +202,7 @@ def _speed_range(length: float, start: float, end: float) -> tuple[float, float]
 
 
 def _with_pause(
-    length: float, start: float, end: float, failure: str
+    failure: str, length: float, start: float, end: float
 ) -> tuple[Array, Array, Array]:
     """Knots, positions and speeds over a unit of time: brake to rest, pause, accelerate.
 
