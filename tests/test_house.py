@@ -28,6 +28,8 @@ LAYERS = [
     ("ocp.solve",),
     ("logarithm",),
     ("synergies", "synergies.readers"),
+    ("comparison",),
+    ("fitting",),
     ("retargeting",),
     ("validation",),
     ("reports",),

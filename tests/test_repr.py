@@ -34,6 +34,8 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
     with pytest.raises(go.NotConverged) as failure:
         go.solve(go.PointToPoint(metric, START, np.add(START, 0.1)), ipopt={"max_iter": 0})
     plane, rods = go.Euclidean(2), planar_arm((1.0, 1.0), (1.0, 1.0), (0.5, 0.5), (0.1, 0.1))
+    time = np.linspace(0.0, 1.0, 50)
+    turn = go.Motion(time, np.outer(time, np.ones(7)), arm.joint_names)
     values = [
         solution,
         solution.certificate,
@@ -62,6 +64,8 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
         go.RecordingError("an error"),
         go.evaluate(arm, *2 * [go.Motion([0.0, 1.0], np.zeros((2, 7)), arm.joint_names)]),
         go.score(arm, *2 * [go.Motion([0.0, 1.0], np.eye(2, 7), arm.joint_names)]),
+        go.paired_test([1.0, 2.0, 3.0], [2.0, 2.5, 3.5]),
+        go.compare_methods([go.Recording(arm, turn.filtered())], {"lines": go.Euclidean(7)}),
         go.Recording(arm, go.Motion([0.0, 1.0], np.eye(2, 7), arm.joint_names, np.eye(2, 7))),
         go.reconstruct(
             plane, go.Motion([0.0, 0.1, 0.2], np.eye(3, 2), ("x", "y")).filtered(3, 1), [(0, 2)]

@@ -114,8 +114,12 @@ def test_joint_inertia_of_distal_joints_alone(arm: go.Model) -> None:
     q = np.full(7, 0.2)
     added = control.matrix(q) - plain.matrix(q)
     assert added == pytest.approx(np.diag([0, 0, 0, 0, 0.1, 0.1, 0.1]), abs=1e-12)
-    rods = planar_arm((1.0, 1.0), (1.0, 1.0), (0.5, 0.5), (0.1, 0.1))
-    assert go.distal_inertia(rods, ["joint2"]).model.armature.tolist() == [0.0, 0.05]
+    default = go.distal_inertia(arm).model.armature
+    assert default == pytest.approx(go.default_joint_inertia(arm) * [0, 0, 0, 0, 1, 1, 1])
+    rods = planar_arm((1.0, 1.0), (1.0, 1.0), (0.5, 0.5), (0.1, 0.1)).with_armature([0.2, 0.3])
+    assert go.distal_inertia(rods, ["joint2"]).model.armature.tolist() == [0.0, 0.3]
+    with pytest.raises(ValueError, match="there is no joint joint3; there are joint1, joint2"):
+        go.distal_inertia(rods, ["joint3"])
     with pytest.raises(ValueError, match="joints must name the distal ones of joint1, joint2"):
         go.distal_inertia(rods)
     with pytest.raises(ValueError, match="joints must be a sequence of names"):

@@ -7,12 +7,13 @@ from collections.abc import Sequence
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.synergies.joint_inertia import with_joint_inertia
 
 _FOREARM_AND_WRIST = ("Ez_joint", "Wx_joint", "Wy_joint")  # of human_arm, without R or L
 
 
 def distal_inertia(
-    model: Model, joints: Sequence[str] | None = None, *, armature: float = 0.05
+    model: Model, joints: Sequence[str] | None = None, *, armature: float | None = None
 ) -> KineticEnergy:
     """The kinetic energy with joint inertia on the distal joints alone, as a control.
 
@@ -21,21 +22,21 @@ def distal_inertia(
     explain recordings as well as G + a I.
 
     >>> import geodesic_ocp as go
-    >>> go.distal_inertia(go.human_arm()).model.armature.tolist()
-    [0.0, 0.0, 0.0, 0.0, 0.05, 0.05, 0.05]
+    >>> go.distal_inertia(go.human_arm(), armature=0.1).model.armature.tolist()
+    [0.0, 0.0, 0.0, 0.0, 0.1, 0.1, 0.1]
 
     Args:
         model: the arm.
         joints: names of the distal joints; by default forearm rotation and wrist of `human_arm`.
-        armature: their joint inertia [kg m^2].
+        armature: their joint inertia [kg m^2]; by default that of the model, if it has any, or
+            else `default_joint_inertia`.
 
     Raises:
         ValueError: no joints are given and the model is not a `human_arm`, there is no such joint,
             or the joint inertia is not positive.
     """
-    armature = as_positive("armature", armature, "kg m^2")
     if joints is None:
-        joints = [name for name in model.joint_names if name[1:] in _FOREARM_AND_WRIST]
+        joints = distal_joints(model)
         if not joints:
             raise ValueError(
                 f"joints must name the distal ones of {', '.join(model.joint_names)}: forearm "
@@ -43,5 +44,17 @@ def distal_inertia(
             )
     if isinstance(joints, str) or not joints:
         raise ValueError(f"joints must be a sequence of names or None, got {joints!r}")
-    alone = model.with_armature(0.0).with_armature(dict.fromkeys(joints, armature))
-    return KineticEnergy(alone)
+    if armature is None:
+        everywhere = dict(zip(model.joint_names, with_joint_inertia(model).armature, strict=True))
+    else:
+        everywhere = dict.fromkeys(model.joint_names, as_positive("armature", armature, "kg m^2"))
+    if missing := [name for name in joints if name not in everywhere]:
+        known = ", ".join(model.joint_names)
+        raise ValueError(f"joints: there is no joint {', '.join(missing)}; there are {known}")
+    values = [everywhere[name] if name in joints else 0.0 for name in model.joint_names]
+    return KineticEnergy(model.with_armature(values))
+
+
+def distal_joints(model: Model) -> list[str]:
+    """Forearm rotation and wrist of `human_arm`; none of other models."""
+    return [name for name in model.joint_names if name[1:] in _FOREARM_AND_WRIST]

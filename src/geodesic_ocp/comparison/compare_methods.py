@@ -1,0 +1,176 @@
+"""Geodesics and baselines on the same segments of recordings."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
+from typing import Literal
+
+from geodesic_ocp.comparison.method_comparison import MethodComparison
+from geodesic_ocp.errors import GeodesicOcpError
+from geodesic_ocp.manifold.metric import Metric, as_metric
+from geodesic_ocp.manifold.metrics.euclidean import Euclidean
+from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.synergies.as_segments import as_segments
+from geodesic_ocp.synergies.baselines.distal_inertia import distal_inertia, distal_joints
+from geodesic_ocp.synergies.baselines.joint_polynomials import minimum_acceleration, minimum_jerk
+from geodesic_ocp.synergies.baselines.minimum_jerk_hand import minimum_jerk_hand
+from geodesic_ocp.synergies.joint_inertia import with_joint_inertia
+from geodesic_ocp.synergies.reconstruct import reconstruct
+from geodesic_ocp.synergies.recording import Recording
+from geodesic_ocp.synergies.scores.score import Scores, score
+from geodesic_ocp.synergies.segmentation.segment import segment
+from geodesic_ocp.trajectory.motion import Motion
+
+_Segments = Sequence[tuple[int, int]]
+_Method = Callable[[Recording, _Segments], Motion]
+# Predictions without a metric, and what they receive at the ends of a segment.
+_KINEMATIC: dict[str, tuple[_Method, str]] = {
+    "minimum acceleration": (
+        lambda recording, segments: minimum_acceleration(recording.motion, segments),
+        "2 configurations, 2 velocities",
+    ),
+    "minimum jerk": (
+        lambda recording, segments: minimum_jerk(recording.motion, segments),
+        "2 configurations, 2 velocities, 2 accelerations",
+    ),
+    "minimum jerk of the hand": (
+        lambda recording, segments: minimum_jerk_hand(recording.model, recording.motion, segments),
+        "1 configuration, 2 hand poses, velocities, accelerations",
+    ),
+}
+_OF_A_GEODESIC = "2 configurations, 2 speeds"
+
+
+def compare_methods(
+    recordings: Sequence[Recording],
+    metrics: Mapping[str, Metric | Callable[[Model], Metric]] | None = None,
+    *,
+    segments: Literal["same"] | Sequence[_Segments] = "same",
+    threshold: float = 0.6,
+    progress: Callable[[str, int, int], object] | None = None,
+) -> MethodComparison:
+    """Predict the same segments of recordings by geodesics and by baselines, and score them all.
+
+    Geodesics of each metric (`reconstruct`) are compared with the motions of minimum acceleration
+    and of minimum jerk in joint space and of minimum jerk of the hand. The methods do not receive
+    the same data at the ends of a segment; the table has a column that says what each receives.
+
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> recordings = go.read_recordings(files("geodesic_ocp") / "data", "left")
+    >>> comparison = go.compare_methods(
+    ...     recordings, {"straight lines": lambda arm: go.Euclidean(arm.dof)}
+    ... )
+    >>> comparison.methods[:3]
+    ('straight lines', 'minimum acceleration', 'minimum jerk')
+
+    Args:
+        recordings: at least one, see `read_recordings`.
+        metrics: by name, a metric or a function of a recording's model that returns one. By
+            default the kinetic energy with joint inertia (that of the model, if it has any, or
+            else `default_joint_inertia`), the kinetic energy without it, the kinetic energy with
+            joint inertia on the distal joints alone (`distal_inertia`; of `human_arm` only), and
+            the Euclidean metric, whose geodesics are straight lines.
+        segments: "same": every recording is cut by the first metric (`segment`), and all methods
+            predict these segments; or the segments of each recording, which all methods predict.
+        threshold: of the segmentation [rad], see `segment`.
+        progress: called with the current step, the amount done, and the total.
+
+    Returns:
+        All scores. Where a method fails on a recording, as a geodesic is not found, they are NaN.
+
+    Raises:
+        ValueError: no recordings or metrics, segments that do not cover their recording, a metric
+            of another dimension, or a threshold that is out of range.
+    """
+    recordings = list(recordings)
+    if not recordings:
+        raise ValueError("recordings must be at least one, got none")
+    metrics = _default_metrics(recordings) if metrics is None else dict(metrics)
+    if not metrics:
+        raise ValueError("metrics must be at least one, got none")
+    if same := metrics.keys() & _KINEMATIC.keys():
+        raise ValueError(f"metrics: {', '.join(same)} is the name of a baseline")
+    methods = (*metrics, *_KINEMATIC)
+    total, done = len(recordings) * (len(methods) + 1), 0
+
+    def report(label: str) -> None:
+        nonlocal done
+        if progress is not None:
+            progress(label, done, total)
+        done += 1
+
+    found: dict[tuple[str, Model], Metric] = {}  # compiled once for recordings of one model
+
+    def metric(name: str, model: Model) -> Metric:
+        if (name, model) not in found:
+            given = metrics[name]
+            found[name, model] = as_metric(given if isinstance(given, Metric) else given(model))
+        return found[name, model]
+
+    cuts = _given_segments(recordings, segments)
+    for recording in recordings:
+        report(f"{recording.name}: cutting into segments")
+        if segments == "same":
+            cuts.append(segment(metric(methods[0], recording.model), recording.motion, threshold))
+    scores: dict[str, list[Scores]] = {method: [] for method in methods}
+    failures: list[tuple[str, str, str]] = []
+    for recording, pieces in zip(recordings, cuts, strict=True):
+        for method in methods:
+            report(f"{recording.name}: {method}")
+            try:
+                if method in metrics:
+                    its_metric = metric(method, recording.model)
+                    predicted = reconstruct(its_metric, recording.motion, pieces).predicted
+                else:
+                    predicted = _KINEMATIC[method][0](recording, pieces)
+                scores[method].append(score(recording.model, recording.motion, predicted, pieces))
+            except GeodesicOcpError as failure:
+                reason = str(failure).partition("\n")[0]
+                failures.append((recording.name, method, reason))
+                warnings.warn(f"{recording.name}: {method} failed: {reason}", stacklevel=2)
+                scores[method].append(_UNKNOWN)
+    report("done")
+    return MethodComparison(
+        recordings=tuple(recording.name for recording in recordings),
+        subjects=tuple(recording.subject for recording in recordings),
+        methods=methods,
+        segments=tuple(tuple(pieces) for pieces in cuts),
+        observed={method: _KINEMATIC.get(method, ((), _OF_A_GEODESIC))[1] for method in methods},
+        scores={method: tuple(scores[method]) for method in methods},
+        failures=tuple(failures),
+    )
+
+
+_UNKNOWN = Scores(**{each.name: float("nan") for each in fields(Scores)})
+
+
+def _given_segments(
+    recordings: Sequence[Recording], segments: str | Sequence[_Segments]
+) -> list[_Segments]:
+    """The segments that are given, for each recording; none if they are "same"."""
+    if isinstance(segments, str):
+        if segments != "same":
+            raise ValueError(f"segments must be 'same' or those of each recording: {segments!r}")
+        return []
+    if len(segments) != len(recordings):
+        raise ValueError(
+            f"segments must be given for each of {len(recordings)} recordings, got {len(segments)}"
+        )
+    return [as_segments(each.motion, its) for each, its in zip(recordings, segments, strict=True)]
+
+
+def _default_metrics(
+    recordings: Sequence[Recording],
+) -> dict[str, Metric | Callable[[Model], Metric]]:
+    metrics: dict[str, Metric | Callable[[Model], Metric]] = {
+        "kinetic energy with joint inertia": lambda model: KineticEnergy(with_joint_inertia(model)),
+        "kinetic energy": lambda model: KineticEnergy(model.with_armature(0.0)),
+    }
+    if all(distal_joints(recording.model) for recording in recordings):
+        metrics["joint inertia of distal joints alone"] = distal_inertia
+    metrics["straight lines"] = lambda model: Euclidean(model.dof)
+    return metrics

@@ -1,0 +1,200 @@
+"""Tests of paired numbers: sign test, Wilcoxon's signed-rank test, bootstrap interval."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike
+
+from geodesic_ocp.arrays import Array, as_integer, as_number
+from geodesic_ocp.table import Table
+
+_RESAMPLES = 9999
+_FEW = 10  # fewer pairs give a bootstrap interval that is narrower than its name
+
+
+@dataclass(frozen=True, repr=False)
+class PairedTest:
+    """Whether the numbers of one method differ from those of another, pair by pair.
+
+    Attributes:
+        pairs: number of pairs that are tested.
+        left_out: number of pairs that are not, as a number in them is NaN.
+        wins, losses, ties: pairs in which the first number is better, worse, and equal.
+        mean_difference: mean of first minus second.
+        interval: bootstrap confidence interval of it, (low, high); NaN with a single pair.
+        interval_method: "BCa" or "percentile".
+        confidence: of the interval, and 1 minus the level that `note` refers to.
+        sign_p: two-sided p-value of the sign test; pairs that are equal count for nothing.
+        wilcoxon_p: two-sided p-value of Wilcoxon's signed-rank test, likewise.
+        smallest_p: the smallest p-value that either test can give with as many unequal pairs.
+    """
+
+    pairs: int
+    left_out: int
+    wins: int
+    losses: int
+    ties: int
+    mean_difference: float
+    interval: tuple[float, float]
+    interval_method: str
+    confidence: float
+    sign_p: float
+    wilcoxon_p: float
+    smallest_p: float
+
+    def __repr__(self) -> str:
+        low, high = self.interval
+        return (
+            f"PairedTest({self.wins} wins in {self.pairs} pairs, mean difference "
+            f"{self.mean_difference:.4g},\n  {self.confidence:.0%} interval {low:.4g} to {high:.4g}"
+            f", sign test p = {self.sign_p:.3g}, Wilcoxon p = {self.wilcoxon_p:.3g})"
+        )
+
+    @property
+    def note(self) -> str:
+        """What limits the tests: too few pairs, or pairs left out; empty if nothing does."""
+        notes = []
+        if self.left_out:
+            notes.append(f"{self.left_out} pair{'s' * (self.left_out > 1)} left out (NaN)")
+        level = 1.0 - self.confidence
+        if self.smallest_p > level * (1.0 + 1e-9):
+            notes.append(
+                f"{self.wins + self.losses} unequal pairs cannot reach p < {level:.3g}: the "
+                f"smallest possible p is {self.smallest_p:.3g}"
+            )
+        if self.pairs < _FEW:
+            notes.append(f"a bootstrap of {self.pairs} pairs underestimates the interval")
+        return "; ".join(notes)
+
+    def table(self) -> Table:
+        """All figures, one a row."""
+        low, high = self.interval
+        rows = (
+            ("pairs", self.pairs),
+            ("left out", self.left_out),
+            ("wins", self.wins),
+            ("losses", self.losses),
+            ("ties", self.ties),
+            ("mean difference", self.mean_difference),
+            (f"{self.confidence:.0%} interval, low", low),
+            (f"{self.confidence:.0%} interval, high", high),
+            ("sign test, p", self.sign_p),
+            ("Wilcoxon test, p", self.wilcoxon_p),
+            ("smallest possible p", self.smallest_p),
+        )
+        return Table(("paired test", "value"), rows)
+
+
+def paired_test(
+    a: ArrayLike,
+    b: ArrayLike,
+    *,
+    by: Sequence[object] | None = None,
+    confidence: float = 0.95,
+    larger_is_better: bool = False,
+    seed: int = 0,
+) -> PairedTest:
+    """Test whether paired numbers differ: sign test, Wilcoxon's test, and a bootstrap interval.
+
+    Pairs must be independent: recordings or, better, subjects, never the segments of a recording.
+    Both tests are exact (Wilcoxon's up to 50 pairs without ties of size, else approximate or by
+    permutations, see `scipy.stats.wilcoxon`). With n unequal pairs neither gives a p-value below
+    2^(1 - n): at least six are needed for p < 0.05. The interval of the mean difference is the
+    bias-corrected and accelerated bootstrap interval (Efron, J. Am. Stat. Assoc. 82, 1987), or the
+    percentile interval where that does not exist, as when all differences are equal.
+
+    >>> import geodesic_ocp as go
+    >>> test = go.paired_test([1.0, 2.1, 3.0, 4.2, 5.0], [1.5, 2.4, 3.7, 4.6, 5.6])
+    >>> test.wins, test.sign_p
+    (5, 0.0625)
+    >>> test.note.split(";")[0]
+    '5 unequal pairs cannot reach p < 0.05: the smallest possible p is 0.0625'
+
+    Args:
+        a, b: k numbers each; pairs with a NaN are left out and counted.
+        by: k labels; pairs of equal labels are averaged first, such as the recordings of a subject.
+        confidence: of the interval, in (0, 1).
+        larger_is_better: whether a pair is won by the larger number, not, as errors are, by the
+            smaller one.
+        seed: of the bootstrap.
+
+    Raises:
+        ValueError: a and b are not k numbers each, by has not k labels, no pair is left, or
+            confidence or seed is out of range.
+    """
+    first, second = (_numbers(name, value) for name, value in (("a", a), ("b", b)))
+    if first.shape != second.shape:
+        raise ValueError(f"a and b must be pairs, got {first.size} and {second.size} numbers")
+    confidence = as_number("confidence", confidence)
+    if not 0.0 < confidence < 1.0:
+        raise ValueError(f"confidence must be in (0, 1), got {confidence:g}")
+    as_integer("seed", seed, 0)
+    if by is not None and len(by) != first.size:
+        raise ValueError(f"by must have {first.size} labels, one for each pair, got {len(by)}")
+    labels: list[object] = [*range(first.size)] if by is None else [*by]
+    differences = first - second
+    known = np.isfinite(differences)
+    if not known.any():
+        raise ValueError("a and b have no pair without NaN")
+    kept = [label for label, is_known in zip(labels, known, strict=True) if is_known]
+    values = differences[known]
+    groups = [
+        [i for i, other in enumerate(kept) if other == label] for label in dict.fromkeys(kept)
+    ]
+    means = np.array([values[group].mean() for group in groups])
+
+    better = means if larger_is_better else -means
+    wins, losses = int(np.sum(better > 0.0)), int(np.sum(better < 0.0))
+    unequal = means[means != 0.0]
+    interval, method = _bootstrap(means, confidence, seed)
+    return PairedTest(
+        pairs=means.size,
+        left_out=int(np.sum(~known)),
+        wins=wins,
+        losses=losses,
+        ties=means.size - wins - losses,
+        mean_difference=float(means.mean()),
+        interval=interval,
+        interval_method=method,
+        confidence=confidence,
+        sign_p=float(scipy.stats.binomtest(wins, wins + losses).pvalue) if unequal.size else 1.0,
+        wilcoxon_p=float(scipy.stats.wilcoxon(unequal).pvalue) if unequal.size else 1.0,
+        smallest_p=min(1.0, 2.0 ** (1 - unequal.size)),
+    )
+
+
+def _numbers(name: str, value: ArrayLike) -> Array:
+    """A copy as floats (k,), k > 0; ValueError names the argument otherwise."""
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        array = np.zeros(0)
+    if array.ndim != 1 or array.size == 0 or np.any(np.isinf(array)):
+        raise ValueError(f"{name} must be numbers (k,), finite or NaN, got {value!r}")
+    return array
+
+
+def _bootstrap(values: Array, confidence: float, seed: int) -> tuple[tuple[float, float], str]:
+    """Confidence interval of the mean, and by which method."""
+    if values.size < 2:
+        return (float("nan"), float("nan")), "none"
+    for method in ("BCa", "percentile"):
+        with warnings.catch_warnings():
+            # Of equal differences; the interval is then the next method's, or a single number.
+            warnings.simplefilter("ignore")
+            found = scipy.stats.bootstrap(
+                (values,),
+                np.mean,
+                n_resamples=_RESAMPLES,
+                confidence_level=confidence,
+                method=method,
+                random_state=np.random.default_rng(seed),
+            ).confidence_interval
+        if np.all(np.isfinite(found)):
+            break
+    return (float(found.low), float(found.high)), method

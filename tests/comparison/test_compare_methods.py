@@ -1,0 +1,179 @@
+"""Methods on the same segments of recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from known_models import planar_arm
+from short_reprs import check_reprs
+
+import geodesic_ocp as go
+from geodesic_ocp.manifold.exp import sample_geodesic
+from geodesic_ocp.synergies.scores.score import SCORES
+
+TIME = np.linspace(0.0, 1.0, 61)
+LINES = "straight lines"
+
+
+def metrics() -> dict[str, Callable[[go.Model], go.Metric]]:
+    return {"kinetic energy": go.KineticEnergy, LINES: lambda model: go.Euclidean(model.dof)}
+
+
+@pytest.fixture(scope="module")
+def rods() -> go.Model:
+    return planar_arm((1.0, 1.0), (1.0, 1.0), (0.5, 0.5), (0.1, 0.1))
+
+
+@pytest.fixture(scope="module")
+def recordings(rods: go.Model) -> list[go.Recording]:
+    """Two persons move along geodesics of the kinetic energy, with a cubic time law."""
+    metric = go.KineticEnergy(rods)
+    starts = [((0.2, 0.9), (1.0, 0.9)), ((0.4, 1.4), (-0.9, -0.8)), ((-0.3, 0.8), (1.2, -0.4))]
+    found = []
+    for index, (q, v) in enumerate(starts):
+        fraction = TIME + 0.3 * TIME**2 - 0.2 * TIME**3
+        rate = 1.0 + 0.6 * TIME - 0.6 * TIME**2
+        path, slopes = sample_geodesic(metric, np.array(q), np.array(v), fraction, tolerance=1e-12)
+        motion = go.Motion(TIME, path, rods.joint_names, slopes * rate[:, None])
+        found.append(go.Recording(rods, motion, f"reach {index}", "ab"[index // 2]))
+    return found
+
+
+@pytest.fixture(scope="module")
+def comparison(recordings: list[go.Recording]) -> go.MethodComparison:
+    return go.compare_methods(recordings, metrics())
+
+
+def test_geodesics_win_where_people_move_along_them(comparison: go.MethodComparison) -> None:
+    assert comparison.segments == 3 * (((0, 60),),)
+    errors = comparison.values("joint_mean")
+    assert errors[:, 0] == pytest.approx(0.0, abs=1e-7)
+    # The others receive as much of the recording, or more, and still miss it.
+    assert errors[:, 1:].min() > 1e-3
+    test = comparison.tests(by="recording")["kinetic energy"]
+    assert (test.wins, test.pairs) == (3, 3)
+    assert "3 unequal pairs cannot reach p < 0.05" in test.note
+    reverse = comparison.tests(against="kinetic energy", by="recording")[LINES]
+    assert reverse.mean_difference == pytest.approx(-test.mean_difference)
+
+
+def test_recordings_of_a_subject_are_one_pair(comparison: go.MethodComparison) -> None:
+    tests = comparison.tests("position_mean")
+    assert list(tests) == [name for name in comparison.methods if name != LINES]
+    assert {test.pairs for test in tests.values()} == {2}
+
+
+def test_a_higher_correlation_wins(comparison: go.MethodComparison) -> None:
+    values = comparison.values("speed_correlation")
+    test = comparison.tests("speed_correlation", by="recording")["kinetic energy"]
+    assert test.wins == np.sum(values[:, 0] > values[:, 1]) > 0
+
+
+def test_scores_are_those_of_the_methods(
+    comparison: go.MethodComparison, recordings: list[go.Recording], rods: go.Model
+) -> None:
+    motion = recordings[1].motion
+    cubic = go.minimum_acceleration(motion, [(0, 60)])
+    expected = go.score(rods, motion, cubic, [(0, 60)])
+    assert comparison.scores["minimum acceleration"][1] == expected
+    straight = go.reconstruct(go.Euclidean(2), motion, [(0, 60)]).predicted
+    assert comparison.values("area")[1, 1] == go.score(rods, motion, straight).area
+
+
+def test_the_first_metric_cuts_unless_segments_are_given(recordings: list[go.Recording]) -> None:
+    lines = {LINES: lambda model: go.Euclidean(model.dof)}
+    cut = go.compare_methods(recordings[:1], lines, threshold=0.1)
+    assert list(cut.segments[0]) == go.segment(go.Euclidean(2), recordings[0].motion, 0.1)
+    assert len(cut.segments[0]) > 1
+    given = go.compare_methods(recordings[:2], lines, segments=[[(0, 20), (20, 60)], [(0, 60)]])
+    assert given.segments == (((0, 20), (20, 60)), ((0, 60),))
+    whole = go.compare_methods(recordings[:1], lines, segments=[[(0, 60)]])
+    assert given.values()[0, 0] < whole.values()[0, 0]
+
+
+def test_tables(comparison: go.MethodComparison) -> None:
+    table = comparison.table()
+    assert [row[0] for row in table.rows] == list(comparison.methods)
+    assert {row[2:4] for row in table.rows} == {("3 of 3", 3)}
+    assert table.rows[0][1] == "2 configurations, 2 speeds"
+    assert table.rows[2][1] == "2 configurations, 2 velocities"
+    assert table.rows[1][4] == pytest.approx(comparison.values()[:, 1].mean())
+    everything = comparison.table(*SCORES)
+    assert everything.header[4:] == tuple(SCORES.values())
+    each = comparison.by_recording("area")
+    assert each.header[:3] == ("area [m^2]", "subject", "segments")
+    assert each.rows[2][:3] == ("reach 2", "b", 1)
+    tests = comparison.test_table("area", by="recording")
+    assert tests.header[2] == "mean difference [m^2]"
+    assert tests.rows[0][1] == "3 of 3"
+    assert go.MethodComparison in check_reprs([comparison])
+
+
+def test_a_method_that_fails_is_left_out(recordings: list[go.Recording], rods: go.Model) -> None:
+    """Of the means on all methods, and of its tests, which say so."""
+    other = planar_arm((1.0, 1.0), (1.0, 2.0), (0.5, 0.5), (0.1, 0.1))
+    renamed = go.Recording(other, recordings[2].motion, "reach 2", "b")
+
+    def fails(model: go.Model) -> go.Metric:
+        if model is other:
+            raise go.NotConverged("no geodesic was found")
+        return go.Euclidean(model.dof)
+
+    mixed = [*recordings[:2], renamed]
+    lines = {LINES: lambda model: go.Euclidean(model.dof), "fails": fails}
+    with pytest.warns(UserWarning, match="reach 2: fails failed: no geodesic was found"):
+        found = go.compare_methods(mixed, lines)
+    assert found.failures == (("reach 2", "fails", "no geodesic was found"),)
+    assert np.isnan(found.values("area")[2, 1])
+    assert not np.isnan(np.delete(found.values("area").ravel(), 2 * 5 + 1)).any()
+    segments = len(found.segments[0]) + len(found.segments[1])
+    assert {row[2:4] for row in found.table().rows} == {("2 of 3", segments)}
+    assert found.table().rows[0][4] == pytest.approx(found.values()[:2, 0].mean())
+    test = found.tests(by="recording")["fails"]
+    assert (test.pairs, test.left_out) == (2, 1)
+    assert "1 pair left out (NaN)" in test.note
+    with pytest.warns(UserWarning, match="fails failed"):
+        nothing = go.compare_methods([renamed], lines)
+    assert "fails" not in nothing.tests()
+    assert all(np.isnan(row[4]) for row in nothing.table().rows)
+
+
+def test_default_metrics(recordings: list[go.Recording], arm: go.Model) -> None:
+    """The control of the distal joints is known of human arms alone."""
+    of_rods = go.compare_methods(recordings[:1])
+    assert of_rods.methods[:3] == ("kinetic energy with joint inertia", "kinetic energy", LINES)
+    q = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1]) + 0.2 * np.sin(TIME)[:, None]
+    motion = go.Motion(TIME, q, arm.joint_names).filtered()
+    seen: list[tuple[int, int]] = []
+    of_arm = go.compare_methods(
+        [go.Recording(arm, motion)], progress=lambda label, done, total: seen.append((done, total))
+    )
+    assert len(of_arm.methods) == 7
+    assert of_arm.methods[2] == "joint inertia of distal joints alone"
+    assert seen == [(done, 8) for done in range(9)]
+    assert np.isfinite(of_arm.values()).all()
+
+
+def test_bad_arguments_are_named(
+    recordings: list[go.Recording], comparison: go.MethodComparison
+) -> None:
+    with pytest.raises(ValueError, match="recordings must be at least one"):
+        go.compare_methods([])
+    with pytest.raises(ValueError, match="metrics must be at least one"):
+        go.compare_methods(recordings, {})
+    with pytest.raises(ValueError, match="minimum jerk is the name of a baseline"):
+        go.compare_methods(recordings, {"minimum jerk": go.Euclidean(2)})
+    with pytest.raises(ValueError, match="metric must be an instance of a Metric class"):
+        go.compare_methods(recordings, {"model": lambda model: model})
+    with pytest.raises(ValueError, match="segments must be 'same'"):
+        go.compare_methods(recordings, metrics(), segments="other")
+    with pytest.raises(ValueError, match="segments must be given for each of 3 recordings, got 1"):
+        go.compare_methods(recordings, metrics(), segments=[[(0, 60)]])
+    with pytest.raises(ValueError, match=r"score must be one of joint_mean, .*, got 'speed'"):
+        comparison.table("speed")
+    with pytest.raises(ValueError, match="against must be one of kinetic energy, straight lines"):
+        comparison.tests(against="lines")
+    with pytest.raises(ValueError, match="by must be 'subject' or 'recording', got 'segment'"):
+        comparison.tests(by="segment")

@@ -1,0 +1,115 @@
+"""Recordings from several files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import geodesic_ocp as go
+
+TIME = np.linspace(0.0, 1.0, 101)
+
+
+def write(file: Path, q: np.ndarray, *notes: str, time: np.ndarray = TIME) -> Path:
+    """A table of the right arm's joint angles."""
+    lines = ["# unit: rad", *notes, ",".join(["time", *go.human_arm("right").joint_names])]
+    lines += [",".join(f"{value:.9f}" for value in row) for row in np.column_stack([time, q])]
+    file.write_text("\n".join(lines))
+    return file
+
+
+def swing(phase: float) -> np.ndarray:
+    return 0.2 + 0.1 * np.sin(3.0 * TIME[:, None] + phase * np.arange(7.0))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    write(tmp_path / "b.csv", swing(0.1), "# height: 1.9", "# mass: 80", "# subject: Bo")
+    write(tmp_path / "a.csv", swing(0.2), "# height: 1.6", "# subject: An")
+    (tmp_path / "notes.txt").write_text("not a recording")
+    return tmp_path
+
+
+def test_a_folder_is_read_with_an_arm_for_each_subject(folder: Path) -> None:
+    first, second = go.read_recordings(folder)
+    assert (first.name, first.subject) == ("a, right", "An")
+    assert (second.name, second.subject) == ("b, right", "Bo")
+    assert first.motion.velocity is not None
+    expected = go.human_arm("right", 1.9, 80.0)
+    assert second.model.mass == pytest.approx(expected.mass)
+    q = np.full(7, 0.1)
+    assert second.model.hand_pose(q)[1] == pytest.approx(expected.hand_pose(q)[1])
+    assert first.model.mass == pytest.approx(go.human_arm("right", 1.6).mass)
+
+
+def test_height_and_mass_can_be_given_and_models_are_shared(folder: Path) -> None:
+    files = [folder / "b.csv", str(folder / "a.csv")]
+    first, second = go.read_recordings(files, height=1.7, mass=60.0)
+    assert [first.name, second.name] == ["b, right", "a, right"]
+    assert first.model is second.model
+    assert first.model.mass == pytest.approx(go.human_arm("right", 1.7, 60.0).mass)
+
+
+def test_files_that_cannot_be_used_are_named_together(folder: Path) -> None:
+    (folder / "c.xml").write_text("<MMM>")
+    write(folder / "d.csv", swing(0.3)[:5], time=TIME[:5])
+    write(folder / "e.csv", np.rad2deg(swing(0.4)))
+    write(folder / "f.csv", swing(0.5), time=1000.0 * TIME)
+    write(folder / "g.csv", swing(0.1) + 1e-8)
+    with pytest.raises(go.RecordingError) as failure:
+        go.read_recordings(folder)
+    reasons = str(failure.value).splitlines()
+    expected = {
+        "c.xml": "broken XML",
+        "d.csv": "",  # too short to filter
+        "e.csv": "far outside its limits",
+        "f.csv": "is time in milliseconds?",
+        "g.csv": f"holds the same motion as {folder / 'b.csv'}",
+    }
+    assert len(reasons) == len(expected)
+    for reason, (name, words) in zip(reasons, expected.items(), strict=True):
+        assert reason.startswith(f"{folder / name}: ")
+        assert words in reason
+    with pytest.warns(UserWarning, match="left out: ") as warned:
+        found = go.read_recordings(folder, skip=True)
+    assert [each.name for each in found] == ["a, right", "b, right"]
+    assert len(warned) == 5
+
+
+def test_without_any_recording(tmp_path: Path) -> None:
+    with pytest.raises(go.RecordingError, match=r"no file in this folder ends in \.xml or \.csv"):
+        go.read_recordings(tmp_path)
+    with pytest.raises(go.RecordingError, match="there is no such file"):
+        go.read_recordings(tmp_path / "a.csv", skip=True)
+    with pytest.raises(ValueError, match="paths must name at least one file or folder"):
+        go.read_recordings([])
+
+
+def test_wrong_arguments_are_not_reasons_to_skip(folder: Path) -> None:
+    with pytest.raises(ValueError, match="side must be 'right' or 'left'"):
+        go.read_recordings(folder, "both", skip=True)
+    with pytest.raises(ValueError, match="height must be positive"):
+        go.read_recordings(folder, height=-1.0, skip=True)
+    with pytest.raises(ValueError, match="one of cutoff and duration, got 6 Hz and"):
+        go.read_recordings(folder, cutoff=6.0, duration=0.2, skip=True)
+
+
+def test_the_filter_can_be_chosen(folder: Path) -> None:
+    raw = go.read_motion(folder / "a.csv")
+    chosen, smooth = (go.read_recordings(folder, cutoff=each)[0] for each in (None, 4.0))
+    assert chosen.motion.q == pytest.approx(raw.filtered().q)
+    assert smooth.motion.velocity == pytest.approx(raw.filtered(cutoff=4.0).velocity)
+    local = go.read_recordings(folder, duration=0.21)[0]
+    assert local.motion.q == pytest.approx(raw.filtered(21).q)
+
+
+def test_recordings_of_the_database(shared: Path) -> None:
+    """One recording is there in two layouts of the format."""
+    folder = shared / "data" / "kit"
+    with pytest.raises(go.RecordingError, match=r"arm_02\.xml: holds the same motion as .*mmm2"):
+        go.read_recordings(folder)
+    with pytest.warns(UserWarning, match="holds the same motion"):
+        found = go.read_recordings(folder, mass=70.0, skip=True)
+    assert [each.subject for each in found] == ["subject_id_969", *4 * ["subject_id_1229"]]
