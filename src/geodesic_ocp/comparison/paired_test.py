@@ -50,7 +50,7 @@ class PairedTest:
     def __repr__(self) -> str:
         low, high = self.interval
         return (
-            f"PairedTest({self.wins} wins in {self.pairs} pairs, mean difference "
+            f"PairedTest(wins {self.wins} of {self.pairs} pairs, mean difference "
             f"{self.mean_difference:.4g},\n  {self.confidence:.0%} interval {low:.4g} to {high:.4g}"
             f", sign test p = {self.sign_p:.3g}, Wilcoxon p = {self.wilcoxon_p:.3g})"
         )
