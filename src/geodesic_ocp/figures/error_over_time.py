@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from itertools import cycle
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.figures.overview import shade_segments
-from geodesic_ocp.figures.styles import BASELINE, PREDICTED
+from geodesic_ocp.figures.styles import COMPARED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_HEADROOM = 1.6  # above the first two predictions
-# Of the first, second, ... prediction; distinct in greyscale by their dashes.
-ERROR_STYLES: tuple[dict[str, Any], ...] = (
-    {**PREDICTED, "linestyle": "-", "linewidth": 2.0, "zorder": 3},
-    {"color": "0.25", "linewidth": 1.3, "linestyle": (0, (5, 2))},
-    {**BASELINE, "linewidth": 1.5},
-)
+_HEADROOM = 1.6  # above the two predictions with the smallest peaks
 
 
 def draw_error_over_time(
@@ -32,13 +27,15 @@ def draw_error_over_time(
 ) -> None:
     """Draw errors (k,) over time [s] by prediction; spans between cuts are shaded in turn.
 
-    The first two predictions set the scale; the peak of another that exceeds it is written.
+    The two with the smallest peaks set the scale; a peak that exceeds it is written.
     """
     shade_segments(axes, time, segments)
-    for (name, error), style in zip(errors.items(), ERROR_STYLES, strict=False):
-        axes.plot(time, error, **style, label=name)
+    styles = zip(errors.items(), cycle(COMPARED), strict=False)
+    for number, ((name, error), style) in enumerate(styles):
+        front = {"marker": "", "zorder": 3.0 - 0.1 * number}
+        axes.plot(time, error, **{**style, **front}, label=name)
     peaks = [float(np.max(error)) for error in errors.values()]
-    top = min(_HEADROOM * max(peaks[:2]), 1.05 * max(peaks))
+    top = min(_HEADROOM * sorted(peaks)[:2][-1], 1.05 * max(peaks))
     for error, peak in zip(errors.values(), peaks, strict=True):
         if peak > top:
             at = time[int(np.argmax(error))]

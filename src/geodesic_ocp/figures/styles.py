@@ -10,6 +10,12 @@ import numpy as np
 OBSERVED: dict[str, Any] = {"color": "#1b3a5c", "linewidth": 2.0}
 PREDICTED: dict[str, Any] = {"color": "#e07b00", "linewidth": 1.5, "linestyle": (0, (4, 1.5))}
 BASELINE: dict[str, Any] = {"color": "#6a9a3a", "linewidth": 1.3, "linestyle": (0, (1, 1))}
+# Of predictions that are compared: with joint inertia, kinetic energy alone, straight lines.
+COMPARED: tuple[dict[str, Any], ...] = (
+    {"color": "#e07b00", "linestyle": "-", "linewidth": 2.0, "marker": "o"},
+    {"color": "#4f8a2e", "linestyle": (0, (1, 1)), "linewidth": 1.7, "marker": "^"},
+    {"color": "#333333", "linestyle": (0, (5, 2)), "linewidth": 1.5, "marker": "s"},
+)
 _DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
 
 
