@@ -8,29 +8,37 @@ from typing import TYPE_CHECKING
 
 __all__ = [
     "NLP",
+    "AdjustableKineticEnergy",
     "Alignment",
     "Analysis",
     "Ball",
     "Capsule",
     "Certificate",
+    "CrossValidation",
+    "ErrorProfile",
+    "Estimate",
     "Euclidean",
     "Geodesic",
     "GeodesicOcpError",
     "Grid",
     "HalfSpace",
     "IntegrationFailed",
+    "Interval",
     "Iterate",
     "JacobiMetric",
     "KineticEnergy",
     "LivePlot",
     "MethodComparison",
     "Metric",
+    "MetricComparison",
+    "MetricFit",
     "Model",
     "Motion",
     "MotionErrors",
     "NotConverged",
     "OptimalSegmentations",
     "PairedTest",
+    "Parameter",
     "Path",
     "PointToPoint",
     "Problem",
@@ -53,18 +61,22 @@ __all__ = [
     "ToPose",
     "alignment",
     "analyse",
+    "bootstrap_fit",
     "certify",
     "clearance_constraints",
     "collision_pairs",
     "combine",
     "compare_methods",
+    "compare_metrics",
     "default_joint_inertia",
     "distal_inertia",
     "distance",
     "draw_obstacle",
     "enclosing_capsule",
+    "error_profile",
     "evaluate",
     "exp",
+    "fit_metric",
     "frechet_mean",
     "geodesic",
     "geodesic_from_velocity",
@@ -72,6 +84,8 @@ __all__ = [
     "geodesics",
     "human_arm",
     "inverse_kinematics",
+    "leave_one_out",
+    "load_metric",
     "load_model",
     "load_solution",
     "load_synergies",
@@ -90,6 +104,7 @@ __all__ = [
     "retarget",
     "retarget_arms",
     "riemann_curvature",
+    "save_metric",
     "save_synergies",
     "scalar_curvature",
     "score",
@@ -105,7 +120,9 @@ __all__ = [
 
 if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same names
     from geodesic_ocp.comparison.compare_methods import compare_methods
+    from geodesic_ocp.comparison.compare_metrics import compare_metrics
     from geodesic_ocp.comparison.method_comparison import MethodComparison
+    from geodesic_ocp.comparison.metric_comparison import MetricComparison
     from geodesic_ocp.comparison.paired_test import PairedTest, paired_test
     from geodesic_ocp.errors import (
         GeodesicOcpError,
@@ -114,6 +131,13 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
         RecordingError,
     )
     from geodesic_ocp.figures.obstacles import draw_obstacle
+    from geodesic_ocp.fitting.bootstrap_fit import bootstrap_fit
+    from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
+    from geodesic_ocp.fitting.fit_metric import fit_metric
+    from geodesic_ocp.fitting.leave_one_out import CrossValidation, leave_one_out
+    from geodesic_ocp.fitting.metric_file import load_metric, save_metric
+    from geodesic_ocp.fitting.metric_fit import Estimate, Interval, MetricFit
+    from geodesic_ocp.fitting.parameter import Parameter
     from geodesic_ocp.logarithm.frechet_mean import frechet_mean
     from geodesic_ocp.logarithm.geodesic import (
         Geodesic,
@@ -130,6 +154,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     )
     from geodesic_ocp.manifold.exp import exp
     from geodesic_ocp.manifold.metric import Metric
+    from geodesic_ocp.manifold.metrics.adjustable_kinetic_energy import AdjustableKineticEnergy
     from geodesic_ocp.manifold.metrics.euclidean import Euclidean
     from geodesic_ocp.manifold.metrics.jacobi_metric import JacobiMetric
     from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
@@ -199,6 +224,14 @@ else:
     _HOMES = {
         "errors": "GeodesicOcpError IntegrationFailed NotConverged RecordingError",
         "figures.obstacles": "draw_obstacle",
+        "manifold.metrics.adjustable_kinetic_energy": "AdjustableKineticEnergy",
+        "fitting.metric_fit": "Estimate Interval MetricFit",
+        "fitting.parameter": "Parameter",
+        "fitting.fit_metric": "fit_metric",
+        "fitting.bootstrap_fit": "bootstrap_fit",
+        "fitting.error_profile": "ErrorProfile error_profile",
+        "fitting.leave_one_out": "CrossValidation leave_one_out",
+        "fitting.metric_file": "load_metric save_metric",
         "logarithm.frechet_mean": "frechet_mean",
         "logarithm.geodesic": "Geodesic geodesic geodesic_from_velocity geodesics",
         "logarithm.to_pose.geodesic_to_pose": "ToPose geodesic_to_pose",
@@ -260,7 +293,9 @@ else:
         "synergies.recording": "Recording",
         "synergies.read_recordings": "read_recordings",
         "comparison.compare_methods": "compare_methods",
+        "comparison.compare_metrics": "compare_metrics",
         "comparison.method_comparison": "MethodComparison",
+        "comparison.metric_comparison": "MetricComparison",
         "comparison.paired_test": "PairedTest paired_test",
         "table": "Table",
         "trajectory.grid": "Grid",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -75,7 +75,8 @@ class OptimalSegmentations:
         Raises likewise.
         """
         q = self._costs.predicted(self.segments(count, refined=refined))
-        return replace(self.motion, q=q, velocity=None)
+        seen = self.motion
+        return Motion(seen.time, q, seen.joint_names, subject=seen.subject)
 
     def count_for(self, *, penalty: float | None = None, error: float | None = None) -> int:
         """The number of segments that a penalty or a largest error selects on the grid.
