@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 import signal
 import subprocess
@@ -17,6 +18,8 @@ from geodesic_ocp.cli import main as cli
 from geodesic_ocp.cli import recording
 from geodesic_ocp.model.formats import catalogue
 from geodesic_ocp.model.formats.robots import ROBOTS, folder
+
+TABLES = ["table.csv", "table.md", "table_unfiltered.csv", "table_unfiltered.md"]
 
 
 @pytest.fixture
@@ -58,13 +61,107 @@ def test_height_mass_and_threshold_are_options(
     assert "wrote" not in text
 
 
+def printed(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    assert cli.main(arguments) == 0
+    return capsys.readouterr().out
+
+
+def test_metric_and_joint_inertia_are_options(
+    short_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["analyse", str(short_file), "--side", "left"]
+    for options, metric in (
+        ([], r"kinetic energy with joint inertia 0\.073 kg m\^2"),
+        (["--armature", "0.05"], r"kinetic energy with joint inertia 0\.05 kg m\^2"),
+        (["--metric", "joint-inertia"], r"kinetic energy with joint inertia 0\.073 kg m\^2"),
+        (["--metric", "kinetic"], "kinetic energy"),
+        (["--armature", "0"], "kinetic energy"),
+        (["--metric", "euclidean"], "straight lines"),
+    ):
+        text = printed([*command, *options], capsys)
+        assert re.search(rf"^Metric: {metric}\.$", text, re.MULTILINE)
+        rows = [line for line in text.splitlines() if line.startswith(("geodesics", "straight"))]
+        geodesics = {line.split("  ")[0] for line in rows}
+        assert {
+            "geodesics, kinetic energy",
+            "geodesics, kinetic energy with joint inertia",
+            "straight lines, same segments",
+        } <= geodesics
+
+
+def test_filters_are_options(short_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["analyse", str(short_file), "--side", "left"]
+    assert "chosen from the noise floor" in printed(command, capsys)
+    cutoff = printed([*command, "--cutoff", "4"], capsys)
+    assert "cut-off frequency of 4 Hz; noise of the joints" in cutoff
+    assert cutoff.count("mean errors against the") == 2
+    window = printed([*command, "--savitzky-golay", "0.21"], capsys)
+    assert "Savitzky-Golay" in window
+    assert "window of 0.2" in window
+    as_it_is = printed([*command, "--no-filter"], capsys)
+    assert "without a filter" in as_it_is
+    assert as_it_is.count("mean errors against the") == 1
+    assert "mean errors against the observed recording" in as_it_is
+
+
+def test_settings_of_the_segmentation_are_options(
+    short_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What they do is that of the arguments in Python."""
+    arm = go.human_arm("left")
+    motion = go.read_motion(short_file, arm.joint_names).filtered(cutoff=5.0)
+    text = printed(
+        [
+            *["analyse", str(short_file), "--side", "left", "--cutoff", "5", "--threshold", "0.4"],
+            *["--rest-speed", "0.3", "--rest-duration", "0.05", "--min-duration", "0.02"],
+            *["--hysteresis", "0.01", "--metric", "kinetic"],
+        ],
+        capsys,
+    )
+    settings = {"rest": 0.3, "rest_duration": 0.05, "min_duration": 0.02, "hysteresis": 0.01}
+    expected = go.segment(go.KineticEnergy(arm), motion, 0.4, **settings)
+    assert len(expected) != len(go.segment(go.KineticEnergy(arm), motion, 0.4))
+    assert f"{len(expected)} geodesic synergies at a threshold of 0.4 rad" in text
+
+
+def test_defaults_are_those_in_python() -> None:
+    options = cli._parser().parse_args(["analyse", "file"])
+    online, optimal = (
+        inspect.signature(function).parameters for function in (go.segment, go.segment_optimal)
+    )
+    assert options.rest_speed == online["rest"].default
+    for name in ("threshold", "rest_duration", "min_duration", "hysteresis"):
+        assert getattr(options, name) == online[name].default
+    for name in ("count", "penalty", "error", "measure", "spacing", "max_duration"):
+        assert getattr(options, name) == optimal[name].default
+
+
+def test_optimal_segments_are_an_option(
+    short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["analyse", str(short_file), "--side", "left", "--segments", "optimal"]
+    text = printed([*command, "--count", "3", "--metric", "euclidean"], capsys)
+    assert "3 geodesic synergies explain the joints" in text
+    assert "threshold" not in text
+    for wrong, message in (
+        ([], "--segments optimal needs one of --count, --penalty and --error"),
+        (["--count", "1000"], "1000"),
+    ):
+        assert cli.main([*command, "--metric", "euclidean", *wrong]) == 2
+        assert message in capsys.readouterr().err
+
+
 @pytest.mark.slow
 def test_height_comes_from_the_recording(shared: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = shared / "data" / "kit" / "take_book_from_shelf_right_arm_02.xml"
-    assert cli.main(["analyse", str(file)]) == 0
+    paper = ["--metric", "kinetic", "--savitzky-golay", "0.21", "--min-duration", "0"]
+    paper += ["--hysteresis", "0"]
+    assert cli.main(["analyse", str(file), *paper]) == 0
     text = capsys.readouterr().out
     assert "of subject_id_1229, height 1.83 m, mass 100 kg: 338 samples" in text
-    assert "20 geodesic synergies" in text
+    found = re.search(r"(\d+) geodesic synergies", text)
+    assert found is not None
+    assert int(found[1]) == pytest.approx(20, rel=0.2)
 
 
 @pytest.mark.slow
@@ -89,7 +186,7 @@ def test_demo_writes_to_its_default_folder(
     assert cli.main(["demo"]) == 0
     assert "height 1.78 m" in capsys.readouterr().out
     names = sorted(file.name for file in (tmp_path / "geodesic_ocp_demo").iterdir())
-    assert names == ["figure.pdf", "figure.png", "synergies.json", "table.csv", "table.md"]
+    assert names == ["figure.pdf", "figure.png", "synergies.json", *TABLES]
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:
@@ -182,7 +279,7 @@ def without_motion(rows: list[list[str]]) -> list[list[str]]:
         (without_motion, "the motion never moves"),
         (in_milliseconds, "is time in milliseconds?"),
         (lambda rows: rows[:1], "needs at least two samples, got 1"),
-        (lambda rows: rows[:20], "needs as many samples, not 20"),
+        (lambda rows: rows[:20], "too short to filter"),
     ],
 )
 def test_wrong_tables_end_with_one_line(
@@ -211,6 +308,12 @@ def test_wrong_tables_end_with_one_line(
         (["--height", "178"], "at most 3 m"),
         (["--threshold", "34"], "threshold must be below pi rad, got 34 (in degrees?)"),
         (["--side", "right"], "there is no joint RSx_joint"),
+        (["--count", "5"], "--count needs --segments optimal"),
+        (["--armature", "-1"], "armature of joint 'LSx_joint' must be finite and not negative"),
+        (["--armature", "1", "--metric", "kinetic"], "--armature is the joint inertia of --metric"),
+        (["--metric", "mass"], "kinetic, euclidean or a file, and there is no file 'mass'"),
+        (["--cutoff", "0"], "cutoff"),
+        (["--rest-speed", "1"], "rest must be in [0, 1), got 1.0"),
     ],
 )
 def test_wrong_options_end_with_one_line(

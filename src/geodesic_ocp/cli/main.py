@@ -10,6 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import get_args
 
+from geodesic_ocp.cli.analysis_options import add_analysis_options, check_options
 from geodesic_ocp.cli.interrupts import Interrupts, in_main_thread, on_interrupt
 from geodesic_ocp.cli.recording import analyse_bundled, analyse_file, check_folder, save_analysis
 from geodesic_ocp.errors import GeodesicOcpError
@@ -67,7 +68,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=_EXIT,
     )
     _add_recording(command, ("right", "left"))
-    _add_analysis_options(command)
+    add_analysis_options(command)
     command.set_defaults(run=_analyse)
 
     command = commands.add_parser(
@@ -87,13 +88,13 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="write a page with animated models (default folder: geodesic_ocp_retarget)",
     )
-    _add_analysis_options(command)
+    add_analysis_options(command)
     command.set_defaults(run=_retarget)
 
     command = commands.add_parser("demo", help="analyse the bundled recording", epilog=_EXIT)
     command.add_argument("--robot", metavar="NAME", help="also transfer it to this robot")
     _add_transfer_options(command)
-    _add_analysis_options(command)
+    add_analysis_options(command)
     command.set_defaults(run=_demo)
 
     command = commands.add_parser(
@@ -138,20 +139,6 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _add_analysis_options(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--threshold",
-        type=float,
-        default=0.6,
-        help="angle at which a new synergy begins [rad] (default: %(default)s)",
-    )
-    command.add_argument(
-        "--out",
-        type=Path,
-        help="folder for tables, figures, synergies, and a robot's trajectory",
-    )
-
-
 def _add_recording(command: argparse.ArgumentParser, sides: Sequence[str]) -> None:
     command.add_argument("file", type=Path, help="MMM motion (.xml) or table (.csv)")
     command.add_argument("--side", choices=sides, default="right", help="the arm")
@@ -188,6 +175,7 @@ def _add_transfer_options(command: argparse.ArgumentParser) -> None:
 
 
 def _analyse(options: argparse.Namespace) -> None:
+    check_options(options)
     check_folder(options.out)
     save_analysis(analyse_file(options, options.side), options.out)
 
@@ -195,11 +183,13 @@ def _analyse(options: argparse.Namespace) -> None:
 def _retarget(options: argparse.Namespace) -> None:
     from geodesic_ocp.cli.retarget_command import retarget_file
 
+    check_options(options)
     retarget_file(options)
 
 
 def _demo(options: argparse.Namespace) -> None:
     options.out = options.out or Path("geodesic_ocp_demo")
+    check_options(options)
     check_folder(options.out)
     if options.robot is not None:
         from geodesic_ocp.cli.retarget_command import demo_on_robot

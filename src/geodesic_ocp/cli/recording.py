@@ -13,12 +13,15 @@ from typing import get_args
 
 import numpy as np
 
+from geodesic_ocp.cli.analysis_options import chosen_metric, chosen_segments, filtered
 from geodesic_ocp.cli.interrupts import ProgressBar
+from geodesic_ocp.cli.notes import printed_warnings
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.human_arm import DEFAULT_HEIGHT, DEFAULT_MASS, human_arm
 from geodesic_ocp.synergies.analyse import analyse
 from geodesic_ocp.synergies.analysis import Analysis
+from geodesic_ocp.synergies.plausible import check_plausible
 from geodesic_ocp.synergies.read_motion import read_motion
 from geodesic_ocp.synergies.segmentation.segment import as_threshold
 from geodesic_ocp.trajectory.motion import Motion
@@ -98,12 +101,27 @@ def analyse_motion(
     if mass is None and (mass := motion.subject.mass) is None:
         mass = DEFAULT_MASS
         assumed.append(f"mass {mass} kg")
-    arm = human_arm(side, height, mass)
+    arm = human_arm(side, height, mass, armature=options.armature or 0.0)
     as_threshold(options.threshold)
+    metric = chosen_metric(options, arm)
     start = time.perf_counter()
     try:
-        with closing(ProgressBar()) as bar:
-            analysis = analyse(arm, motion, options.threshold, progress=bar)
+        with printed_warnings(), closing(ProgressBar()) as bar:
+            motion = motion.select(arm.joint_names)
+            check_plausible(arm, motion)
+            motion = filtered(options, motion)
+            analysis = analyse(
+                arm,
+                motion,
+                options.threshold,
+                metric=metric,
+                segments=chosen_segments(options, metric, motion, arm, bar),
+                rest=options.rest_speed,
+                rest_duration=options.rest_duration,
+                min_duration=options.min_duration,
+                hysteresis=options.hysteresis,
+                progress=bar,
+            )
     except ValueError as error:
         raise ValueError(f"{options.file}: {error}") from None
     _summarise(analysis, height, mass, assumed, time.perf_counter() - start)
@@ -122,9 +140,16 @@ def _summarise(
     if assumed:
         print(f"assumed, not in the recording: {', '.join(assumed)}")
     errors = analysis.errors["riemannian"]
+    print(motion.filter or "The recording is taken as it is, without a filter.")
+    print(f"Metric: {analysis.metric_name}.")
+    rule = "" if analysis.threshold is None else f" at a threshold of {analysis.threshold:g} rad"
     print(
-        f"{len(analysis.synergies)} geodesic synergies at a threshold of "
-        f"{analysis.threshold:g} rad explain the joints to {errors.joint:.3f} rad and the hand to "
-        f"{1000 * errors.position:.0f} mm on average (found in {seconds:.1f} s)"
+        f"{len(analysis.synergies)} geodesic synergies{rule} explain the joints to "
+        f"{errors.joint:.3f} rad and the hand to {1000 * errors.position:.0f} mm on average "
+        f"(found in {seconds:.1f} s)"
     )
-    print(f"\nmean errors against the filtered recording\n\n{analysis.table()}")
+    kind = "filtered" if motion.filter else "observed"
+    print(f"\nmean errors against the {kind} recording\n\n{analysis.table()}")
+    if analysis.errors_unfiltered:  # not without a filter
+        table = analysis.table(unfiltered=True)
+        print(f"\nmean errors against the unfiltered recording\n\n{table}")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 
 from geodesic_ocp.cli.interrupts import ProgressBar
+from geodesic_ocp.cli.notes import printed_warnings
 from geodesic_ocp.cli.recording import analyse_bundled, analyse_file, check_folder, save_analysis
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.formats.load_model import load_model
@@ -50,7 +50,7 @@ def _robots(names: Sequence[str], count: int) -> list[Model]:
     if len(names) != count:
         what = "two robots, of the right and of the left arm" if count == 2 else "one robot"
         raise ValueError(f"--robot: {what}, got {', '.join(names)}")
-    with _printed_warnings():
+    with printed_warnings():
         robots = [load_model(name) for name in names]
     for robot in robots:
         alignment(robot)  # raises if there is none
@@ -68,7 +68,7 @@ def _transfer(
         num_starts=options.num_starts,
         rest=options.rest,
     )
-    with _printed_warnings(), closing(ProgressBar()) as bar:
+    with printed_warnings(), closing(ProgressBar()) as bar:
         result = retarget_arms(analyses, robots, settings=settings, progress=bar)
     _summarise(result)
     if options.out is None and options.report:
@@ -80,19 +80,6 @@ def _transfer(
             files.append(report(result, options.out / _REPORT))
         for file in files:
             print(f"wrote {file}")
-
-
-@contextmanager
-def _printed_warnings() -> Iterator[None]:
-    """Print warnings, of the robot's file and of poses out of reach, as lines of text."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("always")
-        warnings.showwarning = _print_warning
-        yield
-
-
-def _print_warning(message: Warning | str, *_: object, **__: object) -> None:
-    print(f"note: {message}")
 
 
 def _summarise(result: Retargeting) -> None:

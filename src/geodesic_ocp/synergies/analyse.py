@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 
-import numpy as np
-
+from geodesic_ocp.errors import GeodesicOcpError
+from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics.euclidean import Euclidean
-from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.as_model import as_model
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.synergies.analysis import Analysis
+from geodesic_ocp.synergies.analysis_metrics import (
+    MetricName,
+    as_analysis_metric,
+    compared_metrics,
+)
+from geodesic_ocp.synergies.as_segments import as_segments
 from geodesic_ocp.synergies.baselines.track_hand import track_hand
+from geodesic_ocp.synergies.plausible import check_plausible
 from geodesic_ocp.synergies.reconstruct import Reconstruction, reconstruct
-from geodesic_ocp.synergies.scores.evaluate import evaluate
+from geodesic_ocp.synergies.scores.evaluate import MotionErrors, evaluate
 from geodesic_ocp.synergies.segmentation.segment import segment
 from geodesic_ocp.synergies.segmentation.segment_zero_velocity import segment_zero_velocity
 from geodesic_ocp.trajectory.motion import Motion
 
-# Recordings exceed the joint limits by tenths; more than this means wrong units [rad or m].
-_FAR_OUTSIDE = 2.0
 Progress = Callable[[str, int, int], object]
 
 
@@ -29,7 +34,17 @@ def no_progress(label: str, done: int, total: int) -> None:
 
 
 def analyse(
-    model: Model, motion: Motion, threshold: float = 0.6, *, progress: Progress | None = None
+    model: Model,
+    motion: Motion,
+    threshold: float = 0.6,
+    *,
+    metric: Metric | MetricName | None = None,
+    segments: Sequence[tuple[int, int]] | None = None,
+    rest: float = 0.02,
+    rest_duration: float = 0.1,
+    min_duration: float = 0.1,
+    hysteresis: float = 0.1,
+    progress: Progress | None = None,
 ) -> Analysis:
     """Cut a recorded motion into geodesic synergies, plan each, and compare with the baselines.
 
@@ -51,37 +66,68 @@ def analyse(
         model: the arm; its joints are selected from the motion by name.
         motion: the recording; filtered here (`Motion.filtered`) if it has no velocities.
         threshold: of the segmentation [rad], see `segment`.
+        metric: in which the motion is cut and planned. None or "joint-inertia": the kinetic energy
+            with the model's joint inertia (`Model.armature`), or, if the model has none, with the
+            default one (`default_joint_inertia`). "kinetic": the kinetic energy of the model as it
+            is, for an arm without armature the paper's metric. "euclidean": straight lines. Or any
+            metric on the model's joints.
+        segments: (start, stop) sample indices from the first sample to the last, as found by
+            `segment_optimal`, in place of those that `segment` finds.
+        rest, rest_duration, min_duration, hysteresis: of the segmentation, see `segment`.
         progress: called with the current step, the amount done, and the total.
 
     Raises:
         ValueError: a joint is missing, jumps or lies far outside its limits, the motion never
-            moves or is too short to filter, or the threshold is out of range.
-        NotConverged: no geodesic was found for a segment.
+            moves or is too short to filter, a number is out of range, the metric is unknown or not
+            on the model's joints, or the segments do not cover the motion.
+        NotConverged: no geodesic of the metric was found for a segment.
+
+    Warns:
+        RuntimeWarning: a metric that is only compared has no geodesic for a segment; see
+            `Analysis.not_found`.
     """
     report = progress or no_progress
     motion = motion.select(as_model(model).joint_names)
-    _check_plausible(model, motion)
+    check_plausible(model, motion)
+    metric = as_analysis_metric(metric, model)
     if motion.velocity is None:
         motion = motion.filtered()
-    metric, flat = KineticEnergy(model), Euclidean(model.dof)
     report("cutting into segments", 0, 1)
-    segments = segment(metric, motion, threshold)
+    if segments is None:
+        cut = segment(
+            metric,
+            motion,
+            threshold,
+            rest=rest,
+            rest_duration=rest_duration,
+            min_duration=min_duration,
+            hysteresis=hysteresis,
+        )
+    else:
+        cut = as_segments(motion, segments)
     zero_velocity_segments = segment_zero_velocity(motion, joints=min(3, model.dof - 1))
-    total = 2 * len(segments) + len(zero_velocity_segments) + 1
+    compared = compared_metrics(metric, model)
+    planned = [("riemannian", metric, cut), *((name, its, cut) for name, its in compared.items())]
+    planned.append(("euclidean", Euclidean(model.dof), zero_velocity_segments))
+    counts = {method: len(its_segments) for method, _, its_segments in planned}
 
-    finished = 0
+    total, finished = sum(counts.values()) + 1, 0
     found: dict[str, Reconstruction] = {}
-    for method, its_metric, its_segments, label in (
-        ("riemannian", metric, segments, "planning geodesics"),
-        ("euclidean", flat, zero_velocity_segments, "planning straight lines"),
-        ("euclidean_same_segments", flat, segments, "planning straight lines"),
-    ):
+    for method, its_metric, its_segments in planned:
+        straight = isinstance(its_metric, Euclidean)
+        label = "planning straight lines" if straight else "planning geodesics"
 
         def advance(done: int, label: str = label, finished: int = finished) -> None:
             report(label, finished + done, total)
 
-        found[method] = reconstruct(its_metric, motion, its_segments, progress=advance)
+        if method in compared:
+            comparison = _reconstruct_or_warn(method, its_metric, motion, its_segments, advance)
+            if comparison is not None:
+                found[method] = comparison
+        else:
+            found[method] = reconstruct(its_metric, motion, its_segments, progress=advance)
         finished += len(its_segments)
+    found.setdefault("euclidean_same_segments", found["riemannian"])
     report("tracking the hand", finished, total)
     predictions = {method: found[method].predicted for method in found}
     predictions["ik"] = track_hand(model, motion)
@@ -89,27 +135,53 @@ def analyse(
     return Analysis(
         model=model,
         motion=motion,
-        threshold=float(threshold),
-        segments=tuple(segments),
+        metric=metric,
+        threshold=float(threshold) if segments is None else None,
+        segments=tuple(cut),
         synergies=found["riemannian"].synergies,
         predicted=found["riemannian"].predicted,
-        segment_counts={method: len(found[method].synergies) for method in found},
+        segment_counts=counts | {method: len(found[method].synergies) for method in found},
         predictions=predictions,
         errors={method: evaluate(model, motion, predictions[method]) for method in predictions},
+        errors_unfiltered=_against_unfiltered(model, motion, predictions),
+        not_found=tuple(method for method in compared if method not in found),
     )
 
 
-def _check_plausible(model: Model, motion: Motion) -> None:
-    """ValueError where a joint is far outside its limits, or jumps: other units, or a spike."""
-    for joint, low, high, q in zip(
-        motion.joint_names, model.lower, model.upper, motion.q.T, strict=True
-    ):
-        outside = np.maximum(low - q, q - high)
-        worst, jump = int(np.argmax(outside)), int(np.argmax(np.abs(np.diff(q))))
-        if outside[worst] > _FAR_OUTSIDE:
-            raise ValueError(
-                f"{joint} is {q[worst]:.6g} at sample {worst}, far outside its limits "
-                f"{low:.3g} to {high:.3g}: another unit, or a spike?"
-            )
-        if abs(q[jump + 1] - q[jump]) > _FAR_OUTSIDE:
-            raise ValueError(f"{joint} jumps from {q[jump]:.6g} to {q[jump + 1]:.6g} at {jump}")
+def _against_unfiltered(
+    model: Model, motion: Motion, predictions: Mapping[str, Motion]
+) -> dict[str, MotionErrors]:
+    """Errors against the coordinates before filtering; empty if they are not known."""
+    if motion.unfiltered is None:
+        return {}
+    observed = Motion(motion.time, motion.unfiltered, motion.joint_names)
+    return {method: evaluate(model, observed, predictions[method]) for method in predictions}
+
+
+def _reconstruct_or_warn(
+    method: str,
+    metric: Metric,
+    motion: Motion,
+    segments: Sequence[tuple[int, int]],
+    progress: Callable[[int], object],
+) -> Reconstruction | None:
+    """The motion in a metric that is compared; None, with a warning, if it cannot be planned."""
+    planned = 0
+
+    def advance(done: int) -> None:
+        nonlocal planned
+        planned = done
+        progress(done)
+
+    try:
+        return reconstruct(metric, motion, segments, progress=advance)
+    except GeodesicOcpError as error:
+        start, stop = segments[planned]
+        warnings.warn(
+            f"{method.replace('_', ' ')}: no geodesic was found for the segment from "
+            f"{motion.time[start]:.3f} to {motion.time[stop]:.3f} s (samples {start} to {stop}), "
+            f"so that it is left out of the comparison: {error}",
+            RuntimeWarning,
+            stacklevel=3,
+        )
+        return None

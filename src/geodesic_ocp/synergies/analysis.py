@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING
 
 from geodesic_ocp.figures import overview
 from geodesic_ocp.figures.new_figure import new_figure, save_figure
+from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.records import write_together
+from geodesic_ocp.synergies.analysis_metrics import joint_inertia_of, method_of
 from geodesic_ocp.synergies.scores.evaluate import MotionErrors
 from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.synergies.synergy_files import save_synergies
@@ -20,12 +22,16 @@ from geodesic_ocp.trajectory.motion import Motion
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_LABELS = {
-    "riemannian": "geodesics (Riemannian)",
-    "euclidean": "straight lines, zero-velocity segments",
+_METRICS = {
+    "kinetic_energy": "kinetic energy",
+    "joint_inertia": "kinetic energy with joint inertia",
     "euclidean_same_segments": "straight lines, same segments",
+}
+_BASELINES = {
+    "euclidean": "straight lines, zero-velocity segments",
     "ik": "inverse kinematics of the hand",
 }
+NOT_FOUND = "not found"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -35,47 +41,91 @@ class Analysis:
     Attributes:
         model: the arm.
         motion: the observed motion, filtered.
-        threshold: of the segmentation [rad].
+        metric: in which the motion was cut and its synergies are geodesics.
+        threshold: of the segmentation [rad]; None if the segments were given.
         segments: (start, stop) sample indices of the geodesic segmentation.
         synergies: one for each segment.
         predicted: the motion that the synergies predict.
         segment_counts: number of segments by method, for the methods that have segments.
         predictions: predicted motion by method.
-        errors: mean errors by method: "riemannian"; "euclidean", straight lines on zero-velocity
-            segments (the paper's comparison); "euclidean_same_segments", straight lines on the
-            geodesic segments (the like-for-like comparison); "ik", inverse kinematics of the hand.
+        errors: mean errors by method, against the filtered motion: "riemannian", geodesics of the
+            metric; on the same segments "kinetic_energy", geodesics without joint inertia,
+            "joint_inertia", with joint inertia, and "euclidean_same_segments", straight lines (the
+            like-for-like comparison); "euclidean", straight lines on zero-velocity segments (the
+            paper's comparison); "ik", inverse kinematics of the hand. The first of these that is
+            the metric itself is left out, unless it is straight lines.
+        errors_unfiltered: the same against the unfiltered motion; empty if it is not known, as
+            `Motion.filtered` was not used.
+        not_found: methods of the comparison that have no geodesic for some segment.
     """
 
     model: Model
     motion: Motion
-    threshold: float
+    metric: Metric
+    threshold: float | None
     segments: tuple[tuple[int, int], ...]
     synergies: tuple[Synergy, ...]
     predicted: Motion
     segment_counts: Mapping[str, int]
     predictions: Mapping[str, Motion]
     errors: Mapping[str, MotionErrors]
+    errors_unfiltered: Mapping[str, MotionErrors]
+    not_found: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         duration = self.motion.time[-1] - self.motion.time[0]
         errors = self.errors["riemannian"]
         return (
             f"Analysis({self.model.name}, {duration:.3f} s, {len(self.synergies)} geodesic "
-            f"synergies at a threshold of {self.threshold:g} rad,\n  {errors})"
+            f"synergies{self._by_rule},\n  {self.metric_name},\n  {errors})"
         )
 
     def _repr_markdown_(self) -> str:
         return self.table().markdown()
 
-    def table(self) -> Table:
-        """Number of segments and mean errors of all methods."""
-        header = ("method", "segments", "joints [rad]", "hand [m]", "hand [rad]")
-        rows = []
-        for method, label in _LABELS.items():
-            errors = self.errors[method]
+    @property
+    def metric_name(self) -> str:
+        """What the metric is, in words; of a metric other than those compared, its class."""
+        inertia = joint_inertia_of(self.metric)
+        name = _METRICS.get(method_of(self.metric), type(self.metric).__name__)
+        return f"{name} {inertia}".removesuffix(", same segments ").strip()
+
+    @property
+    def _by_rule(self) -> str:
+        return "" if self.threshold is None else f" at a threshold of {self.threshold:g} rad"
+
+    def table(self, *, unfiltered: bool = False) -> Table:
+        """Number of segments and mean errors of all methods.
+
+        Args:
+            unfiltered: take the errors against the unfiltered motion (`errors_unfiltered`).
+
+        Raises:
+            ValueError: the unfiltered motion is not known.
+        """
+        if unfiltered and not self.errors_unfiltered:
+            raise ValueError("the unfiltered motion is not known: use Motion.filtered")
+        errors = self.errors_unfiltered if unfiltered else self.errors
+        rows: list[tuple[str | int | float, ...]] = []
+        for method, label in self._labels().items():
             count = self.segment_counts.get(method, "-")
-            rows.append((label, count, errors.joint, errors.position, errors.orientation))
-        return Table(header, tuple(rows))
+            if method in self.not_found:
+                rows.append((label, count, *[NOT_FOUND] * 3))
+            else:
+                values = errors[method]
+                rows.append((label, count, values.joint, values.position, values.orientation))
+        return Table(("method", "segments", "joints [rad]", "hand [m]", "hand [rad]"), tuple(rows))
+
+    def _labels(self) -> dict[str, str]:
+        """Labels of the rows of a table, by method."""
+        own = method_of(self.metric)
+        straight = _METRICS["euclidean_same_segments"]
+        name = _METRICS.get(own, type(self.metric).__name__)
+        labels = {"riemannian": name if name == straight else f"geodesics, {name}"}
+        for method, label in _METRICS.items():
+            if method != own and method in (*self.errors, *self.not_found):
+                labels[method] = label if label == straight else f"geodesics, {label}"
+        return labels | _BASELINES
 
     def plot(self) -> Figure:
         """Hand and three joints over time, observed and predicted, and the path of the hand."""
@@ -95,16 +145,16 @@ class Analysis:
         ]
         overview.draw_overview(figure, time, self.segments, hands, joints)
         figure.suptitle(
-            f"{self.model.name}: {len(self.segments)} geodesic synergies "
-            f"(threshold {self.threshold:g} rad)"
+            f"{self.model.name}: {len(self.segments)} geodesic synergies{self._by_rule}, "
+            f"{self.metric_name}"
         )
         return figure
 
     def save(self, folder: str | FilePath) -> list[FilePath]:
         """Write table.csv, table.md, figure.png, figure.pdf and synergies.json to the folder.
 
-        All are written to a temporary folder first and moved together; `load_synergies` reads the
-        last.
+        With `errors_unfiltered` also table_unfiltered.csv and table_unfiltered.md. All are written
+        to a temporary folder first and moved together; `load_synergies` reads the last.
 
         Returns:
             The files' paths.
@@ -115,8 +165,11 @@ class Analysis:
         return write_together(folder, self._write)
 
     def _write(self, folder: FilePath) -> None:
-        table = self.table()
-        (folder / "table.csv").write_text(table.csv(), encoding="utf-8")
-        (folder / "table.md").write_text(table.markdown(), encoding="utf-8")
+        tables = {"table": self.table()}
+        if self.errors_unfiltered:
+            tables["table_unfiltered"] = self.table(unfiltered=True)
+        for name, table in tables.items():
+            (folder / f"{name}.csv").write_text(table.csv(), encoding="utf-8")
+            (folder / f"{name}.md").write_text(table.markdown(), encoding="utf-8")
         save_figure(self.plot(), folder)
         save_synergies(folder / "synergies.json", self.synergies, self.motion.joint_names)
