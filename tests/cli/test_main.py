@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import json
 import re
 import signal
 import subprocess
@@ -87,6 +88,21 @@ def test_metric_and_joint_inertia_are_options(
             "geodesics, kinetic energy with joint inertia",
             "straight lines, same segments",
         } <= geodesics
+
+
+def test_a_fitted_metric_is_read_from_its_file(
+    short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "metric.json"
+    entry = {"name": "armature", "field": "armature", "joints": [], "value": 0.06}
+    record = {"format": "geodesic_ocp metric", "version": 1, "parameters": [entry]}
+    file.write_text(json.dumps(record | {"metric": "AdjustableKineticEnergy"}))
+    command = ["analyse", str(short_file), "--side", "left", "--metric"]
+    text = printed([*command, str(file)], capsys)
+    assert "Metric: AdjustableKineticEnergy(human left arm, armature 0.06)." in text
+    file.write_text("{}")
+    assert cli.main([*command, str(file)]) == 2
+    assert str(file) in capsys.readouterr().err
 
 
 def test_filters_are_options(short_file: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -143,7 +143,7 @@ def chosen_metric(options: argparse.Namespace, model: Model) -> Metric:
     """The metric that --metric names, for a model that has the armature of --armature.
 
     Raises:
-        ValueError: it is neither a name nor a file with a metric.
+        ValueError: it is neither a name nor a file that `save_metric` wrote.
     """
     name = options.metric
     if name == "joint-inertia" and options.armature is not None:
@@ -154,12 +154,9 @@ def chosen_metric(options: argparse.Namespace, model: Model) -> Metric:
         raise ValueError(
             f"--metric must be {', '.join(METRIC_NAMES)} or a file, and there is no file {name!r}"
         )
-    return _read_metric(Path(name), model)
+    from geodesic_ocp.fitting.metric_file import load_metric  # with a solver, which others save
 
-
-def _read_metric(file: Path, model: Model) -> Metric:
-    """The metric that `geodesic-ocp fit` wrote to a file."""
-    raise ValueError(f"--metric {file}: no metric of {model.name!r} can be read from files yet")
+    return load_metric(name, model)
 
 
 def chosen_segments(

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from geodesic_ocp.figures import overview
+import numpy as np
+
+from geodesic_ocp.figures.analysis_figure import INSTANTS, draw_analysis
+from geodesic_ocp.figures.arm_strip import strip_instants
 from geodesic_ocp.figures.new_figure import new_figure, save_figure
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.stick_figure import stick_figure
 from geodesic_ocp.records import write_together
 from geodesic_ocp.synergies.analysis_metrics import joint_inertia_of, method_of
 from geodesic_ocp.synergies.scores.evaluate import MotionErrors
@@ -20,6 +25,7 @@ from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.motion import Motion
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _METRICS = {
@@ -85,10 +91,9 @@ class Analysis:
 
     @property
     def metric_name(self) -> str:
-        """What the metric is, in words; of a metric other than those compared, its class."""
-        inertia = joint_inertia_of(self.metric)
-        name = _METRICS.get(method_of(self.metric), type(self.metric).__name__)
-        return f"{name} {inertia}".removesuffix(", same segments ").strip()
+        """What the metric is, in words; of a metric other than those compared, its `repr`."""
+        name = _METRICS.get(method_of(self.metric), repr(self.metric))
+        return f"{name} {joint_inertia_of(self.metric)}".removesuffix(", same segments ").strip()
 
     @property
     def _by_rule(self) -> str:
@@ -127,34 +132,55 @@ class Analysis:
                 labels[method] = label if label == straight else f"geodesics, {label}"
         return labels | _BASELINES
 
-    def plot(self) -> Figure:
-        """Hand and three joints over time, observed and predicted, and the path of the hand."""
-        figure = new_figure(11.0, 7.5)
-        time = self.motion.time - self.motion.time[0]
-        hands = (
-            self.model.hand_pose(self.motion.q)[1],
-            self.model.hand_pose(self.predicted.q)[1],
-        )
-        joints = [
+    def plot(self, curve: Callable[[Axes], object] | None = None) -> Figure:
+        """The arm at some instants, errors over time on the same segments, and the hand's path.
+
+        Args:
+            curve: draws the error against the number of synergies into a panel of its own, as
+                `MetricComparison.draw` does; None leaves it out.
+        """
+        model, motion = self.model, self.motion
+        observed = model.hand_pose(motion.q)[1]
+        hands, errors = {}, {}
+        for method, label in self._labels().items():
+            if method not in (*_BASELINES, *self.not_found):
+                q = self.predictions[method].q
+                hands[method] = model.hand_pose(q)[1]
+                distance = np.linalg.norm(hands[method] - observed, axis=1)
+                name = label.removeprefix("geodesics, ").removesuffix(", same segments")
+                errors[name] = np.mean(np.abs(q - motion.q), axis=1), distance
+        instants = strip_instants(self.segments, INSTANTS)
+        figure = new_figure(10.0, 8.4)
+        draw_analysis(
+            figure,
+            motion.time - motion.time[0],
+            self.segments,
+            instants,
             (
-                f"{self.model.joint_names[joint].removesuffix('_joint')}\n[rad]",
-                self.motion.q[:, joint],
-                self.predicted.q[:, joint],
-            )
-            for joint in overview.widest_of_thirds(self.motion.q)
-        ]
-        overview.draw_overview(figure, time, self.segments, hands, joints)
+                stick_figure(model, motion.q[instants]),
+                stick_figure(model, self.predicted.q[instants]),
+            ),
+            (observed, hands["riemannian"]),
+            errors,
+            curve,
+        )
         figure.suptitle(
-            f"{self.model.name}: {len(self.segments)} geodesic synergies{self._by_rule}, "
+            f"{model.name}: {len(self.segments)} geodesic synergies{self._by_rule}, "
             f"{self.metric_name}"
         )
         return figure
 
-    def save(self, folder: str | FilePath) -> list[FilePath]:
+    def save(
+        self, folder: str | FilePath, *, curve: Callable[[Axes], object] | None = None
+    ) -> list[FilePath]:
         """Write table.csv, table.md, figure.png, figure.pdf and synergies.json to the folder.
 
         With `errors_unfiltered` also table_unfiltered.csv and table_unfiltered.md. All are written
         to a temporary folder first and moved together; `load_synergies` reads the last.
+
+        Args:
+            folder: is made if there is none.
+            curve: of the figure, see `plot`.
 
         Returns:
             The files' paths.
@@ -162,14 +188,14 @@ class Analysis:
         Raises:
             OSError: the folder cannot be created or written to.
         """
-        return write_together(folder, self._write)
+        return write_together(folder, partial(self._write, curve))
 
-    def _write(self, folder: FilePath) -> None:
+    def _write(self, curve: Callable[[Axes], object] | None, folder: FilePath) -> None:
         tables = {"table": self.table()}
         if self.errors_unfiltered:
             tables["table_unfiltered"] = self.table(unfiltered=True)
         for name, table in tables.items():
             (folder / f"{name}.csv").write_text(table.csv(), encoding="utf-8")
             (folder / f"{name}.md").write_text(table.markdown(), encoding="utf-8")
-        save_figure(self.plot(), folder)
+        save_figure(self.plot(curve), folder)
         save_synergies(folder / "synergies.json", self.synergies, self.motion.joint_names)
