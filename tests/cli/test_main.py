@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
+from geodesic_ocp.cli import error_curve, recording
 from geodesic_ocp.cli import main as cli
-from geodesic_ocp.cli import recording
 from geodesic_ocp.model.formats import catalogue
 from geodesic_ocp.model.formats.robots import ROBOTS, folder
 
@@ -197,12 +197,24 @@ def test_demo_writes_to_its_default_folder(
         assert options == (0.6,)
         return bundled_analysis
 
+    def compare(*arguments: object, spacing: float, **options: object) -> go.MetricComparison:
+        """Straight lines alone, with few candidates."""
+        model, motion = bundled_analysis.model, bundled_analysis.motion
+        assert arguments == (model, motion)
+        assert spacing == pytest.approx(0.1, rel=0.01)
+        lines = {"straight lines": go.Euclidean(model.dof)}
+        return go.compare_metrics(model, motion, lines, spacing=0.5, thresholds=())
+
     monkeypatch.setattr(recording, "analyse", analyse)
+    monkeypatch.setattr(error_curve, "compare_metrics", compare)
     monkeypatch.chdir(tmp_path)
     assert cli.main(["demo"]) == 0
-    assert "height 1.78 m" in capsys.readouterr().out
+    text = capsys.readouterr().out
+    assert "height 1.78 m" in text
+    assert "mean errors with the cuts of least joint error" in text
     names = sorted(file.name for file in (tmp_path / "geodesic_ocp_demo").iterdir())
-    assert names == ["figure.pdf", "figure.png", "synergies.json", *TABLES]
+    assert names == ["curve", "figure.pdf", "figure.png", "synergies.json", *TABLES]
+    assert (tmp_path / "geodesic_ocp_demo" / "curve" / "table.csv").is_file()
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:

@@ -152,7 +152,7 @@ def test_without_metrics_three_are_compared(arm: go.Model, motion: go.Motion) ->
     result = go.compare_metrics(
         arm, motion, **OPTIONS, progress=lambda label, done, total: seen.append(label)
     )
-    names = ["kinetic energy and joint inertia", "kinetic energy", "straight lines"]
+    names = ["kinetic energy with joint inertia", "kinetic energy", "straight lines"]
     assert list(result.curves) == list(result.online) == names
     assert list(dict.fromkeys(seen)) == [f"{name}: planning segments" for name in names]
     stiff = go.KineticEnergy(arm.with_armature(go.default_joint_inertia(arm)))

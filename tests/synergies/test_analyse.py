@@ -78,20 +78,22 @@ def test_table_shows_all_comparisons(bundled_analysis: go.Analysis) -> None:
 
 
 def test_figure_has_its_panels(bundled_analysis: go.Analysis) -> None:
-    figure = bundled_analysis.plot()
+    figure = bundled_analysis.plot(lambda axes: axes.set_title("curve", loc="right"))
     assert isinstance(figure, Figure)
-    labels = [axes.get_ylabel().replace("\n", " ") for axes in figure.axes]
-    assert len(labels) == 6
-    assert sum(label.startswith("hand") and "[m]" in label for label in labels) == 3
-    joints = [label for label in labels if "[rad]" in label]
-    assert [label[:2] for label in joints] == ["LS", "LE", "LW"]
+    strip, joints, hand, path, curve = figure.axes
+    assert curve.get_title("right") == "curve"
     time = bundled_analysis.motion.time - bundled_analysis.motion.time[0]
     middles = time[np.array(bundled_analysis.segments)].mean(axis=1)
-    for axes in figure.axes[:5]:
-        observed, predicted = axes.get_lines()
-        assert len(observed.get_xdata()) == len(bundled_analysis.motion)
-        assert not np.array_equal(observed.get_ydata(), predicted.get_ydata())
+    wanted = {"riemannian": 0, "kinetic_energy": 1, "euclidean_same_segments": 2}
+    for axes, of, scale in ((joints, "joint", 1.0), (hand, "position", 1000.0)):
+        for method, line in wanted.items():
+            drawn = axes.get_lines()[line].get_ydata()
+            expected = scale * getattr(bundled_analysis.errors[method], of)
+            assert np.mean(drawn) == pytest.approx(expected)
         assert is_shaded(axes, middles).tolist() == [k % 2 == 0 for k in range(middles.size)]
+    assert len(path.get_lines()[0].get_xdata()) == len(bundled_analysis.motion)
+    assert len([text for text in strip.texts if text.get_text().endswith(" s")]) > 5
+    assert len(bundled_analysis.plot().axes) == 4
 
 
 def test_saved_results_can_be_loaded(bundled_analysis: go.Analysis, tmp_path: Path) -> None:

@@ -68,6 +68,11 @@ def _parser() -> argparse.ArgumentParser:
         epilog=_EXIT,
     )
     _add_recording(command, ("right", "left"))
+    command.add_argument(
+        "--curve",
+        action="store_true",
+        help="also compare metrics at equal numbers of synergies, each with its best cuts",
+    )
     add_analysis_options(command)
     command.set_defaults(run=_analyse)
 
@@ -177,7 +182,7 @@ def _add_transfer_options(command: argparse.ArgumentParser) -> None:
 def _analyse(options: argparse.Namespace) -> None:
     check_options(options)
     check_folder(options.out)
-    save_analysis(analyse_file(options, options.side), options.out)
+    save_analysis(analyse_file(options, options.side), options.out, with_curve=options.curve)
 
 
 def _retarget(options: argparse.Namespace) -> None:
@@ -196,7 +201,7 @@ def _demo(options: argparse.Namespace) -> None:
 
         demo_on_robot(options)
         return
-    save_analysis(analyse_bundled(options), options.out)
+    save_analysis(analyse_bundled(options), options.out, with_curve=True)
 
 
 def _solve(options: argparse.Namespace) -> None:

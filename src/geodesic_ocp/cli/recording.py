@@ -14,6 +14,7 @@ from typing import get_args
 import numpy as np
 
 from geodesic_ocp.cli.analysis_options import chosen_metric, chosen_segments, filtered
+from geodesic_ocp.cli.error_curve import error_curve
 from geodesic_ocp.cli.interrupts import ProgressBar
 from geodesic_ocp.cli.notes import printed_warnings
 from geodesic_ocp.errors import RecordingError
@@ -67,11 +68,18 @@ def analyse_bundled(options: argparse.Namespace) -> Analysis:
     return analyse_motion(motion, "left", None, None, options)
 
 
-def save_analysis(analysis: Analysis, folder: Path | None) -> None:
-    """Write the analysis to a folder, if one is given, and print the names of the files."""
+def save_analysis(analysis: Analysis, folder: Path | None, *, with_curve: bool = False) -> None:
+    """Write the analysis to a folder, if one is given, and print the names of the files.
+
+    With the curve of error against number of synergies, which is computed first, if wanted.
+    """
+    comparison = error_curve(analysis) if with_curve else None
     if folder is not None:
+        written = analysis.save(folder, curve=comparison.draw if comparison else None)
+        if comparison is not None:
+            written += comparison.save(folder / "curve")
         print()
-        for file in analysis.save(folder):
+        for file in written:
             print(f"wrote {file}")
 
 

@@ -97,7 +97,7 @@ def compare_metrics(
         motion = motion.filtered()
     if metrics is None:
         metrics = {
-            "kinetic energy and joint inertia": KineticEnergy(with_joint_inertia(model)),
+            "kinetic energy with joint inertia": KineticEnergy(with_joint_inertia(model)),
             "kinetic energy": KineticEnergy(model.with_armature(0.0)),
             "straight lines": Euclidean(model.dof),
         }

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.figures.styles import line_styles
+from geodesic_ocp.figures.styles import COMPARED, line_styles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,12 +18,6 @@ _LABELS = {
     "position": "mean error of the hand's position [m]",
     "orientation": "mean error of the hand's orientation [rad]",
 }
-# Dark blue, orange and green have different lightness; dashes and marks differ, too.
-_STYLES: tuple[dict[str, Any], ...] = (
-    {"color": "#1b3a5c", "linestyle": "-", "linewidth": 2.0, "marker": "o"},
-    {"color": "#e07b00", "linestyle": (0, (5, 2)), "linewidth": 1.7, "marker": "s"},
-    {"color": "#6a9a3a", "linestyle": (0, (1, 1)), "linewidth": 1.9, "marker": "^"},
-)
 _MARKS = "DvPXph*<>"
 _LEAST_SHOWN, _BEYOND = 24, 1.25  # numbers of segments, and a factor beyond the largest mark
 
@@ -77,8 +71,8 @@ def draw_error_curves(
 
 
 def _styles(count: int) -> list[dict[str, Any]]:
-    if count <= len(_STYLES):
-        return list(_STYLES[:count])
+    if count <= len(COMPARED):
+        return list(COMPARED[:count])
     marks = ["o", "s", "^", *_MARKS]
     return [
         {**style, "marker": marks[index % len(marks)]}

@@ -77,4 +77,6 @@ def draw_analysis(
     if curve is not None:
         axes = figure.add_subplot(grid[2, 1])
         curve(axes)
-        axes.set_title("optimal cuts", **_TITLE)
+        if legend := axes.get_legend():
+            legend.remove()  # the lines are those of the errors
+        axes.set_title("best cuts (hollow: online rule)", **_TITLE)

@@ -166,7 +166,7 @@ class Analysis:
         )
         figure.suptitle(
             f"{model.name}: {len(self.segments)} geodesic synergies{self._by_rule}, "
-            f"{self.metric_name}"
+            f"{self.metric_name.replace('^2', '²')}"
         )
         return figure
 
