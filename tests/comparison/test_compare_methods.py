@@ -171,6 +171,10 @@ def test_bad_arguments_are_named(
         go.compare_methods(recordings, metrics(), segments="other")
     with pytest.raises(ValueError, match="segments must be given for each of 3 recordings, got 1"):
         go.compare_methods(recordings, metrics(), segments=[[(0, 60)]])
+    still = go.Motion(TIME, np.ones((61, 2)), ("joint1", "joint2"), np.zeros((61, 2)))
+    resting = go.Recording(recordings[0].model, still, "a rest")
+    with pytest.raises(ValueError, match="a rest: the motion never moves"):
+        go.compare_methods([*recordings, resting], metrics())
     with pytest.raises(ValueError, match=r"score must be one of joint_mean, .*, got 'speed'"):
         comparison.table("speed")
     with pytest.raises(ValueError, match="against must be one of kinetic energy, straight lines"):

@@ -8,7 +8,7 @@ from dataclasses import fields
 from typing import Literal
 
 from geodesic_ocp.comparison.method_comparison import MethodComparison
-from geodesic_ocp.errors import GeodesicOcpError
+from geodesic_ocp.errors import GeodesicOcpError, IntegrationFailed
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.manifold.metrics.euclidean import Euclidean
 from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
@@ -84,7 +84,8 @@ def compare_methods(
 
     Raises:
         ValueError: no recordings or metrics, segments that do not cover their recording, a metric
-            of another dimension, or a threshold that is out of range.
+            of another dimension, a recording that never moves, or a threshold that is out of range.
+        IntegrationFailed: the first metric is singular along a recording, see `segment`.
     """
     recordings = list(recordings)
     if not recordings:
@@ -115,7 +116,7 @@ def compare_methods(
     for recording in recordings:
         report(f"{recording.name}: cutting into segments")
         if segments == "same":
-            cuts.append(segment(metric(methods[0], recording.model), recording.motion, threshold))
+            cuts.append(_cut(metric(methods[0], recording.model), recording, threshold))
     scores: dict[str, list[Scores]] = {method: [] for method in methods}
     failures: list[tuple[str, str, str]] = []
     for recording, pieces in zip(recordings, cuts, strict=True):
@@ -146,6 +147,17 @@ def compare_methods(
 
 
 _UNKNOWN = Scores(**{each.name: float("nan") for each in fields(Scores)})
+
+
+def _cut(metric: Metric, recording: Recording, threshold: float) -> _Segments:
+    """The segments of a recording; errors name it."""
+    try:
+        return segment(metric, recording.motion, threshold)
+    except ValueError as failure:
+        raise ValueError(f"{recording.name}: {failure}") from None
+    except IntegrationFailed as failure:
+        message = f"{recording.name}: {failure}"
+        raise IntegrationFailed(message, failure.time, failure.state) from None
 
 
 def _given_segments(
