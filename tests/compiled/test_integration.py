@@ -91,37 +91,38 @@ def test_errors_of_the_transport_decrease_with_order_8() -> None:
 
 @pytest.mark.usefixtures("compiler")
 def test_norms_along_a_motion_are_kept_with_order_4() -> None:
-    metric, colatitude, samples = Sphere(), 0.8, 5
+    metric, colatitude = Sphere(), 0.8
     assert metric.kernels.available()
-    times = np.linspace(0.0, 4.0, samples)
-    velocity, state = np.tile([0.0, 1.0], (samples, 1)), np.zeros(samples, dtype=np.uint8)
     changes = []
-    for steps in (4, 8, 16):
-        instants = np.linspace(0.0, 4.0, 2 * steps * (samples - 1) + 1)
-        curve = latitude(colatitude, instants)
-        cuts, change, worst = metric.kernels.segment(times, curve, velocity, state, 3.0)
+    for steps in (16, 32, 64):
+        times = np.linspace(0.0, 4.0, 2 * steps + 1)
+        curve, state = latitude(colatitude, times), np.zeros(steps + 1, dtype=np.uint8)
+        cuts, change, worst = metric.kernels.segment(
+            times[::2], curve, curve[::2, 2:], state, 3.0, 0.0, 0.0
+        )
         changes.append(change)
-    assert slope([4, 8, 16], changes) < -3.8
-    assert cuts.tolist() == [1, 0, 0, 0, 1]
-    assert 1 <= worst < samples
+    assert slope([16, 32, 64], changes) < -3.8
+    assert cuts.tolist() == [0.0, 4.0]
+    assert 1 <= worst <= steps
 
 
 @pytest.mark.usefixtures("compiler")
 def test_cuts_are_where_the_velocity_has_turned_from_the_transported_one() -> None:
     metric, colatitude = Sphere(), 0.8
     assert metric.kernels.available()
-    samples, steps = 101, 2
-    times = np.linspace(0.0, 4.0, samples)
-    curve = latitude(colatitude, np.linspace(0.0, 4.0, 2 * steps * (samples - 1) + 1))
-    velocity = np.tile([0.0, 1.0], (samples, 1))
-    state = np.zeros(samples, dtype=np.uint8)
-    cuts, _, _ = metric.kernels.segment(times, curve, velocity, state, 0.5)
-    every = int(np.floor(0.5 / np.cos(colatitude) / 0.04)) + 1
-    assert np.flatnonzero(cuts).tolist() == [*range(0, samples - 1, every), samples - 1]
-    state[40:50] = 2  # a long rest is a segment
-    state[60] = 1  # no velocity to compare with
-    cuts, _, _ = metric.kernels.segment(times, curve, velocity, state, 3.0)
-    assert np.flatnonzero(cuts).tolist() == [0, 40, 50, 100]
+    times = np.linspace(0.0, 4.0, 401)
+    curve, velocity = latitude(colatitude, times), np.tile([0.0, 1.0], (201, 1))
+    state = np.zeros(201, dtype=np.uint8)
+    grid = times[::2]
+    cuts, _, _ = metric.kernels.segment(grid, curve, velocity, state, 0.5, 0.0, 0.0)
+    # The angle grows at the rate cos(colatitude), from the first instant after the cut.
+    every = 0.5 / np.cos(colatitude)
+    assert np.diff(cuts)[0] == pytest.approx(every, abs=1e-4)
+    assert np.all((np.diff(cuts)[1:-1] >= every - 1e-4) & (np.diff(cuts)[1:-1] <= every + 0.02))
+    state[80:100] = 2  # a long rest is a segment
+    state[120] = 1  # no velocity to compare with
+    cuts, _, _ = metric.kernels.segment(grid, curve, velocity, state, 3.0, 0.0, 0.0)
+    assert cuts.tolist() == [0.0, grid[80], grid[100], 4.0]
 
 
 @pytest.mark.parametrize("name", CURVED)
@@ -188,9 +189,16 @@ def test_parallel_transport_agrees_with_the_interpreted_one(
     assert results[0] == pytest.approx(results[1], abs=1e-9)
 
 
-@pytest.mark.parametrize("threshold", [0.3, 0.6, 1.2])
+@pytest.mark.parametrize(
+    ("threshold", "min_duration", "hysteresis"),
+    [(0.3, 0.1, 0.1), (0.6, 0.1, 0.1), (1.2, 0.05, 0.0), (0.6, 0.0, 0.0)],
+)
 def test_segments_are_those_of_the_interpreted_transport(
-    bundled_file: Path, monkeypatch: pytest.MonkeyPatch, threshold: float
+    bundled_file: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    threshold: float,
+    min_duration: float,
+    hysteresis: float,
 ) -> None:
     arm = go.human_arm("left", 1.78)
     motion = go.read_motion(bundled_file, joints=arm.joint_names).filtered()
@@ -200,5 +208,7 @@ def test_segments_are_those_of_the_interpreted_transport(
         metric = go.KineticEnergy(arm)
         if not metric.kernels.available() and choice != "none":
             pytest.skip("needs TinyCC")
-        segments.append(go.segment(metric, motion, threshold=threshold))
+        segments.append(
+            go.segment(metric, motion, threshold, min_duration=min_duration, hysteresis=hysteresis)
+        )
     assert segments[0] == segments[1]

@@ -168,37 +168,46 @@ class Kernels:
         return states, errors
 
     def segment(
-        self, times: Array, curve: Array, velocity: Array, state: np.ndarray, threshold: float
-    ) -> tuple[np.ndarray, float, int]:
-        """Flags (k,) of the samples where a motion is cut, and the error of the transport.
+        self,
+        times: Array,
+        curve: Array,
+        velocity: Array,
+        state: np.ndarray,
+        threshold: float,
+        hysteresis: float,
+        duration: float,
+    ) -> tuple[Array, float, int]:
+        """Times at which an observed motion is cut, its ends included, and the transport's error.
 
-        The error is the largest relative change of the transported vector's norm from one sample to
-        the next, whose index comes last.
+        The error is the largest relative change of a transported vector's norm over one step; the
+        index of the time at which that step ends comes last.
 
         Args:
-            times, velocity: of the samples, (k,) and (k, n).
-            curve: ((k - 1) 2 m + 1, 2 n), positions and velocities at the samples and 2 m - 1
-                equidistant times between each and the next, for m steps of the transport.
-            state: (k,) of unsigned bytes: 0 moving, 1 at rest, 2 in a long rest.
-            threshold: largest angle [rad].
+            times: (m,) [s], increasing.
+            curve: (2 m - 1, 2 n), positions and velocities at the times and halfway between each
+                and the next.
+            velocity: observed at the times (m, n).
+            state: (m,) of unsigned bytes: 0 moving, 1 at rest, 2 in a long rest.
+            threshold, hysteresis, duration: of the rule [rad], [rad], [s], see `go.segment`.
         """
         times, curve, velocity = map(np.ascontiguousarray, (times, curve, velocity))
-        cuts = np.zeros(times.size, dtype=np.uint8)
+        cuts = np.empty(times.size)
         change, worst = c_double(), c_long()
-        self._call(
+        count = self._call(
             "segment_motion",
             c_long(times.size),
             _pointer(times),
             _pointer(curve),
-            c_long((len(curve) - 1) // (2 * (times.size - 1))),
             _pointer(velocity),
             c_void_p(state.ctypes.data),
             c_double(threshold),
-            c_void_p(cuts.ctypes.data),
+            c_double(hysteresis),
+            c_double(duration),
+            _pointer(cuts),
             byref(change),
             byref(worst),
         )
-        return cuts, change.value, worst.value
+        return cuts[:count], change.value, worst.value
 
     def log_map(
         self,

@@ -7,16 +7,24 @@ from itertools import pairwise
 
 import numpy as np
 
-from geodesic_ocp.arrays import Array, as_positive, evaluate
+from geodesic_ocp.arrays import Array, as_number, as_positive
 from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.manifold.metric import Metric, has_compiled_code
 from geodesic_ocp.synergies.observed_velocity import moving_velocity, speeds
+from geodesic_ocp.synergies.segmentation.between_samples import (
+    nearest_samples,
+    parts_of_steps,
+    times_between,
+    velocity_between,
+)
+from geodesic_ocp.synergies.segmentation.cuts_by_transport import cuts_by_transport
+from geodesic_ocp.synergies.segmentation.rests import rest_level, states
 from geodesic_ocp.trajectory.motion import Motion
+from geodesic_ocp.trajectory.path import speeds_at
 
 # Angles to the transported velocity are compared to a threshold of tenths of a radian.
 _TRANSPORT_TOLERANCE = 1e-6
-_MAX_STEPS = 64  # between two samples
-_MOVING, _AT_REST, _IN_LONG_REST = range(3)  # states of a sample
+_MOST_PARTS = 256  # of a step between two samples
 
 
 def segment(
@@ -26,6 +34,8 @@ def segment(
     *,
     rest: float = 0.02,
     rest_duration: float = 0.1,
+    min_duration: float = 0.1,
+    hysteresis: float = 0.1,
 ) -> list[tuple[int, int]]:
     """Cut a motion where it deviates from the geodesic on which the segment started.
 
@@ -34,125 +44,93 @@ def segment(
     Meixner, Asfour 2022, section III). Along a geodesic this angle stays zero: a geodesic
     parallel-transports its own velocity.
 
-    At rest the direction of the velocity is noise. The arm rests where its speed |q'|_G is below
-    `rest` times the largest speed of the motion. A rest of `rest_duration` or longer is a segment
-    of its own, from its first sample to the first that moves. A shorter one is not cut, and a
-    segment that starts in one takes its direction from the first sample that moves.
+    The motion is followed between its samples, in steps of at most 5 ms, and noise is kept from
+    cutting, so that the cuts do not depend on the sampling rate:
 
-    >>> import geodesic_ocp as go
-    >>> from importlib.resources import files
-    >>> arm = go.human_arm("left", height=1.78)
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
-    >>> go.segment(go.KineticEnergy(arm), motion.filtered(), threshold=0.6)[:4]
-    [(0, 48), (48, 57), (57, 66), (66, 69)]
+    - A segment's reference is the velocity at the steadiest instant of its first `min_duration`:
+      where it turns most slowly. The first instant itself is often in the middle of a turn.
+    - The motion deviates from the moment at which the angle rises above the threshold, if it then
+      exceeds threshold + hysteresis before falling below the threshold again.
+    - That moment is a cut if segments on both of its sides last at least `min_duration`. Otherwise
+      the turn belongs to the beginning or end of a segment, and only the reference is taken anew.
+
+    At rest the direction of the velocity is noise. The arm rests where its speed |q'|_G is below
+    `rest` times the largest speed of the motion, or below twice the speed of the noise, where the
+    filter has measured it. A rest of `rest_duration` or longer is a segment of its own. In a
+    shorter one there is no cut and no reference.
+
+    With `min_duration=0` and `hysteresis=0` this is the rule of Klein et al.: every crossing of the
+    threshold is a cut, and the velocity there the reference. The rule looks ahead by at most
+    `min_duration` or, for a rest, `rest_duration`.
+
+    >>> import numpy as np, geodesic_ocp as go
+    >>> time = np.arange(200) / 100.0
+    >>> corner = go.Motion(time, np.column_stack([time, np.maximum(time - 1.0, 0.0)]), ("x", "y"))
+    >>> go.segment(go.Euclidean(2), corner.filtered(cutoff=6.0))
+    [(0, 101), (101, 199)]
 
     Args:
         metric: whose transport and angles are used, of the motion's dimension.
         motion: with velocities, see `Motion.filtered`.
         threshold: largest angle [rad], in (0, pi).
-        rest: fraction of the largest speed below which the arm rests, in [0, 1).
+        rest: fraction of the largest speed below which the arm rests, in [0, 1); 0 for no rests.
         rest_duration: of the shortest rest that is a segment [s].
+        min_duration: of the shortest segment that is not a rest [s], 0 for any.
+        hysteresis: by which the angle must exceed the threshold [rad], not negative.
 
     Returns:
         (start, stop) sample indices of every segment; each starts at the sample where the one
-        before stopped, and the last one stops at the last sample.
+        before stopped, the nearest to the cut, and the last one stops at the last sample.
 
     Raises:
         ValueError: the motion has no velocities, never moves or is not of the metric's dimension;
             or a number is out of range.
+        IntegrationFailed: the metric is singular or not defined somewhere along the motion.
     """
     threshold = as_threshold(threshold)
     if not 0.0 <= rest < 1.0:
         raise ValueError(f"rest must be in [0, 1), got {rest}")
     rest_duration = as_positive("rest_duration", rest_duration, "s")
+    min_duration = _not_negative("min_duration", min_duration, "s")
+    hysteresis = _not_negative("hysteresis", hysteresis, "rad")
     velocity = moving_velocity(motion)
-    speed = speeds(metric, motion)
-    at_rest = speed <= rest * speed.max()
-    in_long_rest = _in_long_rest(at_rest, motion.time, rest_duration)
-
-    state = np.where(in_long_rest, 2, at_rest).astype(np.uint8)
-    return list(pairwise(_cuts(metric, motion, velocity, state, threshold)))
+    level = rest_level(metric, motion, speeds(metric, motion), rest)
+    rule = (threshold, hysteresis, min_duration)
+    cuts = _cuts(metric, motion, velocity, level, rest_duration, rule)
+    return list(pairwise(nearest_samples(motion, cuts)))
 
 
 def _cuts(
-    metric: Metric, motion: Motion, velocity: Array, state: np.ndarray, threshold: float
-) -> list[int]:
-    """Samples at which the motion is cut, with as many steps between two as the transport needs.
-
-    `state` (k,) of a sample is one of _MOVING, _AT_REST and _IN_LONG_REST.
-    """
-    cuts = metric.kernels.segment if has_compiled_code(metric) else partial(_flags, metric)
-    steps = 1
-    while True:
-        fractions = np.arange(2 * steps) / (2 * steps)
-        between = motion.time[:-1, None] + fractions * np.diff(motion.time)[:, None]
-        times = np.append(between.ravel(), motion.time[-1])
-        curve = np.hstack([motion(times), motion(times, 1)])
-        flags, error, worst = cuts(motion.time, curve, velocity, state, threshold)
-        if error <= _TRANSPORT_TOLERANCE:
-            return np.flatnonzero(flags).tolist()
-        if not np.isfinite(error) or steps >= _MAX_STEPS:
-            raise IntegrationFailed(
-                f"parallel transport: from t = {motion.time[worst - 1]:.6g} to "
-                f"{motion.time[worst]:.6g} s its error is {error:.1e} with {steps} steps, not "
-                f"{_TRANSPORT_TOLERANCE:.0e}: the metric is singular or not defined there",
-                float(motion.time[worst - 1]),
-            )
-        steps *= 2
-
-
-def _flags(
     metric: Metric,
-    time: Array,
-    curve: Array,
+    motion: Motion,
     velocity: Array,
-    state: np.ndarray,
-    threshold: float,
-) -> tuple[np.ndarray, float, int]:
-    """Interpreted, what `Kernels.segment` does."""
-    count, n = velocity.shape
-    steps = (len(curve) - 1) // (2 * (count - 1))
-    tensors = evaluate(metric._matrix_function.map(count), curve[:: 2 * steps, :n].T)
-    tensors = tensors.reshape(n, count, n).swapaxes(0, 1)
-    flags, change, worst = np.zeros(count, dtype=np.uint8), 0.0, 0
-    flags[[0, -1]] = 1
-    transported: Array | None = None
-    norm = 0.0
-    for k in range(count):
-        if state[k] == _IN_LONG_REST:
-            flags[k] |= k == 0 or state[k - 1] != _IN_LONG_REST
-            transported = None
-            continue
-        if k > 0 and state[k - 1] == _IN_LONG_REST:
-            flags[k] = 1
-        elif transported is not None:
-            size = (time[k] - time[k - 1]) / steps
-            for part in range(2 * steps * (k - 1), 2 * steps * k, 2):
-                points = curve[part : part + 3].T
-                transported = metric.transport_step(transported, points, size).full()[:, 0]
-            now = _norm(tensors[k], transported)
-            relative = abs(now - norm) / norm
-            if not (relative <= change or np.isnan(change)):
-                change, worst = relative, k
-            norm = now
-        if state[k] == _AT_REST:
-            continue
-        if transported is not None and _angle(tensors[k], transported, velocity[k]) > threshold:
-            flags[k], transported = 1, None
-        if transported is None:
-            transported = velocity[k]
-            norm = _norm(tensors[k], transported)
-    return flags, change, worst
-
-
-def _norm(tensor: Array, v: Array) -> float:
-    return float(np.sqrt(v @ tensor @ v))
-
-
-def _angle(tensor: Array, u: Array, v: Array) -> float:
-    """As in `Metric.angle`, with NaN where the metric is not defined."""
-    unit_u, unit_v = u / _norm(tensor, u), v / _norm(tensor, v)
-    return float(2.0 * np.arctan2(_norm(tensor, unit_u - unit_v), _norm(tensor, unit_u + unit_v)))
+    level: float,
+    rest_duration: float,
+    rule: tuple[float, float, float],
+) -> Array:
+    """Times of the cuts, with as many steps between two samples as the transport needs."""
+    cut = (
+        metric.kernels.segment if has_compiled_code(metric) else partial(cuts_by_transport, metric)
+    )
+    parts = parts_of_steps(motion)
+    while True:
+        times = times_between(motion, 2 * parts)
+        curve = np.hstack([motion(times), motion(times, 1)])
+        observed = velocity_between(motion, velocity, times[::2])
+        speed = speeds_at(metric, curve[::2, : metric.dim], observed)
+        state = states(times[::2], speed, level, rest_duration)
+        cuts, error, worst = cut(times[::2], curve, observed, state, *rule)
+        if error <= _TRANSPORT_TOLERANCE:
+            return cuts
+        if not np.isfinite(error) or parts >= _MOST_PARTS:
+            start, stop = times[2 * worst - 2], times[2 * worst]
+            raise IntegrationFailed(
+                f"parallel transport: from t = {start:.6g} to {stop:.6g} s its error is "
+                f"{error:.1e}, not {_TRANSPORT_TOLERANCE:.0e}: the metric is singular or not "
+                "defined there",
+                float(start),
+            )
+        parts *= 2
 
 
 def as_threshold(threshold: float) -> float:
@@ -163,11 +141,8 @@ def as_threshold(threshold: float) -> float:
     return threshold
 
 
-def _in_long_rest(at_rest: np.ndarray, time: Array, rest_duration: float) -> np.ndarray:
-    """Flags (k,) of the samples in rests of at least this duration [s]."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], at_rest.astype(int), [0]])))
-    result = np.zeros(at_rest.size, dtype=bool)
-    for first, after in edges.reshape(-1, 2):
-        if time[min(after, time.size - 1)] - time[first] >= rest_duration:
-            result[first:after] = True
-    return result
+def _not_negative(name: str, value: float, unit: str) -> float:
+    number = as_number(name, value)
+    if number < 0.0:
+        raise ValueError(f"{name} must not be negative [{unit}], got {value}")
+    return number

@@ -8,6 +8,12 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.synergies.observed_velocity import moving_velocity
+from geodesic_ocp.synergies.segmentation.between_samples import (
+    nearest_samples,
+    parts_of_steps,
+    times_between,
+    velocity_between,
+)
 from geodesic_ocp.trajectory.motion import Motion
 
 
@@ -18,7 +24,8 @@ def segment_zero_velocity(
 
     A segment starts where more than `joints` joint velocities cross zero within `window` [s], at
     the sample nearest to the mean time of these crossings (after Fod, Mataric, Jenkins, "Automated
-    derivation of primitives for movement classification", Autonomous Robots 12, 2002).
+    derivation of primitives for movement classification", Autonomous Robots 12, 2002). Crossings
+    are located between the samples, so that the cuts hardly depend on the sampling rate.
 
     Returns:
         (start, stop) sample indices as from `segment`.
@@ -29,21 +36,22 @@ def segment_zero_velocity(
     if joints < 0 or joints >= len(motion.joint_names):
         raise ValueError(f"joints must be 0 to {len(motion.joint_names) - 1}, got {joints}")
     window = as_positive("window", window, "s")
+    times = times_between(motion, parts_of_steps(motion))
+    observed = velocity_between(motion, moving_velocity(motion), times)
     crossings = sorted(
         (time, joint)
-        for joint, velocity in enumerate(moving_velocity(motion).T)
-        for time in _zero_crossings(motion.time, velocity)
+        for joint, velocity in enumerate(observed.T)
+        for time in _zero_crossings(times, velocity)
     )
-    cuts, after = {0, len(motion) - 1}, -np.inf
+    cuts, after = [motion.time[0], motion.time[-1]], -np.inf
     for start, _ in crossings:
         if start <= after:
             continue
         group = [(time, joint) for time, joint in crossings if start <= time <= start + window]
         if len({joint for _, joint in group}) > joints:
-            mean_time = float(np.mean([time for time, _ in group]))
-            cuts.add(int(np.argmin(np.abs(motion.time - mean_time))))
+            cuts.append(float(np.mean([time for time, _ in group])))
             after = start + window
-    return list(pairwise(sorted(cuts)))
+    return list(pairwise(nearest_samples(motion, np.array(cuts))))
 
 
 def _zero_crossings(time: Array, velocity: Array) -> list[float]:
