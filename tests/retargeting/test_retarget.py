@@ -31,7 +31,7 @@ def analysis(bundled_file: Path) -> go.Analysis:
         motion.joint_names,
         motion.velocity[reach],  # type: ignore[index]
     )
-    return go.analyse(go.human_arm("left", 1.78), cut)
+    return go.analyse(go.human_arm("left", 1.78), cut, metric="kinetic")
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ def test_synergies_are_saved_and_loaded(bundled_analysis: go.Analysis, tmp_path:
     record = json.loads(file.read_text())
     assert record["segments"] == [list(segment) for segment in bundled_analysis.segments[:3]]
     assert record["joint_names"] == list(joint_names)
-    loaded = go.load_synergies(file, go.KineticEnergy(bundled_analysis.model))
+    loaded = go.load_synergies(file, bundled_analysis.metric)
     for before, after in zip(synergies, loaded, strict=True):
         t = np.linspace(before.start_time, before.start_time + before.duration, 9)
         assert np.array_equal(before(t), after(t))
