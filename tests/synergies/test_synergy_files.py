@@ -26,6 +26,14 @@ def test_synergies_are_saved_and_loaded(bundled_analysis: go.Analysis, tmp_path:
         assert (before.start, before.stop, before.length) == (after.start, after.stop, after.length)
 
 
+def test_another_metric_is_noticed(bundled_analysis: go.Analysis, tmp_path: Path) -> None:
+    """Such as the kinetic energy without the joint inertia in which the synergies were found."""
+    file = tmp_path / "synergies.json"
+    go.save_synergies(file, bundled_analysis.synergies, bundled_analysis.motion.joint_names)
+    with pytest.raises(go.RecordingError, match=r"in this metric, not .*: it was saved in another"):
+        go.load_synergies(file, go.KineticEnergy(bundled_analysis.model))
+
+
 def test_bad_files_are_named(bundled_analysis: go.Analysis, tmp_path: Path) -> None:
     metric, motion = go.KineticEnergy(bundled_analysis.model), bundled_analysis.motion
     file = tmp_path / "synergies.json"

@@ -19,6 +19,7 @@ from geodesic_ocp.trajectory.time_law import TimeLaw
 
 _FORMAT = "geodesic_ocp synergies"
 _VERSION = 1
+_SAME_LENGTH = 1e-6  # quadrature of the same path in the same metric
 
 
 def save_synergies(
@@ -63,10 +64,11 @@ def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
 
     Args:
         file: the JSON file.
-        metric: of the paths; the file does not contain it.
+        metric: of the paths, such as `Analysis.metric`; the file does not contain it.
 
     Raises:
-        RecordingError: the file is missing, is not such a file, or does not fit the metric.
+        RecordingError: the file is missing, is not such a file, or does not fit the metric, in
+            which its paths must have the lengths that were saved.
     """
     path = FilePath(file)
     record = read_record(path, _FORMAT, _VERSION, "synergies")
@@ -85,10 +87,17 @@ def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
 def _decode(entry: dict[str, Any], metric: Metric) -> Synergy:
     path, law = entry["path"], entry["law"]
     grid = Grid(path["segments"], path["degree"], path["ends"] and tuple(path["ends"]))
-    return Synergy(
+    synergy = Synergy(
         int(entry["start"]),
         int(entry["stop"]),
         float(entry["start_time"]),
         Path(metric, grid, np.array(path["nodes"])),
         TimeLaw(*(np.array(law[name], dtype=float) for name in ("knots", "positions", "speeds"))),
     )
+    length = synergy.path.length
+    if not np.isclose(length, synergy.length, rtol=_SAME_LENGTH, atol=_SAME_LENGTH):
+        raise ValueError(
+            f"the synergy of samples {synergy.start} to {synergy.stop} has the length "
+            f"{length:.6g} in this metric, not {synergy.length:.6g}: it was saved in another"
+        )
+    return synergy
