@@ -35,6 +35,7 @@ __all__ = [
     "Model",
     "Motion",
     "MotionErrors",
+    "MotionFilter",
     "NotConverged",
     "OptimalSegmentations",
     "PairedTest",
@@ -215,6 +216,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.table import Table
     from geodesic_ocp.trajectory.grid import Grid
     from geodesic_ocp.trajectory.motion import Motion, Subject
+    from geodesic_ocp.trajectory.motion_filter import MotionFilter
     from geodesic_ocp.trajectory.path import Path
     from geodesic_ocp.trajectory.time_law import TimeLaw, time_law
 
@@ -300,6 +302,7 @@ else:
         "table": "Table",
         "trajectory.grid": "Grid",
         "trajectory.motion": "Motion Subject",
+        "trajectory.motion_filter": "MotionFilter",
         "trajectory.path": "Path",
         "trajectory.time_law": "TimeLaw time_law",
     }

@@ -55,7 +55,9 @@ class MetricFunctions(ABC):
 
     def _energy(self, q: ca.SX, v: ca.SX) -> ca.SX:
         """Half of the squared norm, v' G(q) v / 2, for symbols q and v."""
-        return ca.dot(v, self._matrix_function(q) @ v) / 2
+        # Not through a function of q, as the parameters of a metric may be symbols as well.
+        tensor = as_expression(f"{type(self).__name__}.matrix(q)", self.matrix(q))
+        return ca.dot(v, tensor @ v) / 2
 
     @cached_property
     def energy_density(self) -> ca.Function:

@@ -14,6 +14,7 @@ import casadi as ca
 import pinocchio as pin
 
 from geodesic_ocp.model.joints import motion_subspace
+from geodesic_ocp.model.link_energies import link_energies
 from geodesic_ocp.model.placements import (
     Placement,
     constant,
@@ -94,22 +95,10 @@ def mass_matrix(model: pin.Model, q: ca.SX) -> ca.SX:
 def kinetic_energy(model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
     """Kinetic energy v' G(q) v / 2, (1, 1) [J], at joint velocities v (nv, 1).
 
-    Summed over the bodies, with their velocities in body coordinates; armature is included.
+    Summed over the links, with their velocities in body coordinates; armature is included.
     """
-    placements = joint_placements(model, q)
-    linear, angular = [ca.SX.zeros(3)], [ca.SX.zeros(3)]  # of the origins of the bodies
-    doubled = ca.dot(constant(model.armature), v**2)
-    for index in range(1, model.njoints):
-        placement, parent = placements[index], model.parents[index]
-        body, rate = model.inertias[index], v[model.joints[index].idx_v]
-        into_body, (slide, turn) = placement.rotation.T, _axis(model, index)
-        at_joint = linear[parent] + ca.cross(angular[parent], placement.translation)
-        linear.append(into_body @ at_joint + slide * rate)
-        angular.append(into_body @ angular[parent] + turn * rate)
-        centre = linear[index] + ca.cross(angular[index], constant(body.lever))
-        doubled += body.mass * ca.sumsqr(centre)
-        doubled += ca.dot(angular[index], constant(body.inertia) @ angular[index])
-    return ca.cse(ca.densify(doubled / 2))
+    of_links = ca.sum1(ca.sum2(link_energies(model, q, v)))
+    return ca.cse(ca.densify(of_links + ca.dot(constant(model.armature), v**2) / 2))
 
 
 def coriolis_force(model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:

@@ -1,0 +1,1 @@
+"""The metric that explains recorded motions best."""

@@ -1,0 +1,148 @@
+"""The least error of a fit as a function of one parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.figures.new_figure import new_figure
+from geodesic_ocp.figures.styles import OBSERVED
+from geodesic_ocp.fitting.metric_fit import MetricFit
+from geodesic_ocp.table import Table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_RANGE, _COUNT = 10.0, 13
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ErrorProfile:
+    """Least errors at fixed values of one parameter, all others estimated anew at each.
+
+    Attributes:
+        name, unit: of the parameter.
+        values: increasing (k,).
+        errors: root mean square error of each recording (k, recordings), in `error_unit`.
+        error_unit: "rad" or "m".
+        estimate: of the parameter.
+        recordings: their names.
+    """
+
+    name: str
+    unit: str
+    values: Array
+    errors: Array
+    error_unit: str
+    estimate: float
+    recordings: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return (
+            f"ErrorProfile({self.name} from {self.values[0]:.3g} to {self.values[-1]:.3g} "
+            f"{self.unit}, least error at {self.estimate:.4g})"
+        )
+
+    @property
+    def mean(self) -> Array:
+        """Root of the mean over the recordings of the squared errors, (k,)."""
+        return np.asarray(np.sqrt(np.mean(self.errors**2, axis=1)))
+
+    def table(self) -> Table:
+        """Value, mean error, and the error of every recording."""
+        unit = f" [{self.unit}]" if self.unit else ""
+        header = (f"{self.name}{unit}", f"rms error [{self.error_unit}]", *self.recordings)
+        rows = zip(self.values.tolist(), self.mean.tolist(), self.errors.tolist(), strict=True)
+        return Table(header, tuple((value, mean, *each) for value, mean, each in rows))
+
+    def draw(self, axes: Axes) -> None:
+        """Draw the curves of the recordings and of their mean."""
+        for number, each in enumerate(self.errors.T):
+            label = "single recordings" if number == 0 else None
+            axes.plot(self.values, each, color="0.65", linewidth=1.0, label=label)
+        axes.plot(self.values, self.mean, **OBSERVED, marker="o", markersize=4, label="all")
+        label = f"estimate {self.estimate:.3g}"
+        axes.axvline(self.estimate, color="0.2", linestyle=":", linewidth=1.3, label=label)
+        axes.set_xscale("log")
+        axes.set_ylim(bottom=0.0)
+        unit = {"m r^2": " [$m r^2$]", "kg m^2": " [kg m$^2$]"}.get(self.unit, f" [{self.unit}]")
+        axes.set_xlabel(self.name.replace("_", " ") + (unit if self.unit else ""))
+        axes.set_ylabel(f"rms error [{self.error_unit}]")
+        axes.legend()
+
+    def plot(self) -> Figure:
+        """The curves in a new figure."""
+        figure = new_figure(6.5, 4.2)
+        self.draw(figure.add_subplot())
+        return figure
+
+
+def error_profile(
+    fit: MetricFit,
+    name: str | None = None,
+    values: ArrayLike | None = None,
+    *,
+    progress: Callable[[str, int, int], object] | None = None,
+) -> ErrorProfile:
+    """Least error of a fit as a function of one parameter, with all others estimated anew.
+
+    Args:
+        fit: whose recordings and cuts are used.
+        name: of the parameter; None: the first.
+        values: at which it is fixed; None: 13 from a tenth to ten times the estimate.
+        progress: called with the current step, the amount done, and the total.
+
+    Raises:
+        ValueError: no such parameter, or values out of its bounds.
+        NotConverged: Ipopt did not find a solution at one of the values.
+    """
+    names = [each.name for each in fit.estimates]
+    wanted = names[0] if name is None else name
+    if wanted not in names:
+        raise ValueError(f"there is no parameter {wanted!r}; there are {', '.join(names)}")
+    index = names.index(wanted)
+    parameter, estimate = fit.parameters[index], fit.estimates[index]
+    if values is None:
+        spread = np.geomspace(1.0 / _RANGE, _RANGE, _COUNT)
+        smallest = max(parameter.lower, 1e-6 * parameter.start)
+        grid = np.unique(np.clip(estimate.value * spread, smallest, parameter.upper))
+    else:
+        grid = np.unique(np.asarray(values, dtype=float))
+        if not grid.size or grid[0] < parameter.lower or grid[-1] > parameter.upper:
+            raise ValueError(
+                f"values of {wanted} must be between {parameter.lower:g} and {parameter.upper:g}, "
+                f"got {values!r}"
+            )
+    weights = np.ones(len(fit.recordings))
+    middle = int(np.argmin(np.abs(grid - estimate.value)))
+    squares = np.empty((grid.size, weights.size))
+    done = 0
+    for order in (range(middle, grid.size), range(middle - 1, -1, -1)):
+        near = fit.outcome
+        for number in order:
+            if progress is not None:
+                progress(f"profile of {wanted}", done, grid.size)
+            near = fit.program.solve(weights, near, {index: float(grid[number])})
+            if not near.success:
+                raise NotConverged(f"{wanted} = {grid[number]:.4g}: {near.status}", near)
+            squares[number] = fit.program.mean_squares(near.x)
+            done += 1
+    part = fit.program.parts[0]
+    joint = part.functions.measure == "joint"
+    scale = part.deviation**2 / (part.functions.dim if joint else 1)
+    return ErrorProfile(
+        wanted,
+        estimate.unit,
+        grid,
+        np.sqrt(scale * squares),
+        "rad" if joint else "m",
+        estimate.value,
+        tuple(each.name for each in fit.recordings),
+    )

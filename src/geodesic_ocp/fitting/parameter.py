@@ -1,0 +1,109 @@
+"""Parameters of a metric that are estimated from recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from fnmatch import fnmatchcase
+from typing import Any
+
+import numpy as np
+
+from geodesic_ocp.arrays import as_number
+from geodesic_ocp.manifold.metric import Metric
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter to be estimated: a field of a metric, or some entries of it.
+
+    >>> import geodesic_ocp as go
+    >>> go.Parameter("armature", 0.05, joints=("?S?_joint",)).name  # the three shoulder joints
+    'armature ?S?_joint'
+
+    Attributes:
+        field: of the metric, such as "armature".
+        start: initial value, positive; it also sets the scale.
+        lower, upper: bounds.
+        joints: for a field with one entry a joint, patterns of the names of the joints that share
+            this value ("?E*" matches RExr_joint and LEx_joint); empty: all joints.
+        name: for tables; by default the field and the joints.
+
+    Raises:
+        ValueError: the start is not positive, or not between the bounds.
+    """
+
+    field: str
+    start: float
+    lower: float = 0.0
+    upper: float = np.inf
+    joints: tuple[str, ...] = ()
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        start = as_number(f"start of {self.field}", self.start)
+        if not (start > 0.0 and self.lower <= start <= self.upper):
+            raise ValueError(
+                f"start of {self.field} must be positive and between its bounds {self.lower:g} and "
+                f"{self.upper:g}, got {start:g}"
+            )
+        object.__setattr__(self, "joints", tuple(self.joints))
+        default = " ".join((self.field, *self.joints))
+        object.__setattr__(self, "name", self.name or default)
+
+
+def as_parameters(parameters: Any) -> tuple[Parameter, ...]:
+    """The argument as a tuple; ValueError if it is empty or two parameters share a name."""
+    listed = (parameters,) if isinstance(parameters, Parameter) else tuple(parameters)
+    if not listed or not all(isinstance(each, Parameter) for each in listed):
+        raise ValueError(f"parameters must be one or more of go.Parameter, got {parameters!r}")
+    names = [each.name for each in listed]
+    if len(set(names)) < len(names):
+        raise ValueError(f"parameters must have different names, got {', '.join(names)}")
+    return listed
+
+
+def with_parameters(metric: Metric, parameters: Sequence[Parameter], values: Any) -> Metric:
+    """The metric with these values, numbers or CasADi expressions, of its parameters.
+
+    Raises:
+        ValueError: the metric is not a dataclass, it has no such field, or no joint matches.
+    """
+    record: Any = metric
+    if not is_dataclass(record):
+        raise ValueError(f"{type(metric).__name__} must be a dataclass, its fields the parameters")
+    known = [each.name for each in fields(record) if each.init]
+    changed: dict[str, Any] = {}
+    for index, parameter in enumerate(parameters):
+        if parameter.field not in known:
+            raise ValueError(
+                f"{type(metric).__name__} has no field {parameter.field!r}; it has "
+                f"{', '.join(known)}"
+            )
+        value = changed.get(parameter.field, getattr(metric, parameter.field))
+        if np.ndim(value) == 0 and not parameter.joints:
+            changed[parameter.field] = values[index]
+            continue
+        entries = list(value)
+        chosen = _matching(parameter, metric.joint_names or (), len(entries))
+        for entry in chosen:
+            entries[entry] = values[index]
+        changed[parameter.field] = tuple(entries)
+    changed_metric: Metric = replace(record, **changed)
+    return changed_metric
+
+
+def _matching(parameter: Parameter, joint_names: Sequence[str], count: int) -> list[int]:
+    """Indices of the joints that share a parameter's value; ValueError if a pattern has none."""
+    if not parameter.joints:
+        return list(range(count))
+    chosen = []
+    for pattern in parameter.joints:
+        found = [k for k, name in enumerate(joint_names) if fnmatchcase(name, pattern)]
+        if not found:
+            raise ValueError(
+                f"{parameter.name}: no joint matches {pattern!r}; there are "
+                f"{', '.join(joint_names)}"
+            )
+        chosen += found
+    return chosen

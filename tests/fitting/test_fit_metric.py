@@ -1,0 +1,251 @@
+"""Fitted parameters against those of the metric that made the motions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from fitting.synthetic import fitted, synthetic_recording
+
+import geodesic_ocp as go
+
+TRUE = 0.05
+
+
+@pytest.fixture(scope="module")
+def true_metric(arm: go.Model) -> go.AdjustableKineticEnergy:
+    return go.AdjustableKineticEnergy(arm, joint_inertia=TRUE)
+
+
+@pytest.fixture(scope="module")
+def noisy(arm: go.Model, true_metric: go.Metric) -> list[Any]:
+    """Recordings of three subjects with 5 mrad of noise."""
+    rng = np.random.default_rng(3)
+    return [
+        synthetic_recording(
+            true_metric, arm, rng, count=4, noise=0.005, name=f"r{k}", subject=f"s{k}"
+        )
+        for k in range(3)
+    ]
+
+
+@pytest.fixture(scope="module")
+def noisy_fit(noisy: list[Any]) -> go.MetricFit:
+    return fitted(*noisy, free_ends=True)
+
+
+def test_without_noise_the_parameter_is_exact(
+    arm: go.Model, true_metric: go.Metric, rng: np.random.Generator
+) -> None:
+    fit = fitted(synthetic_recording(true_metric, arm, rng, count=3))
+    # Paths of degree 8 and the regularization leave a relative error of about 1e-5.
+    assert fit.values["joint_inertia"] == pytest.approx(TRUE, rel=1e-4)
+    assert fit.errors == pytest.approx(0.0, abs=1e-4)
+    q = np.full(7, 0.3)
+    assert fit.metric(arm).matrix(q) == pytest.approx(true_metric.matrix(q), rel=1e-4)
+
+
+def test_noise_of_5_mrad_in_the_joints(noisy_fit: go.MetricFit) -> None:
+    (estimate,) = noisy_fit.estimates
+    assert estimate.value == pytest.approx(TRUE, rel=0.1)
+    assert 0.01 * TRUE < estimate.standard_error < 0.1 * TRUE
+    assert noisy_fit.errors == pytest.approx(0.005, rel=0.15)
+    assert noisy_fit.undetermined == ()
+
+
+def test_noise_of_1_mm_at_the_hand(
+    arm: go.Model, true_metric: go.Metric, rng: np.random.Generator
+) -> None:
+    recording, segments = synthetic_recording(true_metric, arm, rng, count=6, noise=0.0015)
+    clean, _ = synthetic_recording(true_metric, arm, np.random.default_rng(20221), count=6)
+    off = arm.hand_pose(recording.motion.q)[1] - arm.hand_pose(clean.motion.q)[1]
+    assert np.linalg.norm(off, axis=1).mean() == pytest.approx(0.001, rel=0.25)
+    fit = fitted((recording, segments), measure="position")
+    assert fit.values["joint_inertia"] == pytest.approx(TRUE, rel=0.1)
+
+
+def test_standard_errors_agree_with_repeated_experiments(
+    arm: go.Model, true_metric: go.Metric
+) -> None:
+    """Estimates from independent noise scatter as one standard error says."""
+    clean, segments = synthetic_recording(true_metric, arm, np.random.default_rng(0), count=3)
+    fits = []
+    for seed in range(10):
+        noise = 0.005 * np.random.default_rng(seed).normal(size=clean.motion.q.shape)
+        motion = go.Motion(
+            clean.motion.time, clean.motion.q + noise, arm.joint_names, clean.motion.velocity
+        )
+        fits.append(fitted((go.Recording(arm, motion), segments), free_ends=True))
+    spread = np.std([fit.values["joint_inertia"] for fit in fits], ddof=1)
+    stated = np.mean([fit.estimates[0].standard_error for fit in fits])
+    # The standard deviation of ten numbers is uncertain by a quarter.
+    assert 0.5 < spread / stated < 2.0
+
+
+def test_parameters_that_trade_off_are_named(noisy: list[Any]) -> None:
+    """Joint inertia and body mass scale the metric together: only their ratio matters."""
+    mass = go.Parameter("mass_ratio", 1.3, lower=0.01)
+    fit = fitted(noisy[0], parameters=[go.Parameter("joint_inertia", 0.03), mass], free_ends=True)
+    ratio = fit.values["joint_inertia"] / fit.values["mass_ratio"]
+    assert ratio == pytest.approx(TRUE, rel=0.15)
+    (sentence,) = fit.undetermined
+    assert "joint_inertia and mass_ratio in combination only" in sentence
+    assert all(np.isinf(each.standard_error) for each in fit.estimates)
+
+
+def test_a_payload_is_told_from_joint_inertia(
+    arm: go.Model, true_metric: go.Metric, rng: np.random.Generator
+) -> None:
+    loaded = go.AdjustableKineticEnergy(arm, joint_inertia=TRUE, payload=2.0)
+    data = synthetic_recording(loaded, arm, rng, count=4, noise=0.001)
+    fit = fitted(
+        data,
+        parameters=[go.Parameter("joint_inertia", 0.03), go.Parameter("payload", 0.5)],
+        free_ends=True,
+    )
+    assert fit.values["payload"] == pytest.approx(2.0, rel=0.1)
+    assert fit.values["joint_inertia"] == pytest.approx(TRUE, rel=0.1)
+
+
+def test_groups_of_joints(arm: go.Model, rng: np.random.Generator) -> None:
+    by_joint = (0.1, 0.1, 0.1, 0.05, 0.05, 0.02, 0.02)
+    metric = go.AdjustableKineticEnergy(arm, armature=by_joint)
+    groups = {"shoulder": "?S?_joint", "elbow": "?E?_joint", "wrist": "?W?_joint"}
+    fit = fitted(
+        synthetic_recording(metric, arm, rng, count=6),
+        parameters=[
+            go.Parameter("armature", 0.04, joints=(pattern,), name=name)
+            for name, pattern in groups.items()
+        ],
+    )
+    assert fit.values == pytest.approx({"shoulder": 0.1, "elbow": 0.05, "wrist": 0.02}, rel=1e-2)
+    assert [each.unit for each in fit.estimates] == ["kg m^2"] * 3
+
+
+@dataclass(frozen=True)
+class Stretched(go.Metric):
+    """A user's metric with a parameter, on the plane."""
+
+    stretch: Any = 1.0
+    dim = 2
+
+    def matrix(self, q: Any) -> Any:
+        return ca.diagcat(1.0, 1.0 + self.stretch * q[0] ** 2)
+
+
+def test_parameters_of_a_users_metric() -> None:
+    model = go.load_model(PLANAR, hand="hand")
+    data = synthetic_recording(Stretched(2.0), model, np.random.default_rng(1), count=4)
+    fit = fitted(data, metric=lambda model: Stretched(), parameters=go.Parameter("stretch", 0.7))
+    assert fit.values["stretch"] == pytest.approx(2.0, rel=1e-3)
+    assert fit.metric(model) == Stretched(fit.values["stretch"])
+
+
+PLANAR = """
+<robot name="planar">
+  <link name="base"/>
+  <link name="upper"><inertial><origin xyz="0.15 0 0"/><mass value="2.0"/>
+    <inertia ixx="0.002" iyy="0.015" izz="0.015" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="lower"><inertial><origin xyz="0.13 0 0"/><mass value="1.2"/>
+    <inertia ixx="0.001" iyy="0.009" izz="0.009" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="hand"/>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
+    <axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="50" velocity="10"/></joint>
+  <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/>
+    <origin xyz="0.3 0 0"/><axis xyz="0 0 1"/>
+    <limit lower="0" upper="2.6" effort="50" velocity="10"/></joint>
+  <joint name="wrist" type="fixed"><parent link="lower"/><child link="hand"/>
+    <origin xyz="0.3 0 0"/></joint>
+</robot>
+"""
+
+
+def test_derivatives_of_the_least_errors(noisy_fit: go.MetricFit) -> None:
+    """By solving again with the parameter fixed nearby."""
+    program, outcome = noisy_fit.program, noisy_fit.outcome
+    value, step = float(outcome.x[0]), 0.01
+    ones = np.ones(len(noisy_fit.recordings))
+    errors = [
+        program.mean_squares(
+            program.solve(ones, outcome, {0: (value + k * step) * program.start[0]}).x
+        )
+        / 2.0
+        for k in (-1, 0, 1)
+    ]
+    first = (errors[2] - errors[0]) / (2.0 * step)
+    second = (errors[2] - 2.0 * errors[1] + errors[0]) / step**2
+    found = noisy_fit.derivatives
+    size = np.abs(first).max()
+    assert found.gradients[:, 0] == pytest.approx(first, abs=0.02 * size)
+    assert found.hessians[:, 0, 0] == pytest.approx(second, abs=0.02 * np.abs(second).max())
+
+
+@pytest.mark.slow
+def test_bootstrap_profile_and_leave_one_out(noisy_fit: go.MetricFit) -> None:
+    curve = go.error_profile(noisy_fit, values=[0.02, 0.05, 0.12])
+    assert curve.mean[1] < min(curve.mean[0], curve.mean[2])
+    (interval,) = go.bootstrap_fit(noisy_fit, 200, by="subject")
+    assert interval.low < noisy_fit.values["joint_inertia"] < interval.high
+    assert interval.low > 0.8 * TRUE
+    assert interval.high < 1.2 * TRUE
+    assert interval.count == 3
+    result = go.leave_one_out(noisy_fit, "subject")
+    assert [each.name for each in result.left_out] == ["r0", "r1", "r2"]
+    for each in result.left_out:
+        assert each.values[0] == pytest.approx(TRUE, rel=0.15)
+        assert each.errors.joint < each.straight_lines.joint
+    assert len(result.table().rows) == 3
+
+
+def test_one_newton_step_bootstraps_several_parameters(noisy: list[Any]) -> None:
+    """For one parameter it agrees with the exact refits."""
+    from geodesic_ocp.fitting.bootstrap_fit import _newton_steps
+    from geodesic_ocp.fitting.leave_one_out import refit
+
+    fit = fitted(*noisy, free_ends=True)
+    weights = np.array([[1.0, 1.0, 1.0], [1.0, 1.0, 0.0], [0.0, 1.0, 1.0]])
+    steps = _newton_steps(fit, weights)[:, 0]
+    exact = [fit, refit(fit, [0, 1]), refit(fit, [1, 2])]
+    assert steps == pytest.approx([each.values["joint_inertia"] for each in exact], rel=0.01)
+
+
+def test_files(noisy_fit: go.MetricFit, arm: go.Model, tmp_path: Path) -> None:
+    file = tmp_path / "metric.json"
+    go.save_metric(file, noisy_fit)
+    metric = go.load_metric(file, arm)
+    q = np.full(7, 0.2)
+    assert metric.matrix(q) == pytest.approx(noisy_fit.metric(arm).matrix(q), rel=1e-12)
+    child = go.human_arm("left", 1.2, 25.0)  # the same relative to its size
+    assert go.load_metric(file, child).joint_inertia == metric.joint_inertia
+    file.write_text(file.read_text().replace('"joint_inertia"', '"colour"'))
+    with pytest.raises(go.RecordingError, match="no field 'colour'"):
+        go.load_metric(file, arm)
+    file.write_text(file.read_text().replace("AdjustableKineticEnergy", "Stretched"))
+    with pytest.raises(go.RecordingError, match="holds parameters of Stretched"):
+        go.load_metric(file, arm)
+
+
+def test_wrong_arguments(noisy: list[Any], arm: go.Model) -> None:
+    recording, segments = noisy[0]
+    for start in (0.0, -1.0, float("nan")):
+        with pytest.raises(ValueError, match="start of payload"):
+            go.Parameter("payload", start)
+    with pytest.raises(ValueError, match="no field 'weight'"):
+        go.fit_metric(recording, go.Parameter("weight", 1.0))
+    with pytest.raises(ValueError, match=r"no joint matches 'Knee'"):
+        go.fit_metric(recording, go.Parameter("armature", 1.0, joints=("Knee",)))
+    with pytest.raises(ValueError, match="measure must be one of joint, position"):
+        go.fit_metric(recording, measure="hand")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="segments must be given for each of 1"):
+        go.fit_metric(recording, segments=[segments, segments])
+    with pytest.raises(ValueError, match="different names"):
+        go.fit_metric(recording, [go.Parameter("payload", 1.0)] * 2)
+    with pytest.raises(ValueError, match="Euclidean has no field 'joint_inertia'; it has dim"):
+        go.fit_metric(recording, metric=lambda model: go.Euclidean(7))
+    still = go.Motion(recording.motion.time, 0.0 * recording.motion.q, arm.joint_names)
+    with pytest.raises(ValueError, match=r"none of its"):
+        go.fit_metric(go.Recording(arm, still.filtered(21)), segments=[segments])
