@@ -60,8 +60,8 @@ def segment(
     shorter one there is no cut and no reference.
 
     With `min_duration=0` and `hysteresis=0` this is the rule of Klein et al.: every crossing of the
-    threshold is a cut, and the velocity there the reference. The rule looks ahead by at most
-    `min_duration` or, for a rest, `rest_duration`.
+    threshold is a cut, and the velocity there the reference. A cut is certain `min_duration` after
+    the angle has exceeded threshold + hysteresis, a rest after `rest_duration`.
 
     >>> import numpy as np, geodesic_ocp as go
     >>> time = np.arange(200) / 100.0
