@@ -197,3 +197,32 @@ def test_metrics_that_do_not_fit_are_refused(arm: go.Model, motion: go.Motion) -
         go.compare_metrics(arm, motion, {})
     with pytest.raises(ValueError, match="dimension 3"):
         go.compare_metrics(arm, motion, {"small": go.Euclidean(3)})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", ["take_book_from_shelf_right_arm_02", "hand_to_mouth_right_arm_01"]
+)
+def test_joint_inertia_explains_recordings_better_than_straight_lines(
+    name: str, shared: Path
+) -> None:
+    """At equal numbers of segments, each metric with the cuts that are best for it.
+
+    The kinetic energy of the links alone does not, in the joints.
+    """
+    arm = go.human_arm("right", height=1.83)
+    motion = go.read_motion(shared / "data" / "kit" / f"{name}.xml").select(arm.joint_names)
+    metrics = {
+        "inertia": go.KineticEnergy(arm.with_armature(0.05)),
+        "links": go.KineticEnergy(arm),
+        "lines": go.Euclidean(7),
+    }
+    counts = [4, 8, 12, 16, 20, 24]
+    for measure in ("joint", "position"):
+        comparison = go.compare_metrics(
+            arm, motion, metrics, measure=measure, counts=counts, spacing=0.1, thresholds=[]
+        )
+        errors = {each: getattr(curve, measure) for each, curve in comparison.curves.items()}
+        assert np.all(errors["inertia"] < errors["lines"])
+        if measure == "joint":
+            assert np.all(errors["links"] > errors["lines"])

@@ -122,7 +122,7 @@ class OptimalSegmentations:
             step = int(np.diff(self._candidates).max()) // 2
             failures = self._costs.failures
             self._refined[count] = refine_cuts(start, self._costs_within, step)
-            _warn(self._costs.failures - failures, "of the refinement")
+            _warn(self._costs.failures - failures, "of the refinement", 4)
         return self._refined[count]
 
     def _costs_within(self, pairs: list[tuple[int, int]]) -> list[float]:
@@ -208,7 +208,7 @@ def optimal_segmentations(
         raise NotConverged(
             f"no segments cover the motion: {costs.failures} of {len(pairs)} log maps failed"
         )
-    _warn(costs.failures, f"of {len(pairs)}")
+    _warn(costs.failures, f"of {len(pairs)}", 3)
     errors = partitions.totals[counts] / len(motion)
     return OptimalSegmentations(
         metric, motion, measure, counts, errors, max_duration, candidates, partitions, costs
@@ -234,10 +234,10 @@ def _pairs(time: Array, candidates: list[int], max_duration: float) -> list[tupl
     ]
 
 
-def _warn(failures: int, which: str) -> None:
+def _warn(failures: int, which: str, stacklevel: int) -> None:
     if failures:
         warnings.warn(
             f"{failures} log maps {which} failed; these segments are not available",
             RuntimeWarning,
-            stacklevel=4,
+            stacklevel=stacklevel,
         )
