@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Literal, get_args
 
 import numpy as np
@@ -16,11 +16,12 @@ from geodesic_ocp.over_rows import in_threads
 from geodesic_ocp.rotations import rotation_vector
 from geodesic_ocp.synergies.observed_velocity import speeds
 from geodesic_ocp.synergies.segmentation.predict_segment import predict_segment
+from geodesic_ocp.synergies.segmentation.refine_cuts import Pair
 from geodesic_ocp.trajectory.motion import Motion
 
 Measure = Literal["joint", "position", "orientation"]
 _ROWS = 2048  # of configurations whose poses are computed at once
-_FEW = 8  # segments that are not worth starting threads
+_BLOCK = 8  # segments that a thread plans in one go
 
 
 class SegmentCosts:
@@ -52,8 +53,8 @@ class SegmentCosts:
             raise ValueError(f"measure {measure!r} needs a model, which this metric does not have")
         self.metric, self.motion, self.measure = as_metric(metric), motion, measure
         self._speed = speeds(metric, motion)
-        self._predicted: dict[tuple[int, int], Array | None] = {}
-        self._costs: dict[tuple[int, int], float] = {}
+        self._predicted: dict[Pair, Array | None] = {}
+        self._costs: dict[Pair, float] = {}
         if measure != "joint":
             assert model is not None
             self._model = model
@@ -63,7 +64,7 @@ class SegmentCosts:
 
     def __call__(
         self,
-        segments: Sequence[tuple[int, int]],
+        segments: Sequence[Pair],
         progress: Callable[[int], object] | None = None,
     ) -> list[float]:
         """Costs of segments, inf where no geodesic is found."""
@@ -83,7 +84,7 @@ class SegmentCosts:
         """Number of segments so far."""
         return len(self._predicted)
 
-    def predicted(self, segments: Sequence[tuple[int, int]]) -> Array:
+    def predicted(self, segments: Sequence[Pair]) -> Array:
         """Configurations (k, n) at all samples, predicted by segments that cover the motion."""
         q = np.array(self.motion.q)
         for start, stop in segments:
@@ -93,21 +94,28 @@ class SegmentCosts:
             q[start : stop + 1] = rows
         return q
 
-    def _plan(self, pairs: list[tuple[int, int]], progress: Callable[[int], object] | None) -> None:
-        def rows_of(index: int) -> Array | None:
-            try:
-                return predict_segment(self.metric, self.motion, self._speed, *pairs[index])
-            except (NotConverged, IntegrationFailed, ValueError):  # also at a singular sample
-                return None
+    def _plan(self, pairs: list[Pair], progress: Callable[[int], object] | None) -> None:
+        def rows_of(block: int) -> list[Array | None]:
+            return [self._rows(pair) for pair in pairs[block * _BLOCK : (block + 1) * _BLOCK]]
 
-        threads = len(pairs) >= _FEW and has_compiled_code(self.metric)
-        results = in_threads(rows_of, len(pairs)) if threads else map(rows_of, range(len(pairs)))
-        for done, (pair, rows) in enumerate(zip(pairs, results, strict=True), start=1):
+        blocks = -(-len(pairs) // _BLOCK)
+        threads = blocks > 1 and has_compiled_code(self.metric)
+        results = in_threads(rows_of, blocks) if threads else map(rows_of, range(blocks))
+        for done, (pair, rows) in enumerate(
+            zip(pairs, chain.from_iterable(results), strict=True), start=1
+        ):
             self._predicted[pair] = rows
             if progress is not None:
                 progress(done)
 
-    def _measure(self, pairs: list[tuple[int, int]]) -> None:
+    def _rows(self, pair: Pair) -> Array | None:
+        """What a segment predicts; None where no geodesic is found or the metric is singular."""
+        try:
+            return predict_segment(self.metric, self.motion, self._speed, *pair)
+        except (NotConverged, IntegrationFailed, ValueError):
+            return None
+
+    def _measure(self, pairs: list[Pair]) -> None:
         found = [(pair, rows) for pair in pairs if (rows := self._predicted[pair]) is not None]
         self._costs.update(dict.fromkeys(pairs, np.inf))
         if not found:
