@@ -56,14 +56,13 @@ class _Observed:
 
     def _turns(self) -> Array:
         """Angles by which the velocity turns from the instant before (m,); 0 for the first."""
+        steps, rows = np.diff(self.times), 2 * np.arange(self.times.size - 1)[:, None]
+        points = self.curve[(rows + np.arange(3)).ravel()].T
+        transport = self.metric.transport_step.map(steps.size)
+        before = evaluate(transport, self.velocity[:-1].T, points, steps[None]).T
         with np.errstate(invalid="ignore", divide="ignore"):  # next to a velocity of zero
-            return np.array(
-                [0.0]
-                + [
-                    _angle(self.tensors[i], self._step(self.velocity[i - 1], i), self.velocity[i])
-                    for i in range(1, self.times.size)
-                ]
-            )
+            turns = map(_angle, self.tensors[1:], before, self.velocity[1:])
+            return np.array([0.0, *turns])
 
     def steadiest(self, start: int, first: int, stop: int, until: float) -> int | None:
         """The moving instant in [first, stop) until this time whose velocity turns most slowly.

@@ -75,7 +75,8 @@ def segment(
         threshold: largest angle [rad], in (0, pi).
         rest: fraction of the largest speed below which the arm rests, in [0, 1); 0 for no rests.
         rest_duration: of the shortest rest that is a segment [s].
-        min_duration: of the shortest segment that is not a rest [s], 0 for any.
+        min_duration: of the shortest segment [s], 0 for any; a rest, and a movement between two
+            rests, may be shorter.
         hysteresis: by which the angle must exceed the threshold [rad], not negative.
 
     Returns:
