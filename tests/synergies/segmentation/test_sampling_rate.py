@@ -121,3 +121,15 @@ def test_zero_velocity_segments_of_resampled_recordings(shared: Path) -> None:
             len(go.segment_zero_velocity(motion.resampled(rate).filtered())) for rate in RATES
         ]
         assert max(counts) - min(counts) <= max(1.0, 0.1 * min(counts)), (name, counts)
+
+
+@pytest.mark.parametrize("min_duration", [0.05, 0.1, 0.3])
+def test_no_cut_of_a_noisy_motion_is_closer_to_another_than_the_minimal_duration(
+    arm: go.Model, min_duration: float
+) -> None:
+    metric = with_inertia(arm)
+    motion = noisy(chain_of_geodesics(metric, 6, 3), 100.0, 3).filtered()
+    found = go.segment(metric, motion, 0.3, rest=0.0, min_duration=min_duration)
+    lengths = [stop - start for start, stop in found]
+    assert len(found) > 1
+    assert min(lengths) >= min_duration * 100.0 - 1.0  # cuts are rounded to samples
