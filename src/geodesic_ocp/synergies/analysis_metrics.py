@@ -10,7 +10,10 @@ from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics.euclidean import Euclidean
 from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.synergies.joint_inertia import with_joint_inertia
+from geodesic_ocp.synergies.joint_inertia import (
+    has_default_joint_inertia,
+    with_joint_inertia,
+)
 
 MetricName = Literal["joint-inertia", "kinetic", "euclidean"]
 METRIC_NAMES: tuple[str, ...] = get_args(MetricName)
@@ -47,7 +50,7 @@ def compared_metrics(metric: Metric, model: Model) -> dict[str, Metric]:
     default one; "euclidean_same_segments". The metric itself is left out.
     """
     compared: dict[str, Metric] = {"kinetic_energy": KineticEnergy(model.with_armature(0.0))}
-    if np.any(model.armature) or np.isfinite(model.reach):
+    if np.any(model.armature) or has_default_joint_inertia(model):
         compared["joint_inertia"] = KineticEnergy(with_joint_inertia(model))
     compared["euclidean_same_segments"] = Euclidean(model.dof)
     compared.pop(method_of(metric), None)
@@ -64,7 +67,7 @@ def method_of(metric: Metric) -> str:
 
 
 def joint_inertia_of(metric: Metric) -> str:
-    """The joint inertia of a kinetic energy in words, such as "0.073 kg m^2"; empty without any."""
+    """The joint inertia of a kinetic energy in words, such as "0.044 kg m^2"; empty without any."""
     if method_of(metric) != "joint_inertia":
         return ""
     assert isinstance(metric, KineticEnergy)
