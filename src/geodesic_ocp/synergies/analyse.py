@@ -55,12 +55,12 @@ def analyse(
     >>> from importlib.resources import files
     >>> arm = go.human_arm("left", height=1.78)
     >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv", arm.joint_names)
-    >>> short = go.Motion(motion.time[300:430], motion.q[300:430], motion.joint_names)
+    >>> short = go.Motion(motion.time[300:450], motion.q[300:450], motion.joint_names)
     >>> analysis = go.analyse(arm, short)
     >>> analysis.segments
-    ((0, 72), (72, 129))
+    ((0, 128), (128, 149))
     >>> round(analysis.errors["riemannian"].position, 3)  # mean error of the hand [m]
-    0.01
+    0.023
 
     Args:
         model: the arm; its joints are selected from the motion by name.
