@@ -182,3 +182,5 @@ def test_impossible_filters_are_named() -> None:
     with pytest.raises(ValueError, match="too short to filter: a window of 21"):
         sampled(100.0, 0.1).filtered(duration=0.21)
     assert sampled(100.0, 0.2).filtered(cutoff=6.0).velocity is not None
+    slow = go.Motion([0.0, 10.0, 20.0, 30.0], np.eye(4, 2), ("a", "b")).filtered(cutoff=0.01)
+    assert np.all(np.isfinite(slow.filter.noise))

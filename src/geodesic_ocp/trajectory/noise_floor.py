@@ -13,6 +13,7 @@ _NOISE_BAND = (12.0, 18.0)  # [Hz]
 _OF_NYQUIST = 0.72
 _CUTOFFS = np.arange(3.0, 12.0 + 1e-9, 0.1)  # [Hz]
 _RESOLUTION = 0.1  # [Hz]
+_LEAST_SIZE = 256  # of the Fourier transform
 _LEAST_DENSITY = 1e-12  # [rad^2/Hz]: below the rounding of any recording
 _STILL = 1e-5  # [rad]
 MIN_RATE, MIN_DURATION = 12.0, 0.3  # [Hz], [s]
@@ -82,7 +83,7 @@ def _spectrum(rate: float, q: Array) -> tuple[Array, Array]:
     window = 1.0 + np.cos(np.pi * np.linspace(-1.0, 1.0, len(q) + 2)[1:-1, None])
     trend = np.vander(np.linspace(-1.0, 1.0, len(q)), 2)
     detrended = q - trend @ np.linalg.lstsq(trend, q, rcond=None)[0]
-    size = max(len(q), round(rate / _RESOLUTION))
+    size = max(len(q), round(rate / _RESOLUTION), _LEAST_SIZE)
     transform = np.fft.rfft(window * detrended, size, axis=0)
     scale = 2.0 / (rate * float((window**2).sum()))
     density: Array = np.asarray(scale * np.abs(transform) ** 2, dtype=float)
