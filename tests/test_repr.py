@@ -66,6 +66,8 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
         go.score(arm, *2 * [go.Motion([0.0, 1.0], np.eye(2, 7), arm.joint_names)]),
         go.paired_test([1.0, 2.0, 3.0], [2.0, 2.5, 3.5]),
         go.compare_methods([go.Recording(arm, turn.filtered())], {"lines": go.Euclidean(7)}),
+        go.optimal_segmentations(go.Euclidean(7), turn.filtered()),
+        go.compare_metrics(arm, turn, {"lines": go.Euclidean(7)}, thresholds=[]),
         go.Recording(arm, go.Motion([0.0, 1.0], np.eye(2, 7), arm.joint_names, np.eye(2, 7))),
         go.reconstruct(
             plane, go.Motion([0.0, 0.1, 0.2], np.eye(3, 2), ("x", "y")).filtered(3, 1), [(0, 2)]

@@ -81,7 +81,9 @@ class MetricComparison:
     online: Mapping[str, tuple[OnlineErrors, ...]]
 
     def __repr__(self) -> str:
-        best = ", ".join(f"{self.best_count(name)} with {name}" for name in self.curves)
+        names = list(self.curves)[:3]
+        best = ", ".join(f"{self.best_count(name)} ({name})" for name in names)
+        best += ", ..." if len(self.curves) > len(names) else ""
         return (
             f"MetricComparison({self.model.name}, {self.motion.duration:.3g} s, cuts of least "
             f"{self.measure} error,\n  synergies worth having: {best})"

@@ -15,7 +15,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from geodesic_ocp.arrays import Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class BestPartitions:
     """The best partition of the steps between m candidates for every number of segments.
 
@@ -27,6 +27,9 @@ class BestPartitions:
 
     totals: Array
     before: np.ndarray
+
+    def __repr__(self) -> str:
+        return f"BestPartitions({len(self.totals)} candidates)"
 
     def cuts(self, count: int) -> list[int]:
         """Indices of the count + 1 candidates of the best partition into `count` segments."""

@@ -62,6 +62,9 @@ class SegmentCosts:
             self._columns = [motion.joint_names.index(name) for name in model.joint_names]
             self._poses = model.hand_pose(motion.q[:, self._columns])
 
+    def __repr__(self) -> str:
+        return f"SegmentCosts({self.planned} segments planned)"
+
     def __call__(
         self,
         segments: Sequence[Pair],
