@@ -113,6 +113,7 @@ __all__ = [
     "segment",
     "segment_optimal",
     "segment_zero_velocity",
+    "separate_fits",
     "signed_distances",
     "solve",
     "time_law",
@@ -139,6 +140,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.fitting.metric_file import load_metric, save_metric
     from geodesic_ocp.fitting.metric_fit import Estimate, Interval, MetricFit
     from geodesic_ocp.fitting.parameter import Parameter
+    from geodesic_ocp.fitting.separate_fits import separate_fits
     from geodesic_ocp.logarithm.frechet_mean import frechet_mean
     from geodesic_ocp.logarithm.geodesic import (
         Geodesic,
@@ -229,6 +231,7 @@ else:
         "manifold.metrics.adjustable_kinetic_energy": "AdjustableKineticEnergy",
         "fitting.metric_fit": "Estimate Interval MetricFit",
         "fitting.parameter": "Parameter",
+        "fitting.separate_fits": "separate_fits",
         "fitting.fit_metric": "fit_metric",
         "fitting.bootstrap_fit": "bootstrap_fit",
         "fitting.error_profile": "ErrorProfile error_profile",

@@ -1,4 +1,4 @@
-"""The command line: geodesic-ocp analyse | retarget | demo | solve | check | models | info."""
+"""The command line, geodesic-ocp: a parser, and commands that import what they need."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import get_args
 
 from geodesic_ocp.cli.analysis_options import add_analysis_options, check_options
+from geodesic_ocp.cli.fit_options import add_fit_options
 from geodesic_ocp.cli.interrupts import Interrupts, in_main_thread, on_interrupt
 from geodesic_ocp.cli.recording import analyse_bundled, analyse_file, check_folder, save_analysis
 from geodesic_ocp.errors import GeodesicOcpError
@@ -95,6 +96,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     add_analysis_options(command)
     command.set_defaults(run=_retarget)
+
+    command = commands.add_parser(
+        "fit", help="estimate parameters of the metric from recordings", epilog=_EXIT
+    )
+    add_fit_options(command)
+    command.set_defaults(run=_fit)
 
     command = commands.add_parser("demo", help="analyse the bundled recording", epilog=_EXIT)
     command.add_argument("--robot", metavar="NAME", help="also transfer it to this robot")
@@ -202,6 +209,12 @@ def _demo(options: argparse.Namespace) -> None:
         demo_on_robot(options)
         return
     save_analysis(analyse_bundled(options), options.out, with_curve=True)
+
+
+def _fit(options: argparse.Namespace) -> None:
+    from geodesic_ocp.cli.fit_command import fit_files
+
+    fit_files(options)
 
 
 def _solve(options: argparse.Namespace) -> None:

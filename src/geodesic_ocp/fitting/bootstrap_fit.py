@@ -10,6 +10,7 @@ from scipy.interpolate import CubicSpline
 from geodesic_ocp.arrays import Array, as_integer
 from geodesic_ocp.fitting.error_profile import error_profile
 from geodesic_ocp.fitting.metric_fit import Interval, MetricFit
+from geodesic_ocp.fitting.separate_fits import units_of
 
 _FINE = 2000  # points at which an interpolated profile is compared
 _LARGEST_STEP = np.log(10.0)  # of a parameter's logarithm
@@ -43,15 +44,10 @@ def bootstrap_fit(
     Raises:
         ValueError: fewer than two units, or a number out of range.
     """
-    if by not in ("recording", "subject"):
-        raise ValueError(f"by must be 'recording' or 'subject', got {by!r}")
     if not 0.0 < confidence < 1.0:
         raise ValueError(f"confidence must be between 0 and 1, got {confidence}")
     count = as_integer("count", count, 1)
-    recordings = fit.recordings
-    labels = [
-        each.subject if by == "subject" else str(number) for number, each in enumerate(recordings)
-    ]
+    labels = units_of(fit, by)
     units = list(dict.fromkeys(labels))
     if len(units) < 2:
         raise ValueError(f"a bootstrap needs at least two {by}s, got {len(units)}")

@@ -9,10 +9,10 @@ import numpy as np
 
 from geodesic_ocp.arrays import as_integer
 from geodesic_ocp.fitting.metric_fit import MetricFit
-from geodesic_ocp.fitting.metric_program import MetricProgram, RecordingPart
-from geodesic_ocp.fitting.observed_segments import observe
-from geodesic_ocp.fitting.parameter import Parameter, as_parameters, with_parameters
-from geodesic_ocp.fitting.segment_functions import Measure, SegmentFunctions, as_measure
+from geodesic_ocp.fitting.parameter import JOINT_INERTIA, Parameter, as_parameters, with_parameters
+from geodesic_ocp.fitting.program.metric_program import MetricProgram, RecordingPart
+from geodesic_ocp.fitting.program.observed_segments import observe
+from geodesic_ocp.fitting.program.segment_functions import Measure, SegmentFunctions, as_measure
 from geodesic_ocp.fitting.solve_program import solve_program
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics.adjustable_kinetic_energy import AdjustableKineticEnergy
@@ -20,14 +20,13 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.synergies.recording import Recording
 from geodesic_ocp.trajectory.grid import Grid
 
-DEFAULT_PARAMETER = Parameter("joint_inertia", 0.03, lower=1e-5, upper=100.0)
 _SIDES = ("lower", "upper")
 _UNIT = {"joint": 0.01, "position": 0.01}  # of the errors [rad], [m]
 
 
 def fit_metric(
     recordings: Recording | Sequence[Recording],
-    parameters: Parameter | Sequence[Parameter] = DEFAULT_PARAMETER,
+    parameters: Parameter | Sequence[Parameter] = JOINT_INERTIA,
     *,
     metric: Callable[[Model], Metric] = AdjustableKineticEnergy,
     measure: Measure = "joint",

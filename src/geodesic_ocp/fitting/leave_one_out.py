@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from geodesic_ocp.fitting.metric_fit import MetricFit
-from geodesic_ocp.fitting.solve_program import solve_program
+from geodesic_ocp.fitting.separate_fits import refit, units_of
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics.euclidean import Euclidean
 from geodesic_ocp.synergies.reconstruct import reconstruct
@@ -95,12 +95,7 @@ def leave_one_out(
         ValueError: fewer than two recordings or subjects.
         NotConverged: an estimation or a geodesic of a recording that was left out failed.
     """
-    if by not in ("recording", "subject"):
-        raise ValueError(f"by must be 'recording' or 'subject', got {by!r}")
-    recordings = fit.recordings
-    labels = [
-        each.subject if by == "subject" else str(number) for number, each in enumerate(recordings)
-    ]
+    recordings, labels = fit.recordings, units_of(fit, by)
     units = list(dict.fromkeys(labels))
     if len(units) < 2:
         raise ValueError(f"leaving one {by} out needs at least two, got {len(units)}")
@@ -124,17 +119,6 @@ def leave_one_out(
         tuple(each.name for each in fit.estimates),
         tuple(results[index] for index in range(len(recordings))),
     )
-
-
-def refit(fit: MetricFit, chosen: Sequence[int]) -> MetricFit:
-    """The fit of some of its recordings, by index, on the same segments.
-
-    Raises:
-        NotConverged: Ipopt did not find a solution.
-    """
-    parts = tuple(fit.program.parts[index] for index in chosen)
-    program = replace(fit.program, parts=parts)
-    return solve_program(program, fit.parameters, fit.family)
 
 
 def _errors(

@@ -52,6 +52,9 @@ class Parameter:
         object.__setattr__(self, "name", self.name or default)
 
 
+JOINT_INERTIA = Parameter("joint_inertia", 0.03, lower=1e-5, upper=100.0)
+
+
 def as_parameters(parameters: Any) -> tuple[Parameter, ...]:
     """The argument as a tuple; ValueError if it is empty or two parameters share a name."""
     listed = (parameters,) if isinstance(parameters, Parameter) else tuple(parameters)
@@ -70,7 +73,7 @@ def with_parameters(metric: Metric, parameters: Sequence[Parameter], values: Any
         ValueError: the metric is not a dataclass, it has no such field, or no joint matches.
     """
     record: Any = metric
-    if not is_dataclass(record):
+    if not _has_fields(metric):
         raise ValueError(f"{type(metric).__name__} must be a dataclass, its fields the parameters")
     known = [each.name for each in fields(record) if each.init]
     changed: dict[str, Any] = {}
@@ -91,6 +94,10 @@ def with_parameters(metric: Metric, parameters: Sequence[Parameter], values: Any
         changed[parameter.field] = tuple(entries)
     changed_metric: Metric = replace(record, **changed)
     return changed_metric
+
+
+def _has_fields(metric: object) -> bool:
+    return is_dataclass(metric)
 
 
 def _matching(parameter: Parameter, joint_names: Sequence[str], count: int) -> list[int]:

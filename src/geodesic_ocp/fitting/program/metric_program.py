@@ -19,8 +19,8 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.fitting.observed_segments import ObservedSegments
-from geodesic_ocp.fitting.segment_functions import SegmentFunctions
+from geodesic_ocp.fitting.program.observed_segments import ObservedSegments
+from geodesic_ocp.fitting.program.segment_functions import SegmentFunctions
 from geodesic_ocp.ipopt import Ipopt, Outcome
 
 _MAX_END_RATE = 3.0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.fitting.metric_program import MetricProgram
+from geodesic_ocp.fitting.program.metric_program import MetricProgram
 
 _AT_BOUND = 1e-6
 
