@@ -36,6 +36,8 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
     plane, rods = go.Euclidean(2), planar_arm((1.0, 1.0), (1.0, 1.0), (0.5, 0.5), (0.1, 0.1))
     time = np.linspace(0.0, 1.0, 50)
     turn = go.Motion(time, np.outer(time, np.ones(7)), arm.joint_names)
+    swing = go.Motion(time, np.outer(time - time**3, np.arange(7) / 7), arm.joint_names)
+    metric_fit = go.fit_metric(go.Recording(arm, swing.filtered()), segments=[[(0, 49)]])
     values = [
         solution,
         solution.certificate,
@@ -68,6 +70,12 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
         go.compare_methods([go.Recording(arm, turn.filtered())], {"lines": go.Euclidean(7)}),
         go.optimal_segmentations(go.Euclidean(7), turn.filtered()),
         go.compare_metrics(arm, turn, {"lines": go.Euclidean(7)}, thresholds=[]),
+        go.Parameter("armature", 0.05, joints=("?S?_joint",)),
+        go.AdjustableKineticEnergy(arm, joint_inertia=0.03, payload=0.5),
+        metric_fit,
+        go.error_profile(metric_fit, values=[0.02, 0.03]),
+        go.Interval("armature", 0.02, 0.04, 0.95, "recording", 7),
+        go.CrossValidation("recording", ("armature",), ()),
         go.Recording(arm, go.Motion([0.0, 1.0], np.eye(2, 7), arm.joint_names, np.eye(2, 7))),
         go.reconstruct(
             plane, go.Motion([0.0, 0.1, 0.2], np.eye(3, 2), ("x", "y")).filtered(3, 1), [(0, 2)]

@@ -57,6 +57,11 @@ class Outcome:
     lam_x: Array
     lam_g: Array
 
+    def __repr__(self) -> str:
+        return (
+            f"Outcome({self.status}, {self.iterations} iterations, objective {self.objective:.6g})"
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Ipopt:

@@ -50,16 +50,18 @@ def fit_files(options: argparse.Namespace) -> None:
         by = options.by or ("subject" if subjects > 1 else "recording")
         units = subjects if by == "subject" else len(recordings)
         intervals: tuple[Interval, ...] = ()
-        if options.bootstrap and units > 1:
-            intervals = bootstrap_fit(fit, options.bootstrap, by=by, progress=bar)
+        wanted = options.bootstrap > 0 and units > 1
+        curve = error_profile(fit, progress=bar) if options.out or wanted else None
+        if wanted:
+            only = curve if len(parameters) == 1 else None
+            intervals = bootstrap_fit(fit, options.bootstrap, by=by, curve=only, progress=bar)
         tables = {"table": fit.table(intervals)}
         if len(recordings) > 1:
             tables["by_recording"] = _by_recording(fit, bar)
         if options.leave_one_out:
             tables["leave_one_out"] = leave_one_out(fit, by, progress=bar).table()
-        curve = error_profile(fit, progress=bar) if options.out else None
     _summarise(fit, intervals, tables, time.perf_counter() - start)
-    if curve is not None:
+    if options.out and curve is not None:
         print()
         for file in write_together(
             options.out, lambda folder: _write(folder, fit, intervals, tables, curve)
@@ -99,9 +101,9 @@ def _by_recording(fit: MetricFit, bar: ProgressBar) -> Table:
 def _summarise(
     fit: MetricFit, intervals: Sequence[Interval], tables: dict[str, Table], seconds: float
 ) -> None:
-    segments = sum(len(part.observed.segments) for part in fit.program.parts)
+    count, segments = len(fit.recordings), sum(part.count for part in fit.program.parts)
     print(
-        f"{len(fit.recordings)} recordings, {segments} segments that move, "
+        f"{count} recording{'s'[: count - 1]}, {segments} segments that move, "
         f"{fit.outcome.iterations} iterations of Ipopt ({seconds:.1f} s in all)"
     )
     print(f"\n{tables['table']}")

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from geodesic_ocp.arrays import Array, as_integer
-from geodesic_ocp.fitting.error_profile import error_profile
+from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
 from geodesic_ocp.fitting.metric_fit import Interval, MetricFit
 from geodesic_ocp.fitting.separate_fits import units_of
 
@@ -23,6 +23,7 @@ def bootstrap_fit(
     by: str = "recording",
     confidence: float = 0.95,
     seed: int = 0,
+    curve: ErrorProfile | None = None,
     progress: Callable[[str, int, int], object] | None = None,
 ) -> tuple[Interval, ...]:
     """Percentile intervals of estimates from resampled recordings or subjects.
@@ -39,6 +40,7 @@ def bootstrap_fit(
         by: "recording" or "subject".
         confidence: of the intervals.
         seed: of the random numbers.
+        curve: the profile of the only parameter (`error_profile`), if it is known already.
         progress: called with the current step, the amount done, and the total.
 
     Raises:
@@ -56,7 +58,7 @@ def bootstrap_fit(
     drawn = rng.multinomial(len(units), np.full(len(units), 1.0 / len(units)), size=count)
     weights = drawn @ members
     estimates = (
-        _on_profile(fit, weights, progress)
+        _on_profile(curve or error_profile(fit, progress=progress), weights)
         if len(fit.estimates) == 1
         else _newton_steps(fit, weights)
     )
@@ -68,11 +70,8 @@ def bootstrap_fit(
     )
 
 
-def _on_profile(
-    fit: MetricFit, weights: Array, progress: Callable[[str, int, int], object] | None
-) -> Array:
+def _on_profile(curve: ErrorProfile, weights: Array) -> Array:
     """Minimizers (count, 1) of the weighted sums of the recordings' interpolated profiles."""
-    curve = error_profile(fit, progress=progress)
     logs = np.log(curve.values)
     fine = np.linspace(logs[0], logs[-1], _FINE)
     errors = CubicSpline(logs, curve.errors**2)(fine)  # (fine, recordings)

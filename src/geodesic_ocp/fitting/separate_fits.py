@@ -59,4 +59,5 @@ def refit(fit: MetricFit, chosen: Sequence[int]) -> MetricFit:
     """
     parts = tuple(fit.program.parts[index] for index in chosen)
     program = replace(fit.program, parts=parts)
-    return solve_program(program, fit.parameters, fit.family)
+    near = fit.program.start_of(chosen, fit.outcome)
+    return solve_program(program, fit.parameters, fit.family, near)

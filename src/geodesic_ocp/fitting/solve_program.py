@@ -10,7 +10,7 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.fitting.metric_fit import Estimate, MetricFit
 from geodesic_ocp.fitting.parameter import Parameter
 from geodesic_ocp.fitting.program.curvature import least_errors
-from geodesic_ocp.fitting.program.metric_program import MetricProgram
+from geodesic_ocp.fitting.program.metric_program import MetricProgram, Start
 from geodesic_ocp.fitting.uncertainty import covariance, undetermined_directions
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
@@ -20,14 +20,17 @@ _UNITS = {"armature": "kg m^2", "payload": "kg", "joint_inertia": "m r^2"}
 
 
 def solve_program(
-    program: MetricProgram, parameters: tuple[Parameter, ...], metric: Callable[[Model], Metric]
+    program: MetricProgram,
+    parameters: tuple[Parameter, ...],
+    metric: Callable[[Model], Metric],
+    near: Start | None = None,
 ) -> MetricFit:
-    """The fit of a program with equal weights of its recordings.
+    """The fit of a program with equal weights of its recordings, from a start if it is given.
 
     Raises:
         NotConverged: Ipopt did not find a solution.
     """
-    outcome = program.solve(np.ones(len(program.parts)))
+    outcome = program.solve(np.ones(len(program.parts)), near)
     if not outcome.success:
         raise NotConverged(f"the metric was not fitted: {outcome.status}", outcome)
     p = program.size

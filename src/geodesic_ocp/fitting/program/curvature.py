@@ -29,6 +29,9 @@ class LeastErrors:
     gradients: Array
     hessians: Array
 
+    def __repr__(self) -> str:
+        return f"LeastErrors({self.values.size} recordings, {self.gradients.shape[1]} parameters)"
+
 
 def least_errors(program: MetricProgram, z: Array, multipliers: Array) -> LeastErrors:
     """The derivatives at a solution, by the implicit function theorem segment by segment.

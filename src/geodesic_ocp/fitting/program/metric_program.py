@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
@@ -37,6 +37,31 @@ _WARM = {
 }
 
 
+class Start(Protocol):
+    """Values of the variables and of the multipliers, such as an `Outcome`."""
+
+    @property
+    def x(self) -> Array:
+        """Variables."""
+
+    @property
+    def lam_x(self) -> Array:
+        """Multipliers of their bounds."""
+
+    @property
+    def lam_g(self) -> Array:
+        """Multipliers of the equations."""
+
+
+@dataclass(frozen=True, eq=False)
+class StartValues:
+    """A `Start` of given values."""
+
+    x: Array
+    lam_x: Array
+    lam_g: Array
+
+
 @dataclass(frozen=True, eq=False)
 class RecordingPart:
     """One recording's contribution: its data and the functions of its model.
@@ -50,6 +75,9 @@ class RecordingPart:
     functions: SegmentFunctions
     observed: ObservedSegments
     deviation: float
+
+    def __repr__(self) -> str:
+        return f"RecordingPart({self.observed.recording.name!r}, {self.count} segments)"
 
     @cached_property
     def count(self) -> int:
@@ -135,6 +163,12 @@ class MetricProgram:
     lower: Array
     upper: Array
     free_ends: bool
+
+    def __repr__(self) -> str:
+        return (
+            f"MetricProgram({self.size} parameters, {len(self.parts)} recordings, "
+            f"{sum(self.counts)} segments)"
+        )
 
     @property
     def size(self) -> int:
@@ -318,13 +352,13 @@ class MetricProgram:
         )
 
     def solve(
-        self, weights: Array, near: Outcome | None = None, fixed: dict[int, float] | None = None
+        self, weights: Array, near: Start | None = None, fixed: dict[int, float] | None = None
     ) -> Outcome:
         """The solution for weights of the recordings.
 
         Args:
             weights: (recordings,).
-            near: a solution for other weights or fixed values from which to start.
+            near: a solution for other weights, values or recordings from which to start.
             fixed: values of parameters that are not estimated, by index.
         """
         lower, upper = (bound.copy() for bound in self.bounds)
@@ -339,6 +373,20 @@ class MetricProgram:
             if outcome.success:
                 return outcome
         return self._cold_solver(**arguments)
+
+    def start_of(self, chosen: Sequence[int], solution: Start) -> Start:
+        """The part of a solution that belongs to some of the recordings, by index."""
+        owners = np.repeat(np.arange(len(self.parts)), self.counts)
+        segments = np.concatenate([np.flatnonzero(owners == index) for index in chosen])
+        first = slice(0, self.size)
+        m = self.parts[0].functions.num_equations
+
+        def of_variables(values: Array) -> Array:
+            rest = values[self.size :].reshape(-1, self.num_x)[segments]
+            return np.concatenate([values[first], rest.ravel()])
+
+        equations = solution.lam_g.reshape(-1, m)[segments].ravel()
+        return StartValues(of_variables(solution.x), of_variables(solution.lam_x), equations)
 
     def mean_squares(self, z: Array) -> Array:
         """Mean squared error of each recording, (recordings,), in units of the deviation."""

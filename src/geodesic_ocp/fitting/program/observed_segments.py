@@ -47,7 +47,10 @@ class ObservedSegments:
     scales: Array
 
     def __repr__(self) -> str:
-        return f"ObservedSegments({len(self.segments)} of {len(self.every)}, {self.recording!r})"
+        return (
+            f"ObservedSegments({self.recording.name!r}, {len(self.segments)} of "
+            f"{len(self.every)} move)"
+        )
 
 
 def observe(

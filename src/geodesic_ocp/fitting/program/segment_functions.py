@@ -52,6 +52,9 @@ class SegmentFunctions:
     measure: Measure
     grid: Grid
 
+    def __repr__(self) -> str:
+        return f"SegmentFunctions({type(self.metric).__name__}, {self.measure}, {self.grid})"
+
     @property
     def dim(self) -> int:
         """Number n of joints."""

@@ -13,7 +13,6 @@ import numpy as np
 from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy, ModelMetric
 from geodesic_ocp.model.inertia_scale import inertia_scale
 from geodesic_ocp.model.link_energies import link_energies
-from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.scale_inertias import scale_inertias
 
 _POSITIVE = ("mass_ratio", "height_ratio")
