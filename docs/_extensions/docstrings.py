@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from dataclasses import is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from typing import Any
 
 from sphinx.application import Sphinx
@@ -47,6 +47,13 @@ def _process(
         lines[:0] = ["..", ""]
 
 
+def _has_defaults(kind: Any) -> bool:
+    """Whether every field of the dataclass has a default."""
+    return all(
+        each.default is not MISSING or each.default_factory is not MISSING for each in fields(kind)
+    )
+
+
 def _short_defaults(
     app: Sphinx,
     what: str,
@@ -61,7 +68,7 @@ def _short_defaults(
     if signature and what in ("function", "method"):
         for parameter in inspect.signature(obj).parameters.values():
             value, kind = parameter.default, type(parameter.default)
-            if is_dataclass(kind) and value == kind():
+            if is_dataclass(kind) and _has_defaults(kind) and value == kind():
                 signature = signature.replace(object_description(value), f"{kind.__name__}()")
     return signature, returns
 
