@@ -77,6 +77,8 @@ class Metric(MetricFunctions):
     dim: int
     # Names of the coordinates, if any; motions and files are compared with them.
     joint_names: tuple[str, ...] | None = None
+    # What tables call it; by default the name of its class.
+    label: str = ""
     # Period of every coordinate, such as 2 pi for an angle; inf if it is not periodic.
     periods: tuple[float, ...] | None = None
 

@@ -125,7 +125,7 @@ class Analysis:
         """Labels of the rows of a table, by method."""
         own = method_of(self.metric)
         straight = _METRICS["euclidean_same_segments"]
-        name = _METRICS.get(own, type(self.metric).__name__)
+        name = _METRICS.get(own, self.metric.label or type(self.metric).__name__)
         labels = {"riemannian": name if name == straight else f"geodesics, {name}"}
         for method, label in _METRICS.items():
             if method != own and method in (*self.errors, *self.not_found):

@@ -66,6 +66,7 @@ class AdjustableKineticEnergy(ModelMetric):
     height_ratio: Any = 1.0
     link_mass_ratios: Any = 1.0
     link_inertia_ratios: Any = 1.0
+    label = "fitted kinetic energy"
 
     def __post_init__(self) -> None:
         n = self.model.dof
