@@ -68,6 +68,7 @@ def test_noise_of_1_mm_at_the_hand(
     assert fit.values["joint_inertia"] == pytest.approx(TRUE, rel=0.1)
 
 
+@pytest.mark.slow
 def test_standard_errors_agree_with_repeated_experiments(
     arm: go.Model, true_metric: go.Metric
 ) -> None:
@@ -201,6 +202,7 @@ def test_bootstrap_profile_and_leave_one_out(noisy_fit: go.MetricFit) -> None:
     assert len(result.table().rows) == 3
 
 
+@pytest.mark.slow
 def test_one_newton_step_bootstraps_several_parameters(noisy: list[Any]) -> None:
     """For one parameter it agrees with the exact refits."""
     from geodesic_ocp.fitting.bootstrap_fit import _newton_steps
