@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 import geodesic_ocp as go
-from geodesic_ocp.model.rigid_body import BACKENDS, why_unavailable
+from geodesic_ocp.model.dynamics.rigid_body import BACKENDS, why_unavailable
 
 ROUNDS = 7
 

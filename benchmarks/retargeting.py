@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import geodesic_ocp as go
-from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.model.human.anthropometry import Side
 
 ROBOTS = ("armar6-left", "armar6-right", "panda", "talos-left-arm", "xarm7")
 REACHED = 1e-6  # [m] and [rad]

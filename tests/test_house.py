@@ -27,7 +27,7 @@ LAYERS = [
     ("ocp.problem",),
     ("ocp.solve",),
     ("logarithm",),
-    ("synergies", "synergies.readers"),
+    ("synergies",),
     ("comparison",),
     ("fitting",),
     ("retargeting",),

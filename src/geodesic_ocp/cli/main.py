@@ -15,7 +15,7 @@ from geodesic_ocp.cli.fit_options import add_fit_options
 from geodesic_ocp.cli.interrupts import Interrupts, in_main_thread, on_interrupt
 from geodesic_ocp.cli.recording import analyse_bundled, analyse_file, check_folder, save_analysis
 from geodesic_ocp.errors import GeodesicOcpError
-from geodesic_ocp.model.rigid_body import BACKENDS
+from geodesic_ocp.model.dynamics.rigid_body import BACKENDS
 from geodesic_ocp.retargeting.settings import Formulation
 
 _EXIT = """exit codes: 0 done; 1 a check failed, or an error in a problem's own code, shown whole;

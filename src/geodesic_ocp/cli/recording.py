@@ -18,12 +18,12 @@ from geodesic_ocp.cli.error_curve import error_curve
 from geodesic_ocp.cli.interrupts import ProgressBar
 from geodesic_ocp.cli.notes import printed_warnings
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.model.anthropometry import Side
-from geodesic_ocp.model.human_arm import DEFAULT_HEIGHT, DEFAULT_MASS, human_arm
+from geodesic_ocp.model.human.anthropometry import Side
+from geodesic_ocp.model.human.human_arm import DEFAULT_HEIGHT, DEFAULT_MASS, human_arm
 from geodesic_ocp.synergies.analyse import analyse
 from geodesic_ocp.synergies.analysis import Analysis
-from geodesic_ocp.synergies.plausible import check_plausible
-from geodesic_ocp.synergies.read_motion import read_motion
+from geodesic_ocp.synergies.recordings.plausible import check_plausible
+from geodesic_ocp.synergies.recordings.read_motion import read_motion
 from geodesic_ocp.synergies.segmentation.segment import as_threshold
 from geodesic_ocp.trajectory.motion import Motion
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from geodesic_ocp.cli.interrupts import ProgressBar
 from geodesic_ocp.cli.notes import printed_warnings
 from geodesic_ocp.cli.recording import analyse_bundled, analyse_file, check_folder, save_analysis
-from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.formats.load_model import load_model
+from geodesic_ocp.model.human.anthropometry import Side
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.reports.report import report
 from geodesic_ocp.retargeting.alignment import alignment

@@ -19,7 +19,7 @@ from geodesic_ocp.synergies.baselines.joint_polynomials import minimum_accelerat
 from geodesic_ocp.synergies.baselines.minimum_jerk_hand import minimum_jerk_hand
 from geodesic_ocp.synergies.joint_inertia import with_joint_inertia
 from geodesic_ocp.synergies.reconstruct import reconstruct
-from geodesic_ocp.synergies.recording import Recording
+from geodesic_ocp.synergies.recordings.recording import Recording
 from geodesic_ocp.synergies.scores.score import Scores, score
 from geodesic_ocp.synergies.segmentation.segment import segment
 from geodesic_ocp.trajectory.motion import Motion

@@ -10,14 +10,15 @@ import numpy as np
 from geodesic_ocp.arrays import as_integer
 from geodesic_ocp.fitting.metric_fit import MetricFit
 from geodesic_ocp.fitting.parameter import JOINT_INERTIA, Parameter, as_parameters, with_parameters
-from geodesic_ocp.fitting.program.metric_program import MetricProgram, RecordingPart
+from geodesic_ocp.fitting.program.metric_program import MetricProgram
 from geodesic_ocp.fitting.program.observed_segments import observe
+from geodesic_ocp.fitting.program.recording_part import RecordingPart
 from geodesic_ocp.fitting.program.segment_functions import Measure, SegmentFunctions, as_measure
 from geodesic_ocp.fitting.solve_program import solve_program
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics.adjustable_kinetic_energy import AdjustableKineticEnergy
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.synergies.recording import Recording
+from geodesic_ocp.synergies.recordings.recording import Recording
 from geodesic_ocp.trajectory.grid import Grid
 
 _SIDES = ("lower", "upper")

@@ -10,7 +10,8 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.fitting.metric_fit import Estimate, MetricFit
 from geodesic_ocp.fitting.parameter import Parameter
 from geodesic_ocp.fitting.program.curvature import least_errors
-from geodesic_ocp.fitting.program.metric_program import MetricProgram, Start
+from geodesic_ocp.fitting.program.metric_program import MetricProgram
+from geodesic_ocp.fitting.program.start import Start
 from geodesic_ocp.fitting.uncertainty import covariance, undetermined_directions
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model

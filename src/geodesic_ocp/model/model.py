@@ -13,7 +13,9 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, as_vector, is_symbolic
 from geodesic_ocp.model.continuous_joints import continuous_joints, with_angles
-from geodesic_ocp.model.inertia import body_inertia
+from geodesic_ocp.model.dynamics.rigid_body import choose_backend
+from geodesic_ocp.model.dynamics.symbolic_functions import SymbolicFunctions
+from geodesic_ocp.model.inertias.physical_inertias import body_inertia
 from geodesic_ocp.model.joints import (
     as_armature,
     check_armature,
@@ -23,8 +25,6 @@ from geodesic_ocp.model.joints import (
 )
 from geodesic_ocp.model.max_reach import max_reach
 from geodesic_ocp.model.primitives import Ball, Bodies, Body, Capsule
-from geodesic_ocp.model.rigid_body import choose_backend
-from geodesic_ocp.model.symbolic_functions import SymbolicFunctions
 from geodesic_ocp.table import Table
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, as_rotation, as_vector, short_repr
-from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.model.human.anthropometry import Side
 from geodesic_ocp.model.joints import frame_index
 from geodesic_ocp.model.max_reach import max_reach
 from geodesic_ocp.model.model import Model

@@ -18,8 +18,8 @@ from geodesic_ocp.synergies.analysis_metrics import (
 )
 from geodesic_ocp.synergies.as_segments import as_segments
 from geodesic_ocp.synergies.baselines.track_hand import track_hand
-from geodesic_ocp.synergies.plausible import check_plausible
 from geodesic_ocp.synergies.reconstruct import Reconstruction, reconstruct
+from geodesic_ocp.synergies.recordings.plausible import check_plausible
 from geodesic_ocp.synergies.scores.evaluate import MotionErrors, evaluate
 from geodesic_ocp.synergies.segmentation.segment import segment
 from geodesic_ocp.synergies.segmentation.segment_zero_velocity import segment_zero_velocity

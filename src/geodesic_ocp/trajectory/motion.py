@@ -11,9 +11,14 @@ import scipy
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive
-from geodesic_ocp.trajectory.anti_aliasing import without_aliases
-from geodesic_ocp.trajectory.filtering import check_even, locally_fitted, low_passed, window_of
-from geodesic_ocp.trajectory.motion_filter import MotionFilter
+from geodesic_ocp.trajectory.filters.anti_aliasing import without_aliases
+from geodesic_ocp.trajectory.filters.filtering import (
+    check_even,
+    locally_fitted,
+    low_passed,
+    window_of,
+)
+from geodesic_ocp.trajectory.filters.motion_filter import MotionFilter
 
 # Rates that differ by less are one rate: time stamps are rounded.
 _SAME_RATE = 1e-3

@@ -12,8 +12,8 @@ from gadget import MJCF, urdf
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
+from geodesic_ocp.model.dynamics.rigid_body import BACKENDS, why_unavailable
 from geodesic_ocp.model.formats.robots import ROBOTS, folder
-from geodesic_ocp.model.rigid_body import BACKENDS, why_unavailable
 
 MMM = Path("data") / "models" / "mmm.xml"
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.fitting.program.metric_program import MetricProgram
+from geodesic_ocp.fitting.program.sparse_blocks import triangle
 
 _AT_BOUND = 1e-6
 
@@ -49,7 +50,7 @@ def least_errors(program: MetricProgram, z: Array, multipliers: Array) -> LeastE
     corners = program.functions["corners"](z, multipliers).full()
     lower_bound, upper_bound = program.bounds
     free = (z > lower_bound + _AT_BOUND) & (z < upper_bound - _AT_BOUND)
-    row, column = np.array([(i, j) for j in range(p) for i in range(j + 1)]).T
+    row, column = triangle(p)
     count = len(program.parts)
     gradients, hessians = np.zeros((count, p)), np.zeros((count, p, p))
     hessians[:, row, column] = hessians[:, column, row] = corners.T

@@ -13,14 +13,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.fitting.program.observed_segments import ObservedSegments
-from geodesic_ocp.fitting.program.segment_functions import SegmentFunctions
+from geodesic_ocp.fitting.program.recording_part import RecordingPart
+from geodesic_ocp.fitting.program.sparse_blocks import place_hessian, place_jacobian, triangle
+from geodesic_ocp.fitting.program.start import Start, StartValues
 from geodesic_ocp.ipopt import Ipopt, Outcome
 
 _MAX_END_RATE = 3.0
@@ -35,116 +36,6 @@ _WARM = {
     "warm_start_mult_bound_push": 1e-8,
     "warm_start_slack_bound_push": 1e-8,
 }
-
-
-class Start(Protocol):
-    """Values of the variables and of the multipliers, such as an `Outcome`."""
-
-    @property
-    def x(self) -> Array:
-        """Variables."""
-
-    @property
-    def lam_x(self) -> Array:
-        """Multipliers of their bounds."""
-
-    @property
-    def lam_g(self) -> Array:
-        """Multipliers of the equations."""
-
-
-@dataclass(frozen=True, eq=False)
-class StartValues:
-    """A `Start` of given values."""
-
-    x: Array
-    lam_x: Array
-    lam_g: Array
-
-
-@dataclass(frozen=True, eq=False)
-class RecordingPart:
-    """One recording's contribution: its data and the functions of its model.
-
-    Attributes:
-        functions: of one segment.
-        observed: the data.
-        deviation: standard deviation of the error that serves as unit [rad or m].
-    """
-
-    functions: SegmentFunctions
-    observed: ObservedSegments
-    deviation: float
-
-    def __repr__(self) -> str:
-        return f"RecordingPart({self.observed.recording.name!r}, {self.count} segments)"
-
-    @cached_property
-    def count(self) -> int:
-        """Number of segments."""
-        return len(self.observed.segments)
-
-    @cached_property
-    def _data(self) -> Array:
-        """Observations (m, k) of the samples."""
-        if self.functions.measure == "joint":
-            return self.observed.samples.T
-        return np.asarray(self.functions.model.hand_pose(self.observed.samples)[1].T)
-
-    @cached_property
-    def _owner_matrix(self) -> ca.DM:
-        """(k, count), sums over the samples of each segment, as means of the recording."""
-        k = self.observed.owners.size
-        matrix = np.zeros((k, self.count))
-        matrix[np.arange(k), self.observed.owners] = 1.0 / (k * self.deviation**2)
-        return ca.sparsify(ca.DM(matrix))
-
-    def _samples(self, x: ca.MX) -> list[ca.MX | ca.DM]:
-        repeated = x[:, self.observed.owners.tolist()]
-        return [repeated, ca.DM(self.observed.fractions[None]), ca.DM(self._data)]
-
-    def errors(self, x: ca.MX) -> ca.MX:
-        """Half the mean squared error of each segment's samples, relative, (1, count)."""
-        function = self.functions.sample_error.map(self.observed.owners.size)
-        return function(*self._samples(x)) @ self._owner_matrix
-
-    def error_gradients(self, x: ca.MX) -> ca.MX:
-        """Their gradients by x (num_x, count)."""
-        function = self.functions.sample_gradient.map(self.observed.owners.size)
-        return function(*self._samples(x)) @ self._owner_matrix
-
-    def error_hessians(self, x: ca.MX) -> ca.MX:
-        """Upper triangles of their Hessians by x, (num_x (num_x + 1) / 2, count)."""
-        function = self.functions.sample_hessian.map(self.observed.owners.size)
-        return function(*self._samples(x)) @ self._owner_matrix
-
-    def _at_nodes(self, x: ca.MX, theta: ca.MX) -> list[ca.MX | ca.DM]:
-        f = self.functions
-        nodes = ca.reshape(x[: f.num_nodes, :], f.dim, f.grid.size * self.count)
-        inner = f.grid.size - 2
-        scales = np.repeat(self.observed.scales.T, inner, axis=1)
-        return [f.states(nodes), ca.repmat(theta, 1, inner * self.count), ca.DM(scales)]
-
-    def equations(self, x: ca.MX, theta: ca.MX) -> ca.MX:
-        """Left sides of the geodesic equations (equations, count)."""
-        f = self.functions
-        every = f.node_equation.map(self.count * (f.grid.size - 2))(*self._at_nodes(x, theta))
-        return ca.reshape(every, f.num_equations, self.count)
-
-    def equation_jacobians(self, x: ca.MX, theta: ca.MX) -> ca.MX:
-        """Their derivatives by theta and nodes, columns first, (.., count)."""
-        f = self.functions
-        every = f.node_jacobian.map(self.count * (f.grid.size - 2))(*self._at_nodes(x, theta))
-        return f.assemble_jacobian.map(self.count)(every)
-
-    def equation_hessians(self, x: ca.MX, theta: ca.MX, factors: ca.MX) -> ca.MX:
-        """Upper triangles of the Hessians of factors' equations by theta and nodes, (.., count)."""
-        f = self.functions
-        inner = f.grid.size - 2
-        per_node = ca.reshape(factors, f.dim, inner * self.count)
-        arguments = [*self._at_nodes(x, theta), per_node]
-        every = f.node_hessian.map(self.count * inner)(*arguments)
-        return f.assemble_hessian.map(self.count)(every)
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,17 +105,19 @@ class MetricProgram:
             weights[k] * ca.vec(part.error_gradients(x)) for k, (part, x) in enumerate(pairs)
         ]
         gradient = ca.densify(ca.vertcat(_REGULARIZATION * change, *gradients))
-        jacobian = self._jacobian([part.equation_jacobians(x, theta) for part, x in pairs])
+        blocks = ca.horzcat(*(part.equation_jacobians(x, theta) for part, x in pairs))
+        equations = self.parts[0].functions.num_equations
+        jacobian = place_jacobian(blocks, self.start, equations, self.num_x)
 
         lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.shape[0])
-        equations = self.parts[0].functions.num_equations
         edges = equations * np.cumsum([0, *self.counts])
         triangles = []
         for k, (part, x) in enumerate(pairs):
             factors = ca.reshape(lam_g[int(edges[k]) : int(edges[k + 1])], equations, part.count)
             of_errors = lam_f * weights[k] * part.error_hessians(x)
             triangles.append((of_errors, part.equation_hessians(x, theta, factors)))
-        hessian = self._hessian(triangles, lam_f)
+        diagonal = lam_f * _REGULARIZATION
+        hessian = place_hessian(triangles, self.start, self.num_x, diagonal)
         names = ["x", "p"]
         return {
             "nlp": ca.Function("nlp", [z, weights], [f, g], names, ["f", "g"]),
@@ -248,71 +141,9 @@ class MetricProgram:
 
         In units of the initial values.
         """
-        p = self.size
-        row, column = np.array([(i, j) for j in range(p) for i in range(j + 1)]).T
+        row, column = triangle(self.size)
         scale = ca.DM(self.start[row] * self.start[column])
         return ca.horzcat(*(ca.sum2(each[: row.size, :]) * scale for _, each in triangles))
-
-    def _jacobian(self, blocks: Sequence[ca.MX]) -> ca.MX:
-        """The derivative of all equations, from the segments' blocks by theta and nodes."""
-        functions, p = self.parts[0].functions, self.size
-        m, nodes, total = functions.num_equations, functions.num_nodes, sum(self.counts)
-        every = ca.horzcat(*blocks)  # (m (p + nodes), total)
-        by_theta = [ca.vec(every[k * m : (k + 1) * m, :]) * float(self.start[k]) for k in range(p)]
-        entries = ca.vertcat(*by_theta, ca.vec(every[p * m :, :]))
-        rows = [np.tile(np.arange(m * total), p)]
-        columns = [np.repeat(np.arange(p), m * total)]
-        segment = np.arange(total)[:, None, None]
-        shape = (total, nodes, m)
-        rows.append(np.broadcast_to(segment * m + np.arange(m), shape).ravel())
-        within = np.arange(nodes)[None, :, None]
-        columns.append(np.broadcast_to(p + segment * self.num_x + within, shape).ravel())
-        return _sparse(
-            (m * total, p + self.num_x * total),
-            np.concatenate(rows),
-            np.concatenate(columns),
-            entries,
-        )
-
-    def _hessian(self, triangles: Sequence[tuple[ca.MX, ca.MX]], lam_f: ca.MX) -> ca.MX:
-        """Upper triangle of the Lagrangian's Hessian from those of the segments.
-
-        Of each recording: Hessians of the errors by x, and of the equations by theta and nodes.
-        """
-        p, num_x, total = self.size, self.num_x, sum(self.counts)
-        size = p + num_x
-        row, column = np.array([(i, j) for j in range(num_x) for i in range(j + 1)]).T
-        place = ca.DM.triplet(
-            ((column + p) * (column + p + 1) // 2 + row + p).tolist(),
-            list(range(row.size)),
-            np.ones(row.size),
-            size * (size + 1) // 2,
-            row.size,
-        )
-        units = np.concatenate([self.start, np.ones(num_x)])
-        row, column = np.array([(i, j) for j in range(size) for i in range(j + 1)]).T
-        scale = ca.DM(units[row] * units[column])
-        combined = []
-        for of_errors, of_equations in triangles:
-            more = ca.MX.zeros(size * (size + 1) // 2 - of_equations.shape[0], of_errors.shape[1])
-            whole = place @ of_errors + ca.vertcat(of_equations, more)
-            combined.append(whole * ca.repmat(scale, 1, whole.shape[1]))
-        every = ca.horzcat(*combined)
-        corner = p * (p + 1) // 2
-        diagonal = ca.DM([float(i == j) for j in range(p) for i in range(j + 1)])
-        own = ca.sum2(every[:corner, :]) + lam_f * _REGULARIZATION * diagonal
-        entries = ca.vertcat(own, ca.vec(every[corner:, :]))
-        first = np.array([(i, j) for j in range(p) for i in range(j + 1)]).reshape(-1, 2)
-        row, column = row[corner:], column[corner:]
-        shift = num_x * np.arange(total)[:, None]
-        rows = np.where(row < p, row, row + shift).ravel()
-        columns = (column + shift).ravel()
-        return _sparse(
-            (p + num_x * total,) * 2,
-            np.concatenate([first[:, 0], rows]),
-            np.concatenate([first[:, 1], columns]),
-            entries,
-        )
 
     def _solver(self, options: Mapping[str, Any]) -> Ipopt:
         derivatives = {name: self.functions[name] for name in ("grad_f", "jac_g", "hess_lag")}
@@ -391,13 +222,3 @@ class MetricProgram:
     def mean_squares(self, z: Array) -> Array:
         """Mean squared error of each recording, (recordings,), in units of the deviation."""
         return np.asarray(2.0 * self.functions["errors"](z).full()[:, 0])
-
-
-def _sparse(shape: tuple[int, int], rows: np.ndarray, columns: np.ndarray, entries: ca.MX) -> ca.MX:
-    """The matrix with these entries."""
-    order = np.lexsort((rows, columns))  # CasADi's order, columns first
-    pattern = ca.Sparsity.triplet(*shape, rows[order].tolist(), columns[order].tolist())
-    assert pattern.nnz() == rows.size
-    if np.array_equal(order, np.arange(rows.size)):
-        return ca.MX(pattern, entries)
-    return ca.MX(pattern, entries[order.tolist()])

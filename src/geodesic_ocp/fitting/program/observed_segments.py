@@ -11,7 +11,7 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.logarithm.geodesic import geodesic
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.synergies.recording import Recording
+from geodesic_ocp.synergies.recordings.recording import Recording
 from geodesic_ocp.synergies.segmentation.segment import segment
 from geodesic_ocp.trajectory.grid import Grid
 

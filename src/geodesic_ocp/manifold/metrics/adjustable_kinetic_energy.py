@@ -11,9 +11,9 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy, ModelMetric
-from geodesic_ocp.model.inertia_scale import inertia_scale
-from geodesic_ocp.model.link_energies import link_energies
-from geodesic_ocp.model.scale_inertias import scale_inertias
+from geodesic_ocp.model.dynamics.link_energies import link_energies
+from geodesic_ocp.model.inertias.inertia_scale import inertia_scale
+from geodesic_ocp.model.inertias.scale_inertias import scale_inertias
 
 _POSITIVE = ("mass_ratio", "height_ratio")
 _PER_JOINT = ("armature", "joint_inertia", "link_mass_ratios", "link_inertia_ratios")

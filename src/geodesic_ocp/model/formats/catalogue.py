@@ -9,18 +9,18 @@ from typing import get_args
 
 import pinocchio as pin
 
-from geodesic_ocp.model.anthropometry import Side
-from geodesic_ocp.model.formats.description import Description, read_file
-from geodesic_ocp.model.formats.load_model import load_model
-from geodesic_ocp.model.formats.robots import INSTALL, ROBOTS, described, folder, on_demand
-from geodesic_ocp.model.human_arm import human_arm
-from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.rigid_body import (
+from geodesic_ocp.model.dynamics.rigid_body import (
     BACKENDS,
     ENVIRONMENT_VARIABLE,
     choose_backend,
     why_unavailable,
 )
+from geodesic_ocp.model.formats.description import Description, read_file
+from geodesic_ocp.model.formats.load_model import load_model
+from geodesic_ocp.model.formats.robots import INSTALL, ROBOTS, described, folder, on_demand
+from geodesic_ocp.model.human.anthropometry import Side
+from geodesic_ocp.model.human.human_arm import human_arm
+from geodesic_ocp.model.model import Model
 
 _WIDTH = 100
 

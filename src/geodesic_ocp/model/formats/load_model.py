@@ -16,7 +16,7 @@ from geodesic_ocp.model.formats.description import Description, read_description
 from geodesic_ocp.model.formats.reduction import change_base, lock_joints
 from geodesic_ocp.model.formats.robots import INSTALL, ROBOTS, described, locate, on_demand
 from geodesic_ocp.model.formats.rotors import set_armature, srdf_armature
-from geodesic_ocp.model.inertia import check_inertias
+from geodesic_ocp.model.inertias.physical_inertias import check_inertias
 from geodesic_ocp.model.joints import frame_index, motion_subspace
 from geodesic_ocp.model.model import Model
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from geodesic_ocp.arrays import Array, as_positive
-from geodesic_ocp.trajectory.motion_filter import MotionFilter
-from geodesic_ocp.trajectory.noise_floor import (
+from geodesic_ocp.trajectory.filters.motion_filter import MotionFilter
+from geodesic_ocp.trajectory.filters.noise_floor import (
     MIN_DURATION,
     MIN_RATE,
     choose_cutoff,
@@ -14,8 +14,8 @@ from geodesic_ocp.trajectory.noise_floor import (
     passed_bandwidth,
     velocity_gain,
 )
-from geodesic_ocp.trajectory.savitzky_golay import residual_gain, savitzky_golay, slope_gain
-from geodesic_ocp.trajectory.smoothing_spline import smoothing_spline
+from geodesic_ocp.trajectory.filters.savitzky_golay import residual_gain, savitzky_golay, slope_gain
+from geodesic_ocp.trajectory.filters.smoothing_spline import smoothing_spline
 
 # Time stamps may deviate from even spacing by this fraction of a step, as recordings round them.
 _UNEVEN = 0.1

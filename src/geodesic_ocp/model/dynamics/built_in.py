@@ -13,14 +13,14 @@ from dataclasses import dataclass
 import casadi as ca
 import pinocchio as pin
 
-from geodesic_ocp.model.joints import motion_subspace
-from geodesic_ocp.model.link_energies import link_energies
-from geodesic_ocp.model.placements import (
+from geodesic_ocp.model.dynamics.link_energies import link_energies
+from geodesic_ocp.model.dynamics.placements import (
     Placement,
     constant,
     constant_placement,
     joint_placements,
 )
+from geodesic_ocp.model.joints import motion_subspace
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.trajectory.smoothing_spline import frequency_response, half_amplitude
+from geodesic_ocp.trajectory.filters.smoothing_spline import frequency_response, half_amplitude
 
 # Voluntary motions of the arm have next to no power above 12 Hz; samples at 50 Hz still resolve
 # 18 Hz, and so the floor is read between the two whatever the sampling rate.

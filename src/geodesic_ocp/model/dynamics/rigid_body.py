@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from geodesic_ocp.model import built_in
+from geodesic_ocp.model.dynamics import built_in
 from geodesic_ocp.model.joints import configuration, motion_subspace, without_noise
 
 BACKENDS = ("pinocchio.casadi", "built-in")

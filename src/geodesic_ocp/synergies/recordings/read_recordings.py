@@ -11,12 +11,12 @@ import numpy as np
 
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.model.anthropometry import Side
-from geodesic_ocp.model.human_arm import DEFAULT_HEIGHT, DEFAULT_MASS, human_arm
+from geodesic_ocp.model.human.anthropometry import Side
+from geodesic_ocp.model.human.human_arm import DEFAULT_HEIGHT, DEFAULT_MASS, human_arm
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.synergies.plausible import check_plausible
-from geodesic_ocp.synergies.read_motion import read_motion
-from geodesic_ocp.synergies.recording import Recording
+from geodesic_ocp.synergies.recordings.plausible import check_plausible
+from geodesic_ocp.synergies.recordings.read_motion import read_motion
+from geodesic_ocp.synergies.recordings.recording import Recording
 from geodesic_ocp.trajectory.motion import Motion, Subject
 
 _SUFFIXES = (".xml", ".csv")

@@ -15,7 +15,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import as_positive
-from geodesic_ocp.model.anthropometry import Segment, Sex, Side, TableName, anthropometry
+from geodesic_ocp.model.human.anthropometry import Segment, Sex, Side, TableName, anthropometry
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Capsule
 

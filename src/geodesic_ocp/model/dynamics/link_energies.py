@@ -5,8 +5,8 @@ from __future__ import annotations
 import casadi as ca
 import pinocchio as pin
 
+from geodesic_ocp.model.dynamics.placements import constant, joint_placements
 from geodesic_ocp.model.joints import motion_subspace
-from geodesic_ocp.model.placements import constant, joint_placements
 
 
 def link_energies(model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:

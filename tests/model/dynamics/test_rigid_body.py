@@ -12,7 +12,7 @@ import pytest
 from known_models import free_rotor, planar_arm, random_tree
 
 import geodesic_ocp as go
-from geodesic_ocp.model import rigid_body
+from geodesic_ocp.model.dynamics import rigid_body
 from geodesic_ocp.model.joints import configuration
 
 # Rounding of a few hundred operations in different orders.

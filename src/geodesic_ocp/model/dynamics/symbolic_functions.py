@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from geodesic_ocp.arrays import as_vector, evaluate, is_symbolic
-from geodesic_ocp.model.rigid_body import rigid_body
+from geodesic_ocp.model.dynamics.rigid_body import rigid_body
 
 
 @dataclass(frozen=True, eq=False)

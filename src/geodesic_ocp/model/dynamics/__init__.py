@@ -1,0 +1,1 @@
+"""Symbolic rigid-body algorithms, in two back ends."""

@@ -1,0 +1,1 @@
+"""Masses and inertias of the links of a model."""

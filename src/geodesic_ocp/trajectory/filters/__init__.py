@@ -1,0 +1,1 @@
+"""Filters of sampled motions, and the noise in them."""
