@@ -207,6 +207,9 @@ class Motion:
         Golay filter fits a polynomial around every sample (Savitzky, Golay, Analytical Chemistry
         36, 1964; Klein et al. 2022 filter so, with 21 samples at 100 Hz: `duration=0.21`).
 
+        A motion that was filtered before is filtered from its `unfiltered` coordinates, so that the
+        result depends on the recording and the last filter alone.
+
         >>> import numpy as np, geodesic_ocp as go
         >>> time = np.arange(200) / 100.0
         >>> noise = 2e-3 * np.random.default_rng(0).normal(size=200)
@@ -222,8 +225,8 @@ class Motion:
                 nearest to it.
 
         Returns:
-            The motion with velocities, with its coordinates before as `unfiltered`, and with the
-            `filter`, which also has the noise that was found.
+            The motion with velocities, with its coordinates before any filter as `unfiltered`, and
+            with the `filter`, which also has the noise that was found.
 
         Raises:
             ValueError: more than one filter is asked for; the samples are not evenly spaced, too
@@ -233,13 +236,15 @@ class Motion:
         given = {"window": window, "cutoff": cutoff, "duration": duration}
         named = [f"{name}={value}" for name, value in given.items() if value is not None]
         if len(named) > 1:
-            raise ValueError(f"one of window, cutoff and duration, got {' and '.join(named)}")
+            raise ValueError(
+                f"give only one of window, cutoff and duration, got {' and '.join(named)}"
+            )
         check_even(self.time)
+        before = self.q if self.unfiltered is None else self.unfiltered
         if duration is not None:
             window = window_of(duration, self.rate)
         if window is not None:
-            q, velocity, used = locally_fitted(self.time, self.q, window, order)
+            q, velocity, used = locally_fitted(self.time, before, window, order)
         else:
-            q, velocity, used = low_passed(self.time, self.q, cutoff)
-        before = self.q if self.unfiltered is None else self.unfiltered
+            q, velocity, used = low_passed(self.time, before, cutoff)
         return replace(self, q=q, velocity=velocity, unfiltered=before, filter=used)

@@ -156,6 +156,20 @@ def test_motions_remember_what_was_filtered() -> None:
         replace(found, unfiltered=found.q[:50])
 
 
+@pytest.mark.parametrize("last", [{}, {"cutoff": 5.0}, {"window": 21}, {"duration": 0.3}])
+@pytest.mark.parametrize("first", [{}, {"cutoff": 3.0}, {"window": 31}])
+def test_a_filter_starts_from_the_recording(
+    first: dict[str, float], last: dict[str, float]
+) -> None:
+    recording = noisy(sampled(100.0), 5e-3)
+    once, twice = recording.filtered(**last), recording.filtered(**first).filtered(**last)
+    assert np.array_equal(twice.q, once.q)
+    assert np.array_equal(twice.velocity, once.velocity)
+    assert np.array_equal(twice.unfiltered, recording.q)
+    assert twice.filter.cutoff == once.filter.cutoff
+    assert np.array_equal(twice.filter.noise, once.filter.noise)
+
+
 def test_resampling_to_a_lower_rate_does_not_alias() -> None:
     """A sine of 45 Hz would become one of 5 Hz at 50 Hz."""
     t = np.arange(1001) / 100.0
