@@ -244,6 +244,21 @@ def test_wrong_arguments(noisy: list[Any], arm: go.Model) -> None:
         go.fit_metric(recording, measure="hand")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="segments must be given for each of 1"):
         go.fit_metric(recording, segments=[segments, segments])
+    with pytest.raises(ValueError, match="must cover samples 0 to 240 without gaps"):
+        go.fit_metric(recording, segments=[[(0, 60), (120, 240)]])
+    with pytest.raises(ValueError, match="payload is one number; it takes no joints"):
+        go.fit_metric(recording, go.Parameter("payload", 1.0, joints=("?W*",)))
+    with pytest.raises(ValueError, match="some of its joints have another parameter"):
+        go.fit_metric(
+            recording,
+            [go.Parameter("armature", 0.1), go.Parameter("armature", 0.1, joints=("?W*",))],
+        )
+    with pytest.raises(ValueError, match="'model' is not a number"):
+        go.fit_metric(recording, go.Parameter("model", 1.0))
+    with pytest.raises(ValueError, match="joints must be a tuple of patterns"):
+        go.Parameter("armature", 0.1, joints="RSx_joint")
+    with pytest.raises(ValueError, match="metric must give the metric of a model"):
+        go.fit_metric(recording, metric=go.Euclidean(7))  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="different names"):
         go.fit_metric(recording, [go.Parameter("payload", 1.0)] * 2)
     with pytest.raises(ValueError, match="Euclidean has no field 'joint_inertia'; it has dim"):
@@ -251,3 +266,37 @@ def test_wrong_arguments(noisy: list[Any], arm: go.Model) -> None:
     still = go.Motion(recording.motion.time, 0.0 * recording.motion.q, arm.joint_names)
     with pytest.raises(ValueError, match=r"none of its"):
         go.fit_metric(go.Recording(arm, still.filtered(21)), segments=[segments])
+
+
+def test_a_parameter_at_its_bound_leaves_the_others_as_they_are(noisy: list[Any]) -> None:
+    """The recordings have no payload, so its estimate is the bound or close to it."""
+    free = fitted(noisy[0], free_ends=True)
+    payload = go.Parameter("payload", 0.5, upper=0.5)
+    inertia = go.Parameter("joint_inertia", 0.03)
+    fit = fitted(noisy[0], parameters=[inertia, payload], free_ends=True)
+    first, second = fit.estimates
+    assert second.at_bound  # for this noise
+    assert np.isnan(second.standard_error)
+    assert first.value == pytest.approx(free.values["joint_inertia"], rel=0.05)
+    assert first.standard_error == pytest.approx(free.estimates[0].standard_error, rel=0.2)
+    assert fit.undetermined == ()
+    assert "at its bound" in str(fit.table())
+    low, high = (
+        go.Interval(name, *ends, 0.95, "recording", 2)
+        for name, ends in (("joint_inertia", (0.04, 0.06)), ("payload", (np.nan, np.nan)))
+    )
+    assert fit.table((low, high)).rows[1][-1] == "-"
+
+
+def test_armature_of_the_models_is_saved(
+    arm: go.Model, true_metric: go.Metric, tmp_path: Path
+) -> None:
+    geared = arm.with_armature(0.02)
+    data = synthetic_recording(true_metric, geared, np.random.default_rng(2), count=2)
+    fit = fitted(data)
+    file = tmp_path / "metric.json"
+    go.save_metric(file, fit)
+    q = np.full(7, 0.2)
+    expected = fit.metric(geared).matrix(q)
+    for model in (arm, geared):
+        assert go.load_metric(file, model).matrix(q) == pytest.approx(expected, rel=1e-12)

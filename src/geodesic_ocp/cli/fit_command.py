@@ -4,26 +4,33 @@ from __future__ import annotations
 
 import argparse
 import time
+import warnings
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
+
+import numpy as np
 
 from geodesic_ocp.cli.fit_options import as_parameter
 from geodesic_ocp.cli.interrupts import ProgressBar
 from geodesic_ocp.cli.notes import printed_warnings
 from geodesic_ocp.cli.recording import check_folder
-from geodesic_ocp.figures.new_figure import save_figure
+from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.figures.new_figure import new_figure, save_figure
 from geodesic_ocp.fitting.bootstrap_fit import bootstrap_fit
 from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
 from geodesic_ocp.fitting.fit_metric import fit_metric
 from geodesic_ocp.fitting.leave_one_out import leave_one_out
 from geodesic_ocp.fitting.metric_file import save_metric
 from geodesic_ocp.fitting.metric_fit import Interval, MetricFit
+from geodesic_ocp.fitting.parameter import Parameter, with_parameters
 from geodesic_ocp.fitting.separate_fits import separate_fits
+from geodesic_ocp.manifold.metrics.adjustable_kinetic_energy import AdjustableKineticEnergy
 from geodesic_ocp.model.human.anthropometry import Side
 from geodesic_ocp.records import write_together
 from geodesic_ocp.synergies.recordings.read_recordings import read_recordings
 from geodesic_ocp.synergies.recordings.recording import Recording
+from geodesic_ocp.synergies.segmentation.segment_optimal import segment_optimal
 from geodesic_ocp.table import Table
 
 
@@ -36,24 +43,33 @@ def fit_files(options: argparse.Namespace) -> None:
     """
     check_folder(options.out)
     parameters = [as_parameter(text) for text in options.parameter or ["joint_inertia"]]
+    if options.bootstrap < 0:
+        raise ValueError(f"--bootstrap must not be negative, got {options.bootstrap}")
     start = time.perf_counter()
     with printed_warnings(), closing(ProgressBar()) as bar:
         recordings = _recordings(options)
+        subjects = len({each.subject for each in recordings})
+        by = options.by or ("subject" if subjects > 1 else "recording")
+        units = subjects if by == "subject" else len(recordings)
+        if options.leave_one_out and units < 2:
+            raise ValueError(f"--leave-one-out needs at least two {by}s, got {units}")
         fit = fit_metric(
             recordings,
             parameters,
             measure=options.measure,
+            segments=_optimal_segments(options, parameters, recordings, bar),
             threshold=options.threshold,
+            min_duration=options.min_duration,
+            hysteresis=options.hysteresis,
             progress=bar,
         )
-        subjects = len({each.subject for each in recordings})
-        by = options.by or ("subject" if subjects > 1 else "recording")
-        units = subjects if by == "subject" else len(recordings)
         intervals: tuple[Interval, ...] = ()
-        wanted = options.bootstrap > 0 and units > 1
-        curve = error_profile(fit, progress=bar) if options.out or wanted else None
-        if wanted:
-            only = curve if len(parameters) == 1 else None
+        resampled = options.bootstrap > 0 and units > 1
+        curves = []
+        if options.out or (resampled and len(parameters) == 1):
+            curves = [error_profile(fit, each.name, progress=bar) for each in fit.estimates]
+        if resampled:
+            only = curves[0] if len(parameters) == 1 else None
             intervals = bootstrap_fit(fit, options.bootstrap, by=by, curve=only, progress=bar)
         tables = {"table": fit.table(intervals)}
         if len(recordings) > 1:
@@ -61,41 +77,72 @@ def fit_files(options: argparse.Namespace) -> None:
         if options.leave_one_out:
             tables["leave_one_out"] = leave_one_out(fit, by, progress=bar).table()
     _summarise(fit, intervals, tables, time.perf_counter() - start)
-    if options.out and curve is not None:
+    if options.out:
         print()
         for file in write_together(
-            options.out, lambda folder: _write(folder, fit, intervals, tables, curve)
+            options.out, lambda folder: _write(folder, fit, intervals, tables, curves)
         ):
             print(f"wrote {file}")
 
 
 def _recordings(options: argparse.Namespace) -> list[Recording]:
+    """The recordings in the files; with --skip, those of the sides that there are."""
     sides: list[Side] = ["right", "left"] if options.side == "both" else [options.side]
+    found: list[Recording] = []
+    for number, side in enumerate(sides, 1):
+        try:
+            found += read_recordings(
+                options.file,
+                side,
+                height=options.height,
+                mass=options.mass,
+                cutoff=options.cutoff,
+                duration=options.savitzky_golay,
+                skip=options.skip,
+            )
+        except RecordingError as reason:
+            if not options.skip or (number == len(sides) and not found):
+                raise
+            warnings.warn(f"no {side} arm: {reason}", stacklevel=1)
+    return found
+
+
+def _optimal_segments(
+    options: argparse.Namespace,
+    parameters: Sequence[Parameter],
+    recordings: Sequence[Recording],
+    bar: ProgressBar,
+) -> list[list[tuple[int, int]]] | None:
+    """The cuts of least error with the initial metric, if --penalty asks for them."""
+    if options.penalty is None:
+        return None
+    start = [each.start for each in parameters]
     return [
-        recording
-        for side in sides
-        for recording in read_recordings(
-            options.file,
-            side,
-            height=options.height,
-            mass=options.mass,
-            cutoff=options.cutoff,
-            duration=options.savitzky_golay,
-            skip=options.skip,
+        segment_optimal(
+            with_parameters(AdjustableKineticEnergy(each.model), parameters, start),
+            each.motion,
+            penalty=options.penalty,
+            progress=bar,
         )
+        for each in recordings
     ]
 
 
 def _by_recording(fit: MetricFit, bar: ProgressBar) -> Table:
     """Estimates from every recording alone."""
-    unit = "rad" if fit.program.parts[0].functions.measure == "joint" else "m"
     names = (part for each in fit.estimates for part in (each.name, "standard error"))
     rows: list[tuple[str | int | float, ...]] = []
     alone = separate_fits(fit, progress=bar)
     for (name, each), recording in zip(alone.items(), fit.recordings, strict=True):
-        numbers = (number for own in each.estimates for number in (own.value, own.standard_error))
-        rows.append((name, recording.subject, *numbers, float(each.errors[0])))
-    return Table(("recording", "subject", *names, f"rms error [{unit}]"), tuple(rows))
+        numbers = (
+            number
+            for own in each.estimates
+            for number in (own.value, "at its bound" if own.at_bound else own.standard_error)
+        )
+        remark = "not determined" if each.undetermined else ""
+        rows.append((name, recording.subject, *numbers, float(each.errors[0]), remark))
+    header = ("recording", "subject", *names, f"rms error [{fit.error_unit}]", "remark")
+    return Table(header, tuple(rows))
 
 
 def _summarise(
@@ -125,10 +172,17 @@ def _write(
     fit: MetricFit,
     intervals: Sequence[Interval],
     tables: dict[str, Table],
-    curve: ErrorProfile,
+    curves: Sequence[ErrorProfile],
 ) -> None:
-    for name, table in {**tables, "profile": curve.table()}.items():
+    profiles = {
+        "profile" + (f"_{number}" if number > 1 else ""): curve.table()
+        for number, curve in enumerate(curves, 1)
+    }
+    for name, table in {**tables, **profiles}.items():
         (folder / f"{name}.csv").write_text(table.csv(), encoding="utf-8")
         (folder / f"{name}.md").write_text(table.markdown(), encoding="utf-8")
-    save_figure(curve.plot(), folder)
+    figure = new_figure(6.5 * len(curves), 4.2)
+    for axes, curve in zip(np.ravel(figure.subplots(1, len(curves))), curves, strict=True):
+        curve.draw(axes)
+    save_figure(figure, folder)
     save_metric(folder / "metric.json", fit, intervals)

@@ -26,9 +26,11 @@ def add_fit_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "file", type=Path, nargs="+", help="MMM motions (.xml), tables (.csv), or folders of them"
     )
-    command.add_argument("--side", choices=("right", "left", "both"), default="right")
-    command.add_argument("--height", type=float, help="of all persons [m]")
-    command.add_argument("--mass", type=float, help="of all persons [kg]")
+    command.add_argument(
+        "--side", choices=("right", "left", "both"), default="right", help="the arm"
+    )
+    command.add_argument("--height", type=float, help="of all persons [m]; default: as recorded")
+    command.add_argument("--mass", type=float, help="of all persons [kg]; default: as recorded")
     command.add_argument(
         "--skip", action="store_true", help="leave out files that cannot be used, and name them"
     )
@@ -52,10 +54,32 @@ def add_fit_options(command: argparse.ArgumentParser) -> None:
         metavar="RAD",
         help="of the cuts, which are made with the initial values [rad] (default: %(default)s)",
     )
+    for name, unit, text in (
+        ("min-duration", "SECONDS", "the shortest segment that is not a rest [s]"),
+        ("hysteresis", "RAD", "angle above the threshold that a turn must reach [rad]"),
+    ):
+        command.add_argument(
+            f"--{name}",
+            type=float,
+            default=0.1,
+            metavar=unit,
+            help=f"{text} (default: %(default)s)",
+        )
+    command.add_argument(
+        "--penalty",
+        type=float,
+        help="cut where the error becomes least instead, with this mean joint error [rad] for each"
+        " segment",
+    )
     chosen = command.add_mutually_exclusive_group()
-    chosen.add_argument("--cutoff", type=float, metavar="HZ", help="of the filter [Hz]")
     chosen.add_argument(
-        "--savitzky-golay", type=float, metavar="SECONDS", help="window of such a filter [s]"
+        "--cutoff", type=float, metavar="HZ", help="cut-off frequency of the filter [Hz]"
+    )
+    chosen.add_argument(
+        "--savitzky-golay",
+        type=float,
+        metavar="SECONDS",
+        help="window of a Savitzky-Golay filter of order 2 [s]",
     )
     command.add_argument(
         "--by",

@@ -102,4 +102,7 @@ def _newton_steps(fit: MetricFit, weights: Array) -> Array:
             sizes, axes = total
         step = -(axes / np.maximum(sizes, 1e-12)) @ (axes.T @ gradient)
         result[row, free] *= np.exp(np.clip(step, -_LARGEST_STEP, _LARGEST_STEP))
+    lower, upper = fit.program.lower, fit.program.upper
+    result = np.asarray(np.clip(result, lower, upper))
+    result[:, bounded] = np.nan
     return result

@@ -64,16 +64,26 @@ class ErrorProfile:
 
     def draw(self, axes: Axes) -> None:
         """Draw the curves of the recordings and of their mean."""
-        for number, each in enumerate(self.errors.T):
+        several = len(self.recordings) > 1
+        for number, each in enumerate(self.errors.T if several else ()):
             label = "single recordings" if number == 0 else None
             axes.plot(self.values, each, color="0.65", linewidth=1.0, label=label)
-        axes.plot(self.values, self.mean, **OBSERVED, marker="o", markersize=4, label="all")
+        axes.plot(
+            self.values,
+            self.mean,
+            **OBSERVED,
+            marker="o",
+            markersize=4,
+            label="all" if several else self.recordings[0],
+        )
         label = f"estimate {self.estimate:.3g}"
         axes.axvline(self.estimate, color="0.2", linestyle=":", linewidth=1.3, label=label)
         axes.set_xscale("log")
         axes.set_ylim(bottom=0.0)
         unit = {"m r^2": " [$m r^2$]", "kg m^2": " [kg m$^2$]"}.get(self.unit, f" [{self.unit}]")
-        axes.set_xlabel(self.name.replace("_", " ") + (unit if self.unit else ""))
+        axes.set_xlabel(
+            self.name.replace("joint_inertia", "joint inertia") + (unit if self.unit else "")
+        )
         axes.set_ylabel(f"rms error [{self.error_unit}]")
         axes.legend()
 
@@ -134,15 +144,12 @@ def error_profile(
                 raise NotConverged(f"{wanted} = {grid[number]:.4g}: {near.status}", near)
             squares[number] = fit.program.mean_squares(near.x)
             done += 1
-    part = fit.program.parts[0]
-    joint = part.functions.measure == "joint"
-    scale = part.deviation**2 / (part.functions.dim if joint else 1)
     return ErrorProfile(
         wanted,
         estimate.unit,
         grid,
-        np.sqrt(scale * squares),
-        "rad" if joint else "m",
+        fit.root_mean_squares(squares),
+        fit.error_unit,
         estimate.value,
         tuple(each.name for each in fit.recordings),
     )

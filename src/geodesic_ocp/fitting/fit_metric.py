@@ -19,6 +19,7 @@ from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics.adjustable_kinetic_energy import AdjustableKineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.synergies.recordings.recording import Recording
+from geodesic_ocp.synergies.segmentation.segment import segment
 from geodesic_ocp.trajectory.grid import Grid
 
 _SIDES = ("lower", "upper")
@@ -33,6 +34,8 @@ def fit_metric(
     measure: Measure = "joint",
     segments: Sequence[Sequence[tuple[int, int]]] | None = None,
     threshold: float = 0.6,
+    min_duration: float = 0.1,
+    hysteresis: float = 0.1,
     free_ends: bool = False,
     degree: int = 8,
     progress: Callable[[str, int, int], object] | None = None,
@@ -62,12 +65,12 @@ def fit_metric(
         recordings: of one or more persons.
         parameters: fields of the metric and their initial values; by default one joint inertia for
             all joints, relative to the arm's m r^2 (see `AdjustableKineticEnergy`).
-        metric: gives the metric of a model; a dataclass whose fields are the parameters, with a
-            matrix(q) that takes CasADi expressions for them.
+        metric: gives the metric of a model, such as a class: a dataclass whose fields are the
+            parameters, with a matrix(q) that takes CasADi expressions for them.
         measure: "joint", configurations [rad], or "position", the hand's positions [m].
         segments: of each recording, (start, stop) sample indices; None: those of `segment` with the
             initial values. Segments that hardly move are left out.
-        threshold: of `segment` [rad].
+        threshold, min_duration, hysteresis: of `segment` [rad], [s], [rad].
         free_ends: whether the ends of the paths are estimated; by default they are as observed, as
             in `reconstruct`. Estimated ends are for noisy, unfiltered data.
         degree: of the polynomials that represent the paths.
@@ -88,6 +91,8 @@ def fit_metric(
         raise ValueError("the models of all recordings must have the same number of joints")
     if segments is not None and len(segments) != len(listed):
         raise ValueError(f"segments must be given for each of {len(listed)} recordings")
+    if not callable(metric):
+        raise ValueError(f"metric must give the metric of a model, such as a class, got {metric!r}")
     chosen, measure = as_parameters(parameters), as_measure(measure)
     if free_ends and measure != "joint":
         raise ValueError("free_ends needs measure='joint': the hand leaves the redundant arm free")
@@ -105,7 +110,15 @@ def fit_metric(
             functions[id(model)] = SegmentFunctions(symbolic, theta, model, measure, grid)
         initial = with_parameters(metric(model), chosen, start.tolist())
         given = None if segments is None else segments[number]
-        observed = observe(recording, initial, given, threshold, grid)
+        if given is None:
+            given = segment(
+                initial,
+                recording.motion,
+                threshold,
+                min_duration=min_duration,
+                hysteresis=hysteresis,
+            )
+        observed = observe(recording, initial, given, grid)
         parts.append(RecordingPart(functions[id(model)], observed, _UNIT[measure]))
     lower, upper = (np.array([getattr(each, side) for each in chosen]) for side in _SIDES)
     program = MetricProgram(tuple(parts), start, lower, upper, free_ends)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import fields
 from os import PathLike
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +25,11 @@ def save_metric(
 ) -> None:
     """Write the estimates, and their intervals if given, to a JSON file for `load_metric`.
 
+    Fields of an `AdjustableKineticEnergy` that were not estimated, such as the armature of the
+    models, are part of it.
+
     Raises:
+        ValueError: such fields differ between the recordings.
         OSError: the file cannot be written.
     """
     bounds = {each.name: [each.low, each.high, each.confidence] for each in intervals}
@@ -43,8 +49,9 @@ def save_metric(
     record = {
         "format": _FORMAT,
         "version": _VERSION,
-        "metric": getattr(fit.family, "__name__", type(fit.family).__name__),
+        "metric": type(fit.metric(fit.recordings[0].model)).__name__,
         "parameters": entries,
+        "fixed": _fixed_fields(fit),
         "undetermined": list(fit.undetermined),
         "recordings": [each.name for each in fit.recordings],
         "rms_errors": fit.errors.tolist(),
@@ -52,8 +59,36 @@ def save_metric(
     write_file(path, json.dumps(record, indent=1) + "\n")
 
 
+def _fixed_fields(fit: MetricFit) -> dict[str, Any]:
+    """Fields of the metric that are not estimated, where they are not the defaults."""
+    estimated = {each.field for each in fit.parameters}
+    fixed: dict[str, Any] = {}
+    for number, recording in enumerate(fit.recordings):
+        metric = fit.metric(recording.model)
+        if not isinstance(metric, AdjustableKineticEnergy):
+            return {}
+        usual = AdjustableKineticEnergy(recording.model.with_armature(0.0))
+        own = {
+            each.name: getattr(metric, each.name)
+            for each in fields(metric)
+            if each.name not in ("model", *estimated)
+            and getattr(metric, each.name) != getattr(usual, each.name)
+        }
+        if number and own != fixed:
+            raise ValueError(
+                f"{recording.name}: its metric differs from that of {fit.recordings[0].name} in "
+                f"what was not estimated ({own} and {fixed}); one file cannot hold both"
+            )
+        fixed = own
+    return fixed
+
+
 def _finite(number: float) -> float | None:
     return float(number) if np.isfinite(number) else None
+
+
+def _as_entries(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
 
 
 def load_metric(path: str | PathLike[str], model: Model) -> AdjustableKineticEnergy:
@@ -80,7 +115,9 @@ def load_metric(path: str | PathLike[str], model: Model) -> AdjustableKineticEne
             )
             for entry, value in zip(record["parameters"], values, strict=True)
         ]
-        metric = with_parameters(AdjustableKineticEnergy(model), parameters, values)
+        fixed = {name: _as_entries(value) for name, value in record.get("fixed", {}).items()}
+        start = AdjustableKineticEnergy(model, **fixed)
+        metric = with_parameters(start, parameters, values)
     except (KeyError, TypeError, ValueError) as failure:
         reason = f"{failure} is missing" if isinstance(failure, KeyError) else str(failure)
         raise RecordingError(f"{path}: {reason}") from None

@@ -49,7 +49,7 @@ class Interval:
     Attributes:
         name: of the parameter.
         low, high: ends, in the parameter's unit; 0 or inf where resampled estimates leave the range
-            of values that were tried.
+            of values that were tried; NaN for one of several parameters that is at its bound.
         confidence: such as 0.95.
         unit: that was resampled, "recording" or "subject".
         count: number of units.
@@ -99,8 +99,12 @@ class MetricFit:
         return "\n  ".join(lines)
 
     def _rms_shown(self) -> str:
-        unit = "rad" if self.program.parts[0].functions.measure == "joint" else "m"
-        return f"{float(np.sqrt(np.mean(self.errors**2))):.4g} {unit}"
+        return f"{float(np.sqrt(np.mean(self.errors**2))):.4g} {self.error_unit}"
+
+    @property
+    def error_unit(self) -> str:
+        """Unit of the errors, "rad" or "m"."""
+        return "rad" if self.program.parts[0].functions.measure == "joint" else "m"
 
     def _repr_markdown_(self) -> str:
         notes = "".join(f"\n- {sentence}" for sentence in self.undetermined)
@@ -119,10 +123,13 @@ class MetricFit:
     @property
     def errors(self) -> Array:
         """Root mean square error of each recording, of a joint [rad] or of the hand [m]."""
+        return self.root_mean_squares(2.0 * self.derivatives.values)
+
+    def root_mean_squares(self, squares: Array) -> Array:
+        """Root mean square errors from the program's mean squares."""
         part = self.program.parts[0]
         entries = part.functions.dim if part.functions.measure == "joint" else 1
-        mean = 2.0 * self.derivatives.values / entries
-        return np.asarray(part.deviation * np.sqrt(mean))
+        return np.asarray(part.deviation * np.sqrt(squares / entries))
 
     def metric(self, model: Model) -> Metric:
         """The metric of a model with the estimated parameters."""
@@ -135,8 +142,10 @@ class MetricFit:
             header += [f"{100 * intervals[0].confidence:g} % from", "to"]
         rows = []
         for index, each in enumerate(self.estimates):
-            row: list[str | int | float] = [each.name, each.unit, each.value, each.standard_error]
+            error: str | float = "at its bound" if each.at_bound else each.standard_error
+            row: list[str | int | float] = [each.name, each.unit, each.value, error]
             if intervals:
-                row += [intervals[index].low, intervals[index].high]
+                own = intervals[index]
+                row += ["-", "-"] if np.isnan(own.low) else [own.low, own.high]
             rows.append(tuple(row))
         return Table(tuple(header), tuple(rows))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, replace
 from fnmatch import fnmatchcase
 from typing import Any
 
@@ -37,10 +37,12 @@ class Parameter:
     start: float
     lower: float = 0.0
     upper: float = np.inf
-    joints: tuple[str, ...] = ()
+    joints: Sequence[str] = ()
     name: str = ""
 
     def __post_init__(self) -> None:
+        if isinstance(self.joints, str):
+            raise ValueError(f"joints must be a tuple of patterns, got {self.joints!r}")
         start = as_number(f"start of {self.field}", self.start)
         if not (start > 0.0 and self.lower <= start <= self.upper):
             raise ValueError(
@@ -73,10 +75,11 @@ def with_parameters(metric: Metric, parameters: Sequence[Parameter], values: Any
         ValueError: the metric is not a dataclass, it has no such field, or no joint matches.
     """
     record: Any = metric
-    if not _has_fields(metric):
+    if not hasattr(record, "__dataclass_fields__"):
         raise ValueError(f"{type(metric).__name__} must be a dataclass, its fields the parameters")
     known = [each.name for each in fields(record) if each.init]
     changed: dict[str, Any] = {}
+    of_joints: dict[str, set[int]] = {}
     for index, parameter in enumerate(parameters):
         if parameter.field not in known:
             raise ValueError(
@@ -84,20 +87,27 @@ def with_parameters(metric: Metric, parameters: Sequence[Parameter], values: Any
                 f"{', '.join(known)}"
             )
         value = changed.get(parameter.field, getattr(metric, parameter.field))
-        if np.ndim(value) == 0 and not parameter.joints:
+        if not isinstance(value, (tuple, list, np.ndarray)):
+            if not isinstance(value, (int, float, np.number)):
+                raise ValueError(f"{parameter.field!r} is not a number: it cannot be estimated")
+            if parameter.joints:
+                raise ValueError(
+                    f"{parameter.name}: {parameter.field} is one number; it takes no joints"
+                )
+            if parameter.field in changed:
+                raise ValueError(f"{parameter.field} is a parameter twice")
             changed[parameter.field] = values[index]
             continue
-        entries = list(value)
+        entries, taken = list(value), of_joints.setdefault(parameter.field, set())
         chosen = _matching(parameter, metric.joint_names or (), len(entries))
+        if taken & set(chosen):
+            raise ValueError(f"{parameter.name}: some of its joints have another parameter as well")
+        taken |= set(chosen)
         for entry in chosen:
             entries[entry] = values[index]
         changed[parameter.field] = tuple(entries)
     changed_metric: Metric = replace(record, **changed)
     return changed_metric
-
-
-def _has_fields(metric: object) -> bool:
-    return is_dataclass(metric)
 
 
 def _matching(parameter: Parameter, joint_names: Sequence[str], count: int) -> list[int]:

@@ -39,9 +39,10 @@ def solve_program(
     derivatives = least_errors(program, outcome.x, outcome.lam_g)
     lower, upper = (bound[:p] for bound in program.bounds)
     bounded = (relative - lower < _AT_BOUND) | (upper - relative < _AT_BOUND * upper)
-    matrix = covariance(program, derivatives)
-    deviations = np.sqrt(np.maximum(np.diag(matrix), 0.0)) * program.start
-    deviations[bounded] = np.nan
+    free = np.flatnonzero(~bounded)
+    matrix = covariance(program, derivatives.of_parameters(free))
+    deviations = np.full(p, np.nan)
+    deviations[free] = np.sqrt(np.diag(matrix)) * program.start[free]
     names = [each.name for each in parameters]
     units = [_UNITS.get(each.field, "") for each in parameters]
     values = relative * program.start
@@ -52,7 +53,9 @@ def solve_program(
     return MetricFit(
         estimates=estimates,
         parameters=parameters,
-        undetermined=undetermined_directions(derivatives, matrix, relative, names, bounded),
+        undetermined=undetermined_directions(
+            derivatives.of_parameters(free), matrix, relative[free], [names[k] for k in free]
+        ),
         program=program,
         outcome=outcome,
         derivatives=derivatives,

@@ -10,7 +10,7 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.fitting.program.metric_program import MetricProgram
 from geodesic_ocp.fitting.program.sparse_blocks import triangle
 
-_AT_BOUND = 1e-6
+_ACTIVE = 1e-6  # distance from a bound that is active
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +29,11 @@ class LeastErrors:
     values: Array
     gradients: Array
     hessians: Array
+
+    def of_parameters(self, chosen: np.ndarray) -> LeastErrors:
+        """The derivatives by some of the parameters, by index."""
+        hessians = self.hessians[:, chosen][:, :, chosen]
+        return LeastErrors(self.values, self.gradients[:, chosen], hessians)
 
     def __repr__(self) -> str:
         return f"LeastErrors({self.values.size} recordings, {self.gradients.shape[1]} parameters)"
@@ -49,7 +54,7 @@ def least_errors(program: MetricProgram, z: Array, multipliers: Array) -> LeastE
     upper = program.functions["hess_lag"](z, ones, 1.0, multipliers).sparse().tocsc()
     corners = program.functions["corners"](z, multipliers).full()
     lower_bound, upper_bound = program.bounds
-    free = (z > lower_bound + _AT_BOUND) & (z < upper_bound - _AT_BOUND)
+    free = (z > lower_bound + _ACTIVE) & (z < upper_bound - _ACTIVE)
     row, column = triangle(p)
     count = len(program.parts)
     gradients, hessians = np.zeros((count, p)), np.zeros((count, p, p))

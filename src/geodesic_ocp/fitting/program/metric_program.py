@@ -19,12 +19,12 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.fitting.program.observed_segments import MAX_END_RATE
 from geodesic_ocp.fitting.program.recording_part import RecordingPart
 from geodesic_ocp.fitting.program.sparse_blocks import place_hessian, place_jacobian, triangle
 from geodesic_ocp.fitting.program.start import Start, StartValues
 from geodesic_ocp.ipopt import Ipopt, Outcome
 
-_MAX_END_RATE = 3.0
 # Weight of the squared relative change of the parameters: negligible wherever the data determine
 # them, it keeps combinations that the data do not determine near their initial values.
 _REGULARIZATION = 1e-5
@@ -172,7 +172,7 @@ class MetricProgram:
         n, nodes = self.parts[0].functions.dim, self.num_x - 2
         lower, upper = np.full((2, sum(self.counts), self.num_x), np.inf)
         lower *= -1.0
-        lower[:, nodes:], upper[:, nodes:] = 0.0, _MAX_END_RATE
+        lower[:, nodes:], upper[:, nodes:] = 0.0, MAX_END_RATE
         if not self.free_ends:
             ends = [*range(n), *range(nodes - n, nodes)]
             given = self.guess[self.size :].reshape(-1, self.num_x)

@@ -11,13 +11,13 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.logarithm.geodesic import geodesic
 from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.synergies.as_segments import as_segments
 from geodesic_ocp.synergies.recordings.recording import Recording
-from geodesic_ocp.synergies.segmentation.segment import segment
 from geodesic_ocp.trajectory.grid import Grid
 
 # Shorter or smaller motions do not determine the shape of a path.
 _MIN_SAMPLES, _MIN_RANGE = 4, 0.05  # [rad or m]
-_MAX_END_RATE = 3.0  # of the progress along the path, per duration: up to here it is monotone
+MAX_END_RATE = 3.0  # of the progress along the path, per duration: up to here it is monotone
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +56,7 @@ class ObservedSegments:
 def observe(
     recording: Recording,
     metric: Metric,
-    segments: Sequence[tuple[int, int]] | None,
-    threshold: float,
+    segments: Sequence[tuple[int, int]],
     grid: Grid,
 ) -> ObservedSegments:
     """The segments of a recording, with the metric's geodesics as initial paths.
@@ -65,15 +64,14 @@ def observe(
     Args:
         recording: with velocities.
         metric: with the parameters' initial values.
-        segments: (start, stop) sample indices; None: those of `segment` with this metric.
-        threshold: of `segment` [rad].
+        segments: (start, stop) sample indices, which cover the motion.
         grid: of the paths' nodes.
 
     Raises:
-        ValueError: no segment moves enough to be fitted.
+        ValueError: the segments do not cover the motion, or none moves enough to be fitted.
     """
     motion = recording.motion
-    every = list(segments) if segments is not None else segment(metric, motion, threshold)
+    every = as_segments(motion, segments)
     kept = tuple(
         (int(start), int(stop))
         for start, stop in every
@@ -102,7 +100,7 @@ def observe(
         speeds = (np.sqrt(v @ tensor @ v) for v in (velocity[start], velocity[stop]))
         with np.errstate(divide="ignore", invalid="ignore"):
             ratios = [np.nan_to_num(speed * duration / length, posinf=1.0) for speed in speeds]
-        rates.append(np.clip(ratios, 0.05, _MAX_END_RATE - 0.05))
+        rates.append(np.clip(ratios, 0.05, MAX_END_RATE - 0.05))
         scales.append(np.diag(tensor) * max(np.abs(np.diff(path, axis=0)).sum(axis=0).max(), 1e-3))
         samples.append(motion.q[start : stop + 1])
         fractions.append((time - time[0]) / duration)
