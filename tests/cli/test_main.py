@@ -17,6 +17,7 @@ import pytest
 import geodesic_ocp as go
 from geodesic_ocp.cli import error_curve, recording
 from geodesic_ocp.cli import main as cli
+from geodesic_ocp.cli.analysis_options import check_options
 from geodesic_ocp.model.formats import catalogue
 from geodesic_ocp.model.formats.robots import ROBOTS, folder
 
@@ -100,7 +101,7 @@ def test_a_fitted_metric_is_read_from_its_file(
     file.write_text(json.dumps(record | {"metric": "AdjustableKineticEnergy"}))
     command = ["analyse", str(short_file), "--side", "left", "--metric"]
     text = printed([*command, str(file)], capsys)
-    assert "Metric: AdjustableKineticEnergy(human left arm, armature 0.06)." in text
+    assert "Metric: fitted kinetic energy with joint inertia 0.06 kg m^2." in text
     file.write_text("{}")
     assert cli.main([*command, str(file)]) == 2
     assert str(file) in capsys.readouterr().err
@@ -141,16 +142,51 @@ def test_settings_of_the_segmentation_are_options(
     assert f"{len(expected)} geodesic synergies at a threshold of 0.4 rad" in text
 
 
-def test_defaults_are_those_in_python() -> None:
-    options = cli._parser().parse_args(["analyse", "file"])
+def test_defaults_are_those_in_python(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        cli.main(["analyse", "--help"])
+    described = " ".join(capsys.readouterr().out.split())
     online, optimal = (
         inspect.signature(function).parameters for function in (go.segment, go.segment_optimal)
     )
-    assert options.rest_speed == online["rest"].default
-    for name in ("threshold", "rest_duration", "min_duration", "hysteresis"):
-        assert getattr(options, name) == online[name].default
-    for name in ("count", "penalty", "error", "measure", "spacing", "max_duration"):
-        assert getattr(options, name) == optimal[name].default
+    for given in ([], ["--segments", "optimal", "--count", "3"]):
+        options = cli._parser().parse_args(["analyse", "file", *given])
+        check_options(options)
+        assert options.rest_speed == online["rest"].default
+        for name in ("threshold", "rest_duration", "min_duration", "hysteresis"):
+            assert getattr(options, name) == online[name].default
+            assert f"(default: {online[name].default})" in described
+        for name in ("penalty", "error", "measure", "spacing", "max_duration"):
+            assert getattr(options, name) == optimal[name].default
+        assert options.count == (3 if given else optimal["count"].default)
+
+
+@pytest.mark.parametrize(
+    ("segments", "others"),
+    [
+        ("online", ["--measure=joint", "--spacing=0.05", "--max-duration=2.0", "--error=0.1"]),
+        (
+            "optimal",
+            [
+                *("--threshold=0.6", "--rest-speed=0.02", "--rest-duration=0.1"),
+                *("--min-duration=0.1", "--hysteresis=0.1"),
+            ],
+        ),
+    ],
+)
+def test_options_without_effect_are_refused(
+    segments: str, others: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Also at their defaults, for all commands."""
+    wanted = {"online": "optimal", "optimal": "online"}[segments]
+    count = ["--count", "3"] if segments == "optimal" else []
+    for command in (["analyse", "file"], ["demo"], ["retarget", "file", "--robot", "panda"]):
+        for option in others:
+            assert cli.main([*command, "--segments", segments, *count, option]) == 2
+            name = option.partition("=")[0]
+            assert f"error: {name} needs --segments {wanted}\n" in capsys.readouterr().err
+    assert cli.main(["demo", "--segments", segments, *count, *others[:2]]) == 2
+    assert f"need --segments {wanted}\n" in capsys.readouterr().err
 
 
 def test_optimal_segments_are_an_option(

@@ -140,6 +140,14 @@ def test_a_method_that_fails_is_left_out(recordings: list[go.Recording], rods: g
     assert all(np.isnan(row[4]) for row in nothing.table().rows)
 
 
+def test_one_recording_needs_no_list(recordings: list[go.Recording]) -> None:
+    alone, listed = (
+        go.compare_methods(given, metrics()) for given in (recordings[0], recordings[:1])
+    )
+    assert np.array_equal(alone.values(), listed.values())
+    assert alone.recordings == listed.recordings
+
+
 def test_default_metrics(recordings: list[go.Recording], arm: go.Model) -> None:
     """The control of the distal joints is known of human arms alone."""
     of_rods = go.compare_methods(recordings[:1])
@@ -159,10 +167,16 @@ def test_default_metrics(recordings: list[go.Recording], arm: go.Model) -> None:
 def test_bad_arguments_are_named(
     recordings: list[go.Recording], comparison: go.MethodComparison
 ) -> None:
-    with pytest.raises(ValueError, match="recordings must be at least one"):
+    with pytest.raises(ValueError, match=r"recordings must be one or more of go\.Recording"):
         go.compare_methods([])
+    with pytest.raises(ValueError, match=r"recordings must be one or more of go\.Recording"):
+        go.compare_methods([recordings[0].motion])  # type: ignore[list-item]
     with pytest.raises(ValueError, match="metrics must be at least one"):
         go.compare_methods(recordings, {})
+    with pytest.raises(ValueError, match="metrics must have names"):
+        go.compare_methods(recordings, [go.Euclidean(2)])  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="'lines' must be a metric, or a function"):
+        go.compare_methods(recordings, {"lines": 2})  # type: ignore[dict-item]
     with pytest.raises(ValueError, match="minimum jerk is the name of a baseline"):
         go.compare_methods(recordings, {"minimum jerk": go.Euclidean(2)})
     with pytest.raises(ValueError, match="metric must be an instance of a Metric class"):

@@ -9,11 +9,8 @@ import pytest
 from matplotlib.figure import Figure
 
 import geodesic_ocp as go
-from geodesic_ocp.comparison.bayesian_information import (
-    bandwidth,
-    bayesian_information,
-    noise_left,
-)
+from geodesic_ocp.comparison.bayesian_information import bayesian_information, noise_left
+from geodesic_ocp.trajectory.filters.bandwidth import bandwidth
 
 TIME = np.linspace(0.0, 0.9, 46)
 OPTIONS = {"spacing": 0.1, "thresholds": [0.6]}
@@ -139,7 +136,9 @@ def test_noise_and_bandwidth_come_from_the_filter_or_as_given(arm: go.Model) -> 
     truth = np.sqrt(np.mean((filtered.q - clean)[middle] ** 2, axis=0))
     assert np.mean(left) == pytest.approx(np.mean(truth), rel=0.25)
     assert bandwidth(raw.filtered(duration=0.21), None) == pytest.approx(5.4, abs=0.3)
-    assert bandwidth(raw, None) == 6.0
+    # Without a filter every sample counts, as its noise is independent of the others'.
+    assert bandwidth(raw) == pytest.approx(50.0, rel=0.01)
+    assert bandwidth(raw, 6.0) == 6.0
     assert bandwidth(raw, 80.0) == pytest.approx(50.0, rel=0.01)
     assert noise_left(raw, 0.01, 5.0).tolist() == [0.01] * 7
     for wrong in (0.0, [0.01, 0.02], np.nan):
@@ -193,10 +192,26 @@ def test_table_figure_and_files(comparison: go.MetricComparison, tmp_path: Path)
 
 
 def test_metrics_that_do_not_fit_are_refused(arm: go.Model, motion: go.Motion) -> None:
-    with pytest.raises(ValueError, match="metrics must have at least one entry"):
+    with pytest.raises(ValueError, match="metrics must be at least one, got none"):
         go.compare_metrics(arm, motion, {})
-    with pytest.raises(ValueError, match="dimension 3"):
+    with pytest.raises(ValueError, match=r"metrics must have names, .* got \[Euclidean"):
+        go.compare_metrics(arm, motion, [go.Euclidean(7)])  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="'kinetic' must be a metric, or a function of a model"):
+        go.compare_metrics(arm, motion, {"kinetic": "kinetic"})  # type: ignore[dict-item]
+    with pytest.raises(ValueError, match="metrics: 'arm': metric must be an instance of a Metric"):
+        go.compare_metrics(arm, motion, {"arm": lambda model: model})
+    with pytest.raises(ValueError, match="metrics: 'small': metric has dimension 3"):
         go.compare_metrics(arm, motion, {"small": go.Euclidean(3)})
+    with pytest.raises(ValueError, match="counts must be at least one number of segments"):
+        go.compare_metrics(arm, motion, {"lines": go.Euclidean(7)}, counts=[])
+
+
+def test_functions_of_the_model_are_metrics(
+    comparison: go.MetricComparison, arm: go.Model, motion: go.Motion
+) -> None:
+    given = {"lines": lambda model: go.Euclidean(model.dof)}
+    found = go.compare_metrics(arm, motion, given, measure="position", **OPTIONS)
+    assert np.array_equal(found.curves["lines"].joint, comparison.curves["lines"].joint)
 
 
 @pytest.mark.slow

@@ -255,6 +255,24 @@ def test_the_default_metric_has_joint_inertia(planar: tuple[go.Model, go.Motion]
     assert go.analyse(arm, motion, metric=given).segments == own.segments
 
 
+def test_kinetic_is_without_joint_inertia_also_for_a_model_with_some(
+    planar: tuple[go.Model, go.Motion],
+) -> None:
+    arm, motion = planar
+    geared = arm.with_armature(0.2)
+    of_links, of_geared = (go.analyse(each, motion, metric="kinetic") for each in (arm, geared))
+    assert of_geared.metric_name == of_links.metric_name == "kinetic energy"
+    assert of_geared.segments == of_links.segments
+    beside = go.analyse(geared, motion, segments=of_links.segments)
+    for first, second in (
+        (of_geared.errors["riemannian"], of_links.errors["riemannian"]),
+        (beside.errors["kinetic_energy"], of_links.errors["riemannian"]),
+        (of_geared.errors["joint_inertia"], beside.errors["riemannian"]),
+    ):
+        assert first.joint == pytest.approx(second.joint, rel=1e-6)
+        assert first.position == pytest.approx(second.position, rel=1e-6)
+
+
 def test_geodesics_do_not_depend_on_the_unit_of_mass(planar: tuple[go.Model, go.Motion]) -> None:
     """The body mass of a recording, often a placeholder, must not decide the result."""
     light, heavy = (go.human_arm("right", 1.8, mass) for mass in (50.0, 100.0))

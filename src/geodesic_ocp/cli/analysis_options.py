@@ -8,14 +8,26 @@ from pathlib import Path
 from typing import get_args
 
 from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.synergies.analyse import Progress
+from geodesic_ocp.progress import Progress
 from geodesic_ocp.synergies.analysis_metrics import METRIC_NAMES, as_analysis_metric
 from geodesic_ocp.synergies.segmentation.segment_costs import Measure
 from geodesic_ocp.synergies.segmentation.segment_optimal import segment_optimal
 from geodesic_ocp.trajectory.motion import Motion
 
-_OPTIMAL_ONLY = ("count", "penalty", "error")
+# By the kind of segments, options that have no effect on the other kind, with their defaults.
+_NUMBER: dict[str, object] = {"count": None, "penalty": None, "error": None}
+_DEFAULTS: dict[str, dict[str, object]] = {
+    "online": {
+        "threshold": 0.6,
+        "rest_speed": 0.02,
+        "rest_duration": 0.1,
+        "min_duration": 0.1,
+        "hysteresis": 0.1,
+    },
+    "optimal": {**_NUMBER, "measure": "joint", "spacing": 0.05, "max_duration": 2.0},
+}
 
 
 def add_analysis_options(command: argparse.ArgumentParser) -> None:
@@ -36,7 +48,9 @@ def add_analysis_options(command: argparse.ArgumentParser) -> None:
         " 0.21",
     )
     chosen.add_argument(
-        "--no-filter", action="store_true", help="for recordings that have been filtered"
+        "--no-filter",
+        action="store_true",
+        help="take the recording as it is, as it has been filtered before",
     )
 
     group = command.add_argument_group("metric")
@@ -60,53 +74,58 @@ def add_analysis_options(command: argparse.ArgumentParser) -> None:
         "--segments",
         choices=("online", "optimal"),
         default="online",
-        help="cut where the motion leaves its geodesic, or where the error becomes least"
-        " (default: %(default)s)",
+        help="online: cut where the motion leaves its geodesic; optimal: cut where the error"
+        " becomes least (default: %(default)s)",
     )
-    group.add_argument(
-        "--threshold",
-        type=float,
-        default=0.6,
-        metavar="RAD",
-        help="online: angle at which a new synergy begins [rad] (default: %(default)s)",
-    )
-    for name, default, unit, text in (
-        ("rest-speed", 0.02, "FRACTION", "fraction of the largest speed below which the arm rests"),
-        ("rest-duration", 0.1, "SECONDS", "the shortest rest that is a segment of its own [s]"),
-        ("min-duration", 0.1, "SECONDS", "the shortest segment that is not a rest [s]; 0 for any"),
-        ("hysteresis", 0.1, "RAD", "angle above the threshold that a turn must reach [rad]"),
+    for name, unit, text in (
+        (
+            "threshold",
+            "RAD",
+            "angle [rad] between motion and geodesic at which a new synergy begins",
+        ),
+        ("rest-speed", "FRACTION", "the arm rests below this fraction of its largest speed"),
+        (
+            "rest-duration",
+            "SECONDS",
+            "duration [s] of the shortest rest that is a segment of its own",
+        ),
+        (
+            "min-duration",
+            "SECONDS",
+            "duration [s] of the shortest segment that is not a rest; 0 allows any",
+        ),
+        (
+            "hysteresis",
+            "RAD",
+            "angle [rad] beyond the threshold that a change of direction must reach",
+        ),
     ):
-        group.add_argument(
-            f"--{name}",
-            type=float,
-            default=default,
-            metavar=unit,
-            help=f"online: {text} (default: %(default)s)",
-        )
+        _add_segment_option(group, "online", name, text, unit)
     wanted = group.add_mutually_exclusive_group()
-    wanted.add_argument("--count", type=int, help="optimal: number of segments")
+    wanted.add_argument("--count", type=int, help="number of segments; needs --segments optimal")
     wanted.add_argument(
-        "--penalty", type=float, help="optimal: mean error that a further segment must save"
+        "--penalty",
+        type=float,
+        metavar="ERROR",
+        help="mean error that a further segment must save; needs --segments optimal",
     )
-    wanted.add_argument("--error", type=float, help="optimal: largest mean error")
+    wanted.add_argument(
+        "--error",
+        type=float,
+        help="largest mean error, with as few segments as possible; needs --segments optimal",
+    )
+    default = _DEFAULTS["optimal"]["measure"]
     group.add_argument(
         "--measure",
         choices=get_args(Measure),
-        default="joint",
-        help="optimal: which error, of the joints [rad] or of the hand [m, rad]"
-        " (default: %(default)s)",
+        help="error that becomes least, of the joints [rad] or of the hand [m, rad]"
+        f" (default: {default}); needs --segments optimal",
     )
-    for name, default, text in (
-        ("spacing", 0.05, "time between possible cuts, before they are refined to the sample"),
-        ("max-duration", 2.0, "of the longest segment"),
+    for name, text in (
+        ("spacing", "time [s] between possible cuts, which then move to the best sample nearby"),
+        ("max-duration", "duration [s] of the longest segment allowed"),
     ):
-        group.add_argument(
-            f"--{name}",
-            type=float,
-            default=default,
-            metavar="SECONDS",
-            help=f"optimal: {text} [s] (default: %(default)s)",
-        )
+        _add_segment_option(group, "optimal", name, text, "SECONDS")
 
     command.add_argument(
         "--out",
@@ -115,17 +134,31 @@ def add_analysis_options(command: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_segment_option(
+    group: argparse._ArgumentGroup, kind: str, name: str, text: str, unit: str
+) -> None:
+    default = _DEFAULTS[kind][name.replace("-", "_")]
+    needs = "; needs --segments optimal" if kind == "optimal" else ""
+    described = f"{text} (default: {default}){needs}"
+    group.add_argument(f"--{name}", type=float, metavar=unit, help=described)
+
+
 def check_options(options: argparse.Namespace) -> None:
-    """Check what does not depend on the recording.
+    """Check what does not depend on the recording, and set the defaults of what is not given.
 
     Raises:
         ValueError: options that exclude each other.
     """
-    given = [name for name in _OPTIMAL_ONLY if getattr(options, name) is not None]
-    if options.segments == "optimal" and not given:
+    if options.segments == "optimal" and all(getattr(options, name) is None for name in _NUMBER):
         raise ValueError("--segments optimal needs one of --count, --penalty and --error")
-    if options.segments == "online" and given:
-        raise ValueError(f"--{given[0]} needs --segments optimal")
+    for kind, defaults in _DEFAULTS.items():
+        given = [name for name in defaults if getattr(options, name) is not None]
+        if given and options.segments != kind:
+            named = " and ".join(f"--{name.replace('_', '-')}" for name in given)
+            raise ValueError(f"{named} need{'s' if len(given) == 1 else ''} --segments {kind}")
+        for name, default in defaults.items():
+            if name not in given:
+                setattr(options, name, default)
     if options.armature is not None and options.metric != "joint-inertia":
         raise ValueError(
             f"--armature is the joint inertia of --metric joint-inertia, not of {options.metric}"
@@ -147,7 +180,7 @@ def chosen_metric(options: argparse.Namespace, model: Model) -> Metric:
     """
     name = options.metric
     if name == "joint-inertia" and options.armature is not None:
-        return as_analysis_metric("kinetic", model)  # also with --armature 0
+        return KineticEnergy(model)  # also with --armature 0
     if name in METRIC_NAMES:
         return as_analysis_metric(name, model)
     if not Path(name).is_file():

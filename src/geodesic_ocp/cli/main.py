@@ -153,11 +153,18 @@ def _parser() -> argparse.ArgumentParser:
 
 def _add_recording(command: argparse.ArgumentParser, sides: Sequence[str]) -> None:
     command.add_argument("file", type=Path, help="MMM motion (.xml) or table (.csv)")
-    command.add_argument("--side", choices=sides, default="right", help="the arm")
-    command.add_argument("--height", type=float, help="of the person [m]; default: the recording's")
-    command.add_argument("--mass", type=float, help="of the person [kg]; default: the recording's")
+    command.add_argument("--side", choices=sides, default="right", help="which arm")
     command.add_argument(
-        "--resample", type=float, metavar="HZ", help="for samples that are not evenly spaced"
+        "--height", type=float, help="height of the person [m]; default: the recording's"
+    )
+    command.add_argument(
+        "--mass", type=float, help="body mass of the person [kg]; default: the recording's"
+    )
+    command.add_argument(
+        "--resample",
+        type=float,
+        metavar="HZ",
+        help="interpolate at this rate first, for samples that are not evenly spaced",
     )
 
 

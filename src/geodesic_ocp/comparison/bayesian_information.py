@@ -5,15 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.arrays import Array
 from geodesic_ocp.trajectory.motion import Motion
 
-# Cut-off frequency [Hz] that is assumed of a filter that is not known: voluntary motions of the
-# arm have most of their power below.
-_USUAL_CUTOFF = 6.0
-# Noise bandwidth of a Savitzky-Golay filter of order 2, times its duration: its middle weight is
-# 9/4 over the number of samples of its window.
-_BANDWIDTH_OF_WINDOW = 9.0 / 8.0
 _LEAST_NOISE = 1e-6  # [rad or m]: the rounding of recordings
 _NORMAL_MEDIAN = 0.6745  # median of the absolute value of a standard normal variable
 
@@ -43,23 +37,6 @@ def bayesian_information(
     misfit = independent_samples * float(np.sum(np.log(variances) + squares / variances))
     parameters = segments * (joints + 2)
     return float(misfit + parameters * np.log(independent_samples * joints))
-
-
-def bandwidth(motion: Motion, cutoff: float | None) -> float:
-    """Cut-off frequency [Hz]: as given, of the motion's filter, or the usual 6 Hz.
-
-    Raises:
-        ValueError: it is not positive.
-    """
-    if cutoff is not None:
-        frequency = as_positive("cutoff", cutoff, "Hz")
-    elif motion.filter is None:
-        frequency = _USUAL_CUTOFF
-    elif motion.filter.cutoff is not None:
-        frequency = motion.filter.cutoff
-    else:
-        frequency = _BANDWIDTH_OF_WINDOW / float(motion.filter.duration or np.inf)
-    return min(frequency, motion.rate / 2.0)
 
 
 def noise_left(motion: Motion, noise: ArrayLike | None, frequency: float) -> Array:

@@ -8,20 +8,20 @@ from dataclasses import fields
 from typing import Literal
 
 from geodesic_ocp.comparison.method_comparison import MethodComparison
+from geodesic_ocp.comparison.named_metrics import MetricOrFunction, as_named_metrics, metric_of
 from geodesic_ocp.errors import GeodesicOcpError, IntegrationFailed
-from geodesic_ocp.manifold.metric import Metric, as_metric
-from geodesic_ocp.manifold.metrics.euclidean import Euclidean
-from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
+from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.progress import Progress
 from geodesic_ocp.synergies.as_segments import as_segments
 from geodesic_ocp.synergies.baselines.distal_inertia import distal_inertia, distal_joints
 from geodesic_ocp.synergies.baselines.joint_polynomials import minimum_acceleration, minimum_jerk
 from geodesic_ocp.synergies.baselines.minimum_jerk_hand import minimum_jerk_hand
-from geodesic_ocp.synergies.joint_inertia import with_joint_inertia
 from geodesic_ocp.synergies.reconstruct import reconstruct
 from geodesic_ocp.synergies.recordings.recording import Recording
 from geodesic_ocp.synergies.scores.score import Scores, score
 from geodesic_ocp.synergies.segmentation.segment import segment
+from geodesic_ocp.synergies.usual_metrics import STRAIGHT_LINES, USUAL_METRICS
 from geodesic_ocp.trajectory.motion import Motion
 
 _Segments = Sequence[tuple[int, int]]
@@ -45,12 +45,12 @@ _OF_A_GEODESIC = "2 configurations, 2 speeds"
 
 
 def compare_methods(
-    recordings: Sequence[Recording],
-    metrics: Mapping[str, Metric | Callable[[Model], Metric]] | None = None,
+    recordings: Recording | Sequence[Recording],
+    metrics: Mapping[str, MetricOrFunction] | None = None,
     *,
     segments: Literal["same"] | Sequence[_Segments] = "same",
     threshold: float = 0.6,
-    progress: Callable[[str, int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> MethodComparison:
     """Predict the same segments of recordings by geodesics and by baselines, and score them all.
 
@@ -68,7 +68,7 @@ def compare_methods(
     ('straight lines', 'minimum acceleration', 'minimum jerk')
 
     Args:
-        recordings: at least one, see `read_recordings`.
+        recordings: one or more, see `read_recordings`.
         metrics: by name, a metric or a function of a recording's model that returns one. By
             default the kinetic energy with joint inertia (that of the model, if it has any, or
             else `default_joint_inertia`), the kinetic energy without it, the kinetic energy with
@@ -87,12 +87,10 @@ def compare_methods(
             of another dimension, a recording that never moves, or a threshold that is out of range.
         IntegrationFailed: the first metric is singular along a recording, see `segment`.
     """
-    recordings = list(recordings)
-    if not recordings:
-        raise ValueError("recordings must be at least one, got none")
-    metrics = _default_metrics(recordings) if metrics is None else dict(metrics)
-    if not metrics:
-        raise ValueError("metrics must be at least one, got none")
+    recordings = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    if not recordings or not all(isinstance(each, Recording) for each in recordings):
+        raise ValueError("recordings must be one or more of go.Recording")
+    metrics = as_named_metrics(_default_metrics(recordings) if metrics is None else metrics)
     if same := metrics.keys() & _KINEMATIC.keys():
         raise ValueError(f"metrics: {', '.join(same)} is the name of a baseline")
     methods = (*metrics, *_KINEMATIC)
@@ -108,8 +106,7 @@ def compare_methods(
 
     def metric(name: str, model: Model) -> Metric:
         if (name, model) not in found:
-            given = metrics[name]
-            found[name, model] = as_metric(given if isinstance(given, Metric) else given(model))
+            found[name, model] = metric_of(name, metrics[name], model)
         return found[name, model]
 
     cuts = _given_segments(recordings, segments)
@@ -175,14 +172,9 @@ def _given_segments(
     return [as_segments(each.motion, its) for each, its in zip(recordings, segments, strict=True)]
 
 
-def _default_metrics(
-    recordings: Sequence[Recording],
-) -> dict[str, Metric | Callable[[Model], Metric]]:
-    metrics: dict[str, Metric | Callable[[Model], Metric]] = {
-        "kinetic energy with joint inertia": lambda model: KineticEnergy(with_joint_inertia(model)),
-        "kinetic energy": lambda model: KineticEnergy(model.with_armature(0.0)),
-    }
+def _default_metrics(recordings: Sequence[Recording]) -> dict[str, MetricOrFunction]:
+    metrics: dict[str, MetricOrFunction] = dict(USUAL_METRICS)
     if all(distal_joints(recording.model) for recording in recordings):
         metrics["joint inertia of distal joints alone"] = distal_inertia
-    metrics["straight lines"] = lambda model: Euclidean(model.dof)
+    metrics[STRAIGHT_LINES] = metrics.pop(STRAIGHT_LINES)  # the last
     return metrics

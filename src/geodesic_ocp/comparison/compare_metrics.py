@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.comparison.bayesian_information import (
-    bandwidth,
     bayesian_information,
     noise_left,
 )
 from geodesic_ocp.comparison.metric_comparison import ErrorCurve, MetricComparison, OnlineErrors
+from geodesic_ocp.comparison.named_metrics import MetricOrFunction, as_named_metrics, metric_of
 from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.manifold.metrics.euclidean import Euclidean
-from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.as_model import as_model
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.synergies.joint_inertia import with_joint_inertia
+from geodesic_ocp.progress import Progress
 from geodesic_ocp.synergies.reconstruct import reconstruct
 from geodesic_ocp.synergies.scores.evaluate import evaluate
 from geodesic_ocp.synergies.segmentation.optimal_segmentations import (
@@ -29,15 +27,15 @@ from geodesic_ocp.synergies.segmentation.optimal_segmentations import (
 )
 from geodesic_ocp.synergies.segmentation.segment import segment
 from geodesic_ocp.synergies.segmentation.segment_costs import Measure
+from geodesic_ocp.synergies.usual_metrics import USUAL_METRICS
+from geodesic_ocp.trajectory.filters.bandwidth import bandwidth
 from geodesic_ocp.trajectory.motion import Motion
-
-Progress = Callable[[str, int, int], object]
 
 
 def compare_metrics(
     model: Model,
     motion: Motion,
-    metrics: Mapping[str, Metric] | None = None,
+    metrics: Mapping[str, MetricOrFunction] | None = None,
     *,
     measure: Measure = "joint",
     counts: Sequence[int] | None = None,
@@ -68,9 +66,9 @@ def compare_metrics(
     Args:
         model: the arm; its joints are selected from the motion by name.
         motion: the recording; filtered here (`Motion.filtered`) if it has no velocities.
-        metrics: by name; None compares the kinetic energy with the model's or the default joint
-            inertia (`default_joint_inertia`), the kinetic energy of the links alone, and straight
-            lines.
+        metrics: by name, a metric or a function of the model that returns one; None compares the
+            kinetic energy with the model's or the default joint inertia (`default_joint_inertia`),
+            the kinetic energy of the links alone, and straight lines.
         measure: that the cuts minimize: "joint" [rad], "position" or "orientation" of the hand.
         counts: numbers of segments; None takes all that are possible.
         refined: move the cuts by single samples, which takes about 0.2 s for each number and
@@ -80,13 +78,14 @@ def compare_metrics(
         thresholds: of the online rule [rad].
         noise: standard deviation of the noise in the coordinates, one number or (n,) [rad], for
             `MetricComparison.best_count`; None estimates it from the record of the filter.
-        cutoff: of the motion's filter [Hz], for the same; None takes the filter's, or 6 Hz where
-            that is not known.
+        cutoff: of the motion's filter [Hz], for the same; None takes the filter's. Where that is
+            not known, every sample counts as independent, so give it if the motion was filtered
+            elsewhere.
         progress: called with what is done, the amount done, and the total.
 
     Raises:
-        ValueError: there is no metric or it does not fit the model, a count is not possible with
-            one of the metrics, or see `optimal_segmentations` and `segment`.
+        ValueError: there is no metric or it does not fit the model, counts are empty or not
+            possible with one of the metrics, or see `optimal_segmentations` and `segment`.
         NotConverged: see `optimal_segmentations`.
 
     Warns:
@@ -95,18 +94,14 @@ def compare_metrics(
     motion = motion.select(as_model(model).joint_names)
     if motion.velocity is None:
         motion = motion.filtered()
-    if metrics is None:
-        metrics = {
-            "kinetic energy with joint inertia": KineticEnergy(with_joint_inertia(model)),
-            "kinetic energy": KineticEnergy(model.with_armature(0.0)),
-            "straight lines": Euclidean(model.dof),
-        }
-    if not metrics:
-        raise ValueError("metrics must have at least one entry")
+    given = as_named_metrics(USUAL_METRICS if metrics is None else metrics)
+    named = {name: metric_of(name, each, model) for name, each in given.items()}
+    if counts is not None and not len(counts):
+        raise ValueError("counts must be at least one number of segments, got none")
     frequency = bandwidth(motion, cutoff)
     floor = noise_left(motion, noise, frequency)
     curves, online = {}, {}
-    for name, metric in metrics.items():
+    for name, metric in named.items():
         found = optimal_segmentations(
             metric,
             motion,

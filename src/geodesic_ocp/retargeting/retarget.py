@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.retargeting.alignment import Alignment
 from geodesic_ocp.retargeting.alignment import alignment as default_alignment
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
@@ -21,7 +22,6 @@ from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.retargeting.targets import PoseFinder
 from geodesic_ocp.retargeting.time_scaling import scale_time
-from geodesic_ocp.synergies.analyse import Progress, no_progress
 from geodesic_ocp.synergies.analysis import Analysis
 
 _DEFAULT = RetargetingSettings()

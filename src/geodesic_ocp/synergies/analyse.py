@@ -10,6 +10,7 @@ from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics.euclidean import Euclidean
 from geodesic_ocp.model.as_model import as_model
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.synergies.analysis import Analysis
 from geodesic_ocp.synergies.analysis_metrics import (
     MetricName,
@@ -24,13 +25,6 @@ from geodesic_ocp.synergies.scores.evaluate import MotionErrors, evaluate
 from geodesic_ocp.synergies.segmentation.segment import segment
 from geodesic_ocp.synergies.segmentation.segment_zero_velocity import segment_zero_velocity
 from geodesic_ocp.trajectory.motion import Motion
-
-Progress = Callable[[str, int, int], object]
-
-
-def no_progress(label: str, done: int, total: int) -> None:
-    """Report no progress."""
-    del label, done, total
 
 
 def analyse(
@@ -68,9 +62,9 @@ def analyse(
         threshold: of the segmentation [rad], see `segment`.
         metric: in which the motion is cut and planned. None or "joint-inertia": the kinetic energy
             with the model's joint inertia (`Model.armature`), or, if the model has none, with the
-            default one (`default_joint_inertia`). "kinetic": the kinetic energy of the model as it
-            is, for an arm without armature the paper's metric. "euclidean": straight lines. Or any
-            metric on the model's joints.
+            default one (`default_joint_inertia`). "kinetic": the kinetic energy without joint
+            inertia, also if the model has some, which is the paper's metric. "euclidean": straight
+            lines. Or any metric on the model's joints, such as `KineticEnergy(model)`.
         segments: (start, stop) sample indices from the first sample to the last, as found by
             `segment_optimal`, in place of those that `segment` finds.
         rest, rest_duration, min_duration, hysteresis: of the segmentation, see `segment`.

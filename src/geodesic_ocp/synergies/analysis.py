@@ -14,6 +14,7 @@ from geodesic_ocp.figures.analysis_figure import INSTANTS, draw_analysis
 from geodesic_ocp.figures.arm_strip import strip_instants
 from geodesic_ocp.figures.new_figure import new_figure, save_figure
 from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.manifold.metrics.adjustable_kinetic_energy import AdjustableKineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.stick_figure import stick_figure
 from geodesic_ocp.records import write_together
@@ -21,6 +22,7 @@ from geodesic_ocp.synergies.analysis_metrics import joint_inertia_of, method_of
 from geodesic_ocp.synergies.scores.evaluate import MotionErrors
 from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.synergies.synergy_files import save_synergies
+from geodesic_ocp.synergies.usual_metrics import JOINT_INERTIA, KINETIC_ENERGY, STRAIGHT_LINES
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.motion import Motion
 
@@ -29,12 +31,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _METRICS = {
-    "kinetic_energy": "kinetic energy",
-    "joint_inertia": "kinetic energy with joint inertia",
-    "euclidean_same_segments": "straight lines, same segments",
+    "kinetic_energy": KINETIC_ENERGY,
+    "joint_inertia": JOINT_INERTIA,
+    "euclidean_same_segments": f"{STRAIGHT_LINES}, same segments",
 }
 _BASELINES = {
-    "euclidean": "straight lines, zero-velocity segments",
+    "euclidean": f"{STRAIGHT_LINES}, zero-velocity segments",
     "ik": "inverse kinematics of the hand",
 }
 NOT_FOUND = "not found"
@@ -91,7 +93,9 @@ class Analysis:
 
     @property
     def metric_name(self) -> str:
-        """What the metric is, in words; of a metric other than those compared, its `repr`."""
+        """What the metric is, in words; of a metric that has no words, its `repr`."""
+        if isinstance(self.metric, AdjustableKineticEnergy):
+            return self.metric.description
         name = _METRICS.get(method_of(self.metric), repr(self.metric))
         return f"{name} {joint_inertia_of(self.metric)}".removesuffix(", same segments ").strip()
 

@@ -10,28 +10,29 @@ from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics.euclidean import Euclidean
 from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.synergies.joint_inertia import (
-    has_default_joint_inertia,
-    with_joint_inertia,
+from geodesic_ocp.synergies.joint_inertia import has_default_joint_inertia
+from geodesic_ocp.synergies.usual_metrics import (
+    JOINT_INERTIA,
+    KINETIC_ENERGY,
+    STRAIGHT_LINES,
+    USUAL_METRICS,
 )
 
 MetricName = Literal["joint-inertia", "kinetic", "euclidean"]
 METRIC_NAMES: tuple[str, ...] = get_args(MetricName)
+_USUAL = dict(zip(METRIC_NAMES, (JOINT_INERTIA, KINETIC_ENERGY, STRAIGHT_LINES), strict=True))
 
 
 def as_analysis_metric(metric: Metric | str | None, model: Model) -> Metric:
-    """The metric of an analysis, from its name or None.
+    """The metric of an analysis, from its name or None, which is "joint-inertia".
 
     Raises:
         ValueError: an unknown name, no metric, or one of another dimension or of other joints.
     """
     if not isinstance(metric, Metric):
-        if metric is None or metric == "joint-inertia":
-            return KineticEnergy(with_joint_inertia(model))
-        if metric == "kinetic":
-            return KineticEnergy(model)
-        if metric == "euclidean":
-            return Euclidean(model.dof)
+        name = METRIC_NAMES[0] if metric is None else metric
+        if isinstance(name, str) and name in _USUAL:
+            return USUAL_METRICS[_USUAL[name]](model)
         known = ", ".join(map(repr, METRIC_NAMES))
         raise ValueError(f"metric must be {known} or a Metric, got {metric!r}")
     if metric.dim != model.dof or (metric.joint_names or model.joint_names) != model.joint_names:
@@ -49,10 +50,10 @@ def compared_metrics(metric: Metric, model: Model) -> dict[str, Metric]:
     By method: "kinetic_energy", without joint inertia; "joint_inertia", with the model's or the
     default one; "euclidean_same_segments". The metric itself is left out.
     """
-    compared: dict[str, Metric] = {"kinetic_energy": KineticEnergy(model.with_armature(0.0))}
+    compared = {"kinetic_energy": USUAL_METRICS[KINETIC_ENERGY](model)}
     if np.any(model.armature) or has_default_joint_inertia(model):
-        compared["joint_inertia"] = KineticEnergy(with_joint_inertia(model))
-    compared["euclidean_same_segments"] = Euclidean(model.dof)
+        compared["joint_inertia"] = USUAL_METRICS[JOINT_INERTIA](model)
+    compared["euclidean_same_segments"] = USUAL_METRICS[STRAIGHT_LINES](model)
     compared.pop(method_of(metric), None)
     return compared
 

@@ -204,6 +204,10 @@ def test_progress_and_repr(motion: go.Motion) -> None:
         ({"count": 3, "penalty": 0.1}, "exactly one of count, penalty and error"),
         ({"count": 1}, r"count must be 2 to 9 .* at most 0\.5 s, got 1"),
         ({"count": 10}, "count must be 2 to 9 .* got 10"),
+        (
+            {"count": 3, "spacing": 0.9, "max_duration": 2.0},
+            "count must be 1, the only number possible with these candidates .* got 3",
+        ),
         ({"count": 2.5}, "count must be a positive integer, got 2.5"),
         ({"error": -1.0}, "error must be at least .*, which 9 segments reach, got -1.0"),
         ({"penalty": -1.0}, "penalty must not be negative, got -1.0"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import chain
 from typing import Any
@@ -98,6 +98,29 @@ class AdjustableKineticEnergy(ModelMetric):
                 shown.append(f"{name} {_shown(getattr(self, name))}")
         return f"AdjustableKineticEnergy({', '.join(shown)})"
 
+    @property
+    def description(self) -> str:
+        """The metric and its parameters in words.
+
+        >>> import geodesic_ocp as go
+        >>> go.AdjustableKineticEnergy(go.human_arm(), joint_inertia=0.02, payload=1.0).description
+        'fitted kinetic energy with joint inertia 0.02 m r^2, payload 1 kg'
+        """
+        units = {
+            "armature": ("joint inertia", "kg" if set(self.model.units) == {"m"} else "kg m^2"),
+            "joint_inertia": ("joint inertia", "m" if set(self.model.units) == {"m"} else "m r^2"),
+            "payload": ("payload", "kg"),
+        }
+        parts = []
+        for each in fields(self)[1:]:
+            given = getattr(self, each.name)
+            values = given if isinstance(given, tuple) else (given,)
+            without = 0.0 if each.default is None else each.default
+            if any(isinstance(entry, ca.SX) or entry != without for entry in values):
+                word, unit = units.get(each.name, (each.name.replace("_", " "), ""))
+                parts.append(f"{word} {_range(values)} {unit}".strip())
+        return f"{self.label} {'with ' + ', '.join(parts) if parts else 'of the links alone'}"
+
     @cached_property
     def adjusted(self) -> KineticEnergy | None:
         """The same metric as the kinetic energy of a model; None if a parameter is symbolic."""
@@ -155,6 +178,14 @@ def _check(name: str, value: Any, positive: bool) -> None:
     if not np.isfinite(number) or number < 0.0 or (positive and number == 0.0):
         wanted = "positive" if positive else "finite and not negative"
         raise ValueError(f"{name} must be {wanted}, got {value}")
+
+
+def _range(values: tuple[Any, ...]) -> str:
+    """The least and the largest number; all values if one is an expression."""
+    if any(isinstance(entry, ca.SX) for entry in values):
+        return _shown(values)
+    low, high = f"{min(values):.3g}", f"{max(values):.3g}"
+    return low if low == high else f"{low} to {high}"
 
 
 def _shown(values: tuple[Any, ...]) -> str:

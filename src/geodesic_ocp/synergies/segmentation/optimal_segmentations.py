@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -13,12 +12,12 @@ from geodesic_ocp.arrays import Array, as_integer, as_number, as_positive
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.progress import Progress
 from geodesic_ocp.synergies.segmentation.best_partitions import BestPartitions, best_partitions
 from geodesic_ocp.synergies.segmentation.refine_cuts import refine_cuts
 from geodesic_ocp.synergies.segmentation.segment_costs import Measure, SegmentCosts
 from geodesic_ocp.trajectory.motion import Motion
 
-Progress = Callable[[str, int, int], object]
 _SLACK = 1e-9  # of the longest duration, relative
 
 
@@ -110,9 +109,11 @@ class OptimalSegmentations:
         """Sample indices of the cuts, with both ends, and their total cost."""
         count = as_integer("count", count, 1)
         if count not in self.counts:
+            low, high = int(self.counts[0]), int(self.counts[-1])
+            allowed = f"{low} to {high}" if low < high else f"{low}, the only number possible"
             raise ValueError(
-                f"count must be {self.counts[0]} to {self.counts[-1]} with these candidates and "
-                f"segments of at most {self.max_duration:g} s, got {count}"
+                f"count must be {allowed} with these candidates and segments of at most "
+                f"{self.max_duration:g} s, got {count}"
             )
         if not refined:
             cuts = [self._candidates[index] for index in self._partitions.cuts(count)]

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.synergies.segmentation.optimal_segmentations import (
-    Progress,
-    optimal_segmentations,
-)
+from geodesic_ocp.progress import Progress
+from geodesic_ocp.synergies.segmentation.optimal_segmentations import optimal_segmentations
 from geodesic_ocp.synergies.segmentation.segment_costs import Measure
 from geodesic_ocp.trajectory.motion import Motion
 

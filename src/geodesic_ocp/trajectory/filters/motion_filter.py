@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from geodesic_ocp.arrays import Array
+
+# Noise bandwidth of a Savitzky-Golay filter of order 2, times its duration: its middle weight is
+# 9/4 over the number of samples of its window.
+_BANDWIDTH_OF_WINDOW = 9.0 / 8.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -26,6 +32,13 @@ class MotionFilter:
     chosen: bool
     noise: Array
     velocity_noise: Array
+
+    @property
+    def bandwidth(self) -> float:
+        """Cut-off frequency, or noise bandwidth of a Savitzky-Golay filter of order 2 [Hz]."""
+        if self.cutoff is not None:
+            return self.cutoff
+        return _BANDWIDTH_OF_WINDOW / float(self.duration or np.inf)
 
     def select(self, columns: list[int]) -> MotionFilter:
         """The filter of these joints."""
