@@ -158,6 +158,10 @@ def test_gimbal_lock_of_the_shoulder_is_no_singularity_any_more(sign: float) -> 
         (None, "armature must be a finite number, got None"),
         ({"elbow": 0.1}, "armature: 'elbow' is not one of the joints RSx_joint"),
         ({"RWy_joint": "x"}, "armature must be 7 numbers"),
+        (True, "armature must be numbers, not truth values, got True"),
+        ([0.1] * 6 + [True], "armature must be numbers, not truth values"),
+        (np.ones(7, dtype=bool), "armature must be numbers, not truth values"),
+        ({"RWy_joint": False}, "armature must be numbers, not truth values"),
     ],
 )
 def test_wrong_values_are_named(value: object, message: str) -> None:

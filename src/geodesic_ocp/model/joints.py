@@ -120,6 +120,9 @@ def as_armature(
     Raises:
         ValueError: an unknown joint, not 1 or n numbers, or one that is negative or not finite.
     """
+    entries = np.array([*value.values()] if isinstance(value, Mapping) else value, dtype=object)
+    if any(isinstance(entry, (bool, np.bool_)) for entry in entries.flat):
+        raise ValueError(f"armature must be numbers, not truth values, got {value!r}")
     if isinstance(value, str) or not isinstance(value, (Mapping, Sequence, np.ndarray)):
         value = [as_number("armature", value)] * current.size
     armature = _merged("armature", value, current, joint_names)
