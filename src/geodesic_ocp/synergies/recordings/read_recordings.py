@@ -67,7 +67,9 @@ def read_recordings(
         ValueError: no path, both cutoff and duration, or one of the numbers is not positive.
     """
     if cutoff is not None and duration is not None:
-        raise ValueError(f"one of cutoff and duration, got {cutoff:g} Hz and {duration:g} s")
+        raise ValueError(
+            f"give only one of cutoff and duration, got {cutoff:g} Hz and {duration:g} s"
+        )
     numbers = {"height": height, "mass": mass, "cutoff": cutoff, "duration": duration}
     for name, number in numbers.items():
         if number is not None:
@@ -92,7 +94,7 @@ def read_recordings(
             name = f"{file.stem}, {side}"
             found.append((file, motion, Recording(arm, filtered, name, motion.subject.name)))
     if reasons and (not skip or not found):
-        raise RecordingError("\n".join(reasons))
+        raise RecordingError(";\n".join(reasons))
     for reason in reasons:
         warnings.warn(f"left out: {reason}", stacklevel=2)
     return tuple(recording for _, _, recording in found)
