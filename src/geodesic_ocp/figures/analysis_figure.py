@@ -79,4 +79,4 @@ def draw_analysis(
         curve(axes)
         if legend := axes.get_legend():
             legend.remove()  # the lines are those of the errors
-        axes.set_title("best cuts (hollow: online rule)", **_TITLE)
+        axes.set_title("best cuts (filled: least BIC, hollow: online rule)", **_TITLE)
