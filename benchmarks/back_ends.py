@@ -3,7 +3,7 @@
 Usage: python benchmarks/back_ends.py [--seconds S]
 
 For the mass matrix G, the second derivatives of the Lagrangian v' G v / 2 with respect to q and v
-(what the optimiser evaluates at every node), and the hand's pose FK. Operations are CasADi's
+(what the optimizer evaluates at every node), and the hand's pose FK. Operations are CasADi's
 instructions, inputs and outputs included. Times on a shared machine vary; the back ends are timed
 in alternation, and the ratio of the two is what counts.
 """

@@ -1,4 +1,4 @@
-"""Functions of two points or vectors, vectorised over the rows of arrays."""
+"""Functions of two points or vectors, vectorized over the rows of arrays."""
 
 from __future__ import annotations
 

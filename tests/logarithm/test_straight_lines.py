@@ -45,7 +45,7 @@ def no_solver(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Integrator, "__call__", fail)
 
 
-def test_constant_tensors_are_recognised() -> None:
+def test_constant_tensors_are_recognized() -> None:
     assert go.Euclidean(3).has_constant_tensor
     assert Constant().has_constant_tensor
     assert not Disguised().has_constant_tensor

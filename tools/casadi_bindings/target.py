@@ -26,7 +26,7 @@ class Target:
     """The wheels of one environment.
 
     Attributes:
-        versions: of pin, casadi and all that they require, by normalised name of distribution.
+        versions: of pin, casadi and all that they require, by normalized name of distribution.
         pinocchio: folder of the imported package.
         casadi: folder of the imported package.
     """
@@ -89,7 +89,7 @@ def _imported_from(distribution: metadata.Distribution, package: str) -> Path:
 
 
 def _with_requirements(name: str) -> dict[str, str]:
-    """Versions of an installed distribution and of all that it requires, by normalised name."""
+    """Versions of an installed distribution and of all that it requires, by normalized name."""
     found: dict[str, str] = {}
     waiting = [name]
     while waiting:

@@ -132,11 +132,11 @@ def analyse_motion(
             )
     except ValueError as error:
         raise ValueError(f"{options.file}: {error}") from None
-    _summarise(analysis, height, mass, assumed, time.perf_counter() - start)
+    _summarize(analysis, height, mass, assumed, time.perf_counter() - start)
     return analysis
 
 
-def _summarise(
+def _summarize(
     analysis: Analysis, height: float, mass: float, assumed: Sequence[str], seconds: float
 ) -> None:
     motion = analysis.motion

@@ -70,7 +70,7 @@ def _transfer(
     )
     with printed_warnings(), closing(ProgressBar()) as bar:
         result = retarget_arms(analyses, robots, settings=settings, progress=bar)
-    _summarise(result)
+    _summarize(result)
     if options.out is None and options.report:
         options.out = Path("geodesic_ocp_retarget")
     if options.out is not None:
@@ -82,7 +82,7 @@ def _transfer(
             print(f"wrote {file}")
 
 
-def _summarise(result: Retargeting) -> None:
+def _summarize(result: Retargeting) -> None:
     for arm in result.arms:
         worst = max(max(each.position_error, each.rotation_error) for each in arm.transfers)
         unreached = len(arm.out_of_reach)

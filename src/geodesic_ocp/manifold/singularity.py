@@ -8,7 +8,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 
-# Eigenvalues of the normalised tensor below the first are zero up to rounding, as are entries of
+# Eigenvalues of the normalized tensor below the first are zero up to rounding, as are entries of
 # the diagonal below the second relative to the largest, such as the square of sin(pi).
 _SINGULAR, _VANISHING = 1e-14, 1e-28
 # Eigenvalues below this make geodesics hard to compute.

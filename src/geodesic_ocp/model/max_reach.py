@@ -18,7 +18,7 @@ def max_reach(
 ) -> float:
     """Largest distance [m] found between a frame and a joint.
 
-    Minimises -|p(q) - p_joint(q)|^2 within the joint limits from the best of many random
+    Minimizes -|p(q) - p_joint(q)|^2 within the joint limits from the best of many random
     configurations, until a stretched chain is found, which nothing exceeds.
 
     Args:

@@ -150,7 +150,7 @@ class Model:
     def reach(self) -> float:
         """Largest distance [m] of the hand from its first joint, within the joint limits.
 
-        Found by local optimisation from several configurations, so strictly a lower bound.
+        Found by local optimization from several configurations, so strictly a lower bound.
         """
         return max_reach(self.pin, self._hand_id, self.lower, self.upper)
 

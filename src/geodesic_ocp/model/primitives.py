@@ -70,7 +70,7 @@ class HalfSpace:
 
     Attributes:
         point: any point of the plane, (3,) [m], in the base frame.
-        normal: outward normal, pointing into free space, (3,); normalised here.
+        normal: outward normal, pointing into free space, (3,); normalized here.
         name: its name in constraints and messages.
 
     Raises:

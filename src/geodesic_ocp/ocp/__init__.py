@@ -1,1 +1,1 @@
-"""What is found by optimisation."""
+"""What is found by optimization."""

@@ -97,7 +97,7 @@ class Path:
 
     @property
     def discrete_energy(self) -> float:
-        """Energy by the quadrature of the grid, which is what a solver minimises."""
+        """Energy by the quadrature of the grid, which is what a solver minimizes."""
         return float(np.sum(self.grid.quadrature.weights * self.speeds_at_quadrature_points**2)) / 2
 
     def _speeds_on(self, fine: Grid) -> Array:

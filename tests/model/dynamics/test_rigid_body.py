@@ -130,7 +130,7 @@ def test_armature_adds_to_the_diagonal(backend: str, rng: np.random.Generator) -
 
 @pytest.mark.parametrize("name", systems())
 def test_backends_agree(name: str, rng: np.random.Generator) -> None:
-    """In values, and in the second derivatives for the optimiser."""
+    """In values, and in the second derivatives for the optimizer."""
     if missing := rigid_body.why_unavailable("pinocchio.casadi"):
         pytest.skip(f"pinocchio.casadi cannot be imported here: {missing}")
     native, hand = systems()[name]

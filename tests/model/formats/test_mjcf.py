@@ -165,7 +165,7 @@ def test_fixed_bodies_keep_their_poses() -> None:
     )  # density of water, MuJoCo's default
 
 
-def test_axes_are_normalised() -> None:
+def test_axes_are_normalized() -> None:
     turned = f'<body name="a" axisangle="1 1 0 50"><joint name="j"/>{BOX}</body>'
     rotation, _ = go.load_model(text_of(turned), hand="tcp").hand_pose([0.0])
     assert np.linalg.det(rotation) == pytest.approx(1.0, abs=1e-14)

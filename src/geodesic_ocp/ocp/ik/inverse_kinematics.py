@@ -1,4 +1,4 @@
-"""Inverse kinematics by optimisation: configurations that bring the hand to a pose."""
+"""Inverse kinematics by optimization: configurations that bring the hand to a pose."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ class Problem(ABC):
         return ()
 
     def cost(self, q: ca.SX, v: ca.SX) -> Any:
-        """Running cost, minimised in addition to the energy: an integrand in q and v = q'(s)."""
+        """Running cost, minimized in addition to the energy: an integrand in q and v = q'(s)."""
         return 0.0
 
     def guess(self, s: Array) -> Array | None:

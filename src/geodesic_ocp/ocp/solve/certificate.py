@@ -50,7 +50,7 @@ class Certificate:
             between fixed ends: up to there it is locally minimizing. None: there is none inside.
         has_active_constraints: whether conditions along the path are active, so that the path is
             not a geodesic.
-        has_running_cost: whether the problem's own cost is minimised together with the energy;
+        has_running_cost: whether the problem's own cost is minimized together with the energy;
             `stationary` and `morse_index` then refer to their sum.
     """
 

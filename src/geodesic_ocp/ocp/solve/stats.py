@@ -34,7 +34,7 @@ class Stats:
         seconds: wall time of the solver, likewise.
         variables, constraints: sizes of the NLP, bounds not counted.
         energy: of the path by the quadrature of its grid, 1/2 int |q'|_G^2 ds.
-        objective: what was minimised, energy and running cost.
+        objective: what was minimized, energy and running cost.
         max_node_violation: largest violation of any condition at the nodes, in its unit.
         worst_constraint: name of the condition with that violation.
         max_path_violation: largest violation anywhere on the path, between the nodes included.

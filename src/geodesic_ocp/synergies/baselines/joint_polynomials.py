@@ -14,7 +14,7 @@ from geodesic_ocp.trajectory.motion import Motion
 
 
 def minimum_acceleration(motion: Motion, segments: Sequence[tuple[int, int]]) -> Motion:
-    """The motion that minimises int |q''|^2 dt on every segment, between the observed ends.
+    """The motion that minimizes int |q''|^2 dt on every segment, between the observed ends.
 
     With configurations and velocities given at both ends it is a cubic in every joint. A geodesic
     receives less: two configurations and two speeds, but not the directions of the velocities.
@@ -42,7 +42,7 @@ def minimum_acceleration(motion: Motion, segments: Sequence[tuple[int, int]]) ->
 
 
 def minimum_jerk(motion: Motion, segments: Sequence[tuple[int, int]]) -> Motion:
-    """The motion that minimises int |q'''|^2 dt on every segment, between the observed ends.
+    """The motion that minimizes int |q'''|^2 dt on every segment, between the observed ends.
 
     With configurations, velocities and accelerations given at both ends it is a quintic in every
     joint (Flash and Hogan, J. Neuroscience 5, 1985, for a hand that starts and ends at rest).
