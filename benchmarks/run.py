@@ -33,7 +33,7 @@ FOLDER = Path(__file__).parent / "results"
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="fewer of everything: under a minute")
+    parser.add_argument("--quick", action="store_true", help="fewer of everything: about a minute")
     parser.add_argument("--out", type=Path, default=FOLDER)
     parser.add_argument("--python", nargs="+", default=[], help="interpreters with other packages")
     parser.add_argument(
