@@ -171,6 +171,10 @@ def test_bad_arguments_are_named(
         go.compare_methods([])
     with pytest.raises(ValueError, match=r"recordings must be one or more of go\.Recording"):
         go.compare_methods([recordings[0].motion])  # type: ignore[list-item]
+    with pytest.raises(ValueError, match=r"recordings must be one or more of go\.Recording"):
+        go.compare_methods(recordings[0].motion)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"segments must be pairs \(start, stop\), got \(0, 60\)"):
+        go.compare_methods(recordings[0], metrics(), segments=[(0, 60)])  # type: ignore[list-item]
     with pytest.raises(ValueError, match="metrics must be at least one"):
         go.compare_methods(recordings, {})
     with pytest.raises(ValueError, match="metrics must have names"):

@@ -202,8 +202,9 @@ def test_metrics_that_do_not_fit_are_refused(arm: go.Model, motion: go.Motion) -
         go.compare_metrics(arm, motion, {"arm": lambda model: model})
     with pytest.raises(ValueError, match="metrics: 'small': metric has dimension 3"):
         go.compare_metrics(arm, motion, {"small": go.Euclidean(3)})
-    with pytest.raises(ValueError, match="counts must be at least one number of segments"):
-        go.compare_metrics(arm, motion, {"lines": go.Euclidean(7)}, counts=[])
+    for counts in ([], 3):
+        with pytest.raises(ValueError, match="counts must be one or more numbers of segments"):
+            go.compare_metrics(arm, motion, {"lines": go.Euclidean(7)}, counts=counts)
 
 
 def test_functions_of_the_model_are_metrics(

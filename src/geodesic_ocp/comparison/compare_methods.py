@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
 from typing import Literal
 
@@ -87,7 +87,8 @@ def compare_methods(
             of another dimension, a recording that never moves, or a threshold that is out of range.
         IntegrationFailed: the first metric is singular along a recording, see `segment`.
     """
-    recordings = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    given = [recordings] if isinstance(recordings, Recording) else recordings
+    recordings = list(given) if isinstance(given, Iterable) else []
     if not recordings or not all(isinstance(each, Recording) for each in recordings):
         raise ValueError("recordings must be one or more of go.Recording")
     metrics = as_named_metrics(_default_metrics(recordings) if metrics is None else metrics)

@@ -96,8 +96,8 @@ def compare_metrics(
         motion = motion.filtered()
     given = as_named_metrics(USUAL_METRICS if metrics is None else metrics)
     named = {name: metric_of(name, each, model) for name, each in given.items()}
-    if counts is not None and not len(counts):
-        raise ValueError("counts must be at least one number of segments, got none")
+    if counts is not None and (np.ndim(counts) != 1 or not len(counts)):
+        raise ValueError(f"counts must be one or more numbers of segments, got {counts!r}")
     frequency = bandwidth(motion, cutoff)
     floor = noise_left(motion, noise, frequency)
     curves, online = {}, {}

@@ -11,9 +11,13 @@ def as_segments(motion: Motion, segments: Sequence[tuple[int, int]]) -> list[tup
     """The (start, stop) sample indices as integers.
 
     Raises:
-        ValueError: they do not cover the motion without gaps, or one does not end after it starts.
+        ValueError: they are not pairs, do not cover the motion without gaps, or one does not end
+            after it starts.
     """
-    segments = [(int(start), int(stop)) for start, stop in segments]
+    try:
+        segments = [(int(start), int(stop)) for start, stop in segments]
+    except (TypeError, ValueError):
+        raise ValueError(f"segments must be pairs (start, stop), got {segments!r}") from None
     edges = [segments[0][0], *(stop for _, stop in segments)] if segments else []
     starts = [start for start, _ in segments]
     if not edges or edges[0] != 0 or edges[-1] != len(motion) - 1 or starts != edges[:-1]:
