@@ -1,4 +1,4 @@
-/* From the coarsest level to the finest: minimise, and from level `first` on, correct. */
+/* From the coarsest level to the finest: minimize, and from level `first` on, correct. */
 
 typedef struct {
   long nodes, width, points; /* largest numbers: of nodes, of a segment's nodes, of points */

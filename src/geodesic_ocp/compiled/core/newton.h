@@ -41,7 +41,7 @@ static int factor_inner(const level *grid, const blas *library, double *share, w
   }
 }
 
-/* Minimise over the inner nodes of x (nodes, N). It ends where the step would decrease the energy
+/* Minimize over the inner nodes of x (nodes, N). It ends where the step would decrease the energy
    by less than the level's fraction: with is_final only where the full Hessian is positive
    definite, so that the path is a minimum, or where the path is stationary up to rounding, as a
    symmetric one may be that is no minimum. w->step is then left to be taken. */

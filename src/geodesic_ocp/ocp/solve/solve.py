@@ -149,7 +149,7 @@ class _Solver:
         has_free_end = bool(self.definition.conditions.ends)
         if guess is None and has_free_end and grid.degree > _STIFF:
             return self._solve_from_coarse(grid)
-        return self._optimise_via(self._solve_once(grid, guess, NEAR if near else {}))
+        return self._optimize_via(self._solve_once(grid, guess, NEAR if near else {}))
 
     def solve_from(self, grid: Grid, start: Path | None) -> Solution:
         """The solution on a grid, from another solution if there is one, else from a path."""
@@ -158,7 +158,7 @@ class _Solver:
         nlp = build_nlp(self.definition, grid, start)
         multipliers = _scaled_multipliers(nlp, self.before)
         usual = {**NEAR, **(_WARM_START if multipliers else {})}
-        solution = self._optimise_via(self._solve_nlp(nlp, usual, multipliers))
+        solution = self._optimize_via(self._solve_nlp(nlp, usual, multipliers))
         if solution.stats.success or solution.stats.status == STOPPED:
             return solution
         return self(grid, start, False)
@@ -172,7 +172,7 @@ class _Solver:
             return with_effort_of(coarse.stats, self(grid, coarse.path, True))
         return with_effort_of(coarse.stats, self._solve_once(grid, None, {}))
 
-    def _optimise_via(self, solution: Solution) -> Solution:
+    def _optimize_via(self, solution: Solution) -> Solution:
         if self.definition.via_parameters is not None:
             return solution
         return with_optimal_via_points(
