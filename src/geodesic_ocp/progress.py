@@ -1,4 +1,4 @@
-"""How long functions report their progress."""
+"""How functions that take long report their progress."""
 
 from __future__ import annotations
 

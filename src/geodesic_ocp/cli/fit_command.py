@@ -76,7 +76,7 @@ def fit_files(options: argparse.Namespace) -> None:
             tables["by_recording"] = _by_recording(fit, bar)
         if options.leave_one_out:
             tables["leave_one_out"] = leave_one_out(fit, by, progress=bar).table()
-    _summarise(fit, intervals, tables, time.perf_counter() - start)
+    _summarize(fit, intervals, tables, time.perf_counter() - start)
     if options.out:
         print()
         for file in write_together(
@@ -145,7 +145,7 @@ def _by_recording(fit: MetricFit, bar: ProgressBar) -> Table:
     return Table(header, tuple(rows))
 
 
-def _summarise(
+def _summarize(
     fit: MetricFit, intervals: Sequence[Interval], tables: dict[str, Table], seconds: float
 ) -> None:
     count, segments = len(fit.recordings), sum(part.count for part in fit.program.parts)

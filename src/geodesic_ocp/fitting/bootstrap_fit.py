@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from scipy.interpolate import CubicSpline
 
@@ -11,6 +9,7 @@ from geodesic_ocp.arrays import Array, as_integer
 from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
 from geodesic_ocp.fitting.metric_fit import Interval, MetricFit
 from geodesic_ocp.fitting.separate_fits import units_of
+from geodesic_ocp.progress import Progress
 
 _FINE = 2000  # points at which an interpolated profile is compared
 _LARGEST_STEP = np.log(10.0)  # of a parameter's logarithm
@@ -24,7 +23,7 @@ def bootstrap_fit(
     confidence: float = 0.95,
     seed: int = 0,
     curve: ErrorProfile | None = None,
-    progress: Callable[[str, int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> tuple[Interval, ...]:
     """Percentile intervals of estimates from resampled recordings or subjects.
 

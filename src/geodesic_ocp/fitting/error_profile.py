@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,6 +13,7 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.figures.new_figure import new_figure
 from geodesic_ocp.figures.styles import OBSERVED
 from geodesic_ocp.fitting.metric_fit import MetricFit
+from geodesic_ocp.progress import Progress
 from geodesic_ocp.table import Table
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def error_profile(
     name: str | None = None,
     values: ArrayLike | None = None,
     *,
-    progress: Callable[[str, int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> ErrorProfile:
     """Least error of a fit as a function of one parameter, with all others estimated anew.
 

@@ -18,6 +18,7 @@ from geodesic_ocp.fitting.solve_program import solve_program
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics.adjustable_kinetic_energy import AdjustableKineticEnergy
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.progress import Progress
 from geodesic_ocp.synergies.recordings.recording import Recording
 from geodesic_ocp.synergies.segmentation.segment import segment
 from geodesic_ocp.trajectory.grid import Grid
@@ -38,7 +39,7 @@ def fit_metric(
     hysteresis: float = 0.1,
     free_ends: bool = False,
     degree: int = 8,
-    progress: Callable[[str, int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> MetricFit:
     """Estimate parameters of a metric from recordings, by inverse optimal control.
 

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from geodesic_ocp.fitting.metric_fit import MetricFit
 from geodesic_ocp.fitting.separate_fits import refit, units_of
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics.euclidean import Euclidean
+from geodesic_ocp.progress import Progress
 from geodesic_ocp.synergies.reconstruct import reconstruct
 from geodesic_ocp.synergies.recordings.recording import Recording
 from geodesic_ocp.synergies.scores.evaluate import MotionErrors, evaluate
 from geodesic_ocp.table import Table
-
-Progress = Callable[[str, int, int], object]
 
 
 @dataclass(frozen=True)

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from geodesic_ocp.fitting.metric_fit import MetricFit
 from geodesic_ocp.fitting.solve_program import solve_program
+from geodesic_ocp.progress import Progress
 
 
 def separate_fits(
     fit: MetricFit,
     by: str = "recording",
     *,
-    progress: Callable[[str, int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> dict[str, MetricFit]:
     """A fit of every recording, or of every subject with all recordings, on the same segments.
 

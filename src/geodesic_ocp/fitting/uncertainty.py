@@ -33,7 +33,7 @@ def covariance(program: MetricProgram, errors: LeastErrors) -> Array:
     for part, value in zip(program.parts, errors.values, strict=True):
         motion = part.observed.recording.motion
         duration = sum(float(motion.time[b] - motion.time[a]) for a, b in part.observed.segments)
-        frequency = motion.rate / 2.0 if motion.filter is None else bandwidth(motion, None)
+        frequency = bandwidth(motion)
         samples = min(2.0 * frequency * duration, part.observed.owners.size)
         variance = 2.0 * value / (components or part.functions.dim)
         weights.append(variance / max(samples, 1.0))
