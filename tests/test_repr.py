@@ -74,7 +74,7 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
         go.AdjustableKineticEnergy(arm, joint_inertia=0.03, payload=0.5),
         metric_fit,
         go.error_profile(metric_fit, values=[0.02, 0.03]),
-        go.Interval("armature", 0.02, 0.04, 0.95, "recording", 7),
+        go.ConfidenceInterval("armature", 0.02, 0.04, 0.95, "recording", 7),
         go.CrossValidation("recording", ("armature",), ()),
         go.Recording(arm, go.Motion([0.0, 1.0], np.eye(2, 7), arm.joint_names, np.eye(2, 7))),
         go.reconstruct(

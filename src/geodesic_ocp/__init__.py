@@ -14,6 +14,7 @@ __all__ = [
     "Ball",
     "Capsule",
     "Certificate",
+    "ConfidenceInterval",
     "CrossValidation",
     "ErrorProfile",
     "Estimate",
@@ -23,7 +24,6 @@ __all__ = [
     "Grid",
     "HalfSpace",
     "IntegrationFailed",
-    "Interval",
     "Iterate",
     "JacobiMetric",
     "KineticEnergy",
@@ -138,7 +138,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.fitting.fit_metric import fit_metric
     from geodesic_ocp.fitting.leave_one_out import CrossValidation, leave_one_out
     from geodesic_ocp.fitting.metric_file import load_metric, save_metric
-    from geodesic_ocp.fitting.metric_fit import Estimate, Interval, MetricFit
+    from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, Estimate, MetricFit
     from geodesic_ocp.fitting.parameter import Parameter
     from geodesic_ocp.fitting.separate_fits import separate_fits
     from geodesic_ocp.logarithm.frechet_mean import frechet_mean
@@ -229,7 +229,7 @@ else:
         "errors": "GeodesicOcpError IntegrationFailed NotConverged RecordingError",
         "figures.obstacles": "draw_obstacle",
         "manifold.metrics.adjustable_kinetic_energy": "AdjustableKineticEnergy",
-        "fitting.metric_fit": "Estimate Interval MetricFit",
+        "fitting.metric_fit": "Estimate ConfidenceInterval MetricFit",
         "fitting.parameter": "Parameter",
         "fitting.separate_fits": "separate_fits",
         "fitting.fit_metric": "fit_metric",

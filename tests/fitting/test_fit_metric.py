@@ -282,7 +282,7 @@ def test_a_parameter_at_its_bound_leaves_the_others_as_they_are(noisy: list[Any]
     assert fit.undetermined == ()
     assert "at its bound" in str(fit.table())
     low, high = (
-        go.Interval(name, *ends, 0.95, "recording", 2)
+        go.ConfidenceInterval(name, *ends, 0.95, "recording", 2)
         for name, ends in (("joint_inertia", (0.04, 0.06)), ("payload", (np.nan, np.nan)))
     )
     assert fit.table((low, high)).rows[1][-1] == "-"

@@ -22,7 +22,7 @@ from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
 from geodesic_ocp.fitting.fit_metric import fit_metric
 from geodesic_ocp.fitting.leave_one_out import leave_one_out
 from geodesic_ocp.fitting.metric_file import save_metric
-from geodesic_ocp.fitting.metric_fit import Interval, MetricFit
+from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit
 from geodesic_ocp.fitting.parameter import Parameter, with_parameters
 from geodesic_ocp.fitting.separate_fits import separate_fits
 from geodesic_ocp.manifold.metrics.adjustable_kinetic_energy import AdjustableKineticEnergy
@@ -63,7 +63,7 @@ def fit_files(options: argparse.Namespace) -> None:
             hysteresis=options.hysteresis,
             progress=bar,
         )
-        intervals: tuple[Interval, ...] = ()
+        intervals: tuple[ConfidenceInterval, ...] = ()
         resampled = options.bootstrap > 0 and units > 1
         curves = []
         if options.out or (resampled and len(parameters) == 1):
@@ -146,7 +146,10 @@ def _by_recording(fit: MetricFit, bar: ProgressBar) -> Table:
 
 
 def _summarize(
-    fit: MetricFit, intervals: Sequence[Interval], tables: dict[str, Table], seconds: float
+    fit: MetricFit,
+    intervals: Sequence[ConfidenceInterval],
+    tables: dict[str, Table],
+    seconds: float,
 ) -> None:
     count, segments = len(fit.recordings), sum(part.count for part in fit.program.parts)
     print(
@@ -170,7 +173,7 @@ def _summarize(
 def _write(
     folder: Path,
     fit: MetricFit,
-    intervals: Sequence[Interval],
+    intervals: Sequence[ConfidenceInterval],
     tables: dict[str, Table],
     curves: Sequence[ErrorProfile],
 ) -> None:

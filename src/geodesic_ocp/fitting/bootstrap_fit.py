@@ -7,7 +7,7 @@ from scipy.interpolate import CubicSpline
 
 from geodesic_ocp.arrays import Array, as_integer
 from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
-from geodesic_ocp.fitting.metric_fit import Interval, MetricFit
+from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit
 from geodesic_ocp.fitting.separate_fits import units_of
 from geodesic_ocp.progress import Progress
 
@@ -24,7 +24,7 @@ def bootstrap_fit(
     seed: int = 0,
     curve: ErrorProfile | None = None,
     progress: Progress | None = None,
-) -> tuple[Interval, ...]:
+) -> tuple[ConfidenceInterval, ...]:
     """Percentile intervals of estimates from resampled recordings or subjects.
 
     Recordings, or subjects with all their recordings, are drawn with replacement (Efron and
@@ -64,7 +64,7 @@ def bootstrap_fit(
     tail = 50.0 * (1.0 - confidence)
     low, high = np.percentile(estimates, [tail, 100.0 - tail], axis=0, method="nearest")
     return tuple(
-        Interval(each.name, float(a), float(b), confidence, by, len(units))
+        ConfidenceInterval(each.name, float(a), float(b), confidence, by, len(units))
         for each, a, b in zip(fit.estimates, low, high, strict=True)
     )
 

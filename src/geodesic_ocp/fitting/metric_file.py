@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.fitting.metric_fit import Interval, MetricFit
+from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit
 from geodesic_ocp.fitting.parameter import Parameter, with_parameters
 from geodesic_ocp.manifold.metrics.adjustable_kinetic_energy import AdjustableKineticEnergy
 from geodesic_ocp.model.model import Model
@@ -21,7 +21,7 @@ _FORMAT, _VERSION = "geodesic_ocp metric", 1
 
 
 def save_metric(
-    path: str | PathLike[str], fit: MetricFit, intervals: Sequence[Interval] = ()
+    path: str | PathLike[str], fit: MetricFit, intervals: Sequence[ConfidenceInterval] = ()
 ) -> None:
     """Write the estimates, and their intervals if given, to a JSON file for `load_metric`.
 

@@ -43,7 +43,7 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Interval:
+class ConfidenceInterval:
     """A confidence interval of a parameter.
 
     Attributes:
@@ -135,7 +135,7 @@ class MetricFit:
         """The metric of a model with the estimated parameters."""
         return with_parameters(self.family(model), self.parameters, list(self.values.values()))
 
-    def table(self, intervals: tuple[Interval, ...] = ()) -> Table:
+    def table(self, intervals: tuple[ConfidenceInterval, ...] = ()) -> Table:
         """Estimates, standard errors, and bootstrap intervals if given (`bootstrap_fit`)."""
         header = ["parameter", "unit", "estimate", "standard error"]
         if intervals:
