@@ -224,7 +224,7 @@ def test_files(noisy_fit: go.MetricFit, arm: go.Model, tmp_path: Path) -> None:
     child = go.human_arm("left", 1.2, 25.0)  # the same relative to its size
     assert go.load_metric(file, child).joint_inertia == metric.joint_inertia
     file.write_text(file.read_text().replace('"joint_inertia"', '"colour"'))
-    with pytest.raises(go.RecordingError, match="no field 'colour'"):
+    with pytest.raises(go.RecordingError, match="no number 'colour'"):
         go.load_metric(file, arm)
     file.write_text(file.read_text().replace("AdjustableKineticEnergy", "Stretched"))
     with pytest.raises(go.RecordingError, match="holds parameters of Stretched"):
@@ -236,7 +236,7 @@ def test_wrong_arguments(noisy: list[Any], arm: go.Model) -> None:
     for start in (0.0, -1.0, float("nan")):
         with pytest.raises(ValueError, match="start of payload"):
             go.Parameter("payload", start)
-    with pytest.raises(ValueError, match="no field 'weight'"):
+    with pytest.raises(ValueError, match="has no number 'weight'"):
         go.fit_metric(recording, go.Parameter("weight", 1.0))
     with pytest.raises(ValueError, match=r"no joint matches 'Knee'"):
         go.fit_metric(recording, go.Parameter("armature", 1.0, joints=("Knee",)))
@@ -253,7 +253,7 @@ def test_wrong_arguments(noisy: list[Any], arm: go.Model) -> None:
             recording,
             [go.Parameter("armature", 0.1), go.Parameter("armature", 0.1, joints=("?W*",))],
         )
-    with pytest.raises(ValueError, match="'model' is not a number"):
+    with pytest.raises(ValueError, match="has no number 'model'"):
         go.fit_metric(recording, go.Parameter("model", 1.0))
     with pytest.raises(ValueError, match="joints must be a tuple of patterns"):
         go.Parameter("armature", 0.1, joints="RSx_joint")
@@ -261,7 +261,7 @@ def test_wrong_arguments(noisy: list[Any], arm: go.Model) -> None:
         go.fit_metric(recording, metric=go.Euclidean(7))  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="different names"):
         go.fit_metric(recording, [go.Parameter("payload", 1.0)] * 2)
-    with pytest.raises(ValueError, match="Euclidean has no field 'joint_inertia'; it has dim"):
+    with pytest.raises(ValueError, match="Euclidean has no number 'joint_inertia'; it has dim"):
         go.fit_metric(recording, metric=lambda model: go.Euclidean(7))
     still = go.Motion(recording.motion.time, 0.0 * recording.motion.q, arm.joint_names)
     with pytest.raises(ValueError, match=r"none of its"):
@@ -300,3 +300,22 @@ def test_armature_of_the_models_is_saved(
     expected = fit.metric(geared).matrix(q)
     for model in (arm, geared):
         assert go.load_metric(file, model).matrix(q) == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_estimate_does_not_depend_on_the_initial_value(noisy: list[Any]) -> None:
+    """On the same segments; from poor initial values the paths are found first."""
+    values = [
+        fitted(noisy[0], parameters=go.Parameter("joint_inertia", start)).values["joint_inertia"]
+        for start in (0.01, 0.03, 0.3)
+    ]
+    assert values == pytest.approx(3 * [values[0]], rel=1e-4)
+
+
+def test_nothing_is_known_of_undetermined_parameters(noisy: list[Any]) -> None:
+    mass = go.Parameter("mass_ratio", 1.0, lower=0.01)
+    fit = fitted(*noisy, parameters=[go.Parameter("joint_inertia", 0.03), mass], free_ends=True)
+    for interval in go.bootstrap_fit(fit, 20):
+        assert (interval.low, interval.high) == (0.0, np.inf)
+    # The initial values are changed by the same factor, in opposite directions.
+    first, second = fit.values["joint_inertia"] / 0.03, fit.values["mass_ratio"]
+    assert first * second == pytest.approx(1.0, rel=0.05)

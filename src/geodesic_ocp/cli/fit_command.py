@@ -33,6 +33,9 @@ from geodesic_ocp.synergies.recordings.recording import Recording
 from geodesic_ocp.synergies.segmentation.segment_optimal import segment_optimal
 from geodesic_ocp.table import Table
 
+_FEW = 10  # units of a bootstrap
+_FAR = 3.0  # ratio of an estimate to its initial value
+
 
 def fit_files(options: argparse.Namespace) -> None:
     """Fit the parameters, print and save the results.
@@ -76,7 +79,7 @@ def fit_files(options: argparse.Namespace) -> None:
             tables["by_recording"] = _by_recording(fit, bar)
         if options.leave_one_out:
             tables["leave_one_out"] = leave_one_out(fit, by, progress=bar).table()
-    _summarize(fit, intervals, tables, time.perf_counter() - start)
+    _summarize(fit, intervals, tables, by, time.perf_counter() - start)
     if options.out:
         print()
         for file in write_together(
@@ -149,6 +152,7 @@ def _summarize(
     fit: MetricFit,
     intervals: Sequence[ConfidenceInterval],
     tables: dict[str, Table],
+    by: str,
     seconds: float,
 ) -> None:
     count, segments = len(fit.recordings), sum(part.count for part in fit.program.parts)
@@ -159,12 +163,19 @@ def _summarize(
     print(f"\n{tables['table']}")
     if intervals:
         count, unit = intervals[0].count, intervals[0].unit
-        print(f"interval: bootstrap over {count} {unit}s")
+        few = "; with so few it is a rough one" if count < _FEW else ""
+        print(f"interval: bootstrap over {count} {unit}s{few}")
     for sentence in fit.undetermined:
         print(f"note: {sentence}")
+    for parameter, estimate in zip(fit.parameters, fit.estimates, strict=True):
+        if not parameter.start / _FAR < estimate.value < parameter.start * _FAR:
+            print(
+                f"note: the cuts were made with {estimate.name} = {parameter.start:g}; fit again "
+                f"with --parameter {estimate.name}={estimate.value:.3g}"
+            )
     for name, title in (
         ("by_recording", "each recording by itself"),
-        ("leave_one_out", "mean errors of what took no part in the estimation"),
+        ("leave_one_out", f"mean errors of each {by} that took no part in the estimation"),
     ):
         if name in tables:
             print(f"\n{title}\n\n{tables[name]}")

@@ -37,9 +37,10 @@ def add_fit_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--parameter",
         action="append",
-        metavar="NAME[:JOINT,...]",
+        metavar="NAME[:JOINT,...][=START]",
         help=f"{', '.join(_DEFAULTS)}; of some joints only with patterns, as in"
-        ' "armature:?S?_joint" for the shoulder; may be repeated (default: joint_inertia)',
+        ' "armature:?S?_joint" for the shoulder; with an initial value after =;'
+        " may be repeated (default: joint_inertia)",
     )
     command.add_argument(
         "--measure",
@@ -94,18 +95,27 @@ def add_fit_options(command: argparse.ArgumentParser) -> None:
         help="resamples for the confidence interval; 0 for none (default: %(default)s)",
     )
     command.add_argument(
-        "--leave-one-out", action="store_true", help="predict each recording from the others"
+        "--leave-one-out",
+        action="store_true",
+        help="predict each recording, or subject (see --by), from the others",
     )
     command.add_argument("--out", type=Path, help="folder for metric.json, tables and figure")
 
 
 def as_parameter(text: str) -> Parameter:
-    """The parameter that NAME or NAME:JOINT,... means, with its usual initial value and bounds.
+    """The parameter that NAME[:JOINT,...][=START] means, with its usual bounds.
 
     Raises:
-        ValueError: there is no such parameter.
+        ValueError: there is no such parameter, or its initial value is not a number.
     """
-    name, _, joints = text.partition(":")
+    label, _, initial = text.partition("=")
+    name, _, joints = label.partition(":")
     if name not in _DEFAULTS:
         raise ValueError(f"--parameter must be one of {', '.join(_DEFAULTS)}, got {name!r}")
-    return replace(_DEFAULTS[name], joints=tuple(filter(None, joints.split(","))), name=text)
+    usual = _DEFAULTS[name]
+    try:
+        start = float(initial) if initial else usual.start
+    except ValueError:
+        raise ValueError(f"--parameter {text}: {initial!r} is not a number") from None
+    chosen = tuple(filter(None, joints.split(",")))
+    return replace(usual, start=start, joints=chosen, name=label)

@@ -61,8 +61,11 @@ def bootstrap_fit(
         if len(fit.estimates) == 1
         else _newton_steps(fit, weights)
     )
+    # Nothing is known of parameters that the data do not determine.
+    unknown = np.isinf([each.standard_error for each in fit.estimates])
     tail = 50.0 * (1.0 - confidence)
     low, high = np.percentile(estimates, [tail, 100.0 - tail], axis=0, method="nearest")
+    low, high = np.where(unknown, 0.0, low), np.where(unknown, np.inf, high)
     return tuple(
         ConfidenceInterval(each.name, float(a), float(b), confidence, by, len(units))
         for each, a, b in zip(fit.estimates, low, high, strict=True)

@@ -47,7 +47,7 @@ class ErrorProfile:
     def __repr__(self) -> str:
         return (
             f"ErrorProfile({self.name} from {self.values[0]:.3g} to {self.values[-1]:.3g} "
-            f"{self.unit}, least error at {self.estimate:.4g})"
+            f"{self.unit}, estimate {self.estimate:.4g})"
         )
 
     @property
@@ -79,7 +79,6 @@ class ErrorProfile:
         label = f"estimate {self.estimate:.3g}"
         axes.axvline(self.estimate, color="0.2", linestyle=":", linewidth=1.3, label=label)
         axes.set_xscale("log")
-        axes.set_ylim(bottom=0.0)
         unit = {"m r^2": " [$m r^2$]", "kg m^2": " [kg m$^2$]"}.get(self.unit, f" [{self.unit}]")
         axes.set_xlabel(
             self.name.replace("joint_inertia", "joint inertia") + (unit if self.unit else "")

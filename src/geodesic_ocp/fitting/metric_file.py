@@ -32,6 +32,8 @@ def save_metric(
         ValueError: such fields differ between the recordings.
         OSError: the file cannot be written.
     """
+    if not isinstance(fit, MetricFit):
+        raise ValueError(f"save_metric takes a path and a fit, got {path!r} and {fit!r}")
     bounds = {each.name: [each.low, each.high, each.confidence] for each in intervals}
     entries = []
     for parameter, estimate in zip(fit.parameters, fit.estimates, strict=True):

@@ -57,6 +57,9 @@ class Parameter:
 JOINT_INERTIA = Parameter("joint_inertia", 0.03, lower=1e-5, upper=100.0)
 
 
+_VALUES = (int, float, np.number, tuple, list, np.ndarray)
+
+
 def as_parameters(parameters: Any) -> tuple[Parameter, ...]:
     """The argument as a tuple; ValueError if it is empty or two parameters share a name."""
     listed = (parameters,) if isinstance(parameters, Parameter) else tuple(parameters)
@@ -77,19 +80,21 @@ def with_parameters(metric: Metric, parameters: Sequence[Parameter], values: Any
     record: Any = metric
     if not hasattr(record, "__dataclass_fields__"):
         raise ValueError(f"{type(metric).__name__} must be a dataclass, its fields the parameters")
-    known = [each.name for each in fields(record) if each.init]
+    known = [
+        each.name
+        for each in fields(record)
+        if each.init and isinstance(getattr(record, each.name), _VALUES)
+    ]
     changed: dict[str, Any] = {}
     of_joints: dict[str, set[int]] = {}
     for index, parameter in enumerate(parameters):
         if parameter.field not in known:
             raise ValueError(
-                f"{type(metric).__name__} has no field {parameter.field!r}; it has "
-                f"{', '.join(known)}"
+                f"{type(metric).__name__} has no number {parameter.field!r}; it has "
+                f"{', '.join(known) or 'none'}"
             )
         value = changed.get(parameter.field, getattr(metric, parameter.field))
         if not isinstance(value, (tuple, list, np.ndarray)):
-            if not isinstance(value, (int, float, np.number)):
-                raise ValueError(f"{parameter.field!r} is not a number: it cannot be estimated")
             if parameter.joints:
                 raise ValueError(
                     f"{parameter.name}: {parameter.field} is one number; it takes no joints"

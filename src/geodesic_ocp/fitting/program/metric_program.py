@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import casadi as ca
@@ -25,9 +25,10 @@ from geodesic_ocp.fitting.program.sparse_blocks import place_hessian, place_jaco
 from geodesic_ocp.fitting.program.start import Start, StartValues
 from geodesic_ocp.ipopt import Ipopt, Outcome
 
-# Weight of the squared relative change of the parameters: negligible wherever the data determine
-# them, it keeps combinations that the data do not determine near their initial values.
-_REGULARIZATION = 1e-5
+# Weight of the squared logarithm of each parameter relative to its initial value: negligible where
+# the data determine it, it keeps combinations that they do not determine near these values.
+_REGULARIZATION = 1e-6
+_NEGLIGIBLE = 1e-3  # relative values much below this one are as zero to the logarithm
 _IPOPT = {"tol": 1e-7, "max_iter": 200, "acceptable_iter": 0}
 _WARM = {
     "warm_start_init_point": "yes",
@@ -98,13 +99,13 @@ class MetricProgram:
         split = self._split(z)
         pairs = list(zip(self.parts, split, strict=True))
         errors = [ca.sum2(part.errors(x)) for part, x in pairs]
-        change = z[: self.size] - 1.0
-        f = ca.dot(weights, ca.vertcat(*errors)) + _REGULARIZATION / 2 * ca.sumsqr(change)
+        change, slope, curvature = _change().map(self.size)(z[: self.size].T)
+        f = ca.dot(weights, ca.vertcat(*errors)) + _REGULARIZATION * ca.sum2(change)
         g = ca.vertcat(*(ca.vec(part.equations(x, theta)) for part, x in pairs))
         gradients = [
             weights[k] * ca.vec(part.error_gradients(x)) for k, (part, x) in enumerate(pairs)
         ]
-        gradient = ca.densify(ca.vertcat(_REGULARIZATION * change, *gradients))
+        gradient = ca.densify(ca.vertcat(_REGULARIZATION * slope.T, *gradients))
         blocks = ca.horzcat(*(part.equation_jacobians(x, theta) for part, x in pairs))
         equations = self.parts[0].functions.num_equations
         jacobian = place_jacobian(blocks, self.start, equations, self.num_x)
@@ -116,7 +117,7 @@ class MetricProgram:
             factors = ca.reshape(lam_g[int(edges[k]) : int(edges[k + 1])], equations, part.count)
             of_errors = lam_f * weights[k] * part.error_hessians(x)
             triangles.append((of_errors, part.equation_hessians(x, theta, factors)))
-        diagonal = lam_f * _REGULARIZATION
+        diagonal = lam_f * _REGULARIZATION * curvature.T
         hessian = place_hessian(triangles, self.start, self.num_x, diagonal)
         names = ["x", "p"]
         return {
@@ -203,7 +204,13 @@ class MetricProgram:
             outcome = self._warm_solver(**arguments, **more)
             if outcome.success:
                 return outcome
-        return self._cold_solver(**arguments)
+        outcome = self._cold_solver(**arguments)
+        held = {index: float(value) for index, value in enumerate(self.start)}
+        if outcome.success or near is not None or fixed is not None:
+            return outcome
+        # From poor initial values: first the paths alone, then the parameters as well.
+        paths = self.solve(weights, fixed=held)
+        return self.solve(weights, paths) if paths.success else outcome
 
     def start_of(self, chosen: Sequence[int], solution: Start) -> Start:
         """The part of a solution that belongs to some of the recordings, by index."""
@@ -222,3 +229,12 @@ class MetricProgram:
     def mean_squares(self, z: Array) -> Array:
         """Mean squared error of each recording, (recordings,), in units of the deviation."""
         return np.asarray(2.0 * self.functions["errors"](z).full()[:, 0])
+
+
+@lru_cache(maxsize=1)
+def _change() -> ca.Function:
+    """Squared logarithm of a relative value y, and two derivatives; smooth at y = 0 as well."""
+    y = ca.SX.sym("y")
+    value = (ca.log((y**2 + _NEGLIGIBLE**2) / (1 + _NEGLIGIBLE**2)) / 2) ** 2
+    second, first = ca.hessian(value, y)
+    return ca.Function("change", [y], [value, first, second])

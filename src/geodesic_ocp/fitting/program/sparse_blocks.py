@@ -54,7 +54,7 @@ def place_hessian(
             variables, and of the equations by the p parameters and the nodes, one column a segment.
         units: of the parameters (p,).
         num_x: number of variables of a segment.
-        diagonal: added to the diagonal of the parameters.
+        diagonal: added to the diagonal of the parameters (p, 1).
     """
     p = units.size
     size = p + num_x
@@ -77,7 +77,8 @@ def place_hessian(
     every = ca.horzcat(*combined)
     first = triangle(p)
     corner, total = first.shape[1], every.shape[1]
-    of_parameters = ca.sum2(every[:corner, :]) + diagonal * ca.DM((first[0] == first[1]) * 1.0)
+    on_diagonal = ca.DM((first[1] == np.arange(p)[:, None]) * (first[0] == first[1]) * 1.0)
+    of_parameters = ca.sum2(every[:corner, :]) + on_diagonal.T @ diagonal
     row, column = row[corner:], column[corner:]
     shift = num_x * np.arange(total)[:, None]
     return _sparse(
