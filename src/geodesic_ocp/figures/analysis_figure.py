@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 INSTANTS = 9  # stick figures in the strip
 _TITLE: dict[str, Any] = {"loc": "left", "fontsize": "medium"}
 _MARKS: dict[str, Any] = {"color": "0.3", "markersize": 5, "clip_on": False}
+_ABOVE_LEGEND = 22.0  # [pt] of the title, as few arms leave no room for both in a row
 _LEGEND: dict[str, Any] = {"frameon": False, "fontsize": "medium"}
 
 
@@ -49,7 +50,7 @@ def draw_analysis(
     strip = figure.add_subplot(grid[0, :])
     names = "observed", f"predicted, {next(iter(errors))}"
     draw_arm_strip(strip, time[list(instants)], *links, names)
-    strip.set_title("arm, halfway between cuts", **_TITLE)
+    strip.set_title("arm, halfway between cuts", **_TITLE, pad=_ABOVE_LEGEND)
     strip.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=2, **_LEGEND)
 
     panels: list[Axes] = []

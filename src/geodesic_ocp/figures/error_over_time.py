@@ -39,7 +39,7 @@ def draw_error_over_time(
     for error, peak in zip(errors.values(), peaks, strict=True):
         if peak > top:
             at = time[int(np.argmax(error))]
-            note = f"up to {peak:.2g}"
+            note = f"up to {peak:.3g}"
             axes.text(at, 0.93 * top, note, ha="center", va="top", fontsize="small", color="0.3")
     axes.set_ylim(0.0, top or 1.0)
     axes.set_ylabel(label)
