@@ -14,10 +14,12 @@ class Table:
     Attributes:
         header: names of the columns, with units.
         rows: entries; numbers are printed with three significant digits, in full in CSV.
+        note: below the printed table, text or Markdown, not in CSV.
     """
 
     header: tuple[str, ...]
     rows: tuple[tuple[str | int | float, ...], ...]
+    note: str = ""
 
     def shown(self) -> list[list[str]]:
         """Header and rows as strings."""
@@ -37,13 +39,15 @@ class Table:
             ).rstrip()
             for row in rows
         ]
-        return "\n".join([lines[0], "-" * len(lines[0]), *lines[1:]])
+        below = ["", self.note] if self.note else []
+        return "\n".join([lines[0], "-" * len(lines[0]), *lines[1:], *below])
 
     def markdown(self) -> str:
         """The table in Markdown."""
         header, *rows = ("| " + " | ".join(row) + " |" for row in self.shown())
         rule = "| --- |" + " ---: |" * (len(self.header) - 1)
-        return "\n".join([header, rule, *rows]) + "\n"
+        below = ["", self.note] if self.note else []
+        return "\n".join([header, rule, *rows, *below]) + "\n"
 
     def csv(self) -> str:
         """The table as comma-separated values, with all digits."""

@@ -54,7 +54,7 @@ def test_geodesics_win_where_people_move_along_them(comparison: go.MethodCompari
     assert errors[:, 1:].min() > 1e-3
     test = comparison.tests(by="recording")["kinetic energy"]
     assert (test.wins, test.pairs) == (3, 3)
-    assert "3 unequal pairs cannot reach p < 0.05" in test.note
+    assert "3 pairs that differ cannot reach p < 0.05" in test.note
     reverse = comparison.tests(against="kinetic energy", by="recording")[LINES]
     assert reverse.mean_difference == pytest.approx(-test.mean_difference)
 
@@ -108,6 +108,8 @@ def test_tables(comparison: go.MethodComparison) -> None:
     tests = comparison.test_table("area", by="recording")
     assert tests.header[2] == "mean difference [m^2]"
     assert tests.rows[0][1] == "3 of 3"
+    assert "note" not in tests.header
+    assert str(tests).count("3 pairs that differ cannot reach") == 1
     assert go.MethodComparison in check_reprs([comparison])
 
 

@@ -48,7 +48,7 @@ def test_ties_and_missing_pairs_are_left_out_and_counted() -> None:
     test = go.paired_test(a, b)
     assert (test.pairs, test.left_out, test.wins, test.losses, test.ties) == (4, 2, 2, 1, 1)
     assert test.sign_p == 1.0
-    assert test.note.startswith("2 pairs left out (NaN); 3 unequal pairs cannot reach p < 0.05")
+    assert test.note.startswith("2 pairs left out (NaN); 3 pairs that differ cannot reach p < 0.05")
 
 
 def test_recordings_of_a_subject_are_averaged_first() -> None:

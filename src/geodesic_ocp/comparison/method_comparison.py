@@ -149,7 +149,10 @@ class MethodComparison:
         confidence: float = 0.95,
         seed: int = 0,
     ) -> Table:
-        """`tests` as a table, with a note where a test is limited by its number of pairs."""
+        """`tests` as a table, and what limits them, such as the number of pairs.
+
+        Limits that all tests share are said once, below the table, and others in a column.
+        """
         tests = self.tests(score, against, by=by, confidence=confidence, seed=seed)
         unit = SCORES[score].partition("[")[2]
         header = (
@@ -159,9 +162,10 @@ class MethodComparison:
             f"{confidence:.0%} interval",
             "sign test p",
             "Wilcoxon p",
-            "note",
         )
-        rows = tuple(
+        notes = [test.note for test in tests.values()]
+        differ = len(set(notes)) > 1
+        rows: tuple[tuple[str | int | float, ...], ...] = tuple(
             (
                 method,
                 f"{test.wins} of {test.pairs}",
@@ -169,11 +173,13 @@ class MethodComparison:
                 f"{test.interval[0]:.3g} to {test.interval[1]:.3g}",
                 test.sign_p,
                 test.wilcoxon_p,
-                test.note or "-",
+                *((test.note or "-",) if differ else ()),
             )
             for method, test in tests.items()
         )
-        return Table(header, rows)
+        if differ:
+            return Table((*header, "note"), rows)
+        return Table(header, rows, notes[0] if notes else "")
 
 
 def _means(values: Array) -> Array:

@@ -31,7 +31,7 @@ class PairedTest:
         confidence: of the interval, and 1 minus the level that `note` refers to.
         sign_p: two-sided p-value of the sign test; pairs that are equal count for nothing.
         wilcoxon_p: two-sided p-value of Wilcoxon's signed-rank test, likewise.
-        smallest_p: the smallest p-value that either test can give with as many unequal pairs.
+        smallest_p: the smallest p-value that either test can give with as many pairs that differ.
     """
 
     pairs: int
@@ -64,7 +64,7 @@ class PairedTest:
         level = 1.0 - self.confidence
         if self.smallest_p > level * (1.0 + 1e-9):
             notes.append(
-                f"{self.wins + self.losses} unequal pairs cannot reach p < {level:.3g}: the "
+                f"{_pairs(self.wins + self.losses)} cannot reach p < {level:.3g}: the "
                 f"smallest possible p is {self.smallest_p:.3g}"
             )
         if self.pairs < _FEW:
@@ -103,17 +103,17 @@ def paired_test(
 
     Pairs must be independent: recordings or, better, subjects, never the segments of a recording.
     Both tests are exact (Wilcoxon's up to 50 pairs without ties of size, else approximate or by
-    permutations, see `scipy.stats.wilcoxon`). With n unequal pairs neither gives a p-value below
-    2^(1 - n): at least six are needed for p < 0.05. The interval of the mean difference is the
-    bias-corrected and accelerated bootstrap interval (Efron, J. Am. Stat. Assoc. 82, 1987), or the
-    percentile interval where that does not exist, as when all differences are equal.
+    permutations, see `scipy.stats.wilcoxon`). With n pairs that differ neither gives a p-value
+    below 2^(1 - n): at least six are needed for p < 0.05. The interval of the mean difference is
+    the bias-corrected and accelerated bootstrap interval (Efron, J. Am. Stat. Assoc. 82, 1987), or
+    the percentile interval where that does not exist, as when all differences are equal.
 
     >>> import geodesic_ocp as go
     >>> test = go.paired_test([1.0, 2.1, 3.0, 4.2, 5.0], [1.5, 2.4, 3.7, 4.6, 5.6])
     >>> test.wins, test.sign_p
     (5, 0.0625)
     >>> test.note.split(";")[0]
-    '5 unequal pairs cannot reach p < 0.05: the smallest possible p is 0.0625'
+    '5 pairs that differ cannot reach p < 0.05: the smallest possible p is 0.0625'
 
     Args:
         a, b: k numbers each; pairs with a NaN are left out and counted.
@@ -166,6 +166,10 @@ def paired_test(
         wilcoxon_p=float(scipy.stats.wilcoxon(unequal).pvalue) if unequal.size else 1.0,
         smallest_p=min(1.0, 2.0 ** (1 - unequal.size)),
     )
+
+
+def _pairs(count: int) -> str:
+    return "1 pair that differs" if count == 1 else f"{count} pairs that differ"
 
 
 def _numbers(name: str, value: ArrayLike) -> Array:
