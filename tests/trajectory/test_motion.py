@@ -101,6 +101,8 @@ def test_filter_names_wrong_windows_and_uneven_samples() -> None:
     for window, order in ((20, 2), (3, 3), (5, 0)):
         with pytest.raises(ValueError, match="window must be odd and above order"):
             parabola().filtered(window, order)
+    with pytest.raises(ValueError, match=r"duration 0.01 s is 1 sample at \S+ Hz; at least 3 \("):
+        parabola().filtered(duration=0.01)
     uneven = TIME.copy()
     uneven[30:] += 0.03
     with pytest.raises(ValueError, match=r"sample 29 is 0\.0147.* s off the even grid"):

@@ -19,7 +19,12 @@ from geodesic_ocp.cli.interrupts import ProgressBar
 from geodesic_ocp.cli.notes import printed_warnings
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.human.anthropometry import Side
-from geodesic_ocp.model.human.human_arm import DEFAULT_HEIGHT, DEFAULT_MASS, human_arm
+from geodesic_ocp.model.human.human_arm import (
+    DEFAULT_HEIGHT,
+    DEFAULT_MASS,
+    as_stature,
+    human_arm,
+)
 from geodesic_ocp.synergies.analyse import analyse
 from geodesic_ocp.synergies.analysis import Analysis
 from geodesic_ocp.synergies.recordings.plausible import check_plausible
@@ -103,12 +108,17 @@ def analyse_motion(
 ) -> Analysis:
     """Analyse a recording, and print the results."""
     assumed = []
+    from_file = height is None and mass is None
     if height is None and (height := motion.subject.height) is None:
         height = DEFAULT_HEIGHT
         assumed.append(f"height {height} m")
     if mass is None and (mass := motion.subject.mass) is None:
         mass = DEFAULT_MASS
         assumed.append(f"mass {mass} kg")
+    try:
+        as_stature(height, mass)
+    except ValueError as error:
+        raise ValueError(f"{options.file}: {error}" if from_file else str(error)) from None
     arm = human_arm(side, height, mass, armature=options.armature or 0.0)
     as_threshold(options.threshold)
     metric = chosen_metric(options, arm)

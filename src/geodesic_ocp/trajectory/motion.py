@@ -242,7 +242,7 @@ class Motion:
         check_even(self.time)
         before = self.q if self.unfiltered is None else self.unfiltered
         if duration is not None:
-            window = window_of(duration, self.rate)
+            window = window_of(duration, self.rate, order)
         if window is not None:
             q, velocity, used = locally_fitted(self.time, before, window, order)
         else:

@@ -153,7 +153,7 @@ def _unknown_source(name: str) -> str:
     hint = (
         f"did you mean {', '.join(similar)}?" if similar else "`geodesic-ocp models` lists robots"
     )
-    return f"there is no file and no robot {name!r}; {hint} ({INSTALL} describes more)"
+    return f"there is no file and no robot {name!r}; {hint}; more come with {INSTALL}"
 
 
 def _frame(argument: str, model: pin.Model, name: str) -> int:

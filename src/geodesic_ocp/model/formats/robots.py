@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
-INSTALL = "pip install armar example-robot-data robot_descriptions"
+INSTALL = "pip install armar example-robot-data robot_descriptions (in a clone: make robots)"
 _EXAMPLE, _ARMAR = "example-robot-data", "armar"
 _ON_DEMAND = "robot_descriptions"
 

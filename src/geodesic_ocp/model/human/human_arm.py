@@ -55,6 +55,7 @@ def as_stature(height: float, mass: float) -> tuple[float, float]:
         raise ValueError(
             f"height and mass must be at most {_MAX_HEIGHT:g} m and {_MAX_MASS:g} kg, "
             f"got {height:g} m and {mass:g} kg"
+            + ("; is the height in cm?" if 50.0 < height < 100.0 * _MAX_HEIGHT else "")
         )
     return height, mass
 

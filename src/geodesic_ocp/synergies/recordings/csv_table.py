@@ -29,7 +29,7 @@ def read_table(file: Path, joints: Sequence[str] | None = None) -> Motion:
 
     Raises:
         RecordingError: no unit or header, a missing joint, a row of the wrong length, or an entry
-            that is not a number; the message names the line.
+            that is not a finite number; the message names the line.
     """
     lines = file.read_text(encoding="utf-8-sig").splitlines()
     notes: dict[str, str] = {}
@@ -54,6 +54,7 @@ def read_table(file: Path, joints: Sequence[str] | None = None) -> Motion:
         raise RecordingError(
             f"{file}: line {first + 1} must be a header with 'time' and joint names, "
             f"is {lines[first][:60]!r}"
+            + ("; separate columns by commas" if ";" in lines[first] else "")
         )
     twice = sorted({name for name in header if header.count(name) > 1})
     if twice:
@@ -99,6 +100,8 @@ def _rows(
                 raise RecordingError(
                     f"{file}: line {number}: {header[column]} is not a number: {row[column][:40]!r}"
                 ) from None
+            if not np.isfinite(numbers[-1]):
+                raise RecordingError(f"{file}: line {number}: {header[column]} is {numbers[-1]}")
         rows.append(numbers)
     return np.array(rows, dtype=float).reshape(len(rows), len(wanted))
 

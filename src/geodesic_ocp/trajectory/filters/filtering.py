@@ -99,7 +99,18 @@ def locally_fitted(time: Array, q: Array, window: int, order: int) -> Filtered:
     return smooth, slope / step, MotionFilter(kind, None, window * step, False, noise, left)
 
 
-def window_of(duration: float, rate: float) -> int:
-    """The odd number of samples nearest to a duration [s] at this rate [Hz]."""
+def window_of(duration: float, rate: float, order: int) -> int:
+    """The odd number of samples nearest to a duration [s] at this rate [Hz].
+
+    Raises:
+        ValueError: the duration is not positive, or has too few samples for this order.
+    """
     samples = as_positive("duration", duration, "s") * rate
-    return 2 * max(0, round((samples - 1.0) / 2.0)) + 1
+    window = 2 * max(0, round((samples - 1.0) / 2.0)) + 1
+    if order >= 1 and window <= order:
+        least = order + 1 + order % 2
+        raise ValueError(
+            f"duration {duration:g} s is {window} sample{'s' * (window > 1)} at {rate:.4g} Hz; at "
+            f"least {least} ({least / rate:.2g} s) are needed for a polynomial of order {order}"
+        )
+    return window
