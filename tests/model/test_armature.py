@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from known_models import random_tree
@@ -33,6 +33,7 @@ VARIANTS: dict[str, Callable[[go.Model], go.Model]] = {
 }
 
 
+@settings(max_examples=8)  # each builds four models
 @given(armature=INERTIAS, q=ANGLES)
 def test_armature_adds_to_the_diagonal(armature: np.ndarray, q: np.ndarray) -> None:
     """However it was given: as n numbers, by name, or when the arm was made."""
