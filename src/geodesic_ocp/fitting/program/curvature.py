@@ -60,6 +60,7 @@ def least_errors(program: MetricProgram, z: Array, multipliers: Array) -> LeastE
     gradients, hessians = np.zeros((count, p)), np.zeros((count, p, p))
     hessians[:, row, column] = hessians[:, column, row] = corners.T
     owners = np.repeat(np.arange(count), program.counts)
+    jacobian_by_theta = jacobian[:, :p].toarray()
     for segment, owner in enumerate(owners):
         rows = slice(segment * m, (segment + 1) * m)
         columns = (
@@ -67,11 +68,12 @@ def least_errors(program: MetricProgram, z: Array, multipliers: Array) -> LeastE
             + segment * num_x
             + np.flatnonzero(free[p + segment * num_x : p + (segment + 1) * num_x])
         )
-        by_theta = jacobian[rows, :p].toarray()
-        by_x = jacobian[rows][:, columns].toarray()
-        block = upper[columns][:, columns].toarray()
+        by_theta = jacobian_by_theta[rows]
+        of_segment = upper[:, columns]  # columns first: they are stored together
+        by_x = jacobian[:, columns][rows].toarray()
+        block = of_segment[columns].toarray()
         block = np.triu(block) + np.triu(block, 1).T
-        mixed = upper[:p, columns].toarray()
+        mixed = of_segment[:p].toarray()
         kkt = np.block([[block, by_x.T], [by_x, np.zeros((m, m))]])
         right = np.vstack([mixed.T, by_theta])
         hessians[owner] -= right.T @ np.linalg.lstsq(kkt, right, rcond=1e-13)[0]

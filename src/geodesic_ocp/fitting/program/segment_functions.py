@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, get_args
+from typing import Literal, cast, get_args
 
 import casadi as ca
 import numpy as np
@@ -29,9 +29,9 @@ Measure = Literal["joint", "position"]
 
 def as_measure(measure: str) -> Measure:
     """The argument, if it is one of the measures; ValueError otherwise."""
-    if measure == "joint" or measure == "position":
-        return measure  # type: ignore[return-value]
-    raise ValueError(f"measure must be one of {', '.join(get_args(Measure))}, got {measure!r}")
+    if measure not in get_args(Measure):
+        raise ValueError(f"measure must be one of {', '.join(get_args(Measure))}, got {measure!r}")
+    return cast(Measure, measure)
 
 
 @dataclass(frozen=True, eq=False)
