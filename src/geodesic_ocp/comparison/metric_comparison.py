@@ -168,12 +168,16 @@ class MetricComparison:
 
     def plot(self) -> Figure:
         """Error against number of segments in all three measures."""
-        figure = new_figure(12.0, 4.2)
+        figure = new_figure(12.0, 4.6)
         panels = figure.subplots(1, 3)
-        for number, (axes, measure) in enumerate(zip(panels, _MEASURES, strict=True)):
+        for axes, measure in zip(panels, _MEASURES, strict=True):
             self.draw(axes, measure)
-            if number:
-                axes.get_legend().remove()
+        legends = [axes.get_legend() for axes in panels]
+        labels = [text.get_text() for text in legends[0].get_texts()]
+        handles = legends[0].legend_handles
+        for legend in legends:  # one below all panels, where it covers no mark
+            legend.remove()
+        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
         of = {"joint": "of the joints"}.get(self.measure, f"of the hand's {self.measure}")
         figure.suptitle(
             f"{self.model.name}, {self.motion.duration:.1f} s: cuts of least mean error {of}"
