@@ -30,6 +30,7 @@ LAYERS = [
     ("synergies",),
     ("comparison",),
     ("fitting",),
+    ("execution",),
     ("retargeting",),
     ("validation",),
     ("reports",),

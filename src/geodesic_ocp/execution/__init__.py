@@ -1,0 +1,1 @@
+"""Trajectories that a robot can execute: limits, planning in time, checks, replay."""

@@ -1,0 +1,32 @@
+"""The paths of one arm, to be travelled one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.execution.joint_limits import JointLimits
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.trajectory.path import Path
+
+
+@dataclass(frozen=True, eq=False)
+class ArmPaths:
+    """The paths of one arm, to be travelled one after the other.
+
+    Attributes:
+        robot: the arm; its mass matrix, payload included, is the one that torques are made of.
+        limits: of its joints.
+        edges: times (k + 1,) [s] in the recording at which its k paths begin and end.
+        paths: k of them; of zero length where the arm rests. Each begins where the one before ends.
+        gravity: acceleration of free fall in the axes of the robot's base (3,) [m/s^2].
+    """
+
+    robot: Model
+    limits: JointLimits
+    edges: Array
+    paths: Sequence[Path]
+    gravity: Array = field(default_factory=lambda: np.array([0.0, 0.0, -9.81]))
