@@ -184,7 +184,8 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.ocp.solve.solve import solve
     from geodesic_ocp.ocp.solve.stats import Stats
     from geodesic_ocp.reports.report import report
-    from geodesic_ocp.retargeting.alignment import Alignment, alignment
+    from geodesic_ocp.retargeting.alignment.alignment import alignment
+    from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
     from geodesic_ocp.retargeting.arm_result import RetargetedArm
     from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, merge_synergies
     from geodesic_ocp.retargeting.result import Retargeting
@@ -270,7 +271,8 @@ else:
         "ocp.solve.solve": "solve",
         "ocp.solve.stats": "Stats",
         "reports.report": "report",
-        "retargeting.alignment": "Alignment alignment",
+        "retargeting.alignment.alignment": "alignment",
+        "retargeting.alignment.arm_alignment": "Alignment",
         "retargeting.arm_result": "RetargetedArm",
         "retargeting.merge_synergies": "SynergyGroup merge_synergies",
         "retargeting.result": "Retargeting",

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
 from geodesic_ocp.model.formats.robots import folder
-from geodesic_ocp.retargeting.alignment import arm_length
+from geodesic_ocp.retargeting.alignment.arm_length import arm_length
 
 DOWN, FORWARD, RIGHT = np.array([0.0, 0.0, -1.0]), np.array([0.0, 1.0, 0.0]), np.array([1.0, 0, 0])
 
@@ -67,6 +67,12 @@ def test_alignment_of_a_human_arm_scales_with_height() -> None:
     assert_allclose(found.base, np.eye(3))
 
 
+def test_elbow_and_wrist_of_a_human_arm() -> None:
+    for side, letter in (("right", "R"), ("left", "L")):
+        found = go.alignment(go.human_arm(side))
+        assert (found.elbow, found.wrist) == (f"{letter}Ex_joint", f"{letter}Wx_joint")
+
+
 def test_changed_fields_and_unknown_robots() -> None:
     arm = go.human_arm()
     assert go.alignment(arm, side=None).side is None
@@ -86,6 +92,8 @@ def test_changed_fields_and_unknown_robots() -> None:
         ({"hand": -np.eye(3)}, "hand must be a rotation"),
         ({"length": 0.0}, "length must be positive"),
         ({"side": "up"}, "side must be"),
+        ({"elbow": 4}, "elbow must be the name of a joint"),
+        ({"wrist": ""}, "wrist must be the name of a joint"),
     ],
 )
 def test_wrong_fields_are_named(change: dict[str, Any], message: str) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.retargeting.alignment import Alignment
+from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 
 

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress, no_progress
-from geodesic_ocp.retargeting.alignment import Alignment
-from geodesic_ocp.retargeting.alignment import alignment as default_alignment
+from geodesic_ocp.retargeting.alignment.alignment import alignment as default_alignment
+from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.arm_task import ArmTask
 from geodesic_ocp.retargeting.pose_mapping import PoseMapping

@@ -1,0 +1,93 @@
+"""Alignment: where a person's shoulder is on a robot, and how axes of base and hand correspond."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from geodesic_ocp.arrays import Array, as_positive, as_rotation, as_vector, short_repr
+from geodesic_ocp.model.human.anthropometry import Side
+
+# Across the sagittal plane: x points to a person's side.
+_MIRROR = np.diag([-1.0, 1.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Alignment:
+    """Position of a person's shoulder on a robot, and correspondence of the axes of base and hand.
+
+    A hand pose with rotation R and position p in the person's axes (x right, y forward, z up,
+    relative to the shoulder) is mapped to base R hand and shoulder + scale base p in the robot's
+    base frame.
+
+    Attributes:
+        shoulder: position of the person's shoulder in the robot's base frame, (3,) [m].
+        base: rotation (3, 3) whose columns are the person's x, y and z in the robot's base axes.
+        hand: rotation (3, 3) whose columns are the axes of the robot's hand in those of the
+            person's: x to the right and y backward of the hanging hand with the palm to the body,
+            z along the fingers.
+        length: of the robot's arm: the largest distance of the hand from that position [m].
+        side: of the body, "right" or "left"; recordings of the other side are mirrored. None:
+            either side.
+        elbow: name of the joint that bends the arm between upper arm and forearm; None: not known.
+        wrist: name of the joint whose origin is the centre of the wrist; None: not known.
+
+    Raises:
+        ValueError: wrong shapes or values; the message names the field.
+    """
+
+    shoulder: ArrayLike
+    base: ArrayLike
+    hand: ArrayLike
+    length: float
+    side: Side | None = None
+    elbow: str | None = None
+    wrist: str | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "shoulder", as_vector("shoulder", self.shoulder, 3))
+        for name in ("base", "hand"):
+            object.__setattr__(self, name, as_rotation(name, getattr(self, name)))
+        object.__setattr__(self, "length", as_positive("length", self.length, "m"))
+        if self.side is not None and self.side not in get_args(Side):
+            raise ValueError(f"side must be 'right', 'left' or None, got {self.side!r}")
+        for name in ("elbow", "wrist"):
+            joint = getattr(self, name)
+            if joint is not None and not (isinstance(joint, str) and joint):
+                raise ValueError(f"{name} must be the name of a joint or None, got {joint!r}")
+
+    def __repr__(self) -> str:
+        return short_repr(self)
+
+    def to_robot(
+        self, rotation: Array, position: Array, *, scale: float, mirror: bool = False
+    ) -> tuple[Array, Array]:
+        """Poses of the robot's hand from poses of a person's hand.
+
+        Args:
+            rotation: (..., 3, 3) of the person's hand.
+            position: (..., 3) [m], relative to the shoulder.
+            scale: factor of positions, usually the ratio of the arms' lengths.
+            mirror: whether to exchange left and right.
+
+        Returns:
+            Rotations (..., 3, 3) and positions (..., 3) [m] in the robot's base frame.
+        """
+        base, hand, shoulder = (np.asarray(each) for each in (self.base, self.hand, self.shoulder))
+        if mirror:
+            # The axes of the hand are mirrored as well, so that the result is a rotation.
+            rotation, position = _MIRROR @ rotation @ _MIRROR, position @ _MIRROR
+        return base @ rotation @ hand, shoulder + scale * position @ base.T
+
+    def to_person(
+        self, rotation: Array, position: Array, *, scale: float = 1.0, mirror: bool = False
+    ) -> tuple[Array, Array]:
+        """The inverse of `to_robot`: poses in the person's axes, relative to the shoulder."""
+        base, hand, shoulder = (np.asarray(each) for each in (self.base, self.hand, self.shoulder))
+        rotation, position = base.T @ rotation @ hand.T, (position - shoulder) @ base / scale
+        if mirror:
+            rotation, position = _MIRROR @ rotation @ _MIRROR, position @ _MIRROR
+        return rotation, position
