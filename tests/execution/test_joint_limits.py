@@ -1,0 +1,119 @@
+"""Limits of joints: where each number comes from, and which arguments are allowed."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+
+import geodesic_ocp as go
+from geodesic_ocp.execution.joint_limits import QUANTITIES, JointLimits, joint_limits
+from geodesic_ocp.model.formats.robots import ROBOTS, folder
+
+ROBOT = """<robot name="two"><link name="base"/>
+<link name="a"><inertial><mass value="1"/>
+  <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+<link name="b"><inertial><mass value="1"/>
+  <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+<joint name="lift" type="prismatic"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/>
+  <limit lower="0" upper="1" velocity="0.5" effort="200"/></joint>
+<joint name="turn" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
+  <limit lower="-1" upper="1" velocity="1e10" effort="0"/></joint>
+</robot>"""
+
+
+@pytest.fixture
+def two() -> go.Model:
+    return go.load_model(ROBOT, hand="b")
+
+
+def known(name: str) -> go.Model:
+    if folder(ROBOTS[name].package) is None:
+        pytest.skip("needs robots: make robots")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # about faults of the files
+        return go.load_model(name)
+
+
+def test_a_file_limits_speed_and_torque_and_defaults_follow(two: go.Model) -> None:
+    limits = joint_limits(two)
+    assert limits.velocity.tolist() == [0.5, np.inf]  # 1e10 rad/s is a placeholder
+    assert limits.torque.tolist() == [200.0, np.inf]  # and so is a torque of zero
+    assert limits.acceleration.tolist() == [2.0, np.inf]
+    assert limits.jerk.tolist() == [20.0, np.inf]
+    assert limits.sources["velocity"] == "file of the model (lift), not limited (turn)"
+    assert limits.sources["jerk"].startswith("default: full acceleration within 0.1 s (lift)")
+
+
+def test_arguments_come_first_and_the_defaults_follow_them(two: go.Model) -> None:
+    limits = joint_limits(two, velocity={"turn": 2.0}, acceleration=[1.0, 3.0], torque=7)
+    assert limits.velocity.tolist() == [0.5, 2.0]
+    assert limits.acceleration.tolist() == [1.0, 3.0]
+    assert limits.jerk.tolist() == [10.0, 30.0]
+    assert limits.torque.tolist() == [7.0, 7.0]
+    assert limits.sources["acceleration"] == "given"
+    assert np.isinf(joint_limits(two, velocity=np.inf).jerk).all()
+
+
+@pytest.mark.parametrize("name", QUANTITIES)
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        (-1.0, "must be positive"),
+        (np.nan, "must be positive"),
+        ([1.0], "must be one number, 2 numbers, or numbers by joint name"),
+        ("fast", "must be one number, 2 numbers"),
+        ({"elbow": 1.0}, "'elbow' is not one of the joints lift, turn"),
+    ],
+)
+def test_wrong_arguments_are_named(two: go.Model, name: str, value: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=f"^{name}.* ?{message}"):
+        joint_limits(two, **{name: value})
+
+
+def test_arms_of_persons_have_no_limits_but_positions() -> None:
+    limits = joint_limits(go.human_arm("right"))
+    for name in QUANTITIES:
+        assert np.isinf(getattr(limits, name)).all()
+        assert limits.sources[name] == "not limited"
+
+
+def test_published_limits_of_the_panda() -> None:
+    panda = known("panda")
+    for model in (panda, panda.with_payload(2.0)):
+        limits = joint_limits(model)
+        assert limits.velocity.tolist() == [2.175] * 4 + [2.61] * 3
+        assert limits.torque.tolist() == [87.0] * 4 + [12.0] * 3
+        assert limits.acceleration.tolist() == [15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0]
+        assert np.allclose(limits.jerk, 500.0 * limits.acceleration)
+        assert "Franka" in limits.sources["jerk"]
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_every_robot_by_name_has_finite_limits(name: str) -> None:
+    limits = joint_limits(known(name))
+    for quantity in QUANTITIES:
+        assert np.isfinite(getattr(limits, quantity)).all()
+
+
+def test_another_robot_of_the_same_name_has_no_published_limits(two: go.Model) -> None:
+    impostor = two.pin.copy()
+    impostor.name = "panda"
+    assert "default" in joint_limits(go.Model(impostor, "b")).sources["jerk"]
+
+
+def test_limits_of_different_shapes_or_signs_are_rejected() -> None:
+    ones = np.ones(2)
+    with pytest.raises(ValueError, match="jerk must have shape"):
+        JointLimits(ones, ones, np.ones(3), ones)
+    with pytest.raises(ValueError, match="torque must be positive"):
+        JointLimits(ones, ones, ones, -ones)
+
+
+def test_the_table_names_joints_and_sources(two: go.Model) -> None:
+    table = joint_limits(two).table(two)
+    assert [row[0] for row in table.rows] == ["lift", "turn"]
+    assert table.rows[0][1:] == (0.5, 2.0, 20.0, 200.0)
+    assert "velocity: file of the model (lift)" in table.note
