@@ -116,8 +116,7 @@ class Model:
         return self._limits(np.array(self.pin.upperPositionLimit))
 
     def _limits(self, limits: Array) -> Array:
-        unlimited = np.abs(limits) >= np.finfo(float).max
-        limits[unlimited] = np.sign(limits[unlimited]) * np.inf
+        limits = np.where(np.abs(limits) < np.finfo(float).max, limits, np.copysign(np.inf, limits))
         limits.flags.writeable = False
         return limits
 
@@ -168,13 +167,16 @@ class Model:
         return energy if is_symbolic(q, v) else float(energy[0, 0])
 
     def coriolis_force(self, q: Any, v: Any) -> Any:
-        """Coriolis and centrifugal forces C(q, v) v, (n,) [N m or N], gravity excluded.
-
-        Joint forces that keep the joint velocities v (n,) [rad/s or m/s] constant, by the recursive
-        Newton-Euler algorithm (Featherstone, "Rigid Body Dynamics Algorithms", 2008, table 5.1).
-        """
+        """Coriolis and centrifugal forces C(q, v) v, (n,) [N m or N], gravity excluded."""
         force = self._functions.value("coriolis_force", q=q, v=v)
         return force if is_symbolic(q, v) else force[:, 0]
+
+    def inverse_dynamics(self, q: Any, v: Any, a: Any, gravity: Any = (0.0, 0.0, -9.81)) -> Any:
+        """Joint forces G(q) a + C(q, v) v + g(q), (n,) [N m or N], at joint accelerations a (n,).
+
+        For k states (k, n): (k, n). `gravity`: of free fall, in axes of the base (3,) [m/s^2].
+        """
+        return self._functions.inverse_dynamics(q, v, a, gravity)
 
     def hand_pose(self, q: Any) -> Any:
         """Rotation (3, 3) and position (3,) [m] of the hand frame in the base frame.

@@ -100,6 +100,33 @@ def test_coriolis_terms(name: str, backend: str, rng: np.random.Generator) -> No
         assert np.abs(found - expected).max() <= RELATIVE * terms.max()
 
 
+@pytest.mark.parametrize("name", systems())
+def test_inverse_dynamics(name: str, backend: str, rng: np.random.Generator) -> None:
+    native, hand = systems()[name]
+    native.armature = rng.uniform(0.1, 1.0, native.nv)
+    free_fall = np.array([3.0, -8.0, -5.0])
+    native.gravity = pin.Motion(free_fall, np.zeros(3))
+    model, data = go.Model(native, hand, backend), native.createData()
+    q, v, a = rng.uniform(-3.0, 3.0, (3, 20, model.dof))
+    expected = [
+        pin.rnea(native, data, configuration(native, q[k]), v[k], a[k]) for k in range(len(q))
+    ]
+    found = model.inverse_dynamics(q, v, a, free_fall)
+    assert close(found, np.array(expected))
+    assert np.array_equal(model.inverse_dynamics(q[0], v[0], a[0], free_fall), found[0])
+    by_terms = model.mass_matrix(q[0]) @ a[0] + model.coriolis_force(q[0], v[0])
+    assert close(model.inverse_dynamics(q[0], v[0], a[0], np.zeros(3)), by_terms)
+
+
+def test_inverse_dynamics_of_wrong_states_names_the_argument() -> None:
+    model = go.human_arm("right")
+    rows = np.zeros((4, model.dof))
+    with pytest.raises(ValueError, match="v must be finite, of shape"):
+        model.inverse_dynamics(rows, rows[:2], rows)
+    with pytest.raises(ValueError, match="gravity must have shape"):
+        model.inverse_dynamics(rows[0], rows[0], rows[0], (0.0, 9.81))
+
+
 def test_trees_that_are_not_numbered_depth_first(backend: str, rng: np.random.Generator) -> None:
     """There crba omits entries, unlike the torques of unit accelerations."""
     native = random_tree(rng, depth_first=False)

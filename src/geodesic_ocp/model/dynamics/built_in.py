@@ -102,28 +102,44 @@ def kinetic_energy(model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
 
 
 def coriolis_force(model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
-    """Coriolis and centrifugal forces C(q, v) v, (nv, 1), at joint velocities v (nv, 1).
+    """Coriolis and centrifugal forces C(q, v) v, (nv, 1), at joint velocities v (nv, 1)."""
+    none = ca.SX.zeros(model.nv)
+    return _newton_euler(model, q, v, none, ca.SX.zeros(3))
 
-    Recursive Newton-Euler algorithm without gravity and joint accelerations. Linear accelerations
-    are those of the bodies' origins, as by Luh, Walker and Paul (1980): unlike Featherstone's
-    spatial accelerations, they need no linear velocities.
+
+def inverse_dynamics(model: pin.Model, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX) -> ca.SX:
+    """Joint forces G(q) a + C(q, v) v + g(q), (nv, 1), armature included.
+
+    At joint accelerations a (nv, 1) and with free fall at `gravity` (3, 1) in base axes.
+    """
+    return _newton_euler(model, q, v, a, gravity)
+
+
+def _newton_euler(model: pin.Model, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX) -> ca.SX:
+    """Recursive Newton-Euler algorithm; gravity accelerates the base against free fall.
+
+    Linear accelerations are those of the bodies' origins, as by Luh, Walker and Paul (1980): unlike
+    Featherstone's spatial accelerations, they need no linear velocities.
     """
     placements, none = joint_placements(model, q), ca.SX.zeros(3)
     axes = [(none, none), *(_axis(model, index) for index in range(1, model.njoints))]
     # Of each body: its angular velocity and acceleration, and the acceleration of its origin.
-    velocity, angular, linear = [none], [none], [none]
+    velocity, angular, linear = [none], [none], [-gravity]
     # Of each body: the matrix that maps offsets from its origin to relative accelerations.
     relative = [ca.SX.zeros(3, 3)]
     forces, torques = [none], [none]  # on each body, later with its descendants
     for index in range(1, model.njoints):
         placement, parent = placements[index], model.parents[index]
-        body, rate = model.inertias[index], v[model.joints[index].idx_v]
-        into_body, slide, turn = placement.rotation.T, axes[index][0] * rate, axes[index][1] * rate
+        body, row = model.inertias[index], model.joints[index].idx_v
+        into_body, (linear_axis, axis) = placement.rotation.T, axes[index]
+        slide, turn = linear_axis * v[row], axis * v[row]
         carried = into_body @ velocity[parent]
         at_joint = linear[parent] + relative[parent] @ placement.translation
         velocity.append(carried + turn)
-        angular.append(into_body @ angular[parent] + ca.cross(carried, turn))
-        linear.append(into_body @ at_joint + ca.cross(2 * carried + turn, slide))
+        angular.append(into_body @ angular[parent] + ca.cross(carried, turn) + axis * a[row])
+        linear.append(
+            into_body @ at_joint + ca.cross(2 * carried + turn, slide) + linear_axis * a[row]
+        )
         spin = ca.skew(velocity[index])
         relative.append(ca.skew(angular[index]) + spin @ spin)
         lever, inertia = constant(body.lever), constant(body.inertia)
@@ -134,7 +150,8 @@ def coriolis_force(model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
     for index in range(model.njoints - 1, 0, -1):
         placement, parent, (slide, turn) = placements[index], model.parents[index], axes[index]
         along = ca.dot(slide, forces[index]) + ca.dot(turn, torques[index])
-        joint_forces[model.joints[index].idx_v] = along
+        row = model.joints[index].idx_v
+        joint_forces[row] = along + model.armature[row] * a[row]
         force = placement.rotation @ forces[index]
         torque = placement.rotation @ torques[index] + ca.cross(placement.translation, force)
         forces[parent], torques[parent] = forces[parent] + force, torques[parent] + torque

@@ -42,6 +42,11 @@ class RigidBody(Protocol):
     def coriolis_force(self, model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
         """Coriolis and centrifugal forces C(q, v) v, (nv, 1), without gravity."""
 
+    def inverse_dynamics(
+        self, model: pin.Model, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX
+    ) -> ca.SX:
+        """Joint forces G(q) a + C(q, v) v + g(q), (nv, 1), armature included."""
+
     def frame_pose(self, model: pin.Model, q: ca.SX, frame: int) -> tuple[ca.SX, ca.SX]:
         """Rotation (3, 3) and position (3, 1) [m] of a frame in the base frame."""
 
@@ -79,6 +84,21 @@ class _PinocchioCasadi:
         data, full = symbolic.createData(), configuration(model, q)
         force = ca.SX(self._cpin.nonLinearEffects(symbolic, data, full, v))
         return _unless_larger(force, built_in.coriolis_force(model, q, v))
+
+    def inverse_dynamics(
+        self, model: pin.Model, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX
+    ) -> ca.SX:
+        bare = _weightless(model)
+        bare.armature = np.zeros(model.nv)  # which Pinocchio omits for joints of any axis
+        symbolic = self._symbolic(bare)
+        data, full = symbolic.createData(), configuration(model, q)
+        force = ca.SX(self._cpin.rnea(symbolic, data, full, v, a)) + ca.DM(model.armature) * a
+        # The weight is the derivative of the potential energy, for gravity in any direction.
+        for axis, unit in enumerate(np.eye(3)):
+            bare.gravity = pin.Motion(unit, np.zeros(3))
+            height = self.potential_energy(bare, q)
+            force += gravity[axis] * ca.jacobian(height, q).T
+        return _unless_larger(force, built_in.inverse_dynamics(model, q, v, a, gravity))
 
     def _symbolic(self, model: pin.Model) -> Any:
         clean = model.copy()

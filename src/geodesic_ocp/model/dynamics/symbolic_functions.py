@@ -25,6 +25,31 @@ class SymbolicFunctions:
         """An algorithm of the back end at q (n,), or at q and v; symbolic if they are."""
         return evaluate(self._function(name, "".join(vectors)), *self._checked(**vectors))
 
+    def inverse_dynamics(self, q: Any, v: Any, a: Any, gravity: Any) -> Any:
+        """Joint forces at one state, (n,) each, or at several, (k, n) each."""
+        if "inverse_dynamics" not in self._built:
+            symbols = [ca.SX.sym(name, self.pin.nv) for name in "qva"] + [ca.SX.sym("gravity", 3)]
+            force = rigid_body(self.backend).inverse_dynamics(self.pin, *symbols)
+            self._built["inverse_dynamics"] = ca.Function("inverse_dynamics", symbols, [force])
+        function = self._built["inverse_dynamics"]
+        if is_symbolic(q, v, a, gravity):
+            return function(q, v, a, gravity)
+        free_fall = as_vector("gravity", gravity, 3)
+        if np.ndim(q) < 2:
+            state = self._checked(q=q, v=v, a=a)
+            return evaluate(function, *state, free_fall)[:, 0]
+        rows = [np.asarray(each, dtype=float) for each in (q, v, a)]
+        for name, each in zip("qva", rows, strict=True):
+            if each.shape != (len(rows[0]), self.pin.nv) or not np.all(np.isfinite(each)):
+                raise ValueError(
+                    f"{name} must be finite, of shape ({len(rows[0])}, {self.pin.nv}), "
+                    f"got {each.shape}"
+                )
+        if len(rows[0]) == 0:
+            return np.zeros((0, self.pin.nv))
+        fall = np.repeat(free_fall[:, None], len(rows[0]), axis=1)
+        return evaluate(function.map(len(rows[0])), *(each.T for each in rows), fall).T
+
     def jacobian(self, frame: int, q: Any) -> Any:
         """Jacobian (6, n) of a frame: linear, then angular velocity, in base frame axes."""
         return evaluate(self._jacobian(frame), *self._checked(q=q))
