@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -53,7 +53,7 @@ class JointLimits:
             object.__setattr__(self, name, values)
 
     def __repr__(self) -> str:
-        return short_repr(self)
+        return short_repr(replace(self, sources={}))
 
     def table(self, model: Model | None = None) -> Table:
         """The numbers by joint, named if the model is given, with their sources below."""
@@ -148,11 +148,10 @@ def _argument(
             if joint not in model.joint_names:
                 known = ", ".join(model.joint_names)
                 raise ValueError(f"{name}: {joint!r} is not one of the joints {known}")
-        given, joints = list(given.values()), tuple(given)
-    else:
-        joints = model.joint_names
+    joints = list(given) if isinstance(given, Mapping) else list(model.joint_names)
+    values = list(given.values()) if isinstance(given, Mapping) else given
     try:
-        numbers = np.array(given, dtype=float)
+        numbers = np.array(values, dtype=float)
     except (TypeError, ValueError):
         numbers = np.zeros((0, 0))
     if numbers.ndim == 0:
