@@ -1,4 +1,4 @@
-"""Joint trajectories for robot controllers, as CSV and as a ROS 2 message in JSON."""
+"""Joint trajectories for robot controllers: CSV, a ROS 2 message in JSON, and NumPy files."""
 
 from __future__ import annotations
 
@@ -6,13 +6,21 @@ import csv
 import io
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from os import PathLike
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import make_interp_spline
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.records import write_together
+from geodesic_ocp.trajectory.quintic_hermite import quintic_hermite
 
 _NANO = 1_000_000_000
+_EVEN = 1e-6  # largest deviation of an even step, of its length
+_SUFFIXES = (".csv", ".json", ".npz")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -23,6 +31,12 @@ class JointTrajectory:
         time: from the start (k,) [s].
         positions, velocities, accelerations: (k, n) [rad or m], per second, per second squared.
         joint_names: of the n columns.
+        units: of the positions, "rad" or "m" for each joint; empty: all "rad".
+        efforts: torques or forces of the joints (k, n) [N m or N], or None.
+
+    Raises:
+        ValueError: arrays of the wrong shape, numbers that are not finite, no sample, joints that
+            share a name, or another unit.
     """
 
     time: Array
@@ -30,6 +44,34 @@ class JointTrajectory:
     velocities: Array
     accelerations: Array
     joint_names: tuple[str, ...]
+    units: tuple[str, ...] = ()
+    efforts: Array | None = None
+
+    def __post_init__(self) -> None:
+        names = tuple(str(name) for name in self.joint_names)
+        units = tuple(self.units) or ("rad",) * len(names)
+        shape = (np.size(self.time), len(names))
+        if shape[0] == 0 or not names or len(set(names)) < len(names):
+            raise ValueError(
+                f"a trajectory needs samples and joints of different names, got {shape[0]} samples "
+                f"of joints {', '.join(names) or 'without names'}"
+            )
+        if len(units) != len(names) or not set(units) <= {"rad", "m"}:
+            raise ValueError(f"units must be 'rad' or 'm' for each joint, got {self.units!r}")
+        object.__setattr__(self, "joint_names", names)
+        object.__setattr__(self, "units", units)
+        for field in fields(self):
+            values = getattr(self, field.name)
+            if field.name in ("joint_names", "units") or values is None:
+                continue
+            array = np.array(values, dtype=float)
+            expected = shape[:1] if field.name == "time" else shape
+            if array.shape != expected:
+                raise ValueError(f"{field.name} must have shape {expected}, got {array.shape}")
+            if not np.all(np.isfinite(array)):
+                sample = int(np.argwhere(~np.isfinite(array))[0, 0])
+                raise ValueError(f"{field.name} must be finite, sample {sample} is not")
+            object.__setattr__(self, field.name, array)
 
     def __repr__(self) -> str:
         return (
@@ -41,21 +83,114 @@ class JointTrajectory:
     def side_by_side(
         cls, parts: Sequence[JointTrajectory], joint_names: Sequence[str]
     ) -> JointTrajectory:
-        """Trajectories of several arms at the same times as one trajectory, under these names."""
+        """Trajectories of several arms at the same times as one trajectory, under these names.
+
+        Raises:
+            ValueError: the trajectories are sampled at different times.
+        """
+        for part in parts:
+            if not np.array_equal(part.time, parts[0].time):
+                raise ValueError("trajectories side by side must be sampled at the same times")
+        efforts = [part.efforts for part in parts if part.efforts is not None]
         return cls(
             parts[0].time,
             np.hstack([part.positions for part in parts]),
             np.hstack([part.velocities for part in parts]),
             np.hstack([part.accelerations for part in parts]),
             tuple(joint_names),
+            tuple(unit for part in parts for unit in part.units),
+            np.hstack(efforts) if len(efforts) == len(parts) else None,
+        )
+
+    @classmethod
+    def from_positions(
+        cls,
+        time: ArrayLike,
+        positions: ArrayLike,
+        joint_names: Sequence[str],
+        units: Sequence[str] = (),
+    ) -> JointTrajectory:
+        """The trajectory through positions (k, n) at times (k,), with derivatives of a spline.
+
+        The cubic spline interpolates the positions (not-a-knot), so noise in them is amplified.
+
+        Raises:
+            ValueError: fewer than four samples, times that do not increase, or as the constructor.
+        """
+        values = np.array(positions, dtype=float)
+        empty = np.zeros_like(values)
+        whole = cls(np.array(time, dtype=float), values, empty, empty, (*joint_names,), (*units,))
+        if len(whole.time) < 4 or not np.all(np.diff(whole.time) > 0.0):
+            raise ValueError(
+                "velocities and accelerations can be found for at least four samples at increasing "
+                f"times only, got {len(whole.time)} samples"
+            )
+        spline = make_interp_spline(whole.time, values, k=3)
+        velocities, accelerations = (spline.derivative(k)(whole.time) for k in (1, 2))
+        return cls(whole.time, values, velocities, accelerations, whole.joint_names, whole.units)
+
+    @property
+    def duration(self) -> float:
+        """From the first to the last sample [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def rate(self) -> float | None:
+        """Samples per second [Hz]; None if the samples are not evenly spaced."""
+        steps = np.diff(self.time)
+        if not steps.size or not self.duration > 0.0:
+            return None
+        step = self.duration / steps.size
+        return 1.0 / step if np.abs(steps - step).max() <= _EVEN * step else None
+
+    def at_rate(self, rate: float) -> JointTrajectory:
+        """The trajectory sampled evenly, `rate` times per second [Hz], by quintic interpolation.
+
+        Between two samples, the quintic polynomial that has their positions, velocities and
+        accelerations. Time is stretched to a whole number of steps, by less than one step
+        altogether, so that the last sample is the last one; speeds never grow by it. Efforts are
+        left out: they do not follow from positions alone.
+
+        Raises:
+            ValueError: rate is not positive, or the times of this trajectory do not increase.
+        """
+        rate = as_positive("rate", rate, "Hz")
+        if not np.all(np.diff(self.time) > 0.0) or len(self.time) < 2:
+            raise ValueError("only a trajectory at increasing times can be sampled at a rate")
+        steps = max(int(np.ceil(self.duration * rate * (1.0 - _EVEN))), 1)
+        stretch = max(steps / rate / self.duration, 1.0)
+        instants = np.linspace(self.time[0], self.time[-1], steps + 1)
+        states = quintic_hermite(
+            self.time, self.positions, self.velocities, self.accelerations, instants
+        )
+        return JointTrajectory(
+            self.time[0] + np.arange(steps + 1) / rate,
+            states[0],
+            states[1] / stretch,
+            states[2] / stretch**2,
+            self.joint_names,
+            self.units,
         )
 
     def csv(self) -> str:
-        """CSV with time_from_start and the position, velocity and acceleration of each joint."""
-        header = ["time_from_start"]
-        for kind in ("position", "velocity", "acceleration"):
-            header += [f"{name} {kind}" for name in self.joint_names]
-        columns = (self.time[:, None], self.positions, self.velocities, self.accelerations)
+        """CSV with time_from_start and the position, velocity and acceleration of each joint.
+
+        The columns of joints are named `shoulder position`, with efforts at the end if there are
+        any. Angles are in rad; a column of a joint in metres ends in its unit, `lift velocity
+        [m/s]`.
+        """
+        header, columns = ["time_from_start"], [self.time[:, None]]
+        for kind, per, values in (
+            ("position", "", self.positions),
+            ("velocity", "/s", self.velocities),
+            ("acceleration", "/s^2", self.accelerations),
+            ("effort", None, self.efforts),
+        ):
+            if values is not None:
+                columns.append(values)
+                for name, unit in zip(self.joint_names, self.units, strict=True):
+                    shown = "N" if per is None else f"{unit}{per}"
+                    header.append(f"{name} {kind}" + (f" [{shown}]" if unit == "m" else ""))
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(header)
@@ -63,7 +198,10 @@ class JointTrajectory:
         return text.getvalue()
 
     def json(self) -> str:
-        """JSON with the fields of the ROS 2 message trajectory_msgs/msg/JointTrajectory."""
+        """JSON with the fields of the ROS 2 message trajectory_msgs/msg/JointTrajectory.
+
+        The message has no units: controllers take rad and m.
+        """
         points = []
         for k, instant in enumerate(self.time):
             nanoseconds = round(float(instant) * _NANO)
@@ -72,7 +210,7 @@ class JointTrajectory:
                     "positions": self.positions[k].tolist(),
                     "velocities": self.velocities[k].tolist(),
                     "accelerations": self.accelerations[k].tolist(),
-                    "effort": [],
+                    "effort": [] if self.efforts is None else self.efforts[k].tolist(),
                     "time_from_start": {
                         "sec": nanoseconds // _NANO,
                         "nanosec": nanoseconds % _NANO,
@@ -82,3 +220,39 @@ class JointTrajectory:
         header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
         message = {"header": header, "joint_names": list(self.joint_names), "points": points}
         return json.dumps(message, indent=1)
+
+    def npz(self) -> bytes:
+        """A NumPy archive (.npz) of plain arrays, read by `numpy.load`.
+
+        `time` (k,) [s]; `position`, `velocity`, `acceleration` (k, n); `effort` (k, n) if there is
+        any; `joint_names` and `units` (n,) of text; `rate` [Hz], NaN for uneven samples.
+        """
+        arrays = {
+            "time": self.time,
+            "position": self.positions,
+            "velocity": self.velocities,
+            "acceleration": self.accelerations,
+            "joint_names": np.array(self.joint_names),
+            "units": np.array(self.units),
+            "rate": np.array(np.nan if self.rate is None else self.rate),
+        }
+        if self.efforts is not None:
+            arrays["effort"] = self.efforts
+        archive = io.BytesIO()
+        np.savez(archive, allow_pickle=False, **arrays)
+        return archive.getvalue()
+
+    def save(self, file: str | PathLike[str]) -> Path:
+        """Write a file by its suffix, .csv, .json or .npz, and return its path.
+
+        Raises:
+            ValueError: another suffix.
+            OSError: the file cannot be written.
+        """
+        path = Path(file)
+        if path.suffix not in _SUFFIXES:
+            raise ValueError(f"file must end in {', '.join(_SUFFIXES)}, got {str(file)!r}")
+        written = getattr(self, path.suffix[1:])()
+        content = written if isinstance(written, bytes) else written.encode("utf-8")
+        write_together(path.parent, lambda folder: (folder / path.name).write_bytes(content))
+        return path
