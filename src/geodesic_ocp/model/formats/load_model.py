@@ -58,7 +58,8 @@ def load_model(
 
     Args:
         source: a URDF, MJCF or MMM/Simox file or its text, a pin.Model, or the name of a robot
-            (`geodesic-ocp models` lists the available ones).
+            (`geodesic-ocp models` lists the available ones); "menagerie/NAME" is one of MuJoCo
+            Menagerie (extra mujoco).
         hand: name of the hand frame; known robots have a default.
         joints: names of the joints that move, in any order; the model keeps the order of the file.
             None: all between `base` and `hand`.

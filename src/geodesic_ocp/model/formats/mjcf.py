@@ -2,7 +2,8 @@
 
 Pinocchio reads a part of the format. What it ignores or interprets differently from MuJoCo is
 rewritten here (includes, default classes, several joints of a body, several bodies in the world,
-ranges of prismatic joints), or rejected by name.
+ranges of prismatic joints, torque limits), or rejected by name. Damping, friction and springs of
+joints are no part of a Model.
 """
 
 from __future__ import annotations
@@ -15,7 +16,9 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.formats.mimic import Mimic
+from geodesic_ocp.model.formats.mjcf_efforts import ACTUATORS, effort_limits
 
 _ROOT = "world of bodies"
 # Elements, and attributes of <compiler>, that would change the model and are not supported.
@@ -60,10 +63,18 @@ def mjcf_model(
             start = model.joints[model.getJointId(joint.get("name"))].idx_q
             model.lowerPositionLimit[start] = -np.inf
             model.upperPositionLimit[start] = np.inf
+    _set_efforts(model, effort_limits(root, name))
     mimics, warnings = _equalities(root, name)
     if folder is not None:
         _make_mesh_folders_absolute(root, folder.absolute())
     return model, mimics, tuple(warnings), ET.tostring(root, encoding="unicode")
+
+
+def _set_efforts(model: pin.Model, limits: dict[str, Array]) -> None:
+    for joint, (lower, upper) in limits.items():
+        if model.existJointName(joint) and (index := model.getJointId(joint)) < model.njoints:
+            row = model.joints[index].idx_v
+            model.lowerEffortLimit[row], model.upperEffortLimit[row] = lower, upper
 
 
 def _make_mesh_folders_absolute(root: ET.Element, folder: Path) -> None:
@@ -123,8 +134,10 @@ def _apply_defaults(root: ET.Element, name: str) -> None:
             inherited = defaults[above].items()
             defaults[own] = defaultdict(dict, {tag: dict(values) for tag, values in inherited})
         for child in default:
-            if child.tag != "default":
-                defaults[own][child.tag].update(child.attrib)
+            if child.tag == "default":
+                continue
+            for tag in ACTUATORS if child.tag in ACTUATORS else (child.tag,):
+                defaults[own][tag].update(child.attrib)
         for child in default.iterfind("default"):
             collect(child, own)
 
@@ -142,8 +155,9 @@ def _apply_defaults(root: ET.Element, name: str) -> None:
     for default in root.findall("default"):
         collect(default, "main")
         root.remove(default)
-    for section in (*root.iterfind("asset"), *root.iterfind("worldbody")):
-        write(section, "main")
+    for kind in ("asset", "worldbody", "actuator"):
+        for section in root.iterfind(kind):
+            write(section, "main")
 
 
 def _reject_unsupported(root: ET.Element, name: str) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 INSTALL = "pip install armar example-robot-data robot_descriptions (in a clone: make robots)"
 _EXAMPLE, _ARMAR = "example-robot-data", "armar"
 _ON_DEMAND = "robot_descriptions"
+_MENAGERIE = "menagerie/"  # before names of robots of MuJoCo Menagerie
 
 
 @dataclass(frozen=True)
@@ -98,9 +99,15 @@ def on_demand() -> tuple[str, ...]:
 def locate(name: str) -> Path | None:
     """The file with the robot of that name; None if no installed package knows it.
 
+    "menagerie/NAME" is a robot of MuJoCo Menagerie: the package mujoco-menagerie downloads it on
+    first use, or takes it from the folder in the environment variable MENAGERIE_ROOT.
+
     Raises:
-        ValueError: robot_descriptions knows it, but could not download it.
+        ValueError: a package knows it, but could not download it, or there is no such robot in
+            MuJoCo Menagerie.
     """
+    if name.startswith(_MENAGERIE):
+        return _of_menagerie(name.removeprefix(_MENAGERIE))
     if name in ROBOTS:
         root = folder(ROBOTS[name].package)
         return None if root is None else root / ROBOTS[name].file
@@ -108,6 +115,28 @@ def locate(name: str) -> Path | None:
         return known[name]
     stem = name.removesuffix("_description")
     return _downloaded(stem) if stem in on_demand() else None
+
+
+def _of_menagerie(name: str) -> Path:
+    try:
+        menagerie = importlib.import_module("mujoco_menagerie")
+    except ImportError:
+        raise ValueError(
+            f"{_MENAGERIE}{name} needs MuJoCo Menagerie: pip install 'geodesic_ocp[mujoco]'"
+        ) from None
+    try:
+        robot = menagerie.get(name)
+        return Path(robot.xml(robot.default_model))
+    except (menagerie.MenagerieError, OSError) as error:
+        if isinstance(error, menagerie.UnknownRobotError):
+            raise ValueError(f"MuJoCo Menagerie: {error}") from None
+        reason = " ".join(str(error).split())
+        raise ValueError(
+            f"{_MENAGERIE}{name} could not be downloaded: {reason}. Download it when there is a "
+            f"network (python -m mujoco_menagerie prefetch {name}), or set MENAGERIE_ROOT to a "
+            f"folder that holds {name}, such as a clone of "
+            "github.com/google-deepmind/mujoco_menagerie"
+        ) from error
 
 
 def _downloaded(stem: str) -> Path:
