@@ -2,57 +2,74 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from geodesic_ocp.model.as_model import as_model
 from geodesic_ocp.model.human.anthropometry import Side
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
 from geodesic_ocp.retargeting.alignment.arm_length import arm_length
 from geodesic_ocp.retargeting.alignment.known_alignments import KNOWN
+from geodesic_ocp.retargeting.alignment.propose_alignment import proposal
 
 _HUMAN: dict[str, Side] = {"human right arm": "right", "human left arm": "left"}
 
 
 def alignment(robot: Model, **changes: Any) -> Alignment:
-    """The default alignment of a known robot or of a person's arm, with some fields changed.
+    """The default alignment of a robot or of a person's arm, with some fields changed.
 
-    Known are the robots that `load_model` offers by name (panda, talos-left-arm, ...), by the
-    name of the model. Single arms (panda, xarm7, ur5) are assumed to be mounted as a right
-    shoulder, with the first axis to the right and x forward.
+    Robots that `load_model` offers by name (panda, talos-left-arm, ...) are known by the name of
+    the model; of them, single arms (panda, xarm7, ur5) are assumed to be mounted as a right
+    shoulder, with the first axis to the right and x forward. That of any other robot is proposed
+    from its kinematics (`propose_alignment`).
 
     Args:
         robot: the arm.
         changes: fields of `Alignment` to be changed.
 
+    Warns:
+        UserWarning: the robot is not known; says what was assumed.
+
     Raises:
-        ValueError: the robot is not known, or a change is not a field of an alignment.
+        ValueError: nothing can be proposed, or a change is not a field of an alignment.
 
     >>> import geodesic_ocp as go
     >>> go.alignment(go.human_arm("left")).side
     'left'
     """
-    name, _, _ = robot.name.partition(" with ")  # a payload
-    known = KNOWN.get(name)
-    if name in _HUMAN:
-        axes = np.eye(3)
-        joints = (f"{name[6].upper()}{each}_joint" for each in ("Ex", "Wx"))
-        found = Alignment(np.zeros(3), axes, axes, robot.reach, _HUMAN[name], *joints)
-    elif known is None or not robot.pin.existFrame(known.joint):
-        raise ValueError(
-            f"there is no default alignment for {robot.name!r}, only for {', '.join(KNOWN)}; "
-            "describe how its axes correspond to a person's with go.Alignment(shoulder, base, "
-            "hand, length)"
+    found = known_alignment(as_model(robot))
+    if found is None:
+        proposed = proposal(robot)
+        warnings.warn(
+            f"no alignment is known for {robot.name!r}, so it is taken from the kinematics: "
+            f"{'; '.join(proposed.assumptions)}. See it with `geodesic-ocp align`, which also "
+            "writes a file to edit",
+            UserWarning,
+            stacklevel=2,
         )
-    else:
-        home = np.clip(np.zeros(robot.dof), robot.lower, robot.upper)
-        base, hand = (np.array(columns, dtype=float).T for columns in (known.base, known.hand))
-        _, shoulder = robot.frame_pose(known.joint, home)
-        found = Alignment(shoulder, base, hand, arm_length(robot, known.joint), known.side)
-        found = replace(found, elbow=known.elbow, wrist=known.wrist)
+        found = proposed.alignment
     try:
         return replace(found, **changes)
     except TypeError as error:
         raise ValueError(f"alignment: {error}") from None
+
+
+def known_alignment(robot: Model) -> Alignment | None:
+    """The alignment of a known robot or of a person's arm, by the name of the model."""
+    name, _, _ = robot.name.partition(" with ")  # a payload
+    known = KNOWN.get(name)
+    if name in _HUMAN:
+        side, axes = _HUMAN[name], np.eye(3)
+        joints = (f"{side[0].upper()}{each}_joint" for each in ("Ex", "Wx"))
+        return Alignment(np.zeros(3), axes, axes, robot.reach, side, *joints)
+    if known is None or not robot.pin.existFrame(known.joint):
+        return None
+    home = np.clip(np.zeros(robot.dof), robot.lower, robot.upper)
+    base, hand = (np.array(columns, dtype=float).T for columns in (known.base, known.hand))
+    _, shoulder = robot.frame_pose(known.joint, home)
+    length = arm_length(robot, known.joint)
+    return Alignment(shoulder, base, hand, length, known.side, known.elbow, known.wrist)

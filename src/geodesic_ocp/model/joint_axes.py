@@ -1,0 +1,58 @@
+"""Axes of the joints between the base and the hand of a model."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.model.joints import motion_subspace
+from geodesic_ocp.model.model import Model
+
+
+class JointAxes(NamedTuple):
+    """Axes of k joints in one configuration, in the base frame.
+
+    Attributes:
+        names: of the joints.
+        coordinates: their indices in the configuration.
+        origins: of the joints (k, 3) [m].
+        directions: unit vectors (k, 3) along the axes.
+        rotates: whether they are revolute (k,).
+    """
+
+    names: tuple[str, ...]
+    coordinates: tuple[int, ...]
+    origins: Array
+    directions: Array
+    rotates: tuple[bool, ...]
+
+
+def joint_axes(model: Model, q: ArrayLike) -> JointAxes:
+    """Axes of the joints that move the hand, from the base to the hand, at q (n,)."""
+    data = model.pin.createData()
+    pin.forwardKinematics(model.pin, data, np.asarray(q, dtype=float))
+    chain = list(model.pin.supports[model.joint_of(model.hand)])[1:]
+    rotates, directions = [], []
+    for index in chain:
+        twist = motion_subspace(model.pin, index)
+        rotates.append(bool(np.any(twist[3:])))
+        axis = twist[3:] if rotates[-1] else twist[:3]
+        directions.append(data.oMi[index].rotation @ axis / np.linalg.norm(axis))
+    return JointAxes(
+        tuple(str(model.pin.names[index]) for index in chain),
+        tuple(int(model.pin.joints[index].idx_v) for index in chain),
+        np.array([data.oMi[index].translation for index in chain]),
+        np.array(directions),
+        tuple(rotates),
+    )
+
+
+def upward(model: Model) -> Array:
+    """The direction (3,) against gravity in the base frame; z if there is no gravity."""
+    gravity = np.array(model.pin.gravity.linear, dtype=float)
+    size = float(np.linalg.norm(gravity))
+    return -gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
