@@ -19,7 +19,7 @@ from geodesic_ocp.records import write_together
 from geodesic_ocp.trajectory.quintic_hermite import quintic_hermite
 
 _NANO = 1_000_000_000
-_EVEN = 1e-6  # largest deviation of an even step, of its length
+_EVEN = 1e-4  # largest deviation of an even step, of its length
 _SUFFIXES = (".csv", ".json", ".npz")
 
 
@@ -157,7 +157,7 @@ class JointTrajectory:
         rate = as_positive("rate", rate, "Hz")
         if not np.all(np.diff(self.time) > 0.0) or len(self.time) < 2:
             raise ValueError("only a trajectory at increasing times can be sampled at a rate")
-        steps = max(int(np.ceil(self.duration * rate * (1.0 - _EVEN))), 1)
+        steps = max(int(np.ceil(self.duration * rate * (1.0 - 1e-9))), 1)
         stretch = max(steps / rate / self.duration, 1.0)
         instants = np.linspace(self.time[0], self.time[-1], steps + 1)
         states = quintic_hermite(
