@@ -20,7 +20,7 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.ik.collision_avoidance import CollisionAvoidance
 from geodesic_ocp.ocp.ik.free_directions import as_directions, complement
 from geodesic_ocp.ocp.ik.pose_error import rotation_log
-from geodesic_ocp.ocp.ik.simultaneous_search import search_simultaneously
+from geodesic_ocp.ocp.ik.simultaneous_search import PoseErrors, search_simultaneously
 
 # Starts searched from simultaneously: first those nearby, which are the most promising.
 _FIRST, _AT_ONCE = 8, 20
@@ -136,6 +136,37 @@ class PoseSearch:
         The search ends when enough of them move by less than `settled` [rad or m] towards it, or
         when at least some have been found from the most promising starts.
         """
+        pose_errors = self._weighted_errors(axes, weights)
+        attained: list[Array] = []
+        others: list[tuple[float, Array]] = []
+        first_batch = _FIRST if least <= 1 else _MANY
+        edges = [0, *range(first_batch, len(starts), _AT_ONCE), len(starts)]
+        for first, last in pairwise(edges):
+            batch = np.array(starts[first:last])
+            missing = enough - len(attained)
+            ends = search_simultaneously(pose_errors, batch, self.near, bounds, missing, settled)
+            attained += list(ends.q[ends.errors <= _EXACT])
+            others += [*zip(ends.errors.tolist(), ends.q, strict=True)]
+            if len(attained) >= least:
+                break
+        others.sort(key=lambda pair: pair[0])
+        attained.sort(key=lambda q: float(np.linalg.norm(q - self.near)))
+        return attained, [q for _, q in others], others[0][0]
+
+    def from_every_start(
+        self, bounds: tuple[Array, Array], starts: Array, weights: Array
+    ) -> tuple[Array, Array]:
+        """Configurations (k, n) found from k starts, each near its start, and their errors (k,).
+
+        The error is the largest entry of the weighted pose error; away from the pose, it is that of
+        a local minimum.
+        """
+        errors = self._weighted_errors(np.eye(3), weights)
+        found = search_simultaneously(errors, starts, None, bounds, len(starts), np.inf)
+        return found.q, found.errors
+
+    def _weighted_errors(self, axes: Array, weights: Array) -> PoseErrors:
+        """Pose errors (k, m) in these axes, weighted, and Jacobians (k, m, n) at q (k, n)."""
         p = self._parameters(axes, 0.0, np.zeros(len(self.rows)))
 
         def pose_errors(q: Array) -> tuple[Array, Array]:
@@ -152,21 +183,7 @@ class PoseSearch:
             errors, jacobians = results
             return weights * errors, weights[:, None] * jacobians.transpose(0, 2, 1)
 
-        attained: list[Array] = []
-        others: list[tuple[float, Array]] = []
-        first_batch = _FIRST if least <= 1 else _MANY
-        edges = [0, *range(first_batch, len(starts), _AT_ONCE), len(starts)]
-        for first, last in pairwise(edges):
-            batch = np.array(starts[first:last])
-            missing = enough - len(attained)
-            ends = search_simultaneously(pose_errors, batch, self.near, bounds, missing, settled)
-            attained += list(ends.q[ends.errors <= _EXACT])
-            others += [*zip(ends.errors.tolist(), ends.q, strict=True)]
-            if len(attained) >= least:
-                break
-        others.sort(key=lambda pair: pair[0])
-        attained.sort(key=lambda q: float(np.linalg.norm(q - self.near)))
-        return attained, [q for _, q in others], others[0][0]
+        return pose_errors
 
     def _parameters(self, axes: Array, stay: float, weights: Array) -> Array:
         pose = [self.position, self.rotation.ravel(order="F"), axes.ravel(order="F")]

@@ -40,7 +40,7 @@ class Found:
 def search_simultaneously(
     pose_errors: PoseErrors,
     starts: Array,
-    near: Array,
+    near: Array | None,
     bounds: tuple[Array, Array],
     enough: int,
     settled: float = _SETTLED,
@@ -50,7 +50,8 @@ def search_simultaneously(
     Args:
         pose_errors: of many configurations.
         starts: configurations (k, n) to search from.
-        near: configuration (n,) to come near to, in the directions that the pose leaves free.
+        near: configuration (n,) to come near to, in the directions that the pose leaves free; None:
+            each search stays near its start.
         bounds: lower and upper (n,).
         enough: the search ends when so many have attained the pose and no longer move.
         settled: how little they still move [rad or m]; infinite if any configuration will do.
@@ -79,7 +80,7 @@ def search_simultaneously(
 
 
 def _steps(
-    q: Array, errors: Array, jacobians: Array, near: Array, lower: Array, upper: Array
+    q: Array, errors: Array, jacobians: Array, near: Array | None, lower: Array, upper: Array
 ) -> tuple[Array, Array]:
     """Steps (k, n), and the lengths (k,) of their parts along configurations with one pose."""
     free = np.ones_like(q, dtype=bool)
@@ -93,7 +94,7 @@ def _steps(
 
 
 def _free_steps(
-    q: Array, errors: Array, jacobians: Array, near: Array, free: NDArray[np.bool_]
+    q: Array, errors: Array, jacobians: Array, near: Array | None, free: NDArray[np.bool_]
 ) -> tuple[Array, Array]:
     free_jacobians = jacobians * free[:, None, :]
     transposed = free_jacobians.transpose(0, 2, 1)
@@ -102,7 +103,7 @@ def _free_steps(
     matrices = free_jacobians @ transposed
     rows = np.arange(errors.shape[1])
     matrices[:, rows, rows] += damping[:, None]
-    closer = _SLIDE * (near - q) * free
+    closer = np.zeros_like(q) if near is None else _SLIDE * (near - q) * free
     wanted = np.empty((*errors.shape, 2))
     wanted[:, :, 0], wanted[:, :, 1] = errors, (free_jacobians @ closer[:, :, None])[:, :, 0]
     corrections = transposed @ np.linalg.solve(matrices, wanted)

@@ -1,0 +1,93 @@
+"""Configurations at the waypoints from which the program may start."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.ocp.ik.collision_avoidance import CollisionAvoidance
+from geodesic_ocp.ocp.ik.pose_search import PoseSearch
+from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
+from geodesic_ocp.retargeting.targets import REACHED
+
+_STARTS = 96  # of the search at each waypoint
+_CARRIED = 32  # more, the configurations found at the waypoint before
+_SAME = 0.05  # [rad or m]
+# Poses out of reach: errors up to this factor above the least, and this much more [m or rad].
+_NEARLY, _MORE = 1.05, 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Configurations (k, n) with the pose of a waypoint, or with the nearest ones.
+
+    Attributes:
+        q: the configurations.
+        within_reach: whether they attain the pose.
+    """
+
+    q: Array
+    within_reach: bool
+
+    def joined(self, other: Candidates) -> Candidates:
+        """Those of both, or of the one that attains the pose."""
+        if self.within_reach != other.within_reach:
+            return self if self.within_reach else other
+        return Candidates(_distinct([*self.q, *other.q]), self.within_reach)
+
+
+def first_candidates(waypoints: ArmWaypoints) -> list[Candidates]:
+    """Configurations at each waypoint, from random starts and those of the waypoint before."""
+    found: list[Candidates] = []
+    rng = np.random.default_rng(0)
+    for number in range(waypoints.count + 1):
+        if number == 0 and waypoints.start is not None:
+            found.append(Candidates(waypoints.start[None, :], True))
+            continue
+        lower, upper = _search(waypoints, number, _middle(waypoints)).bounds(waypoints.limited)
+        starts = rng.uniform(lower, upper, (_STARTS, waypoints.arm.dof))
+        before = found[-1].q[:_CARRIED] if found else _middle(waypoints)[None, :]
+        found.append(candidates_near(waypoints, number, np.vstack([before, starts])))
+    return found
+
+
+def candidates_near(waypoints: ArmWaypoints, number: int, starts: Array) -> Candidates:
+    """Configurations at one waypoint, each near one of the starts (k, n)."""
+    search = _search(waypoints, number, starts[0])
+    arm = waypoints.arm
+    if waypoints.limited:
+        bounds = arm.lower, arm.upper
+    else:
+        bounds = np.full(arm.dof, -np.inf), np.full(arm.dof, np.inf)
+    q, errors = search.from_every_start(bounds, starts, waypoints.row_weights)
+    least = float(errors.min())
+    enough = REACHED * 1e-2
+    within = least <= enough
+    order = np.argsort(errors)
+    chosen = order[errors[order] <= (enough if within else _NEARLY * least + _MORE)]
+    return Candidates(_distinct(list(q[chosen])), within)
+
+
+def _search(waypoints: ArmWaypoints, number: int, near: Array) -> PoseSearch:
+    pose = waypoints.poses[number]
+    return PoseSearch.checked(
+        *("retarget", waypoints.arm, near, pose.position, pose.rotation, CollisionAvoidance())
+    )
+
+
+def _middle(waypoints: ArmWaypoints) -> Array:
+    arm = waypoints.arm
+    finite = np.isfinite(arm.upper - arm.lower)
+    return np.where(finite, (arm.upper + arm.lower) / 2.0, 0.0)
+
+
+def _distinct(configurations: Sequence[Array]) -> Array:
+    """Those that differ from all before them."""
+    kept = np.empty((0, len(configurations[0])))
+    for q in configurations:
+        if not len(kept) or np.abs(kept - q).max(axis=1).min() > _SAME:
+            kept = np.vstack([kept, q])
+    return kept

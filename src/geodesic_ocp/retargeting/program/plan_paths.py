@@ -1,0 +1,255 @@
+"""Paths of all synergies of a motion, for all arms at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.execution.clearance_constraint import Clearance
+from geodesic_ocp.ocp.solve.refinement import unresolved_energy
+from geodesic_ocp.progress import Progress, no_progress
+from geodesic_ocp.retargeting.program.arm_part import ArmPart
+from geodesic_ocp.retargeting.program.candidates import Candidates
+from geodesic_ocp.retargeting.program.distance_rows import DistanceRows
+from geodesic_ocp.retargeting.program.instants import place_at, positions_at
+from geodesic_ocp.retargeting.program.motion_program import MotionProgram
+from geodesic_ocp.retargeting.program.start import find_start, least_action, own_distances
+from geodesic_ocp.retargeting.program.terms import Terms
+from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
+from geodesic_ocp.trajectory.path import Path
+
+_SEGMENTS, _DEGREE = 2, 6  # of each movement, on the first grid
+_ROUNDS, _MOST_SEGMENTS = 12, 400
+_RESOLVED = 1e-5  # of the energy
+_BETWEEN = 8  # points of a segment at which limits are checked
+_INSTANTS = 24  # of a movement at which distances are checked
+_DISTANCE_ROUNDS = 8
+_ROUNDING = 1e-4  # [m] by which a distance may fall below its bound between those instants
+_TINY = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedPaths:
+    """The solution of the program.
+
+    Attributes:
+        paths: of the movements of each arm.
+        within_reach: which poses each arm attains, at its m + 1 waypoints.
+        longer: time added to each interval between `edges`, relative.
+        edges: times [s] in the recording at which a movement of any arm begins or ends.
+        action: of all paths at constant speed and in the person's time [J s].
+        iterations: of Ipopt, on all grids.
+        segments: of the last grids.
+        success: whether the program is solved.
+        status: how Ipopt stopped, a sentence.
+        least_excess: of a distance over its bound [m], with its name and the time in the recording
+            [s]; None: no distances are known.
+    """
+
+    paths: tuple[tuple[Path, ...], ...]
+    within_reach: tuple[tuple[bool, ...], ...]
+    longer: Array
+    edges: Array
+    action: float
+    iterations: int
+    segments: int
+    success: bool
+    status: str
+    least_excess: tuple[float, str, float] | None
+
+
+def plan_paths(
+    arms: Sequence[ArmWaypoints],
+    layers: Sequence[list[Candidates]],
+    *,
+    stretch: float,
+    posture: float,
+    likeness: float,
+    tolerance: float,
+    clearance: Clearance | None = None,
+    progress: Progress = no_progress,
+) -> PlannedPaths:
+    """Solve the program of all arms, from the shortest path in the graph of each.
+
+    Args:
+        arms: waypoints of each.
+        layers: for each arm, configurations at each waypoint (`first_candidates`).
+        stretch, posture, likeness: weights of `Terms`.
+        tolerance: by which joint limits may be exceeded between nodes [rad or m].
+        clearance: distances kept above their bounds; None: none.
+        progress: called with the current step, the amount done and the total.
+    """
+    edges = np.unique(np.concatenate([[*arm.begins, *arm.ends] for arm in arms]))
+    action = sum(least_action(arm, each) for arm, each in zip(arms, layers, strict=True))
+    terms = Terms(max(action, _TINY), float(edges[-1] - edges[0]), stretch, posture, likeness)
+    total = len(arms) + 2
+    parts, nodes = [], []
+    for number, (arm, each) in enumerate(zip(arms, layers, strict=True)):
+        progress("choosing configurations", number, total)
+        start = find_start(arm, terms, each, own_distances(clearance, arms, number))
+        parts.append(ArmPart.evenly(arm, start.within_reach, _SEGMENTS, _DEGREE))
+        nodes.append(parts[-1].nodes_on_lines(start.q))
+    progress("planning all synergies", len(arms), total)
+    iterate = _refined(_Iterate(tuple(parts), tuple(nodes), None), edges, terms, tolerance)
+    if clearance is not None and iterate.success:
+        progress("keeping links apart", len(arms) + 1, total)
+        iterate = _apart(iterate, clearance, edges, terms, tolerance)
+    pairs = list(zip(iterate.parts, iterate.nodes, strict=True))
+    actions = [part.path(each).energy / part.moving_time for part, each in pairs]
+    least = None
+    if clearance is not None:
+        least = _least_excess(clearance, iterate)
+    return PlannedPaths(
+        paths=tuple(tuple(part.paths(each)) for part, each in pairs),
+        within_reach=tuple(part.within_reach for part in iterate.parts),
+        longer=np.zeros(edges.size - 1) if iterate.longer is None else iterate.longer,
+        edges=edges,
+        action=float(sum(actions)),
+        iterations=iterate.iterations,
+        segments=sum(part.grid.segments for part in iterate.parts),
+        success=iterate.success,
+        status=iterate.status,
+        least_excess=least,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Iterate:
+    """Arms on their grids, positions at the nodes, relative times added, and how it was found."""
+
+    parts: tuple[ArmPart, ...]
+    nodes: tuple[Array, ...]
+    longer: Array | None
+    iterations: int = 0
+    success: bool = False
+    status: str = ""
+
+
+def _refined(
+    iterate: _Iterate,
+    edges: Array,
+    terms: Terms,
+    tolerance: float,
+    rows: Sequence[tuple[int, float]] = (),
+    clearance: Clearance | None = None,
+) -> _Iterate:
+    """The solution on grids that resolve the paths, with these distances at these instants."""
+    is_near = iterate.success
+    for _ in range(_ROUNDS):
+        program = _program(iterate.parts, edges, terms, rows, clearance)
+        start = program.guess(iterate.nodes, iterate.longer)
+        outcome = program.solve(start, near=is_near)
+        spent = iterate.iterations + outcome.iterations
+        if not outcome.success and is_near:  # from the same start, with larger steps
+            outcome = program.solve(start)
+            spent += outcome.iterations
+        nodes, longer = program.split(outcome.x)
+        iterate = replace(
+            iterate,
+            nodes=tuple(nodes) if outcome.success else iterate.nodes,
+            longer=longer if outcome.success else iterate.longer,
+            iterations=spent,
+            success=outcome.success,
+            status=outcome.status,
+        )
+        if not outcome.success:
+            return iterate
+        coarse = [_coarse(*pair, tolerance) for pair in zip(iterate.parts, nodes, strict=True)]
+        segments = sum(part.grid.segments for part in iterate.parts)
+        if not any(np.any(each) for each in coarse):
+            return iterate
+        if segments + sum(int(each.sum()) for each in coarse) > _MOST_SEGMENTS:
+            break
+        finer = tuple(part.halved(each) for part, each in zip(iterate.parts, coarse, strict=True))
+        on_finer = tuple(
+            part.path(each)(fine.grid.nodes)
+            for part, fine, each in zip(iterate.parts, finer, nodes, strict=True)
+        )
+        iterate, is_near = replace(iterate, parts=finer, nodes=on_finer), True
+    status = f"not solved to {tolerance:g} on {segments} segments"
+    return replace(iterate, success=False, status=status)
+
+
+def _program(
+    parts: Sequence[ArmPart],
+    edges: Array,
+    terms: Terms,
+    rows: Sequence[tuple[int, float]],
+    clearance: Clearance | None,
+) -> MotionProgram:
+    program = MotionProgram(parts, edges, terms)
+    if clearance is None or not rows:
+        return program
+    places = [place_at(parts, program.size, time) for _, time in rows]
+    index = [number for number, _ in rows]
+    return replace(program, distances=DistanceRows(clearance, index, places))
+
+
+def _coarse(part: ArmPart, nodes: Array, tolerance: float) -> NDArray[np.bool_]:
+    """Which segments to halve, (segments,)."""
+    path, grid = part.path(nodes), part.grid
+    unresolved = unresolved_energy(path) / max(path.energy, _TINY)
+    coarse = unresolved > _RESOLVED / grid.segments
+    if part.waypoints.limited:
+        local = (np.arange(_BETWEEN) + 0.5) / _BETWEEN
+        s = (grid.breakpoints[:-1, None] + grid.widths[:, None] * local).ravel()
+        q, arm = path(s), part.waypoints.arm
+        excess = np.maximum(arm.lower - q, q - arm.upper).max(axis=1)
+        coarse |= excess.reshape(grid.segments, -1).max(axis=1) > tolerance
+    return np.asarray(coarse)
+
+
+def _apart(
+    iterate: _Iterate, clearance: Clearance, edges: Array, terms: Terms, tolerance: float
+) -> _Iterate:
+    """The solution with all distances above their bounds, or the last one that was found.
+
+    Only those distances enter the program that are below their bounds at some instants, and only
+    at these instants.
+    """
+    rows: set[tuple[int, float]] = set()
+    for _ in range(_DISTANCE_ROUNDS):
+        more = _too_near(clearance, iterate) - rows
+        if not more:
+            break
+        rows |= more
+        found = _refined(iterate, edges, terms, tolerance, sorted(rows), clearance)
+        if not found.success:
+            return replace(iterate, iterations=found.iterations)
+        iterate = found
+    return iterate
+
+
+def _distances(clearance: Clearance, iterate: _Iterate) -> tuple[Array, Array]:
+    """Instants (k,) [s], and excess of the distances over their bounds there (k, m) [m]."""
+    instants = np.unique(
+        np.concatenate(
+            [
+                np.linspace(begin, end, _INSTANTS)
+                for part in iterate.parts
+                for begin, end in zip(part.waypoints.begins, part.waypoints.ends, strict=True)
+            ]
+        ).round(9)
+    )
+    q = positions_at(iterate.parts, iterate.nodes, instants)
+    distances = clearance.function.map(len(q))(q.T).full().T
+    return instants, distances - clearance.lower
+
+
+def _too_near(clearance: Clearance, iterate: _Iterate) -> set[tuple[int, float]]:
+    """Distances and instants that are to enter the program."""
+    instants, excess = _distances(clearance, iterate)
+    steps, numbers = np.nonzero(excess < -_ROUNDING)
+    return {
+        (int(number), float(instants[step])) for step, number in zip(steps, numbers, strict=True)
+    }
+
+
+def _least_excess(clearance: Clearance, iterate: _Iterate) -> tuple[float, str, float]:
+    instants, excess = _distances(clearance, iterate)
+    step, number = np.unravel_index(int(np.argmin(excess)), excess.shape)
+    return float(excess[step, number]), clearance.names[int(number)], float(instants[step])

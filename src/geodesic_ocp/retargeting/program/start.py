@@ -1,0 +1,163 @@
+"""Where the program starts: one configuration a waypoint, by the shortest path in a graph.
+
+The nodes of the graph are configurations with the poses of the waypoints. An edge costs the energy
+of the straight line, and the time that the joints' speed limits add to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import casadi as ca
+import numpy as np
+
+from geodesic_ocp.arrays import Array, evaluate
+from geodesic_ocp.execution.clearance_constraint import Clearance
+from geodesic_ocp.retargeting.program.candidates import (
+    Candidates,
+    candidates_near,
+)
+from geodesic_ocp.retargeting.program.shortest_path import shortest_path
+from geodesic_ocp.retargeting.program.terms import Terms
+from geodesic_ocp.retargeting.program.waypoint_functions import parameters, waypoint_functions
+from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
+
+_ROUNDS = 3  # of new candidates around those chosen
+_TOO_NEAR = 10.0  # cost of a configuration with links closer than their bounds
+_SPREAD, _AROUND = 0.3, 12  # [rad or m]; number of starts around each
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Configurations at the waypoints (m + 1, n), which of them attain their poses, and cost."""
+
+    q: Array
+    within_reach: tuple[bool, ...]
+    cost: float
+
+
+def least_action(waypoints: ArmWaypoints, layers: list[Candidates]) -> float:
+    """Action [J s] of the straight lines between those candidates for which it is least."""
+    return _best(waypoints, Terms(1.0, 1.0, 0.0, 0.0, 0.0), layers).cost
+
+
+def own_distances(
+    clearance: Clearance | None, arms: Sequence[ArmWaypoints], number: int
+) -> ca.Function | None:
+    """Excess of distances over their bounds (m,), of those that depend on one arm alone.
+
+    A function of the joints of this arm; None if there are none.
+    """
+    if clearance is None:
+        return None
+    first = sum(arm.arm.dof for arm in arms[:number])
+    q = ca.SX.sym("q", clearance.dof)
+    distances = clearance.function(q)
+    own = np.zeros(clearance.dof, dtype=bool)
+    own[first : first + arms[number].arm.dof] = True
+    depends = np.array(ca.DM(ca.jacobian_sparsity(distances, q), 1.0).full(), dtype=bool)
+    rows = np.flatnonzero(~depends[:, ~own].any(axis=1) & depends.any(axis=1)).tolist()
+    if not rows:
+        return None
+    excess = (distances - ca.DM(clearance.lower))[rows]
+    mine = q[np.flatnonzero(own).tolist()]
+    others = q[np.flatnonzero(~own).tolist()]
+    excess = ca.substitute(excess, others, ca.DM.zeros(others.shape[0]))
+    return ca.Function("excess", [mine], [excess])
+
+
+def find_start(
+    waypoints: ArmWaypoints,
+    terms: Terms,
+    layers: list[Candidates],
+    distances: ca.Function | None = None,
+) -> Start:
+    """The configurations at the waypoints from which the program starts.
+
+    Args:
+        waypoints: of an arm.
+        terms: of the objective.
+        layers: configurations at each waypoint, around which others are sought.
+        distances: excess of distances over their bounds, see `own_distances`.
+    """
+    rng = np.random.default_rng(1)
+    best = _best(waypoints, terms, layers, distances)
+    for _ in range(_ROUNDS):
+        finer = []
+        for number, layer in enumerate(layers):
+            if number == 0 and waypoints.start is not None:
+                finer.append(layer)
+                continue
+            around = best.q[max(0, number - 1) : number + 2]
+            spread = np.repeat(around, _AROUND // len(around), axis=0)
+            random = spread + _SPREAD * rng.standard_normal(spread.shape)
+            starts = np.vstack([around, around.mean(axis=0), random])
+            more = candidates_near(waypoints, number, _inside(waypoints, starts))
+            finer.append(layer.joined(more))
+        layers, before = finer, best
+        best = _best(waypoints, terms, layers, distances)
+        if best.cost > 0.99 * before.cost:
+            break
+    return best
+
+
+def _inside(waypoints: ArmWaypoints, q: Array) -> Array:
+    if not waypoints.limited:
+        return q
+    return np.asarray(np.clip(q, waypoints.arm.lower, waypoints.arm.upper))
+
+
+def _best(
+    waypoints: ArmWaypoints,
+    terms: Terms,
+    layers: list[Candidates],
+    distances: ca.Function | None = None,
+) -> Start:
+    matrices = [mass_matrices(waypoints, layer.q) for layer in layers]
+    nodes = [node_costs(waypoints, terms, number, layer.q) for number, layer in enumerate(layers)]
+    if distances is not None:
+        for costs, layer in zip(nodes, layers, strict=True):
+            least = distances.map(len(layer.q))(layer.q.T).full().min(axis=0)
+            costs += np.where(least < 0.0, _TOO_NEAR - least, 0.0)
+    edges = partial(_edge_costs, waypoints, terms, layers, matrices)
+    chosen, cost = shortest_path(nodes, edges)
+    q = np.array([layer.q[index] for layer, index in zip(layers, chosen, strict=True)])
+    return Start(q, tuple(layer.within_reach for layer in layers), cost)
+
+
+def mass_matrices(waypoints: ArmWaypoints, q: Array) -> Array:
+    """Of many configurations, (k, n, n)."""
+    n = waypoints.arm.dof
+    x = ca.SX.sym("q", n)
+    function = ca.Function("matrix", [x], [waypoints.arm.mass_matrix(x)])
+    stacked = evaluate(function.map(len(q)), q.T)
+    return np.asarray(stacked).reshape(n, len(q), n).transpose(1, 0, 2)
+
+
+def node_costs(waypoints: ArmWaypoints, terms: Terms, number: int, q: Array) -> Array:
+    """Of posture and likeness at a waypoint, (k,)."""
+    functions = waypoint_functions(waypoints.arm, waypoints.alignment, waypoints.rows)
+    offset = None if waypoints.offsets is None else waypoints.offsets[number]
+    p = parameters(waypoints.poses[number], np.zeros(6), offset, terms.posture, terms.likeness)
+    costs = evaluate(functions.cost.map(len(q)), q.T, np.tile(p[:, None], len(q)))
+    return np.asarray(costs).ravel() / (waypoints.count + 1)
+
+
+def _edge_costs(
+    waypoints: ArmWaypoints,
+    terms: Terms,
+    layers: list[Candidates],
+    matrices: list[Array],
+    number: int,
+) -> Array:
+    here, there = layers[number].q, layers[number + 1].q
+    duration = waypoints.durations[number]
+    change = there[None, :, :] - here[:, None, :]
+    first = np.einsum("abi,aij,abj->ab", change, matrices[number], change, optimize=True)
+    last = np.einsum("abi,bij,abj->ab", change, matrices[number + 1], change, optimize=True)
+    action = (first + last) / (4.0 * duration)
+    needed = (np.abs(change) / (waypoints.speed[number] * duration)).max(axis=2)
+    late = duration * np.maximum(0.0, needed - 1.0)
+    return np.asarray(action / terms.action + terms.stretch * late / terms.duration)

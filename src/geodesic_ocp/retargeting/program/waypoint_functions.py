@@ -1,0 +1,87 @@
+"""Functions of the configuration at a waypoint: pose error, posture, likeness to the person."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.ocp.ik.pose_error import rotation_log
+from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
+from geodesic_ocp.retargeting.program.elbow_offset import elbow_offset, has_elbow
+from geodesic_ocp.retargeting.targets import Pose
+
+NUM_PARAMETERS = 12 + 6 + 3 + 2
+
+
+@dataclass(frozen=True, eq=False)
+class WaypointFunctions:
+    """Functions of a configuration (n,) and the parameters of a waypoint.
+
+    Attributes:
+        errors: -> pose error (m,).
+        cost: -> cost of the configuration, and of a pose that is not reached.
+        first: -> errors, their Jacobian (m, n), cost, its gradient (n,).
+        second: (q, p, factors (m,), factor) -> Hessian (n, n) of factors' errors + factor cost.
+    """
+
+    errors: ca.Function
+    cost: ca.Function
+    first: ca.Function
+    second: ca.Function
+
+
+def parameters(
+    pose: Pose, missed: Array, offset: Array | None, posture: float, likeness: float
+) -> Array:
+    """The parameters of a waypoint.
+
+    Args:
+        pose: of the hand.
+        missed: weights of the squared pose errors (6,); zero for a pose within reach.
+        offset: of the person's elbow (3,); None: not known.
+        posture, likeness: weights of these terms.
+    """
+    position = np.zeros(3) if pose.position is None else pose.position
+    rotation = np.eye(3) if pose.rotation is None else pose.rotation
+    known = offset is not None
+    return np.concatenate(
+        [
+            *(position, rotation.ravel(order="F"), missed),
+            *(offset if known else np.zeros(3), [posture, likeness if known else 0.0]),
+        ]
+    )
+
+
+@lru_cache(maxsize=32)
+def waypoint_functions(
+    arm: Model, alignment: Alignment, rows: tuple[int, ...]
+) -> WaypointFunctions:
+    """The functions of an arm, for these rows of the pose error."""
+    q, p = ca.SX.sym("q", arm.dof), ca.SX.sym("p", NUM_PARAMETERS)
+    position, rotation, missed, offset, weights = ca.vertsplit(p, [0, 3, 12, 18, 21, 23])
+    hand_rotation, hand_position = arm.hand_pose(q)
+    error = ca.vertcat(
+        hand_position - position, rotation_log(ca.reshape(rotation, 3, 3).T @ hand_rotation)
+    )
+    finite = np.isfinite(arm.upper - arm.lower)
+    middle = np.where(finite, (arm.lower + arm.upper) / 2.0, 0.0)
+    half = np.where(finite, (arm.upper - arm.lower) / 2.0, np.pi)
+    cost = ca.dot(missed, error**2) + weights[0] * ca.sumsqr((q - middle) / half) / arm.dof
+    if has_elbow(arm, alignment):
+        cost += weights[1] * ca.sumsqr(elbow_offset(arm, alignment, q) - offset)
+    errors = error[list(rows)]
+    factors, factor = ca.SX.sym("factors", len(rows)), ca.SX.sym("factor")
+    jacobian, gradient = ca.jacobian(errors, q), ca.gradient(cost, q)
+    hessian, _ = ca.hessian(ca.dot(factors, errors) + factor * cost, q)
+    first = [errors, ca.densify(jacobian), cost, ca.densify(gradient)]
+    return WaypointFunctions(
+        ca.Function("errors", [q, p], [errors]),
+        ca.Function("cost", [q, p], [cost]),
+        ca.Function("first", [q, p], ca.cse(first)),
+        ca.Function("second", [q, p, factors, factor], [ca.cse(ca.densify(hessian))]),
+    )
