@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -132,7 +133,7 @@ def _shoulder(axes: JointAxes, arm: list[int], chain: float) -> tuple[Array, tup
     return axes.origins[arm[0]], ()
 
 
-def _spread(axes: JointAxes, group: tuple[int, ...] | list[int]) -> float:
+def _spread(axes: JointAxes, group: Sequence[int]) -> float:
     """The largest sine of an angle between two of the axes."""
     return max(
         float(np.linalg.norm(np.cross(axes.directions[one], axes.directions[other])))
