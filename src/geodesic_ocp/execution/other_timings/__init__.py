@@ -1,0 +1,1 @@
+"""The same motion timed by other software, for comparison."""
