@@ -16,6 +16,7 @@ from geodesic_ocp.execution.joint_limits import JointLimits, joint_limits
 from geodesic_ocp.execution.tracking.track_within_limits import Solver, track_within_limits
 from geodesic_ocp.model.formats.robots import folder
 from geodesic_ocp.rotations import rotation_vector
+from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
 TIME = np.linspace(0.0, 2.0, 101)
 SOLVERS: list[Solver] = ["built-in", "pink"]
@@ -40,7 +41,7 @@ def checked(solver: Solver) -> Solver:
     return solver
 
 
-def assert_within(model: go.Model, limits: JointLimits, found: go.JointTrajectory) -> None:
+def assert_within(model: go.Model, limits: JointLimits, found: JointTrajectory) -> None:
     step = np.diff(found.time)[:, None]
     assert np.all(found.positions >= model.lower)
     assert np.all(found.positions <= model.upper)
@@ -126,7 +127,7 @@ def test_free_rotation_and_posture(arm: go.Model, limits: JointLimits) -> None:
     poses = np.stack([rotation] * 2), np.stack([position] * 2)
     posture = start + np.array([0.0, 0.2, 0.2, 0.0, 0.0, 0.2, 0.2])
 
-    def run(**changes: Any) -> go.JointTrajectory:
+    def run(**changes: Any) -> JointTrajectory:
         free = {"turning": False, "rate": 100.0, "posture_weight": 0.1, **changes}
         return track_within_limits(arm, start, time, poses, limits, **free)
 

@@ -169,7 +169,7 @@ def _torques(trajectory: JointTrajectory, models: Sequence[Model], gravity: Arra
 def _share_of_range(positions: Array, lower: Array, upper: Array) -> Array:
     """Largest distance from the middle of the range over half the range (n,); 0 if unlimited."""
     limited = np.isfinite(lower) & np.isfinite(upper)
-    low, high = np.where(limited, lower, -np.inf), np.where(limited, upper, np.inf)
-    middle = np.where(limited, (lower + upper) / 2.0, 0.0)
+    low, high = np.where(limited, lower, 0.0), np.where(limited, upper, 0.0)
+    middle = (low + high) / 2.0
     half = np.where(limited, np.maximum((high - low) / 2.0, np.finfo(float).tiny), np.inf)
     return np.asarray(np.max(np.abs(positions - middle) / half, axis=0, initial=0.0))

@@ -1,0 +1,163 @@
+"""Measures by which motions of a robot are compared."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.execution.check_trajectory import check_trajectory
+from geodesic_ocp.execution.joint_limits import JointLimits
+from geodesic_ocp.execution.tracking.spectral_arc_length import spectral_arc_length
+from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.rotations import rotation_vector
+from geodesic_ocp.table import Table
+from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
+from geodesic_ocp.trajectory.path import speeds_at
+
+
+@dataclass(frozen=True)
+class MotionMeasures:
+    """Measures of one motion of a robot.
+
+    Attributes:
+        duration: [s].
+        action: int 1/2 |q'|_G^2 dt [J s].
+        torque: root mean square over time of the norm of the joints' torques, gravity included
+            [N m].
+        jerk: likewise of their jerk, from sample to sample [rad/s^3].
+        smoothness: spectral arc length of the hand's speed; nearer to zero is smoother.
+        elbow: mean distance of the elbow's offset from the person's, in lengths of the arm; NaN
+            where it is not known.
+        position, largest_position: distance of the hand from its target, mean and largest [m].
+        rotation, largest_rotation: angle between them [rad].
+        outside: largest excess of a joint over its range [rad or m].
+        usage: largest share of the limits, by "velocity", "acceleration", "jerk" and "torque".
+    """
+
+    duration: float
+    action: float
+    torque: float
+    jerk: float
+    smoothness: float
+    elbow: float
+    position: float
+    largest_position: float
+    rotation: float
+    largest_rotation: float
+    outside: float
+    usage: Mapping[str, float]
+
+
+def motion_measures(
+    robot: Model,
+    trajectory: JointTrajectory,
+    targets: tuple[Array, Array],
+    limits: JointLimits,
+    *,
+    gravity: ArrayLike = (0.0, 0.0, -9.81),
+    elbow_offsets: tuple[Array, Array] | None = None,
+) -> MotionMeasures:
+    """Measures of a trajectory whose hand should pass targets.
+
+    Jerk depends on the rate of the samples: compare trajectories of one rate.
+
+    Args:
+        robot: the arm, payload included.
+        trajectory: of its joints, evenly sampled.
+        targets: rotations (k, 3, 3) and positions (k, 3) [m] of the hand at the k samples.
+        limits: of the joints.
+        gravity: acceleration of free fall in the axes of the robot's base (3,) [m/s^2].
+        elbow_offsets: where the elbow is beside the line from shoulder to hand at the samples, of
+            the robot and of the person, (k, 3) each, in lengths of the arm.
+
+    Raises:
+        ValueError: uneven samples, or arrays of another shape.
+    """
+    rate, count = trajectory.rate, len(trajectory.time)
+    if rate is None:
+        raise ValueError("trajectory must be sampled evenly; see JointTrajectory.at_rate")
+    rotations, positions = targets
+    if rotations.shape != (count, 3, 3) or positions.shape != (count, 3):
+        raise ValueError(
+            f"targets must be rotations ({count}, 3, 3) and positions ({count}, 3), got shapes "
+            f"{rotations.shape} and {positions.shape}"
+        )
+    q, v, a = trajectory.positions, trajectory.velocities, trajectory.accelerations
+    time = trajectory.time
+    found_rotations, found_positions = robot.hand_pose(q)
+    distance = np.linalg.norm(found_positions - positions, axis=1)
+    turn = rotation_vector(rotations @ found_rotations.transpose(0, 2, 1))
+    angle = np.linalg.norm(turn, axis=1)
+    elbow = float("nan")
+    if elbow_offsets is not None:
+        elbow = float(np.mean(np.linalg.norm(elbow_offsets[0] - elbow_offsets[1], axis=1)))
+    usage = check_trajectory(trajectory, robot, limits, gravity=gravity).usage
+    return MotionMeasures(
+        duration=trajectory.duration,
+        action=float(np.trapezoid(speeds_at(KineticEnergy(robot), q, v) ** 2 / 2.0, time)),
+        torque=_root_mean_square(robot.inverse_dynamics(q, v, a, gravity)),
+        jerk=_root_mean_square(np.diff(a, axis=0) * rate),
+        smoothness=spectral_arc_length(_hand_speed(found_positions, rate), rate),
+        elbow=elbow,
+        position=float(distance.mean()),
+        largest_position=float(distance.max()),
+        rotation=float(angle.mean()),
+        largest_rotation=float(angle.max()),
+        outside=max(0.0, float(np.max([robot.lower - q, q - robot.upper]))),
+        usage={name: float(shares.max()) for name, shares in usage.items() if name != "position"},
+    )
+
+
+def measures_table(measures: Mapping[str, MotionMeasures]) -> Table:
+    """One row for each motion by its name."""
+    header = (
+        "motion",
+        "time [s]",
+        "action [J s]",
+        "torque, rms [N m]",
+        "jerk, rms [rad/s^3]",
+        "smoothness of the hand",
+        "elbow, beside the person's [arm length]",
+        "hand, mean [m]",
+        "largest [m]",
+        "hand, mean [rad]",
+        "largest [rad]",
+        "outside joint limits [rad or m]",
+        "velocity [limit]",
+        "acceleration [limit]",
+        "jerk [limit]",
+        "torque [limit]",
+    )
+    rows = [
+        (
+            name,
+            each.duration,
+            each.action,
+            each.torque,
+            each.jerk,
+            each.smoothness,
+            "-" if np.isnan(each.elbow) else each.elbow,
+            each.position,
+            each.largest_position,
+            each.rotation,
+            each.largest_rotation,
+            each.outside,
+            *(each.usage[kind] for kind in ("velocity", "acceleration", "jerk", "torque")),
+        )
+        for name, each in measures.items()
+    ]
+    return Table(header, tuple(rows))
+
+
+def _root_mean_square(values: Array) -> float:
+    """Of the norm of the rows (k, n)."""
+    return float(np.sqrt(np.mean(np.sum(values**2, axis=1))))
+
+
+def _hand_speed(positions: Array, rate: float) -> Array:
+    return np.asarray(np.linalg.norm(np.gradient(positions, axis=0), axis=1) * rate)
