@@ -1,0 +1,1 @@
+"""Replay of trajectories on simulated robots, in MuJoCo."""
