@@ -10,6 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import get_args
 
+from geodesic_ocp.cli.align_options import add_align_options
 from geodesic_ocp.cli.analysis_options import add_analysis_options, check_options
 from geodesic_ocp.cli.fit_options import add_fit_options
 from geodesic_ocp.cli.interrupts import Interrupts, in_main_thread, on_interrupt
@@ -138,6 +139,12 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--backend", choices=BACKENDS, help="check this one only")
     command.set_defaults(run=_check)
 
+    command = commands.add_parser(
+        "align", help="show and save how a robot's arm is aligned with a person's", epilog=_EXIT
+    )
+    add_align_options(command)
+    command.set_defaults(run=_align)
+
     command = commands.add_parser("models", help="list the available models and back ends")
     command.set_defaults(run=_models)
 
@@ -234,6 +241,12 @@ def _check(options: argparse.Namespace) -> int:
     from geodesic_ocp.validation.check import run_check
 
     return 0 if run_check(options.file, options.backend) else 1
+
+
+def _align(options: argparse.Namespace) -> None:
+    from geodesic_ocp.cli.align_command import align_robot
+
+    align_robot(options)
 
 
 def _models(options: argparse.Namespace) -> None:

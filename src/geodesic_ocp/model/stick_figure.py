@@ -7,6 +7,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.model.joints import frame_index
 from geodesic_ocp.model.model import Model
 
 _SHORTEST = 1e-6  # [m]: shorter links are joints that coincide
@@ -49,7 +50,7 @@ def stick_figure(model: Model, q: ArrayLike) -> Array:
 
 def _ends(model: Model) -> list[int]:
     """Indices of the hand and of one frame at the end of every other chain."""
-    hand = model.pin.getFrameId(model.hand)
+    hand = frame_index(model.pin, model.hand)
     ends = [hand]
     parents = set(model.pin.parents)
     for joint in range(1, model.pin.njoints):

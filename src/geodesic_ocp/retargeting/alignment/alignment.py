@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from geodesic_ocp.model.as_model import as_model
+from geodesic_ocp.model.formats.robots import ROBOTS
 from geodesic_ocp.model.human.anthropometry import Side
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
@@ -66,10 +67,16 @@ def known_alignment(robot: Model) -> Alignment | None:
         side, axes = _HUMAN[name], np.eye(3)
         joints = (f"{side[0].upper()}{each}_joint" for each in ("Ex", "Wx"))
         return Alignment(np.zeros(3), axes, axes, robot.reach, side, *joints)
-    if known is None or not robot.pin.existFrame(known.joint):
+    if known is None:
+        return None
+    usual = ROBOTS[name]
+    if not all(robot.pin.existFrame(each) for each in (known.joint, usual.hand, usual.base)):
         return None
     home = np.clip(np.zeros(robot.dof), robot.lower, robot.upper)
     base, hand = (np.array(columns, dtype=float).T for columns in (known.base, known.hand))
+    # The model may have been loaded with another base, or another hand.
+    base = robot.frame_pose(usual.base, home)[0] @ base
+    hand = hand @ robot.frame_pose(usual.hand, home)[0].T @ robot.hand_pose(home)[0]
     _, shoulder = robot.frame_pose(known.joint, home)
     length = arm_length(robot, known.joint)
     return Alignment(shoulder, base, hand, length, known.side, known.elbow, known.wrist)

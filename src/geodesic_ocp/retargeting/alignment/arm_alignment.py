@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import json
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -10,7 +15,26 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, as_rotation, as_vector, short_repr
 from geodesic_ocp.model.human.anthropometry import Side
+from geodesic_ocp.records import write_file
+from geodesic_ocp.retargeting.alignment.axis_names import direction_record
 
+FORMAT, VERSION = "geodesic_ocp alignment", 1
+BASE = ("right", "forward")  # columns of `base` in files; the third follows
+HAND = {"right": 0, "fingers": 2}  # rows of `hand` in files
+_HELP = [
+    "shoulder: position of the person's shoulder in the robot's base frame [m].",
+    "base: the person's right and forward in the axes of the robot's base, such as '+x'"
+    " or [0.8, 0.6, 0.0].",
+    "hand: where a person's fingers point, and what points to the right when the arm hangs down"
+    " (the back of a right hand, the palm of a left one), in the axes of the robot's hand.",
+    "length: largest distance of the hand from the shoulder [m]; positions are scaled by its ratio"
+    " to the person's.",
+    "side: 'right' or 'left'; null: either. Recordings of the other side are mirrored.",
+    "elbow, wrist: names of joints, or null.",
+]
+# Three numbers on lines of their own.
+_NUMBER = r"\s*([-+.\deE]+)"
+_VECTOR = re.compile(rf"\[{_NUMBER},{_NUMBER},{_NUMBER}\s*\]")
 # Across the sagittal plane: x points to a person's side.
 _MIRROR = np.diag([-1.0, 1.0, 1.0])
 
@@ -61,6 +85,34 @@ class Alignment:
 
     def __repr__(self) -> str:
         return short_repr(self)
+
+    def save(self, file: str | PathLike[str], notes: Sequence[str] = ()) -> Path:
+        """Write a JSON file to edit, for `read_alignment`; returns its path.
+
+        Args:
+            file: to write.
+            notes: lines that it is to contain for its reader, such as what was assumed.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        base, hand = np.asarray(self.base), np.asarray(self.hand)
+        record = {
+            "format": FORMAT,
+            "version": VERSION,
+            "help": _HELP,
+            "notes": list(notes),
+            "shoulder": [float(entry) for entry in np.asarray(self.shoulder)],
+            "base": {name: direction_record(base[:, k]) for k, name in enumerate(BASE)},
+            "hand": {name: direction_record(hand[k]) for name, k in HAND.items()},
+            **{name: getattr(self, name) for name in ("length", "side", "elbow", "wrist")},
+        }
+        text = json.dumps(record, indent=1)
+        # Vectors on one line each.
+        text = re.sub(
+            r"\[\s+([-+.\deE]+),\s+([-+.\deE]+),\s+([-+.\deE]+)\s+\]", r"[\1, \2, \3]", text
+        )
+        return write_file(file, text + "\n")
 
     def to_robot(
         self, rotation: Array, position: Array, *, scale: float, mirror: bool = False
