@@ -29,6 +29,8 @@ def compare_with_tracking(
     *,
     gravity: ArrayLike = (0.0, 0.0, -9.81),
     elbow_offsets: ElbowOffsets | None = None,
+    turning: bool = True,
+    placing: bool = True,
     solvers: Sequence[Solver] = ("built-in",),
     name: str = "geodesic synergies",
 ) -> dict[str, MotionMeasures]:
@@ -46,7 +48,7 @@ def compare_with_tracking(
         limits: of the joints.
         gravity: acceleration of free fall in the axes of the robot's base (3,) [m/s^2].
         elbow_offsets: of the robot and of the person, in lengths of the arm.
-        solvers: of inverse kinematics, see `track_within_limits`.
+        turning, placing, solvers: of inverse kinematics, see `track_within_limits`.
         name: of the trajectory.
 
     Raises:
@@ -79,7 +81,11 @@ def compare_with_tracking(
                 return poses(np.interp(instants, span, at))
 
             tracked = track_within_limits(
-                robot, trajectory.positions[0], span, in_time, limits, rate=rate, solver=solver
+                *(robot, trajectory.positions[0], span, in_time, limits),
+                rate=rate,
+                turning=turning,
+                placing=placing,
+                solver=solver,
             )
             targets = np.interp(tracked.time + span[0], span, at)
             found[_NAMES[solver] + suffix] = measured(tracked, targets)
