@@ -93,7 +93,8 @@ class PlannedTrajectory:
 
     def robot_time(self, recording_times: ArrayLike) -> Array:
         """Times in the trajectory, from 0, for times of the recording [s]."""
-        return np.asarray(np.interp(recording_times, self.edges, self.robot_edges))
+        times = np.asarray(recording_times, dtype=float)
+        return np.asarray(np.interp(times, self.edges, self.robot_edges))
 
     def states(self, times: ArrayLike, arm: int | None = None) -> tuple[Array, Array, Array, Array]:
         """Positions, velocities, accelerations and jerks of one arm or all arms, (k, n) each.

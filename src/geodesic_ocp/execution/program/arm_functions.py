@@ -11,7 +11,6 @@ limits: q0, q0 + h v0 / 3, q1 - h v1 / 3, q1, and v0, v0 + h a0 / 2, v1.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -66,12 +65,6 @@ class ArmFunctions:
         """Joints whose torques are limited."""
         return np.flatnonzero(np.isfinite(self.arm.limits.torque))
 
-    @cached_property
-    def limited_positions(self) -> np.ndarray:
-        """Joints whose positions are limited."""
-        robot = self.arm.robot
-        return np.flatnonzero(np.isfinite(robot.lower) | np.isfinite(robot.upper))
-
     def at_knots(self, count: int) -> Block:
         """Distance from the paths and acceleration.
 
@@ -93,40 +86,56 @@ class ArmFunctions:
         shares = force[limited.tolist()] / arm.limits.torque[limited]
         return Block(z, ca.SX(0, 1), ca.SX(0), shares, self.indices(knots))
 
-    def pieces(self, interval: Indices, kinds: Sequence[str], chosen: Indices) -> Block:
-        """Constraints on some of the pieces, of these kinds.
+    def motion(self, interval: Indices) -> Block:
+        """The two equations of motion of every joint in every piece, and the cost of the jerk.
 
-        "motion": two equations a joint, and the cost of the jerk; "jerk": relative to its limit;
-        "velocity", "position": Bezier coefficients between the knots, of joints with limits.
         Parameters: duration as a fraction of the interval's, weight of the jerk.
 
         Args:
             interval: number of the interval of every piece.
-            kinds: of the constraints.
-            chosen: numbers of the pieces.
         """
         n = self.dof
         z, p = ca.SX.sym("z", 6 * n + 1), ca.SX.sym("p", 2)
         q0, v0, a0, q1, v1, a1 = ca.vertsplit(z[:-1], n)
         h, ratio = p[0] * z[-1], self.acceleration_unit / self.speed_unit
-        early, late = q0 + h * self.speed_unit * v0 / 3, q1 - h * self.speed_unit * v1 / 3
         growth = self.speed_unit * v0 + h * self.acceleration_unit * (2 * a0 + a1) / 6
-        limited = self.limited_positions.tolist()
-        rows = {
-            "motion": [v0 + h * ratio * (a0 + a1) / 2 - v1, q0 + h * growth - q1],
-            "jerk": [(a1 - a0) * (self.acceleration_unit / self._jerk_unit) / h],
-            "velocity": [v0 + h * ratio * a0 / 2],
-            "position": [early[limited], late[limited]],
-        }
-        constraints = ca.vertcat(*(row for kind in kinds for row in rows[kind]))
-        objective = p[1] * ca.sumsqr(a1 - a0) if "motion" in kinds else ca.SX(0)
-        columns = [self.indices(chosen), self.indices(chosen + 1), interval[chosen][:, None]]
-        return Block(z, p, objective, constraints, np.hstack(columns))
+        equations = ca.vertcat(v0 + h * ratio * (a0 + a1) / 2 - v1, q0 + h * growth - q1)
+        knots = np.arange(interval.size)
+        columns = [self.indices(knots), self.indices(knots + 1), interval[:, None]]
+        return Block(z, p, p[1] * ca.sumsqr(a1 - a0), equations, np.hstack(columns))
 
-    @cached_property
-    def _jerk_unit(self) -> Array:
-        limit = self.arm.limits.jerk
-        return np.where(np.isfinite(limit), limit, 100.0 * self.acceleration_unit)
+    def between_knots(self, interval: Indices, kind: str, pairs: Indices) -> Block:
+        """A limit between the knots, of one joint in one piece each.
+
+        "jerk": relative to its limit; "velocity": the Bezier coefficient in the middle, relative to
+        its limit; "position": the two in between. Parameters: see `units_between_knots`.
+
+        Args:
+            interval: number of the interval of every piece.
+            kind: of limit.
+            pairs: (k, 2), numbers of the piece and of the joint.
+        """
+        z, p = ca.SX.sym("z", 7), ca.SX.sym("p", 4)
+        q0, v0, a0, q1, v1, a1, duration = ca.vertsplit(z)
+        fraction, speed, growth, jerk = ca.vertsplit(p)
+        h = fraction * duration
+        rows = {
+            "jerk": (a1 - a0) * growth / (h * jerk),
+            "velocity": v0 + h * growth * a0 / (2 * speed),
+            "position": ca.vertcat(q0 + h * speed * v0 / 3, q1 - h * speed * v1 / 3),
+        }
+        piece, joint = pairs.T
+        first = self.first + 3 * self.dof * piece + joint
+        offsets = self.dof * np.arange(6)  # the states of a knot are followed by the next one's
+        columns = np.hstack([first[:, None] + offsets, interval[piece][:, None]])
+        return Block(z, p, ca.SX(0), rows[kind], columns)
+
+    def units_between_knots(self, fraction: Array, pairs: Indices) -> Array:
+        """Parameters of `between_knots`: duration of the piece as a fraction, and units, (k, 4)."""
+        piece, joint = pairs.T
+        jerk = self.arm.limits.jerk
+        units = (self.speed_unit, self.acceleration_unit, np.where(np.isfinite(jerk), jerk, 1.0))
+        return np.stack([fraction[piece], *(unit[joint] for unit in units)], axis=1)
 
     def hand_poses(self, knots: Indices, tolerance: tuple[float, float]) -> Block:
         """Squared errors of the hand's position and orientation relative to the tolerance.

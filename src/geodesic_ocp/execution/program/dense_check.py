@@ -64,10 +64,10 @@ class ArmCheck:
     @property
     def shares(self) -> LimitShares:
         """Largest shares of the whole spline."""
-        kinds = ("velocity", "acceleration", "jerk")
-        return LimitShares(
-            *(self.pieces[kind].max(axis=0) for kind in kinds), self.torques.max(axis=(0, 1))
+        velocity, acceleration, jerk = (
+            self.pieces[kind].max(axis=0) for kind in ("velocity", "acceleration", "jerk")
         )
+        return LimitShares(velocity, acceleration, jerk, self.torques.max(axis=(0, 1)))
 
     @property
     def worst(self) -> tuple[float, str]:

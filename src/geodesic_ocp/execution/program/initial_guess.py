@@ -11,18 +11,20 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.execution.program.arm_functions import ArmFunctions
 from geodesic_ocp.execution.program.knots import Knots
 from geodesic_ocp.execution.program.reference import Reference
-from geodesic_ocp.execution.program.trajectory_program import KnotValues
+from geodesic_ocp.execution.program.trajectory_program import KnotStates
 
 _ROUNDS, _AT_MOST = 8, 1.5  # how often time is stretched, and by how much at once
 _CORNERS = 3.0  # times the limit that accelerations may have in corners, which will be rounded
 
 
-def through(references: Sequence[Reference], knots: Knots, durations: Array, rest: bool) -> KnotValues:
+def through(
+    references: Sequence[Reference], knots: Knots, durations: Array, rest: bool
+) -> KnotStates:
     """Cubic splines through the references for durations of the intervals."""
     time = knots.times(durations)
     ends = "clamped" if rest else "natural"
     splines = [CubicSpline(time, each.positions, bc_type=ends) for each in references]
-    return KnotValues(
+    return KnotStates(
         durations,
         tuple(each.positions for each in references),
         tuple(spline(time, 1) for spline in splines),

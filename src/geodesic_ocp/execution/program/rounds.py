@@ -18,7 +18,7 @@ from geodesic_ocp.execution.program.settings import TrajectorySettings
 from geodesic_ocp.execution.program.tightening import Tightening
 from geodesic_ocp.execution.program.trajectory_program import (
     INSIDE,
-    KnotValues,
+    KnotStates,
     TrajectoryProgram,
     position_bounds,
 )
@@ -31,7 +31,7 @@ _STARTS = ((1.3, False), (2.0, False), (1.3, True), (3.0, True))
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class Attempt:
     """Where the rounds ended.
 
     Attributes:
@@ -46,7 +46,7 @@ class Found:
     """
 
     knots: Knots
-    iterate: KnotValues
+    iterate: KnotStates
     splines: tuple[JointSpline, ...]
     checks: tuple[ArmCheck, ...]
     excess: float
@@ -60,9 +60,9 @@ def solve_in_rounds(
     settings: TrajectorySettings,
     clearances: Sequence[Clearance],
     progress: Callable[[int], object],
-) -> Found:
+) -> Attempt:
     """The trajectory within all limits, or the best attempt."""
-    best: Found | None = None
+    best: Attempt | None = None
     iterations = 0
     for more, stops in _STARTS:
         found = _from_start(arms, settings, clearances, progress, more, stops)
@@ -82,7 +82,7 @@ def _from_start(
     progress: Callable[[int], object],
     more: float,
     stops: bool,
-) -> Found:
+) -> Attempt:
     edges, nothing = union_of_edges(arms), Watched.nothing(len(arms))
     knots = Knots.spaced(edges, np.diff(edges))
     program = TrajectoryProgram(arms, knots, settings, nothing)
@@ -117,7 +117,7 @@ def _from_start(
             course.nearest(q) for course, q in zip(program.courses, iterate.positions, strict=True)
         ]
     status = "within all limits" if success else _failure(outcome.status, excess, worst)
-    return Found(knots, iterate, splines, checks, excess, status, success, iterations)
+    return Attempt(knots, iterate, splines, checks, excess, status, success, iterations)
 
 
 def _failure(status: str, excess: float, worst: str) -> str:
@@ -126,7 +126,7 @@ def _failure(status: str, excess: float, worst: str) -> str:
     return f"{status}; {worst} exceeds its limit by {excess:.2g}"
 
 
-def _splines(knots: Knots, iterate: KnotValues) -> tuple[JointSpline, ...]:
+def _splines(knots: Knots, iterate: KnotStates) -> tuple[JointSpline, ...]:
     """Without the rounding that the program's equations leave at the knots."""
     time: Array = knots.times(iterate.durations)
     return tuple(

@@ -47,9 +47,9 @@ class Tightening:
         for k, check in enumerate(checks):
             kinds = dict(self.watched.pieces[k])
             for kind, near in _NEAR.items():
-                values = check.pieces[kind].max(axis=1)
+                values = check.pieces[kind]
                 if values.max() > 1.0 + TOLERANCE:
-                    kinds[kind] = _union(kinds.get(kind), np.flatnonzero(values > near))
+                    kinds[kind] = _united(kinds.get(kind), np.argwhere(values > near))
             pieces.append(kinds)
             knots, share = self._of_torques(k, check)
             torques.append(knots)
@@ -117,6 +117,11 @@ def _of_distances(
         for index, knots in own.items()
     ]
     return others + kept, bounds
+
+
+def _united(first: Indices | None, second: Indices) -> Indices:
+    """Pairs (k, 2) in either of two sets."""
+    return second if first is None else np.unique(np.concatenate([first, second]), axis=0)
 
 
 def _union(first: Indices | None, second: Indices) -> Indices:

@@ -32,6 +32,7 @@ _ACCELERATION, _JERK = 2e-3, 1e-3
 _JERK_TIME = 0.05  # [s] in which an acceleration changes by its limit, at the unit of jerk
 _END_SPEED = 0.1
 INSIDE = 1e-5  # how far inside the limits the program stays, relative
+_TOUCHES = 1e-5  # of a position limit [rad or m]
 _OUTSIDE = 5e-7  # [rad or m]; lets a path touch its position limits
 _IPOPT = {
     "tol": 1e-6,
@@ -45,7 +46,7 @@ _IPOPT = {
 
 
 @dataclass(frozen=True, eq=False)
-class KnotValues:
+class KnotStates:
     """Values of a program's variables.
 
     Attributes:
@@ -103,12 +104,11 @@ class TrajectoryProgram:
     def _blocks(self) -> tuple[Block, ...]:
         knots, interval = self.knots, self.knots.interval
         blocks = [self._durations()]
-        everywhere = np.arange(knots.count)
         for k, (functions, course) in enumerate(zip(self.functions, self.courses, strict=True)):
             blocks.append(functions.at_knots(knots.count + 1))
-            blocks.append(functions.pieces(interval, ["motion"], everywhere))
-            for kind, chosen in self.watched.pieces[k].items():
-                blocks.append(functions.pieces(interval, [kind], chosen))
+            blocks.append(functions.motion(interval))
+            for kind, pairs in self.watched.pieces[k].items():
+                blocks.append(functions.between_knots(interval, kind, pairs))
             if self.watched.torques[k].size:
                 blocks.append(functions.torques(self.watched.torques[k]))
             if self.settings.tolerance is not None:
@@ -136,7 +136,7 @@ class TrajectoryProgram:
         return BlockProgram(self.size_x, self._blocks).solver(_IPOPT)
 
     def solve(
-        self, start: KnotValues, references: Sequence[Reference], torque_shares: Sequence[Array]
+        self, start: KnotStates, references: Sequence[Reference], torque_shares: Sequence[Array]
     ) -> Outcome:
         """The solution near references, with torques within shares (knots, n) of their limits."""
         lower, upper = self.bounds
@@ -150,7 +150,7 @@ class TrajectoryProgram:
             ubg=upper_g,
         )
 
-    def as_x(self, iterate: KnotValues) -> Array:
+    def as_x(self, iterate: KnotStates) -> Array:
         """Vector of the variables."""
         parts = [iterate.durations]
         for k, functions in enumerate(self.functions):
@@ -162,7 +162,7 @@ class TrajectoryProgram:
             parts.append(np.stack(states, axis=1).ravel())
         return np.concatenate(parts)
 
-    def iterate(self, x: Array) -> KnotValues:
+    def iterate(self, x: Array) -> KnotStates:
         """Values of the variables from their vector."""
         states = []
         for functions in self.functions:
@@ -176,7 +176,7 @@ class TrajectoryProgram:
                     own[:, 2] * functions.acceleration_unit,
                 )
             )
-        return KnotValues(x[: self.knots.person.size], *zip(*states, strict=True))
+        return KnotStates(x[: self.knots.person.size], *zip(*states, strict=True))
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
@@ -203,6 +203,11 @@ class TrajectoryProgram:
             lower[held, 1:] = upper[held, 1:] = 0.0
             if self._exact:
                 lower[course.at, 0] = upper[course.at, 0] = course.junctions
+                # At a limit a joint can only turn back.
+                robot, ends = functions.arm.robot, course.junctions
+                touches = np.minimum(ends - robot.lower, robot.upper - ends) < _TOUCHES
+                knot, joint = np.nonzero(touches)
+                lower[course.at[knot], 1, joint] = upper[course.at[knot], 1, joint] = 0.0
             lowers.append(lower.ravel())
             uppers.append(upper.ravel())
         return np.concatenate(lowers), np.concatenate(uppers)
@@ -211,14 +216,14 @@ class TrajectoryProgram:
         lowers: list[Array] = []
         uppers: list[Array] = []
         for k, (functions, course) in enumerate(zip(self.functions, self.courses, strict=True)):
-            limits, position = functions.arm.limits, functions.limited_positions
-            low, high = (np.tile(bound[position], 2) for bound in position_bounds(course))
-            limited = {"jerk": _within(limits.jerk), "velocity": _within(limits.velocity)}
-            sides = {kind: (-bound, bound) for kind, bound in limited.items()}
-            sides["position"] = low, high
             of_arm = [self._equations(functions, course)]
-            for kind, chosen in self.watched.pieces[k].items():
-                low, high = (np.tile(side, (chosen.size, 1)) for side in sides[kind])
+            for kind, pairs in self.watched.pieces[k].items():
+                ones = np.full(len(pairs), 1.0 - INSIDE)
+                low, high = -ones, ones
+                if kind == "position":
+                    low, high = (
+                        np.repeat(bound[pairs[:, 1]], 2) for bound in position_bounds(course)
+                    )
                 of_arm.append((low, high))
             torques = torque_shares[k][self.watched.torques[k]][:, functions.limited_torques]
             of_arm.append((-torques, torques))
@@ -260,7 +265,10 @@ class TrajectoryProgram:
             parts.append(np.hstack(of_knots).ravel())
             of_pieces = np.stack([knots.fraction, jerk], axis=1)
             parts.append(of_pieces.ravel())
-            parts += [of_pieces[chosen].ravel() for chosen in self.watched.pieces[k].values()]
+            parts += [
+                functions.units_between_knots(knots.fraction, pairs).ravel()
+                for pairs in self.watched.pieces[k].values()
+            ]
             course = Course(functions.arm, knots)
             if not self._exact:
                 rotations, positions = functions.arm.robot.hand_pose(course.junctions)

@@ -34,8 +34,8 @@ class Watched:
     """Constraints of a program, beside those that it always has.
 
     Attributes:
-        pieces: of every arm, numbers of pieces by the kind of limit: "jerk", "velocity",
-            "position".
+        pieces: of every arm, by the kind of limit ("jerk", "velocity", "position"), numbers of
+            pieces and joints (k, 2).
         torques: of every arm, numbers of the knots at which torques are limited.
         distances: kept at some of the knots.
     """
