@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 from geodesic_ocp.execution.check_trajectory import check_trajectory
+from geodesic_ocp.execution.clearance_constraint import Clearance
 from geodesic_ocp.execution.joint_limits import joint_limits
 from geodesic_ocp.execution.sample_consistency import ROUNDING, sample_consistency
 from geodesic_ocp.execution.trajectory_check import TrajectoryCheck
@@ -261,6 +263,29 @@ def test_several_robots_side_by_side(arm: go.Model) -> None:
         check_trajectory(both, [arm, arm], slow)
     with pytest.raises(ValueError, match="gravity must be"):
         check_trajectory(both, [arm, arm], gravity=np.zeros((3, 3)))
+
+
+@pytest.mark.parametrize("rate", [20.0, 100.0, 1000.0])
+def test_distances_to_be_kept_are_checked(arm: go.Model, rate: float) -> None:
+    q = ca.SX.sym("q", 2)
+    # The elbow moves from 0 to 2: the first distance falls to 0.5 at the end, the second to 0.1
+    # when the elbow is at 1, half-way.
+    bounds = ca.Function("d", [q], [ca.vertcat(2.5 - q[1], 0.1 + (q[1] - 1.0) ** 2)])
+    kept = Clearance(bounds, np.array([0.5, 0.05]), ("hand to wall", "hand to body"))
+    check = check_trajectory(swing(rate), arm, clearance=kept)
+    assert check.passed, check.violations
+    assert check.clearance == pytest.approx(0.1)
+    near = Clearance(bounds, np.array([0.5, 0.2]), kept.names)
+    only(check_trajectory(swing(rate), arm, clearance=near), "hand to body: 0.1 m apart at 1 s")
+    # What the function is a lower bound of may be farther away.
+    exact = Clearance(bounds, near.lower, kept.names, exact=lambda q, index: 0.3 + q[0] / 100)
+    found = check_trajectory(swing(rate), arm, clearance=exact)
+    assert found.passed
+    assert found.clearance == pytest.approx(0.3, abs=0.01)
+    names = [f"{k}/{name}" for k in range(2) for name in arm.joint_names]
+    both = JointTrajectory.side_by_side([swing(), swing()], names)
+    with pytest.raises(ValueError, match="clearance must be of the 4 joints"):
+        check_trajectory(both, [arm, arm], clearance=kept)
 
 
 def test_files_with_six_digits_pass(arm: go.Model) -> None:

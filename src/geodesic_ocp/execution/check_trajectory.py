@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_number
+from geodesic_ocp.execution.clearance_constraint import Clearance
 from geodesic_ocp.execution.joint_limits import JointLimits, joint_limits
+from geodesic_ocp.execution.least_clearance import least_clearance
 from geodesic_ocp.execution.sample_consistency import sample_consistency
 from geodesic_ocp.execution.trajectory_check import TrajectoryCheck
 from geodesic_ocp.execution.trajectory_conditions import (
@@ -33,6 +35,7 @@ def check_trajectory(
     rest: bool = True,
     uniform: bool = True,
     tolerance: float = 1e-3,
+    clearance: Clearance | None = None,
 ) -> TrajectoryCheck:
     """Check whether a robot can execute a sampled trajectory, of whatever origin.
 
@@ -64,9 +67,13 @@ def check_trajectory(
         rest: whether it must begin and end at rest.
         uniform: whether it must be sampled evenly.
         tolerance: by which fraction of a limit a value may exceed it.
+        clearance: distances to be kept, of the joints of all models in their order, such as those
+            of `clearance_constraint`; None: not checked. They are evaluated every 10 ms, or at
+            every sample if there are fewer, and exactly where the function is below its bound.
 
     Raises:
-        ValueError: other joints or units than the model's, limits or gravity of other shapes.
+        ValueError: other joints or units than the model's; limits, gravity or clearance of other
+            sizes.
     """
     models = [model] if isinstance(model, Model) else list(model)
     trajectory = _in_order(trajectory, models)
@@ -91,8 +98,14 @@ def check_trajectory(
         sentences += beyond(trajectory, name, instants, sizes, bound, slack)
     if rest:
         sentences += unrest(trajectory)
+    least = None
+    if clearance is not None:
+        least, found_near = least_clearance(trajectory, clearance)
+        sentences += found_near
     largest = {name: np.max(sizes, axis=0, initial=0.0) for name, (_, sizes) in values.items()}
-    return TrajectoryCheck(tuple(sentences), usage, largest, consistency, trajectory.joint_names)
+    return TrajectoryCheck(
+        tuple(sentences), usage, largest, consistency, trajectory.joint_names, least
+    )
 
 
 def _in_order(trajectory: JointTrajectory, models: Sequence[Model]) -> JointTrajectory:

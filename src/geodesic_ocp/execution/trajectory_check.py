@@ -26,7 +26,7 @@ class TrajectoryCheck:
         consistency: largest contradiction between samples over its bound (n,), by "velocity"
             (against positions) and "acceleration" (against velocities).
         joint_names: of the n joints.
-        clearance: least distance between bodies [m]; None: not checked.
+        clearance: least of the distances to be kept [m]; None: not checked.
     """
 
     violations: tuple[str, ...]

@@ -20,6 +20,7 @@ from geodesic_ocp.execution.other_timings.compare_timings import (
 from geodesic_ocp.execution.other_timings.ruckig_trajectory import ruckig_trajectory
 from geodesic_ocp.execution.other_timings.stacked_path import stack_paths
 from geodesic_ocp.execution.other_timings.toppra_trajectory import toppra_trajectory
+from geodesic_ocp.execution.plan_trajectory import plan_trajectory
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.path import Path
@@ -139,15 +140,23 @@ def test_deviation_is_the_distance_from_the_nearest_point() -> None:
 
 
 def test_the_comparison_has_a_row_for_each_method() -> None:
-    planned = toppra_trajectory(CORNER)
-    table = compare_timings(CORNER, planned, seconds=1.0, rate=200.0)
+    other = toppra_trajectory(CORNER)
+    table = compare_timings(CORNER, others={"mine": other}, rate=200.0)
     rows = {row[0]: row[1:] for row in table.rows}
-    assert rows["planned"][0] == planned.duration
-    assert rows["planned"][-1] == 1.0
+    assert rows["mine"][0] == other.duration
     assert rows["TOPP-RA, kinks rounded"][0] < rows["TOPP-RA, stops"][0]
     assert rows["Ruckig, passing"][0] < rows["Ruckig, stops"][0]
+    assert rows["Ruckig, passing, near"][5] < rows["Ruckig, passing"][5]
     assert rows["Ruckig, stops"][3] <= 1.0
-    assert len(compare_timings(CORNER, rate=200.0).rows) == 4
+
+
+def test_a_planned_trajectory_stands_first_and_within_its_limits() -> None:
+    planned = plan_trajectory([CORNER])
+    table = compare_timings(planned, rate=500.0)
+    name, duration, *shares, _, _ = table.rows[0]
+    assert (name, len(table.rows)) == ("planned", 6)
+    assert duration == pytest.approx(planned.duration, abs=0.002)
+    assert max(shares) <= 1.001
 
 
 def test_wrong_arguments_are_named() -> None:

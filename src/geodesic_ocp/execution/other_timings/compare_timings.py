@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -15,52 +15,59 @@ from geodesic_ocp.execution.check_trajectory import check_trajectory
 from geodesic_ocp.execution.other_timings.ruckig_trajectory import ruckig_trajectory
 from geodesic_ocp.execution.other_timings.stacked_path import configurations, junction_times
 from geodesic_ocp.execution.other_timings.toppra_trajectory import toppra_trajectory
+from geodesic_ocp.execution.planned_trajectory import PlannedTrajectory
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
 _DENSE = 200  # points between junctions from which distances are measured
+_NEAR = 8  # pieces of each path with which Ruckig stays near it
 _TINY = float(np.finfo(float).tiny)
 _NOTE = (
     "Fractions of the limits are the largest of all joints; the deviation from the paths is the "
     "largest distance of any sample of an arm, in joint space. TOPP-RA limits no jerk, Ruckig no "
-    "torque, and neither keeps the person's timing."
+    "torque, and neither keeps the person's timing. Ruckig goes from end to end of the paths on "
+    f"its own way, or near them through {_NEAR} points of each."
 )
 
 
 def compare_timings(
-    arms: ArmPaths | Sequence[ArmPaths],
-    planned: JointTrajectory | None = None,
+    source: PlannedTrajectory | ArmPaths | Sequence[ArmPaths],
     *,
-    seconds: float = float("nan"),
+    others: Mapping[str, JointTrajectory] | None = None,
     rate: float = 1000.0,
 ) -> Table:
-    """The same paths timed by TOPP-RA and by Ruckig beside a planned trajectory.
+    """A planned trajectory beside the same paths timed by TOPP-RA and by Ruckig.
 
     Args:
-        arms: paths, limits and gravity of each arm.
-        planned: the trajectory of `plan_trajectory`, or any other of the same joints.
-        seconds: time that planning it took.
-        rate: at which the others are sampled, which the largest jerk depends on [Hz].
+        source: a planned trajectory, or the paths, limits and gravity of each arm.
+        others: further trajectories of the same joints, by the names that the table gives them.
+        rate: at which they are sampled, which the largest jerk depends on [Hz].
 
     Raises:
         ImportError: toppra or ruckig is not installed.
-        ValueError: limits on speed or acceleration are missing, or other joints in `planned`.
+        ValueError: limits on speed or acceleration are missing, or `others` have other joints.
         NotConverged: one of the others found no trajectory.
     """
+    rows: list[tuple[str | float, ...]] = []
+    if isinstance(source, PlannedTrajectory):
+        arms = source.arms
+        rows.append(("planned", *_figures(arms, source.sampled(rate)), source.seconds))
+    else:
+        arms = (source,) if isinstance(source, ArmPaths) else tuple(source)
+    for name, trajectory in (others or {}).items():
+        rows.append((name, *_figures(arms, trajectory), float("nan")))
     methods: list[tuple[str, Callable[[], JointTrajectory]]] = [
         ("TOPP-RA, kinks rounded", partial(toppra_trajectory, arms, rate=rate)),
         ("TOPP-RA, stops", partial(toppra_trajectory, arms, rate=rate, junctions="stop")),
         ("Ruckig, passing", partial(ruckig_trajectory, arms, rate=rate)),
+        ("Ruckig, passing, near", partial(ruckig_trajectory, arms, rate=rate, points=_NEAR)),
         ("Ruckig, stops", partial(ruckig_trajectory, arms, rate=rate, junctions="stop")),
     ]
-    parts = (arms,) if isinstance(arms, ArmPaths) else tuple(arms)
-    rows: list[tuple[str | float, ...]] = []
-    if planned is not None:
-        rows.append(("planned", *_figures(parts, planned), seconds))
     for name, method in methods:
         start = time.perf_counter()
         found = method()
-        rows.append((name, *_figures(parts, found), time.perf_counter() - start))
+        seconds = time.perf_counter() - start
+        rows.append((name, *_figures(arms, found), seconds))
     header = (
         "method",
         "duration [s]",

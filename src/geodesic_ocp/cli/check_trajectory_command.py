@@ -1,0 +1,125 @@
+"""`geodesic-ocp check-trajectory`: whether a robot can execute the trajectory in a file."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.cli.notes import printed_warnings
+from geodesic_ocp.execution.check_trajectory import check_trajectory
+from geodesic_ocp.execution.joint_limits import joint_limits
+from geodesic_ocp.model.formats.load_model import load_model
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.retargeting.alignment.alignment import alignment
+from geodesic_ocp.trajectory.read_trajectory import read_trajectory
+
+_FREE_FALL = (0.0, 0.0, -9.81)
+_LIMITS = {
+    "velocity": "rad/s or m/s",
+    "acceleration": "rad/s^2 or m/s^2",
+    "jerk": "rad/s^3 or m/s^3",
+    "torque": "N m or N",
+}
+
+
+def add_check_trajectory_options(command: argparse.ArgumentParser) -> None:
+    """Add the options of `check-trajectory`."""
+    command.add_argument("file", type=Path, help="trajectory (.csv, .json of ROS 2, or .npz)")
+    command.add_argument(
+        "--robot",
+        action="append",
+        required=True,
+        metavar="NAME",
+        help="name (see geodesic-ocp models) or file; twice for two arms, in their order",
+    )
+    command.add_argument("--hand", metavar="FRAME", help="hand frame, for a robot from a file")
+    for name, unit in _LIMITS.items():
+        command.add_argument(
+            f"--{name}",
+            action="append",
+            metavar="LIMIT",
+            help=f"largest {name} [{unit}] of all joints, or JOINT=LIMIT for one; repeatable; "
+            "default: as in the file, published, or derived",
+        )
+    command.add_argument(
+        "--payload", type=float, metavar="KG", help="mass in the hand, at the origin of its frame"
+    )
+    command.add_argument(
+        "--gravity",
+        type=float,
+        nargs=3,
+        metavar=("X", "Y", "Z"),
+        help="acceleration of free fall in the axes of the robot's base (default: 0 0 -9.81)",
+    )
+    command.add_argument(
+        "--aligned",
+        action="store_true",
+        help="gravity as for a robot that is mounted by its alignment, as by geodesic-ocp retarget",
+    )
+    command.add_argument("--moving", action="store_true", help="it need not begin and end at rest")
+    command.add_argument(
+        "--uneven", action="store_true", help="samples need not be evenly spaced in time"
+    )
+
+
+def check_trajectory_file(options: argparse.Namespace) -> int:
+    """`geodesic-ocp check-trajectory`; returns 0 if all conditions hold, else 1.
+
+    Raises:
+        ValueError: a file cannot be read, an unknown robot, other joints, or wrong limits.
+    """
+    if options.aligned and options.gravity is not None:
+        raise ValueError("--aligned and --gravity exclude each other")
+    trajectory = read_trajectory(options.file)
+    with printed_warnings():
+        robots = [load_model(name, hand=options.hand) for name in options.robot]
+    gravity = _gravity(options, robots)
+    if options.payload is not None:
+        robots = [robot.with_payload(options.payload) for robot in robots]
+    given = {name: _limit(name, getattr(options, name)) for name in _LIMITS}
+    limits = [joint_limits(robot, **given) for robot in robots]
+    check = check_trajectory(
+        trajectory,
+        robots,
+        limits,
+        gravity=gravity,
+        rest=not options.moving,
+        uniform=not options.uneven,
+    )
+    rate = "uneven samples" if trajectory.rate is None else f"{trajectory.rate:.6g} Hz"
+    print(f"{options.file}: {len(trajectory.time)} samples, {trajectory.duration:.4g} s, {rate}\n")
+    print(check)
+    for robot, of_robot in zip(robots, limits, strict=True):
+        print(f"\nlimits of {robot.name}:")
+        for name, source in of_robot.sources.items():
+            print(f"  {name}: {source}")
+    return 0 if check.passed else 1
+
+
+def _gravity(options: argparse.Namespace, robots: Sequence[Model]) -> Array:
+    """Acceleration of free fall in the axes of each robot's base [m/s^2]."""
+    if not options.aligned:
+        given = _FREE_FALL if options.gravity is None else options.gravity
+        return np.tile(np.asarray(given, dtype=float), (len(robots), 1))
+    return np.array([np.asarray(alignment(robot).base) @ _FREE_FALL for robot in robots])
+
+
+def _limit(name: str, values: Sequence[str] | None) -> float | dict[str, float] | None:
+    """One number for all joints, or numbers by joint."""
+    by_joint: dict[str, float] = {}
+    for value in values or ():
+        joint, _, number = value.rpartition("=")
+        try:
+            limit = float(number)
+        except ValueError:
+            raise ValueError(f"--{name} {value}: must be LIMIT or JOINT=LIMIT") from None
+        if not joint and len(values or ()) > 1:
+            raise ValueError(f"--{name}: several limits must be JOINT=LIMIT each, got {value}")
+        if not joint:
+            return limit
+        by_joint[joint] = limit
+    return by_joint or None
