@@ -87,7 +87,8 @@ def _parser() -> argparse.ArgumentParser:
         action="append",
         required=True,
         metavar="NAME",
-        help="such as panda (see geodesic-ocp models); twice with --side both, right and left",
+        help="such as panda (see geodesic-ocp models), or a file (URDF, MJCF); twice with "
+        "--side both, right and left",
     )
     _add_transfer_options(command)
     command.add_argument(
@@ -176,6 +177,14 @@ def _add_recording(command: argparse.ArgumentParser, sides: Sequence[str]) -> No
 
 
 def _add_transfer_options(command: argparse.ArgumentParser) -> None:
+    for option, metavar, text in (
+        ("--hand", "FRAME", "hand (end-effector) frame of the robot"),
+        ("--base", "FRAME", "fixed frame of the robot that becomes its base"),
+        ("--alignment", "FILE", "of the robot with the person, as written by geodesic-ocp align"),
+    ):
+        command.add_argument(
+            option, action="append", metavar=metavar, help=f"{text}; one for each --robot"
+        )
     command.add_argument(
         "--formulation",
         choices=get_args(Formulation),

@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
+from typing import TypeAlias
 
 from geodesic_ocp.cli.interrupts import ProgressBar
 from geodesic_ocp.cli.notes import printed_warnings
@@ -15,19 +16,22 @@ from geodesic_ocp.model.human.anthropometry import Side
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.reports.report import report
 from geodesic_ocp.retargeting.alignment.alignment import alignment
+from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
+from geodesic_ocp.retargeting.alignment.read_alignment import read_alignment
 from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.retargeting.retarget import retarget_arms
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.synergies.analysis import Analysis
 
 _REPORT = "report.html"
+_Arm: TypeAlias = tuple[Model, Alignment]
 
 
 def retarget_file(options: argparse.Namespace) -> None:
     """`geodesic-ocp retarget`."""
     check_folder(options.out)
     sides: list[Side] = ["right", "left"] if options.side == "both" else [options.side]
-    robots = _robots(options.robot, len(sides))
+    robots = _robots(options, options.robot, len(sides))
     analyses = []
     for side in sides:
         analyses.append(analyse_file(options, side))
@@ -37,7 +41,7 @@ def retarget_file(options: argparse.Namespace) -> None:
 
 def demo_on_robot(options: argparse.Namespace) -> None:
     """`geodesic-ocp demo --robot`."""
-    robots = _robots([options.robot], 1)
+    robots = _robots(options, [options.robot], 1)
     options.report = True
     analysis = analyse_bundled(options)
     save_analysis(analysis, options.out)
@@ -46,20 +50,28 @@ def demo_on_robot(options: argparse.Namespace) -> None:
     _transfer([analysis], robots, options)
 
 
-def _robots(names: Sequence[str], count: int) -> list[Model]:
+def _robots(options: argparse.Namespace, names: Sequence[str], count: int) -> list[_Arm]:
     if len(names) != count:
         what = "two robots, of the right and of the left arm" if count == 2 else "one robot"
         raise ValueError(f"--robot: {what}, got {', '.join(names)}")
+    given = []
+    for option in ("hand", "base", "alignment"):
+        each = getattr(options, option) or [None] * count
+        if len(each) != count:
+            raise ValueError(f"--{option}: one for each --robot, got {', '.join(map(str, each))}")
+        given.append(each)
+    arms = []
     with printed_warnings():
-        robots = [load_model(name) for name in names]
-    for robot in robots:
-        alignment(robot)  # raises if there is none
-    return robots
+        for name, hand, base, file in zip(names, *given, strict=True):
+            robot = load_model(name, hand=hand, base=base)
+            arms.append((robot, alignment(robot) if file is None else read_alignment(file)))
+    return arms
 
 
 def _transfer(
-    analyses: Sequence[Analysis], robots: Sequence[Model], options: argparse.Namespace
+    analyses: Sequence[Analysis], arms: Sequence[_Arm], options: argparse.Namespace
 ) -> None:
+    robots, alignments = zip(*arms, strict=True)
     settings = RetargetingSettings(
         formulation=options.formulation,
         limits=options.limits,
@@ -69,7 +81,9 @@ def _transfer(
         rest=options.rest,
     )
     with printed_warnings(), closing(ProgressBar()) as bar:
-        result = retarget_arms(analyses, robots, settings=settings, progress=bar)
+        result = retarget_arms(
+            analyses, robots, alignments=alignments, settings=settings, progress=bar
+        )
     _summarize(result)
     if options.out is None and options.report:
         options.out = Path("geodesic_ocp_retarget")

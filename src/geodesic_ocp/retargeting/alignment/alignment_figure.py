@@ -53,7 +53,7 @@ def alignment_figure(robot: Model, aligned: Alignment, person: Model) -> Figure:
     starts = np.repeat(random[None], len(q), axis=0)
     found = nearest_poses(robot, turned, placed, starts, _STEPS)
     base, shoulder = np.asarray(aligned.base), np.asarray(aligned.shoulder)
-    figure = new_figure(9.0, 7.5)
+    figure = new_figure(9.0, 6.2)
     panels = figure.subplots(len(_VIEWS), len(q), sharex=True, sharey=True, squeeze=False)
     for column, posture in enumerate(_POSTURES):
         links = (stick_figure(robot, found.q[column])[0] - shoulder) @ base
