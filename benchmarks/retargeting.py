@@ -1,6 +1,11 @@
-"""Recordings on robots: numbers of synergies, hand pose errors, inverse kinematics, and times.
+"""Recordings on robots: times, limits, energy against inverse kinematics, tracking in MuJoCo.
 
-Times are those of a second run in the same process; of the first as well with --first.
+Usage: python benchmarks/retargeting.py [FILE[:SIDE] ...] [--robots NAME ...] [--quick] [--check]
+
+The bundled recording is added to the MMM motions; without a side, both arms are taken. Prints three
+tables in Markdown: one row for each recording and robot; medians and worst by robot; and measures
+of the synergies against inverse kinematics (QP) under the same limits. `--out FILE` writes them
+and, beside it, all values as CSV.
 """
 
 from __future__ import annotations
@@ -8,128 +13,260 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+import traceback
 import warnings
 from importlib.resources import as_file, files
 from pathlib import Path
+from statistics import median
+from typing import Any
 
 import numpy as np
 
 import geodesic_ocp as go
-from geodesic_ocp.model.human.anthropometry import Side
+from geodesic_ocp.execution.check_trajectory import check_trajectory
+from geodesic_ocp.execution.tracking.motion_measures import MotionMeasures
+from geodesic_ocp.retargeting.equal_limits import compare_under_equal_limits
+from geodesic_ocp.table import Table
 
-ROBOTS = ("armar6-left", "armar6-right", "panda", "talos-left-arm", "xarm7")
-REACHED = 1e-6  # [m] and [rad]
+ROBOTS = (
+    *("panda", "xarm7", "ur5", "talos-left-arm", "talos-right-arm"),
+    *("tiago-pro-left-arm", "tiago-pro-right-arm", "armar6-left", "armar6-right"),
+)
+REACHED = 1e-6  # [m] and [rad], of the ends of paths
+LIMIT = 1.0 + 1e-6  # largest share of a limit
 FINE = 20  # points per node of the grid at which limits are checked
+COLUMNS = {
+    "recording": "recording",
+    "robot": "robot",
+    "synergies": "synergies",
+    "out_of_reach": "out of reach",
+    "missed": "not reached",
+    "ratio": "time / person's",
+    "worst_ratio": "worst synergy",
+    "action_ratio": "action / QP's",
+    "acceleration": "largest acceleration [rad/s^2]",
+    "velocity_share": "velocity [limit]",
+    "acceleration_share": "acceleration [limit]",
+    "jerk_share": "jerk [limit]",
+    "torque_share": "torque [limit]",
+    "deviation": "hand from the paths [m]",
+    "tracking": "tracking in MuJoCo [rad]",
+    "tracking_hand": "of the hand [mm]",
+    "clearance": "clearance [m]",
+    "seconds": "seconds",
+    "failure": "failures",
+}
+# Name, whether less is better, and the value.
+MEASURES = {
+    "action": ("action [J s]", True),
+    "torque": ("torque, rms [N m]", True),
+    "jerk": ("jerk, rms [rad/s^3]", True),
+    "smoothness": ("smoothness of the hand (spectral arc length)", False),
+    "elbow": ("elbow, beside the person's [arm length]", True),
+    "position": ("hand, mean [m]", True),
+    "rotation": ("hand, mean [rad]", True),
+}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("files", nargs="*", type=Path, help="MMM motions; the bundled one is added")
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("files", nargs="*", help="MMM motions, FILE or FILE:left or FILE:right")
     parser.add_argument("--robots", nargs="+", default=ROBOTS)
-    parser.add_argument("--sides", nargs="+", default=["right", "left"])
-    parser.add_argument("--formulation", default="constrained")
-    parser.add_argument("--tolerance", type=float, default=1e-4)
-    parser.add_argument("--first", action="store_true", help="time the first run, not the second")
-    parser.add_argument("--check", action="store_true", help="fail if a pose is not reached")
-    options = parser.parse_args()
-    recordings = []
-    for file in options.files:
-        for side in options.sides:
-            recordings.append((f"{file.stem} {side}", _read(file, side)))
-    with as_file(files("geodesic_ocp") / "data" / "climb.csv") as file:
-        recordings.append(("bundled left", _read(file, "left")))
-    print(
-        "| recording | robot | synergies | out of reach | reached | position [m] | rotation [rad] "
-        "| limit violation | action over IK | stretch | iterations "
-        "| synergy: median, p90, worst [ms] | time [s] |"
+    parser.add_argument("--tolerance", type=float, default=1e-6)
+    parser.add_argument("--quick", action="store_true", help="without MuJoCo and comparison")
+    parser.add_argument("--out", type=Path, help="file for the tables (Markdown)")
+    parser.add_argument(
+        "--check",
+        action="store_true",
+        help="fail if a pose within reach is missed, a limit exceeded, or a motion not found",
     )
-    print("| --- | --- " + "| ---: " * 11 + "|")
-    failed = False
-    for name, analysis in recordings:
+    options = parser.parse_args()
+    rows: list[dict[str, Any]] = []
+    compared: list[dict[str, MotionMeasures]] = []
+    for name, analysis in _recordings(options.files):
         for robot in options.robots:
-            settings = go.RetargetingSettings(formulation=options.formulation)
-            if not options.first:
-                _retarget(analysis, robot, settings, options.tolerance)
-            failed |= _run(name, analysis, robot, settings, options.tolerance)
-    if options.check and failed:
-        sys.exit("a pose within reach was not reached, or a limit was exceeded")
+            row = {"recording": name, "robot": robot, "failure": ""}
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")  # about the file, and poses out of reach
+                    row |= _run(analysis, robot, options, compared)
+            except Exception as error:  # the other pairs are still to be measured
+                traceback.print_exc()
+                row["failure"] = f"{type(error).__name__}: {error}"
+            rows.append(row)
+            shown = " | ".join(f"{row.get(key, '')!s:.8}" for key in COLUMNS if key != "failure")
+            print(f"{shown} {row['failure']}", file=sys.stderr, flush=True)
+    text = "\n".join(table.markdown() for table in _tables(rows, compared))
+    print(text)
+    if options.out:
+        options.out.write_text(text, encoding="utf-8")
+        every = Table(tuple(COLUMNS), tuple(tuple(r.get(k, "") for k in COLUMNS) for r in rows))
+        options.out.with_suffix(".csv").write_text(every.csv(), encoding="utf-8")
+    failures = [row for row in rows if row["failure"]]
+    if options.check and failures:
+        lines = (f"{row['recording']}, {row['robot']}: {row['failure']}" for row in failures)
+        sys.exit("\n".join(lines))
 
 
-def _read(file: Path, side: Side) -> go.Analysis:
+def _recordings(given: list[str]) -> list[tuple[str, go.Analysis]]:
+    found = []
+    for each in given:
+        file, _, side = each.partition(":")
+        for one in (side,) if side else ("right", "left"):
+            found.append((f"{Path(file).stem} {one}", _read(Path(file), one)))
+    with as_file(files("geodesic_ocp") / "data" / "climb.csv") as file:
+        found.append(("bundled left", _read(file, "left")))
+    return found
+
+
+def _read(file: Path, side: Any) -> go.Analysis:
     motion = go.read_motion(file, go.human_arm(side).joint_names)
     arm = go.human_arm(side, motion.subject.height or 1.75, motion.subject.mass or 70.0)
     return go.analyse(arm, motion)
 
 
-def _retarget(
-    analysis: go.Analysis, robot: str, settings: go.RetargetingSettings, tolerance: float
-) -> tuple[go.Retargeting, list[float], float]:
-    """The result, the time [s] of each synergy, and that of all."""
-    instants: list[float] = []
-
-    def progress(label: str, done: int, total: int) -> None:
-        del done, total
-        if label.startswith("planning"):
-            instants.append(time.perf_counter())
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # about the file, and about poses out of reach
-        model = go.load_model(robot)
-        begin = time.perf_counter()
-        found = go.retarget(
-            *(analysis, model),
-            settings=settings,
-            tolerance=tolerance,
-            throw=False,
-            progress=progress,
-        )
-    return found, np.diff(instants).tolist(), time.perf_counter() - begin
-
-
 def _run(
-    name: str,
     analysis: go.Analysis,
-    robot: str,
-    settings: go.RetargetingSettings,
-    tolerance: float,
-) -> bool:
-    """Print one line of the table; whether a pose or a limit was not met."""
-    found, each, seconds = _retarget(analysis, robot, settings, tolerance)
-    model = found.arms[0].robot
-    times = [1e3 * np.quantile(each, fraction) for fraction in (0.5, 0.9, 1.0)]
-    (arm,) = found.arms
+    name: str,
+    options: argparse.Namespace,
+    compared: list[dict[str, MotionMeasures]],
+) -> dict[str, Any]:
+    """One row of the table; measures are added to `compared`."""
+    robot = go.load_model(name)
+    begin = time.perf_counter()
+    found = go.retarget(analysis, robot, tolerance=options.tolerance, throw=False)
+    row: dict[str, Any] = {"seconds": time.perf_counter() - begin}
+    (arm,), planned = found.arms, found.planned
+    limits, gravity = planned.arms[0].limits, planned.arms[0].gravity
     targeted = [
         transfer
         for transfer, group in zip(arm.transfers, arm.groups, strict=True)
         if group.kind != "rest" and transfer.within_reach
     ]
-    reached = [
-        t for t in targeted if t.success and max(t.position_error, t.rotation_error) <= REACHED
+    missed = [
+        each
+        for each in targeted
+        if not each.success or max(each.position_error, each.rotation_error) > REACHED
     ]
-    violation = max(_limit_violation(model, synergy) for synergy in arm.synergies)
-    ratio = arm.statistics["synergies"].action / arm.statistics["ik"].action
-    print(
-        f"| {name} | {robot} | {len(analysis.synergies)} -> {len(arm.groups)} "
-        f"| {len(arm.out_of_reach)} | {len(reached)} of {len(targeted)} "
-        f"| {max((t.position_error for t in targeted), default=0.0):.1e} "
-        f"| {max((t.rotation_error for t in targeted), default=0.0):.1e} "
-        f"| {violation:.1e} | {ratio:.2f} | {found.stretch:.2f} "
-        f"| {sum(t.iterations for t in arm.transfers)} "
-        f"| {times[0]:.0f}, {times[1]:.0f}, {times[2]:.0f} | {seconds:.2f} |",
-        flush=True,
-    )
-    for transfer in targeted:
-        if not any(transfer is each for each in reached):
-            print("   ", transfer.status)
-    return len(reached) < len(targeted) or (
-        settings.formulation == "constrained" and violation > 0.0
-    )
+    (shares,), (deviations,) = planned.usage, planned.path_deviation
+    checked = check_trajectory(found.trajectory, robot, limits, gravity=gravity)
+    durations = np.diff(planned.robot_edges) / np.diff(planned.edges)
+    row |= {
+        "synergies": f"{len(analysis.synergies)} -> {len(arm.groups)}",
+        "out_of_reach": len(arm.out_of_reach),
+        "missed": len(missed),
+        "ratio": planned.stretch,
+        "worst_ratio": float(durations.max()),
+        "acceleration": float(checked.largest["acceleration"].max()),
+        "deviation": max((each.hand for each in deviations), default=0.0),
+        "clearance": np.nan if checked.clearance is None else checked.clearance,
+    }
+    for kind in ("velocity", "acceleration", "jerk", "torque"):
+        row[f"{kind}_share"] = float(getattr(shares, kind).max())
+    violation = max(_outside(robot, synergy.path) for synergy in arm.synergies)
+    reasons = [each.status for each in missed]
+    if not planned.success:
+        reasons.append(planned.status)
+    if violation > 0.0:
+        reasons.append(f"a path leaves the joint limits by {violation:.2g} rad")
+    if shares.largest > LIMIT:
+        reasons.append(f"{shares.largest:.6g} of a limit")
+    reasons += checked.violations
+    row["failure"] = "; ".join(dict.fromkeys(reasons))
+    if not options.quick:
+        measures = compare_under_equal_limits(planned, analysis.motion, arm.mapping)
+        compared.append(measures)
+        ours, theirs, *_ = measures.values()
+        row["action_ratio"] = ours.action / theirs.action
+        row |= _replayed(found.trajectory, robot, limits, gravity)
+    return row
 
 
-def _limit_violation(model: go.Model, synergy: go.Synergy) -> float:
-    """Largest excess over the limits anywhere on the path."""
-    q = synergy.path(np.linspace(0.0, 1.0, FINE * synergy.path.grid.size))
+def _replayed(
+    trajectory: Any, robot: go.Model, limits: go.JointLimits, gravity: Any
+) -> dict[str, float]:
+    """Largest errors of the joints and of the hand in simulation, if MuJoCo is installed."""
+    from geodesic_ocp.execution.replay.replay import replay
+
+    try:
+        found = replay(trajectory, robot, limits=limits, gravity=gravity)
+    except ImportError:
+        return {}
+    return {
+        "tracking": float(found.largest_error.max()),
+        "tracking_hand": 1e3 * float(found.position_error.max()),
+    }
+
+
+def _outside(model: go.Model, path: Any) -> float:
+    """Largest excess over the joint limits anywhere on a path."""
+    q = path(np.linspace(0.0, 1.0, FINE * path.grid.size))
     return max(0.0, float(np.maximum(model.lower - q, q - model.upper).max()))
+
+
+def _tables(rows: list[dict[str, Any]], compared: list[dict[str, MotionMeasures]]) -> list[Table]:
+    keys = [key for key in COLUMNS if any(row.get(key, "") != "" for row in rows)]
+    shown = tuple(tuple(row.get(key, "-") for key in keys) for row in rows)
+    tables = [Table(tuple(COLUMNS[key] for key in keys), shown), _summary(rows)]
+    return [*tables, _against(compared)] if compared else tables
+
+
+def _summary(rows: list[dict[str, Any]]) -> Table:
+    """Medians and worst of all rows, and by robot."""
+    worst = [
+        *("worst_ratio", "acceleration", "velocity_share", "acceleration_share", "jerk_share"),
+        *("torque_share", "deviation", "tracking", "tracking_hand"),
+    ]
+    header = (
+        *("robot", "recordings", "failures", "time / person's, median", "worst"),
+        "action / QP's, median",
+        *(f"{COLUMNS[key]}, worst" for key in worst),
+        *("clearance, least [m]", "seconds, median", "worst"),
+    )
+    names = ["all", *dict.fromkeys(row["robot"] for row in rows)]
+    entries: list[tuple[str | int | float, ...]] = []
+    for name in names:
+        chosen = [row for row in rows if name in ("all", row["robot"])]
+
+        def of(key: str, which: Any, chosen: list[dict[str, Any]] = chosen) -> str | float:
+            values = [row[key] for row in chosen if key in row and not np.isnan(row[key])]
+            return float(which(values)) if values else "-"
+
+        failures = sum(bool(row["failure"]) for row in chosen)
+        entries.append(
+            (
+                *(name, len(chosen), failures, of("ratio", median), of("ratio", max)),
+                of("action_ratio", median),
+                *(of(key, max) for key in worst),
+                *(of("clearance", min), of("seconds", median), of("seconds", max)),
+            )
+        )
+    return Table(header, tuple(entries))
+
+
+def _against(compared: list[dict[str, MotionMeasures]]) -> Table:
+    """In how many motions the synergies are better than each opponent, by measure."""
+    ours = next(iter(compared[0]))
+    header = ["measure", "synergies, median"]
+    opponents = [name for name in compared[0] if name != ours]
+    for name in opponents:
+        header += [f"{name}, median", "synergies better"]
+    entries: list[tuple[str | int | float, ...]] = []
+    for key, (title, less) in MEASURES.items():
+        sign = 1.0 if less else -1.0
+        entry: list[str | int | float] = [title, _median([getattr(m[ours], key) for m in compared])]
+        for name in opponents:
+            pairs = [(getattr(m[ours], key), getattr(m[name], key)) for m in compared]
+            known = [pair for pair in pairs if not np.isnan(pair).any()]
+            better = sum(sign * mine < sign * other for mine, other in known)
+            entry += [_median([other for _, other in known]), f"{better} of {len(known)}"]
+        entries.append(tuple(entry))
+    return Table(tuple(header), tuple(entries))
+
+
+def _median(values: list[float]) -> float | str:
+    known = [value for value in values if not np.isnan(value)]
+    return float(median(known)) if known else "-"
 
 
 if __name__ == "__main__":
