@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.execution.joint_limits import JointLimits
+from geodesic_ocp.execution.planned_trajectory import PlannedTrajectory
 from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.retargeting.arm_task import ArmTask
 from geodesic_ocp.retargeting.merge_synergies import SynergyGroup
 from geodesic_ocp.retargeting.pose_mapping import PoseMapping
-from geodesic_ocp.retargeting.transfer import Transfer, velocity_limits
+from geodesic_ocp.retargeting.transfer import Transfer
 from geodesic_ocp.synergies.analysis import Analysis
 from geodesic_ocp.synergies.scores.evaluate import MotionErrors, action, pose_errors
 from geodesic_ocp.synergies.synergy import Synergy
@@ -50,11 +53,16 @@ class RetargetedArm:
         mapping: from the person's configurations to poses of the robot's hand.
         groups: how the person's synergies were dropped and merged.
         transfers: for each group the path, and the error of the hand's pose at its end.
-        synergies: for each group the path and its time law, in the robot's time.
-        trajectory: at the samples of the recording, in robot time.
+        limits: of its joints.
+        synergies: for each group the path with a time law of least acceleration, in the robot's
+            time; the trajectory stays near them, and rounds the corners where they meet.
+        trajectory: what the robot executes, at a uniform rate.
+        motion: that motion at the samples of the recording, in robot time.
         target_poses: rotations (k, 3, 3) and positions (k, 3) [m] of the hand, mapped from the
             person to the robot's base frame, at all samples.
-        baseline: a velocity controller that tracks the hand along its whole path.
+        baseline: inverse kinematics within the same limits, which tracks the hand along its whole
+            path, in the same time.
+        gravity: in the axes of the robot's base (3,) [m/s^2].
         out_of_reach: distance [m] and angle [rad] of the nearest pose, for poses out of reach, by
             number of the pose (0 is the first, k + 1 the end of synergy k).
     """
@@ -64,10 +72,13 @@ class RetargetedArm:
     mapping: PoseMapping
     groups: tuple[SynergyGroup, ...]
     transfers: tuple[Transfer, ...]
+    limits: JointLimits
     synergies: tuple[Synergy, ...]
     trajectory: JointTrajectory
+    motion: Motion
     target_poses: tuple[Array, Array]
-    baseline: Motion
+    baseline: JointTrajectory
+    gravity: Array
     out_of_reach: Mapping[int, tuple[float, float]]
 
     def __repr__(self) -> str:
@@ -77,17 +88,48 @@ class RetargetedArm:
             f"{len(self.groups)}, largest hand pose error {worst:.1e} m or rad)"
         )
 
+    @classmethod
+    def of(
+        cls,
+        task: ArmTask,
+        transfers: Sequence[Transfer],
+        planned: PlannedTrajectory,
+        number: int,
+        rate: float,
+    ) -> RetargetedArm:
+        """The result for the arm with this number in a trajectory, sampled at a rate [Hz]."""
+        robot, recorded = task.robot, task.analysis.motion
+        times = planned.robot_time(recorded.time)
+        q, v, _, _ = planned.states(times, number)
+        q = np.clip(q, robot.lower, robot.upper) if task.finder.settings.within_limits else q
+        columns = slice(*np.cumsum([0, *(arm.robot.dof for arm in planned.arms)])[number:][:2])
+        return cls(
+            analysis=task.analysis,
+            robot=robot,
+            mapping=task.mapping,
+            groups=task.groups,
+            transfers=tuple(transfers),
+            limits=task.limits,
+            synergies=task.synergies(transfers, planned, number),
+            trajectory=_of_joints(planned.sampled(rate), columns, robot),
+            motion=Motion(times, q, robot.joint_names, v, recorded.subject),
+            target_poses=task.target_poses,
+            baseline=task.track_hand(planned, q[0]),
+            out_of_reach=task.out_of_reach,
+            gravity=planned.arms[number].gravity,
+        )
+
     @cached_property
-    def motion(self) -> Motion:
-        """The robot's motion at the samples of the recording, in robot time."""
-        found = self.trajectory
-        subject = self.analysis.motion.subject
-        return Motion(found.time, found.positions, found.joint_names, found.velocities, subject)
+    def tracked(self) -> Motion:
+        """The baseline at the samples of the recording, in robot time."""
+        times = self.motion.time
+        q, v, _ = self.baseline.states(times)
+        return Motion(times, q, self.robot.joint_names, v, self.motion.subject)
 
     @cached_property
     def statistics(self) -> Mapping[str, MotionStatistics]:
         """Of the "synergies", and of "ik", inverse kinematics in the same time."""
-        return {"synergies": self._statistics(self.motion), "ik": self._statistics(self.baseline)}
+        return {"synergies": self._statistics(self.motion), "ik": self._statistics(self.tracked)}
 
     def _statistics(self, motion: Motion) -> MotionStatistics:
         robot = self.robot
@@ -96,7 +138,7 @@ class RetargetedArm:
         outside = np.maximum(robot.lower - motion.q, motion.q - robot.upper)
         return MotionStatistics(
             action=action(KineticEnergy(robot), motion),
-            peak_speed=float((np.abs(motion.velocity) / velocity_limits(robot)).max()),
+            peak_speed=float((np.abs(motion.velocity) / self.limits.velocity).max()),
             position=errors.position,
             orientation=errors.orientation,
             limit_violation=max(0.0, float(outside.max())),
@@ -105,10 +147,22 @@ class RetargetedArm:
     @property
     def has_speed_limits(self) -> bool:
         """Whether any joint has a speed limit."""
-        return bool(np.any(np.isfinite(velocity_limits(self.robot))))
+        return bool(np.any(np.isfinite(self.limits.velocity)))
 
     @property
     def title(self) -> str:
         """Names of the person's arm and of the robot."""
         mirrored = " (mirrored)" if self.mapping.mirror else ""
         return f"{self.analysis.model.name}{mirrored} on {self.robot.name}"
+
+
+def _of_joints(trajectory: JointTrajectory, columns: slice, robot: Model) -> JointTrajectory:
+    """The trajectory of one arm, whose joints have these columns."""
+    return JointTrajectory(
+        trajectory.time,
+        trajectory.positions[:, columns],
+        trajectory.velocities[:, columns],
+        trajectory.accelerations[:, columns],
+        robot.joint_names,
+        robot.units,
+    )

@@ -2,26 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
+from geodesic_ocp.execution.arm_paths import ArmPaths
+from geodesic_ocp.execution.joint_limits import JointLimits
+from geodesic_ocp.execution.planned_trajectory import PlannedTrajectory
+from geodesic_ocp.execution.tracking.track_within_limits import track_within_limits
+from geodesic_ocp.logarithm.to_pose.pose_target import metric_of
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, merge_synergies
 from geodesic_ocp.retargeting.pose_mapping import PoseMapping
+from geodesic_ocp.retargeting.program.candidates import Candidates, first_candidates
+from geodesic_ocp.retargeting.program.elbow_offset import has_elbow, mapped_offsets
+from geodesic_ocp.retargeting.program.plan_paths import PlannedPaths
+from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
 from geodesic_ocp.retargeting.targets import REACHED, KeyPose, Pose, PoseFinder
-from geodesic_ocp.retargeting.time_scaling import ArmPaths, TimeScaling, handover_speeds
-from geodesic_ocp.retargeting.transfer import Transfer, plan_transfers, velocity_limits
+from geodesic_ocp.retargeting.transfer import Transfer, plan_transfers, rest_at
 from geodesic_ocp.synergies.analysis import Analysis
-from geodesic_ocp.synergies.baselines.track_hand import steps_between, track_poses
-from geodesic_ocp.synergies.observed_velocity import speeds
 from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion
+from geodesic_ocp.trajectory.path import speeds_at
+from geodesic_ocp.trajectory.time_law import time_law
+
+_GRAVITY = 9.81  # [m/s^2]
+# Rate of the baseline's controller [Hz].
+_BASELINE_RATE = 200.0
+# A cubic with end speeds of at most three times its mean is monotone (Fritsch and Carlson 1980).
+_MONOTONE = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,27 +46,36 @@ class ArmTask:
         analysis: of the person's motion.
         mapping: from the person's configurations to poses of the robot's hand.
         finder: inverse kinematics of the robot under the settings.
+        limits: of the robot's joints.
         groups: the person's synergies, after dropping and merging.
         target_poses: rotations (k, 3, 3) and positions (k, 3) of the robot's hand at all samples.
         first: pose at the beginning.
-        start: configuration of the robot to begin in (n,).
-        start_error: its distance from the first pose [m], [rad]; zero if it was given.
+        start: configuration of the robot to begin in (n,); None: any with that pose.
         targets: the pose at the end of each group; None for a rest.
+        waypoints: what the program over all synergies knows about the arm; None for free geodesics.
+        layers: configurations at the waypoints.
     """
 
     analysis: Analysis
     mapping: PoseMapping
     finder: PoseFinder
+    limits: JointLimits
     groups: tuple[SynergyGroup, ...]
     target_poses: tuple[Array, Array]
     first: Pose
-    start: Array
-    start_error: tuple[float, float]
+    start: Array | None
     targets: tuple[KeyPose | None, ...]
+    waypoints: ArmWaypoints | None
+    layers: tuple[Candidates, ...]
 
     @classmethod
     def prepare(
-        cls, analysis: Analysis, mapping: PoseMapping, finder: PoseFinder, start: ArrayLike | None
+        cls,
+        analysis: Analysis,
+        mapping: PoseMapping,
+        finder: PoseFinder,
+        limits: JointLimits,
+        start: ArrayLike | None,
     ) -> ArmTask:
         """With the poses mapped to the robot, and configurations found for them.
 
@@ -70,20 +93,63 @@ class ArmTask:
             )
             for k in _edge_samples(groups)
         ]
-        begin = finder.first_configuration(poses[0], start)
+        given = None if start is None else finder.first_configuration(poses[0], start)
         moving = [group.kind != "rest" for group in groups]
         requested = [pose for pose, moves in zip(poses[1:], moving, strict=True) if moves]
-        found = iter(finder.key_poses(begin, requested))
+        if settings.constrained:
+            moments = analysis.motion.time[_edge_samples(groups)]
+            begins, ends = moments[:-1][moving], moments[1:][moving]
+            samples = [groups[0].start, *(g.stop for g in groups if g.kind != "rest")]
+            goals = requested
+            if not goals:  # it stays at the first pose, planned as a path without length
+                begins, ends, samples, goals = moments[:1], moments[-1:], samples * 2, poses[:1]
+            offsets = None
+            if has_elbow(mapping.model, mapping.source):
+                offsets = mapped_offsets(mapping, analysis.motion.q[samples])
+            waypoints = ArmWaypoints(
+                arm=finder.arm,
+                limited=settings.within_limits,
+                alignment=mapping.target,
+                begins=begins,
+                ends=ends,
+                poses=(poses[0], *goals),
+                between=tuple(
+                    Pose(
+                        None if poses[0].rotation is None else rotation,
+                        None if poses[0].position is None else position,
+                    )
+                    for rotation, position in zip(
+                        *mapping(analysis.motion((begins + ends) / 2.0)), strict=True
+                    )
+                ),
+                start=given,
+                limits=limits,
+                offsets=offsets,
+                weights=settings.pose_weights,
+            )
+            layers = tuple(_reached(first_candidates(waypoints), waypoints.poses, finder))
+            found = [
+                KeyPose(pose, layer.q[0], pose.error(finder.robot, layer.q[0]))
+                for pose, layer in zip(waypoints.poses, layers, strict=True)
+            ]
+        else:
+            given = finder.first_configuration(poses[0], None) if given is None else given
+            waypoints, layers = None, ()
+            first = KeyPose(poses[0], given, poses[0].error(finder.robot, given))
+            found = [first, *finder.key_poses(given, requested)]
+        each = iter(found[1:])
         return cls(
             analysis,
             mapping,
             finder,
+            limits,
             groups,
             (rotations, positions),
             poses[0],
-            begin,
-            (0.0, 0.0) if start is not None else poses[0].error(finder.robot, begin),
-            tuple(next(found) if moves else None for moves in moving),
+            given,
+            tuple(next(each) if moves else None for moves in moving),
+            waypoints,
+            layers,
         )
 
     @property
@@ -97,6 +163,17 @@ class ArmTask:
         return self.analysis.motion
 
     @property
+    def first_error(self) -> tuple[float, float]:
+        """Distance [m] and angle [rad] of the first configurations from the first pose."""
+        return self.first.error(self.robot, self.layers[0].q[0] if self.layers else self.begin)
+
+    @property
+    def begin(self) -> Array:
+        """Configuration to begin in (n,), if there is only one."""
+        assert self.start is not None
+        return self.start
+
+    @property
     def out_of_reach(self) -> dict[int, tuple[float, float]]:
         """Error [m], [rad] of the nearest pose by number of the pose; 0 is the first."""
         far = {
@@ -104,80 +181,120 @@ class ArmTask:
             for number, target in enumerate(self.targets)
             if target is not None and not target.within_reach
         }
-        return far if max(self.start_error) <= REACHED else {0: self.start_error, **far}
+        # A given start need not have the first pose.
+        missed = not self.layers[0].within_reach if self.layers else False
+        return {0: self.first_error, **far} if missed else far
 
     @property
     def edges(self) -> Array:
         """Times in the recording at which groups begin and end [s]."""
         return np.asarray(self.motion.time[_edge_samples(self.groups)])
 
-    def plan(self, throw: bool, progress: Callable[[int], object]) -> list[Transfer]:
-        """The robot's paths, one for each group; see `plan_transfers`."""
-        durations = np.diff(self.edges).tolist()
-        return plan_transfers(
-            self.finder, self.start, self.targets, durations, throw=throw, progress=progress
-        )
+    def plan_one_by_one(self, throw: bool, progress: Callable[[int], object]) -> list[Transfer]:
+        """Free geodesics, one for each group; see `plan_transfers`."""
+        return plan_transfers(self.finder, self.begin, self.targets, throw=throw, progress=progress)
+
+    def transfers(self, planned: PlannedPaths, number: int) -> list[Transfer]:
+        """What the program over all synergies found for the arm with this number."""
+        metric = metric_of(self.finder.arm)
+        paths = iter(planned.paths[number])
+        within = iter(planned.within_reach[number][1:])
+        q = planned.starts[number]
+        found: list[Transfer] = []
+        for target in self.targets:
+            if target is None:
+                found.append(rest_at(metric, q))
+                continue
+            path, is_reached, status = next(paths), next(within), planned.status
+            q = path.nodes[-1]
+            if not is_reached:
+                status = "the pose is out of reach; the path ends at the nearest one"
+            errors = target.pose.error(self.robot, q)
+            found.append(
+                Transfer(
+                    path,
+                    target.pose,
+                    is_reached,
+                    *errors,
+                    iterations=planned.iterations,
+                    success=planned.success,
+                    status=status,
+                )
+            )
+        return found
 
     def paths_to_time(self, transfers: Sequence[Transfer]) -> ArmPaths:
-        """The paths, the speeds at their ends, and the joints' speed limits."""
-        settings = self.finder.settings
-        of_person = speeds(KineticEnergy(self.mapping.model), self.motion)
-        synergies = self.analysis.synergies
-        lengths = [
-            sum(synergies[number].length for number in group.members) for group in self.groups
-        ]
+        """What the trajectory is planned from."""
+        up = np.asarray(self.mapping.target.base)[:, 2]
+        robot = self.robot
+        if not self.finder.settings.within_limits:
+            robot = robot.with_limits(*np.full((2, robot.dof), np.inf) * [[-1.0], [1.0]])
         paths = [transfer.path for transfer in transfers]
-        handover = handover_speeds(
-            of_person[_edge_samples(self.groups)],
-            np.array(lengths),
-            np.diff(self.edges),
-            np.array([path.length for path in paths]),
-        )
-        if settings.rest:
-            handover[[0, -1]] = 0.0
-        fastest = velocity_limits(self.robot)
-        limits = fastest if settings.speed_limits else np.full_like(fastest, np.inf)
-        return ArmPaths(self.edges, paths, handover, limits)
+        return ArmPaths(robot, self.limits, self.edges, paths, -_GRAVITY * up)
 
-    def trajectory(
-        self, transfers: Sequence[Transfer], scaling: TimeScaling, number: int
-    ) -> tuple[tuple[Synergy, ...], JointTrajectory]:
-        """The robot's synergies, and its trajectory at the samples of the recording.
+    def synergies(
+        self, transfers: Sequence[Transfer], planned: PlannedTrajectory, number: int
+    ) -> tuple[Synergy, ...]:
+        """The robot's synergies: paths with time laws of least acceleration.
 
-        `number` is that of this arm in the time scaling.
+        Durations and speeds at the ends are those of the trajectory; `number` is that of this arm
+        in it.
         """
-        time = scaling(self.motion.time)
-        synergies = tuple(
-            Synergy(group.start, group.stop, float(time[group.start]), transfer.path, law)
-            for group, transfer, law in zip(
-                self.groups, transfers, scaling.laws[number], strict=True
-            )
+        times = planned.robot_time(self.edges)
+        q, v, _, _ = planned.states(times, number)
+        speed = speeds_at(metric_of(self.finder.arm), q, v)
+        paths = [transfer.path for transfer in transfers]
+        mean = np.array([path.length for path in paths]) / np.diff(times)
+        fastest = np.minimum(np.append(mean, mean[-1]), np.append(mean[0], mean)) * _MONOTONE
+        speed = np.minimum(speed, fastest)
+        laws = [
+            time_law(path.length, float(seconds), *ends, monotone=True)
+            for path, seconds, ends in zip(paths, np.diff(times), pairwise(speed), strict=True)
+        ]
+        return tuple(
+            Synergy(group.start, group.stop, float(time), path, law)
+            for group, time, path, law in zip(self.groups, times[:-1], paths, laws, strict=True)
         )
-        positions, velocities, accelerations = np.empty((3, time.size, self.robot.dof))
-        for synergy in synergies:
-            # A shared sample belongs to the synergy that begins there.
-            here = slice(synergy.start, synergy.stop + 1)
-            positions[here], velocities[here], accelerations[here] = synergy.states(time[here])
-        names = self.robot.joint_names
-        return synergies, JointTrajectory(time, positions, velocities, accelerations, names)
 
-    def track_hand(self, scaling: TimeScaling) -> Motion:
-        """The baseline: a velocity controller that tracks the hand along its whole path."""
-        motion, time = self.motion, scaling(self.motion.time)
+    def track_hand(self, planned: PlannedTrajectory, start: Array) -> JointTrajectory:
+        """The baseline: inverse kinematics within limits, in the time of the trajectory.
+
+        It begins where the synergies begin, or at the first pose if they begin elsewhere.
+        """
+        motion, time = self.motion, planned.robot_time(self.motion.time)
 
         def poses(instants: Array) -> tuple[Array, Array]:
-            # Robot time is a linear function of the recording's time between two samples.
+            # Robot time is a piecewise linear function of the recording's time.
             return self.mapping(motion(np.interp(instants, time, motion.time)))
 
-        # From a given start away from the first pose, it would first rush to that pose.
-        start = self.finder.configuration_near(self.start, self.first)
-        tracked = track_poses(
-            *(self.robot, start, time, poses),
-            counts=steps_between(motion),
+        return track_within_limits(
+            self.robot,
+            self.finder.configuration_near(start, self.first),
+            time,
+            poses,
+            self.limits,
+            rate=_BASELINE_RATE,
             turning=self.first.rotation is not None,
             placing=self.first.position is not None,
         )
-        return replace(tracked, subject=motion.subject)
+
+
+def _reached(
+    layers: Sequence[Candidates], poses: Sequence[Pose], finder: PoseFinder
+) -> Iterator[Candidates]:
+    """The candidates, after a more thorough search for poses that none of them attains."""
+    for layer, pose in zip(layers, poses, strict=True):
+        if layer.within_reach or finder.is_beyond(pose):
+            yield layer
+            continue
+        q = finder.nearest(layer.q[0], pose)
+        error, before = (max(pose.error(finder.robot, each)) for each in (q, layer.q[0]))
+        if error <= REACHED:
+            yield Candidates(q[None, :], True)
+        elif error < before:
+            yield Candidates(np.vstack([q, layer.q]), False)
+        else:
+            yield layer
 
 
 def _edge_samples(groups: Sequence[SynergyGroup]) -> list[int]:

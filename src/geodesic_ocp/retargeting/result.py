@@ -7,12 +7,18 @@ from functools import cached_property
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from geodesic_ocp.execution.check_trajectory import check_trajectory
+from geodesic_ocp.execution.clearance_constraint import Clearance
+from geodesic_ocp.execution.planned_trajectory import PlannedTrajectory
+from geodesic_ocp.execution.trajectory_check import TrajectoryCheck
 from geodesic_ocp.figures import overview
 from geodesic_ocp.figures.new_figure import new_figure, save_figure
 from geodesic_ocp.records import write_together
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
+from geodesic_ocp.retargeting.program.plan_paths import PlannedPaths
 from geodesic_ocp.retargeting.settings import RetargetingSettings
-from geodesic_ocp.retargeting.time_scaling import TimeScaling
 from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.synergies.synergy_files import save_synergies
 from geodesic_ocp.table import Table
@@ -31,13 +37,19 @@ class Retargeting:
 
     Attributes:
         arms: the result for each arm; usually there is one.
-        scaling: robot time over recording time, with the scale factors.
+        planned: the trajectory in continuous time.
+        paths: what the program over all synergies found; None for free geodesics.
+        clearance: the distances that were to be kept; None: none are known.
+        rate: of `trajectory` [Hz].
         settings: of the retargeting.
         seconds: computing time.
     """
 
     arms: tuple[RetargetedArm, ...]
-    scaling: TimeScaling
+    planned: PlannedTrajectory
+    paths: PlannedPaths | None
+    clearance: Clearance | None
+    rate: float
     settings: RetargetingSettings
     seconds: float
 
@@ -68,20 +80,42 @@ class Retargeting:
 
     @cached_property
     def trajectory(self) -> JointTrajectory:
-        """Positions, velocities and accelerations of all joints."""
+        """What the robot executes: all joints at a uniform rate, from rest to rest by default."""
         return JointTrajectory.side_by_side([arm.trajectory for arm in self.arms], self.joint_names)
 
     @cached_property
     def motion(self) -> Motion:
         """The robot's motion, all joints, at the samples of the recording, in robot time."""
-        found = self.trajectory
-        return Motion(found.time, found.positions, found.joint_names, found.velocities)
+        motions = [arm.motion for arm in self.arms]
+        q = np.hstack([each.q for each in motions])
+        v = np.hstack([np.asarray(each.velocity) for each in motions])
+        return Motion(motions[0].time, q, self.joint_names, v)
+
+    @property
+    def success(self) -> bool:
+        """Whether paths and trajectory were found, within all limits."""
+        found = self.planned.success and (self.paths is None or self.paths.success)
+        return found and all(each.success for arm in self.arms for each in arm.transfers)
 
     @property
     def stretch(self) -> float:
-        """Duration over the person's; 1 if no joint exceeded its speed limit."""
-        edges = self.scaling.edges
-        return float(self.scaling(edges[-1:])[0] / (edges[-1] - edges[0]))
+        """Duration over the person's; 1 if the limits of the joints allow the person's time."""
+        return self.planned.stretch
+
+    @property
+    def too_near(self) -> tuple[tuple[str, float, float], ...]:
+        """Links closer than they are to be: names, distance [m], time in the recording [s]."""
+        return () if self.paths is None else self.paths.too_near
+
+    @cached_property
+    def check(self) -> TrajectoryCheck:
+        """Whether the trajectory keeps all limits and is consistent with itself."""
+        robots = [arm.robot for arm in self.arms]
+        limits = [arm.limits for arm in self.arms]
+        gravities = [arm.gravity for arm in self.arms]
+        return check_trajectory(
+            self.trajectory, robots, limits, gravity=gravities, rest=self.settings.rest
+        )
 
     def table(self) -> Table:
         """Action, speed and errors of the hand, of the synergies and of inverse kinematics."""
@@ -163,14 +197,14 @@ class Retargeting:
         figure = new_figure(11.0, 7.5 * count)
         parts = figure.subfigures(count, 1, squeeze=False)[:, 0]
         for arm, part in zip(self.arms, parts, strict=True):
-            time = arm.trajectory.time
+            time = arm.motion.time
             segments = [(group.start, group.stop) for group in arm.groups]
             hands = (arm.target_poses[1], arm.robot.hand_pose(arm.motion.q)[1])
             joints = []
             for joint in overview.widest_of_thirds(arm.motion.q):
                 name, unit = arm.robot.joint_names[joint], arm.robot.units[joint]
                 label = f"{_short(name)}\n[{unit}]"
-                joints.append((label, arm.baseline.q[:, joint], arm.motion.q[:, joint]))
+                joints.append((label, arm.tracked.q[:, joint], arm.motion.q[:, joint]))
             ticks = time[[synergy.start for synergy in arm.analysis.synergies]]
             names, other = ("person's hand, mapped", "geodesic synergies"), _METHODS["ik"]
             overview.draw_overview(part, time, segments, hands, joints, names, other, ticks)
@@ -182,14 +216,13 @@ class Retargeting:
     def save(self, folder: str | FilePath) -> list[FilePath]:
         """Write tables, figure, synergies and trajectory to a folder.
 
-        The trajectory begins and ends at the person's speed (`RetargetingSettings(rest=True)`: at
-        rest, as many controllers require). Its velocities jump in direction where synergies meet;
-        its accelerations are those in between, accurate to about one per cent where a limit is
-        active, as the path is a piecewise polynomial.
+        The trajectory is at a uniform rate, with consistent positions, velocities and
+        accelerations, and meets the limits of the joints.
 
         table.csv and table.md, synergies.csv and synergies.md (`synergy_table`), figure.png and
-        figure.pdf, trajectory.csv, trajectory.json (the message JointTrajectory of ROS 2), and for
-        each arm synergies.json, or synergies_0.json and so on.
+        figure.pdf, trajectory.csv, trajectory.json (the message JointTrajectory of ROS 2),
+        trajectory.npz (NumPy arrays with names and units), and for each arm synergies.json, or
+        synergies_0.json and so on.
 
         Returns:
             Paths of the files.
@@ -203,8 +236,8 @@ class Retargeting:
         for name, table in (("table", self.table()), ("synergies", self.synergy_table())):
             (made / f"{name}.csv").write_text(table.csv(), encoding="utf-8")
             (made / f"{name}.md").write_text(table.markdown(), encoding="utf-8")
-        (made / "trajectory.csv").write_text(self.trajectory.csv(), encoding="utf-8")
-        (made / "trajectory.json").write_text(self.trajectory.json(), encoding="utf-8")
+        for suffix in ("csv", "json", "npz"):
+            self.trajectory.save(made / f"trajectory.{suffix}")
         save_figure(self.plot(), made)
         for number, arm in enumerate(self.arms):
             name = "synergies.json" if len(self.arms) == 1 else f"synergies_{number}.json"

@@ -11,21 +11,29 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import as_positive
+from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.execution.joint_limits import JointLimits, joint_limits
+from geodesic_ocp.execution.plan_trajectory import plan_trajectory
+from geodesic_ocp.model.inertias.known_armature import with_rotor_inertia
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.retargeting.alignment.alignment import alignment as default_alignment
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.arm_task import ArmTask
+from geodesic_ocp.retargeting.detours import warn_of_detours
+from geodesic_ocp.retargeting.motion_clearance import motion_clearance, of_paths, of_trajectory
 from geodesic_ocp.retargeting.pose_mapping import PoseMapping
+from geodesic_ocp.retargeting.program.plan_paths import PlannedPaths, plan_paths
 from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.retargeting.targets import PoseFinder
-from geodesic_ocp.retargeting.time_scaling import scale_time
+from geodesic_ocp.retargeting.transfer import Transfer
 from geodesic_ocp.synergies.analysis import Analysis
 
 _DEFAULT = RetargetingSettings()
 _TOLERANCE = 1e-6
+_RATE = 100.0  # [Hz]
 
 
 def retarget(
@@ -35,6 +43,8 @@ def retarget(
     alignment: Alignment | None = None,
     person_alignment: Alignment | None = None,
     start: ArrayLike | None = None,
+    limits: JointLimits | None = None,
+    rate: float = _RATE,
     tolerance: float = _TOLERANCE,
     settings: RetargetingSettings = _DEFAULT,
     throw: bool = True,
@@ -44,9 +54,10 @@ def retarget(
 
     Short synergies are dropped and small ones merged (`merge_synergies`). The hand's poses at the
     ends of the remaining ones, relative to the shoulder and scaled by the ratio of the arms'
-    lengths, are mapped to the robot (`Alignment`). Each synergy of the robot begins where the
-    previous one ended. It takes the person's time and hands over at the person's speed in
-    proportion to the path lengths; where a joint would exceed its speed limit, time is scaled.
+    lengths, are mapped to the robot (`Alignment`). Paths of least energy between these poses are
+    found for all synergies at once (`plan_paths`). Along them, the robot's trajectory has
+    continuous accelerations, meets the limits of the joints, and takes more time than the person
+    only where these require it (`plan_trajectory`).
 
     Args:
         analysis: of the person's motion (`analyse`).
@@ -55,20 +66,24 @@ def retarget(
             (`go.alignment`).
         person_alignment: likewise of the person's arm, if it is not a `human_arm`.
         start: configuration (n,) to begin in [rad or m]; None: among those with the first pose,
-            found by inverse kinematics, the one nearest to the middle of the joints' ranges.
+            the one from which the motion as a whole takes least energy and time.
+        limits: of the robot's joints; None: those of `joint_limits`.
+        rate: of the trajectory [Hz].
         tolerance: of limits and poses on the paths, each in its unit, see `solve`.
         settings: everything else.
-        throw: raise if a path is not found; else the arm rests there, as the transfers report. A
-            configuration that cannot be kept clear of collision bodies always raises.
+        throw: raise if the paths or the trajectory are not found; else the last iterates are
+            returned, and the result says so (`Retargeting.success`).
         progress: called with the current step, the amount done and the total.
 
     Warns:
-        UserWarning: poses out of reach, with their distances, before anything is solved.
+        UserWarning: poses out of reach, with their distances, before anything is solved; detours of
+            the hand, links that come too near, and synergies that take three times the person's
+            time, with the place in the recording.
 
     Raises:
-        ValueError: arguments of the wrong type or shape; a robot without an alignment; a start
-            outside the limits or too close to a collision body.
-        NotConverged: a path was not found; the message gives the number of the synergy.
+        ValueError: arguments of the wrong type or shape; a start outside the limits or too close to
+            a collision body.
+        NotConverged: the paths or the trajectory were not found.
     """
     if not isinstance(analysis, Analysis):
         raise ValueError(f"analysis must be an Analysis, got {analysis!r}; see retarget_arms")
@@ -80,6 +95,8 @@ def retarget(
         alignments=[alignment],
         person_alignments=[person_alignment],
         starts=[start],
+        limits=[limits],
+        rate=rate,
         tolerance=tolerance,
         settings=settings,
         throw=throw,
@@ -94,6 +111,8 @@ def retarget_arms(
     alignments: Sequence[Alignment | None] | None = None,
     person_alignments: Sequence[Alignment | None] | None = None,
     starts: Sequence[ArrayLike | None] | None = None,
+    limits: Sequence[JointLimits | None] | None = None,
+    rate: float = _RATE,
     tolerance: float = _TOLERANCE,
     settings: RetargetingSettings = _DEFAULT,
     throw: bool = True,
@@ -101,13 +120,16 @@ def retarget_arms(
 ) -> Retargeting:
     """`retarget` of several arms that move at once, such as both arms of a person.
 
-    The arms share the scaled time. They are not planned around each other.
+    Paths and trajectory of all arms are planned together, in the same time. Two arms of one robot,
+    whose models have the same base, are kept clear of each other; the bases of different robots are
+    not known to each other.
 
     Args:
         analyses: of the arms, all of one recording, sample by sample.
         robots: as many arms.
-        alignments, person_alignments, starts: as many, or None for the defaults; see `retarget`.
-        tolerance, settings, throw, progress: see `retarget`.
+        alignments, person_alignments, starts, limits: as many, or None for the defaults; see
+            `retarget`.
+        rate, tolerance, settings, throw, progress: see `retarget`.
 
     Warns, Raises:
         See `retarget`.
@@ -122,51 +144,90 @@ def retarget_arms(
         raise ValueError("analyses: all arms must be of one recording, sample by sample")
     if not isinstance(settings, RetargetingSettings):
         raise ValueError(f"settings must be RetargetingSettings, got {settings!r}")
-    tolerance = as_positive("tolerance", tolerance)
+    tolerance, rate = as_positive("tolerance", tolerance), as_positive("rate", rate, "Hz")
     targets = _alignments("alignments", alignments, robots)
     sources = _alignments("person_alignments", person_alignments, [a.model for a in analyses])
+    if settings.rotor_inertia:
+        robots = [with_rotor_inertia(robot) for robot in robots]
+    bounds = [
+        _limits(robot, given, settings)
+        for robot, given in zip(robots, _one_each("limits", limits, len(robots)), strict=True)
+    ]
     tasks = []
-    for analysis, robot, source, target, start in zip(
-        analyses, robots, sources, targets, _one_each("starts", starts, len(robots)), strict=True
+    for analysis, robot, source, target, bound, start in zip(
+        *(analyses, robots, sources, targets, bounds),
+        *(_one_each("starts", starts, len(robots)),),
+        strict=True,
     ):
         mapping = PoseMapping.between(analysis.model, source, target, settings)
         finder = PoseFinder(robot, settings, tolerance)
-        tasks.append(ArmTask.prepare(analysis, mapping, finder, start))
+        tasks.append(ArmTask.prepare(analysis, mapping, finder, bound, start))
     _warn_out_of_reach(tasks)
 
-    total = sum(len(task.groups) for task in tasks) + len(tasks)
-    planned, before = [], 0
+    clearance = motion_clearance(robots, settings)
+    paths: PlannedPaths | None = None
+    if settings.constrained:
+        waypoints = [task.waypoints for task in tasks if task.waypoints is not None]
+        paths = plan_paths(
+            waypoints,
+            [task.layers for task in tasks],
+            stretch=settings.stretch_weight,
+            posture=settings.posture_weight,
+            likeness=settings.likeness_weight,
+            tolerance=tolerance,
+            clearance=None if clearance is None else of_paths(clearance),
+            progress=report,
+        )
+        if throw and not paths.success:
+            raise NotConverged(f"the paths of the synergies were not found: {paths.status}", paths)
+        transfers = [task.transfers(paths, number) for number, task in enumerate(tasks)]
+    else:
+        transfers = _one_by_one(tasks, throw, report)
+    planned = plan_trajectory(
+        [task.paths_to_time(found) for task, found in zip(tasks, transfers, strict=True)],
+        rest=settings.rest,
+        clearances=[]
+        if clearance is None or paths is None
+        else [of_trajectory(clearance, paths.least_distances)],
+        progress=report,
+        throw=throw,
+    )
+    arms = []
+    for number, (task, found) in enumerate(zip(tasks, transfers, strict=True)):
+        report("tracking the hand", number, len(tasks))
+        arms.append(RetargetedArm.of(task, found, planned, number, rate))
+    report("done", len(tasks), len(tasks))
+    seconds = time.perf_counter() - begin
+    result = Retargeting(tuple(arms), planned, paths, clearance, rate, settings, seconds)
+    warn_of_detours(result)
+    return result
+
+
+def _limits(robot: Model, given: JointLimits | None, settings: RetargetingSettings) -> JointLimits:
+    """The given limits, those of the robot, or none at all."""
+    if given is not None and (
+        not isinstance(given, JointLimits) or given.velocity.size != robot.dof
+    ):
+        raise ValueError(f"limits must be JointLimits of {robot.dof} joints, got {given!r}")
+    if not settings.speed_limits:
+        none = np.full(robot.dof, np.inf)
+        return JointLimits(none, none, none, none, {"velocity": "left out"})
+    return joint_limits(robot) if given is None else given
+
+
+def _one_by_one(tasks: Sequence[ArmTask], throw: bool, report: Progress) -> list[list[Transfer]]:
+    """Free geodesics of all arms, one synergy after the other."""
+    total, before = sum(len(task.groups) for task in tasks), 0
+    found = []
     for task in tasks:
 
         def advance(done: int, before: int = before, name: str = task.robot.name) -> None:
             report(f"planning {name}", before + done, total)
 
         advance(0)
-        planned.append(task.plan(throw, advance))
+        found.append(task.plan_one_by_one(throw, advance))
         before += len(task.groups)
-    scaling = scale_time(
-        [task.paths_to_time(paths) for task, paths in zip(tasks, planned, strict=True)]
-    )
-    arms = []
-    for number, (task, transfers) in enumerate(zip(tasks, planned, strict=True)):
-        report("tracking the hand", before + number, total)
-        synergies, trajectory = task.trajectory(transfers, scaling, number)
-        arms.append(
-            RetargetedArm(
-                analysis=task.analysis,
-                robot=task.robot,
-                mapping=task.mapping,
-                groups=task.groups,
-                transfers=tuple(transfers),
-                synergies=synergies,
-                trajectory=trajectory,
-                target_poses=task.target_poses,
-                baseline=task.track_hand(scaling),
-                out_of_reach=task.out_of_reach,
-            )
-        )
-    report("done", total, total)
-    return Retargeting(tuple(arms), scaling, settings, time.perf_counter() - begin)
+    return found
 
 
 def _checked_list(name: str, given: Any, kind: type) -> list[Any]:

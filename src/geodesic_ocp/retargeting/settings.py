@@ -19,53 +19,71 @@ class RetargetingSettings:
     """Settings of `retarget`.
 
     Attributes:
-        formulation: "constrained", the path of least energy to any configuration in which the hand
-            has exactly the target pose (`Reach`), subject to the constraints below; a pose out of
-            reach is replaced by the nearest one. Or "geodesic", the free geodesic whose end comes
-            nearest to the pose (`geodesic_to_pose`), without limits and collision avoidance.
+        formulation: "constrained", all synergies as one program: paths of least energy between
+            configurations in which the hand has exactly the target poses, subject to the
+            constraints below; a pose out of reach is replaced by the nearest one. Or "geodesic",
+            one synergy after the other, each the free geodesic whose end comes nearest to the pose
+            (`geodesic_to_pose`), without limits and collision avoidance.
         limits: whether the joints stay within their limits.
-        speed_limits: whether the joints' speed limits are met, by other paths if there are any, and
-            by scaling time.
-        rest: whether the motion begins and ends at rest; by default at the person's speed, which a
+        speed_limits: whether the limits of the joints on speed, acceleration, jerk and torque are
+            met: by the choice of the configurations, and by taking more time than the person.
+        rest: whether the motion begins and ends at rest; otherwise at the person's speed, which a
             robot cannot do if the recording begins or ends in motion.
-        num_starts: number of solutions sought for each synergy, from different configurations of
-            inverse kinematics; the one of least energy is taken. After a failure the next
-            configuration is tried in any case.
+        rotor_inertia: whether a robot whose file states no joint inertia gets the known one of its
+            motors, or a default (`robot_armature`).
+        stretch_weight: of time beyond the person's, relative to the recording's duration, in units
+            of the least action.
+        posture_weight: of the mean squared distance of the joints from the middle of their ranges
+            at the ends of the synergies, in half ranges, in the same unit.
+        likeness_weight: of the mean squared distance of the elbow's offset from the line between
+            shoulder and wrist from that of the person, in lengths of the arm, in the same unit.
         position_weight, orientation_weight: of the pose error [1/m], [1/rad], for poses that are
             not reached; zero leaves the position or the orientation free altogether.
-        energy_weight: of the energy, in the formulation "geodesic".
         scale: factor of positions; None: the ratio of the arms' lengths.
         mirror: whether left and right are exchanged; None: if the arms' sides differ.
         drop, merge: lengths below which synergies are dropped or merged (`merge_synergies`), in the
             person's metric; None: fractions of the longest synergy.
-        obstacles, links, pairs, margin: collision bodies kept apart, in the robot's base frame; see
-            `Reach` and `collision_pairs`.
+        self_collision: whether the links of a robot, and two arms whose bases are known to be at
+            one place, are kept apart where their geometry is known.
+        obstacles, links: obstacles, and the links that are kept clear of them, in the robot's base
+            frame; see `Reach`.
+        pairs: pairs of links kept apart, in place of those found for `self_collision`; see
+            `collision_pairs`.
+        margin: smallest distance allowed between any of them [m].
+        num_starts, energy_weight: in the formulation "geodesic": number of geodesics sought for
+            each synergy, from different initial velocities, of which that of least energy is taken;
+            and weight of the energy.
 
     Raises:
         ValueError: a value of the wrong type or out of range; the message names the field.
 
     >>> import geodesic_ocp as go
-    >>> settings = go.RetargetingSettings(rest=True, orientation_weight=0.0)
+    >>> settings = go.RetargetingSettings(rest=False, orientation_weight=0.0)
     >>> settings.rest, settings.limits, settings.formulation
-    (True, True, 'constrained')
+    (False, True, 'constrained')
     """
 
     formulation: Formulation = "constrained"
     limits: bool = True
     speed_limits: bool = True
-    rest: bool = False
-    num_starts: int = 1
+    rest: bool = True
+    rotor_inertia: bool = True
+    stretch_weight: float = 5.0
+    posture_weight: float = 0.0
+    likeness_weight: float = 1.0
     position_weight: float = 1.0
     orientation_weight: float = 1.0
-    energy_weight: float = ENERGY_WEIGHT
     scale: float | None = None
     mirror: bool | None = None
     drop: float | None = None
     merge: float | None = None
+    self_collision: bool = True
     obstacles: Sequence[Obstacle] = ()
     links: Sequence[str] | None = None
     pairs: Sequence[tuple[str, str]] = ()
-    margin: float = 0.0
+    margin: float = 0.01
+    num_starts: int = 1
+    energy_weight: float = ENERGY_WEIGHT
 
     def __post_init__(self) -> None:
         if self.formulation not in get_args(Formulation):
@@ -86,6 +104,10 @@ class RetargetingSettings:
                 f"got {weights[0]:g} and {weights[1]:g}"
             )
         as_positive("energy_weight", self.energy_weight)
+        as_positive("stretch_weight", self.stretch_weight)
+        for name in ("posture_weight", "likeness_weight"):
+            if as_number(name, getattr(self, name)) < 0.0:
+                raise ValueError(f"{name} must be zero or above, got {getattr(self, name):g}")
         if self.scale is not None:
             as_positive("scale", self.scale)
         collisions = self.collisions
@@ -111,11 +133,6 @@ class RetargetingSettings:
     def within_limits(self) -> bool:
         """Whether paths stay within the joints' limits."""
         return self.limits and self.constrained
-
-    @property
-    def within_speed_limits(self) -> bool:
-        """Whether paths stay within the joints' speed limits, if possible."""
-        return self.speed_limits and self.constrained
 
     @property
     def pose_weights(self) -> tuple[float, float]:

@@ -14,7 +14,6 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.model.geometry.signed_distances import signed_distances
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.ik.inverse_kinematics import (
-    configuration_within,
     inverse_kinematics_solutions,
     nearest_configuration,
 )
@@ -162,15 +161,16 @@ class PoseFinder:
                 distinct.append(q)
         return sorted(distinct, key=lambda q: line_energy(self.arm, near, q))
 
-    def configuration_within(
-        self, lower: Array, upper: Array, near: Array, pose: Pose
-    ) -> Array | None:
-        """A configuration with the pose within bounds (n,) and the limits, or None."""
-        if self.settings.within_limits:
-            lower, upper = np.maximum(lower, self.arm.lower), np.minimum(upper, self.arm.upper)
-        if np.any(lower > upper):
-            return None
-        return configuration_within(self.arm, near, pose.position, pose.rotation, (lower, upper))
+    def is_beyond(self, pose: Pose) -> bool:
+        """Whether the hand's position is farther from the base than the hand ever is."""
+        if pose.position is None:
+            return False
+        joint = self.robot.frame_pose(self.robot.joint_names[0], np.zeros(self.robot.dof))[1]
+        return float(np.linalg.norm(pose.position - joint)) > self.robot.reach
+
+    def nearest(self, near: Array, pose: Pose) -> Array:
+        """A configuration with the pose, or that with the nearest pose."""
+        return self._nearest(near, pose)
 
     def configuration_near(self, start: Array, pose: Pose) -> Array:
         """The start if it has the pose, else the nearest configuration with it."""

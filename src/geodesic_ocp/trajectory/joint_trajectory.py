@@ -172,6 +172,16 @@ class JointTrajectory:
             self.units,
         )
 
+    def states(self, times: ArrayLike) -> tuple[Array, Array, Array]:
+        """Positions, velocities and accelerations (k, n) each at times (k,) [s], as in `at_rate`.
+
+        Before the first sample and after the last one the trajectory is where it begins or ends.
+        """
+        instants = np.clip(np.asarray(times, dtype=float), self.time[0], self.time[-1])
+        states = self.time, self.positions, self.velocities, self.accelerations
+        q, v, a, *_ = quintic_hermite(*states, instants)
+        return q, v, a
+
     def csv(self) -> str:
         """CSV with time_from_start and the position, velocity and acceleration of each joint.
 

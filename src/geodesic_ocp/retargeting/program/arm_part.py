@@ -29,7 +29,7 @@ from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
 # Weight of the squared error of a pose out of reach, [1/m^2] or [1/rad^2].
-_MISSED = 1e3
+_MISSED = 1e5
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ from geodesic_ocp.retargeting.targets import REACHED
 
 _STARTS = 96  # of the search at each waypoint
 _CARRIED = 32  # more, the configurations found at the waypoint before
+_MOST = 64  # configurations at a waypoint
 _SAME = 0.05  # [rad or m]
 # Poses out of reach: errors up to this factor above the least, and this much more [m or rad].
 _NEARLY, _MORE = 1.05, 1e-3
@@ -68,7 +69,7 @@ def candidates_near(waypoints: ArmWaypoints, number: int, starts: Array) -> Cand
     within = least <= enough
     order = np.argsort(errors)
     chosen = order[errors[order] <= (enough if within else _NEARLY * least + _MORE)]
-    return Candidates(_distinct(list(q[chosen])), within)
+    return Candidates(_distinct(list(q[chosen]))[:_MOST], within)
 
 
 def _search(waypoints: ArmWaypoints, number: int, near: Array) -> PoseSearch:

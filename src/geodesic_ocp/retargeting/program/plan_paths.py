@@ -28,6 +28,7 @@ _RESOLVED = 1e-5  # of the energy
 _BETWEEN = 8  # points of a segment at which limits are checked
 _INSTANTS = 24  # of a movement at which distances are checked
 _DISTANCE_ROUNDS = 8
+_DETOUR = 5.0  # weight of the hand's distance from the person's halfway, in the graph
 _ROUNDING = 1e-4  # [m] by which a distance may fall below its bound between those instants
 _TINY = 1e-12
 
@@ -37,6 +38,7 @@ class PlannedPaths:
     """The solution of the program.
 
     Attributes:
+        starts: configurations in which the arms begin.
         paths: of the movements of each arm.
         within_reach: which poses each arm attains, at its m + 1 waypoints.
         longer: time added to each interval between `edges`, relative.
@@ -46,10 +48,12 @@ class PlannedPaths:
         segments: of the last grids.
         success: whether the program is solved.
         status: how Ipopt stopped, a sentence.
-        least_excess: of a distance over its bound [m], with its name and the time in the recording
-            [s]; None: no distances are known.
+        least_distances: along the paths (m,) [m], in the order of the clearance; empty without one.
+        too_near: names of the distances that fall below their bounds, each with the least one [m]
+            and the time in the recording [s].
     """
 
+    starts: tuple[Array, ...]
     paths: tuple[tuple[Path, ...], ...]
     within_reach: tuple[tuple[bool, ...], ...]
     longer: Array
@@ -59,12 +63,13 @@ class PlannedPaths:
     segments: int
     success: bool
     status: str
-    least_excess: tuple[float, str, float] | None
+    least_distances: Array
+    too_near: tuple[tuple[str, float, float], ...]
 
 
 def plan_paths(
     arms: Sequence[ArmWaypoints],
-    layers: Sequence[list[Candidates]],
+    layers: Sequence[Sequence[Candidates]],
     *,
     stretch: float,
     posture: float,
@@ -85,7 +90,8 @@ def plan_paths(
     """
     edges = np.unique(np.concatenate([[*arm.begins, *arm.ends] for arm in arms]))
     action = sum(least_action(arm, each) for arm, each in zip(arms, layers, strict=True))
-    terms = Terms(max(action, _TINY), float(edges[-1] - edges[0]), stretch, posture, likeness)
+    duration = float(edges[-1] - edges[0])
+    terms = Terms(max(action, _TINY), duration, stretch, posture, likeness, _DETOUR)
     total = len(arms) + 2
     parts, nodes = [], []
     for number, (arm, each) in enumerate(zip(arms, layers, strict=True)):
@@ -100,10 +106,9 @@ def plan_paths(
         iterate = _apart(iterate, clearance, edges, terms, tolerance)
     pairs = list(zip(iterate.parts, iterate.nodes, strict=True))
     actions = [part.path(each).energy / part.moving_time for part, each in pairs]
-    least = None
-    if clearance is not None:
-        least = _least_excess(clearance, iterate)
+    least, too_near = _least(clearance, iterate)
     return PlannedPaths(
+        starts=tuple(each[0] for each in iterate.nodes),
         paths=tuple(tuple(part.paths(each)) for part, each in pairs),
         within_reach=tuple(part.within_reach for part in iterate.parts),
         longer=np.zeros(edges.size - 1) if iterate.longer is None else iterate.longer,
@@ -113,7 +118,8 @@ def plan_paths(
         segments=sum(part.grid.segments for part in iterate.parts),
         success=iterate.success,
         status=iterate.status,
-        least_excess=least,
+        least_distances=least,
+        too_near=too_near,
     )
 
 
@@ -249,7 +255,18 @@ def _too_near(clearance: Clearance, iterate: _Iterate) -> set[tuple[int, float]]
     }
 
 
-def _least_excess(clearance: Clearance, iterate: _Iterate) -> tuple[float, str, float]:
+def _least(
+    clearance: Clearance | None, iterate: _Iterate
+) -> tuple[Array, tuple[tuple[str, float, float], ...]]:
+    """Least distances (m,), and those below their bounds: name, distance [m], time [s]."""
+    if clearance is None:
+        return np.zeros(0), ()
     instants, excess = _distances(clearance, iterate)
-    step, number = np.unravel_index(int(np.argmin(excess)), excess.shape)
-    return float(excess[step, number]), clearance.names[int(number)], float(instants[step])
+    least, when = excess.min(axis=0), instants[excess.argmin(axis=0)]
+    distances = least + clearance.lower
+    too_near = {
+        clearance.names[k]: (clearance.names[k], float(distances[k]), float(when[k]))
+        for k in np.argsort(-least)
+        if least[k] < -_ROUNDING
+    }
+    return distances, tuple(too_near.values())

@@ -25,6 +25,7 @@ from geodesic_ocp.retargeting.program.waypoint_functions import parameters, wayp
 from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
 
 _ROUNDS = 3  # of new candidates around those chosen
+_FAR = 0.25  # of the arm's length
 _TOO_NEAR = 10.0  # cost of a configuration with links closer than their bounds
 _SPREAD, _AROUND = 0.3, 12  # [rad or m]; number of starts around each
 
@@ -38,9 +39,9 @@ class Start:
     cost: float
 
 
-def least_action(waypoints: ArmWaypoints, layers: list[Candidates]) -> float:
+def least_action(waypoints: ArmWaypoints, layers: Sequence[Candidates]) -> float:
     """Action [J s] of the straight lines between those candidates for which it is least."""
-    return _best(waypoints, Terms(1.0, 1.0, 0.0, 0.0, 0.0), layers).cost
+    return _best(waypoints, Terms(1.0, 1.0, 0.0, 0.0, 0.0, 0.0), layers).cost
 
 
 def own_distances(
@@ -71,7 +72,7 @@ def own_distances(
 def find_start(
     waypoints: ArmWaypoints,
     terms: Terms,
-    layers: list[Candidates],
+    layers: Sequence[Candidates],
     distances: ca.Function | None = None,
 ) -> Start:
     """The configurations at the waypoints from which the program starts.
@@ -96,7 +97,7 @@ def find_start(
             starts = np.vstack([around, around.mean(axis=0), random])
             more = candidates_near(waypoints, number, _inside(waypoints, starts))
             finer.append(layer.joined(more))
-        layers, before = finer, best
+        layers, before = tuple(finer), best
         best = _best(waypoints, terms, layers, distances)
         if best.cost > 0.99 * before.cost:
             break
@@ -112,7 +113,7 @@ def _inside(waypoints: ArmWaypoints, q: Array) -> Array:
 def _best(
     waypoints: ArmWaypoints,
     terms: Terms,
-    layers: list[Candidates],
+    layers: Sequence[Candidates],
     distances: ca.Function | None = None,
 ) -> Start:
     matrices = [mass_matrices(waypoints, layer.q) for layer in layers]
@@ -148,7 +149,7 @@ def node_costs(waypoints: ArmWaypoints, terms: Terms, number: int, q: Array) -> 
 def _edge_costs(
     waypoints: ArmWaypoints,
     terms: Terms,
-    layers: list[Candidates],
+    layers: Sequence[Candidates],
     matrices: list[Array],
     number: int,
 ) -> Array:
@@ -160,4 +161,23 @@ def _edge_costs(
     action = (first + last) / (4.0 * duration)
     needed = (np.abs(change) / (waypoints.speed[number] * duration)).max(axis=2)
     late = duration * np.maximum(0.0, needed - 1.0)
-    return np.asarray(action / terms.action + terms.stretch * late / terms.duration)
+    found = action / terms.action + terms.stretch * late / terms.duration
+    return np.asarray(found + terms.detour * _detours(waypoints, number, here, there))
+
+
+def _detours(waypoints: ArmWaypoints, number: int, here: Array, there: Array) -> Array:
+    """Squared distance (k, l) of the hand from the person's halfway along the straight lines.
+
+    In units of 1 rad and of a fraction of the arm's length, per movement. Of two ways around, on
+    which the hand turns to either side, one is that of the person.
+    """
+    middle = ((here[:, None, :] + there[None, :, :]) / 2.0).reshape(-1, here.shape[1])
+    rotations, positions = waypoints.arm.hand_pose(middle)
+    pose, total = waypoints.between[number], np.zeros(len(middle))
+    if pose.rotation is not None:
+        cosines = (np.einsum("ij,kij->k", pose.rotation, rotations) - 1.0) / 2.0
+        total += np.arccos(np.clip(cosines, -1.0, 1.0)) ** 2
+    if pose.position is not None:
+        unit = _FAR * waypoints.alignment.length
+        total += np.sum((positions - pose.position) ** 2, axis=1) / unit**2
+    return total.reshape(len(here), len(there)) / waypoints.count

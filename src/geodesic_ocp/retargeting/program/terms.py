@@ -18,6 +18,8 @@ class Terms:
         action: unit of the action [J s].
         duration: of the recording's part [s].
         stretch, posture, likeness: weights.
+        detour: weight in the graph alone, of the squared distance of the hand from the person's
+            halfway through the movements, mean over these.
     """
 
     action: float
@@ -25,3 +27,4 @@ class Terms:
     stretch: float
     posture: float
     likeness: float
+    detour: float

@@ -7,9 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.execution.joint_limits import JointLimits
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
 from geodesic_ocp.retargeting.targets import Pose
+
+_PEAK, _BRAKING = 1.5, 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,9 +26,9 @@ class ArmWaypoints:
         begins, ends: times [s] in the recording at which the m movements begin and end, (m,) each;
             between two movements the arm rests.
         poses: of the hand at the start and at the end of each movement, m + 1 of them.
+        between: poses of the person's hand, mapped to the robot, halfway through each movement.
         start: configuration (n,) to begin in; None: any with the first pose.
-        speed: largest mean speed of the joints in each movement (m, n) [rad/s or m/s]; infinite
-            where there is no limit.
+        limits: of the joints.
         offsets: of the person's elbow at the waypoints (m + 1, 3), see `elbow_offset`; None: not
             known.
         weights: of position and orientation errors [1/m], [1/rad], for poses out of reach.
@@ -37,8 +40,9 @@ class ArmWaypoints:
     begins: Array
     ends: Array
     poses: tuple[Pose, ...]
+    between: tuple[Pose, ...]
     start: Array | None
-    speed: Array
+    limits: JointLimits
     offsets: Array | None
     weights: tuple[float, float] = field(default=(1.0, 1.0))
 
@@ -46,6 +50,17 @@ class ArmWaypoints:
     def durations(self) -> Array:
         """Of the movements (m,) [s]."""
         return np.asarray(self.ends - self.begins)
+
+    @property
+    def speed(self) -> Array:
+        """Largest mean speed of the joints in each movement (m, n); infinite without limits.
+
+        From rest to rest the peak of a speed is 1.5 times its mean, and an acceleration a, first
+        forward and then backward, allows a mean speed of a T / 4 over a time T, and limited jerk
+        less.
+        """
+        by_acceleration = self.limits.acceleration * self.durations[:, None] / _BRAKING
+        return np.minimum(self.limits.velocity / _PEAK, by_acceleration)
 
     @property
     def count(self) -> int:

@@ -1,0 +1,63 @@
+"""The distances that a motion keeps: between links, of two arms, and from obstacles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.execution.clearance.clearance_constraint import clearance_constraint
+from geodesic_ocp.execution.clearance_constraint import Clearance
+from geodesic_ocp.model.geometry.signed_distances import signed_distances
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.retargeting.settings import RetargetingSettings
+
+_MORE = 2e-3  # [m] that paths keep beyond the margin, as the trajectory leaves them in corners
+_LESS = 1e-3  # [m] by which it may come nearer than a path that is too near already
+
+
+def motion_clearance(robots: Sequence[Model], settings: RetargetingSettings) -> Clearance | None:
+    """The distances that the settings ask for; None if there are none, or no geometry is known.
+
+    Raises:
+        ValueError: links or pairs without collision bodies.
+    """
+    if not settings.constrained:
+        return None
+    found: list[Clearance] = []
+    if settings.self_collision and not settings.pairs:
+        every = clearance_constraint(robots, margin=settings.margin)
+        found += [] if every is None else [every]
+    obstacles, links, pairs, margin = settings.collisions
+    if obstacles or pairs:
+        total, first = sum(robot.dof for robot in robots), 0
+        q = ca.SX.sym("q", total)
+        for robot in robots:
+            own = q[first : first + robot.dof]
+            distances = signed_distances(robot, own, obstacles, links=links, pairs=pairs)
+            function = ca.Function("distances", [q], [ca.vertcat(*distances.values())])
+            found.append(Clearance(function, np.full(len(distances), margin), tuple(distances)))
+            first += robot.dof
+    return _together(found) if found else None
+
+
+def of_paths(clearance: Clearance) -> Clearance:
+    """With the bounds that paths keep."""
+    return replace(clearance, lower=np.asarray(clearance.lower) + _MORE)
+
+
+def of_trajectory(clearance: Clearance, least: Array) -> Clearance:
+    """With the bounds that a trajectory keeps near paths with these least distances (m,)."""
+    return replace(clearance, lower=np.minimum(clearance.lower, least - _LESS))
+
+
+def _together(parts: Sequence[Clearance]) -> Clearance:
+    if len(parts) == 1:
+        return parts[0]
+    q = ca.SX.sym("q", parts[0].dof)
+    function = ca.Function("distances", [q], [ca.vertcat(*(each.function(q) for each in parts))])
+    lower = np.concatenate([each.lower for each in parts])
+    return Clearance(function, lower, tuple(name for each in parts for name in each.names))
