@@ -1,0 +1,80 @@
+"""geodesic-ocp align, and retarget with a file that it wrote."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from six_joints import six_joints
+
+from geodesic_ocp.cli import main as cli
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Path:
+    """A URDF without geometry."""
+    file = tmp_path / "six.urdf"
+    file.write_text(six_joints())
+    return file
+
+
+def test_an_alignment_is_shown_written_and_shown_again_as_edited(
+    robot: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "six.json"
+    command = ["align", str(robot), "--hand", "flange"]
+    assert cli.main([*command, "--out", str(out)]) == 0
+    text = capsys.readouterr().out
+    for part in ("at (0.000, 0.000, 0.350) m", "along +z of flange", "bend", "assuming that"):
+        assert part in text
+    assert f"wrote {out}" in text
+    assert out.with_suffix(".png").stat().st_size > 10_000
+    record = json.loads(out.read_text())
+    assert any("where the axes of pan, lift meet" in note for note in record["notes"])
+    record["side"], record["shoulder"] = "left", [0.0, 0.1, 0.3]
+    out.write_text(json.dumps(record))
+    assert cli.main([*command, "--alignment", str(out)]) == 0
+    text = capsys.readouterr().out
+    assert f"read from {out}" in text
+    assert "at (0.000, 0.100, 0.300) m" in text
+
+
+def test_side_and_base_are_options(robot: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["align", str(robot), "--hand", "flange", "--side", "left", "--base", "floor"]
+    assert cli.main(command) == 0
+    text = capsys.readouterr().out
+    assert "mounted like a left shoulder" in text
+    assert "palm" in text
+    assert "wrote" not in text
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ([], "hand must name a frame"),
+        (["--hand", "nothing"], "hand 'nothing' is not a frame"),
+        (["--hand", "flange", "--base", "nothing"], "base 'nothing' is not a frame"),
+        (["--hand", "flange", "--out", "six.txt"], "--out: the file must end in .json"),
+        (["--hand", "flange", "--alignment", "none.json"], "none.json: there is no such file"),
+        (["--hand", "flange", "--alignment", "a.json", "--side", "left"], "--side has no effect"),
+    ],
+)
+def test_wrong_options_end_with_one_line(
+    options: list[str], message: str, robot: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["align", str(robot), *options]) == 2
+    captured = capsys.readouterr()
+    assert message in captured.err.splitlines()[-1]
+    assert captured.out == ""
+
+
+def test_retarget_names_options_that_do_not_fit(
+    robot: Path, bundled_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["retarget", str(bundled_file), "--side", "left", "--robot", str(robot)]
+    assert cli.main([*command, "--hand", "flange", "--hand", "flange"]) == 2
+    assert "--hand: one for each --robot, got flange, flange" in capsys.readouterr().err
+    missing = tmp_path / "none.json"
+    assert cli.main([*command, "--hand", "flange", "--alignment", str(missing)]) == 2
+    assert "none.json: there is no such file" in capsys.readouterr().err
