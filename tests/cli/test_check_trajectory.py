@@ -48,7 +48,7 @@ def test_a_good_trajectory_has_exit_code_zero(
     out = capsys.readouterr().out
     assert "turn.csv: 201 samples, 2 s, 100 Hz" in out
     assert "all conditions hold" in out
-    assert "jerk: default: full acceleration within 0.1 s" in out
+    assert "jerk: default: full acceleration within 0.05 s" in out
 
 
 @pytest.mark.parametrize("limit", ["0.9", "turn=0.9"])

@@ -42,16 +42,16 @@ def test_a_file_limits_speed_and_torque_and_defaults_follow(two: go.Model) -> No
     assert limits.velocity.tolist() == [0.5, np.inf]  # 1e10 rad/s is a placeholder
     assert limits.torque.tolist() == [200.0, np.inf]  # and so is a torque of zero
     assert limits.acceleration.tolist() == [2.0, np.inf]
-    assert limits.jerk.tolist() == [20.0, np.inf]
+    assert limits.jerk.tolist() == [40.0, np.inf]
     assert limits.sources["velocity"] == "file of the model (lift), not limited (turn)"
-    assert limits.sources["jerk"].startswith("default: full acceleration within 0.1 s (lift)")
+    assert limits.sources["jerk"].startswith("default: full acceleration within 0.05 s (lift)")
 
 
 def test_arguments_come_first_and_the_defaults_follow_them(two: go.Model) -> None:
     limits = joint_limits(two, velocity={"turn": 2.0}, acceleration=[1.0, 3.0], torque=7)
     assert limits.velocity.tolist() == [0.5, 2.0]
     assert limits.acceleration.tolist() == [1.0, 3.0]
-    assert limits.jerk.tolist() == [10.0, 30.0]
+    assert limits.jerk.tolist() == [20.0, 60.0]
     assert limits.torque.tolist() == [7.0, 7.0]
     assert limits.sources["acceleration"] == "given"
     assert np.isinf(joint_limits(two, velocity=np.inf).jerk).all()
@@ -115,5 +115,5 @@ def test_limits_of_different_shapes_or_signs_are_rejected() -> None:
 def test_the_table_names_joints_and_sources(two: go.Model) -> None:
     table = joint_limits(two).table(two)
     assert [row[0] for row in table.rows] == ["lift", "turn"]
-    assert table.rows[0][1:] == (0.5, 2.0, 20.0, 200.0)
+    assert table.rows[0][1:] == (0.5, 2.0, 40.0, 200.0)
     assert "velocity: file of the model (lift)" in table.note
