@@ -137,17 +137,15 @@ class ArmFunctions:
         units = (self.speed_unit, self.acceleration_unit, np.where(np.isfinite(jerk), jerk, 1.0))
         return np.stack([fraction[piece], *(unit[joint] for unit in units)], axis=1)
 
-    def hand_poses(self, knots: Indices, tolerance: tuple[float, float]) -> Block:
-        """Squared errors of the hand's position and orientation relative to the tolerance.
+    def hand_poses(self, knots: Indices) -> Block:
+        """Errors of the hand's position [m] and orientation, as a rotation vector [rad].
 
-        Parameters: rotation, columns first, and position.
+        Parameters: the intended rotation, columns first, and position.
         """
         q, p = ca.SX.sym("q", self.dof), ca.SX.sym("p", 12)
         rotation, position = self.arm.robot.hand_pose(q)
         turned = rotation_log(ca.reshape(p[:9], 3, 3).T @ rotation)
-        errors = ca.vertcat(
-            ca.sumsqr(position - p[9:]) / tolerance[0] ** 2, ca.sumsqr(turned) / tolerance[1] ** 2
-        )
+        errors = ca.vertcat(position - p[9:], turned)
         return Block(q, p, ca.SX(0), errors, self.indices(knots, 1))
 
     def end_speeds(self, knots: Indices) -> Block:

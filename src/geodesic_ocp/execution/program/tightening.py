@@ -14,7 +14,7 @@ from geodesic_ocp.execution.program.dense_check import TOLERANCE, ArmCheck, dist
 from geodesic_ocp.execution.program.joint_spline import JointSpline
 from geodesic_ocp.execution.program.watched import Watched, WatchedDistance
 
-_NEAR = {"velocity": 0.98, "position": 1.0 - 0.01, "jerk": 0.9}
+_NEAR = {"velocity": 0.98, "position": 1.0 - 0.01, "jerk": 0.5}
 _NEAR_TORQUE = 0.85
 _NEAR_DISTANCE = 0.01  # [m]
 _MORE, _ROUNDING = 1.2, 2e-6

@@ -112,7 +112,7 @@ class TrajectoryProgram:
             if self.watched.torques[k].size:
                 blocks.append(functions.torques(self.watched.torques[k]))
             if self.settings.tolerance is not None:
-                blocks.append(functions.hand_poses(course.at, self.settings.tolerance))
+                blocks.append(functions.hand_poses(course.at))
             if not self.settings.rest:
                 blocks.append(functions.end_speeds(np.array([0, knots.count])))
         for row in self.watched.distances:
@@ -143,7 +143,7 @@ class TrajectoryProgram:
         lower_g, upper_g = self._bounds_g(torque_shares)
         return self.solver(
             x0=np.clip(self.as_x(start), lower, upper),
-            p=self._parameters(references),
+            p=self._parameters(references, start.durations),
             lbx=lower,
             ubx=upper,
             lbg=lower_g,
@@ -227,9 +227,11 @@ class TrajectoryProgram:
                 of_arm.append((low, high))
             torques = torque_shares[k][self.watched.torques[k]][:, functions.limited_torques]
             of_arm.append((-torques, torques))
-            if not self._exact:
-                ones = np.ones(2 * course.at.size)
-                of_arm.append((-np.inf * ones, ones))
+            if self.settings.tolerance is not None:
+                # A box inside the ball: its sides are linear where the hand's position is.
+                box = np.repeat(self.settings.tolerance, 3) * (1.0 - INSIDE) / np.sqrt(3.0)
+                sides = np.tile(box, course.at.size)
+                of_arm.append((-sides, sides))
             lowers += [lower.ravel() for lower, _ in of_arm]
             uppers += [upper.ravel() for _, upper in of_arm]
         for row in self.watched.distances:
@@ -245,11 +247,12 @@ class TrajectoryProgram:
                 upper[first:last, : 2 * n if self._exact else n] = np.inf
         return -upper, upper
 
-    def _parameters(self, references: Sequence[Reference]) -> Array:
+    def _parameters(self, references: Sequence[Reference], durations: Array) -> Array:
+        """Of all blocks; integrals over time are by the trapezoidal rule for these durations."""
         knots, person = self.knots, self.knots.person
         total = float(person.sum())
-        steps = person[knots.interval] * knots.fraction
-        shares = np.convolve(steps, [0.5, 0.5]) / total  # of the knots, by the trapezoidal rule
+        steps = durations[knots.interval] * knots.fraction
+        shares = np.convolve(steps, [0.5, 0.5]) / total
         uneven = _UNEVEN / (total * (person + _SHORT))
         parts = [np.stack([person, np.full(person.size, 1.0 / total), uneven], axis=1).ravel()]
         jerk = _JERK * _JERK_TIME**2 / (total * steps)
