@@ -45,11 +45,10 @@ class StackedPath:
     def torque(self, q: Array, v: Array, a: Array) -> Array:
         """Inverse dynamics of all arms (N,) [N m or N]."""
         ends = np.cumsum([arm.robot.dof for arm in self.arms])[:-1]
-        parts = zip(*(np.split(np.asarray(each), ends) for each in (q, v, a)), strict=True)
-        forces = [
-            arm.robot.inverse_dynamics(*part, arm.gravity)
-            for arm, part in zip(self.arms, parts, strict=True)
-        ]
+        forces = []
+        for k, arm in enumerate(self.arms):
+            own_q, own_v, own_a = (np.split(np.asarray(each), ends)[k] for each in (q, v, a))
+            forces.append(arm.robot.inverse_dynamics(own_q, own_v, own_a, arm.gravity))
         return np.concatenate(forces)
 
     def sampled(
@@ -107,7 +106,7 @@ def junction_times(arms: Sequence[ArmPaths], points: int) -> Array:
     """Times of the recording [s], `points` even steps between successive junctions of any arm."""
     edges = np.unique(np.concatenate([arm.edges for arm in arms]))
     count = points * (edges.size - 1) + 1
-    return np.interp(np.arange(count) / points, np.arange(edges.size), edges)
+    return np.asarray(np.interp(np.arange(count) / points, np.arange(edges.size), edges))
 
 
 def configurations(arm: ArmPaths, instants: Array) -> Array:
