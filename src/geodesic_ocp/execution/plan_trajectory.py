@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,14 +13,14 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.clearance_constraint import Clearance
 from geodesic_ocp.execution.planned_trajectory import PlannedTrajectory, path_deviations
-from geodesic_ocp.execution.program.dense_check import distances
+from geodesic_ocp.execution.program.dense_check import TOLERANCE, distances
+from geodesic_ocp.execution.program.reference import path_ends
 from geodesic_ocp.execution.program.rounds import solve_in_rounds
 from geodesic_ocp.execution.program.settings import TrajectorySettings
 from geodesic_ocp.progress import Progress, no_progress
 
 _MEET = 1e-6  # [rad or m]; successive paths meet, and begin within the limits, up to this
 _SAME = 1e-6  # [s]
-_SAMPLES = 21  # of every piece, for the least distances
 
 
 def plan_trajectory(
@@ -64,14 +65,11 @@ def plan_trajectory(
         bool(rest), _checked_tolerance(tolerance), as_positive("deviation_weight", deviation_weight)
     )
     _check(arms)
-    dof = sum(arm.robot.dof for arm in arms)
-    for clearance in clearances:
-        if clearance.dof != dof:
-            raise ValueError(
-                f"clearances must be functions of the {dof} joints of all arms, got {clearance!r}"
-            )
+    possible, hopeless = _attainable(arms, clearances, settings)
+    if throw and hopeless:
+        raise NotConverged(f"no trajectory keeps the distances: {hopeless}")
     found = solve_in_rounds(
-        arms, settings, clearances, lambda number: progress("trajectory", number, 0)
+        arms, settings, possible, lambda number: progress("trajectory", number, 0)
     )
     times = found.knots.times(found.iterate.durations)
     robot_edges = times[found.knots.at_edges]
@@ -87,11 +85,10 @@ def plan_trajectory(
         usage=tuple(check.shares for check in found.checks),
         path_deviation=deviations,
         least_distances=tuple(
-            distances(clearance, found.splines, _SAMPLES).min(axis=(0, 1))
-            for clearance in clearances
+            distances(clearance, found.splines).min(axis=(0, 1)) for clearance in clearances
         ),
-        success=found.success,
-        status=found.status,
+        success=found.success and not hopeless,
+        status=hopeless or found.status,
         iterations=found.iterations,
         seconds=time.perf_counter() - begin,
         rest=settings.rest,
@@ -111,6 +108,48 @@ def _checked_tolerance(tolerance: tuple[float, float] | None) -> tuple[float, fl
             f"tolerance must be a distance [m] and an angle [rad], or None, got {tolerance!r}"
         ) from None
     return as_positive("tolerance", position, "m"), as_positive("tolerance", angle, "rad")
+
+
+def _attainable(
+    arms: tuple[ArmPaths, ...], clearances: tuple[Clearance, ...], settings: TrajectorySettings
+) -> tuple[tuple[Clearance, ...], str]:
+    """Clearances without the distances that given configurations violate, and a sentence on these.
+
+    Raises:
+        ValueError: a clearance is a function of another number of joints.
+    """
+    dof = sum(arm.robot.dof for arm in arms)
+    for clearance in clearances:
+        if clearance.dof != dof:
+            raise ValueError(
+                f"clearances must be functions of the {dof} joints of all arms, got {clearance!r}"
+            )
+    if settings.tolerance is not None:
+        return clearances, ""
+    # Configurations of all arms are given together only where paths of all of them end.
+    shared = [
+        instant
+        for instant in arms[0].edges
+        if all(np.abs(arm.edges - instant).min() <= _SAME for arm in arms)
+    ]
+    attainable, sentence = [], ""
+    for clearance in clearances:
+        lower = clearance.lower.copy()
+        for instant in shared:
+            q = np.concatenate(
+                [path_ends(arm)[int(np.abs(arm.edges - instant).argmin())] for arm in arms]
+            )
+            lack = clearance.lower - clearance.function(q).full()[:, 0]
+            worst = int(lack.argmax())
+            if lack[worst] > TOLERANCE and not sentence:
+                sentence = (
+                    f"{clearance.names[worst]} is {clearance.lower[worst] - lack[worst]:.3g} m at "
+                    f"{instant:.4g} s, where the paths fix the configuration, and has to be "
+                    f"{clearance.lower[worst]:.3g} m"
+                )
+            lower[lack > TOLERANCE] = -np.inf
+        attainable.append(replace(clearance, lower=lower))
+    return tuple(attainable), sentence
 
 
 def _check(arms: tuple[ArmPaths, ...]) -> None:
@@ -150,7 +189,7 @@ def _check_junctions(name: str, arm: ArmPaths) -> None:
     for number, path in enumerate(arm.paths):
         if path.metric.dim != robot.dof:
             raise ValueError(f"{name}.paths[{number}] is not a path of {robot.dof} joints")
-    ends = np.array([*(path(0.0) for path in arm.paths), arm.paths[-1](1.0)])
+    ends = path_ends(arm)
     for number, path in enumerate(arm.paths[:-1]):
         gap = float(np.abs(path(1.0) - ends[number + 1]).max())
         if gap > _MEET:

@@ -16,7 +16,7 @@ from geodesic_ocp.execution.limit_shares import LimitShares
 from geodesic_ocp.execution.program.joint_spline import JointSpline
 
 TOLERANCE = 1e-6  # of limits, relative, or [rad or m] of positions and distances
-_SAMPLES = 21  # of every piece, both ends included
+_SAMPLES, _FEW = 21, 7  # of every piece, both ends included, for torques and for distances
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,9 +80,9 @@ class ArmCheck:
         return float(excess[kind][joint]), name
 
 
-def distances(clearance: Clearance, splines: Sequence[JointSpline], samples: int) -> Array:
+def distances(clearance: Clearance, splines: Sequence[JointSpline]) -> Array:
     """Distances at evenly spaced times in every piece, (pieces, samples, m) [m]."""
-    times = splines[0].within_pieces(samples)
+    times = splines[0].within_pieces(_FEW)
     q = np.hstack([spline(times.ravel())[0] for spline in splines])
     function: ca.Function = clearance.function
     found = function.map(len(q))(q.T).full().T

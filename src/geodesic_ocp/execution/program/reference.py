@@ -72,8 +72,7 @@ class Course:
     @cached_property
     def junctions(self) -> Array:
         """Configurations at the ends of the paths (k + 1, n)."""
-        paths = self.arm.paths
-        return np.array([*(path(0.0) for path in paths), paths[-1](1.0)])
+        return path_ends(self.arm)
 
     def as_recorded(self, rest: bool, stops: bool = False) -> Reference:
         """The paths with smooth progress in the recording's time, slowed down in their corners.
@@ -150,6 +149,11 @@ class Course:
             product = float(incoming @ metric @ outgoing)
             found.append(max(product / norm, 0.0) if norm > 0.0 else 0.0)
         return np.array(found)
+
+
+def path_ends(arm: ArmPaths) -> Array:
+    """Configurations at the ends of an arm's k paths (k + 1, n)."""
+    return np.array([*(path(0.0) for path in arm.paths), arm.paths[-1](1.0)])
 
 
 def _rests(nodes: Array) -> bool:

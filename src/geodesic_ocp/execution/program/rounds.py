@@ -89,12 +89,12 @@ def _from_start(
     references = [course.as_recorded(settings.rest, stops) for course in program.courses]
     durations = stretched(references, program.functions, knots, settings.rest)
     knots = Knots.spaced(edges, durations)
+    program = TrajectoryProgram(arms, knots, settings, nothing)
     tightening = Tightening(
         nothing,
         tuple(np.full((knots.count + 1, arm.robot.dof), 1.0 - INSIDE) for arm in arms),
-        tuple(np.tile(each.lower + INSIDE, (knots.count + 1, 1)) for each in clearances),
+        tuple(np.where(program.fixed_knots[:, None], -np.inf, each.lower) for each in clearances),
     )
-    program = TrajectoryProgram(arms, knots, settings, nothing)
     references = [course.as_recorded(settings.rest, stops) for course in program.courses]
     iterate = through(references, knots, more * durations, settings.rest)
     iterations, success, worst, excess = 0, False, "", np.inf

@@ -18,7 +18,6 @@ _NEAR = {"velocity": 0.98, "position": 1.0 - 0.01, "jerk": 0.5}
 _NEAR_TORQUE = 0.85
 _NEAR_DISTANCE = 0.01  # [m]
 _MORE, _ROUNDING = 1.2, 2e-6
-_SAMPLES = 5  # of a piece, for distances
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +55,7 @@ class Tightening:
             shares.append(share)
         watched, lower = list(self.watched.distances), []
         for clearance, bounds in zip(clearances, self.lower, strict=True):
-            found = distances(clearance, splines, _SAMPLES)
+            found = distances(clearance, splines)
             lack = (clearance.lower - found).max(axis=(0, 1))
             if lack.max() > worst[0]:
                 worst = float(lack.max()), f"the distance {clearance.names[int(lack.argmax())]}"

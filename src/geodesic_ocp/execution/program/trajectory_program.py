@@ -14,6 +14,7 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.execution.arm_paths import ArmPaths
@@ -211,6 +212,14 @@ class TrajectoryProgram:
             lowers.append(lower.ravel())
             uppers.append(upper.ravel())
         return np.concatenate(lowers), np.concatenate(uppers)
+
+    @cached_property
+    def fixed_knots(self) -> NDArray[np.bool_]:
+        """Knots at which the configuration of every arm is given, (knots,)."""
+        lower, upper = (self.iterate(bound) for bound in self.bounds)
+        pairs = zip(lower.positions, upper.positions, strict=True)
+        fixed = [np.all(low == high, axis=1) for low, high in pairs]
+        return np.asarray(np.all(fixed, axis=0))
 
     def _bounds_g(self, torque_shares: Sequence[Array]) -> tuple[Array, Array]:
         lowers: list[Array] = []
