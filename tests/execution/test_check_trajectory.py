@@ -288,6 +288,16 @@ def test_distances_to_be_kept_are_checked(arm: go.Model, rate: float) -> None:
         check_trajectory(both, [arm, arm], clearance=kept)
 
 
+@pytest.mark.parametrize("count", [1, 2])
+def test_trajectories_of_one_or_two_samples(arm: go.Model, count: int) -> None:
+    still = np.zeros((count, 2))
+    check = check_trajectory(
+        JointTrajectory(np.arange(count) / 100, still, still, still, ("shoulder", "elbow")), arm
+    )
+    assert check.violations == (("the trajectory has one sample only",) if count == 1 else ())
+    assert "torque" in str(check)
+
+
 def test_files_with_six_digits_pass(arm: go.Model) -> None:
     one = swing(1000.0)
     rounded = replace(

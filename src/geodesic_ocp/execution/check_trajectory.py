@@ -82,8 +82,8 @@ def check_trajectory(
     if slack < 0.0:
         raise ValueError(f"tolerance must not be negative, got {tolerance!r}")
     sentences = [*time_faults(trajectory, uniform)]
-    consistency = {}
-    if np.all(np.diff(trajectory.time) > 0.0):
+    consistency: dict[str, Array] = {}
+    if len(trajectory.time) > 1 and np.all(np.diff(trajectory.time) > 0.0):
         found = sample_consistency(trajectory)
         sentences += contradictions(trajectory, found)
         consistency = {"velocity": found.shares()[0], "acceleration": found.shares()[1]}
