@@ -24,6 +24,7 @@ import numpy as np
 
 import geodesic_ocp as go
 from geodesic_ocp.execution.check_trajectory import check_trajectory
+from geodesic_ocp.execution.clearance.trajectory_clearance import trajectory_clearance
 from geodesic_ocp.execution.tracking.motion_measures import MotionMeasures
 from geodesic_ocp.retargeting.equal_limits import compare_under_equal_limits
 from geodesic_ocp.table import Table
@@ -94,8 +95,8 @@ def main() -> None:
                 traceback.print_exc()
                 row["failure"] = f"{type(error).__name__}: {error}"
             rows.append(row)
-            shown = " | ".join(f"{row.get(key, '')!s:.8}" for key in COLUMNS if key != "failure")
-            print(f"{shown} {row['failure']}", file=sys.stderr, flush=True)
+            (shown,) = Table(tuple(row), (tuple(row.values()),)).shown()[1:]
+            print(" | ".join(shown), file=sys.stderr, flush=True)
     text = "\n".join(table.markdown() for table in _tables(rows, compared))
     print(text)
     if options.out:
@@ -132,12 +133,11 @@ def _run(
     compared: list[dict[str, MotionMeasures]],
 ) -> dict[str, Any]:
     """One row of the table; measures are added to `compared`."""
-    robot = go.load_model(name)
     begin = time.perf_counter()
-    found = go.retarget(analysis, robot, tolerance=options.tolerance, throw=False)
+    found = go.retarget(analysis, go.load_model(name), tolerance=options.tolerance, throw=False)
     row: dict[str, Any] = {"seconds": time.perf_counter() - begin}
     (arm,), planned = found.arms, found.planned
-    limits, gravity = planned.arms[0].limits, planned.arms[0].gravity
+    robot, limits, gravity = arm.robot, arm.limits, arm.gravity
     targeted = [
         transfer
         for transfer, group in zip(arm.transfers, arm.groups, strict=True)
@@ -159,7 +159,6 @@ def _run(
         "worst_ratio": float(durations.max()),
         "acceleration": float(checked.largest["acceleration"].max()),
         "deviation": max((each.hand for each in deviations), default=0.0),
-        "clearance": np.nan if checked.clearance is None else checked.clearance,
     }
     for kind in ("velocity", "acceleration", "jerk", "torque"):
         row[f"{kind}_share"] = float(getattr(shares, kind).max())
@@ -179,6 +178,8 @@ def _run(
         ours, theirs, *_ = measures.values()
         row["action_ratio"] = ours.action / theirs.action
         row |= _replayed(found.trajectory, robot, limits, gravity)
+        least = trajectory_clearance(robot, found.trajectory).least
+        row["clearance"] = np.nan if least is None else least
     return row
 
 
@@ -206,9 +207,14 @@ def _outside(model: go.Model, path: Any) -> float:
 
 def _tables(rows: list[dict[str, Any]], compared: list[dict[str, MotionMeasures]]) -> list[Table]:
     keys = [key for key in COLUMNS if any(row.get(key, "") != "" for row in rows)]
-    shown = tuple(tuple(row.get(key, "-") for key in keys) for row in rows)
+    shown = tuple(tuple(_entry(row.get(key)) for key in keys) for row in rows)
     tables = [Table(tuple(COLUMNS[key] for key in keys), shown), _summary(rows)]
     return [*tables, _against(compared)] if compared else tables
+
+
+def _entry(value: Any) -> Any:
+    """Text or a number of a table."""
+    return "-" if value is None or value == "" or value != value else value
 
 
 def _summary(rows: list[dict[str, Any]]) -> Table:
