@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
@@ -15,11 +15,11 @@ from geodesic_ocp.execution.clearance_constraint import Clearance
 
 @dataclass(frozen=True, eq=False)
 class DistanceRows:
-    """Some distances at some instants.
+    """Some distances at some instants, in the order of the distances.
 
     Attributes:
         clearance: all distances.
-        index: which of them, (k,).
+        index: which of them (k,), in increasing order.
         places: for each of the k, the matrix (N, size) from the program's variables to the joints
             of all arms at that instant.
     """
@@ -33,32 +33,63 @@ class DistanceRows:
         """Least distances (k,)."""
         return np.asarray(self.clearance.lower)[list(self.index)]
 
+    @cached_property
+    def _place(self) -> ca.DM:
+        """All places (k N, size), one after the other."""
+        return ca.vertcat(*self.places)
+
+    def _joints(self, x: ca.MX | ca.DM) -> ca.MX | ca.DM:
+        """All joints at the k instants, (N, k)."""
+        return ca.reshape(self._place @ x, self.clearance.dof, len(self.index))
+
+    def _groups(self) -> Iterator[tuple[int, slice]]:
+        """Each distance with its columns among the k."""
+        numbers, starts = np.unique(self.index, return_index=True)
+        ends = [*starts[1:].tolist(), len(self.index)]
+        for number, start, end in zip(numbers.tolist(), starts.tolist(), ends, strict=True):
+            yield number, slice(start, end)
+
+    def missing(self, x: Array) -> Array:
+        """What the distances at the variables x (size,) lack to their bounds (k,)."""
+        q = self._joints(ca.DM(x))
+        found = [
+            self.clearance.row(number).map(here.stop - here.start)(q[:, here])
+            for number, here in self._groups()
+        ]
+        distances = ca.horzcat(*found).full()[0]
+        return np.asarray(np.maximum(self.lower - distances, 0.0))
+
     def values(self, x: ca.MX) -> tuple[ca.MX, ca.MX]:
         """Distances (k, 1) and their Jacobian (k, size) at the variables x."""
-        values, rows = [], []
-        for number, place in zip(self.index, self.places, strict=True):
-            value, slope = _first(self.clearance, number)(place @ x)
+        q, values, slopes = self._joints(x), [], []
+        for number, here in self._groups():
+            value, slope = _first(self.clearance, number).map(here.stop - here.start)(q[:, here])
             values.append(value)
-            rows.append(slope @ place)
-        return ca.vertcat(*values), ca.vertcat(*rows)
+            slopes.append(slope)
+        rows = ca.diagcat(*ca.horzsplit(ca.horzcat(*slopes), self.clearance.dof))
+        return ca.horzcat(*values).T, rows @ self._place
 
     def hessian(self, x: ca.MX, factors: ca.MX) -> ca.MX:
         """Hessian (size, size) of factors' distances."""
-        total = ca.MX(x.shape[0], x.shape[0])
-        for k, (number, place) in enumerate(zip(self.index, self.places, strict=True)):
-            total += place.T @ (_second(self.clearance, number)(place @ x) * factors[k]) @ place
-        return total
+        q, blocks = self._joints(x), []
+        for number, here in self._groups():
+            count = here.stop - here.start
+            found = _second(self.clearance, number).map(count)(q[:, here], factors[here].T)
+            blocks.append(found)
+        middle = ca.diagcat(*ca.horzsplit(ca.horzcat(*blocks), self.clearance.dof))
+        return self._place.T @ middle @ self._place
 
 
 @lru_cache(maxsize=256)
 def _first(clearance: Clearance, number: int) -> ca.Function:
     q = ca.SX.sym("q", clearance.dof)
     distance = clearance.row(number)(q)
-    return ca.Function("first", [q], ca.cse([distance, ca.jacobian(distance, q)]))
+    slope = ca.densify(ca.jacobian(distance, q))
+    return ca.Function("first", [q], ca.cse([distance, slope]))
 
 
 @lru_cache(maxsize=256)
 def _second(clearance: Clearance, number: int) -> ca.Function:
-    q = ca.SX.sym("q", clearance.dof)
-    hessian, _ = ca.hessian(clearance.row(number)(q), q)
-    return ca.Function("second", [q], [ca.cse(hessian)])
+    q, factor = ca.SX.sym("q", clearance.dof), ca.SX.sym("factor")
+    hessian, _ = ca.hessian(factor * clearance.row(number)(q), q)
+    return ca.Function("second", [q, factor], [ca.cse(ca.densify(hessian))])

@@ -6,7 +6,9 @@ plus terms of posture and likeness (`Terms`). Variables are the positions at the
 so that the configurations where they meet are shared, and the relative time added to each interval
 between two instants at which a movement of any arm begins or ends. The hand's poses at the
 waypoints are equalities, or squared errors where they are out of reach; joint limits are bounds;
-mean speeds within limits are linear inequalities.
+mean speeds within limits are linear inequalities. Distances that are too small enter as
+inequalities with slack variables, whose sum has a large weight (an exact penalty; Fletcher 1987),
+as the pose at a waypoint may not allow them.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ from geodesic_ocp.retargeting.program.sparse import Index, blocks_on_diagonal, p
 from geodesic_ocp.retargeting.program.terms import Terms
 
 _IPOPT: Mapping[str, Any] = {"tol": 1e-7, "gamma_theta": 0.9, "max_soc": 0, "mu_init": 1e-2}
+_TOO_NEAR = 300.0  # weight of a distance below its bound [1/m]
 _NEAR: Mapping[str, Any] = {
     **_IPOPT,
     **{"mu_init": 1e-5, "bound_push": 1e-7, "bound_frac": 1e-7},
@@ -57,7 +60,12 @@ class MotionProgram:
 
     @property
     def size(self) -> int:
-        """Number of variables."""
+        """Number of variables: nodes, added times, slack of the distances."""
+        return self.size_of_paths + (0 if self.distances is None else len(self.distances.index))
+
+    @property
+    def size_of_paths(self) -> int:
+        """Number of variables without the slack."""
         return self.offsets[-1] + len(self.edges) - 1
 
     def shares(self, part: ArmPart) -> list[Array]:
@@ -107,6 +115,8 @@ class MotionProgram:
     def _objective(self, x: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
         """The objective as CasADi can differentiate it, the same by other means, its gradient."""
         longer = ca.DM(self.terms.stretch * np.diff(self.edges) / self.terms.duration)
+        slack = np.full(self.size - self.size_of_paths, _TOO_NEAR)
+        longer = ca.vertcat(longer, slack)
         added = ca.dot(longer, x[self.offsets[-1] :])
         value, f, slopes, at_waypoints = added, added, [], ca.MX(self.size, 1)
         for number, (part, first) in enumerate(zip(self.parts, self.offsets[:-1], strict=True)):
@@ -140,13 +150,15 @@ class MotionProgram:
             shape = count * starts.size, self.size
             slopes.append(placed(shape, rows, columns, ca.vec(jacobians)))
         by_nodes, by_time = self._speed_rows
-        both = ca.horzcat(by_nodes, -by_time)
+        slack = self.size - self.size_of_paths
+        both = ca.horzcat(by_nodes, -by_time, ca.DM(by_nodes.shape[0], slack))
         values.append(both @ x)
         slopes.append(ca.MX(both))
         if self.distances is not None:
             distances, jacobian = self.distances.values(x)
-            values.append(distances)
-            slopes.append(jacobian)
+            values.append(distances + x[self.size_of_paths :])
+            units = ca.horzcat(ca.DM(slack, self.size_of_paths), ca.DM.eye(slack))
+            slopes.append(jacobian + units)
         return ca.vertcat(*values), ca.vertcat(*slopes)
 
     def _hessian(self, x: ca.MX, lam_f: ca.MX, lam_g: ca.MX) -> ca.MX:
@@ -165,7 +177,7 @@ class MotionProgram:
             blocks = part.functions.second.map(count)(q, parameters, factors, factor)
             blocks = ca.reshape(blocks, part.dof**2, count)
             total += blocks_on_diagonal(shape, starts, part.dof, blocks)
-        added = len(self.edges) - 1
+        added = self.size - self.offsets[-1]
         total += ca.diagcat(*of_paths, ca.MX(added, added))
         if self.distances is not None:
             factors = lam_g[used + self._speed_rows[0].shape[0] :]
@@ -175,7 +187,7 @@ class MotionProgram:
     def bounds(self) -> dict[str, Array]:
         """Of the variables and of the constraints."""
         low, high = zip(*(part.bounds() for part in self.parts), strict=True)
-        count = len(self.edges) - 1
+        count = self.size - self.offsets[-1]
         lower, upper = [], []
         for part in self.parts:
             rows, given = len(part.waypoints.rows), part.waypoints
@@ -203,7 +215,10 @@ class MotionProgram:
             if needed.size:
                 late = np.where(shares > 0.0, np.maximum(needed, 0.0)[:, None], 0.0)
                 sigma = late.max(axis=0, initial=0.0)
-        return np.concatenate([x, sigma])
+        slack = np.zeros(self.size - self.size_of_paths)
+        if self.distances is not None:
+            slack = self.distances.missing(np.concatenate([x, sigma, slack]))
+        return np.concatenate([x, sigma, slack])
 
     def solve(self, start: Array, near: bool = False) -> Outcome:
         """Ipopt's result from a start; `near` tells that it is nearly a solution."""
@@ -218,4 +233,4 @@ class MotionProgram:
             x[first : first + part.size].reshape(-1, part.dof)
             for part, first in zip(self.parts, offsets[:-1], strict=True)
         ]
-        return nodes, np.maximum(x[offsets[-1] :], 0.0)
+        return nodes, np.maximum(x[offsets[-1] : self.size_of_paths], 0.0)

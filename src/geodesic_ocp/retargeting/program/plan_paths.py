@@ -190,7 +190,8 @@ def _program(
     program = MotionProgram(parts, edges, terms)
     if clearance is None or not rows:
         return program
-    places = [place_at(parts, program.size, time) for _, time in rows]
+    size = program.size + len(rows)  # with the slack
+    places = [place_at(parts, size, time) for _, time in rows]
     index = [number for number, _ in rows]
     return replace(program, distances=DistanceRows(clearance, index, places))
 
@@ -247,12 +248,17 @@ def _distances(clearance: Clearance, iterate: _Iterate) -> tuple[Array, Array]:
 
 
 def _too_near(clearance: Clearance, iterate: _Iterate) -> set[tuple[int, float]]:
-    """Distances and instants that are to enter the program."""
+    """Distances and instants that are to enter the program: where they are least, and around."""
     instants, excess = _distances(clearance, iterate)
-    steps, numbers = np.nonzero(excess < -_ROUNDING)
-    return {
-        (int(number), float(instants[step])) for step, number in zip(steps, numbers, strict=True)
-    }
+    chosen = set()
+    for number in np.flatnonzero(excess.min(axis=0) < -_ROUNDING):
+        values = excess[:, number]
+        padded = np.concatenate([[np.inf], values, [np.inf]])
+        lowest = (values <= padded[:-2]) & (values <= padded[2:]) & (values < -_ROUNDING)
+        for step in np.flatnonzero(lowest):
+            for near in range(max(step - 1, 0), min(step + 2, len(instants))):
+                chosen.add((int(number), float(instants[near])))
+    return chosen
 
 
 def _least(

@@ -26,7 +26,7 @@ from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
 
 _ROUNDS = 3  # of new candidates around those chosen
 _FAR = 0.25  # of the arm's length
-_TOO_NEAR = 10.0  # cost of a configuration with links closer than their bounds
+_TOO_NEAR = 100.0  # cost of links closer than their bounds [1/m]
 _SPREAD, _AROUND = 0.3, 12  # [rad or m]; number of starts around each
 
 
@@ -121,7 +121,7 @@ def _best(
     if distances is not None:
         for costs, layer in zip(nodes, layers, strict=True):
             least = distances.map(len(layer.q))(layer.q.T).full().min(axis=0)
-            costs += np.where(least < 0.0, _TOO_NEAR - least, 0.0)
+            costs += _TOO_NEAR * np.maximum(-least, 0.0)
     edges = partial(_edge_costs, waypoints, terms, layers, matrices)
     chosen, cost = shortest_path(nodes, edges)
     q = np.array([layer.q[index] for layer, index in zip(layers, chosen, strict=True)])
