@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import casadi as ca
@@ -17,11 +18,14 @@ class Clearance:
         function: distances (m,) [m] at the configuration (N,) of all arms, one after the other.
         lower: smallest distances allowed (m,) [m].
         names: of the distances, such as "panda_link2 to panda_link5".
+        exact: distance [m] of the exact geometry, 0 where it overlaps, at a configuration (N,) for
+            the distance of an index; None if it is not known.
     """
 
     function: ca.Function
     lower: Array
     names: tuple[str, ...]
+    exact: Callable[[Array, int], float] | None = None
     _rows: dict[int, ca.Function] = field(default_factory=dict, init=False)
 
     def __repr__(self) -> str:

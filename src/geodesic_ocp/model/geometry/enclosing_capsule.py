@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.primitives import Capsule
+from geodesic_ocp.model.primitives import Capsule, Point
 
 _FLAT = 1e-12  # [m]
 _MAX_EVALUATIONS = 4000
@@ -25,10 +27,17 @@ def enclosing_capsule(points: ArrayLike, link: str | None = None, name: str = ""
     cloud = np.array(points, dtype=float)
     if cloud.ndim != 2 or cloud.shape[1] != 3 or not len(cloud) or not np.isfinite(cloud).all():
         raise ValueError(f"points must be finite, of shape (k, 3), got {cloud.shape}")
-    size = float(np.ptp(cloud, axis=0).max())
-    if size <= _FLAT:
+    if float(np.ptp(cloud, axis=0).max()) <= _FLAT:
         raise ValueError("points must not all coincide")
-    cloud = _hull_vertices(cloud)
+    start, end, radius = _fitted(hull_vertices(cloud).tobytes())
+    return Capsule(start, end, radius, link, name)
+
+
+@lru_cache(maxsize=4096)  # a robot is often loaded several times
+def _fitted(vertices: bytes) -> tuple[Point, Point, float]:
+    """End points and radius [m] of a capsule around the vertices (k, 3)."""
+    cloud = np.frombuffer(vertices).reshape(-1, 3)
+    size = float(np.ptp(cloud, axis=0).max())
     principal = np.linalg.svd(cloud - cloud.mean(axis=0), full_matrices=True)[2]
     fits = [_segment_along(cloud, axis) for axis in (*np.eye(3), *principal)]
     best = min(fits, key=lambda ends: _volume(ends, cloud))
@@ -42,7 +51,7 @@ def enclosing_capsule(points: ArrayLike, link: str | None = None, name: str = ""
     start, end = ends.reshape(2, 3)
     # Slightly larger, so that rounding leaves no point outside.
     radius = float(distances_to_segment(cloud, start, end).max()) + 1e-9 * size
-    return Capsule(tuple(start), tuple(end), radius, link, name)
+    return tuple(start.tolist()), tuple(end.tolist()), radius
 
 
 def distances_to_segment(points: Array, start: Array, end: Array) -> Array:
@@ -53,7 +62,8 @@ def distances_to_segment(points: Array, start: Array, end: Array) -> Array:
     return np.asarray(np.linalg.norm(points - nearest, axis=1))
 
 
-def _hull_vertices(cloud: Array) -> Array:
+def hull_vertices(cloud: Array) -> Array:
+    """The points (k, 3) at the corners of the convex hull of points."""
     try:
         return np.asarray(cloud[scipy.spatial.ConvexHull(cloud).vertices])
     except scipy.spatial.QhullError:  # flat, or fewer than four points

@@ -43,6 +43,15 @@ class LinkGeometry:
         Raises:
             ValueError: a mesh is missing or cannot be read.
         """
+        geometry, capsules = self.collision()
+        return (*_bodies(self.pin, geometry, self.name), *capsules)
+
+    def collision(self) -> tuple[pin.GeometryModel, tuple[Body, ...]]:
+        """Collision geometry of the links, and the capsules of a URDF, which Pinocchio cannot read.
+
+        Raises:
+            ValueError: a mesh is missing or cannot be read.
+        """
         self._check()
         try:
             geometry = self._geometry()
@@ -51,7 +60,7 @@ class LinkGeometry:
             raise ValueError(
                 f"{self.name}: its collision geometry cannot be read: {reason}"
             ) from None
-        return (*_bodies(self.pin, geometry, self.name), *self._capsules())
+        return geometry, tuple(self._capsules())
 
     def visual(self) -> tuple[pin.GeometryModel, tuple[Body, ...]]:
         """Visual geometry of the links, and the capsules of a URDF, which Pinocchio cannot read.
@@ -127,7 +136,7 @@ def _bodies(model: pin.Model, geometry: pin.GeometryModel, name: str) -> Iterato
             ends = tuple(at_link.translation - along), tuple(at_link.translation + along)
             yield Capsule(*ends, float(shape.geometry.radius), link)
         elif kind not in ("Halfspace", "Plane"):  # a floor, not a link
-            points = _points(shape.geometry, kind)
+            points = points_of(shape.geometry)
             if points is None:
                 raise ValueError(
                     f"{name}: the collision geometry of {link!r} is a {kind}, which cannot be "
@@ -137,8 +146,9 @@ def _bodies(model: pin.Model, geometry: pin.GeometryModel, name: str) -> Iterato
             yield enclosing_capsule(placed, link)
 
 
-def _points(shape: Any, kind: str) -> Array | None:
-    """Points (k, 3) whose convex hull contains the shape; None for an unknown shape."""
+def points_of(shape: Any) -> Array | None:
+    """Points (k, 3) whose convex hull contains a shape of coal; None for an unknown shape."""
+    kind = type(shape).__name__
     if kind == "Box":
         return np.asarray(_cube((-1.0, 1.0)) * np.array(shape.halfSide))
     if kind in ("Cylinder", "Cone"):

@@ -172,7 +172,7 @@ def _distances(model: Model, q: ca.SX, body: Body, obstacle: Obstacle) -> list[c
     one, radius = _segment(model, q, body), body.radius
     if isinstance(obstacle, HalfSpace):
         # Both ends, as the minimum of the two would not be smooth.
-        ends = [one.start] if one.is_point else [one.start, one.start + one.along]
+        ends = [one.start] if one.is_point else [one.start, one.end]
         normal, point = ca.DM(obstacle.normal), ca.SX(obstacle.point)
         return [ca.dot(normal, end - point) - radius for end in ends]
     distance = segment_distance(one, _segment(model, q, obstacle))
@@ -181,10 +181,18 @@ def _distances(model: Model, q: ca.SX, body: Body, obstacle: Obstacle) -> list[c
 
 def _segment(model: Model, q: ca.SX, body: Body) -> LineSegment:
     capsule = as_capsule(body)
+    if capsule.link is None:
+        return line_segment(capsule)
+    return line_segment(capsule, *model.frame_pose(capsule.link, q))
+
+
+def line_segment(
+    capsule: Capsule, rotation: ca.SX | None = None, position: ca.SX | None = None
+) -> LineSegment:
+    """The segment of a capsule, moved by a rotation (3, 3) and a translation (3, 1) [m]."""
     start, along = ca.SX(capsule.start), ca.SX(capsule.end) - ca.SX(capsule.start)
     square = ca.sumsqr(along)  # a simpler expression before the rotation
-    if capsule.link is not None:
-        rotation, position = model.frame_pose(capsule.link, q)
+    if rotation is not None and position is not None:
         start, along = position + rotation @ start, rotation @ along
     return LineSegment(start, along, square, bool(square.is_zero()))
 
@@ -197,6 +205,11 @@ class LineSegment:
     along: ca.SX
     square: ca.SX
     is_point: bool
+
+    @property
+    def end(self) -> ca.SX:
+        """Its end (3, 1)."""
+        return self.start + self.along
 
 
 def segment_distance(one: LineSegment, other: LineSegment) -> ca.SX:

@@ -1,0 +1,1 @@
+"""Clearance of links from each other: pairs, constraints, exact distances."""

@@ -1,0 +1,123 @@
+"""Exact distances between the links of robots over a trajectory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.execution.clearance.clearance_report import ClearanceReport, ClosestApproach
+from geodesic_ocp.execution.clearance.link_pairs import LinkPairs, link_pairs
+from geodesic_ocp.execution.clearance.placed_solids import PlacedSolid
+from geodesic_ocp.execution.clearance.sampled_distances import capsule_distances, pose_at
+from geodesic_ocp.model.geometry.exact_distances import exact_distance
+from geodesic_ocp.model.geometry.link_solids import Pose
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
+
+_SHOWN = 10
+_CLOSE_ENOUGH = 1e-4  # [m]
+
+
+def trajectory_clearance(
+    arms: Model | Sequence[Model],
+    trajectory: JointTrajectory | ArrayLike,
+    placements: Sequence[Any] | None = None,
+    *,
+    pairs: LinkPairs | None = None,
+    closest: int = _SHOWN,
+) -> ClearanceReport:
+    """The closest pairs of links at the samples of a trajectory, by their exact geometry.
+
+    Distances between meshes are computed by coal only where the capsules around the links, and how
+    far they have moved since a sample whose distance is known, leave room for a closer approach.
+
+    Args:
+        arms: a model, or several.
+        trajectory: of the joints of all arms, one after the other, or configurations (k, N).
+        placements: of the bases of the arms, see `link_pairs`.
+        pairs: the result of `link_pairs` for these arms; None: found here.
+        closest: number of pairs to report.
+
+    Returns:
+        Least distances, to 0.1 mm; a report that says what is not known if there is no geometry.
+
+    Raises:
+        ValueError: not N columns, numbers that are not finite, or pairs of other models.
+    """
+    models = (arms,) if isinstance(arms, Model) else tuple(arms)
+    if isinstance(closest, bool) or not isinstance(closest, int) or closest < 1:
+        raise ValueError(f"closest must be a positive integer, got {closest!r}")
+    if pairs is None:
+        pairs = link_pairs(models, placements)
+    placed = pairs.solids
+    if placed.models != models:
+        raise ValueError("pairs were found for other models than arms")
+    time = trajectory.time if isinstance(trajectory, JointTrajectory) else None
+    given = trajectory.positions if isinstance(trajectory, JointTrajectory) else trajectory
+    q = np.asarray(given, dtype=float)
+    if q.ndim != 2 or q.shape[1] != placed.dof or not len(q) or not np.isfinite(q).all():
+        raise ValueError(f"trajectory must be finite, of shape (k, {placed.dof}), got {q.shape}")
+    poses = placed.joint_poses(q)
+    by_name = {each.name: each for each in placed.solids}
+    candidates = []
+    for one, other in (*pairs.constrained, *pairs.exact_only):
+        pair = by_name[one], by_name[other]
+        candidates.append((capsule_distances(*pair, poses).min(axis=0), pair))
+    candidates.sort(key=lambda entry: float(entry[0].min()))
+    found: list[ClosestApproach] = []
+    for bounds, (first, second) in candidates:
+        if len(found) >= closest and bounds.min() >= found[closest - 1].distance:
+            break
+        distance, sample = _closest(first, second, poses, bounds)
+        instant = None if time is None else float(time[sample])
+        found.append(ClosestApproach(first.name, second.name, distance, sample, instant))
+        found.sort(key=lambda each: each.distance)
+    unknown = pairs.unknown or (() if candidates else ("no two links can meet",))
+    return ClearanceReport(tuple(found[:closest]), len(candidates), len(q), unknown)
+
+
+def _closest(
+    one: PlacedSolid, other: PlacedSolid, poses: Sequence[Pose], bounds: Array
+) -> tuple[float, int]:
+    """Least distance [m] of two links and the sample at which they have it.
+
+    Args:
+        one, other: the links.
+        poses: of all joints, see `PlacedSolids.joint_poses`.
+        bounds: lower bounds (k,) [m].
+    """
+    bounds = bounds.copy()
+    rotations, positions, extent = _relative_motion(one, other, poses)
+    best, where = np.inf, 0
+    while bounds.min() < best - _CLOSE_ENOUGH and best > 0.0:
+        sample = int(bounds.argmin())
+        distance = exact_distance(
+            one.solid, pose_at(one, poses, sample), other.solid, pose_at(other, poses, sample)
+        )
+        if distance < best:
+            best, where = distance, sample
+        # No point of the link has moved further than this since the sample.
+        turned = np.linalg.norm(rotations - rotations[sample], axis=(1, 2)) / np.sqrt(2.0)
+        moved = np.linalg.norm(positions - positions[sample], axis=1) + turned * extent
+        bounds = np.maximum(bounds, distance - moved)
+        bounds[sample] = np.inf
+    return best, where
+
+
+def _relative_motion(
+    one: PlacedSolid, other: PlacedSolid, poses: Sequence[Pose]
+) -> tuple[Array, Array, float]:
+    """Rotations (k, 3, 3), positions (k, 3) and extent [m] of a link, seen from the other one.
+
+    Of the two links that with the smaller extent is seen from the other.
+    """
+    seen, seer = sorted((one, other), key=lambda each: each.solid.extent)
+    rotation, position = (part[:, seen.solid.joint] for part in poses[seen.arm])
+    base, origin = (part[:, seer.solid.joint] for part in poses[seer.arm])
+    inverse = base.transpose(0, 2, 1)
+    positions = np.einsum("kij,kj->ki", inverse, position - origin)
+    return inverse @ rotation, positions, seen.solid.extent

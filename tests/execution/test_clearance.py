@@ -1,0 +1,310 @@
+"""Distances between links: bounds, rows of programs, and exact distances over a trajectory."""
+
+from __future__ import annotations
+
+from itertools import combinations, pairwise
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import geodesic_ocp as go
+from geodesic_ocp.execution.clearance.active_rows import active_rows
+from geodesic_ocp.execution.clearance.clearance_constraint import clearance_constraint
+from geodesic_ocp.execution.clearance.link_pairs import (
+    LinkPairs,
+    link_pairs,
+    sampled_configurations,
+)
+from geodesic_ocp.execution.clearance.placed_solids import place_solids
+from geodesic_ocp.execution.clearance.sampled_distances import capsule_distances, pose_at
+from geodesic_ocp.execution.clearance.trajectory_clearance import trajectory_clearance
+from geodesic_ocp.model.formats.robots import folder
+from geodesic_ocp.model.geometry.exact_distances import exact_distance
+from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
+
+SHOULDERS = [(-0.2, 0.0, 1.4), (0.2, 0.0, 1.4)]
+
+# Three boxes on a chain that turns about x, z and x, on a base with a wall beside it.
+_LINK = """<inertial><mass value="1"/>
+  <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>"""
+_BOX = """<collision><origin xyz="0 0 -0.2"/><geometry><box size="0.06 0.1 0.3"/></geometry>
+  </collision>"""
+_JOINT = """<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>
+  <origin xyz="{origin}"/><axis xyz="{axis}"/>
+  <limit lower="-2.9" upper="2.9" effort="1" velocity="1"/></joint>"""
+
+
+def boxes(geometry: str = _BOX) -> str:
+    """URDF of a chain of three links with the given geometry."""
+    joints = [("base", "one", "0 0 0", "1 0 0"), ("one", "two", "0 0 -0.4", "0 0.6 0.8")]
+    joints += [("two", "three", "0 0 -0.2", "1 0 0")]
+    links = "".join(
+        f'<link name="{name}">{_LINK}{geometry}</link>' for name in ("one", "two", "three")
+    )
+    wall = geometry.replace("0 0 -0.2", "0 0.5 0")
+    chain = "".join(
+        _JOINT.format(name=f"to_{child}", parent=parent, child=child, origin=origin, axis=axis)
+        for parent, child, origin, axis in joints
+    )
+    return f'<robot name="boxes"><link name="base">{wall}</link>{links}{chain}</robot>'
+
+
+@pytest.fixture(scope="module")
+def robot() -> go.Model:
+    return go.load_model(boxes(), hand="three")
+
+
+@pytest.fixture(scope="module")
+def arms() -> tuple[go.Model, go.Model]:
+    return go.human_arm("left"), go.human_arm("right")
+
+
+@pytest.fixture(scope="module")
+def found(robot: go.Model) -> LinkPairs:
+    return link_pairs(robot)
+
+
+def least_of(
+    robot: go.Model, pair: tuple[str, str], q: np.ndarray
+) -> tuple[np.ndarray, list[float]]:
+    """Capsule and exact distances (k,) of two links."""
+    placed = place_solids([robot])
+    by_name = {each.name: each for each in placed.solids}
+    one, other = (by_name[name] for name in pair)
+    poses = placed.joint_poses(q)
+    exact = [
+        exact_distance(one.solid, pose_at(one, poses, k), other.solid, pose_at(other, poses, k))
+        for k in range(len(q))
+    ]
+    return capsule_distances(one, other, poses).min(axis=0), exact
+
+
+def test_neighbours_are_no_pairs_and_all_others_are(found: LinkPairs) -> None:
+    pairs = {frozenset(pair) for pair in (*found.constrained, *found.exact_only)}
+    assert pairs == {
+        frozenset(pair) for pair in [("one", "three"), ("base", "two"), ("base", "three")]
+    }
+    assert found.unknown == ()
+
+
+def test_capsules_are_never_further_apart_than_the_links(robot: go.Model) -> None:
+    q = sampled_configurations([robot], 100)
+    for pair in [("one", "three"), ("base", "two"), ("base", "three")]:
+        capsules, exact = least_of(robot, pair, q)
+        assert np.all(capsules <= np.array(exact) + 1e-6)
+        assert np.any(capsules > 0.0)
+
+
+def test_the_function_of_a_program_is_the_distance_of_signed_distances(robot: go.Model) -> None:
+    pairs = [("one", "three"), ("base", "three")]
+    clearance = clearance_constraint(robot, pairs=pairs, margin=0.02)
+    assert clearance is not None
+    assert_array_equal(clearance.lower, 0.02)
+    for q in sampled_configurations([robot], 8):
+        expected = go.signed_distances(robot, q, pairs=pairs)
+        assert clearance.names == tuple(expected)
+        assert_allclose(clearance.function(q).full()[:, 0], list(expected.values()), atol=1e-9)
+
+
+def test_rows_are_the_whole_function(arms: tuple[go.Model, go.Model]) -> None:
+    table = go.HalfSpace((0.0, 0.0, 0.8), (0.0, 0.0, 1.0), name="table")
+    clearance = clearance_constraint(arms, obstacles=[table], placements=SHOULDERS)
+    assert clearance is not None
+    assert any("to table" in name for name in clearance.names)
+    q = sampled_configurations(arms, 3)[1]
+    whole = clearance.function(q).full()[:, 0]
+    rows = [float(clearance.row(index)(q)) for index in range(len(clearance.names))]
+    assert_allclose(rows, whole, atol=1e-12)
+    assert clearance.row(0) is clearance.row(0)
+    assert clearance.row(0).n_instructions() < clearance.function.n_instructions()
+    with pytest.raises(ValueError, match="index must be from 0 to"):
+        clearance.row(len(clearance.names))
+
+
+def test_left_and_right_arm_are_symmetric(arms: tuple[go.Model, go.Model]) -> None:
+    clearance = clearance_constraint(arms, placements=SHOULDERS)
+    swapped = clearance_constraint(arms[::-1], placements=SHOULDERS[::-1])
+    assert clearance is not None
+    assert swapped is not None
+    q = sampled_configurations(arms, 2)[1]
+    there = dict(zip(clearance.names, clearance.function(q).full()[:, 0], strict=True))
+    back = dict(
+        zip(
+            swapped.names,
+            swapped.function(np.concatenate([q[7:], q[:7]])).full()[:, 0],
+            strict=True,
+        )
+    )
+    assert len(there) == len(back)
+    for name, distance in there.items():
+        one, other = name.split(" to ")
+        both = back.get(name, back.get(f"{other} to {one}"))
+        assert distance == pytest.approx(both, abs=1e-9)
+
+
+def test_arms_further_apart_have_larger_distances(arms: tuple[go.Model, go.Model]) -> None:
+    """Stretched forwards, both arms are parallel: distances grow as the shoulders move apart."""
+    between = [("left hand", "right hand"), ("left forearm", "right forearm")]
+    q = np.zeros(14)
+    values = []
+    for half in (0.2, 0.35):
+        clearance = clearance_constraint(
+            arms, pairs=between, placements=[(-half, 0.0, 0.0), (half, 0.0, 0.0)]
+        )
+        assert clearance is not None
+        values.append(clearance.function(q).full()[:, 0])
+    assert_allclose(values[1] - values[0], 0.3, atol=1e-6)
+
+
+def test_without_placements_of_two_robots_it_is_said_that_clearance_is_unknown(
+    robot: go.Model,
+) -> None:
+    apart = link_pairs([robot, robot])
+    assert any("boxes 1 and boxes 2 is not known" in sentence for sentence in apart.unknown)
+    crossing = [
+        pair for pair in apart.constrained if pair[0].split("/")[0] != pair[1].split("/")[0]
+    ]
+    assert not crossing
+    together = link_pairs([robot, robot], [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0)])
+    assert together.unknown == ()
+    assert ("boxes 1/three", "boxes 2/three") in together.constrained
+
+
+def test_arms_of_one_file_share_their_base(robot: go.Model) -> None:
+    """Joints of one robot as two models: pairs between them, and the base is there once."""
+    lower = go.load_model(boxes(), hand="one", joints=["to_one"])
+    upper = go.load_model(boxes(), hand="three", joints=["to_three"])
+    pairs = link_pairs([lower, upper])
+    assert pairs.unknown == ()
+    names = [each.name for each in pairs.solids.solids]
+    assert len(names) == len(set(names))
+    assert names.count("base") == 1
+
+
+def test_a_robot_without_geometry_has_no_constraint_and_an_honest_report() -> None:
+    bare = go.load_model(boxes(geometry=""), hand="three")
+    assert clearance_constraint(bare) is None
+    report = trajectory_clearance(bare, np.zeros((3, 3)))
+    assert (report.least, report.pair, report.time) == (None, None, None)
+    assert "not known" in repr(report)
+    assert "no geometry" in str(report.table())
+
+
+def test_active_rows_are_those_that_are_too_small(robot: go.Model) -> None:
+    clearance = clearance_constraint(robot, pairs=[("one", "three"), ("base", "three")])
+    assert clearance is not None
+    q = sampled_configurations([robot], 200)
+    values = clearance.function(q.T).full().T
+    by_capsules = active_rows(clearance, q, exact=False)
+    marked = np.zeros(values.shape, dtype=bool)
+    marked[by_capsules.samples, by_capsules.rows] = True
+    assert_array_equal(marked, values < clearance.lower)
+    by_links = active_rows(clearance, q)
+    chosen = set(zip(by_links.samples.tolist(), by_links.rows.tolist(), strict=True))
+    assert clearance.exact is not None
+    for sample, row in zip(by_capsules.samples.tolist(), by_capsules.rows.tolist(), strict=True):
+        too_close = clearance.exact(q[sample], row) < clearance.lower[row]
+        assert ((sample, row) in chosen) == too_close
+    assert 0 < len(by_links) < len(by_capsules)
+    assert np.all(by_links.lower <= clearance.lower[by_links.rows])
+    assert len(active_rows(clearance, np.empty((0, 3)))) == 0
+    with pytest.raises(ValueError, match=r"q must be finite, of shape \(k, 3\)"):
+        active_rows(clearance, np.zeros(3))
+
+
+def test_moving_along_the_gradient_of_violated_rows_removes_the_violation(robot: go.Model) -> None:
+    """What a program with these rows does: it makes their distances larger."""
+    clearance = clearance_constraint(robot, pairs=[("one", "three"), ("base", "three")])
+    assert clearance is not None
+    q = sampled_configurations([robot], 64)
+    active = active_rows(clearance, q)
+    point = q[active.samples[0]]
+    for _ in range(400):
+        rows = active_rows(clearance, point[None])
+        if not len(rows):
+            break
+        row = clearance.row(int(rows.rows[0]))
+        slope = row.factory("slope", ["q"], ["jac:d:q"])(point).full()[0]
+        point = point + 0.01 * slope / np.linalg.norm(slope)
+    assert len(active) > 0
+    assert len(active_rows(clearance, point[None])) == 0
+
+
+def test_the_least_exact_distance_of_a_trajectory_is_that_of_all_samples(
+    robot: go.Model, found: LinkPairs
+) -> None:
+    steps = np.linspace(0.0, 1.0, 60)[:, None]
+    q = (1.0 - steps) * np.array([0.1, -0.5, 0.3]) + steps * np.array([0.9, 0.8, 2.2])
+    time = 0.1 * np.arange(60)
+    moved = JointTrajectory(time, q, np.zeros_like(q), np.zeros_like(q), robot.joint_names)
+    report = trajectory_clearance(robot, moved, pairs=found)
+    for closest in report.closest:
+        exact = least_of(robot, (closest.one, closest.other), q)[1]
+        assert closest.distance == pytest.approx(min(exact), abs=1.1e-4)
+        assert exact[closest.sample] == closest.distance
+        assert closest.time == time[closest.sample]
+    assert report.least == min(closest.distance for closest in report.closest)
+    assert report.pair == (report.closest[0].one, report.closest[0].other)
+    assert f"{report.least:.4g} m" in repr(report)
+    assert len(report.table().rows) == len(report.closest) == report.pairs
+
+
+def test_links_that_touch_are_at_distance_zero(robot: go.Model, found: LinkPairs) -> None:
+    q = sampled_configurations([robot], 128)
+    touching = np.flatnonzero(np.array(least_of(robot, ("one", "three"), q)[1]) == 0.0)
+    report = trajectory_clearance(robot, q[touching[:1]], pairs=found)
+    assert report.least == 0.0
+    assert report.pair == ("one", "three")
+    assert report.time is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"pairs": [("one", "four")]}, "no link 'four'"),
+        ({"pairs": [("one", "one")]}, "two different links"),
+        ({"obstacles": [go.Ball((0.0, 0.0, 0.0), 0.1, link="one")]}, "must not be fixed"),
+        ({"obstacles": ["table"]}, "obstacles must be"),
+        ({"margin": np.nan}, "margin"),
+        ({"placements": [(0.0, 0.0, 0.0)] * 2}, "one for each of 1 arms"),
+    ],
+)
+def test_wrong_arguments_are_named(robot: go.Model, arguments: dict, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        clearance_constraint(robot, **arguments)
+
+
+def test_wrong_trajectories_are_named(robot: go.Model, found: LinkPairs) -> None:
+    with pytest.raises(ValueError, match=r"trajectory must be finite, of shape \(k, 3\)"):
+        trajectory_clearance(robot, np.zeros((5, 2)), pairs=found)
+    with pytest.raises(ValueError, match="other models"):
+        trajectory_clearance(go.human_arm(), np.zeros((5, 7)), pairs=found)
+    with pytest.raises(ValueError, match="samples must be a positive integer"):
+        link_pairs(robot, samples=0)
+    with pytest.raises(ValueError, match="arms must be one or more models"):
+        link_pairs([])
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(folder("example-robot-data") is None, reason="needs example-robot-data")
+def test_a_panda_keeps_its_links_apart_by_lower_bounds() -> None:
+    robot = go.load_model("panda")
+    pairs = link_pairs(robot)
+    assert pairs.unknown == ()
+    linked = {frozenset(pair) for pair in (*pairs.constrained, *pairs.exact_only)}
+    chain = [f"panda_link{number}" for number in range(8)]
+    assert not any(frozenset(pair) in linked for pair in pairwise(chain))
+    assert all(
+        frozenset(pair) in linked
+        for pair in combinations(chain, 2)
+        if int(pair[1][-1]) - int(pair[0][-1]) > 2
+    )
+    q = sampled_configurations([robot], 40)
+    for pair in pairs.constrained[::4]:
+        capsules, exact = least_of(robot, pair, q)
+        assert np.all(capsules <= np.array(exact) + 1e-6)
+    middle = (robot.lower + robot.upper) / 2.0
+    clearance = clearance_constraint(robot, pairs=pairs)
+    assert clearance is not None
+    assert len(active_rows(clearance, middle[None])) == 0
