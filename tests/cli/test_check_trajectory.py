@@ -74,6 +74,25 @@ def test_rest_and_even_samples_can_be_waived(
     assert run(str(cut), "--robot", robot, "--hand", "a", "--moving", "--uneven") == 0
 
 
+def test_clearance_is_checked_where_geometry_is_known(
+    files: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, robot = files
+    run(file, "--robot", robot, "--hand", "a")
+    assert "note: clearance is not checked: the robot has no" in capsys.readouterr().out
+    if folder(ROBOTS["panda"].package) is None:
+        pytest.skip("needs robots: make robots")
+    names = go.load_model("panda").joint_names
+    q = np.tile([0.0, -1.7, 0.0, -3.0, 0.0, 0.0, 0.0], (3, 1))  # the hand is in the shoulder
+    folded = JointTrajectory(np.arange(3) / 100, q, 0 * q, 0 * q, names)
+    assert run(str(folded.save(tmp_path / "folded.npz")), "--robot", "panda") == 1
+    out = capsys.readouterr().out
+    assert "m apart at 0 s" in out
+    assert "least distance of links: 0 m" in out
+    run(str(tmp_path / "folded.npz"), "--robot", "panda", "--no-clearance")
+    assert "least distance" not in capsys.readouterr().out
+
+
 def test_wrong_limits_are_named(files: tuple[str, str]) -> None:
     file, robot = files
     for values, message in (
@@ -98,7 +117,7 @@ def test_gravity_is_given_or_that_of_the_alignment(
     down = -9.81 * go.alignment(panda).base[:, 2]
     tables = []
     for arguments in ([], ["--gravity", *map(str, down)], ["--aligned"]):
-        run(file, "--robot", "panda", *arguments)
+        run(file, "--robot", "panda", "--no-clearance", *arguments)
         tables.append(capsys.readouterr().out)
     assert tables[1] == tables[2] != tables[0]
     with pytest.raises(ValueError, match="exclude each other"):

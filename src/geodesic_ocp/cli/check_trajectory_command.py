@@ -11,6 +11,8 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.cli.notes import printed_warnings
 from geodesic_ocp.execution.check_trajectory import check_trajectory
+from geodesic_ocp.execution.clearance.clearance_constraint import clearance_constraint
+from geodesic_ocp.execution.clearance_constraint import Clearance
 from geodesic_ocp.execution.joint_limits import joint_limits
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.model import Model
@@ -60,6 +62,12 @@ def add_check_trajectory_options(command: argparse.ArgumentParser) -> None:
         action="store_true",
         help="gravity as for a robot that is mounted by its alignment, as by geodesic-ocp retarget",
     )
+    command.add_argument(
+        "--clearance",
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help="whether links keep clear of each other, where the robot's geometry is known",
+    )
     command.add_argument("--moving", action="store_true", help="it need not begin and end at rest")
     command.add_argument(
         "--uneven", action="store_true", help="samples need not be evenly spaced in time"
@@ -89,10 +97,13 @@ def check_trajectory_file(options: argparse.Namespace) -> int:
         gravity=gravity,
         rest=not options.moving,
         uniform=not options.uneven,
+        clearance=_clearance(robots) if options.clearance else None,
     )
     rate = "uneven samples" if trajectory.rate is None else f"{trajectory.rate:.6g} Hz"
     print(f"{options.file}: {len(trajectory.time)} samples, {trajectory.duration:.4g} s, {rate}\n")
     print(check)
+    if check.clearance is not None:
+        print(f"\nleast distance of links: {check.clearance:.3g} m")
     for robot, of_robot in zip(robots, limits, strict=True):
         print(f"\nlimits of {robot.name}:")
         for name, source in of_robot.sources.items():
@@ -106,6 +117,18 @@ def _gravity(options: argparse.Namespace, robots: Sequence[Model]) -> Array:
         given = _FREE_FALL if options.gravity is None else options.gravity
         return np.tile(np.asarray(given, dtype=float), (len(robots), 1))
     return np.array([np.asarray(alignment(robot).base) @ _FREE_FALL for robot in robots])
+
+
+def _clearance(robots: Sequence[Model]) -> Clearance | None:
+    """Distances of links from each other; None, with a note, if geometry is not known."""
+    reason: object = "the robot has no collision geometry"
+    try:
+        found = clearance_constraint(robots)
+    except ValueError as error:
+        found, reason = None, error
+    if found is None:
+        print(f"note: clearance is not checked: {reason}")
+    return found
 
 
 def _limit(name: str, values: Sequence[str] | None) -> float | dict[str, float] | None:
