@@ -17,7 +17,7 @@ from geodesic_ocp.execution.other_timings.stacked_path import StackedPath, stack
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
 ToppraJunctions = Literal["blend", "stop"]
-_GRID = 5  # grid points in each interval of the spline
+_GRID = 10  # grid points in each interval of the spline
 _UNLIMITED = 1e4  # [N m or N], where a torque has no limit but others have
 
 
