@@ -241,7 +241,7 @@ def test_the_least_exact_distance_of_a_trajectory_is_that_of_all_samples(
     report = trajectory_clearance(robot, moved, pairs=found)
     for closest in report.closest:
         exact = least_of(robot, (closest.one, closest.other), q)[1]
-        assert closest.distance == pytest.approx(min(exact), abs=1.1e-4)
+        assert min(exact) <= closest.distance <= (min(exact) + 1.1e-4) / 0.99
         assert exact[closest.sample] == closest.distance
         assert closest.time == time[closest.sample]
     assert report.least == min(closest.distance for closest in report.closest)

@@ -19,7 +19,7 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
 _SHOWN = 10
-_CLOSE_ENOUGH = 1e-4  # [m]
+_RELATIVE, _ABSOLUTE = 0.01, 1e-4  # [m]: accuracy of least distances
 
 
 def trajectory_clearance(
@@ -43,7 +43,7 @@ def trajectory_clearance(
         closest: number of pairs to report.
 
     Returns:
-        Least distances, to 0.1 mm; a report that says what is not known if there is no geometry.
+        Least distances, to 1 % and 0.1 mm; a report that says what is not known if there is no geometry.
 
     Raises:
         ValueError: not N columns, numbers that are not finite, or pairs of other models.
@@ -92,8 +92,8 @@ def _closest(
     """
     bounds = bounds.copy()
     rotations, positions, extent = _relative_motion(one, other, poses)
-    best, where = np.inf, 0
-    while bounds.min() < best - _CLOSE_ENOUGH and best > 0.0:
+    best, where = float(np.finfo(float).max), 0
+    while best > 0.0 and bounds.min() < (1.0 - _RELATIVE) * best - _ABSOLUTE:
         sample = int(bounds.argmin())
         distance = exact_distance(
             one.solid, pose_at(one, poses, sample), other.solid, pose_at(other, poses, sample)
