@@ -44,6 +44,7 @@ __all__ = [
     "PointToPoint",
     "Problem",
     "Reach",
+    "Reachability",
     "Reconstruction",
     "Recording",
     "RecordingError",
@@ -98,6 +99,9 @@ __all__ = [
     "optimal_segmentations",
     "paired_test",
     "parallel_transport",
+    "propose_alignment",
+    "reachability",
+    "read_alignment",
     "read_motion",
     "read_recordings",
     "reconstruct",
@@ -186,8 +190,11 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.reports.report import report
     from geodesic_ocp.retargeting.alignment.alignment import alignment
     from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
+    from geodesic_ocp.retargeting.alignment.propose_alignment import propose_alignment
+    from geodesic_ocp.retargeting.alignment.read_alignment import read_alignment
     from geodesic_ocp.retargeting.arm_result import RetargetedArm
     from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, merge_synergies
+    from geodesic_ocp.retargeting.reachability import Reachability, reachability
     from geodesic_ocp.retargeting.result import Retargeting
     from geodesic_ocp.retargeting.retarget import retarget, retarget_arms
     from geodesic_ocp.retargeting.settings import RetargetingSettings
@@ -273,8 +280,11 @@ else:
         "reports.report": "report",
         "retargeting.alignment.alignment": "alignment",
         "retargeting.alignment.arm_alignment": "Alignment",
+        "retargeting.alignment.propose_alignment": "propose_alignment",
+        "retargeting.alignment.read_alignment": "read_alignment",
         "retargeting.arm_result": "RetargetedArm",
         "retargeting.merge_synergies": "SynergyGroup merge_synergies",
+        "retargeting.reachability": "Reachability reachability",
         "retargeting.result": "Retargeting",
         "retargeting.retarget": "retarget retarget_arms",
         "retargeting.settings": "RetargetingSettings",

@@ -53,9 +53,9 @@ def landmarks(robot: Model) -> Landmarks:
     """Shoulder, elbow and wrist of an arm.
 
     The arm is the last seven revolute joints, or fewer. Its shoulder is where the axes of its first
-    three joints meet, else where those of two of them do. The elbow is the joint whose axis is far
-    from shoulder and hand at once, and the wrist the first joint behind it whose axis is far from
-    the elbow.
+    three joints meet, or of the next three, else where those of two of the first three do. The
+    elbow is the joint whose axis is far from the shoulder and from the centre of the wrist at once,
+    and the wrist the first joint behind it that bends and whose axis is far from the elbow.
 
     Raises:
         ValueError: fewer than two revolute joints, or an arm without extent.
@@ -123,8 +123,10 @@ def wrist_centre(axes: JointAxes, hand: Array) -> Array:
 
 def _shoulder(axes: JointAxes, arm: list[int], chain: float) -> tuple[Array, tuple[int, ...]]:
     first = arm[:3]
-    # Two axes of a spherical shoulder can be parallel in one configuration, three need not be.
-    for group in (first, *combinations(first, 2)):
+    # One of seven joints may belong to a torso. In shorter arms the axes of the second to fourth
+    # joint can meet at the elbow.
+    spherical = [first, arm[1:4]] if len(arm) == _ARM_JOINTS else [first]
+    for group in (*spherical, *combinations(first, 2)):
         if len(group) < 2 or _spread(axes, group) < _PARALLEL:
             continue
         point, distance = nearest_point(axes.origins[[*group]], axes.directions[[*group]])

@@ -39,8 +39,7 @@ def propose_alignment(robot: Model, *, side: Side | None = None) -> Alignment:
     `geodesic-ocp align` shows all that was assumed, and writes a file to edit.
 
     >>> import geodesic_ocp as go
-    >>> from geodesic_ocp.retargeting.alignment.propose_alignment import propose_alignment
-    >>> found = propose_alignment(go.human_arm("right"))
+    >>> found = go.propose_alignment(go.human_arm("right"))
     >>> found.elbow, found.wrist, abs(found.shoulder).round(6).tolist()
     ('REx_joint', 'RWx_joint', [0.0, 0.0, 0.0])
 
