@@ -60,6 +60,7 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
         bundled_analysis,
         bundled_analysis.table(),
         go.alignment(arm),
+        go.reachability(arm, go.alignment(arm), None, np.full((3, 3), 0.1)),
         go.RetargetingSettings(obstacles=obstacles, pairs=[("right upper arm", "right hand")]),
         go.GeodesicOcpError("an error"),
         go.IntegrationFailed("an error"),
