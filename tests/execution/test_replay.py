@@ -178,7 +178,8 @@ def test_links_that_touch_are_named_and_do_not_push(from_file: bool) -> None:
     assert {contact.first, contact.second} == {"upper", "fore"}
     assert 0.0 < contact.depth <= 0.06
     assert 0.05 < contact.share < 0.5
-    assert "Links that touch: fore and upper (" in result.table().note
+    what = "Links touch" if from_file else "Capsules around links overlap"
+    assert f"{what}: fore and upper (" in result.table().note
     assert result.largest_error.max() < 1e-3
     apart = JointTrajectory(time, zeros, zeros, zeros, model.joint_names)
     result = replay(apart, model, simulated=simulated)

@@ -16,12 +16,14 @@ class Contact:
         first, second: names of the links.
         depth: largest depth by which their geometry overlaps [m].
         share: of the samples in which it does, from 0 to 1.
+        capsules: whether it is the capsules around the links, which are larger than the links.
     """
 
     first: str
     second: str
     depth: float
     share: float
+    capsules: bool = False
 
     def __str__(self) -> str:
         time = "" if self.share == 1.0 else f", {100 * self.share:.3g} % of the time"
@@ -55,5 +57,8 @@ def find_contacts(robot: SimulatedRobot, postures: Array) -> tuple[Contact, ...]
                 counts[pair] = counts.get(pair, 0) + 1
     finally:
         native.opt.disableflags = before
-    found = [Contact(*pair, depths[pair], counts[pair] / len(postures)) for pair in depths]
+    found = [
+        Contact(*pair, depths[pair], counts[pair] / len(postures), robot.capsules)
+        for pair in depths
+    ]
     return tuple(sorted(found, key=lambda contact: -contact.depth))

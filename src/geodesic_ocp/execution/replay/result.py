@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -33,8 +34,8 @@ class Replay:
         motion: the simulated motion at the same times, with velocities.
         torques: that the controller exerts, within the limits (k, n) [N m or N].
         torque_limits: largest magnitudes (n,) [N m or N]; infinite for none.
-        contacts: pairs of links that touch, deepest first; None if they were not looked for or the
-            robot has no geometry.
+        contacts: pairs of links whose geometry overlaps, deepest first; None if they were not
+            looked for or the robot has no geometry.
         controller: the name of the controller.
     """
 
@@ -129,16 +130,11 @@ class Replay:
             free = [name for name, limit in names if np.isinf(limit)]
             sentences.append(f"No torque limit is known of {', '.join(free)}.")
         if self.contacts is None:
-            sentences.append("Contacts were not looked for.")
+            sentences.append("Contacts of links are not known.")
         elif not self.contacts:
             sentences.append("No links touch.")
         else:
-            at_times = [each for each in self.contacts if each.share < 1.0]
-            always = [each for each in self.contacts if each.share == 1.0]
-            if at_times:
-                sentences.append(f"Links that touch: {', '.join(map(str, at_times))}.")
-            if always:  # as the capsules of links near each other do
-                sentences.append(f"Geometry overlaps throughout: {', '.join(map(str, always))}.")
+            sentences += _touching(self.contacts)
         return " ".join(sentences)
 
     def _repr_markdown_(self) -> str:
@@ -155,3 +151,18 @@ class Replay:
             (self.position_error, self.orientation_error),
             shares,
         )
+
+
+def _touching(contacts: Sequence[Contact]) -> list[str]:
+    """Sentences on links whose geometry overlaps, at some samples and at all of them."""
+    found = []
+    for capsules, what in ((False, "Links touch"), (True, "Capsules around links overlap")):
+        for throughout, when in ((False, ""), (True, " throughout")):
+            pairs = [
+                str(each)
+                for each in contacts
+                if each.capsules is capsules and (each.share == 1.0) is throughout
+            ]
+            if pairs:
+                found.append(f"{what}{when}: {', '.join(pairs)}.")
+    return found

@@ -29,12 +29,14 @@ class SimulatedRobot:
         positions: index in its configuration of each joint of the Model, (n,).
         velocities: index in its velocity of each joint, (n,).
         links: name of the link of each of its geoms.
+        capsules: whether the geoms are the capsules around the links of a Model.
     """
 
     model: Any
     positions: Array
     velocities: Array
     links: tuple[str, ...]
+    capsules: bool
 
     def __repr__(self) -> str:
         return short_repr(self)
@@ -80,8 +82,9 @@ def simulated_robot(
     flags = mujoco.mjtDisableBit
     native.opt.disableflags |= int(flags.mjDSBL_CONTACT) | int(flags.mjDSBL_AUTORESET)
     ids = [native.joint(name).id for name in model.joint_names]
-    links = _links(native, isinstance(robot, Model))
-    found = SimulatedRobot(native, native.jnt_qposadr[ids], native.jnt_dofadr[ids], links)
+    rows = native.jnt_qposadr[ids], native.jnt_dofadr[ids]
+    written = isinstance(robot, Model)
+    found = SimulatedRobot(native, *rows, _links(native, written), written)
     turn = np.eye(3) if isinstance(robot, Model) else _base_rotation(mujoco, found, model)
     native.opt.gravity[:] = turn @ gravity
     return found
