@@ -25,6 +25,7 @@ from geodesic_ocp.trajectory.path import Path
 _SEGMENTS, _DEGREE = 2, 6  # of each movement, on the first grid
 _ROUNDS, _MOST_SEGMENTS = 12, 400
 _RESOLVED = 1e-5  # of the energy
+_RESOLVED_APART = 1e-3  # with distances, which are kept at instants and make corners
 _BETWEEN = 8  # points of a segment at which limits are checked
 _INSTANTS = 24  # of a movement at which distances are checked
 _DISTANCE_ROUNDS = 8
@@ -164,7 +165,10 @@ def _refined(
         )
         if not outcome.success:
             return iterate
-        coarse = [_coarse(*pair, tolerance) for pair in zip(iterate.parts, nodes, strict=True)]
+        resolved = _RESOLVED_APART if rows else _RESOLVED
+        coarse = [
+            _coarse(*pair, tolerance, resolved) for pair in zip(iterate.parts, nodes, strict=True)
+        ]
         segments = sum(part.grid.segments for part in iterate.parts)
         if not any(np.any(each) for each in coarse):
             return iterate
@@ -196,11 +200,11 @@ def _program(
     return replace(program, distances=DistanceRows(clearance, index, places))
 
 
-def _coarse(part: ArmPart, nodes: Array, tolerance: float) -> NDArray[np.bool_]:
+def _coarse(part: ArmPart, nodes: Array, tolerance: float, resolved: float) -> NDArray[np.bool_]:
     """Which segments to halve, (segments,)."""
     path, grid = part.path(nodes), part.grid
     unresolved = unresolved_energy(path) / max(path.energy, _TINY)
-    coarse = unresolved > _RESOLVED / grid.segments
+    coarse = unresolved > resolved / grid.segments
     if part.waypoints.limited:
         local = (np.arange(_BETWEEN) + 0.5) / _BETWEEN
         s = (grid.breakpoints[:-1, None] + grid.widths[:, None] * local).ravel()

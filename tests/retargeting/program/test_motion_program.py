@@ -1,0 +1,252 @@
+"""The program over all synergies: derivatives, optimality, limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import geodesic_ocp as go
+from geodesic_ocp.execution.clearance_constraint import Clearance
+from geodesic_ocp.execution.joint_limits import JointLimits
+from geodesic_ocp.logarithm.to_pose.pose_target import metric_of
+from geodesic_ocp.retargeting.program.arm_part import ArmPart
+from geodesic_ocp.retargeting.program.candidates import first_candidates
+from geodesic_ocp.retargeting.program.distance_rows import DistanceRows
+from geodesic_ocp.retargeting.program.instants import place_at, positions_at
+from geodesic_ocp.retargeting.program.motion_program import MotionProgram
+from geodesic_ocp.retargeting.program.plan_paths import PlannedPaths, plan_paths
+from geodesic_ocp.retargeting.program.terms import Terms
+from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
+from geodesic_ocp.retargeting.targets import Pose
+
+CONFIGURATIONS = np.array(
+    [
+        [0.2, 0.1, -0.3, 0.9, 0.1, 0.0, 0.1],
+        [0.7, 0.3, -0.1, 1.4, 0.3, 0.2, -0.1],
+        [0.3, 0.6, -0.5, 1.1, -0.2, 0.1, 0.2],
+    ]
+)
+TIMES = np.array([0.0, 0.5, 1.1])
+
+
+def no_limits(n: int) -> JointLimits:
+    return JointLimits(*np.full((4, n), np.inf))
+
+
+@pytest.fixture(scope="module")
+def arm() -> go.Model:
+    return go.human_arm("right").with_armature(0.05)
+
+
+@pytest.fixture(scope="module")
+def waypoints(arm: go.Model) -> ArmWaypoints:
+    poses = [Pose(*arm.hand_pose(q)) for q in CONFIGURATIONS]
+    middles = [Pose(*arm.hand_pose(q)) for q in (CONFIGURATIONS[1:] + CONFIGURATIONS[:-1]) / 2]
+    return ArmWaypoints(
+        arm=arm,
+        limited=True,
+        alignment=go.alignment(arm),
+        begins=TIMES[:-1],
+        ends=TIMES[1:],
+        poses=tuple(poses),
+        between=tuple(middles),
+        start=CONFIGURATIONS[0],
+        limits=no_limits(arm.dof),
+        offsets=None,
+    )
+
+
+def planned(*arms: ArmWaypoints, clearance: Clearance | None = None) -> PlannedPaths:
+    layers = [first_candidates(each) for each in arms]
+    return plan_paths(
+        arms, layers, stretch=5.0, posture=0.0, likeness=0.0, tolerance=1e-6, clearance=clearance
+    )
+
+
+@pytest.fixture(scope="module")
+def found(waypoints: ArmWaypoints) -> PlannedPaths:
+    result = planned(waypoints)
+    assert result.success
+    return result
+
+
+def speed_limited(waypoints: ArmWaypoints) -> ArmWaypoints:
+    none = np.full(7, np.inf)
+    return replace(waypoints, limits=JointLimits(np.full(7, 1.0), none, none, none))
+
+
+def test_derivatives_are_those_of_the_program(waypoints: ArmWaypoints) -> None:
+    """CasADi's own gradient, Jacobian and Hessian, at a point near the straight lines."""
+    part = ArmPart.evenly(
+        replace(speed_limited(waypoints), offsets=np.full((3, 3), 0.1)), (True, True, False), 1, 3
+    )
+    terms = Terms(2.0, 1.1, 5.0, 0.3, 0.7, 1.0)
+    q = ca.SX.sym("q", 7)
+    _, position = waypoints.arm.hand_pose(q)
+    above = Clearance(ca.Function("d", [q], [position[2]]), np.zeros(1), ("hand",))
+    program = MotionProgram([part], TIMES, terms)
+    places = [place_at([part], program.size + 2, time) for time in (0.2, 0.9)]
+    program = replace(program, distances=DistanceRows(above, [0, 0], places))
+    rng = np.random.default_rng(0)
+    x = program.guess([part.nodes_on_lines(CONFIGURATIONS)])
+    x += 0.05 * rng.standard_normal(x.size)
+    functions = program.functions
+    nlp = functions["nlp"]
+    lam = rng.standard_normal(nlp.size1_out(1))
+    z = ca.MX.sym("z", x.size)
+    f, g = nlp(z, [])
+    check = ca.Function("check", [z], [f, ca.gradient(f, z), g, ca.jacobian(g, z)])
+    value, gradient, constraints, jacobian = (each.full() for each in check(x))
+    again, slope = functions["grad_f"](x, [])
+    assert_allclose(float(again), value[0, 0], rtol=1e-12)
+    assert_allclose(slope.full(), gradient, atol=1e-8 * np.abs(gradient).max())
+    other, derivative = functions["jac_g"](x, [])
+    assert_allclose(other.full(), constraints, atol=1e-10)
+    assert_allclose(derivative.full(), jacobian, atol=1e-8)
+    lagrangian_slope = ca.Function("slope", [z], [ca.gradient(f + ca.dot(lam, g), z)])
+    step = 1e-6
+    upper = functions["hess_lag"](x, [], 1.0, lam).full()
+    full = np.triu(upper) + np.triu(upper, 1).T
+    for _ in range(5):
+        direction = rng.standard_normal(x.size)
+        ahead, behind = (
+            lagrangian_slope(x + sign * step * direction).full()[:, 0] for sign in (1, -1)
+        )
+        expected = (ahead - behind) / (2 * step)
+        assert_allclose(full @ direction, expected, atol=1e-5 * np.abs(expected).max())
+
+
+def test_poses_are_attained_by_paths_that_meet(
+    found: PlannedPaths, waypoints: ArmWaypoints
+) -> None:
+    one, other = found.paths[0]
+    assert_allclose(one.nodes[-1], other.nodes[0], atol=0)
+    assert_allclose(one.nodes[0], CONFIGURATIONS[0], atol=1e-12)
+    for q, pose in zip((one.nodes[-1], other.nodes[-1]), waypoints.poses[1:], strict=True):
+        assert max(pose.error(waypoints.arm, q)) < 1e-7
+    assert found.within_reach == ((True, True, True),)
+
+
+def test_paths_are_geodesics(found: PlannedPaths, arm: go.Model) -> None:
+    """No limit is active: between its ends each path is the shortest way."""
+    metric = metric_of(arm)
+    for path in found.paths[0]:
+        direct = go.geodesic(metric, path.nodes[0], path.nodes[-1])
+        assert path.length == pytest.approx(direct.length, rel=1e-4)
+        s = np.linspace(0.0, 1.0, 9)
+        assert_allclose(path(s), direct(s), atol=2e-3)
+
+
+def test_configurations_are_chosen_for_the_whole(
+    found: PlannedPaths, waypoints: ArmWaypoints
+) -> None:
+    """The first movement ends where the second one is cheap, not where it alone is least."""
+    alone = planned(
+        replace(waypoints, begins=TIMES[:1], ends=TIMES[1:2], poses=waypoints.poses[:2])
+    )
+    start = alone.paths[0][0].nodes[-1]
+    second = planned(
+        replace(
+            waypoints,
+            begins=TIMES[1:2],
+            ends=TIMES[2:],
+            poses=waypoints.poses[1:],
+            between=waypoints.between[1:],
+            start=start,
+        )
+    )
+    assert found.action < alone.action + second.action
+    assert alone.action <= found.paths[0][0].energy / TIMES[1] * (1.0 + 1e-6)
+
+
+def test_slow_joints_take_time_or_another_way(waypoints: ArmWaypoints, found: PlannedPaths) -> None:
+    slow = speed_limited(waypoints)
+    result = planned(slow)
+    assert result.success
+    seconds = np.diff(TIMES) * (1.0 + result.longer)
+    assert seconds.sum() > TIMES[-1]
+    for path, duration in zip(result.paths[0], seconds, strict=True):
+        for half in ((0.0, 0.5), (0.5, 1.0)):
+            change = np.abs(np.diff(path(half), axis=0)[0])
+            assert (change / (duration / 2)).max() <= 1.0 / 1.5 + 1e-5
+    assert np.all(found.longer < 1e-6)
+
+
+def test_bounds_hold_between_the_nodes(waypoints: ArmWaypoints, found: PlannedPaths) -> None:
+    """A shoulder that may be raised a little less than it is without the limit."""
+    s = np.linspace(0.0, 1.0, 1001)
+    limit = float(np.max([path(s)[:, 0].max() for path in found.paths[0]])) - 0.03
+    limited = waypoints.arm.with_limits(upper={waypoints.arm.joint_names[0]: limit})
+    result = planned(replace(waypoints, arm=limited))
+    assert result.success
+    assert max(path(s)[:, 0].max() for path in result.paths[0]) == pytest.approx(limit, abs=2e-6)
+    assert result.action > found.action
+
+
+def test_pose_out_of_reach_is_replaced_by_the_nearest(
+    waypoints: ArmWaypoints, arm: go.Model
+) -> None:
+    last = waypoints.poses[-1]
+    assert last.position is not None
+    far = Pose(None, last.position * 3.0)
+    near = replace(
+        waypoints,
+        poses=tuple(Pose(None, pose.position) for pose in waypoints.poses[:-1]) + (far,),
+        between=tuple(Pose(None, pose.position) for pose in waypoints.between),
+    )
+    result = planned(near)
+    assert result.success
+    assert result.within_reach[0] == (True, True, False)
+    _, position = arm.hand_pose(result.paths[0][-1].nodes[-1])
+    (shoulder,) = (arm.frame_pose(arm.joint_names[0], np.zeros(7))[1],)
+    assert far.position is not None
+    beyond = np.linalg.norm(far.position - shoulder) - arm.reach
+    assert np.linalg.norm(far.position - position) == pytest.approx(beyond, abs=2e-3)
+
+
+def test_distances_are_kept(waypoints: ArmWaypoints, found: PlannedPaths, arm: go.Model) -> None:
+    """The hand stays above a plane that the free paths cross, between waypoints."""
+    q = ca.SX.sym("q", 7)
+    _, position = arm.hand_pose(q)
+    direction = np.array([0.3, -1.0, 0.2])
+    distance = ca.dot(direction, position)
+    clearance = Clearance(ca.Function("d", [q], [distance]), np.full(1, -np.inf), ("hand to wall",))
+
+    def least(result: PlannedPaths) -> np.ndarray:
+        curve = np.concatenate([path(np.linspace(0, 1, 200)) for path in result.paths[0]])
+        return clearance.function.map(len(curve))(curve.T).full()[0]
+
+    before = least(found)
+    ends = [clearance.function(path.nodes[k]) for path in found.paths[0] for k in (0, -1)]
+    bound = min(float(each) for each in ends) - 1e-3
+    if before.min() >= bound:
+        bound = float(before.min()) + 5e-3
+    result = planned(waypoints, clearance=replace(clearance, lower=np.full(1, bound)))
+    assert result.success
+    assert least(result).min() >= bound - 1e-3
+    assert not result.too_near
+    assert result.least_distances[0] >= bound - 2e-4
+
+
+def test_two_arms_move_in_one_program(waypoints: ArmWaypoints, found: PlannedPaths) -> None:
+    """Without distances between them, each moves as it does alone."""
+    result = planned(waypoints, waypoints)
+    assert result.success
+    for paths in result.paths:
+        for mine, alone in zip(paths, found.paths[0], strict=True):
+            assert_allclose(mine.nodes[-1], alone.nodes[-1], atol=1e-4)
+
+
+def test_positions_at_instants_are_linear_in_the_variables(waypoints: ArmWaypoints) -> None:
+    part = ArmPart.evenly(waypoints, (True,) * 3, 2, 5)
+    rng = np.random.default_rng(3)
+    nodes = rng.standard_normal((part.grid.size, 7))
+    times = np.array([0.0, 0.13, 0.5, 0.77, 1.1])
+    expected = positions_at([part], [nodes], times)
+    for time, q in zip(times, expected, strict=True):
+        place = place_at([part], part.size, float(time))
+        assert_allclose((place @ ca.DM(nodes.ravel())).full()[:, 0], q, atol=1e-12)

@@ -1,0 +1,27 @@
+"""The shortest path through layers, against all paths."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from geodesic_ocp.retargeting.program.shortest_path import shortest_path
+
+
+@given(st.integers(0, 10_000), st.lists(st.integers(1, 4), min_size=1, max_size=5))
+def test_no_path_is_shorter(seed: int, sizes: list[int]) -> None:
+    rng = np.random.default_rng(seed)
+    nodes = [rng.uniform(size=size) for size in sizes]
+    edges = [rng.uniform(size=shape) for shape in zip(sizes[:-1], sizes[1:], strict=True)]
+
+    def cost(chosen: tuple[int, ...]) -> float:
+        of_nodes = sum(costs[index] for costs, index in zip(nodes, chosen, strict=True))
+        steps = zip(edges, chosen[:-1], chosen[1:], strict=True)
+        return float(of_nodes + sum(costs[a, b] for costs, a, b in steps))
+
+    found, length = shortest_path(nodes, edges.__getitem__)
+    assert np.isclose(length, cost(tuple(found)))
+    assert length <= min(cost(each) for each in product(*map(range, sizes))) + 1e-12
