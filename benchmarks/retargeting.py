@@ -91,8 +91,8 @@ def main() -> None:
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore")  # about the file, and poses out of reach
                     row |= _run(analysis, robot, options, compared)
-            except Exception as error:  # the other pairs are still to be measured
-                traceback.print_exc()
+            except (go.NotConverged, ValueError) as error:
+                traceback.print_exc()  # the other pairs are still to be measured
                 row["failure"] = f"{type(error).__name__}: {error}"
             rows.append(row)
             (shown,) = Table(tuple(row), (tuple(row.values()),)).shown()[1:]
