@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.ipopt import Ipopt
+from geodesic_ocp.ipopt import Ipopt, Outcome
 
 Indices = NDArray[np.int64]
 
@@ -31,6 +31,8 @@ class Block:
         objective: its part of the objective, a scalar.
         constraints: its constraint functions (m, 1).
         indices: of the variables of every instance in x, (instances, z), all different in a row.
+        values: of the parameters, (instances, p).
+        lower, upper: bounds of the constraint functions, (instances, m).
     """
 
     variables: ca.SX
@@ -38,6 +40,9 @@ class Block:
     objective: ca.SX
     constraints: ca.SX
     indices: Indices
+    values: Array
+    lower: Array
+    upper: Array
 
     @property
     def count(self) -> int:
@@ -91,7 +96,7 @@ class _Derivatives:
 
 @dataclass(frozen=True, eq=False)
 class BlockProgram:
-    """The program of all blocks.
+    """The program of all blocks: x, p -> f, g, with blocks and their instances in order.
 
     Attributes:
         size_x: number of variables.
@@ -106,11 +111,19 @@ class BlockProgram:
         """Number of parameters."""
         return sum(block.size_p for block in self.blocks)
 
-    def solver(self, options: Mapping[str, Any]) -> Ipopt:
-        """Ipopt for this program; x, p -> f, g, blocks and their instances one after the other."""
+    def solve(self, x: Array, bounds: tuple[Array, Array], options: Mapping[str, Any]) -> Outcome:
+        """The solution by Ipopt from x (size_x,), within bounds of the variables."""
         functions = self._functions()
         nlp = functions.pop("nlp")
-        return Ipopt(nlp, functions, options)
+        lower, upper = bounds
+        return Ipopt(nlp, functions, options)(
+            x0=np.clip(x, lower, upper),
+            p=_joined([block.values for block in self.blocks]),
+            lbx=lower,
+            ubx=upper,
+            lbg=_joined([block.lower for block in self.blocks]),
+            ubg=_joined([block.upper for block in self.blocks]),
+        )
 
     def _functions(self) -> dict[str, ca.Function]:
         x, p = ca.MX.sym("x", self.size_x), ca.MX.sym("p", self.size_p)
@@ -169,6 +182,10 @@ class BlockProgram:
                 ["triu_hess_gamma_x_x"],
             ),
         }
+
+
+def _joined(parts: Sequence[Array]) -> Array:
+    return np.concatenate([part.ravel() for part in parts])
 
 
 def _triplets(pattern: ca.Sparsity) -> tuple[Indices, Indices]:

@@ -71,16 +71,16 @@ class ArmCheck:
 
     @property
     def worst(self) -> tuple[float, str]:
-        """By how much the worst limit is exceeded, relative or [rad or m], and which one it is."""
+        """By how much the worst limit is exceeded, relative or [rad or m], and a clause on it."""
         excess = {kind: shares.max(axis=0) - 1.0 for kind, shares in self.pieces.items()}
         excess["torque"] = self.torques.max(axis=(0, 1)) - 1.0
         kind = max(excess, key=lambda name: float(excess[name].max()))
         joint = int(excess[kind].argmax())
-        name = f"the {kind} of {self.arm.robot.joint_names[joint]}"
+        name = f"the {kind} of {self.arm.robot.joint_names[joint]} exceeds its limit"
         return float(excess[kind][joint]), name
 
 
-def distances(clearance: Clearance, splines: Sequence[JointSpline]) -> Array:
+def distances_in_pieces(clearance: Clearance, splines: Sequence[JointSpline]) -> Array:
     """Distances at evenly spaced times in every piece, (pieces, samples, m) [m]."""
     times = splines[0].within_pieces(_FEW)
     q = np.hstack([spline(times.ravel())[0] for spline in splines])

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.execution.program.arm_functions import ArmFunctions
+from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.program.knots import Knots
 from geodesic_ocp.execution.program.reference import Reference
 from geodesic_ocp.execution.program.trajectory_program import KnotStates
@@ -33,17 +33,16 @@ def through(
 
 
 def stretched(
-    references: Sequence[Reference], functions: Sequence[ArmFunctions], knots: Knots, rest: bool
+    arms: Sequence[ArmPaths], references: Sequence[Reference], knots: Knots, rest: bool
 ) -> Array:
     """Durations (m,) of the intervals in which the references nearly keep the limits [s]."""
     durations = knots.person
     for _ in range(_ROUNDS):
         guess = through(references, knots, durations, rest)
         ratio = np.zeros(knots.count + 1)
-        for k, each in enumerate(functions):
-            limits = each.arm.limits
-            speed = np.abs(guess.velocities[k]) / limits.velocity
-            growth = np.abs(guess.accelerations[k]) / (_CORNERS * limits.acceleration)
+        for k, arm in enumerate(arms):
+            speed = np.abs(guess.velocities[k]) / arm.limits.velocity
+            growth = np.abs(guess.accelerations[k]) / (_CORNERS * arm.limits.acceleration)
             ratio = np.maximum(ratio, np.maximum(speed, np.sqrt(growth)).max(axis=1))
         needed = np.array(
             [

@@ -13,7 +13,7 @@ from geodesic_ocp.execution.arm_paths import ArmPaths
 
 _SPACING = 0.04  # of knots [s]
 _LEAST, _MOST = 4, 360  # pieces of an interval, and about as many of all intervals together
-_SAME = 1e-6  # edges of two arms that are no further apart [s] are one
+SAME = 1e-6  # edges of two arms that are no further apart [s] are one
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,4 +73,4 @@ class Knots:
 def union_of_edges(arms: Sequence[ArmPaths]) -> Array:
     """Times (m + 1,) in the recording at which any arm's path begins or ends [s]."""
     edges = np.unique(np.concatenate([arm.edges for arm in arms]))
-    return np.asarray(edges[np.concatenate([[True], np.diff(edges) > _SAME])])
+    return np.asarray(edges[np.concatenate([[True], np.diff(edges) > SAME])])

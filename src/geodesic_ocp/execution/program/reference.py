@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from geodesic_ocp.arrays import Array
@@ -68,6 +69,20 @@ class Course:
     def resting(self) -> np.ndarray:
         """Whether the arm rests on each of its paths, (k,)."""
         return np.array([_rests(path.nodes) for path in self.arm.paths])
+
+    @cached_property
+    def pieces_at_rest(self) -> NDArray[np.bool_]:
+        """Pieces in which the arm rests, (pieces,)."""
+        found = np.zeros(self.knots.count, dtype=bool)
+        for rests, first, last in zip(self.resting, self.at[:-1], self.at[1:], strict=True):
+            found[first:last] = rests
+        return found
+
+    @property
+    def knots_at_rest(self) -> NDArray[np.bool_]:
+        """Knots at which the arm rests, at the ends of rests as well, (knots,)."""
+        rests = self.pieces_at_rest
+        return np.asarray(np.append(rests, False) | np.append(False, rests))
 
     @cached_property
     def junctions(self) -> Array:

@@ -10,19 +10,15 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.clearance_constraint import Clearance
-from geodesic_ocp.execution.program.dense_check import TOLERANCE, ArmCheck
+from geodesic_ocp.execution.program.dense_check import TOLERANCE, ArmCheck, distances_in_pieces
 from geodesic_ocp.execution.program.initial_guess import stretched, through
 from geodesic_ocp.execution.program.joint_spline import JointSpline
 from geodesic_ocp.execution.program.knots import Knots, union_of_edges
+from geodesic_ocp.execution.program.reference import Reference
 from geodesic_ocp.execution.program.settings import TrajectorySettings
-from geodesic_ocp.execution.program.tightening import Tightening
-from geodesic_ocp.execution.program.trajectory_program import (
-    INSIDE,
-    KnotStates,
-    TrajectoryProgram,
-    position_bounds,
-)
-from geodesic_ocp.execution.program.watched import Watched
+from geodesic_ocp.execution.program.tightening import nothing_watched, tightened
+from geodesic_ocp.execution.program.trajectory_program import KnotStates, TrajectoryProgram
+from geodesic_ocp.execution.program.variable_bounds import position_bounds
 
 _MOST_ROUNDS = 15
 _REFERENCES = 2  # rounds in which the nearest points of the paths are found anew
@@ -31,14 +27,14 @@ _STARTS = ((1.3, False), (2.0, False), (1.3, True), (3.0, True))
 
 
 @dataclass(frozen=True, eq=False)
-class Attempt:
+class TrajectoryAttempt:
     """Where the rounds ended.
 
     Attributes:
         knots: in time.
-        iterate: values at the knots.
-        splines: of the arms.
-        checks: of the arms.
+        durations: of the intervals (m,) [s].
+        checks: of the arms, with their splines.
+        least_distances: of each clearance (m,) [m].
         excess: largest excess over a limit, relative or [rad or m].
         status: in words.
         success: whether all limits are kept.
@@ -46,9 +42,9 @@ class Attempt:
     """
 
     knots: Knots
-    iterate: KnotStates
-    splines: tuple[JointSpline, ...]
+    durations: Array
     checks: tuple[ArmCheck, ...]
+    least_distances: tuple[Array, ...]
     excess: float
     status: str
     success: bool
@@ -60,19 +56,15 @@ def solve_in_rounds(
     settings: TrajectorySettings,
     clearances: Sequence[Clearance],
     progress: Callable[[int], object],
-) -> Attempt:
+) -> TrajectoryAttempt:
     """The trajectory within all limits, or the best attempt."""
-    best: Attempt | None = None
-    iterations = 0
+    attempts: list[TrajectoryAttempt] = []
     for more, stops in _STARTS:
-        found = _from_start(arms, settings, clearances, progress, more, stops)
-        iterations += found.iterations
-        if best is None or found.success or found.excess < best.excess:
-            best = found
-        if found.success:
+        attempts.append(_from_start(arms, settings, clearances, progress, (more, stops)))
+        if attempts[-1].success:
             break
-    assert best is not None
-    return replace(best, iterations=iterations)
+    best = min(attempts, key=lambda attempt: (not attempt.success, attempt.excess))
+    return replace(best, iterations=sum(attempt.iterations for attempt in attempts))
 
 
 def _from_start(
@@ -80,56 +72,69 @@ def _from_start(
     settings: TrajectorySettings,
     clearances: Sequence[Clearance],
     progress: Callable[[int], object],
-    more: float,
-    stops: bool,
-) -> Attempt:
-    edges, nothing = union_of_edges(arms), Watched.nothing(len(arms))
-    knots = Knots.spaced(edges, np.diff(edges))
-    program = TrajectoryProgram(arms, knots, settings, nothing)
-    references = [course.as_recorded(settings.rest, stops) for course in program.courses]
-    durations = stretched(references, program.functions, knots, settings.rest)
-    knots = Knots.spaced(edges, durations)
-    program = TrajectoryProgram(arms, knots, settings, nothing)
-    tightening = Tightening(
-        nothing,
-        tuple(np.full((knots.count + 1, arm.robot.dof), 1.0 - INSIDE) for arm in arms),
-        tuple(np.where(program.fixed_knots[:, None], -np.inf, each.lower) for each in clearances),
-    )
-    references = [course.as_recorded(settings.rest, stops) for course in program.courses]
-    iterate = through(references, knots, more * durations, settings.rest)
-    iterations, success, worst, excess = 0, False, "", np.inf
+    start: tuple[float, bool],
+) -> TrajectoryAttempt:
+    program, states, references = _first_guess(arms, settings, *start)
+    watched, iterations = nothing_watched(program, clearances), 0
     for number in range(_MOST_ROUNDS):
         progress(number)
-        outcome = program.solve(iterate, references, tightening.torque_shares)
+        outcome = program.solve(states, references, watched)
         iterations += outcome.iterations
-        iterate = program.iterate(outcome.x)
-        splines = _splines(knots, iterate)
+        states = program.states(outcome.x)
         checks = tuple(
             ArmCheck(course.arm, spline, position_bounds(course))
-            for course, spline in zip(program.courses, splines, strict=True)
+            for course, spline in zip(program.courses, _splines(program, states), strict=True)
         )
-        tightening, excess, worst = tightening.after(checks, splines, clearances)
+        splines = [check.spline for check in checks]
+        distances = [distances_in_pieces(each, splines) for each in clearances]
+        excess, worst = _worst(checks, clearances, distances)
         success = outcome.success and excess <= TOLERANCE
         if not outcome.success or (success and number + 1 >= _REFERENCES):
             break
-        program = replace(program, watched=tightening.watched)
+        watched = tightened(watched, checks, distances)
         references = [
-            course.nearest(q) for course, q in zip(program.courses, iterate.positions, strict=True)
+            course.nearest(q) for course, q in zip(program.courses, states.positions, strict=True)
         ]
-    status = "within all limits" if success else _failure(outcome.status, excess, worst)
-    return Attempt(knots, iterate, splines, checks, excess, status, success, iterations)
-
-
-def _failure(status: str, excess: float, worst: str) -> str:
-    if excess <= TOLERANCE:
-        return status
-    return f"{status}; {worst} exceeds its limit by {excess:.2g}"
-
-
-def _splines(knots: Knots, iterate: KnotStates) -> tuple[JointSpline, ...]:
-    """Without the rounding that the program's equations leave at the knots."""
-    time: Array = knots.times(iterate.durations)
-    return tuple(
-        JointSpline.through(time, q, v[[0, -1]])
-        for q, v in zip(iterate.positions, iterate.velocities, strict=True)
+    status = "within all limits" if success else outcome.status
+    if excess > TOLERANCE:
+        status = f"{outcome.status}; {worst} by {excess:.2g}"
+    least = tuple(each.min(axis=(0, 1)) for each in distances)
+    knots = program.knots
+    return TrajectoryAttempt(
+        knots, states.durations, checks, least, excess, status, success, iterations
     )
+
+
+def _first_guess(
+    arms: Sequence[ArmPaths], settings: TrajectorySettings, more: float, stops: bool
+) -> tuple[TrajectoryProgram, KnotStates, list[Reference]]:
+    """The paths in time that is stretched until limits are nearly kept, times `more`."""
+    edges = union_of_edges(arms)
+    coarse = TrajectoryProgram(arms, Knots.spaced(edges, np.diff(edges)), settings)
+    references = [course.as_recorded(settings.rest, stops) for course in coarse.courses]
+    durations = stretched(arms, references, coarse.knots, settings.rest)
+    program = TrajectoryProgram(arms, Knots.spaced(edges, durations), settings)
+    references = [course.as_recorded(settings.rest, stops) for course in program.courses]
+    states = through(references, program.knots, more * durations, settings.rest)
+    return program, states, references
+
+
+def _worst(
+    checks: Sequence[ArmCheck], clearances: Sequence[Clearance], distances: Sequence[Array]
+) -> tuple[float, str]:
+    """Largest excess over a limit, relative or [rad or m], and a clause that names it."""
+    found = [check.worst for check in checks]
+    for clearance, values in zip(clearances, distances, strict=True):
+        lack = (clearance.lower - values).max(axis=(0, 1))
+        index = int(lack.argmax())
+        found.append((float(lack[index]), f"the distance {clearance.names[index]} is too small"))
+    return max(found, key=lambda pair: pair[0])
+
+
+def _splines(program: TrajectoryProgram, states: KnotStates) -> list[JointSpline]:
+    """Without the rounding that the program's equations leave at the knots."""
+    time = program.knots.times(states.durations)
+    return [
+        JointSpline.through(time, q, v[[0, -1]])
+        for q, v in zip(states.positions, states.velocities, strict=True)
+    ]

@@ -3,125 +3,88 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.execution.clearance_constraint import Clearance
 from geodesic_ocp.execution.program.blocks import Indices
-from geodesic_ocp.execution.program.dense_check import TOLERANCE, ArmCheck, distances
-from geodesic_ocp.execution.program.joint_spline import JointSpline
-from geodesic_ocp.execution.program.watched import Watched, WatchedDistance
+from geodesic_ocp.execution.program.dense_check import TOLERANCE, ArmCheck
+from geodesic_ocp.execution.program.trajectory_program import TrajectoryProgram
+from geodesic_ocp.execution.program.variable_bounds import INSIDE
+from geodesic_ocp.execution.program.watched import Watched, WatchedArm, WatchedDistances
 
+# Shares of the limits, one and [rad] for positions, from which on a limit is minded as well where
+# it is exceeded elsewhere.
 _NEAR = {"velocity": 0.98, "position": 1.0 - 0.01, "jerk": 0.5}
-_NEAR_TORQUE = 0.85
-_NEAR_DISTANCE = 0.01  # [m]
-_MORE, _ROUNDING = 1.2, 2e-6
+_NEAR_TORQUE, _NEAR_DISTANCE = 0.85, 0.01  # a share, and [m]
+_MORE, _ROUNDING = 1.2, 2e-6  # what lies between knots is corrected by a little more
 
 
-@dataclass(frozen=True, eq=False)
-class Tightening:
-    """Constraints of a program, and bounds that keep what lies between knots within the limits.
-
-    Attributes:
-        watched: constraints.
-        torque_shares: of the limits that torques may reach at the knots, (knots, n) of each arm.
-        lower: bounds of distances at the knots (knots, m) [m], of each clearance.
-    """
-
-    watched: Watched
-    torque_shares: tuple[Array, ...]
-    lower: tuple[Array, ...]
-
-    def after(
-        self,
-        checks: Sequence[ArmCheck],
-        splines: Sequence[JointSpline],
-        clearances: Sequence[Clearance],
-    ) -> tuple[Tightening, float, str]:
-        """The next round's, the largest excess over any limit, and what exceeds it."""
-        pieces, torques, shares = [], [], []
-        worst = max((check.worst for check in checks), key=lambda pair: pair[0])
-        for k, check in enumerate(checks):
-            kinds = dict(self.watched.pieces[k])
-            for kind, near in _NEAR.items():
-                values = check.pieces[kind]
-                if values.max() > 1.0 + TOLERANCE:
-                    kinds[kind] = _united(kinds.get(kind), np.argwhere(values > near))
-            pieces.append(kinds)
-            knots, share = self._of_torques(k, check)
-            torques.append(knots)
-            shares.append(share)
-        watched, lower = list(self.watched.distances), []
-        for clearance, bounds in zip(clearances, self.lower, strict=True):
-            found = distances(clearance, splines)
-            lack = (clearance.lower - found).max(axis=(0, 1))
-            if lack.max() > worst[0]:
-                worst = float(lack.max()), f"the distance {clearance.names[int(lack.argmax())]}"
-            more, bounds = _of_distances(clearance, found, bounds, watched)
-            watched = more
-            lower.append(bounds)
-        after = Tightening(
-            Watched(tuple(pieces), tuple(torques), tuple(watched)), tuple(shares), tuple(lower)
-        )
-        return after, *worst
-
-    def _of_torques(self, k: int, check: ArmCheck) -> tuple[Indices, Array]:
-        knots, shares = self.watched.torques[k], self.torque_shares[k]
-        torques = check.torques
-        inside = torques.max(axis=1)  # of pieces (k, n)
-        if inside.max() <= 1.0 + TOLERANCE:
-            return knots, shares
-        at_knots = np.concatenate([torques[:, 0], torques[-1:, -1]])
-        near = np.flatnonzero(at_knots.max(axis=1) > _NEAR_TORQUE)
-        between = np.flatnonzero(inside.max(axis=1) > 1.0)
-        near = _union(near, np.concatenate([between, between + 1]))
-        excess = np.where(inside > 1.0, _MORE * (inside - 1.0) + _ROUNDING, 0.0)
-        # Where the torque was not limited yet, only what the middle has beyond both knots counts.
-        ends = np.maximum(at_knots[:-1], at_knots[1:])
-        beyond = np.where(inside > 1.0, _MORE * (inside - np.maximum(ends, 1.0)) + _ROUNDING, 0.0)
-        known = np.isin(np.arange(len(inside)), knots) & np.isin(np.arange(len(inside)) + 1, knots)
-        excess = np.where(known[:, None], excess, beyond)
-        less = np.zeros_like(shares)
-        less[:-1] = excess
-        less[1:] = np.maximum(less[1:], excess)
-        return _union(knots, near), shares * (1.0 - np.minimum(less, 0.5))
-
-
-def _of_distances(
-    clearance: Clearance, found: Array, bounds: Array, watched: Sequence[WatchedDistance]
-) -> tuple[list[WatchedDistance], Array]:
-    """Distances to keep, and their bounds at the knots (knots, m)."""
-    at_knots = np.concatenate([found[:, 0], found[-1:, -1]])
-    lack = clearance.lower - found.min(axis=1)  # of pieces
-    near = at_knots < clearance.lower + _NEAR_DISTANCE
-    short = lack > TOLERANCE
-    near[:-1] |= short
-    near[1:] |= short
-    ends = np.minimum(at_knots[:-1], at_knots[1:])
-    # What the middle lacks beyond both knots; these will keep their bounds.
-    deeper = np.minimum(ends, clearance.lower) - found.min(axis=1)
-    more = np.where(short, _MORE * np.maximum(deeper, 0.0) + _ROUNDING, 0.0)
-    raised = np.zeros_like(bounds)
-    raised[:-1] = more
-    raised[1:] = np.maximum(raised[1:], more)
-    bounds = bounds + raised
-    others = [each for each in watched if each.clearance is not clearance]
-    own = {each.index: each.knots for each in watched if each.clearance is clearance}
-    for index in np.flatnonzero(short.any(axis=0)):
-        own[int(index)] = _union(own.get(int(index)), np.flatnonzero(near[:, index]))
-    kept = [
-        WatchedDistance(clearance, index, knots, bounds[knots, index])
-        for index, knots in own.items()
+def nothing_watched(program: TrajectoryProgram, clearances: Sequence[Clearance]) -> Watched:
+    """No constraints beside those that a program always has."""
+    count, given = program.knots.count + 1, program.fixed_knots[:, None]
+    arms = [
+        WatchedArm({}, np.zeros(0, dtype=np.int64), np.full((count, terms.dof), 1.0 - INSIDE))
+        for terms in program.terms
     ]
-    return others + kept, bounds
+    distances = [
+        WatchedDistances(each, {}, np.where(given, -np.inf, each.lower)) for each in clearances
+    ]
+    return Watched(tuple(arms), tuple(distances))
 
 
-def _united(first: Indices | None, second: Indices) -> Indices:
-    """Pairs (k, 2) in either of two sets."""
-    return second if first is None else np.unique(np.concatenate([first, second]), axis=0)
+def tightened(watched: Watched, checks: Sequence[ArmCheck], distances: Sequence[Array]) -> Watched:
+    """The constraints of the next round.
+
+    Args:
+        watched: those of the last round.
+        checks: of its result.
+        distances: in every piece (pieces, samples, m) [m], of each clearance.
+    """
+    arms = [_arm(each, check) for each, check in zip(watched.arms, checks, strict=True)]
+    kept = [_kept(each, at) for each, at in zip(watched.clearances, distances, strict=True)]
+    return Watched(tuple(arms), tuple(kept))
 
 
-def _union(first: Indices | None, second: Indices) -> Indices:
-    return second if first is None else np.union1d(first, second)
+def _arm(watched: WatchedArm, check: ArmCheck) -> WatchedArm:
+    pieces = dict(watched.pieces)
+    for kind, near in _NEAR.items():
+        shares = check.pieces[kind]
+        if shares.max() > 1.0 + TOLERANCE:
+            known = pieces.get(kind, np.zeros((0, 2), dtype=np.int64))
+            pieces[kind] = np.unique(np.vstack([known, np.argwhere(shares > near)]), axis=0)
+    largest = check.torques.max(axis=1)  # of pieces (k, n)
+    if largest.max() <= 1.0 + TOLERANCE:
+        return WatchedArm(pieces, watched.torques, watched.torque_shares)
+    at_knots = np.concatenate([check.torques[:, 0], check.torques[-1:, -1]])
+    between = np.flatnonzero(largest.max(axis=1) > 1.0)
+    close = np.flatnonzero(at_knots.max(axis=1) > _NEAR_TORQUE)
+    knots = np.unique(np.concatenate([watched.torques, close, between, between + 1]))
+    # Torques at knots will keep the limit; what is larger in between has to be taken off.
+    ends = np.maximum(np.maximum(at_knots[:-1], at_knots[1:]), 1.0 - INSIDE)
+    excess = np.where(largest > 1.0, _MORE * (largest - ends) + _ROUNDING, 0.0)
+    less = 1.0 - np.minimum(_at_both_ends(excess), 0.5)
+    return WatchedArm(pieces, knots, watched.torque_shares * less)
+
+
+def _kept(watched: WatchedDistances, found: Array) -> WatchedDistances:
+    """Distances to keep from now on, given those that were found (pieces, samples, m)."""
+    wanted, least = watched.clearance.lower, found.min(axis=1)
+    at_knots = np.concatenate([found[:, 0], found[-1:, -1]])
+    short = least < wanted - TOLERANCE
+    near = (at_knots < wanted + _NEAR_DISTANCE) | (_at_both_ends(short) > 0.0)
+    knots = dict(watched.knots)
+    for index in np.flatnonzero(short.any(axis=0)).tolist():
+        known: Indices = knots.get(index, np.zeros(0, dtype=np.int64))
+        knots[index] = np.union1d(known, np.flatnonzero(near[:, index]))
+    # Distances at knots will keep their bounds; what is smaller in between is added to these.
+    ends = np.minimum(np.minimum(at_knots[:-1], at_knots[1:]), wanted)
+    lack = np.where(short, _MORE * (ends - least) + _ROUNDING, 0.0)
+    return WatchedDistances(watched.clearance, knots, watched.lower + _at_both_ends(lack))
+
+
+def _at_both_ends(of_pieces: Array) -> Array:
+    """At the knots, the larger one of two successive pieces."""
+    none = np.zeros((1, of_pieces.shape[1]))
+    return np.maximum(np.vstack([of_pieces, none]), np.vstack([none, of_pieces]))

@@ -5,27 +5,41 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.execution.clearance_constraint import Clearance
 from geodesic_ocp.execution.program.blocks import Indices
 
 
 @dataclass(frozen=True, eq=False)
-class WatchedDistance:
-    """A distance that is kept at some of the knots.
+class WatchedArm:
+    """Limits of one arm.
 
     Attributes:
-        clearance: to which it belongs.
-        index: of the distance.
-        knots: numbers of the knots (k,).
-        lower: its lower bounds there (k,) [m].
+        pieces: by the kind of limit ("jerk", "velocity", "position"), numbers of pieces and joints
+            (k, 2).
+        torques: numbers of the knots at which torques are limited (k,).
+        torque_shares: of the limits that torques may reach at the knots, (knots, n); less than all
+            where a torque is larger between the knots.
+    """
+
+    pieces: Mapping[str, Indices]
+    torques: Indices
+    torque_shares: Array
+
+
+@dataclass(frozen=True, eq=False)
+class WatchedDistances:
+    """Distances of one clearance.
+
+    Attributes:
+        clearance: the distances.
+        knots: at which each is kept, by its index.
+        lower: bounds at all knots (knots, m) [m]; more than the clearance's where a distance is
+            smaller between the knots, -inf where the configuration is given.
     """
 
     clearance: Clearance
-    index: int
-    knots: Indices
+    knots: Mapping[int, Indices]
     lower: Array
 
 
@@ -34,17 +48,9 @@ class Watched:
     """Constraints of a program, beside those that it always has.
 
     Attributes:
-        pieces: of every arm, by the kind of limit ("jerk", "velocity", "position"), numbers of
-            pieces and joints (k, 2).
-        torques: of every arm, numbers of the knots at which torques are limited.
-        distances: kept at some of the knots.
+        arms: limits of each arm.
+        clearances: distances of each clearance.
     """
 
-    pieces: tuple[Mapping[str, Indices], ...]
-    torques: tuple[Indices, ...]
-    distances: tuple[WatchedDistance, ...] = ()
-
-    @classmethod
-    def nothing(cls, arms: int) -> Watched:
-        """No constraints beside those that a program always has."""
-        return cls(tuple({} for _ in range(arms)), (np.zeros(0, dtype=np.int64),) * arms)
+    arms: tuple[WatchedArm, ...]
+    clearances: tuple[WatchedDistances, ...]
