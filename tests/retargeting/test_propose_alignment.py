@@ -80,6 +80,7 @@ def test_proposals_agree_with_built_in_alignments(name: str) -> None:
             "right",
             (1, 0, 0),
         ),
+        ("centauro", "ball2_tip", "j_arm2_4", "j_arm2_6", "right", (0, 0, -1)),
         ("simple_humanoid", "l_wrist", "LARM_ELBOW", "LARM_WRIST_P", "left", (0, 0, -1)),
     ],
 )
