@@ -11,9 +11,12 @@ __all__ = [
     "AdjustableKineticEnergy",
     "Alignment",
     "Analysis",
+    "ArmPaths",
     "Ball",
     "Capsule",
     "Certificate",
+    "Clearance",
+    "ClearanceReport",
     "ConfidenceInterval",
     "CrossValidation",
     "ErrorProfile",
@@ -26,7 +29,10 @@ __all__ = [
     "IntegrationFailed",
     "Iterate",
     "JacobiMetric",
+    "JointLimits",
+    "JointTrajectory",
     "KineticEnergy",
+    "LinkPairs",
     "LivePlot",
     "MethodComparison",
     "Metric",
@@ -36,11 +42,13 @@ __all__ = [
     "Motion",
     "MotionErrors",
     "MotionFilter",
+    "MotionMeasures",
     "NotConverged",
     "OptimalSegmentations",
     "PairedTest",
     "Parameter",
     "Path",
+    "PlannedTrajectory",
     "PointToPoint",
     "Problem",
     "Reach",
@@ -49,9 +57,11 @@ __all__ = [
     "Recording",
     "RecordingError",
     "RegionAvoiding",
+    "Replay",
     "RetargetedArm",
     "Retargeting",
     "RetargetingSettings",
+    "RobotArmature",
     "Scores",
     "Solution",
     "Stats",
@@ -61,15 +71,20 @@ __all__ = [
     "Table",
     "TimeLaw",
     "ToPose",
+    "TrajectoryCheck",
     "alignment",
     "analyse",
     "bootstrap_fit",
     "certify",
+    "check_trajectory",
+    "clearance_constraint",
     "clearance_constraints",
     "collision_pairs",
     "combine",
     "compare_methods",
     "compare_metrics",
+    "compare_timings",
+    "compare_with_tracking",
     "default_joint_inertia",
     "distal_inertia",
     "distance",
@@ -86,7 +101,9 @@ __all__ = [
     "geodesics",
     "human_arm",
     "inverse_kinematics",
+    "joint_limits",
     "leave_one_out",
+    "link_pairs",
     "load_metric",
     "load_model",
     "load_solution",
@@ -96,19 +113,25 @@ __all__ = [
     "minimum_acceleration",
     "minimum_jerk",
     "minimum_jerk_hand",
+    "motion_measures",
     "optimal_segmentations",
     "paired_test",
     "parallel_transport",
+    "plan_trajectory",
     "propose_alignment",
     "reachability",
     "read_alignment",
     "read_motion",
     "read_recordings",
+    "read_trajectory",
     "reconstruct",
+    "replay",
     "report",
     "retarget",
     "retarget_arms",
     "riemann_curvature",
+    "robot_armature",
+    "ruckig_trajectory",
     "save_metric",
     "save_synergies",
     "scalar_curvature",
@@ -121,7 +144,11 @@ __all__ = [
     "signed_distances",
     "solve",
     "time_law",
+    "toppra_trajectory",
     "track_hand",
+    "track_within_limits",
+    "trajectory_clearance",
+    "with_rotor_inertia",
 ]
 
 if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same names
@@ -136,6 +163,25 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
         NotConverged,
         RecordingError,
     )
+    from geodesic_ocp.execution.arm_paths import ArmPaths
+    from geodesic_ocp.execution.check_trajectory import check_trajectory
+    from geodesic_ocp.execution.clearance.clearance_constraint import clearance_constraint
+    from geodesic_ocp.execution.clearance.clearance_report import ClearanceReport
+    from geodesic_ocp.execution.clearance.link_pairs import LinkPairs, link_pairs
+    from geodesic_ocp.execution.clearance.trajectory_clearance import trajectory_clearance
+    from geodesic_ocp.execution.clearance_constraint import Clearance
+    from geodesic_ocp.execution.joint_limits import JointLimits, joint_limits
+    from geodesic_ocp.execution.other_timings.compare_timings import compare_timings
+    from geodesic_ocp.execution.other_timings.ruckig_trajectory import ruckig_trajectory
+    from geodesic_ocp.execution.other_timings.toppra_trajectory import toppra_trajectory
+    from geodesic_ocp.execution.plan_trajectory import plan_trajectory
+    from geodesic_ocp.execution.planned_trajectory import PlannedTrajectory
+    from geodesic_ocp.execution.replay.replay import replay
+    from geodesic_ocp.execution.replay.result import Replay
+    from geodesic_ocp.execution.tracking.compare_with_tracking import compare_with_tracking
+    from geodesic_ocp.execution.tracking.motion_measures import MotionMeasures, motion_measures
+    from geodesic_ocp.execution.tracking.track_within_limits import track_within_limits
+    from geodesic_ocp.execution.trajectory_check import TrajectoryCheck
     from geodesic_ocp.figures.obstacles import draw_obstacle
     from geodesic_ocp.fitting.bootstrap_fit import bootstrap_fit
     from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
@@ -172,6 +218,11 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.model.geometry.enclosing_capsule import enclosing_capsule
     from geodesic_ocp.model.geometry.signed_distances import collision_pairs, signed_distances
     from geodesic_ocp.model.human.human_arm import human_arm
+    from geodesic_ocp.model.inertias.known_armature import (
+        RobotArmature,
+        robot_armature,
+        with_rotor_inertia,
+    )
     from geodesic_ocp.model.model import Model
     from geodesic_ocp.model.primitives import Ball, Capsule, HalfSpace
     from geodesic_ocp.ocp.ik.inverse_kinematics import inverse_kinematics
@@ -226,14 +277,38 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.table import Table
     from geodesic_ocp.trajectory.filters.motion_filter import MotionFilter
     from geodesic_ocp.trajectory.grid import Grid
+    from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
     from geodesic_ocp.trajectory.motion import Motion, Subject
     from geodesic_ocp.trajectory.path import Path
+    from geodesic_ocp.trajectory.read_trajectory import read_trajectory
     from geodesic_ocp.trajectory.time_law import TimeLaw, time_law
 
     __version__: str
 else:
     # Public names by the module that defines them (PEP 562).
     _HOMES = {
+        "model.inertias.known_armature": "RobotArmature robot_armature with_rotor_inertia",
+        "trajectory.read_trajectory": "read_trajectory",
+        "trajectory.joint_trajectory": "JointTrajectory",
+        "execution.tracking.track_within_limits": "track_within_limits",
+        "execution.tracking.motion_measures": "MotionMeasures motion_measures",
+        "execution.tracking.compare_with_tracking": "compare_with_tracking",
+        "execution.other_timings.toppra_trajectory": "toppra_trajectory",
+        "execution.other_timings.ruckig_trajectory": "ruckig_trajectory",
+        "execution.other_timings.compare_timings": "compare_timings",
+        "execution.replay.result": "Replay",
+        "execution.replay.replay": "replay",
+        "execution.clearance.trajectory_clearance": "trajectory_clearance",
+        "execution.clearance.link_pairs": "LinkPairs link_pairs",
+        "execution.clearance.clearance_report": "ClearanceReport",
+        "execution.clearance.clearance_constraint": "clearance_constraint",
+        "execution.trajectory_check": "TrajectoryCheck",
+        "execution.planned_trajectory": "PlannedTrajectory",
+        "execution.plan_trajectory": "plan_trajectory",
+        "execution.joint_limits": "JointLimits joint_limits",
+        "execution.clearance_constraint": "Clearance",
+        "execution.check_trajectory": "check_trajectory",
+        "execution.arm_paths": "ArmPaths",
         "errors": "GeodesicOcpError IntegrationFailed NotConverged RecordingError",
         "figures.obstacles": "draw_obstacle",
         "manifold.metrics.adjustable_kinetic_energy": "AdjustableKineticEnergy",
