@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from dataclasses import replace
 from itertools import pairwise
@@ -76,14 +75,39 @@ def test_hand_reaches_the_poses(found: go.Retargeting, analysis: go.Analysis) ->
 
 def test_limits_hold_everywhere(found: go.Retargeting) -> None:
     (arm,) = found.arms
+    assert found.success
     s = np.linspace(0.0, 1.0, 1001)
     for synergy in arm.synergies:
         assert outside(arm.robot, synergy.path(s)) <= 0.0
-        times = synergy.start_time + np.linspace(0.0, synergy.duration, 501)
-        assert np.abs(synergy(times, 1)).max() <= 2.5 * (1.0 + 1e-3)
+    q, v, a, j = found.planned.states(np.linspace(0.0, found.planned.duration, 5001))
+    assert outside(arm.robot, q) <= 1e-6
+    limits = arm.limits
+    for values, largest in ((v, limits.velocity), (a, limits.acceleration), (j, limits.jerk)):
+        assert np.max(np.abs(values) / largest) <= 1.0 + 1e-6
+    assert np.max(np.abs(v)) <= 2.5
     assert found.stretch >= 1.0
-    assert arm.statistics["synergies"].peak_speed <= 1.001
-    assert arm.statistics["synergies"].limit_violation == 0.0
+    assert found.check.passed, found.check.violations
+    for motion in arm.statistics.values():
+        assert motion.peak_speed <= 1.001
+        assert motion.limit_violation <= 1e-4
+
+
+def test_trajectory_is_sampled_evenly_and_consistent(
+    analysis: go.Analysis, robot: go.Model, found: go.Retargeting
+) -> None:
+    finer = go.retarget(analysis, robot, tolerance=LOOSE, rate=1000.0)
+    for result, rate in ((found, 100.0), (finer, 1000.0)):
+        trajectory, h = result.trajectory, 1.0 / rate
+        assert trajectory.rate == pytest.approx(rate)
+        jerk = float(result.arms[0].limits.jerk.max())
+        between = np.diff(trajectory.positions, axis=0) / h
+        mean = (trajectory.velocities[1:] + trajectory.velocities[:-1]) / 2.0
+        assert np.abs(between - mean).max() <= jerk * h**2 / 12.0 * 1.01
+        between = np.diff(trajectory.velocities, axis=0) / h
+        mean = (trajectory.accelerations[1:] + trajectory.accelerations[:-1]) / 2.0
+        assert np.abs(between - mean).max() <= jerk * h / 4.0 * 1.01
+        assert_allclose(trajectory.velocities[[0, -1]], 0.0, atol=1e-9)
+        assert_allclose(trajectory.accelerations[[0, -1]], 0.0, atol=1e-9)
 
 
 def test_action_is_less_than_that_of_tracking_the_hand(found: go.Retargeting) -> None:
@@ -94,23 +118,19 @@ def test_action_is_less_than_that_of_tracking_the_hand(found: go.Retargeting) ->
     assert statistics["synergies"].position < 0.1
 
 
-def test_motion_consists_of_the_synergies(found: go.Retargeting) -> None:
+def test_motion_passes_the_ends_of_the_synergies_and_stays_near_them(found: go.Retargeting) -> None:
     (arm,) = found.arms
     motion, time = found.motion, found.motion.time
     assert motion.joint_names == arm.robot.joint_names
     assert len(motion) == len(arm.analysis.motion)
     assert time[0] == 0.0
     assert time[-1] == pytest.approx(found.stretch * arm.analysis.motion.duration)
-    for synergy in arm.synergies:
-        inner = slice(synergy.start, synergy.stop)
-        assert_allclose(motion.q[inner], synergy(time[inner]), atol=1e-12)
-        assert_allclose(found.trajectory.velocities[inner], synergy(time[inner], 1), atol=1e-12)
-    # The speed in the metric is continuous where synergies meet, the direction need not be.
-    metric = go.KineticEnergy(arm.robot)
-    for one, other in pairwise(arm.synergies):
-        at = other.start_time
-        before, after = (metric.norm(each(at), each(at, 1)) for each in (one, other))
-        assert before == pytest.approx(after, rel=1e-6, abs=1e-9)
+    for synergy, deviation in zip(arm.synergies, found.planned.path_deviation[0], strict=True):
+        assert time[synergy.start] == pytest.approx(synergy.start_time, abs=1e-9)
+        assert_allclose(motion.q[synergy.start], synergy.path.nodes[0], atol=1e-5)
+        assert_allclose(motion.q[synergy.stop], synergy.path.nodes[-1], atol=1e-5)
+        assert deviation.hand < 0.05
+    assert_allclose(arm.synergies[-1].path.nodes[-1], found.trajectory.positions[-1], atol=1e-5)
 
 
 @pytest.mark.slow
@@ -126,6 +146,7 @@ def test_own_arm_reaches_the_recorded_poses(analysis: go.Analysis) -> None:
     assert_allclose(arm.target_poses[1], observed[1], atol=1e-12)
     assert_allclose(arm.target_poses[0], observed[0], atol=1e-12)
     assert_allclose(found.motion.q[0], first, atol=3e-6)
+    assert found.arms[0].robot is analysis.model  # a person has no rotors
 
 
 @pytest.mark.slow
@@ -189,7 +210,8 @@ def test_baseline_begins_at_the_first_pose(analysis: go.Analysis, robot: go.Mode
     start = np.array([0.2, 0.0, -0.3, 1.9, 0.0, 0.0, 0.0])
     (arm,) = go.retarget(analysis, robot, start=start, tolerance=LOOSE, settings=SETTINGS).arms
     assert_allclose(arm.motion.q[0], start, atol=3e-4)
-    assert_allclose(robot.hand_pose(arm.baseline.q[0])[1], arm.target_poses[1][0], atol=1e-5)
+    _, position = robot.hand_pose(arm.baseline.positions[0])
+    assert_allclose(position, arm.target_poses[1][0], atol=1e-5)
 
 
 @pytest.mark.slow
@@ -212,7 +234,7 @@ def test_poses_out_of_reach_are_reported_before_and_replaced_by_the_nearest(
             settings=replace(SETTINGS, scale=1.5),
             progress=progress,
         )
-    assert reported[0].startswith("planning")
+    assert reported[0].startswith("choosing")
     (arm,) = found.arms
     assert arm.out_of_reach
     for number, (distance, _) in arm.out_of_reach.items():
@@ -342,8 +364,8 @@ def test_tables_and_figure_show_both_methods(found: go.Retargeting) -> None:
     assert [label.partition(" ")[0] for label in labels[:2]] == ["hand", "hand"]
     assert all(label.endswith("[rad]") for label in labels[2:5])
     edges = [(group.start, group.stop) for group in arm.groups]
-    middles = arm.trajectory.time[np.array(edges)].mean(axis=1)
-    shaded = is_shaded(panels[0], middles - arm.trajectory.time[0])
+    middles = arm.motion.time[np.array(edges)].mean(axis=1)
+    shaded = is_shaded(panels[0], middles - arm.motion.time[0])
     assert shaded.tolist() == [k % 2 == 0 for k in range(len(edges))]
     (legend,) = part.legends
     assert [text.get_text() for text in legend.get_texts()] == [
@@ -366,6 +388,7 @@ def test_saved_files_can_be_read(found: go.Retargeting, tmp_path: Path) -> None:
         "table.md",
         "trajectory.csv",
         "trajectory.json",
+        "trajectory.npz",
     }
     folder = tmp_path / "new" / "folder"
     (arm,) = found.arms
@@ -376,9 +399,11 @@ def test_saved_files_can_be_read(found: go.Retargeting, tmp_path: Path) -> None:
     assert_allclose(again[-1](times), arm.synergies[-1](times), atol=1e-9)
     message = json.loads((folder / "trajectory.json").read_text())
     assert tuple(message["joint_names"]) == arm.robot.joint_names
-    assert len(message["points"]) == len(found.motion)
-    rows = list(csv.reader((folder / "trajectory.csv").read_text().splitlines()))
-    assert np.array_equal(np.array(rows[1:], dtype=float)[:, 1:8], found.motion.q)
+    assert len(message["points"]) == len(found.trajectory.time)
+    for suffix in ("csv", "npz", "json"):
+        again = go.read_trajectory(folder / f"trajectory.{suffix}")
+        assert_allclose(again.positions, found.trajectory.positions, atol=1e-12)
+        assert_allclose(again.accelerations, found.trajectory.accelerations, atol=1e-12)
 
 
 def test_report_is_one_page(found: go.Retargeting, tmp_path: Path) -> None:

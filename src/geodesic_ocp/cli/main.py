@@ -8,16 +8,15 @@ import sys
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import get_args
 
 from geodesic_ocp.cli.align_options import add_align_options
 from geodesic_ocp.cli.analysis_options import add_analysis_options, check_options
 from geodesic_ocp.cli.fit_options import add_fit_options
 from geodesic_ocp.cli.interrupts import Interrupts, in_main_thread, on_interrupt
 from geodesic_ocp.cli.recording import analyse_bundled, analyse_file, check_folder, save_analysis
+from geodesic_ocp.cli.retarget_options import add_retarget_options
 from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.model.dynamics.rigid_body import BACKENDS
-from geodesic_ocp.retargeting.settings import Formulation
 
 _EXIT = """exit codes: 0 done; 1 a check failed, or an error in a problem's own code, shown whole;
 2 wrong input, named in one line; 3 a solver or integration failed; 130 interrupted"""
@@ -90,7 +89,7 @@ def _parser() -> argparse.ArgumentParser:
         help="such as panda (see geodesic-ocp models), or a file (URDF, MJCF); twice with "
         "--side both, right and left",
     )
-    _add_transfer_options(command)
+    add_retarget_options(command)
     command.add_argument(
         "--report",
         action="store_true",
@@ -107,7 +106,7 @@ def _parser() -> argparse.ArgumentParser:
 
     command = commands.add_parser("demo", help="analyse the bundled recording", epilog=_EXIT)
     command.add_argument("--robot", metavar="NAME", help="also transfer it to this robot")
-    _add_transfer_options(command)
+    add_retarget_options(command)
     add_analysis_options(command)
     command.set_defaults(run=_demo)
 
@@ -146,6 +145,12 @@ def _parser() -> argparse.ArgumentParser:
     add_align_options(command)
     command.set_defaults(run=_align)
 
+    command = commands.add_parser(
+        "check-trajectory", help="tell whether a robot can execute a trajectory", epilog=_EXIT
+    )
+    add_check_trajectory_options(command)
+    command.set_defaults(run=_check_trajectory)
+
     command = commands.add_parser("models", help="list the available models and back ends")
     command.set_defaults(run=_models)
 
@@ -173,36 +178,6 @@ def _add_recording(command: argparse.ArgumentParser, sides: Sequence[str]) -> No
         type=float,
         metavar="HZ",
         help="interpolate at this rate first, for samples that are not evenly spaced",
-    )
-
-
-def _add_transfer_options(command: argparse.ArgumentParser) -> None:
-    for option, metavar, text in (
-        ("--hand", "FRAME", "hand (end-effector) frame of the robot"),
-        ("--base", "FRAME", "fixed frame of the robot that becomes its base"),
-        ("--alignment", "FILE", "of the robot with the person, as written by geodesic-ocp align"),
-    ):
-        command.add_argument(
-            option, action="append", metavar=metavar, help=f"{text}; one for each --robot"
-        )
-    command.add_argument(
-        "--formulation",
-        choices=get_args(Formulation),
-        default="constrained",
-        help="least energy to the exact pose, or free geodesics (default: %(default)s)",
-    )
-    command.add_argument(
-        "--limits",
-        action=argparse.BooleanOptionalAction,
-        default=True,
-        help="keep the joints within their position and speed limits",
-    )
-    command.add_argument(
-        "--position-only", action="store_true", help="leave the hand's orientation free"
-    )
-    command.add_argument("--rest", action="store_true", help="begin and end at rest")
-    command.add_argument(
-        "--num-starts", type=int, default=1, help="solutions sought for each synergy (default: 1)"
     )
 
 
@@ -250,6 +225,12 @@ def _check(options: argparse.Namespace) -> int:
     from geodesic_ocp.validation.check import run_check
 
     return 0 if run_check(options.file, options.backend) else 1
+
+
+def _check_trajectory(options: argparse.Namespace) -> int:
+    from geodesic_ocp.cli.check_trajectory_command import check_trajectory_file
+
+    return check_trajectory_file(options)
 
 
 def _align(options: argparse.Namespace) -> None:

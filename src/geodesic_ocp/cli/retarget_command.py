@@ -23,6 +23,8 @@ from geodesic_ocp.retargeting.retarget import retarget_arms
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.synergies.analysis import Analysis
 
+_LONGER = 1.005  # times the person's time, as it is shown
+_FAULTS = 3  # of the trajectory that are printed
 _REPORT = "report.html"
 _Arm: TypeAlias = tuple[Model, Alignment]
 
@@ -79,10 +81,20 @@ def _transfer(
         orientation_weight=0.0 if options.position_only else 1.0,
         num_starts=options.num_starts,
         rest=options.rest,
+        rotor_inertia=options.rotor_inertia,
+        likeness_weight=options.likeness,
+        posture_weight=options.posture,
+        self_collision=options.self_collision,
+        scale=options.scale,
     )
     with printed_warnings(), closing(ProgressBar()) as bar:
         result = retarget_arms(
-            analyses, robots, alignments=alignments, settings=settings, progress=bar
+            analyses,
+            robots,
+            alignments=alignments,
+            rate=options.rate,
+            settings=settings,
+            progress=bar,
         )
     _summarize(result)
     if options.out is None and options.report:
@@ -106,9 +118,11 @@ def _summarize(result: Retargeting) -> None:
             f"{f', {unreached} poses out of reach' if unreached else ''}"
         )
     time = "the person's time"
-    if result.stretch > 1.0:
-        time = f"{result.stretch:.2f} times the person's time, because of joint speed limits"
-    print(f"it takes {time}; computed in {result.seconds:.1f} s ({result.settings.formulation})\n")
+    if result.stretch > _LONGER:
+        time = f"{result.stretch:.2f} times the person's time, because of the joints' limits"
+    print(f"it takes {time}; computed in {result.seconds:.1f} s ({result.settings.formulation})")
+    faults = "; ".join(result.check.violations[:_FAULTS]) or "all conditions hold"
+    print(f"trajectory at {result.rate:g} Hz: {faults}\n")
     print(result.synergy_table())
     print(
         f"\nagainst inverse kinematics that tracks the whole path of the hand\n\n{result.table()}"

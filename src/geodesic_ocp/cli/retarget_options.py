@@ -1,0 +1,69 @@
+"""Options of `geodesic-ocp retarget` and `demo --robot`."""
+
+from __future__ import annotations
+
+import argparse
+from typing import get_args
+
+from geodesic_ocp.retargeting.settings import Formulation
+
+_SWITCHES = (
+    ("--limits", "keep within the joints' limits (position, speed, acceleration, jerk, torque)"),
+    ("--rest", "begin and end at rest"),
+    ("--self-collision", "keep the robot's links apart where their geometry is known"),
+    ("--rotor-inertia", "add known or default inertia of the motors where the file states none"),
+)
+
+
+def add_retarget_options(command: argparse.ArgumentParser) -> None:
+    """Add the options to a command."""
+    for option, metavar, text in (
+        ("--hand", "FRAME", "hand (end-effector) frame of the robot"),
+        ("--base", "FRAME", "fixed frame of the robot that becomes its base"),
+        ("--alignment", "FILE", "of the robot with the person, as written by geodesic-ocp align"),
+    ):
+        command.add_argument(
+            option, action="append", metavar=metavar, help=f"{text}; one for each --robot"
+        )
+    command.add_argument(
+        "--rate",
+        type=float,
+        default=100.0,
+        metavar="HZ",
+        help="of the trajectory; 1000 for libfranka (default: %(default)g)",
+    )
+    for option, text in _SWITCHES:
+        command.add_argument(option, action=argparse.BooleanOptionalAction, default=True, help=text)
+    command.add_argument(
+        "--likeness",
+        type=float,
+        default=1.0,
+        metavar="WEIGHT",
+        help="of the elbow's likeness to the person's (default: %(default)g)",
+    )
+    command.add_argument(
+        "--posture",
+        type=float,
+        default=0.0,
+        metavar="WEIGHT",
+        help="of joints near the middle of their ranges (default: %(default)g)",
+    )
+    command.add_argument(
+        "--scale", type=float, help="factor of positions (default: the ratio of the arms' lengths)"
+    )
+    command.add_argument(
+        "--position-only", action="store_true", help="leave the hand's orientation free"
+    )
+    command.add_argument(
+        "--formulation",
+        choices=get_args(Formulation),
+        default="constrained",
+        help="all synergies at once, least energy to exact poses, or free geodesics one by one "
+        "(default: %(default)s)",
+    )
+    command.add_argument(
+        "--num-starts",
+        type=int,
+        default=1,
+        help="with --formulation geodesic, geodesics sought for each synergy (default: 1)",
+    )
