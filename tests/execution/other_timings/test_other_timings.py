@@ -153,10 +153,12 @@ def test_the_comparison_has_a_row_for_each_method() -> None:
 def test_a_planned_trajectory_stands_first_and_within_its_limits() -> None:
     planned = plan_trajectory([CORNER])
     table = compare_timings(planned, rate=500.0)
-    name, duration, *shares, _, _ = table.rows[0]
-    assert (name, len(table.rows)) == ("planned", 6)
+    name, duration, *shares, deviation, _ = table.rows[0]
+    assert (name, len(table.rows)) == ("planned", 7)
     assert duration == pytest.approx(planned.duration, abs=0.002)
     assert max(shares) <= 1.001
+    rows = {row[0]: row[1:] for row in table.rows}
+    assert rows["TOPP-RA, as near as planned"][5] <= deviation
 
 
 def test_wrong_arguments_are_named() -> None:
