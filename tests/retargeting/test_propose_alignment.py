@@ -43,6 +43,7 @@ def test_proposals_agree_with_built_in_alignments(name: str) -> None:
 
 
 @needs_robots
+@pytest.mark.filterwarnings("ignore:.*centauro")
 @pytest.mark.parametrize(
     ("name", "hand", "elbow", "wrist", "side", "fingers"),
     [

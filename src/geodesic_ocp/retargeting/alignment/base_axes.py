@@ -67,9 +67,7 @@ def base_axes(robot: Model, found: Landmarks, side: Side | None) -> BaseAxes:
     if central:
         reason += f"; the arm is on neither side of it and is taken for a {chosen} arm"
     else:
-        reason += (
-            f"; its shoulder lies {axis_name(beside, 'the base')} from the base: a {chosen} arm"
-        )
+        reason += f"; its shoulder lies {axis_name(beside, 'the base')}: a {chosen} arm"
     return BaseAxes(rotation, chosen, reason)
 
 
