@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -13,65 +12,13 @@ from geodesic_ocp.cli.notes import printed_warnings
 from geodesic_ocp.execution.check_trajectory import check_trajectory
 from geodesic_ocp.execution.clearance.clearance_constraint import clearance_constraint
 from geodesic_ocp.execution.clearance_constraint import Clearance
-from geodesic_ocp.execution.joint_limits import joint_limits
+from geodesic_ocp.execution.joint_limits import QUANTITIES, joint_limits
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.alignment.alignment import alignment
 from geodesic_ocp.trajectory.read_trajectory import read_trajectory
 
 _FREE_FALL = (0.0, 0.0, -9.81)
-_LIMITS = {
-    "velocity": "rad/s or m/s",
-    "acceleration": "rad/s^2 or m/s^2",
-    "jerk": "rad/s^3 or m/s^3",
-    "torque": "N m or N",
-}
-
-
-def add_check_trajectory_options(command: argparse.ArgumentParser) -> None:
-    """Add the options of `check-trajectory`."""
-    command.add_argument("file", type=Path, help="trajectory (.csv, .json of ROS 2, or .npz)")
-    command.add_argument(
-        "--robot",
-        action="append",
-        required=True,
-        metavar="NAME",
-        help="name (see geodesic-ocp models) or file; twice for two arms, in their order",
-    )
-    command.add_argument("--hand", metavar="FRAME", help="hand frame, for a robot from a file")
-    for name, unit in _LIMITS.items():
-        command.add_argument(
-            f"--{name}",
-            action="append",
-            metavar="LIMIT",
-            help=f"largest {name} [{unit}] of all joints, or JOINT=LIMIT for one; repeatable; "
-            "default: as in the file, published, or derived",
-        )
-    command.add_argument(
-        "--payload", type=float, metavar="KG", help="mass in the hand, at the origin of its frame"
-    )
-    command.add_argument(
-        "--gravity",
-        type=float,
-        nargs=3,
-        metavar=("X", "Y", "Z"),
-        help="acceleration of free fall in the axes of the robot's base (default: 0 0 -9.81)",
-    )
-    command.add_argument(
-        "--aligned",
-        action="store_true",
-        help="gravity as for a robot that is mounted by its alignment, as by geodesic-ocp retarget",
-    )
-    command.add_argument(
-        "--clearance",
-        action=argparse.BooleanOptionalAction,
-        default=True,
-        help="whether links keep clear of each other, where the robot's geometry is known",
-    )
-    command.add_argument("--moving", action="store_true", help="it need not begin and end at rest")
-    command.add_argument(
-        "--uneven", action="store_true", help="samples need not be evenly spaced in time"
-    )
 
 
 def check_trajectory_file(options: argparse.Namespace) -> int:
@@ -88,7 +35,7 @@ def check_trajectory_file(options: argparse.Namespace) -> int:
     gravity = _gravity(options, robots)
     if options.payload is not None:
         robots = [robot.with_payload(options.payload) for robot in robots]
-    given = {name: _limit(name, getattr(options, name)) for name in _LIMITS}
+    given = {name: _limit(name, getattr(options, name)) for name in QUANTITIES}
     limits = [joint_limits(robot, **given) for robot in robots]
     check = check_trajectory(
         trajectory,

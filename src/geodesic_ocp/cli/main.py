@@ -11,6 +11,7 @@ from pathlib import Path
 
 from geodesic_ocp.cli.align_options import add_align_options
 from geodesic_ocp.cli.analysis_options import add_analysis_options, check_options
+from geodesic_ocp.cli.check_trajectory_options import add_check_trajectory_options
 from geodesic_ocp.cli.fit_options import add_fit_options
 from geodesic_ocp.cli.interrupts import Interrupts, in_main_thread, on_interrupt
 from geodesic_ocp.cli.recording import analyse_bundled, analyse_file, check_folder, save_analysis
