@@ -114,7 +114,7 @@ def reachability(
     mounting, helped = _best(robot, alignment, turned, placed, found)
     if helped <= int(attained.sum()):
         mounting, helped = None, int(attained.sum())
-    advice = _advice(robot, unreachable, len(placed), mounting, helped, scale)
+    advice = _advice(robot, unreachable, len(placed), mounting, helped, scale, turned is not None)
     return Reachability(len(placed), unreachable, mounting, helped, advice)
 
 
@@ -195,13 +195,14 @@ def _advice(
     mounting: Mounting | None,
     helped: int,
     scale: float | None,
+    turned: bool,
 ) -> str:
     far = max(each.distance for each in unreachable)
     angle = max(each.angle for each in unreachable)
     many = len(unreachable)
     said = (
         f"{many} of {count} poses {'is' if many == 1 else 'are'} out of reach of {robot.name!r}, "
-        f"by up to {far:.2g} m and {angle:.2g} rad"
+        f"by up to {far:.2g} m{f' and {angle:.2g} rad' if turned else ''}"
     )
     if too_far := sum(each.beyond > 0.0 for each in unreachable):
         said += f" ({too_far} farther from the shoulder than the arm is long)"

@@ -82,7 +82,10 @@ def speed_limited(waypoints: ArmWaypoints) -> ArmWaypoints:
 def test_derivatives_are_those_of_the_program(waypoints: ArmWaypoints) -> None:
     """CasADi's own gradient, Jacobian and Hessian, at a point near the straight lines."""
     part = ArmPart.evenly(
-        replace(speed_limited(waypoints), offsets=np.full((3, 3), 0.1)), (True, True, False), 1, 3
+        replace(speed_limited(waypoints), offsets=np.full((3, 3), 0.1)),
+        np.array([0.0, 0.0, 50.0]),
+        1,
+        3,
     )
     terms = Terms(2.0, 1.1, 5.0, 0.3, 0.7, 1.0)
     q = ca.SX.sym("q", 7)
@@ -242,7 +245,7 @@ def test_two_arms_move_in_one_program(waypoints: ArmWaypoints, found: PlannedPat
 
 
 def test_positions_at_instants_are_linear_in_the_variables(waypoints: ArmWaypoints) -> None:
-    part = ArmPart.evenly(waypoints, (True,) * 3, 2, 5)
+    part = ArmPart.evenly(waypoints, np.zeros(3), 2, 5)
     rng = np.random.default_rng(3)
     nodes = rng.standard_normal((part.grid.size, 7))
     times = np.array([0.0, 0.13, 0.5, 0.77, 1.1])

@@ -178,16 +178,19 @@ def _elbow_and_wrist(
     """Numbers of the joints in the chain."""
     axes = joint_axes(robot, q)
     _, hand = robot.hand_pose(q)
-    centre = wrist_centre(axes, hand)
 
     def distance(point: Array, number: int) -> float:
         return float(
             np.linalg.norm(np.cross(point - axes.origins[number], axes.directions[number]))
         )
 
-    levers = [min(distance(shoulder, number), distance(centre, number)) for number in arm]
-    best = int(np.argmax(levers))
-    if levers[best] < _BENDING * length:
+    # An arm of few joints has no wrist: its forearm ends at the hand.
+    for end in (wrist_centre(axes, hand), hand):
+        levers = [min(distance(shoulder, number), distance(end, number)) for number in arm]
+        best = int(np.argmax(levers))
+        if levers[best] >= _BENDING * length:
+            break
+    else:
         return None, None
     elbow = arm[best]
     # The elbow's axis is at right angles to the arm; only the distance along the arm counts.

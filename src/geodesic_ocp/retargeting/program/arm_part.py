@@ -28,9 +28,6 @@ from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
-# Weight of the squared error of a pose out of reach, [1/m^2] or [1/rad^2].
-_MISSED = 1e5
-
 
 @dataclass(frozen=True, eq=False)
 class ArmPart:
@@ -38,20 +35,19 @@ class ArmPart:
 
     Attributes:
         waypoints: of the arm.
-        within_reach: which poses are equalities (m + 1,).
+        missed: weights of the squared errors of poses out of reach (m + 1,); zero for those within
+            reach, which are equalities.
         grid: over the arm's own time from 0 to 1, in which rests are left out.
         last_segments: of the movements, (m,): number of segments up to the end of each.
     """
 
     waypoints: ArmWaypoints
-    within_reach: tuple[bool, ...]
+    missed: Array
     grid: Grid
     last_segments: tuple[int, ...]
 
     @classmethod
-    def evenly(
-        cls, waypoints: ArmWaypoints, within_reach: tuple[bool, ...], segments: int, degree: int
-    ) -> ArmPart:
+    def evenly(cls, waypoints: ArmWaypoints, missed: Array, segments: int, degree: int) -> ArmPart:
         """With so many segments of equal duration for each movement."""
         edges = np.concatenate([[0.0], np.cumsum(waypoints.durations)])
         edges /= edges[-1]
@@ -61,13 +57,18 @@ class ArmPart:
         )
         grid = Grid(fine.size - 1, degree, tuple(fine.tolist()))
         last = tuple(segments * (number + 1) for number in range(waypoints.count))
-        return cls(waypoints, within_reach, grid, last)
+        return cls(waypoints, missed, grid, last)
 
     def halved(self, coarse: NDArray[np.bool_]) -> ArmPart:
         """With some of the segments (segments,) halved."""
         every = np.cumsum(1 + coarse)
         last = tuple(int(every[number - 1]) for number in self.last_segments)
         return replace(self, grid=halved(self.grid, coarse), last_segments=last)
+
+    @property
+    def within_reach(self) -> tuple[bool, ...]:
+        """Which poses are equalities (m + 1,)."""
+        return tuple((self.missed == 0.0).tolist())
 
     @property
     def dof(self) -> int:
@@ -114,8 +115,7 @@ class ArmPart:
         columns = []
         for number, pose in enumerate(given.poses):
             missed = np.zeros(6)
-            if not self.within_reach[number]:
-                missed[list(given.rows)] = _MISSED * count * given.row_weights**2
+            missed[list(given.rows)] = self.missed[number] * count * given.row_weights**2
             offset = None if given.offsets is None else given.offsets[number]
             columns.append(parameters(pose, missed, offset, terms.posture, terms.likeness))
         return np.transpose(columns)

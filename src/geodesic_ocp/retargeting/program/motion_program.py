@@ -28,7 +28,13 @@ from geodesic_ocp.retargeting.program.distance_rows import DistanceRows
 from geodesic_ocp.retargeting.program.sparse import Index, blocks_on_diagonal, placed
 from geodesic_ocp.retargeting.program.terms import Terms
 
-_IPOPT: Mapping[str, Any] = {"tol": 1e-7, "gamma_theta": 0.9, "max_soc": 0, "mu_init": 1e-2}
+_IPOPT: Mapping[str, Any] = {
+    "tol": 1e-7,
+    "gamma_theta": 0.9,
+    "max_soc": 0,
+    "mu_init": 1e-2,
+    "max_iter": 1000,
+}
 _TOO_NEAR = 300.0  # weight of a distance below its bound [1/m]
 _NEAR: Mapping[str, Any] = {
     **_IPOPT,

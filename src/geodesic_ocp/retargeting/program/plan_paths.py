@@ -17,7 +17,12 @@ from geodesic_ocp.retargeting.program.candidates import Candidates
 from geodesic_ocp.retargeting.program.distance_rows import DistanceRows
 from geodesic_ocp.retargeting.program.instants import place_at, positions_at
 from geodesic_ocp.retargeting.program.motion_program import MotionProgram
-from geodesic_ocp.retargeting.program.start import find_start, least_action, own_distances
+from geodesic_ocp.retargeting.program.start import (
+    StartConfigurations,
+    find_start,
+    least_action,
+    own_distances,
+)
 from geodesic_ocp.retargeting.program.terms import Terms
 from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
 from geodesic_ocp.trajectory.path import Path
@@ -32,6 +37,7 @@ _DISTANCE_ROUNDS = 8
 _DETOUR = 5.0  # weight of the hand's distance from the person's halfway, in the graph
 _ROUNDING = 1e-4  # [m] by which a distance may fall below its bound between those instants
 _TINY = 1e-12
+_MISSED = 1e3, 1e5  # range of weights of squared errors [1/m^2] or [1/rad^2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +104,8 @@ def plan_paths(
     for number, (arm, each) in enumerate(zip(arms, layers, strict=True)):
         progress("choosing configurations", number, total)
         start = find_start(arm, terms, each, own_distances(clearance, arms, number))
-        parts.append(ArmPart.evenly(arm, start.within_reach, _SEGMENTS, _DEGREE))
+        missed = _missed(arm, start)
+        parts.append(ArmPart.evenly(arm, missed, _SEGMENTS, _DEGREE))
         nodes.append(parts[-1].nodes_on_lines(start.q))
     progress("planning all synergies", len(arms), total)
     iterate = _refined(_Iterate(tuple(parts), tuple(nodes), None), edges, terms, tolerance)
@@ -122,6 +129,16 @@ def plan_paths(
         least_distances=least,
         too_near=too_near,
     )
+
+
+def _missed(arm: ArmWaypoints, start: StartConfigurations) -> Array:
+    """Weights of the errors of poses out of reach: the nearer the pose, the larger."""
+    weights = np.zeros(arm.count + 1)
+    for number, (q, pose) in enumerate(zip(start.q, arm.poses, strict=True)):
+        if not start.within_reach[number]:
+            error = max(pose.error(arm.arm, q))
+            weights[number] = np.clip(error**-2, *_MISSED)
+    return weights
 
 
 @dataclass(frozen=True, eq=False)

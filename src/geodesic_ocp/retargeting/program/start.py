@@ -31,7 +31,7 @@ _SPREAD, _AROUND = 0.3, 12  # [rad or m]; number of starts around each
 
 
 @dataclass(frozen=True, eq=False)
-class Start:
+class StartConfigurations:
     """Configurations at the waypoints (m + 1, n), which of them attain their poses, and cost."""
 
     q: Array
@@ -74,7 +74,7 @@ def find_start(
     terms: Terms,
     layers: Sequence[Candidates],
     distances: ca.Function | None = None,
-) -> Start:
+) -> StartConfigurations:
     """The configurations at the waypoints from which the program starts.
 
     Args:
@@ -115,7 +115,7 @@ def _best(
     terms: Terms,
     layers: Sequence[Candidates],
     distances: ca.Function | None = None,
-) -> Start:
+) -> StartConfigurations:
     matrices = [mass_matrices(waypoints, layer.q) for layer in layers]
     nodes = [node_costs(waypoints, terms, number, layer.q) for number, layer in enumerate(layers)]
     if distances is not None:
@@ -125,7 +125,7 @@ def _best(
     edges = partial(_edge_costs, waypoints, terms, layers, matrices)
     chosen, cost = shortest_path(nodes, edges)
     q = np.array([layer.q[index] for layer, index in zip(layers, chosen, strict=True)])
-    return Start(q, tuple(layer.within_reach for layer in layers), cost)
+    return StartConfigurations(q, tuple(layer.within_reach for layer in layers), cost)
 
 
 def mass_matrices(waypoints: ArmWaypoints, q: Array) -> Array:
