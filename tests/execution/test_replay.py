@@ -224,6 +224,11 @@ def test_trajectories_of_more_joints_and_with_prefixes(arm: go.Model) -> None:
     )
     with pytest.raises(ValueError, match="trajectory has 2 joints RSx_joint; it has one/RSx"):
         replay(both, arm)
+    pair = go.combine(arm, arm, placements=[(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
+    assert "one/RSx_joint" not in pair.joint_names
+    together = replay(both, pair, contacts=False)
+    alone = replay(trajectory, arm, contacts=False)
+    assert_allclose(together.motion.q, np.hstack([alone.motion.q] * 2), rtol=0, atol=1e-9)
     names = [f"right/{joint}" for joint in arm.joint_names[::-1]]
     reverse = JointTrajectory(
         trajectory.time,
@@ -233,7 +238,7 @@ def test_trajectories_of_more_joints_and_with_prefixes(arm: go.Model) -> None:
         tuple(names),
     )
     result = replay(reverse, arm, contacts=False)
-    assert_allclose(result.motion.q, replay(trajectory, arm, contacts=False).motion.q, atol=1e-12)
+    assert_allclose(result.motion.q, alone.motion.q, rtol=0, atol=1e-12)
 
 
 def test_wrong_arguments_are_named(arm: go.Model) -> None:

@@ -58,8 +58,8 @@ def replay(
     True
 
     Args:
-        trajectory: its joints are those of the model in any order, perhaps with a prefix that ends
-            in a slash, or more than those.
+        trajectory: its joints are those of the model in any order, or more than those; or in the
+            same order with other prefixes that end in a slash, as of two arms of one kind.
         model: the robot as its controller knows it.
         simulated: the robot in the simulation: another Model with these joints, or an MJCF file,
             its text or "menagerie/NAME", of which other joints are locked where the file has them,
@@ -108,15 +108,17 @@ def replay(
 
 def _of_joints(trajectory: JointTrajectory, model: Model) -> JointTrajectory:
     """The trajectory of the model's joints, in its order."""
-    names = [name.rpartition("/")[2] for name in trajectory.joint_names]
+    given, wanted = trajectory.joint_names, model.joint_names
+    short = [name.rpartition("/")[2] for name in given]
     columns = []
-    for joint in model.joint_names:
-        same = [k for k, name in enumerate(trajectory.joint_names) if name == joint]
-        found = same or [k for k, name in enumerate(names) if name == joint.rpartition("/")[2]]
+    if not set(wanted) <= set(given) and short == [name.rpartition("/")[2] for name in wanted]:
+        columns = list(range(len(given)))  # two arms of one kind, with other prefixes
+    for joint in wanted if not columns else ():
+        same = [k for k, name in enumerate(given) if name == joint]
+        found = same or [k for k, name in enumerate(short) if name == joint.rpartition("/")[2]]
         if len(found) != 1:
             raise ValueError(
-                f"trajectory has {len(found) or 'no'} joints {joint}; it has "
-                f"{', '.join(trajectory.joint_names)}"
+                f"trajectory has {len(found) or 'no'} joints {joint}; it has {', '.join(given)}"
             )
         columns += found
     return replace(
