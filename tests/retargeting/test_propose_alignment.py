@@ -135,6 +135,12 @@ def test_a_lift_before_the_arm_does_not_spoil_its_shoulder() -> None:
     assert_allclose(np.asarray(found.alignment.base)[:, 2], [0, 0, 1], atol=1e-9)
 
 
+def test_an_arm_without_a_wrist_has_an_elbow() -> None:
+    found = propose_alignment(go.load_model(six_joints(), hand="roll_link"))
+    assert (found.elbow, found.wrist) == ("bend", None)
+    assert found.length == pytest.approx(0.6)
+
+
 def test_proposals_turn_with_the_hand_frame() -> None:
     """Another frame on the same link: the same directions in space."""
     text = six_joints().replace("</robot>", (
