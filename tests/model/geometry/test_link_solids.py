@@ -9,6 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
+from geodesic_ocp.model.formats.robots import folder
 from geodesic_ocp.model.geometry.exact_distances import exact_distance, is_closer, joint_poses
 from geodesic_ocp.model.geometry.link_solids import link_solids, reach_bound
 
@@ -96,3 +97,22 @@ def test_models_without_a_file_have_their_bodies() -> None:
     solids = {each.link for each in link_solids(arm)}
     assert solids == {body.link for body in arm.bodies}
     assert link_solids(replace(arm, shapes=())) == ()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(folder("example-robot-data") is None, reason="needs example-robot-data")
+def test_convex_meshes_have_the_same_distances_as_convex_bodies(rng: np.random.Generator) -> None:
+    solids = {each.link: each for each in link_solids(go.load_model("talos-left-arm"))}
+    one, other = solids["arm_left_2_link"], solids["arm_left_5_link"]
+    assert all(
+        type(fast).__name__ == "Convex" for each in (one, other) for fast, _ in each.fast_shapes
+    )
+    as_meshes = [replace(each) for each in (one, other)]
+    for each in as_meshes:
+        each.__dict__["fast_shapes"] = each.shapes
+    here = np.eye(3), np.zeros(3)
+    for _ in range(20):
+        there = np.linalg.qr(rng.normal(size=(3, 3)))[0], rng.normal(size=3)
+        there[0][:, 0] *= np.linalg.det(there[0])
+        expected = exact_distance(as_meshes[0], here, as_meshes[1], there)
+        assert exact_distance(one, here, other, there) == pytest.approx(expected, abs=1e-6)

@@ -21,6 +21,7 @@ from geodesic_ocp.model.model import Model
 MARGIN = 0.01  # [m]
 SAMPLES = 256
 _ALWAYS, _SOME, _MANY = 0.95, 0.05, 0.25  # shares of the sampled configurations
+_KEPT = 0.75  # of an excess, as no sample is the worst case
 _MORE_SAMPLES, _ENOUGH = 8, 8  # times as many samples, and close ones, for an excess
 
 Pair = tuple[str, str]
@@ -161,7 +162,7 @@ def _kind(
         return "exact_only", 0.0
     widest = float(distances[close].max())
     excluded = np.mean((distances < widest) & ~close)
-    return ("exact_only" if excluded > _MANY else "constrained"), max(0.0, margin - widest)
+    return ("exact_only" if excluded > _MANY else "constrained"), _KEPT * max(0.0, margin - widest)
 
 
 def _compared(

@@ -67,5 +67,5 @@ def _placed(solid: LinkSolid, pose: Pose) -> list[tuple[Any, Any]]:
                 rotation @ placement.rotation, rotation @ placement.translation + position
             ),
         )
-        for shape, placement in solid.shapes
+        for shape, placement in solid.fast_shapes
     ]

@@ -17,6 +17,8 @@ from geodesic_ocp.model.joints import frame_index, motion_subspace
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Body, Capsule, as_capsule
 
+_FLAT = 1e-4  # relative to the size of a mesh: rounding of its vertices
+
 Pose = tuple[Array, Array]  # rotation (3, 3), position (3,) [m]
 
 
@@ -60,6 +62,11 @@ class LinkSolid:
         fit = enclosing_capsule(points @ at_link.rotation.T + at_link.translation)
         start, end = (self.at_joint.act(np.array(point)) for point in (fit.start, fit.end))
         return Capsule(tuple(start), tuple(end), fit.radius, None, self.link)
+
+    @cached_property
+    def fast_shapes(self) -> tuple[tuple[Any, Any], ...]:
+        """The shapes with meshes that are convex as convex bodies, whose distances take less."""
+        return tuple((_convex_if_it_is(shape), placement) for shape, placement in self.shapes)
 
     @cached_property
     def extent(self) -> float:
@@ -163,6 +170,25 @@ def _shape(capsule: Capsule) -> tuple[Any, pin.SE3]:
         return pin.coal.Sphere(capsule.radius), pin.SE3(np.eye(3), middle)
     along = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), (end - start) / length)
     return pin.coal.Capsule(capsule.radius, length), pin.SE3(along.matrix(), middle)
+
+
+def _convex_if_it_is(shape: Any) -> Any:
+    """The convex body of a closed mesh no vertex of which lies in front of a triangle."""
+    if not hasattr(shape, "tri_indices"):
+        return shape
+    points = np.array(shape.vertices(), dtype=float)
+    corners = [shape.tri_indices(index) for index in range(shape.num_tris)]
+    triangles = np.array([(each[0], each[1], each[2]) for each in corners])
+    if len(triangles) != 2 * len(points) - 4:  # Euler's formula
+        return shape
+    first, second, third = (points[triangles[:, column]] for column in range(3))
+    normals = np.cross(second - first, third - first)
+    heights = normals @ points.T - np.sum(normals * first, axis=1)[:, None]
+    size = np.linalg.norm(normals, axis=1) * np.ptp(points, axis=0).max()
+    if np.any(heights.max(axis=1) > _FLAT * size):
+        return shape
+    shape.buildConvexRepresentation(False)
+    return shape.convex
 
 
 def _radius(shape: Any) -> float:
