@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -9,6 +10,8 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.table import Table
+
+_SHOWN = 140  # characters of the first violation
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,12 +45,11 @@ class TrajectoryCheck:
         return not self.violations
 
     def __repr__(self) -> str:
-        if self.passed:
-            shown = "passed"
-        elif len(self.violations) == 1:
-            shown = self.violations[0]
-        else:
-            shown = f"{len(self.violations)} violations, first: {self.violations[0]}"
+        shown = "passed"
+        if not self.passed:
+            first = textwrap.shorten(self.violations[0], _SHOWN)
+            others = f", and {len(self.violations) - 1} more" if len(self.violations) > 1 else ""
+            shown = f"{first}{others}"
         peaks = ", ".join(f"{name} {np.max(use):.0%}" for name, use in self.usage.items())
         return f"TrajectoryCheck({shown}; of the limits: {peaks})"
 

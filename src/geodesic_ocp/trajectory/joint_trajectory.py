@@ -74,10 +74,9 @@ class JointTrajectory:
             object.__setattr__(self, field.name, array)
 
     def __repr__(self) -> str:
-        return (
-            f"JointTrajectory({len(self.time)} points in {self.time[-1]:.3g} s, "
-            f"joints {', '.join(self.joint_names)})"
-        )
+        first, last, count = self.joint_names[0], self.joint_names[-1], len(self.joint_names)
+        joints = f"joint {first}" if count == 1 else f"{count} joints, {first} to {last}"
+        return f"JointTrajectory({len(self.time)} points in {self.duration:.3g} s, {joints})"
 
     @classmethod
     def side_by_side(
