@@ -13,7 +13,7 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.trajectory.path import Path
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ArmPaths:
     """The paths of one arm, to be travelled one after the other.
 
@@ -30,3 +30,7 @@ class ArmPaths:
     edges: Array
     paths: Sequence[Path]
     gravity: Array = field(default_factory=lambda: np.array([0.0, 0.0, -9.81]))
+
+    def __repr__(self) -> str:
+        seconds = float(self.edges[-1] - self.edges[0])
+        return f"ArmPaths({len(self.paths)} paths of {self.robot.name} in {seconds:.3g} s)"

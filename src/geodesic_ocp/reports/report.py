@@ -47,7 +47,7 @@ def report(retargeting: Retargeting, file: str | PathLike[str]) -> Path:
         (" and ".join(dict.fromkeys(arm.robot.name for arm in arms)), _robots(arms)),
     ]
     moving = viewer(
-        retargeting.trajectory.time,
+        retargeting.motion.time,
         scenes,
         view=(-50.0 if left else 50.0, 22.0),
         target="the person's, mapped to the robot",
@@ -126,7 +126,7 @@ def _robots(arms: tuple[RetargetedArm, ...]) -> list[Actor]:
             Actor(
                 arm.robot.name,
                 arm.robot,
-                arm.trajectory.positions,
+                arm.motion.q,
                 back,
                 position,
                 target=arm.target_poses[1] @ back.T + position,

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from geodesic_ocp.arrays import Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class JointSpline:
     """Joints over time, with constant jerk between knots.
 
@@ -24,6 +24,9 @@ class JointSpline:
     positions: Array
     velocities: Array
     accelerations: Array
+
+    def __repr__(self) -> str:
+        return f"JointSpline({self.positions.shape[1]} joints, {self.duration:.3g} s)"
 
     @classmethod
     def through(cls, time: Array, positions: Array, ends: Array) -> JointSpline:

@@ -40,7 +40,7 @@ _TINY = 1e-12
 _MISSED = 1e3, 1e5  # range of weights of squared errors [1/m^2] or [1/rad^2]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PlannedPaths:
     """The solution of the program.
 
@@ -72,6 +72,13 @@ class PlannedPaths:
     status: str
     least_distances: Array
     too_near: tuple[tuple[str, float, float], ...]
+
+    def __repr__(self) -> str:
+        count = sum(len(each) for each in self.paths)
+        return (
+            f"PlannedPaths({count} paths of action {self.action:.4g} J s, {self.iterations} "
+            f"iterations on up to {self.segments} segments, {self.status})"
+        )
 
 
 def plan_paths(
