@@ -107,6 +107,18 @@ def test_the_function_of_a_program_is_the_distance_of_signed_distances(robot: go
         assert_allclose(clearance.function(q).full()[:, 0], list(expected.values()), atol=1e-9)
 
 
+def test_bounds_with_an_excess_leave_most_configurations(robot: go.Model) -> None:
+    """No constrained pair excludes more than a quarter of the configurations without contact."""
+    clearance = clearance_constraint(robot)
+    assert clearance is not None
+    assert clearance.exact is not None
+    q = sampled_configurations([robot], 512)
+    too_small = clearance.function(q.T).full() < clearance.lower[:, None]
+    for row, wrong in enumerate(too_small):
+        exact = np.array([clearance.exact(point, row) for point in q[wrong]])
+        assert np.sum(exact >= clearance.lower[row]) <= 0.27 * len(q)
+
+
 def test_rows_are_the_whole_function(arms: tuple[go.Model, go.Model]) -> None:
     table = go.HalfSpace((0.0, 0.0, 0.8), (0.0, 0.0, 1.0), name="table")
     clearance = clearance_constraint(arms, obstacles=[table], placements=SHOULDERS)

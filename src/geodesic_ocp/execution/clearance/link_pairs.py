@@ -160,9 +160,9 @@ def _kind(
     distances, close = _compared(one, other, many(), margin)
     if close.sum() < _ENOUGH:
         return "exact_only", 0.0
-    widest = float(distances[close].max())
-    excluded = np.mean((distances < widest) & ~close)
-    return ("exact_only" if excluded > _MANY else "constrained"), _KEPT * max(0.0, margin - widest)
+    excess = _KEPT * max(0.0, margin - float(distances[close].max()))
+    excluded = np.mean((distances + excess < margin) & ~close)
+    return ("exact_only" if excluded > _MANY else "constrained"), excess
 
 
 def _compared(
