@@ -15,7 +15,7 @@ from geodesic_ocp.execution.program.knots import Knots
 
 _SAMPLES = 201  # of a path, to find its nearest point
 _ALONG = 0.02  # of the squared deviation along the path that counts: it is a matter of timing
-_ISOTROPIC = 0.1  # of the mean inertia, for joints that carry next to none
+_ISOTROPIC = 0.3  # of the mean inertia, for joints that carry next to none
 _SECTIONS = 3  # of the nearest point: three times the curvature of a parabola
 
 

@@ -16,12 +16,14 @@ from geodesic_ocp.execution.program.joint_spline import JointSpline
 from geodesic_ocp.execution.program.knots import Knots, union_of_edges
 from geodesic_ocp.execution.program.reference import Reference
 from geodesic_ocp.execution.program.settings import TrajectorySettings
-from geodesic_ocp.execution.program.tightening import nothing_watched, tightened
+from geodesic_ocp.execution.program.tightening import tightened, watched_at_first
 from geodesic_ocp.execution.program.trajectory_program import KnotStates, TrajectoryProgram
 from geodesic_ocp.execution.program.variable_bounds import position_bounds
 
 _MOST_ROUNDS = 15
-_REFERENCES = 2  # rounds in which the nearest points of the paths are found anew
+_OTHER_COUNT = 0.15  # change of the number of knots that is worth it, once durations are known
+# The nearest points of the paths are found anew until the duration changes by less than this.
+_SETTLED = 0.005
 # The first guess, and others if Ipopt fails from it: time stretched more, and stops in corners.
 _STARTS = ((1.3, False), (2.0, False), (1.3, True), (3.0, True))
 
@@ -75,12 +77,12 @@ def _from_start(
     start: tuple[float, bool],
 ) -> TrajectoryAttempt:
     program, states, references = _first_guess(arms, settings, *start)
-    watched, iterations = nothing_watched(program, clearances), 0
+    watched, iterations = watched_at_first(program, states.durations, clearances), 0
     for number in range(_MOST_ROUNDS):
         progress(number)
         outcome = program.solve(states, references, watched)
         iterations += outcome.iterations
-        states = program.states(outcome.x)
+        before, states = states, program.states(outcome.x)
         checks = tuple(
             ArmCheck(course.arm, spline, position_bounds(course))
             for course, spline in zip(program.courses, _splines(program, states), strict=True)
@@ -89,9 +91,16 @@ def _from_start(
         distances = [distances_in_pieces(each, splines) for each in clearances]
         excess, worst = _worst(checks, clearances, distances)
         success = outcome.success and excess <= TOLERANCE
-        if not outcome.success or (success and number + 1 >= _REFERENCES):
+        change = abs(states.durations.sum() / before.durations.sum() - 1.0)
+        if not outcome.success or (success and change <= _SETTLED):
             break
         watched = tightened(watched, checks, distances)
+        if number == 0:
+            fitting = Knots.spaced(program.knots.edges, states.durations)
+            if abs(fitting.count / program.knots.count - 1.0) > _OTHER_COUNT:
+                program = replace(program, knots=fitting)
+                states = _at_knots(program, splines, states.durations)
+                watched = watched_at_first(program, states.durations, clearances)
         references = [
             course.nearest(q) for course, q in zip(program.courses, states.positions, strict=True)
         ]
@@ -117,6 +126,15 @@ def _first_guess(
     references = [course.as_recorded(settings.rest, stops) for course in program.courses]
     states = through(references, program.knots, more * durations, settings.rest)
     return program, states, references
+
+
+def _at_knots(
+    program: TrajectoryProgram, splines: Sequence[JointSpline], durations: Array
+) -> KnotStates:
+    """States of splines at the knots of another program."""
+    time = program.knots.times(durations)
+    states = [spline(time)[:3] for spline in splines]
+    return KnotStates(durations, *zip(*states, strict=True))
 
 
 def _worst(

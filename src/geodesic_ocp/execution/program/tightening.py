@@ -16,18 +16,28 @@ from geodesic_ocp.execution.program.watched import Watched, WatchedArm, WatchedD
 
 # Shares of the limits, one and [rad] for positions, from which on a limit is minded as well where
 # it is exceeded elsewhere.
-_NEAR = {"velocity": 0.98, "position": 1.0 - 0.01, "jerk": 0.5}
+_NEAR = {"velocity": 0.98, "position": 1.0 - 0.01, "jerk": 0.2}
 _NEAR_TORQUE, _NEAR_DISTANCE = 0.85, 0.01  # a share, and [m]
 _MORE, _ROUNDING = 1.2, 2e-6  # what lies between knots is corrected by a little more
 
 
-def nothing_watched(program: TrajectoryProgram, clearances: Sequence[Clearance]) -> Watched:
-    """No constraints beside those that a program always has."""
+def watched_at_first(
+    program: TrajectoryProgram, durations: Array, clearances: Sequence[Clearance]
+) -> Watched:
+    """Jerks of joints that take longer than a piece to reach their accelerations, and no more.
+
+    Args:
+        program: with its knots.
+        durations: of the intervals (m,) [s].
+        clearances: distances to be kept.
+    """
     count, given = program.knots.count + 1, program.fixed_knots[:, None]
-    arms = [
-        WatchedArm({}, np.zeros(0, dtype=np.int64), np.full((count, terms.dof), 1.0 - INSIDE))
-        for terms in program.terms
-    ]
+    steps, arms = np.diff(program.knots.times(durations))[:, None], []
+    for terms in program.terms:
+        slow = np.argwhere(terms.arm.limits.jerk * steps < terms.acceleration_unit)
+        pieces = {"jerk": slow} if slow.size else {}
+        shares = np.full((count, terms.dof), 1.0 - INSIDE)
+        arms.append(WatchedArm(pieces, np.zeros(0, dtype=np.int64), shares))
     distances = [
         WatchedDistances(each, {}, np.where(given, -np.inf, each.lower)) for each in clearances
     ]
