@@ -11,7 +11,7 @@ from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.clearance_constraint import Clearance
 from geodesic_ocp.execution.planned_trajectory import PlannedTrajectory, path_deviations
 from geodesic_ocp.execution.program.preconditions import attainable, check_arms
-from geodesic_ocp.execution.program.rounds import solve_in_rounds
+from geodesic_ocp.execution.program.rounds import MOST_ROUNDS, solve_in_rounds
 from geodesic_ocp.execution.program.settings import TrajectorySettings
 from geodesic_ocp.progress import Progress, no_progress
 
@@ -43,7 +43,7 @@ def plan_trajectory(
         clearances: distances to keep.
         deviation_weight: of the squared distance from the paths against the time. At 1, a distance
             of 0.1 rad that is kept up all the time costs as much as doubling the time.
-        progress: called in every round.
+        progress: called in every round; there are at most fifteen, and three as a rule.
         throw: raise if no trajectory within the limits is found; otherwise return the last attempt,
             whose `success` is False.
 
@@ -62,7 +62,7 @@ def plan_trajectory(
     if throw and hopeless:
         raise NotConverged(f"no trajectory keeps the distances: {hopeless}")
     found = solve_in_rounds(
-        arms, settings, possible, lambda number: progress("trajectory", number, 0)
+        arms, settings, possible, lambda number: progress("trajectory", number, MOST_ROUNDS)
     )
     times = found.knots.times(found.durations)
     planned = PlannedTrajectory(

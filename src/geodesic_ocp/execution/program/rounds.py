@@ -20,7 +20,7 @@ from geodesic_ocp.execution.program.tightening import tightened, watched_at_firs
 from geodesic_ocp.execution.program.trajectory_program import KnotStates, TrajectoryProgram
 from geodesic_ocp.execution.program.variable_bounds import position_bounds
 
-_MOST_ROUNDS = 15
+MOST_ROUNDS = 15
 _OTHER_COUNT = 0.15  # change of the number of knots that is worth it, once durations are known
 # The nearest points of the paths are found anew until the duration changes by less than this.
 _SETTLED = 0.005
@@ -78,7 +78,7 @@ def _from_start(
 ) -> TrajectoryAttempt:
     program, states, references = _first_guess(arms, settings, *start)
     watched, iterations = watched_at_first(program, states.durations, clearances), 0
-    for number in range(_MOST_ROUNDS):
+    for number in range(MOST_ROUNDS):
         progress(number)
         outcome = program.solve(states, references, watched)
         iterations += outcome.iterations
