@@ -379,6 +379,8 @@ def test_tables_and_figure_show_both_methods(found: go.Retargeting) -> None:
 def test_saved_files_can_be_read(found: go.Retargeting, tmp_path: Path) -> None:
     files = {file.name for file in found.save(tmp_path / "new" / "folder")}
     assert files == {
+        "comparison.csv",
+        "comparison.md",
         "figure.pdf",
         "figure.png",
         "synergies.csv",

@@ -37,9 +37,12 @@ class ProgressBar:
     _WIDTH = 40
 
     def __call__(self, label: str, done: int, total: int) -> None:
-        """Show the current step and the fraction done."""
+        """Show the current step and the fraction done, or the amount if the total is not known."""
         if Interrupts.seen:
             raise KeyboardInterrupt
+        if total <= 0:  # not known
+            self._show(f"{label}: {done}")
+            return
         filled = "#" * (self._WIDTH * done // total)
         self._show(f"{label}: {100 * done // total:3d}% |{filled:{self._WIDTH}}|")
 

@@ -116,7 +116,7 @@ class RetargetedArm:
             target_poses=task.target_poses,
             baseline=task.track_hand(planned, q[0]),
             out_of_reach=task.out_of_reach,
-            gravity=planned.arms[number].gravity,
+            gravity=task.gravity,
         )
 
     @cached_property

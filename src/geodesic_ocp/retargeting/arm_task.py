@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -22,6 +23,7 @@ from geodesic_ocp.retargeting.program.candidates import Candidates, first_candid
 from geodesic_ocp.retargeting.program.elbow_offset import has_elbow, mapped_offsets
 from geodesic_ocp.retargeting.program.plan_paths import PlannedPaths
 from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
+from geodesic_ocp.retargeting.reachability import reachability
 from geodesic_ocp.retargeting.targets import REACHED, KeyPose, Pose, PoseFinder
 from geodesic_ocp.retargeting.transfer import Transfer, plan_transfers, rest_at
 from geodesic_ocp.synergies.analysis import Analysis
@@ -34,6 +36,7 @@ from geodesic_ocp.trajectory.time_law import time_law
 _GRAVITY = 9.81  # [m/s^2]
 # Rate of the baseline's controller [Hz].
 _BASELINE_RATE = 200.0
+_HOLDING = 1.2  # times the torque that holds the arm at the end of a synergy is allowed at least
 # A cubic with end speeds of at most three times its mean is monotone (Fritsch and Carlson 1980).
 _MONOTONE = 3.0
 
@@ -185,6 +188,18 @@ class ArmTask:
         missed = not self.layers[0].within_reach if self.layers else False
         return {0: self.first_error, **far} if missed else far
 
+    def mounting_advice(self) -> str:
+        """What mounting of the robot would bring more poses within reach; empty if none would."""
+        if not self.out_of_reach or self.waypoints is None or self.first.position is None:
+            return ""
+        poses = self.waypoints.poses
+        positions = np.array([pose.position for pose in poses])
+        turned = None if poses[0].rotation is None else np.array([p.rotation for p in poses])
+        scale = self.mapping.scale
+        return reachability(
+            self.finder.arm, self.mapping.target, turned, positions, scale=scale
+        ).advice
+
     @property
     def edges(self) -> Array:
         """Times in the recording at which groups begin and end [s]."""
@@ -223,14 +238,36 @@ class ArmTask:
             )
         return found
 
+    @property
+    def gravity(self) -> Array:
+        """Acceleration of free fall in the axes of the robot's base (3,) [m/s^2]."""
+        return np.asarray(-_GRAVITY * np.asarray(self.mapping.target.base)[:, 2])
+
     def paths_to_time(self, transfers: Sequence[Transfer]) -> ArmPaths:
-        """What the trajectory is planned from."""
-        up = np.asarray(self.mapping.target.base)[:, 2]
-        robot = self.robot
-        if not self.finder.settings.within_limits:
+        """What the trajectory is planned from.
+
+        Warns:
+            UserWarning: a joint is too weak to hold the arm at the end of a synergy. More torque is
+                allowed there.
+        """
+        robot, settings = self.robot, self.finder.settings
+        if not settings.within_limits:
             robot = robot.with_limits(*np.full((2, robot.dof), np.inf) * [[-1.0], [1.0]])
         paths = [transfer.path for transfer in transfers]
-        return ArmPaths(robot, self.limits, self.edges, paths, -_GRAVITY * up)
+        torque = settings.torque_share * self.limits.torque
+        ends = [paths[0].nodes[0], *(path.nodes[-1] for path in paths)]
+        still = np.zeros(robot.dof)
+        held = np.abs([robot.inverse_dynamics(q, still, still, self.gravity) for q in ends])
+        for joint in np.flatnonzero(held.max(axis=0) > self.limits.torque):
+            name, most = robot.joint_names[joint], float(held[:, joint].max())
+            warnings.warn(
+                f"{robot.name} is too weak to hold its arm: {name} needs {most:.3g} of "
+                f"{self.limits.torque[joint]:.3g} {'N m' if robot.units[joint] == 'rad' else 'N'}",
+                UserWarning,
+                4,
+            )
+        limits = replace(self.limits, torque=np.maximum(torque, _HOLDING * held.max(axis=0)))
+        return ArmPaths(robot, limits, self.edges, paths, self.gravity)
 
     def synergies(
         self, transfers: Sequence[Transfer], planned: PlannedTrajectory, number: int

@@ -29,8 +29,8 @@ def warn_of_detours(result: Retargeting) -> None:
         UserWarning: one, with a sentence for each.
     """
     found = [sentence for arm in result.arms for sentence in _of_arm(arm, result)]
-    for name, distance, when in result.too_near:
-        found.append(f"{name} come as near as {distance:.3g} m at {when:.2f} s of the recording")
+    for name, amount, when in result.too_near:
+        found.append(f"{name} are {amount:.2g} m too near at {when:.2f} s of the recording")
     if found:
         more = f"; and {len(found) - _REPORTED} more" if len(found) > _REPORTED else ""
         warnings.warn("; ".join(found[:_REPORTED]) + more, UserWarning, 4)

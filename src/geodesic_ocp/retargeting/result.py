@@ -12,11 +12,13 @@ import numpy as np
 from geodesic_ocp.execution.check_trajectory import check_trajectory
 from geodesic_ocp.execution.clearance_constraint import Clearance
 from geodesic_ocp.execution.planned_trajectory import PlannedTrajectory
+from geodesic_ocp.execution.tracking.motion_measures import measures_table
 from geodesic_ocp.execution.trajectory_check import TrajectoryCheck
 from geodesic_ocp.figures import overview
 from geodesic_ocp.figures.new_figure import new_figure, save_figure
 from geodesic_ocp.records import write_together
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
+from geodesic_ocp.retargeting.equal_limits import compare_under_equal_limits
 from geodesic_ocp.retargeting.program.plan_paths import PlannedPaths
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.synergies.synergy import Synergy
@@ -104,7 +106,7 @@ class Retargeting:
 
     @property
     def too_near(self) -> tuple[tuple[str, float, float], ...]:
-        """Links closer than they are to be: names, distance [m], time in the recording [s]."""
+        """Links closer than they are to be: names, by how much [m], time in the recording [s]."""
         return () if self.paths is None else self.paths.too_near
 
     @cached_property
@@ -116,6 +118,33 @@ class Retargeting:
         return check_trajectory(
             self.trajectory, robots, limits, gravity=gravities, rest=self.settings.rest
         )
+
+    def comparison(self, arm: int = 0, *, pink: bool = False) -> Table:
+        """Beside inverse kinematics under the same limits, in this time and in the person's.
+
+        Energy, torque, smoothness, likeness to the person, errors of the hand, and the time that it
+        takes (`compare_under_equal_limits`).
+
+        Args:
+            arm: number of the arm.
+            pink: whether inverse kinematics by the package pink is compared as well.
+
+        Raises:
+            ImportError: without the extra `pink`.
+        """
+        one = self.arms[arm]
+        settings = self.settings
+        found = compare_under_equal_limits(
+            self.planned,
+            one.analysis.motion,
+            one.mapping,
+            arm=arm,
+            rate=self.rate,
+            turning=settings.orientation_weight > 0.0,
+            placing=settings.position_weight > 0.0,
+            solvers=("built-in", "pink") if pink else ("built-in",),
+        )
+        return measures_table(found)
 
     def table(self) -> Table:
         """Action, speed and errors of the hand, of the synergies and of inverse kinematics."""
@@ -219,7 +248,8 @@ class Retargeting:
         The trajectory is at a uniform rate, with consistent positions, velocities and
         accelerations, and meets the limits of the joints.
 
-        table.csv and table.md, synergies.csv and synergies.md (`synergy_table`), figure.png and
+        table.csv and table.md, synergies.csv and synergies.md (`synergy_table`), comparison.csv and
+        comparison.md (`comparison`; comparison_0 and so on for several arms), figure.png and
         figure.pdf, trajectory.csv, trajectory.json (the message JointTrajectory of ROS 2),
         trajectory.npz (NumPy arrays with names and units), and for each arm synergies.json, or
         synergies_0.json and so on.
@@ -233,7 +263,11 @@ class Retargeting:
         return write_together(folder, self._write)
 
     def _write(self, made: FilePath) -> None:
-        for name, table in (("table", self.table()), ("synergies", self.synergy_table())):
+        tables = {"table": self.table(), "synergies": self.synergy_table()}
+        for number in range(len(self.arms)):
+            name = "comparison" if len(self.arms) == 1 else f"comparison_{number}"
+            tables[name] = self.comparison(number)
+        for name, table in tables.items():
             (made / f"{name}.csv").write_text(table.csv(), encoding="utf-8")
             (made / f"{name}.md").write_text(table.markdown(), encoding="utf-8")
         for suffix in ("csv", "json", "npz"):

@@ -186,6 +186,7 @@ def retarget_arms(
     planned = plan_trajectory(
         [task.paths_to_time(found) for task, found in zip(tasks, transfers, strict=True)],
         rest=settings.rest,
+        deviation_weight=settings.deviation_weight,
         clearances=[]
         if clearance is None or paths is None
         else [of_trajectory(clearance, paths.least_distances)],
@@ -263,7 +264,11 @@ def _warn_out_of_reach(tasks: Sequence[ArmTask]) -> None:
         for number, (distance, angle) in task.out_of_reach.items():
             which = "the first pose" if number == 0 else f"the end of synergy {number - 1}"
             lines.append(f"{which} of {task.robot.name} by {distance:.3g} m and {angle:.3g} rad")
-    if lines:
-        warnings.warn(
-            f"out of reach, the nearest pose is taken: {'; '.join(lines)}", UserWarning, 3
-        )
+    if not lines:
+        return
+    advice = " ".join(each for task in tasks if (each := task.mounting_advice()))
+    warnings.warn(
+        f"out of reach, the nearest pose is taken: {'; '.join(lines)}. {advice}".rstrip(),
+        UserWarning,
+        3,
+    )

@@ -27,12 +27,16 @@ class RetargetingSettings:
         limits: whether the joints stay within their limits.
         speed_limits: whether the limits of the joints on speed, acceleration, jerk and torque are
             met: by the choice of the configurations, and by taking more time than the person.
+        torque_share: of the torque limits that the motion may use. What is left serves a controller
+            against errors of the model.
         rest: whether the motion begins and ends at rest; otherwise at the person's speed, which a
             robot cannot do if the recording begins or ends in motion.
         rotor_inertia: whether a robot whose file states no joint inertia gets the known one of its
             motors, or a default (`robot_armature`).
         stretch_weight: of time beyond the person's, relative to the recording's duration, in units
             of the least action.
+        deviation_weight: of the trajectory's distance from the paths against time, see
+            `plan_trajectory`; larger values round the corners between synergies less.
         posture_weight: of the mean squared distance of the joints from the middle of their ranges
             at the ends of the synergies, in half ranges, in the same unit.
         likeness_weight: of the mean squared distance of the elbow's offset from the line between
@@ -66,9 +70,11 @@ class RetargetingSettings:
     formulation: Formulation = "constrained"
     limits: bool = True
     speed_limits: bool = True
+    torque_share: float = 0.9
     rest: bool = True
     rotor_inertia: bool = True
     stretch_weight: float = 5.0
+    deviation_weight: float = 3.0
     posture_weight: float = 0.0
     likeness_weight: float = 1.0
     position_weight: float = 1.0
@@ -104,7 +110,10 @@ class RetargetingSettings:
                 f"got {weights[0]:g} and {weights[1]:g}"
             )
         as_positive("energy_weight", self.energy_weight)
-        as_positive("stretch_weight", self.stretch_weight)
+        for name in ("stretch_weight", "deviation_weight"):
+            as_positive(name, getattr(self, name))
+        if not 0.0 < as_number("torque_share", self.torque_share) <= 1.0:
+            raise ValueError(f"torque_share must be above 0 and at most 1, got {self.torque_share}")
         for name in ("posture_weight", "likeness_weight"):
             if as_number(name, getattr(self, name)) < 0.0:
                 raise ValueError(f"{name} must be zero or above, got {getattr(self, name):g}")

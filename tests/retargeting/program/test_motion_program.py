@@ -93,7 +93,7 @@ def test_derivatives_are_those_of_the_program(waypoints: ArmWaypoints) -> None:
     above = Clearance(ca.Function("d", [q], [position[2]]), np.zeros(1), ("hand",))
     program = MotionProgram([part], TIMES, terms)
     places = [place_at([part], program.size + 2, time) for time in (0.2, 0.9)]
-    program = replace(program, distances=DistanceRows(above, [0, 0], places))
+    program = replace(program, distances=DistanceRows(above, [0, 0], np.zeros(2), places))
     rng = np.random.default_rng(0)
     x = program.guess([part.nodes_on_lines(CONFIGURATIONS)])
     x += 0.05 * rng.standard_normal(x.size)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -20,25 +21,22 @@ class DistanceRows:
     Attributes:
         clearance: all distances.
         index: which of them (k,), in increasing order.
+        lower: bounds of these (k,) [m].
         places: for each of the k, the matrix (N, size) from the program's variables to the joints
             of all arms at that instant.
     """
 
     clearance: Clearance
     index: Sequence[int]
+    lower: Array
     places: Sequence[ca.DM]
-
-    @property
-    def lower(self) -> Array:
-        """Least distances (k,)."""
-        return np.asarray(self.clearance.lower)[list(self.index)]
 
     @cached_property
     def _place(self) -> ca.DM:
         """All places (k N, size), one after the other."""
         return ca.vertcat(*self.places)
 
-    def _joints(self, x: ca.MX | ca.DM) -> ca.MX | ca.DM:
+    def _joints(self, x: Any) -> Any:
         """All joints at the k instants, (N, k)."""
         return ca.reshape(self._place @ x, self.clearance.dof, len(self.index))
 
@@ -56,7 +54,7 @@ class DistanceRows:
             self.clearance.row(number).map(here.stop - here.start)(q[:, here])
             for number, here in self._groups()
         ]
-        distances = ca.horzcat(*found).full()[0]
+        distances = np.concatenate([each.full()[0] for each in found])
         return np.asarray(np.maximum(self.lower - distances, 0.0))
 
     def values(self, x: ca.MX) -> tuple[ca.MX, ca.MX]:
@@ -67,7 +65,9 @@ class DistanceRows:
             values.append(value)
             slopes.append(slope)
         rows = ca.diagcat(*ca.horzsplit(ca.horzcat(*slopes), self.clearance.dof))
-        return ca.horzcat(*values).T, rows @ self._place
+        distances: ca.MX = ca.horzcat(*values).T
+        jacobian: Any = rows @ self._place
+        return distances, jacobian
 
     def hessian(self, x: ca.MX, factors: ca.MX) -> ca.MX:
         """Hessian (size, size) of factors' distances."""

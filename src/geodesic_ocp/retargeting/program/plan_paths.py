@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.execution.clearance.active_rows import active_rows
 from geodesic_ocp.execution.clearance_constraint import Clearance
 from geodesic_ocp.ocp.solve.refinement import unresolved_energy
 from geodesic_ocp.progress import Progress, no_progress
@@ -21,6 +22,7 @@ from geodesic_ocp.retargeting.program.start import (
     StartConfigurations,
     find_start,
     least_action,
+    off_the_way,
     own_distances,
 )
 from geodesic_ocp.retargeting.program.terms import Terms
@@ -36,8 +38,12 @@ _INSTANTS = 24  # of a movement at which distances are checked
 _DISTANCE_ROUNDS = 8
 _DETOUR = 5.0  # weight of the hand's distance from the person's halfway, in the graph
 _ROUNDING = 1e-4  # [m] by which a distance may fall below its bound between those instants
+_BELOW = 1e-3  # [m] by which a distance falls below its bound before that is reported
 _TINY = 1e-12
+_TOO_NEAR = 300.0  # of distances below their bounds, in the choice of a solution [1/m]
 _MISSED = 1e3, 1e5  # range of weights of squared errors [1/m^2] or [1/rad^2]
+
+_NO_ROWS: Mapping[tuple[int, float], float] = {}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -56,8 +62,8 @@ class PlannedPaths:
         success: whether the program is solved.
         status: how Ipopt stopped, a sentence.
         least_distances: along the paths (m,) [m], in the order of the clearance; empty without one.
-        too_near: names of the distances that fall below their bounds, each with the least one [m]
-            and the time in the recording [s].
+        too_near: names of the distances that fall below their bounds by more than a millimetre,
+            each with by how much [m], and the time in the recording [s].
     """
 
     starts: tuple[Array, ...]
@@ -106,22 +112,19 @@ def plan_paths(
     action = sum(least_action(arm, each) for arm, each in zip(arms, layers, strict=True))
     duration = float(edges[-1] - edges[0])
     terms = Terms(max(action, _TINY), duration, stretch, posture, likeness, _DETOUR)
-    total = len(arms) + 2
-    parts, nodes = [], []
-    for number, (arm, each) in enumerate(zip(arms, layers, strict=True)):
-        progress("choosing configurations", number, total)
-        start = find_start(arm, terms, each, own_distances(clearance, arms, number))
-        missed = _missed(arm, start)
-        parts.append(ArmPart.evenly(arm, missed, _SEGMENTS, _DEGREE))
-        nodes.append(parts[-1].nodes_on_lines(start.q))
-    progress("planning all synergies", len(arms), total)
-    iterate = _refined(_Iterate(tuple(parts), tuple(nodes), None), edges, terms, tolerance)
-    if clearance is not None and iterate.success:
-        progress("keeping links apart", len(arms) + 1, total)
-        iterate = _apart(iterate, clearance, edges, terms, tolerance)
+    progress("choosing configurations", 0, 3)
+    found: list[_Iterate] = []
+    for number, start in enumerate(_starts(arms, layers, terms, clearance)):
+        progress("planning all synergies", 1 + number, 3)
+        iterate = _refined(start, edges, terms, tolerance)
+        if clearance is not None and iterate.success:
+            iterate = _apart(iterate, clearance, edges, terms, tolerance)
+        found.append(iterate)
+        if iterate.success and not _below(clearance, iterate):
+            break
+    iterate = min(found, key=lambda each: (not each.success, _score(each, terms, clearance)))
     pairs = list(zip(iterate.parts, iterate.nodes, strict=True))
     actions = [part.path(each).energy / part.moving_time for part, each in pairs]
-    least, too_near = _least(clearance, iterate)
     return PlannedPaths(
         starts=tuple(each[0] for each in iterate.nodes),
         paths=tuple(tuple(part.paths(each)) for part, each in pairs),
@@ -129,13 +132,46 @@ def plan_paths(
         longer=np.zeros(edges.size - 1) if iterate.longer is None else iterate.longer,
         edges=edges,
         action=float(sum(actions)),
-        iterations=iterate.iterations,
+        iterations=sum(each.iterations for each in found),
         segments=sum(part.grid.segments for part in iterate.parts),
         success=iterate.success,
         status=iterate.status,
-        least_distances=least,
-        too_near=too_near,
+        least_distances=_least(clearance, iterate),
+        too_near=_below(clearance, iterate),
     )
+
+
+def _starts(
+    arms: Sequence[ArmWaypoints],
+    layers: Sequence[Sequence[Candidates]],
+    terms: Terms,
+    clearance: Clearance | None,
+) -> Iterator[_Iterate]:
+    """Straight lines between the best configurations, and between those that keep distances.
+
+    The latter are tried if the program cannot move links apart from the former.
+    """
+    kept: list[list[Array]] = []
+    for each in dict.fromkeys((None, clearance)):
+        parts, nodes, lines = [], [], []
+        for number, (arm, candidates) in enumerate(zip(arms, layers, strict=True)):
+            start = find_start(arm, terms, candidates, own_distances(each, arms, number))
+            parts.append(ArmPart.evenly(arm, _missed(arm, start), _SEGMENTS, _DEGREE))
+            nodes.append(parts[-1].nodes_on_lines(start.q))
+            lines.append(start.q)
+        if not any(all(map(np.allclose, lines, others)) for others in kept):
+            kept.append(lines)
+            yield _Iterate(tuple(parts), tuple(nodes), None)
+
+
+def _score(iterate: _Iterate, terms: Terms, clearance: Clearance | None) -> float:
+    """The objective, detours of the hand, and distances below their bounds; less is better."""
+    total = iterate.objective
+    for part, nodes in zip(iterate.parts, iterate.nodes, strict=True):
+        for number, path in enumerate(part.paths(nodes)):
+            middle = np.atleast_2d(path(0.5))
+            total += terms.detour * float(off_the_way(part.waypoints, number, middle)[0])
+    return total + _TOO_NEAR * sum(amount for _, amount, _ in _below(clearance, iterate))
 
 
 def _missed(arm: ArmWaypoints, start: StartConfigurations) -> Array:
@@ -155,6 +191,7 @@ class _Iterate:
     parts: tuple[ArmPart, ...]
     nodes: tuple[Array, ...]
     longer: Array | None
+    objective: float = np.inf
     iterations: int = 0
     success: bool = False
     status: str = ""
@@ -165,7 +202,7 @@ def _refined(
     edges: Array,
     terms: Terms,
     tolerance: float,
-    rows: Sequence[tuple[int, float]] = (),
+    rows: Mapping[tuple[int, float], float] = _NO_ROWS,
     clearance: Clearance | None = None,
 ) -> _Iterate:
     """The solution on grids that resolve the paths, with these distances at these instants."""
@@ -183,6 +220,7 @@ def _refined(
             iterate,
             nodes=tuple(nodes) if outcome.success else iterate.nodes,
             longer=longer if outcome.success else iterate.longer,
+            objective=outcome.objective if outcome.success else iterate.objective,
             iterations=spent,
             success=outcome.success,
             status=outcome.status,
@@ -212,16 +250,18 @@ def _program(
     parts: Sequence[ArmPart],
     edges: Array,
     terms: Terms,
-    rows: Sequence[tuple[int, float]],
+    rows: Mapping[tuple[int, float], float],
     clearance: Clearance | None,
 ) -> MotionProgram:
     program = MotionProgram(parts, edges, terms)
     if clearance is None or not rows:
         return program
     size = program.size + len(rows)  # with the slack
-    places = [place_at(parts, size, time) for _, time in rows]
-    index = [number for number, _ in rows]
-    return replace(program, distances=DistanceRows(clearance, index, places))
+    order = sorted(rows)
+    places = [place_at(parts, size, time) for _, time in order]
+    lower = np.array([rows[each] for each in order])
+    numbers = [number for number, _ in order]
+    return replace(program, distances=DistanceRows(clearance, numbers, lower, places))
 
 
 def _coarse(part: ArmPart, nodes: Array, tolerance: float, resolved: float) -> NDArray[np.bool_]:
@@ -246,21 +286,21 @@ def _apart(
     Only those distances enter the program that are below their bounds at some instants, and only
     at these instants.
     """
-    rows: set[tuple[int, float]] = set()
+    rows: dict[tuple[int, float], float] = {}
     for _ in range(_DISTANCE_ROUNDS):
-        more = _too_near(clearance, iterate) - rows
-        if not more:
+        more = _too_near(clearance, iterate)
+        if not more.keys() - rows.keys():
             break
         rows |= more
-        found = _refined(iterate, edges, terms, tolerance, sorted(rows), clearance)
+        found = _refined(iterate, edges, terms, tolerance, rows, clearance)
         if not found.success:
             return replace(iterate, iterations=found.iterations)
         iterate = found
     return iterate
 
 
-def _distances(clearance: Clearance, iterate: _Iterate) -> tuple[Array, Array]:
-    """Instants (k,) [s], and excess of the distances over their bounds there (k, m) [m]."""
+def _positions(iterate: _Iterate) -> tuple[Array, Array]:
+    """Instants (k,) [s] within the movements, and the joints of all arms there (k, N)."""
     instants = np.unique(
         np.concatenate(
             [
@@ -270,37 +310,51 @@ def _distances(clearance: Clearance, iterate: _Iterate) -> tuple[Array, Array]:
             ]
         ).round(9)
     )
-    q = positions_at(iterate.parts, iterate.nodes, instants)
-    distances = clearance.function.map(len(q))(q.T).full().T
-    return instants, distances - clearance.lower
+    return instants, positions_at(iterate.parts, iterate.nodes, instants)
 
 
-def _too_near(clearance: Clearance, iterate: _Iterate) -> set[tuple[int, float]]:
-    """Distances and instants that are to enter the program: where they are least, and around."""
-    instants, excess = _distances(clearance, iterate)
-    chosen = set()
-    for number in np.flatnonzero(excess.min(axis=0) < -_ROUNDING):
-        values = excess[:, number]
-        padded = np.concatenate([[np.inf], values, [np.inf]])
-        lowest = (values <= padded[:-2]) & (values <= padded[2:]) & (values < -_ROUNDING)
-        for step in np.flatnonzero(lowest):
-            for near in range(max(step - 1, 0), min(step + 2, len(instants))):
-                chosen.add((int(number), float(instants[near])))
-    return chosen
+def _too_near(clearance: Clearance, iterate: _Iterate) -> dict[tuple[int, float], float]:
+    """Bounds of the distances that enter the program, by their numbers and instants.
+
+    Where they lack most, and around.
+    """
+    instants, q = _positions(iterate)
+    active = active_rows(clearance, q, -_ROUNDING)
+    distances = clearance.function.map(len(q))(q.T).full()
+    found: dict[tuple[int, float], float] = {}
+    for row in np.unique(active.rows).tolist():
+        here = active.rows == row
+        samples, lower = active.samples[here], active.lower[here]
+        lacks = dict(zip(samples.tolist(), lower - distances[row, samples], strict=True))
+        for sample, bound in zip(samples.tolist(), lower.tolist(), strict=True):
+            around = range(sample - 1, sample + 2)
+            if any(
+                lacks[k] >= max(lacks.get(k + d, -np.inf) for d in (-1, 1))
+                for k in around
+                if k in lacks
+            ):
+                found[row, float(instants[sample])] = bound + _ROUNDING
+    return found
 
 
-def _least(
-    clearance: Clearance | None, iterate: _Iterate
-) -> tuple[Array, tuple[tuple[str, float, float], ...]]:
-    """Least distances (m,), and those below their bounds: name, distance [m], time [s]."""
+def _below(clearance: Clearance | None, iterate: _Iterate) -> tuple[tuple[str, float, float], ...]:
+    """Distances below their bounds, the worst first: name, amount [m], time [s]."""
     if clearance is None:
-        return np.zeros(0), ()
-    instants, excess = _distances(clearance, iterate)
-    least, when = excess.min(axis=0), instants[excess.argmin(axis=0)]
-    distances = least + clearance.lower
-    too_near = {
-        clearance.names[k]: (clearance.names[k], float(distances[k]), float(when[k]))
-        for k in np.argsort(-least)
-        if least[k] < -_ROUNDING
-    }
-    return distances, tuple(too_near.values())
+        return ()
+    instants, q = _positions(iterate)
+    active = active_rows(clearance, q, -_BELOW)
+    values = clearance.function.map(len(q))(q.T).full()[active.rows, active.samples]
+    worst: dict[str, tuple[str, float, float]] = {}
+    for index in np.argsort(values - active.lower):
+        name = clearance.names[int(active.rows[index])]
+        amount = float(active.lower[index] - values[index])
+        worst.setdefault(name, (name, amount, float(instants[active.samples[index]])))
+    return tuple(worst.values())
+
+
+def _least(clearance: Clearance | None, iterate: _Iterate) -> Array:
+    """Least distances (m,) along the paths."""
+    if clearance is None:
+        return np.zeros(0)
+    _, q = _positions(iterate)
+    return np.asarray(clearance.function.map(len(q))(q.T).full().min(axis=1))

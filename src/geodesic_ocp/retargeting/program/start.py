@@ -162,16 +162,17 @@ def _edge_costs(
     needed = (np.abs(change) / (waypoints.speed[number] * duration)).max(axis=2)
     late = duration * np.maximum(0.0, needed - 1.0)
     found = action / terms.action + terms.stretch * late / terms.duration
-    return np.asarray(found + terms.detour * _detours(waypoints, number, here, there))
+    middle = ((here[:, None, :] + there[None, :, :]) / 2.0).reshape(-1, here.shape[1])
+    detours = off_the_way(waypoints, number, middle).reshape(len(here), len(there))
+    return np.asarray(found + terms.detour * detours)
 
 
-def _detours(waypoints: ArmWaypoints, number: int, here: Array, there: Array) -> Array:
-    """Squared distance (k, l) of the hand from the person's halfway along the straight lines.
+def off_the_way(waypoints: ArmWaypoints, number: int, middle: Array) -> Array:
+    """Squared distance (k,) of the hand from the person's halfway through a movement, at q (k, n).
 
     In units of 1 rad and of a fraction of the arm's length, per movement. Of two ways around, on
     which the hand turns to either side, one is that of the person.
     """
-    middle = ((here[:, None, :] + there[None, :, :]) / 2.0).reshape(-1, here.shape[1])
     rotations, positions = waypoints.arm.hand_pose(middle)
     pose, total = waypoints.between[number], np.zeros(len(middle))
     if pose.rotation is not None:
@@ -180,4 +181,4 @@ def _detours(waypoints: ArmWaypoints, number: int, here: Array, there: Array) ->
     if pose.position is not None:
         unit = _FAR * waypoints.alignment.length
         total += np.sum((positions - pose.position) ** 2, axis=1) / unit**2
-    return total.reshape(len(here), len(there)) / waypoints.count
+    return np.asarray(total / waypoints.count)
