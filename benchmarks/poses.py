@@ -10,8 +10,8 @@ import warnings
 import numpy as np
 
 import geodesic_ocp as go
+from geodesic_ocp.retargeting.poses.targets import Pose, PoseFinder
 from geodesic_ocp.retargeting.settings import Formulation
-from geodesic_ocp.retargeting.targets import Pose, PoseFinder
 from geodesic_ocp.retargeting.transfer import plan_transfers
 
 ROBOTS = ("armar6-left", "armar6-right", "panda", "talos-left-arm", "xarm7")

@@ -245,7 +245,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.retargeting.alignment.read_alignment import read_alignment
     from geodesic_ocp.retargeting.arm_result import RetargetedArm
     from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, merge_synergies
-    from geodesic_ocp.retargeting.reachability import Reachability, reachability
+    from geodesic_ocp.retargeting.poses.reachability import Reachability, reachability
     from geodesic_ocp.retargeting.result import Retargeting
     from geodesic_ocp.retargeting.retarget import retarget, retarget_arms
     from geodesic_ocp.retargeting.settings import RetargetingSettings
@@ -359,7 +359,7 @@ else:
         "retargeting.alignment.read_alignment": "read_alignment",
         "retargeting.arm_result": "RetargetedArm",
         "retargeting.merge_synergies": "SynergyGroup merge_synergies",
-        "retargeting.reachability": "Reachability reachability",
+        "retargeting.poses.reachability": "Reachability reachability",
         "retargeting.result": "Retargeting",
         "retargeting.retarget": "retarget retarget_arms",
         "retargeting.settings": "RetargetingSettings",

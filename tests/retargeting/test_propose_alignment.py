@@ -12,7 +12,7 @@ import geodesic_ocp as go
 from geodesic_ocp.model.formats.robots import ROBOTS, folder
 from geodesic_ocp.retargeting.alignment.alignment import known_alignment
 from geodesic_ocp.retargeting.alignment.propose_alignment import proposal, propose_alignment
-from geodesic_ocp.retargeting.reachability import reachability
+from geodesic_ocp.retargeting.poses.reachability import reachability
 
 needs_robots = pytest.mark.skipif(
     folder("example-robot-data") is None or folder("armar") is None, reason="needs robots"

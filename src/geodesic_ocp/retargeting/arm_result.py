@@ -15,7 +15,7 @@ from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.arm_task import ArmTask
 from geodesic_ocp.retargeting.merge_synergies import SynergyGroup
-from geodesic_ocp.retargeting.pose_mapping import PoseMapping
+from geodesic_ocp.retargeting.poses.pose_mapping import PoseMapping
 from geodesic_ocp.retargeting.transfer import Transfer
 from geodesic_ocp.synergies.analysis import Analysis
 from geodesic_ocp.synergies.scores.evaluate import MotionErrors, action, pose_errors

@@ -16,7 +16,7 @@ from geodesic_ocp.execution.tracking.compare_with_tracking import (
 )
 from geodesic_ocp.execution.tracking.motion_measures import MotionMeasures
 from geodesic_ocp.execution.tracking.track_within_limits import Solver
-from geodesic_ocp.retargeting.pose_mapping import PoseMapping
+from geodesic_ocp.retargeting.poses.pose_mapping import PoseMapping
 from geodesic_ocp.retargeting.program.elbow_offset import (
     elbow_offset,
     has_elbow,

@@ -17,7 +17,7 @@ from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
 from geodesic_ocp.ocp.problem.reach import Reach
 from geodesic_ocp.ocp.solve.solution import Solution
 from geodesic_ocp.ocp.solve.solve import solve
-from geodesic_ocp.retargeting.targets import REACHED, KeyPose, Pose, PoseFinder
+from geodesic_ocp.retargeting.poses.targets import REACHED, KeyPose, Pose, PoseFinder
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 

@@ -13,6 +13,7 @@ import geodesic_ocp as go
 from geodesic_ocp.execution.clearance_constraint import Clearance
 from geodesic_ocp.execution.joint_limits import JointLimits
 from geodesic_ocp.logarithm.to_pose.pose_target import metric_of
+from geodesic_ocp.retargeting.poses.targets import Pose
 from geodesic_ocp.retargeting.program.arm_part import ArmPart
 from geodesic_ocp.retargeting.program.candidates import first_candidates
 from geodesic_ocp.retargeting.program.distance_rows import DistanceRows
@@ -21,7 +22,6 @@ from geodesic_ocp.retargeting.program.motion_program import MotionProgram
 from geodesic_ocp.retargeting.program.plan_paths import PlannedPaths, plan_paths
 from geodesic_ocp.retargeting.program.terms import Terms
 from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
-from geodesic_ocp.retargeting.targets import Pose
 
 CONFIGURATIONS = np.array(
     [
@@ -198,7 +198,7 @@ def test_pose_out_of_reach_is_replaced_by_the_nearest(
     far = Pose(None, last.position * 3.0)
     near = replace(
         waypoints,
-        poses=tuple(Pose(None, pose.position) for pose in waypoints.poses[:-1]) + (far,),
+        poses=(*(Pose(None, pose.position) for pose in waypoints.poses[:-1]), far),
         between=tuple(Pose(None, pose.position) for pose in waypoints.between),
     )
     result = planned(near)

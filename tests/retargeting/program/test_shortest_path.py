@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 from hypothesis import given
@@ -15,7 +15,7 @@ from geodesic_ocp.retargeting.program.shortest_path import shortest_path
 def test_no_path_is_shorter(seed: int, sizes: list[int]) -> None:
     rng = np.random.default_rng(seed)
     nodes = [rng.uniform(size=size) for size in sizes]
-    edges = [rng.uniform(size=shape) for shape in zip(sizes[:-1], sizes[1:], strict=True)]
+    edges = [rng.uniform(size=shape) for shape in pairwise(sizes)]
 
     def cost(chosen: tuple[int, ...]) -> float:
         of_nodes = sum(costs[index] for costs, index in zip(nodes, chosen, strict=True))

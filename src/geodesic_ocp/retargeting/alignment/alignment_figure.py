@@ -12,7 +12,7 @@ from geodesic_ocp.figures.styles import OBSERVED, PREDICTED
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.stick_figure import stick_figure
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
-from geodesic_ocp.retargeting.nearest_poses import nearest_poses, search_range
+from geodesic_ocp.retargeting.poses.nearest_poses import nearest_poses, search_range
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

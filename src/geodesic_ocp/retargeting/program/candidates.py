@@ -10,8 +10,8 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.ocp.ik.collision_avoidance import CollisionAvoidance
 from geodesic_ocp.ocp.ik.pose_search import PoseSearch
+from geodesic_ocp.retargeting.poses.targets import REACHED
 from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
-from geodesic_ocp.retargeting.targets import REACHED
 
 _STARTS = 96  # of the search at each waypoint
 _CARRIED = 32  # more, the configurations found at the waypoint before

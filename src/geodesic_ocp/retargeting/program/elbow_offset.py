@@ -15,7 +15,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
-from geodesic_ocp.retargeting.pose_mapping import PoseMapping
+from geodesic_ocp.retargeting.poses.pose_mapping import PoseMapping
 
 _SHORTEST = 1e-4  # [m^2], squared distance from the shoulder to the wrist
 

@@ -12,8 +12,8 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.ik.pose_error import rotation_log
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
+from geodesic_ocp.retargeting.poses.targets import Pose
 from geodesic_ocp.retargeting.program.elbow_offset import elbow_offset, has_elbow
-from geodesic_ocp.retargeting.targets import Pose
 
 NUM_PARAMETERS = 12 + 6 + 3 + 2
 

@@ -10,7 +10,7 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.execution.joint_limits import JointLimits
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
-from geodesic_ocp.retargeting.targets import Pose
+from geodesic_ocp.retargeting.poses.targets import Pose
 
 _PEAK, _BRAKING = 1.5, 5.0
 
