@@ -122,7 +122,9 @@ def _summarize(result: Retargeting) -> None:
         time = f"{result.stretch:.2f} times the person's time, because of the joints' limits"
     print(f"it takes {time}; computed in {result.seconds:.1f} s ({result.settings.formulation})")
     faults = "; ".join(result.check.violations[:_FAULTS]) or "all conditions hold"
-    print(f"trajectory at {result.rate:g} Hz: {faults}\n")
+    near = result.check.clearance
+    apart = "not known" if near is None else f"{near:.3g} m"
+    print(f"trajectory at {result.rate:g} Hz: {faults}; least distance of links: {apart}\n")
     print(result.synergy_table())
     print(
         f"\nagainst inverse kinematics that tracks the whole path of the hand\n\n{result.table()}"

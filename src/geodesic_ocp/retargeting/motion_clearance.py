@@ -4,23 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.execution.clearance.clearance_constraint import clearance_constraint
+from geodesic_ocp.execution.clearance.link_pairs import LinkPairs, link_pairs
 from geodesic_ocp.execution.clearance_constraint import Clearance
 from geodesic_ocp.model.geometry.signed_distances import signed_distances
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 
+_TOUCHING = 1e-3  # [m]
 _MORE = 2e-3  # [m] that paths keep beyond the margin, as the trajectory leaves them in corners
 _LESS = 1e-3  # [m] by which it may come nearer than a path that is too near already
 
 
 def motion_clearance(robots: Sequence[Model], settings: RetargetingSettings) -> Clearance | None:
     """The distances that the settings ask for; None if there are none, or no geometry is known.
+
+    Pairs of links whose capsules overlap although the links are apart are among them, as the exact
+    geometry decides (`active_rows`).
 
     Raises:
         ValueError: links or pairs without collision bodies.
@@ -29,7 +35,9 @@ def motion_clearance(robots: Sequence[Model], settings: RetargetingSettings) -> 
         return None
     found: list[Clearance] = []
     if settings.self_collision and not settings.pairs:
-        every = clearance_constraint(robots, margin=settings.margin)
+        pairs_found = _pairs(tuple(robots), settings.margin)
+        named = [*pairs_found.constrained, *pairs_found.exact_only]
+        every = clearance_constraint(robots, pairs=named, margin=settings.margin) if named else None
         found += [] if every is None else [every]
     obstacles, links, pairs, margin = settings.collisions
     if obstacles or pairs:
@@ -44,6 +52,11 @@ def motion_clearance(robots: Sequence[Model], settings: RetargetingSettings) -> 
     return _together(found) if found else None
 
 
+@lru_cache(maxsize=8)
+def _pairs(robots: tuple[Model, ...], margin: float) -> LinkPairs:
+    return link_pairs(robots, margin=margin)
+
+
 def of_paths(clearance: Clearance) -> Clearance:
     """With the bounds that paths keep."""
     return replace(clearance, lower=np.asarray(clearance.lower) + _MORE)
@@ -54,10 +67,23 @@ def of_trajectory(clearance: Clearance, least: Array) -> Clearance:
     return replace(clearance, lower=np.minimum(clearance.lower, least - _LESS))
 
 
+def in_check(clearance: Clearance) -> Clearance:
+    """With the bounds that a check of the trajectory asks for: links must not touch."""
+    return replace(clearance, lower=np.full(len(clearance.names), _TOUCHING))
+
+
 def _together(parts: Sequence[Clearance]) -> Clearance:
     if len(parts) == 1:
         return parts[0]
     q = ca.SX.sym("q", parts[0].dof)
     function = ca.Function("distances", [q], [ca.vertcat(*(each.function(q) for each in parts))])
     lower = np.concatenate([each.lower for each in parts])
-    return Clearance(function, lower, tuple(name for each in parts for name in each.names))
+    owners = [(part, index) for part in parts for index in range(len(part.names))]
+
+    def exact(configuration: Array, row: int) -> float:
+        part, index = owners[row]
+        if part.exact is not None:
+            return part.exact(configuration, index)
+        return max(0.0, float(part.row(index)(configuration)))
+
+    return Clearance(function, lower, tuple(name for each in parts for name in each.names), exact)

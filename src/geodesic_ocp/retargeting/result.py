@@ -19,6 +19,7 @@ from geodesic_ocp.figures.new_figure import new_figure, save_figure
 from geodesic_ocp.records import write_together
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.equal_limits import compare_under_equal_limits
+from geodesic_ocp.retargeting.motion_clearance import in_check
 from geodesic_ocp.retargeting.program.plan_paths import PlannedPaths
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.synergies.synergy import Synergy
@@ -111,12 +112,17 @@ class Retargeting:
 
     @cached_property
     def check(self) -> TrajectoryCheck:
-        """Whether the trajectory keeps all limits and is consistent with itself."""
+        """Whether the trajectory keeps all limits, is consistent, and no links touch."""
         robots = [arm.robot for arm in self.arms]
         limits = [arm.limits for arm in self.arms]
         gravities = [arm.gravity for arm in self.arms]
         return check_trajectory(
-            self.trajectory, robots, limits, gravity=gravities, rest=self.settings.rest
+            self.trajectory,
+            robots,
+            limits,
+            gravity=gravities,
+            rest=self.settings.rest,
+            clearance=None if self.clearance is None else in_check(self.clearance),
         )
 
     def comparison(self, arm: int = 0, *, pink: bool = False) -> Table:

@@ -147,6 +147,7 @@ def retarget_arms(
     tolerance, rate = as_positive("tolerance", tolerance), as_positive("rate", rate, "Hz")
     targets = _alignments("alignments", alignments, robots)
     sources = _alignments("person_alignments", person_alignments, [a.model for a in analyses])
+    clearance = motion_clearance(robots, settings)  # of the models as given, whose pairs are kept
     if settings.rotor_inertia:
         robots = [with_rotor_inertia(robot) for robot in robots]
     bounds = [
@@ -164,7 +165,6 @@ def retarget_arms(
         tasks.append(ArmTask.prepare(analysis, mapping, finder, bound, start))
     _warn_out_of_reach(tasks)
 
-    clearance = motion_clearance(robots, settings)
     paths: PlannedPaths | None = None
     if settings.constrained:
         waypoints = [task.waypoints for task in tasks if task.waypoints is not None]
