@@ -3,13 +3,28 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from short_reprs import check_reprs
 
 import geodesic_ocp as go
 
 
+OF_EXECUTION = {
+    go.ArmPaths,
+    go.Clearance,
+    go.ClearanceReport,
+    go.JointLimits,
+    go.JointTrajectory,
+    go.LinkPairs,
+    go.MotionMeasures,
+    go.PlannedTrajectory,
+    go.TrajectoryCheck,
+}
+
+
 def test_reprs_are_short() -> None:
-    arm = go.combine(go.human_arm("right"), go.human_arm("left"))
+    one = go.human_arm("right")
+    arm = go.combine(one, go.human_arm("left"))
     limits = go.joint_limits(arm, velocity=2.0, torque=50.0)
     grid = go.Grid(1, 3)
     zero, target = np.clip(0.0, arm.lower, arm.upper), (arm.lower + arm.upper) / 2.0
@@ -26,13 +41,31 @@ def test_reprs_are_short() -> None:
     )
     failed = go.check_trajectory(broken, arm, limits)
     assert len(failed.violations) > 14
-    covered = check_reprs(
-        [planned, trajectory, go.check_trajectory(trajectory, arm, limits), failed]
+    half = go.JointTrajectory(
+        trajectory.time,
+        trajectory.positions[:, :7],
+        trajectory.velocities[:, :7],
+        trajectory.accelerations[:, :7],
+        one.joint_names,
     )
-    assert {
-        go.ArmPaths,
-        go.JointLimits,
-        go.JointTrajectory,
-        go.PlannedTrajectory,
-        go.TrajectoryCheck,
-    } <= covered
+    values = [
+        planned,
+        trajectory,
+        go.check_trajectory(trajectory, arm, limits),
+        failed,
+        go.clearance_constraint(arm),
+        go.link_pairs(arm),
+        go.trajectory_clearance(arm, trajectory),
+        go.motion_measures(one, half, one.hand_pose(half.positions), go.joint_limits(one)),
+    ]
+    # Others are in tests/test_repr.py, which takes it that these are here.
+    assert check_reprs(values) >= OF_EXECUTION
+
+
+def test_repr_of_a_replay_is_short() -> None:
+    pytest.importorskip("mujoco")
+    arm = go.human_arm("right", armature=0.05)
+    time = np.arange(11) / 100.0
+    rest = np.tile((arm.lower + arm.upper) / 2.0, (len(time), 1))
+    standing = go.JointTrajectory(time, rest, 0.0 * rest, 0.0 * rest, arm.joint_names)
+    assert check_reprs([go.replay(standing, arm)]) >= {go.Replay}

@@ -20,7 +20,7 @@ from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.path import speeds_at
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class MotionMeasures:
     """Measures of one motion of a robot.
 
@@ -51,6 +51,17 @@ class MotionMeasures:
     largest_rotation: float
     outside: float
     usage: Mapping[str, float]
+
+    def __repr__(self) -> str:
+        shares = [f"{name} {100.0 * share:.0f}%" for name, share in self.usage.items()]
+        shown = [
+            f"{self.duration:.3g} s",
+            f"action {self.action:.3g} J s",
+            f"torque {self.torque:.3g} N m",
+            f"hand off by {self.position:.2g} m and {self.rotation:.2g} rad in the mean",
+            f"of the limits: {', '.join(shares) or 'none'}",
+        ]
+        return f"MotionMeasures({'; '.join(shown)})"
 
 
 def motion_measures(
