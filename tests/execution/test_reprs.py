@@ -8,7 +8,6 @@ from short_reprs import check_reprs
 
 import geodesic_ocp as go
 
-
 OF_EXECUTION = {
     go.ArmPaths,
     go.Clearance,
