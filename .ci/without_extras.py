@@ -1,0 +1,50 @@
+"""What holds where no extra is installed: all modules load, and what needs an extra names it."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import pkgutil
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+import geodesic_ocp as go
+
+for package in ("daqp", "mujoco", "pink", "ruckig", "toppra"):
+    assert importlib.util.find_spec(package) is None, f"{package} is installed"
+modules = [each.name for each in pkgutil.walk_packages(go.__path__, f"{go.__name__}.")]
+for module in modules:
+    importlib.import_module(module)
+
+arm = go.human_arm("right")
+limits = go.joint_limits(arm, velocity=4.0, acceleration=20.0, jerk=200.0)
+grid = go.Grid(1, 3)
+begin = (arm.lower + arm.upper) / 2.0
+line = go.Path(go.Euclidean(arm.dof), grid, begin + np.outer(grid.nodes, np.full(arm.dof, 0.1)))
+paths = go.ArmPaths(arm, limits, np.array([0.0, 1.0]), [line])
+planned = go.plan_trajectory([paths])
+trajectory = planned.sampled(100.0)
+assert go.check_trajectory(trajectory, arm, limits).passed
+poses = arm.hand_pose(trajectory.positions)
+track = partial(go.track_within_limits, arm, begin, trajectory.time, poses, limits)
+
+NEEDED: list[tuple[str, Callable[[], object]]] = [
+    ("mujoco", lambda: go.replay(trajectory, arm)),
+    ("mujoco", lambda: go.load_model("menagerie/franka_emika_panda", hand="hand")),
+    ("timing", lambda: go.toppra_trajectory(paths)),
+    ("timing", lambda: go.ruckig_trajectory(paths)),
+    ("timing", lambda: go.compare_timings(planned)),
+    ("pink", lambda: track(solver="pink")),
+]
+for extra, use in NEEDED:
+    try:
+        use()
+    except (ImportError, ValueError) as error:
+        message = str(error)
+    else:
+        message = "nothing is missing"
+    print(f"without {extra}: {message}")
+    assert f"pip install 'geodesic_ocp[{extra}]'" in message
+print(f"{len(modules)} modules without an extra")
