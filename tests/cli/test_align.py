@@ -22,7 +22,7 @@ def robot(tmp_path: Path) -> Path:
 def test_an_alignment_is_shown_written_and_shown_again_as_edited(
     robot: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out = tmp_path / "six.json"
+    out = tmp_path / "not there yet" / "six.json"
     command = ["align", str(robot), "--hand", "flange"]
     assert cli.main([*command, "--out", str(out)]) == 0
     text = capsys.readouterr().out

@@ -44,6 +44,7 @@ def align_robot(options: argparse.Namespace) -> None:
         print("\n--out FILE.json writes it to a file to edit, for `retarget --alignment`")
         return
     figure = alignment_figure(robot, aligned, human_arm(aligned.side or "right"))
+    out.parent.mkdir(parents=True, exist_ok=True)
     aligned.save(out, notes or (source,))
     figure.savefig(out.with_suffix(".png"), dpi=150)
     print(f"\nwrote {out}\nwrote {out.with_suffix('.png')}")
