@@ -37,7 +37,7 @@ def add_retarget_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--likeness",
         type=float,
-        default=1.0,
+        default=30.0,
         metavar="WEIGHT",
         help="of the elbow's likeness to the person's (default: %(default)g)",
     )

@@ -165,4 +165,5 @@ def _of_joints(trajectory: JointTrajectory, columns: slice, robot: Model) -> Joi
         trajectory.accelerations[:, columns],
         robot.joint_names,
         robot.units,
+        None if trajectory.efforts is None else trajectory.efforts[:, columns],
     )

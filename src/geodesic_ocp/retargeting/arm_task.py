@@ -36,7 +36,10 @@ from geodesic_ocp.trajectory.time_law import time_law
 _GRAVITY = 9.81  # [m/s^2]
 # Rate of the baseline's controller [Hz].
 _BASELINE_RATE = 200.0
-_HOLDING = 1.2  # times the torque that holds the arm at the end of a synergy is allowed at least
+# A joint is too weak to move its arm if holding it takes nearly all of its torque; what it gets is
+# this many times the torque of holding.
+_HOLDING, _MOVING = 1.1, 1.5
+TOO_NEAR = "links would come too near at the pose; the path ends at the nearest one that is clear"
 # A cubic with end speeds of at most three times its mean is monotone (Fritsch and Carlson 1980).
 _MONOTONE = 3.0
 
@@ -222,8 +225,10 @@ class ArmTask:
                 continue
             path, is_reached, status = next(paths), next(within), planned.status
             q = path.nodes[-1]
-            if not is_reached:
+            if not target.within_reach:
                 status = "the pose is out of reach; the path ends at the nearest one"
+            elif not is_reached:
+                status = TOO_NEAR
             errors = target.pose.error(self.robot, q)
             found.append(
                 Transfer(
@@ -247,26 +252,28 @@ class ArmTask:
         """What the trajectory is planned from.
 
         Warns:
-            UserWarning: a joint is too weak to hold the arm at the end of a synergy. More torque is
-                allowed there.
+            UserWarning: a joint is too weak to hold the arm at the end of a synergy. It is allowed
+                more torque.
         """
         robot, settings = self.robot, self.finder.settings
         if not settings.within_limits:
             robot = robot.with_limits(*np.full((2, robot.dof), np.inf) * [[-1.0], [1.0]])
         paths = [transfer.path for transfer in transfers]
-        torque = settings.torque_share * self.limits.torque
         ends = [paths[0].nodes[0], *(path.nodes[-1] for path in paths)]
         still = np.zeros(robot.dof)
         held = np.abs([robot.inverse_dynamics(q, still, still, self.gravity) for q in ends])
-        for joint in np.flatnonzero(held.max(axis=0) > self.limits.torque):
-            name, most = robot.joint_names[joint], float(held[:, joint].max())
+        limit, needed = self.limits.torque, held.max(axis=0)
+        for joint in np.flatnonzero(_HOLDING * needed > limit):
             warnings.warn(
-                f"{robot.name} is too weak to hold its arm: {name} needs {most:.3g} of "
-                f"{self.limits.torque[joint]:.3g} {'N m' if robot.units[joint] == 'rad' else 'N'}",
+                f"{robot.name} is too weak: to hold its arm {robot.joint_names[joint]} needs "
+                f"{needed[joint]:.3g} of {limit[joint]:.3g} "
+                f"{'N m' if robot.units[joint] == 'rad' else 'N'}; the motion uses more",
                 UserWarning,
                 4,
             )
-        limits = replace(self.limits, torque=np.maximum(torque, _HOLDING * held.max(axis=0)))
+        torque = np.maximum(settings.torque_share * limit, np.minimum(limit, _MOVING * needed))
+        torque = np.where(_HOLDING * needed > limit, np.maximum(limit, _MOVING * needed), torque)
+        limits = replace(self.limits, torque=torque)
         return ArmPaths(robot, limits, self.edges, paths, self.gravity)
 
     def synergies(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.retargeting.arm_task import TOO_NEAR
 from geodesic_ocp.rotations import rotation_vector
 
 if TYPE_CHECKING:
@@ -28,15 +29,17 @@ def warn_of_detours(result: Retargeting) -> None:
     Warns:
         UserWarning: one, with a sentence for each.
     """
-    found = [sentence for arm in result.arms for sentence in _of_arm(arm, result)]
-    for name, amount, when in result.too_near:
-        found.append(f"{name} are {amount:.2g} m too near at {when:.2f} s of the recording")
+    found = [
+        f"{name} are {amount:.2g} m too near at {when:.2f} s of the recording"
+        for name, amount, when in result.too_near
+    ]
+    found += [sentence for arm in result.arms for sentence in _of_arm(arm)]
     if found:
         more = f"; and {len(found) - _REPORTED} more" if len(found) > _REPORTED else ""
         warnings.warn("; ".join(found[:_REPORTED]) + more, UserWarning, 4)
 
 
-def _of_arm(arm: RetargetedArm, result: Retargeting) -> Iterator[str]:
+def _of_arm(arm: RetargetedArm) -> Iterator[str]:
     time = arm.analysis.motion.time
     for number, (group, transfer, synergy) in enumerate(
         zip(arm.groups, arm.transfers, arm.synergies, strict=True)
@@ -47,6 +50,9 @@ def _of_arm(arm: RetargetedArm, result: Retargeting) -> Iterator[str]:
         )
         if group.kind == "rest":
             continue
+        if transfer.status == TOO_NEAR:
+            missed = f"{transfer.position_error:.2g} m and {transfer.rotation_error:.2g} rad"
+            yield f"{where} ends {missed} from its pose, at which links would be too near"
         here = slice(group.start, group.stop + 1)
         of_person = _lengths(arm.target_poses[0][here], arm.target_poses[1][here])
         curve = transfer.path(np.linspace(0.0, 1.0, _SAMPLES))

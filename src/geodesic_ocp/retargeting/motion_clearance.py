@@ -19,7 +19,7 @@ from geodesic_ocp.retargeting.settings import RetargetingSettings
 
 _TOUCHING = 1e-3  # [m]
 _MORE = 2e-3  # [m] that paths keep beyond the margin, as the trajectory leaves them in corners
-_LESS = 1e-3  # [m] by which it may come nearer than a path that is too near already
+_LESS = 3e-3  # [m] by which it may come nearer than the capsules on a path
 
 
 def motion_clearance(robots: Sequence[Model], settings: RetargetingSettings) -> Clearance | None:
@@ -62,9 +62,21 @@ def of_paths(clearance: Clearance) -> Clearance:
     return replace(clearance, lower=np.asarray(clearance.lower) + _MORE)
 
 
-def of_trajectory(clearance: Clearance, least: Array) -> Clearance:
-    """With the bounds that a trajectory keeps near paths with these least distances (m,)."""
-    return replace(clearance, lower=np.minimum(clearance.lower, least - _LESS))
+def of_trajectory(clearance: Clearance, least: Array, kept: Sequence[int]) -> Clearance:
+    """With the bounds that a trajectory keeps near paths.
+
+    Distances of capsules that are below their bounds along the paths, although those of the links
+    are not, have none: they would only hold the trajectory to the paths.
+
+    Args:
+        clearance: all distances.
+        least: along the paths (m,) [m].
+        kept: numbers of those that the paths were kept from.
+    """
+    bound = np.where(least < clearance.lower, -np.inf, clearance.lower)
+    some = list(kept)
+    bound[some] = np.minimum(clearance.lower[some], least[some] - _LESS)
+    return replace(clearance, lower=bound)
 
 
 def in_check(clearance: Clearance) -> Clearance:

@@ -96,9 +96,22 @@ class Retargeting:
 
     @property
     def success(self) -> bool:
-        """Whether paths and trajectory were found, within all limits."""
+        """Whether paths and trajectory were found, within all limits of the joints."""
         found = self.planned.success and (self.paths is None or self.paths.success)
+        found = found and not self.too_weak
         return found and all(each.success for arm in self.arms for each in arm.transfers)
+
+    @property
+    def too_weak(self) -> tuple[str, ...]:
+        """Joints that cannot hold their arm at the end of a synergy, and get more torque there."""
+        return tuple(
+            name
+            for arm, timed in zip(self.arms, self.planned.arms, strict=True)
+            for name, given, used in zip(
+                arm.robot.joint_names, arm.limits.torque, timed.limits.torque, strict=True
+            )
+            if used > given
+        )
 
     @property
     def stretch(self) -> float:

@@ -12,8 +12,10 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.execution.clearance_constraint import Clearance
 from geodesic_ocp.execution.joint_limits import JointLimits, joint_limits
 from geodesic_ocp.execution.plan_trajectory import plan_trajectory
+from geodesic_ocp.execution.planned_trajectory import PlannedTrajectory
 from geodesic_ocp.model.inertias.known_armature import with_rotor_inertia
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress, no_progress
@@ -183,16 +185,7 @@ def retarget_arms(
         transfers = [task.transfers(paths, number) for number, task in enumerate(tasks)]
     else:
         transfers = _one_by_one(tasks, throw, report)
-    planned = plan_trajectory(
-        [task.paths_to_time(found) for task, found in zip(tasks, transfers, strict=True)],
-        rest=settings.rest,
-        deviation_weight=settings.deviation_weight,
-        clearances=[]
-        if clearance is None or paths is None
-        else [of_trajectory(clearance, paths.least_distances)],
-        progress=report,
-        throw=throw,
-    )
+    planned = _in_time(tasks, transfers, paths, clearance, throw, report)
     arms = []
     for number, (task, found) in enumerate(zip(tasks, transfers, strict=True)):
         report("tracking the hand", number, len(tasks))
@@ -214,6 +207,44 @@ def _limits(robot: Model, given: JointLimits | None, settings: RetargetingSettin
         none = np.full(robot.dof, np.inf)
         return JointLimits(none, none, none, none, {"velocity": "left out"})
     return joint_limits(robot) if given is None else given
+
+
+def _in_time(
+    tasks: Sequence[ArmTask],
+    transfers: Sequence[Sequence[Transfer]],
+    paths: PlannedPaths | None,
+    clearance: Clearance | None,
+    throw: bool,
+    report: Progress,
+) -> PlannedTrajectory:
+    """The trajectory along the paths; without distances if it cannot keep them.
+
+    Warns:
+        UserWarning: it does not keep them.
+    """
+    settings = tasks[0].finder.settings
+    arms = [task.paths_to_time(found) for task, found in zip(tasks, transfers, strict=True)]
+    kept: list[Clearance] = []
+    if clearance is not None and paths is not None:
+        kept.append(of_trajectory(clearance, paths.least_distances, paths.kept))
+    for distances in (kept, []) if kept else ([],):
+        planned = plan_trajectory(
+            arms,
+            rest=settings.rest,
+            deviation_weight=settings.deviation_weight,
+            clearances=distances,
+            progress=report,
+            throw=throw and not distances,
+        )
+        if planned.success:
+            return planned
+        if distances:
+            warnings.warn(
+                f"the trajectory does not keep the distances of the paths: {planned.status}",
+                UserWarning,
+                4,
+            )
+    return planned
 
 
 def _one_by_one(tasks: Sequence[ArmTask], throw: bool, report: Progress) -> list[list[Transfer]]:

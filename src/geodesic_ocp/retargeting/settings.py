@@ -76,7 +76,7 @@ class RetargetingSettings:
     stretch_weight: float = 5.0
     deviation_weight: float = 3.0
     posture_weight: float = 0.0
-    likeness_weight: float = 1.0
+    likeness_weight: float = 30.0
     position_weight: float = 1.0
     orientation_weight: float = 1.0
     scale: float | None = None

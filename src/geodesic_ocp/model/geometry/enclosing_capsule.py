@@ -12,7 +12,7 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.primitives import Capsule, Point
 
 _FLAT = 1e-12  # [m]
-_MAX_EVALUATIONS = 4000
+_MAX_EVALUATIONS = 1500
 
 
 def enclosing_capsule(points: ArrayLike, link: str | None = None, name: str = "") -> Capsule:
@@ -45,7 +45,7 @@ def _fitted(vertices: bytes) -> tuple[Point, Point, float]:
         lambda ends: _volume(ends, cloud) / size**3,
         best,
         method="Nelder-Mead",
-        options={"maxfev": _MAX_EVALUATIONS, "xatol": 1e-6 * size, "fatol": 1e-9, "adaptive": True},
+        options={"maxfev": _MAX_EVALUATIONS, "xatol": 1e-3 * size, "fatol": 1e-5, "adaptive": True},
     )
     ends = min((best, found.x), key=lambda ends: _volume(ends, cloud))
     start, end = ends.reshape(2, 3)

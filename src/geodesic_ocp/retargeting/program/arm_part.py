@@ -22,7 +22,6 @@ from geodesic_ocp.retargeting.program.terms import Terms
 from geodesic_ocp.retargeting.program.waypoint_functions import (
     WaypointFunctions,
     parameters,
-    waypoint_functions,
 )
 from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
 from geodesic_ocp.trajectory.grid import Grid
@@ -105,8 +104,7 @@ class ArmPart:
     @property
     def functions(self) -> WaypointFunctions:
         """Functions of the configurations at the waypoints."""
-        given = self.waypoints
-        return waypoint_functions(given.arm, given.alignment, given.rows)
+        return self.waypoints.functions
 
     def waypoint_parameters(self, terms: Terms) -> Array:
         """Of the waypoints' functions, one column each."""

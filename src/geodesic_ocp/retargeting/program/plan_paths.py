@@ -35,10 +35,16 @@ _RESOLVED = 1e-5  # of the energy
 _RESOLVED_APART = 1e-3  # with distances, which are kept at instants and make corners
 _BETWEEN = 8  # points of a segment at which limits are checked
 _INSTANTS = 24  # of a movement at which distances are checked
-_DISTANCE_ROUNDS = 8
+_DISTANCE_ROUNDS = 6
+# What distances lack after another round, of what they lacked before, that is given up; and the
+# number of grids in a round on which it also counts how well the paths are resolved.
+_HOPELESS, _ROUNDS_APART = 0.8, 3
 _DETOUR = 5.0  # weight of the hand's distance from the person's halfway, in the graph
 _ROUNDING = 1e-4  # [m] by which a distance may fall below its bound between those instants
+_SIMILAR = 0.1  # [rad or m]
+_SAME = 1e-3  # of the objective
 _BELOW = 1e-3  # [m] by which a distance falls below its bound before that is reported
+_YIELDING = 50.0  # the same of poses at which links are too near
 _TINY = 1e-12
 _TOO_NEAR = 300.0  # of distances below their bounds, in the choice of a solution [1/m]
 _MISSED = 1e3, 1e5  # range of weights of squared errors [1/m^2] or [1/rad^2]
@@ -53,7 +59,8 @@ class PlannedPaths:
     Attributes:
         starts: configurations in which the arms begin.
         paths: of the movements of each arm.
-        within_reach: which poses each arm attains, at its m + 1 waypoints.
+        within_reach: which poses each arm attains, at its m + 1 waypoints: neither out of reach,
+            nor with links too near each other.
         longer: time added to each interval between `edges`, relative.
         edges: times [s] in the recording at which a movement of any arm begins or ends.
         action: of all paths at constant speed and in the person's time [J s].
@@ -61,6 +68,7 @@ class PlannedPaths:
         segments: of the last grids.
         success: whether the program is solved.
         status: how Ipopt stopped, a sentence.
+        kept: numbers of the distances that entered the program.
         least_distances: along the paths (m,) [m], in the order of the clearance; empty without one.
         too_near: names of the distances that fall below their bounds by more than a millimetre,
             each with by how much [m], and the time in the recording [s].
@@ -76,6 +84,7 @@ class PlannedPaths:
     segments: int
     success: bool
     status: str
+    kept: tuple[int, ...]
     least_distances: Array
     too_near: tuple[tuple[str, float, float], ...]
 
@@ -114,9 +123,13 @@ def plan_paths(
     terms = Terms(max(action, _TINY), duration, stretch, posture, likeness, _DETOUR)
     progress("choosing configurations", 0, 3)
     found: list[_Iterate] = []
+    free: list[float] = []  # objectives without distances
     for number, start in enumerate(_starts(arms, layers, terms, clearance)):
         progress("planning all synergies", 1 + number, 3)
         iterate = _refined(start, edges, terms, tolerance)
+        if any(np.isclose(iterate.objective, each, rtol=_SAME) for each in free):
+            continue  # it leads to the same paths
+        free.append(iterate.objective)
         if clearance is not None and iterate.success:
             iterate = _apart(iterate, clearance, edges, terms, tolerance)
         found.append(iterate)
@@ -136,6 +149,7 @@ def plan_paths(
         segments=sum(part.grid.segments for part in iterate.parts),
         success=iterate.success,
         status=iterate.status,
+        kept=iterate.kept,
         least_distances=_least(clearance, iterate),
         too_near=_below(clearance, iterate),
     )
@@ -159,9 +173,13 @@ def _starts(
             parts.append(ArmPart.evenly(arm, _missed(arm, start), _SEGMENTS, _DEGREE))
             nodes.append(parts[-1].nodes_on_lines(start.q))
             lines.append(start.q)
-        if not any(all(map(np.allclose, lines, others)) for others in kept):
+        if not any(all(map(_similar, lines, others)) for others in kept):
             kept.append(lines)
             yield _Iterate(tuple(parts), tuple(nodes), None)
+
+
+def _similar(one: Array, other: Array) -> bool:
+    return bool(np.abs(one - other).max() < _SIMILAR)
 
 
 def _score(iterate: _Iterate, terms: Terms, clearance: Clearance | None) -> float:
@@ -193,6 +211,7 @@ class _Iterate:
     longer: Array | None
     objective: float = np.inf
     iterations: int = 0
+    kept: tuple[int, ...] = ()
     success: bool = False
     status: str = ""
 
@@ -207,7 +226,7 @@ def _refined(
 ) -> _Iterate:
     """The solution on grids that resolve the paths, with these distances at these instants."""
     is_near = iterate.success
-    for _ in range(_ROUNDS):
+    for number in range(_ROUNDS):
         program = _program(iterate.parts, edges, terms, rows, clearance)
         start = program.guess(iterate.nodes, iterate.longer)
         outcome = program.solve(start, near=is_near)
@@ -227,7 +246,9 @@ def _refined(
         )
         if not outcome.success:
             return iterate
-        resolved = _RESOLVED_APART if rows else _RESOLVED
+        resolved = _RESOLVED
+        if rows:  # then joint limits alone
+            resolved = _RESOLVED_APART if number < _ROUNDS_APART else np.inf
         coarse = [
             _coarse(*pair, tolerance, resolved) for pair in zip(iterate.parts, nodes, strict=True)
         ]
@@ -284,19 +305,47 @@ def _apart(
     """The solution with all distances above their bounds, or the last one that was found.
 
     Only those distances enter the program that are below their bounds at some instants, and only
-    at these instants.
+    at these instants. Where that does not help, poses at which links are too near are replaced by
+    the nearest ones at which they are not.
     """
     rows: dict[tuple[int, float], float] = {}
+    free, lacking = iterate, np.inf
     for _ in range(_DISTANCE_ROUNDS):
-        more = _too_near(clearance, iterate)
-        if not more.keys() - rows.keys():
+        more, lacks = _too_near(clearance, iterate)
+        if not more:
             break
-        rows |= more
+        if not more.keys() - rows.keys() or lacks > _HOPELESS * lacking:
+            missed = _yielding(clearance, iterate)
+            if missed is None:
+                break
+            # From the paths without distances, as poses that cannot be attained have led astray.
+            parts = zip(free.parts, missed, strict=True)
+            free = replace(free, parts=tuple(replace(part, missed=each) for part, each in parts))
+            iterate, lacks = replace(free, iterations=iterate.iterations), np.inf
+        rows, lacking = rows | more, lacks
         found = _refined(iterate, edges, terms, tolerance, rows, clearance)
         if not found.success:
             return replace(iterate, iterations=found.iterations)
-        iterate = found
+        iterate = replace(found, kept=tuple(sorted({number for number, _ in rows})))
     return iterate
+
+
+def _yielding(clearance: Clearance, iterate: _Iterate) -> list[Array] | None:
+    """Weights of missed poses, with those at which links are too near; None if there are no new."""
+    every, any_new = [], False
+    for part in iterate.parts:
+        given = part.waypoints
+        times = np.append(given.begins[0], given.ends)
+        q = positions_at(iterate.parts, iterate.nodes, times)
+        active = active_rows(clearance, q, -_BELOW)
+        found = clearance.function.map(len(q))(q.T).full()[active.rows, active.samples]
+        near = np.zeros(times.size, dtype=bool)
+        near[active.samples[active.lower - found > 0.0]] = True
+        new = near & (part.missed == 0.0)
+        new[0] &= given.start is None
+        every.append(np.where(new, _YIELDING, part.missed))
+        any_new |= bool(new.any())
+    return every if any_new else None
 
 
 def _positions(iterate: _Iterate) -> tuple[Array, Array]:
@@ -313,28 +362,29 @@ def _positions(iterate: _Iterate) -> tuple[Array, Array]:
     return instants, positions_at(iterate.parts, iterate.nodes, instants)
 
 
-def _too_near(clearance: Clearance, iterate: _Iterate) -> dict[tuple[int, float], float]:
-    """Bounds of the distances that enter the program, by their numbers and instants.
+def _too_near(
+    clearance: Clearance, iterate: _Iterate
+) -> tuple[dict[tuple[int, float], float], float]:
+    """Bounds of the distances that enter the program, by number and instant; what they lack [m].
 
-    Where they lack most, and around.
+    Where each lacks most, and around; the sum is that of the most that each lacks.
     """
     instants, q = _positions(iterate)
     active = active_rows(clearance, q, -_ROUNDING)
     distances = clearance.function.map(len(q))(q.T).full()
     found: dict[tuple[int, float], float] = {}
+    total = 0.0
     for row in np.unique(active.rows).tolist():
         here = active.rows == row
-        samples, lower = active.samples[here], active.lower[here]
-        lacks = dict(zip(samples.tolist(), lower - distances[row, samples], strict=True))
-        for sample, bound in zip(samples.tolist(), lower.tolist(), strict=True):
-            around = range(sample - 1, sample + 2)
-            if any(
-                lacks[k] >= max(lacks.get(k + d, -np.inf) for d in (-1, 1))
-                for k in around
-                if k in lacks
-            ):
-                found[row, float(instants[sample])] = bound + _ROUNDING
-    return found
+        lower = np.full(len(q), -np.inf)
+        lower[active.samples[here]] = active.lower[here]
+        lacks = np.pad(lower - distances[row], 1, constant_values=-np.inf)
+        peaks = (lacks[1:-1] >= lacks[:-2]) & (lacks[1:-1] >= lacks[2:]) & np.isfinite(lower)
+        around = peaks | np.append(peaks[1:], False) | np.append(False, peaks[:-1])
+        for sample in np.flatnonzero(around & np.isfinite(lower)).tolist():
+            found[row, float(instants[sample])] = float(lower[sample]) + _ROUNDING
+        total += float(lacks.max())
+    return found, total
 
 
 def _below(clearance: Clearance | None, iterate: _Iterate) -> tuple[tuple[str, float, float], ...]:

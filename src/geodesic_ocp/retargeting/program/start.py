@@ -21,7 +21,7 @@ from geodesic_ocp.retargeting.program.candidates import (
 )
 from geodesic_ocp.retargeting.program.shortest_path import shortest_path
 from geodesic_ocp.retargeting.program.terms import Terms
-from geodesic_ocp.retargeting.program.waypoint_functions import parameters, waypoint_functions
+from geodesic_ocp.retargeting.program.waypoint_functions import parameters
 from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
 
 _ROUNDS = 3  # of new candidates around those chosen
@@ -138,8 +138,8 @@ def mass_matrices(waypoints: ArmWaypoints, q: Array) -> Array:
 
 
 def node_costs(waypoints: ArmWaypoints, terms: Terms, number: int, q: Array) -> Array:
-    """Of posture and likeness at a waypoint, (k,)."""
-    functions = waypoint_functions(waypoints.arm, waypoints.alignment, waypoints.rows)
+    """Of posture, likeness and torques of gravity at a waypoint, (k,)."""
+    functions = waypoints.functions
     offset = None if waypoints.offsets is None else waypoints.offsets[number]
     p = parameters(waypoints.poses[number], np.zeros(6), offset, terms.posture, terms.likeness)
     costs = evaluate(functions.cost.map(len(q)), q.T, np.tile(p[:, None], len(q)))

@@ -1,4 +1,4 @@
-"""Functions of the configuration at a waypoint: pose error, posture, likeness to the person."""
+"""Functions of a configuration at a waypoint: pose error, posture, likeness, torque of gravity."""
 
 from __future__ import annotations
 
@@ -15,6 +15,10 @@ from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
 from geodesic_ocp.retargeting.poses.targets import Pose
 from geodesic_ocp.retargeting.program.elbow_offset import elbow_offset, has_elbow
 
+_GRAVITY = 9.81  # [m/s^2]
+# A joint that holds the arm with more than this share of its torque is too weak to move it; cost
+# of the squared excess.
+_SHARE, _WEAK = 0.8, 3.0
 NUM_PARAMETERS = 12 + 6 + 3 + 2
 
 
@@ -57,11 +61,23 @@ def parameters(
     )
 
 
+def limited_torques(
+    arm: Model, alignment: Alignment, q: ca.SX, torque: tuple[float, ...]
+) -> list[tuple[int, ca.SX]]:
+    """Torques that hold the arm still, of the joints with a limit, by their numbers."""
+    limited = np.flatnonzero(np.isfinite(torque)).tolist()
+    if not limited:
+        return []
+    still = ca.SX.zeros(arm.dof)
+    held = arm.inverse_dynamics(q, still, still, -_GRAVITY * np.asarray(alignment.base)[:, 2])
+    return [(joint, held[joint]) for joint in limited]
+
+
 @lru_cache(maxsize=32)
 def waypoint_functions(
-    arm: Model, alignment: Alignment, rows: tuple[int, ...]
+    arm: Model, alignment: Alignment, rows: tuple[int, ...], torque: tuple[float, ...]
 ) -> WaypointFunctions:
-    """The functions of an arm, for these rows of the pose error."""
+    """The functions of an arm, for these rows of the pose error and limits on torque (n,)."""
     q, p = ca.SX.sym("q", arm.dof), ca.SX.sym("p", NUM_PARAMETERS)
     position, rotation, missed, offset, weights = ca.vertsplit(p, [0, 3, 12, 18, 21, 23])
     hand_rotation, hand_position = arm.hand_pose(q)
@@ -74,6 +90,8 @@ def waypoint_functions(
     cost = ca.dot(missed, error**2) + weights[0] * ca.sumsqr((q - middle) / half) / arm.dof
     if has_elbow(arm, alignment):
         cost += weights[1] * ca.sumsqr(elbow_offset(arm, alignment, q) - offset)
+    for joint, held in limited_torques(arm, alignment, q, torque):
+        cost += _WEAK * ca.fmax(0.0, ca.fabs(held / torque[joint]) - _SHARE) ** 2
     errors = error[list(rows)]
     factors, factor = ca.SX.sym("factors", len(rows)), ca.SX.sym("factor")
     jacobian, gradient = ca.jacobian(errors, q), ca.gradient(cost, q)

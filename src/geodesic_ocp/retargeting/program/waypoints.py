@@ -11,6 +11,10 @@ from geodesic_ocp.execution.joint_limits import JointLimits
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
 from geodesic_ocp.retargeting.poses.targets import Pose
+from geodesic_ocp.retargeting.program.waypoint_functions import (
+    WaypointFunctions,
+    waypoint_functions,
+)
 
 _PEAK, _BRAKING = 1.5, 5.0
 
@@ -78,3 +82,9 @@ class ArmWaypoints:
     def row_weights(self) -> Array:
         """Weights of those rows."""
         return np.repeat(self.weights, 3)[list(self.rows)]
+
+    @property
+    def functions(self) -> WaypointFunctions:
+        """Functions of the configurations at the waypoints."""
+        torque = tuple(self.limits.torque.tolist())
+        return waypoint_functions(self.arm, self.alignment, self.rows, torque)
