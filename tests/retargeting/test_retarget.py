@@ -268,6 +268,27 @@ def test_obstacle_is_avoided_with_a_margin(analysis: go.Analysis, robot: go.Mode
     assert min(after) > 0.01 - 2e-6
 
 
+def test_a_person_who_rests_is_a_robot_that_rests(analysis: go.Analysis, robot: go.Model) -> None:
+    settings = go.RetargetingSettings(drop=100.0, merge=100.0)
+    found = go.retarget(analysis, robot, tolerance=LOOSE, settings=settings)
+    assert found.success
+    (arm,) = found.arms
+    assert {group.kind for group in arm.groups} == {"rest"}
+    still = np.broadcast_to(arm.motion.q[0], found.trajectory.positions.shape)
+    assert_allclose(found.trajectory.positions, still, atol=1e-6)
+    assert_allclose(arm.robot.hand_pose(arm.motion.q[0])[1], arm.target_poses[1][0], atol=1e-6)
+
+
+@pytest.mark.slow
+def test_without_any_limits(analysis: go.Analysis, robot: go.Model) -> None:
+    infinite = np.full(7, np.inf)
+    free = robot.with_limits(-infinite, infinite)
+    settings = go.RetargetingSettings(merge=0.4, limits=False, speed_limits=False)
+    found = go.retarget(analysis, free, tolerance=LOOSE, settings=settings)
+    assert found.success
+    assert found.stretch == pytest.approx(1.0, abs=1e-3)
+
+
 def test_start_in_collision_is_reported_before(analysis: go.Analysis, robot: go.Model) -> None:
     start = np.array([0.2, 0.0, -0.3, 1.0, 0.0, 0.0, 0.0])
     centre = robot.hand_pose(start)[1]

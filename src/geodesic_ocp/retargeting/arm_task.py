@@ -36,9 +36,9 @@ from geodesic_ocp.trajectory.time_law import time_law
 _GRAVITY = 9.81  # [m/s^2]
 # Rate of the baseline's controller [Hz].
 _BASELINE_RATE = 200.0
-# A joint is too weak to move its arm if holding it takes nearly all of its torque; what it gets is
-# this many times the torque of holding.
-_HOLDING, _MOVING = 1.1, 1.5
+# Where holding the arm takes much of a joint's torque, it gets this many times as much as that: up
+# to its limit, and beyond it if it is too weak to hold the arm at all.
+_MOVING = 1.5
 TOO_NEAR = "links would come too near at the pose; the path ends at the nearest one that is clear"
 # A cubic with end speeds of at most three times its mean is monotone (Fritsch and Carlson 1980).
 _MONOTONE = 3.0
@@ -199,9 +199,8 @@ class ArmTask:
         positions = np.array([pose.position for pose in poses])
         turned = None if poses[0].rotation is None else np.array([p.rotation for p in poses])
         scale = self.mapping.scale
-        return reachability(
-            self.finder.arm, self.mapping.target, turned, positions, scale=scale
-        ).advice
+        found = reachability(self.finder.arm, self.mapping.target, turned, positions, scale=scale)
+        return found.advice.partition(". ")[2]  # the first sentence counts the poses
 
     @property
     def edges(self) -> Array:
@@ -263,7 +262,7 @@ class ArmTask:
         still = np.zeros(robot.dof)
         held = np.abs([robot.inverse_dynamics(q, still, still, self.gravity) for q in ends])
         limit, needed = self.limits.torque, held.max(axis=0)
-        for joint in np.flatnonzero(_HOLDING * needed > limit):
+        for joint in np.flatnonzero(needed > limit):
             warnings.warn(
                 f"{robot.name} is too weak: to hold its arm {robot.joint_names[joint]} needs "
                 f"{needed[joint]:.3g} of {limit[joint]:.3g} "
@@ -272,7 +271,7 @@ class ArmTask:
                 4,
             )
         torque = np.maximum(settings.torque_share * limit, np.minimum(limit, _MOVING * needed))
-        torque = np.where(_HOLDING * needed > limit, np.maximum(limit, _MOVING * needed), torque)
+        torque = np.where(needed > limit, _MOVING * needed, torque)
         limits = replace(self.limits, torque=torque)
         return ArmPaths(robot, limits, self.edges, paths, self.gravity)
 

@@ -96,7 +96,10 @@ class Retargeting:
 
     @property
     def success(self) -> bool:
-        """Whether paths and trajectory were found, within all limits of the joints."""
+        """Whether paths and trajectory were found, within the limits that were asked for.
+
+        Free geodesics and `limits=False` ask for none; `check` tells of all.
+        """
         found = self.planned.success and (self.paths is None or self.paths.success)
         found = found and not self.too_weak
         return found and all(each.success for arm in self.arms for each in arm.transfers)
@@ -189,7 +192,10 @@ class Retargeting:
             for arm in self.arms
             for method, found in arm.statistics.items()
         ]
-        return Table(header, tuple(rows))
+        note = (
+            "means over the samples of the recording; `comparison` has those over the robot's time"
+        )
+        return Table(header, tuple(rows), note)
 
     def synergy_table(self) -> Table:
         """The robot's synergies, with the person's synergies from which they are made."""

@@ -78,6 +78,7 @@ def _from_start(
 ) -> TrajectoryAttempt:
     program, states, references = _first_guess(arms, settings, *start)
     watched, iterations = watched_at_first(program, states.durations, clearances), 0
+    kept: TrajectoryAttempt | None = None
     for number in range(MOST_ROUNDS):
         progress(number)
         outcome = program.solve(states, references, watched)
@@ -92,6 +93,14 @@ def _from_start(
         excess, worst = _worst(checks, clearances, distances)
         success = outcome.success and excess <= TOLERANCE
         change = abs(states.durations.sum() / before.durations.sum() - 1.0)
+        if not outcome.success and kept is not None:
+            return replace(kept, iterations=iterations)
+        if success:
+            least = tuple(each.min(axis=(0, 1)) for each in distances)
+            kept = TrajectoryAttempt(
+                *(program.knots, states.durations, checks, least, excess),
+                *("within all limits", True, iterations),
+            )
         if not outcome.success or (success and change <= _SETTLED):
             break
         watched = tightened(watched, checks, distances)
@@ -104,7 +113,9 @@ def _from_start(
         references = [
             course.nearest(q) for course, q in zip(program.courses, states.positions, strict=True)
         ]
-    status = "within all limits" if success else outcome.status
+    if kept is not None:
+        return replace(kept, iterations=iterations)
+    status = outcome.status
     if excess > TOLERANCE:
         status = f"{outcome.status}; {worst} by {excess:.2g}"
     least = tuple(each.min(axis=(0, 1)) for each in distances)

@@ -71,7 +71,9 @@ class SpeedBounds:
         of speed per step, is the largest of step ((k + 1) v - c k (k + 1) / 2) over k = 0, 1, ...
         """
         room = np.maximum(room, 0.0) / self.step
-        ratio = np.minimum(room / self.change, 1e12)  # zero without a limit on acceleration
+        limited = np.isfinite(self.change)  # else it may stop at once
+        ratio = np.divide(room, self.change, out=np.zeros_like(room), where=limited)
+        ratio = np.minimum(ratio, 1e12)
         k = np.floor(np.maximum(np.sqrt(2.0 * ratio) - 1.0, 0.0))
         found = room.copy()
         for count in (k, k + 1.0):

@@ -80,6 +80,13 @@ class KeyPose:
         return max(self.error) <= REACHED
 
 
+def middle_of_ranges(arm: Model) -> tuple[Array, Array]:
+    """Middle and half width of the joints' ranges (n,); 0 and pi where they are unlimited."""
+    finite = np.isfinite(arm.lower) & np.isfinite(arm.upper)
+    lower, upper = (np.where(finite, each, 0.0) for each in (arm.lower, arm.upper))
+    return (lower + upper) / 2.0, np.where(finite, (upper - lower) / 2.0, np.pi)
+
+
 @lru_cache(maxsize=16)
 def with_narrowed_limits(robot: Model, tolerance: float) -> Model:
     """The robot with limits narrowed by twice a tolerance, so that none is violated by it."""
@@ -117,9 +124,7 @@ class PoseFinder:
         """
         robot, arm, collisions = self.robot, self.arm, self.settings.collisions
         if given is None:
-            finite = np.isfinite(arm.upper - arm.lower)
-            middle = np.where(finite, (arm.upper + arm.lower) / 2.0, 0.0)
-            return self._nearest(middle, pose, _SOLUTIONS)
+            return self._nearest(middle_of_ranges(arm)[0], pose, _SOLUTIONS)
         start = as_vector("start", given, robot.dof)
         if self.settings.within_limits:
             for joint, value, low, high in zip(

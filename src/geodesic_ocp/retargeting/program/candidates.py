@@ -10,7 +10,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.ocp.ik.collision_avoidance import CollisionAvoidance
 from geodesic_ocp.ocp.ik.pose_search import PoseSearch
-from geodesic_ocp.retargeting.poses.targets import REACHED
+from geodesic_ocp.retargeting.poses.targets import REACHED, middle_of_ranges
 from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
 
 _STARTS = 96  # of the search at each waypoint
@@ -48,9 +48,11 @@ def first_candidates(waypoints: ArmWaypoints) -> list[Candidates]:
         if number == 0 and waypoints.start is not None:
             found.append(Candidates(waypoints.start[None, :], True))
             continue
-        lower, upper = _search(waypoints, number, _middle(waypoints)).bounds(waypoints.limited)
+        lower, upper = _search(waypoints, number, middle_of_ranges(waypoints.arm)[0]).bounds(
+            waypoints.limited
+        )
         starts = rng.uniform(lower, upper, (_STARTS, waypoints.arm.dof))
-        before = found[-1].q[:_CARRIED] if found else _middle(waypoints)[None, :]
+        before = found[-1].q[:_CARRIED] if found else middle_of_ranges(waypoints.arm)[0][None, :]
         found.append(candidates_near(waypoints, number, np.vstack([before, starts])))
     return found
 
@@ -77,12 +79,6 @@ def _search(waypoints: ArmWaypoints, number: int, near: Array) -> PoseSearch:
     return PoseSearch.checked(
         *("retarget", waypoints.arm, near, pose.position, pose.rotation, CollisionAvoidance())
     )
-
-
-def _middle(waypoints: ArmWaypoints) -> Array:
-    arm = waypoints.arm
-    finite = np.isfinite(arm.upper - arm.lower)
-    return np.where(finite, (arm.upper + arm.lower) / 2.0, 0.0)
 
 
 def _distinct(configurations: Sequence[Array]) -> Array:

@@ -45,7 +45,7 @@ _SIMILAR = 0.1  # [rad or m]
 _SAME = 1e-3  # of the objective
 _BELOW = 1e-3  # [m] by which a distance falls below its bound before that is reported
 _YIELDING = 50.0  # the same of poses at which links are too near
-_TINY = 1e-12
+_TINY, _AT_REST = 1e-12, 1e-9  # the latter an action [J s]
 _TOO_NEAR = 300.0  # of distances below their bounds, in the choice of a solution [1/m]
 _MISSED = 1e3, 1e5  # range of weights of squared errors [1/m^2] or [1/rad^2]
 
@@ -120,7 +120,8 @@ def plan_paths(
     edges = np.unique(np.concatenate([[*arm.begins, *arm.ends] for arm in arms]))
     action = sum(least_action(arm, each) for arm, each in zip(arms, layers, strict=True))
     duration = float(edges[-1] - edges[0])
-    terms = Terms(max(action, _TINY), duration, stretch, posture, likeness, _DETOUR)
+    unit = action if action > _AT_REST else 1.0
+    terms = Terms(unit, duration, stretch, posture, likeness, _DETOUR)
     progress("choosing configurations", 0, 3)
     found: list[_Iterate] = []
     free: list[float] = []  # objectives without distances

@@ -12,7 +12,7 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.ik.pose_error import rotation_log
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
-from geodesic_ocp.retargeting.poses.targets import Pose
+from geodesic_ocp.retargeting.poses.targets import Pose, middle_of_ranges
 from geodesic_ocp.retargeting.program.elbow_offset import elbow_offset, has_elbow
 
 _GRAVITY = 9.81  # [m/s^2]
@@ -84,9 +84,7 @@ def waypoint_functions(
     error = ca.vertcat(
         hand_position - position, rotation_log(ca.reshape(rotation, 3, 3).T @ hand_rotation)
     )
-    finite = np.isfinite(arm.upper - arm.lower)
-    middle = np.where(finite, (arm.lower + arm.upper) / 2.0, 0.0)
-    half = np.where(finite, (arm.upper - arm.lower) / 2.0, np.pi)
+    middle, half = middle_of_ranges(arm)
     cost = ca.dot(missed, error**2) + weights[0] * ca.sumsqr((q - middle) / half) / arm.dof
     if has_elbow(arm, alignment):
         cost += weights[1] * ca.sumsqr(elbow_offset(arm, alignment, q) - offset)
