@@ -14,8 +14,10 @@ from geodesic_ocp.execution.clearance.clearance_constraint import clearance_cons
 from geodesic_ocp.execution.clearance_constraint import Clearance
 from geodesic_ocp.execution.joint_limits import QUANTITIES, joint_limits
 from geodesic_ocp.model.formats.load_model import load_model
+from geodesic_ocp.model.inertias.known_armature import with_rotor_inertia
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.alignment.alignment import alignment
+from geodesic_ocp.retargeting.alignment.read_alignment import read_alignment
 from geodesic_ocp.trajectory.read_trajectory import read_trajectory
 
 _FREE_FALL = (0.0, 0.0, -9.81)
@@ -27,12 +29,14 @@ def check_trajectory_file(options: argparse.Namespace) -> int:
     Raises:
         ValueError: a file cannot be read, an unknown robot, other joints, or wrong limits.
     """
-    if options.aligned and options.gravity is not None:
-        raise ValueError("--aligned and --gravity exclude each other")
+    if sum((options.aligned, options.gravity is not None, options.alignment is not None)) > 1:
+        raise ValueError("--aligned, --alignment and --gravity exclude each other")
     trajectory = read_trajectory(options.file)
     with printed_warnings():
-        robots = [load_model(name, hand=options.hand) for name in options.robot]
+        robots = [load_model(name, hand=options.hand, base=options.base) for name in options.robot]
     gravity = _gravity(options, robots)
+    if options.rotor_inertia:
+        robots = [with_rotor_inertia(robot) for robot in robots]
     if options.payload is not None:
         robots = [robot.with_payload(options.payload) for robot in robots]
     given = {name: _limit(name, getattr(options, name)) for name in QUANTITIES}
@@ -60,6 +64,11 @@ def check_trajectory_file(options: argparse.Namespace) -> int:
 
 def _gravity(options: argparse.Namespace, robots: Sequence[Model]) -> Array:
     """Acceleration of free fall in the axes of each robot's base [m/s^2]."""
+    if options.alignment is not None:
+        if len(options.alignment) != len(robots):
+            raise ValueError(f"--alignment: one for each --robot, got {len(options.alignment)}")
+        found = [read_alignment(file) for file in options.alignment]
+        return np.array([np.asarray(each.base) @ _FREE_FALL for each in found])
     if not options.aligned:
         given = _FREE_FALL if options.gravity is None else options.gravity
         return np.tile(np.asarray(given, dtype=float), (len(robots), 1))

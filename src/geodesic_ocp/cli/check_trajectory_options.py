@@ -24,6 +24,23 @@ def add_check_trajectory_options(command: argparse.ArgumentParser) -> None:
         help="name (see geodesic-ocp models) or file; twice for two arms, in their order",
     )
     command.add_argument("--hand", metavar="FRAME", help="hand frame, for a robot from a file")
+    command.add_argument(
+        "--base", metavar="FRAME", help="fixed frame of the robot that becomes its base"
+    )
+    command.add_argument(
+        "--alignment",
+        action="append",
+        metavar="FILE",
+        help="of the robot with a person, as written by geodesic-ocp align: gravity is along the "
+        "person's body; one for each --robot",
+    )
+    command.add_argument(
+        "--rotor-inertia",
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help="add known or default inertia of the motors where the file states none, as retarget "
+        "does",
+    )
     for name, unit in _LIMITS.items():
         command.add_argument(
             f"--{name}",
