@@ -476,3 +476,19 @@ def test_on_panda(analysis: go.Analysis) -> None:
     statistics = arm.statistics
     assert statistics["synergies"].action < statistics["ik"].action
     assert statistics["synergies"].peak_speed <= 1.001
+
+
+@pytest.mark.slow
+def test_an_obstacle_that_cannot_be_avoided_is_no_success(
+    analysis: go.Analysis, robot: go.Model, found: go.Retargeting
+) -> None:
+    """It lies where the hand has to be."""
+    (arm,) = found.arms
+    ball = go.Ball(tuple(arm.target_poses[1][-1]), 0.03, name="lamp")
+    hand = ("right hand",)
+    settings = replace(SETTINGS, obstacles=[ball], links=hand, self_collision=False, margin=0.0)
+    with pytest.warns(UserWarning, match="lamp|from its pose, at which links would be too near"):
+        avoiding = go.retarget(analysis, robot, tolerance=LOOSE, settings=settings)
+    assert avoiding.success != avoiding.touches
+    if avoiding.success:  # the pose has given way
+        assert not avoiding.paths.within_reach[0][-1]  # type: ignore[union-attr]

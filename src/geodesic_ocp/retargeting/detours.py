@@ -33,6 +33,8 @@ def warn_of_detours(result: Retargeting) -> None:
         f"{name} are {amount:.2g} m too near at {when:.2f} s of the recording"
         for name, amount, when in result.too_near
     ]
+    if result.touches:
+        found += [each for each in result.check.violations if "apart at" in each]
     found += [sentence for arm in result.arms for sentence in _of_arm(arm)]
     if found:
         more = f"; and {len(found) - _REPORTED} more" if len(found) > _REPORTED else ""

@@ -17,7 +17,7 @@ from geodesic_ocp.model.geometry.signed_distances import signed_distances
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 
-_TOUCHING = 1e-3  # [m]
+TOUCHING = 1e-3  # [m]
 _MORE = 2e-3  # [m] that paths keep beyond the margin, as the trajectory leaves them in corners
 _LESS = 3e-3  # [m] by which it may come nearer than the capsules on a path
 
@@ -81,7 +81,7 @@ def of_trajectory(clearance: Clearance, least: Array, kept: Sequence[int]) -> Cl
 
 def in_check(clearance: Clearance) -> Clearance:
     """With the bounds that a check of the trajectory asks for: links must not touch."""
-    return replace(clearance, lower=np.full(len(clearance.names), _TOUCHING))
+    return replace(clearance, lower=np.full(len(clearance.names), TOUCHING))
 
 
 def _together(parts: Sequence[Clearance]) -> Clearance:

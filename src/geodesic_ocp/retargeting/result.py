@@ -19,7 +19,7 @@ from geodesic_ocp.figures.new_figure import new_figure, save_figure
 from geodesic_ocp.records import write_together
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.equal_limits import compare_under_equal_limits
-from geodesic_ocp.retargeting.motion_clearance import in_check
+from geodesic_ocp.retargeting.motion_clearance import TOUCHING, in_check
 from geodesic_ocp.retargeting.program.plan_paths import PlannedPaths
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.synergies.synergy import Synergy
@@ -96,13 +96,19 @@ class Retargeting:
 
     @property
     def success(self) -> bool:
-        """Whether paths and trajectory were found, within the limits that were asked for.
+        """Whether paths and trajectory were found, within the limits asked for, and no links touch.
 
         Free geodesics and `limits=False` ask for none; `check` tells of all.
         """
         found = self.planned.success and (self.paths is None or self.paths.success)
-        found = found and not self.too_weak
+        found = found and not self.too_weak and not self.touches
         return found and all(each.success for arm in self.arms for each in arm.transfers)
+
+    @property
+    def touches(self) -> bool:
+        """Whether links touch each other or an obstacle, where geometry is known."""
+        least = self.check.clearance
+        return least is not None and least < TOUCHING
 
     @property
     def too_weak(self) -> tuple[str, ...]:
