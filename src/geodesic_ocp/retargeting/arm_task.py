@@ -335,7 +335,7 @@ def _reached(
         if error <= REACHED:
             yield Candidates(q[None, :], True)
         elif error < before:
-            yield Candidates(np.vstack([q, layer.q]), False)
+            yield Candidates(np.vstack([q, layer.q]), False, error)
         else:
             yield layer
 

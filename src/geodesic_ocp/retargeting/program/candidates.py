@@ -17,8 +17,10 @@ _STARTS = 96  # of the search at each waypoint
 _CARRIED = 32  # more, the configurations found at the waypoint before
 _MOST = 64  # configurations at a waypoint
 _SAME = 0.05  # [rad or m]
-# Poses out of reach: errors up to this factor above the least, and this much more [m or rad].
-_NEARLY, _MORE = 1.05, 1e-3
+# Poses out of reach: errors up to this factor above the least, and this much more [m or rad]. The
+# nearest pose may be on the other side of a singularity.
+_NEARLY, _MORE = 1.5, 0.02
+MISSED = 1e3, 1e5  # range of weights of squared errors [1/m^2] or [1/rad^2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,16 +30,24 @@ class Candidates:
     Attributes:
         q: the configurations.
         within_reach: whether they attain the pose.
+        least: error of the one nearest to it [m or rad].
     """
 
     q: Array
     within_reach: bool
+    least: float = 0.0
+
+    @property
+    def missed(self) -> float:
+        """Weight of the squared error of a pose out of reach: the nearer, the larger; else zero."""
+        return 0.0 if self.within_reach else float(np.clip(self.least**-2, *MISSED))
 
     def joined(self, other: Candidates) -> Candidates:
         """Those of both, or of the one that attains the pose."""
         if self.within_reach != other.within_reach:
             return self if self.within_reach else other
-        return Candidates(_distinct([*self.q, *other.q]), self.within_reach)
+        least = min(self.least, other.least)
+        return Candidates(_distinct([*self.q, *other.q]), self.within_reach, least)
 
 
 def first_candidates(waypoints: ArmWaypoints) -> list[Candidates]:
@@ -71,7 +81,7 @@ def candidates_near(waypoints: ArmWaypoints, number: int, starts: Array) -> Cand
     within = least <= enough
     order = np.argsort(errors)
     chosen = order[errors[order] <= (enough if within else _NEARLY * least + _MORE)]
-    return Candidates(_distinct(list(q[chosen]))[:_MOST], within)
+    return Candidates(_distinct(list(q[chosen]))[:_MOST], within, 0.0 if within else least)
 
 
 def _search(waypoints: ArmWaypoints, number: int, near: Array) -> PoseSearch:

@@ -19,7 +19,6 @@ from geodesic_ocp.retargeting.program.distance_rows import DistanceRows
 from geodesic_ocp.retargeting.program.instants import place_at, positions_at
 from geodesic_ocp.retargeting.program.motion_program import MotionProgram
 from geodesic_ocp.retargeting.program.start import (
-    StartConfigurations,
     find_start,
     least_action,
     off_the_way,
@@ -33,7 +32,7 @@ _SEGMENTS, _DEGREE = 2, 6  # of each movement, on the first grid
 _ROUNDS, _MOST_SEGMENTS = 12, 400
 _RESOLVED = 1e-5  # of the energy
 _RESOLVED_APART = 1e-3  # with distances, which are kept at instants and make corners
-_BETWEEN = 8  # points of a segment at which limits are checked
+_BETWEEN = np.array([0.25, 0.5, 0.75])  # of the way from node to node, where limits are checked
 _INSTANTS = 24  # of a movement at which distances are checked
 _DISTANCE_ROUNDS = 6
 # What distances lack after another round, of what they lacked before, that is given up; and the
@@ -44,10 +43,10 @@ _ROUNDING = 1e-4  # [m] by which a distance may fall below its bound between tho
 _SIMILAR = 0.1  # [rad or m]
 _SAME = 1e-3  # of the objective
 _BELOW = 1e-3  # [m] by which a distance falls below its bound before that is reported
-_YIELDING = 50.0  # the same of poses at which links are too near
+# Weight of the squared error of a pose at which links are too near [1/m^2] or [1/rad^2].
+_YIELDING = 50.0
 _TINY, _AT_REST = 1e-12, 1e-9  # the latter an action [J s]
 _TOO_NEAR = 300.0  # of distances below their bounds, in the choice of a solution [1/m]
-_MISSED = 1e3, 1e5  # range of weights of squared errors [1/m^2] or [1/rad^2]
 
 _NO_ROWS: Mapping[tuple[int, float], float] = {}
 
@@ -171,7 +170,7 @@ def _starts(
         parts, nodes, lines = [], [], []
         for number, (arm, candidates) in enumerate(zip(arms, layers, strict=True)):
             start = find_start(arm, terms, candidates, own_distances(each, arms, number))
-            parts.append(ArmPart.evenly(arm, _missed(arm, start), _SEGMENTS, _DEGREE))
+            parts.append(ArmPart.evenly(arm, start.missed, _SEGMENTS, _DEGREE))
             nodes.append(parts[-1].nodes_on_lines(start.q))
             lines.append(start.q)
         if not any(all(map(_similar, lines, others)) for others in kept):
@@ -191,16 +190,6 @@ def _score(iterate: _Iterate, terms: Terms, clearance: Clearance | None) -> floa
             middle = np.atleast_2d(path(0.5))
             total += terms.detour * float(off_the_way(part.waypoints, number, middle)[0])
     return total + _TOO_NEAR * sum(amount for _, amount, _ in _below(clearance, iterate))
-
-
-def _missed(arm: ArmWaypoints, start: StartConfigurations) -> Array:
-    """Weights of the errors of poses out of reach: the nearer the pose, the larger."""
-    weights = np.zeros(arm.count + 1)
-    for number, (q, pose) in enumerate(zip(start.q, arm.poses, strict=True)):
-        if not start.within_reach[number]:
-            error = max(pose.error(arm.arm, q))
-            weights[number] = np.clip(error**-2, *_MISSED)
-    return weights
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,7 +281,8 @@ def _coarse(part: ArmPart, nodes: Array, tolerance: float, resolved: float) -> N
     unresolved = unresolved_energy(path) / max(path.energy, _TINY)
     coarse = unresolved > resolved / grid.segments
     if part.waypoints.limited:
-        local = (np.arange(_BETWEEN) + 0.5) / _BETWEEN
+        own = grid.nodes[: grid.degree + 1] / grid.widths[0]  # nodes are denser at the ends
+        local = (own[:-1, None] + np.diff(own)[:, None] * _BETWEEN).ravel()
         s = (grid.breakpoints[:-1, None] + grid.widths[:, None] * local).ravel()
         q, arm = path(s), part.waypoints.arm
         excess = np.maximum(arm.lower - q, q - arm.upper).max(axis=1)

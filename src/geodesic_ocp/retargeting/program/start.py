@@ -32,10 +32,13 @@ _SPREAD, _AROUND = 0.3, 12  # [rad or m]; number of starts around each
 
 @dataclass(frozen=True, eq=False)
 class StartConfigurations:
-    """Configurations at the waypoints (m + 1, n), which of them attain their poses, and cost."""
+    """Configurations at the waypoints (m + 1, n), and their cost.
+
+    `missed` are the weights of the errors of poses out of reach (m + 1,), zero for the others.
+    """
 
     q: Array
-    within_reach: tuple[bool, ...]
+    missed: Array
     cost: float
 
 
@@ -117,7 +120,7 @@ def _best(
     distances: ca.Function | None = None,
 ) -> StartConfigurations:
     matrices = [mass_matrices(waypoints, layer.q) for layer in layers]
-    nodes = [node_costs(waypoints, terms, number, layer.q) for number, layer in enumerate(layers)]
+    nodes = [node_costs(waypoints, terms, number, layer) for number, layer in enumerate(layers)]
     if distances is not None:
         for costs, layer in zip(nodes, layers, strict=True):
             least = distances.map(len(layer.q))(layer.q.T).full().min(axis=0)
@@ -125,7 +128,7 @@ def _best(
     edges = partial(_edge_costs, waypoints, terms, layers, matrices)
     chosen, cost = shortest_path(nodes, edges)
     q = np.array([layer.q[index] for layer, index in zip(layers, chosen, strict=True)])
-    return StartConfigurations(q, tuple(layer.within_reach for layer in layers), cost)
+    return StartConfigurations(q, np.array([layer.missed for layer in layers]), cost)
 
 
 def mass_matrices(waypoints: ArmWaypoints, q: Array) -> Array:
@@ -137,11 +140,15 @@ def mass_matrices(waypoints: ArmWaypoints, q: Array) -> Array:
     return np.asarray(stacked).reshape(n, len(q), n).transpose(1, 0, 2)
 
 
-def node_costs(waypoints: ArmWaypoints, terms: Terms, number: int, q: Array) -> Array:
-    """Of posture, likeness and torques of gravity at a waypoint, (k,)."""
+def node_costs(waypoints: ArmWaypoints, terms: Terms, number: int, candidates: Candidates) -> Array:
+    """Of posture, likeness, torques of gravity, and a pose out of reach, at a waypoint, (k,)."""
+    q, missed = candidates.q, np.zeros(6)
+    missed[list(waypoints.rows)] = (
+        candidates.missed * (waypoints.count + 1) * waypoints.row_weights**2
+    )
     functions = waypoints.functions
     offset = None if waypoints.offsets is None else waypoints.offsets[number]
-    p = parameters(waypoints.poses[number], np.zeros(6), offset, terms.posture, terms.likeness)
+    p = parameters(waypoints.poses[number], missed, offset, terms.posture, terms.likeness)
     costs = evaluate(functions.cost.map(len(q)), q.T, np.tile(p[:, None], len(q)))
     return np.asarray(costs).ravel() / (waypoints.count + 1)
 
