@@ -11,13 +11,15 @@ import numpy as np
 
 import geodesic_ocp as go
 from geodesic_ocp.retargeting.poses.targets import Pose, PoseFinder
+from geodesic_ocp.retargeting.program.candidates import Candidates, first_candidates
+from geodesic_ocp.retargeting.program.plan_paths import plan_paths
+from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
 from geodesic_ocp.retargeting.settings import Formulation
-from geodesic_ocp.retargeting.transfer import plan_transfers
+from geodesic_ocp.retargeting.transfer import Transfer, plan_transfers
 
 ROBOTS = ("armar6-left", "armar6-right", "panda", "talos-left-arm", "xarm7")
 REACHED = 1e-6  # [m] and [rad]
 TOLERANCE = 1e-6
-DURATION = 1e3  # [s]: long enough that no speed limit matters
 
 
 def main() -> None:
@@ -49,8 +51,11 @@ def run(name: str, count: int, seed: int, formulation: Formulation) -> int:
         start, end = rng.uniform(model.lower, model.upper, (2, model.dof))
         pose = Pose(*model.hand_pose(end))
         begin = time.perf_counter()
-        targets = finder.key_poses(start, [pose])
-        (transfer,) = plan_transfers(finder, start, targets, [DURATION], throw=False)
+        if settings.constrained:
+            transfer = by_the_program(finder, start, pose, (start + end) / 2.0)
+        else:
+            targets = finder.key_poses(start, [pose])
+            (transfer,) = plan_transfers(finder, start, targets, throw=False)
         seconds.append(time.perf_counter() - begin)
         iterations.append(transfer.iterations)
         q = transfer.path(np.linspace(0.0, 1.0, 2001))
@@ -75,6 +80,48 @@ def run(name: str, count: int, seed: int, formulation: Formulation) -> int:
         flush=True,
     )
     return num_reached
+
+
+def by_the_program(
+    finder: PoseFinder, start: np.ndarray, pose: Pose, middle: np.ndarray
+) -> Transfer:
+    """The program over all synergies, of one synergy."""
+    arm, settings = finder.arm, finder.settings
+    waypoints = ArmWaypoints(
+        arm=arm,
+        limited=settings.within_limits,
+        alignment=go.alignment(arm),
+        begins=np.zeros(1),
+        ends=np.ones(1),
+        poses=(Pose(*arm.hand_pose(start)), pose),
+        between=(Pose(*arm.hand_pose(middle)),),
+        start=start,
+        limits=go.JointLimits(*np.full((4, arm.dof), np.inf)),
+        offsets=None,
+        weights=settings.pose_weights,
+    )
+    first, last = first_candidates(waypoints)
+    if not last.within_reach:
+        q = finder.nearest(last.q[0], pose)
+        last = Candidates(q[None, :], max(pose.error(arm, q)) <= REACHED)
+    planned = plan_paths(
+        [waypoints],
+        [[first, last]],
+        stretch=settings.stretch_weight,
+        posture=settings.posture_weight,
+        likeness=0.0,
+        tolerance=TOLERANCE,
+    )
+    ((path,),) = planned.paths
+    return Transfer(
+        path,
+        pose,
+        last.within_reach,
+        *pose.error(arm, path.nodes[-1]),
+        iterations=planned.iterations,
+        success=planned.success,
+        status=planned.status,
+    )
 
 
 if __name__ == "__main__":
