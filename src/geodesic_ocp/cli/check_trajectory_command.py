@@ -8,11 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.cli.limit_values import given_limits
 from geodesic_ocp.cli.notes import printed_warnings
 from geodesic_ocp.execution.check_trajectory import check_trajectory
 from geodesic_ocp.execution.clearance.clearance_constraint import clearance_constraint
 from geodesic_ocp.execution.clearance_constraint import Clearance
-from geodesic_ocp.execution.joint_limits import QUANTITIES, joint_limits
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.inertias.known_armature import with_rotor_inertia
 from geodesic_ocp.model.model import Model
@@ -39,8 +39,7 @@ def check_trajectory_file(options: argparse.Namespace) -> int:
         robots = [with_rotor_inertia(robot) for robot in robots]
     if options.payload is not None:
         robots = [robot.with_payload(options.payload) for robot in robots]
-    given = {name: _limit(name, getattr(options, name)) for name in QUANTITIES}
-    limits = [joint_limits(robot, **given) for robot in robots]
+    limits = given_limits(options, robots)
     check = check_trajectory(
         trajectory,
         robots,
@@ -85,20 +84,3 @@ def _clearance(robots: Sequence[Model]) -> Clearance | None:
     if found is None:
         print(f"note: clearance is not checked: {reason}")
     return found
-
-
-def _limit(name: str, values: Sequence[str] | None) -> float | dict[str, float] | None:
-    """One number for all joints, or numbers by joint."""
-    by_joint: dict[str, float] = {}
-    for value in values or ():
-        joint, _, number = value.rpartition("=")
-        try:
-            limit = float(number)
-        except ValueError:
-            raise ValueError(f"--{name} {value}: must be LIMIT or JOINT=LIMIT") from None
-        if not joint and len(values or ()) > 1:
-            raise ValueError(f"--{name}: several limits must be JOINT=LIMIT each, got {value}")
-        if not joint:
-            return limit
-        by_joint[joint] = limit
-    return by_joint or None

@@ -5,12 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-_LIMITS = {
-    "velocity": "rad/s or m/s",
-    "acceleration": "rad/s^2 or m/s^2",
-    "jerk": "rad/s^3 or m/s^3",
-    "torque": "N m or N",
-}
+from geodesic_ocp.cli.limit_options import add_limit_options
 
 
 def add_check_trajectory_options(command: argparse.ArgumentParser) -> None:
@@ -41,14 +36,7 @@ def add_check_trajectory_options(command: argparse.ArgumentParser) -> None:
         help="add known or default inertia of the motors where the file states none, as retarget "
         "does",
     )
-    for name, unit in _LIMITS.items():
-        command.add_argument(
-            f"--{name}",
-            action="append",
-            metavar="LIMIT",
-            help=f"largest {name} [{unit}] of all joints, or JOINT=LIMIT for one; repeatable; "
-            "default: as in the file, published, or derived",
-        )
+    add_limit_options(command)
     command.add_argument(
         "--payload", type=float, metavar="KG", help="mass in the hand, at the origin of its frame"
     )

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from geodesic_ocp.cli.interrupts import ProgressBar
+from geodesic_ocp.cli.limit_values import given_limits
 from geodesic_ocp.cli.notes import printed_warnings
 from geodesic_ocp.cli.recording import analyse_bundled, analyse_file, check_folder, save_analysis
 from geodesic_ocp.model.formats.load_model import load_model
@@ -73,7 +74,10 @@ def _robots(options: argparse.Namespace, names: Sequence[str], count: int) -> li
 def _transfer(
     analyses: Sequence[Analysis], arms: Sequence[_Arm], options: argparse.Namespace
 ) -> None:
-    robots, alignments = zip(*arms, strict=True)
+    robots = [robot for robot, _ in arms]
+    alignments = [aligned for _, aligned in arms]
+    if options.payload is not None:
+        robots = [robot.with_payload(options.payload) for robot in robots]
     settings = RetargetingSettings(
         formulation=options.formulation,
         limits=options.limits,
@@ -86,12 +90,14 @@ def _transfer(
         posture_weight=options.posture,
         self_collision=options.self_collision,
         scale=options.scale,
+        margin=options.margin,
     )
     with printed_warnings(), closing(ProgressBar()) as bar:
         result = retarget_arms(
             analyses,
             robots,
             alignments=alignments,
+            limits=given_limits(options, robots),
             rate=options.rate,
             settings=settings,
             progress=bar,
@@ -119,7 +125,7 @@ def _summarize(result: Retargeting) -> None:
         )
     time = "the person's time"
     if result.stretch > _LONGER:
-        time = f"{result.stretch:.2f} times the person's time, because of the joints' limits"
+        time = f"{result.stretch:.2f} times the person's time, as the joints' limits require"
     print(f"it takes {time}; computed in {result.seconds:.1f} s ({result.settings.formulation})")
     faults = "; ".join(result.check.violations[:_FAULTS]) or "all conditions hold"
     near = result.check.clearance

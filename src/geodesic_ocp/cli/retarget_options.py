@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import get_args
 
+from geodesic_ocp.cli.limit_options import add_limit_options
 from geodesic_ocp.retargeting.settings import Formulation
 
 _SWITCHES = (
@@ -47,6 +48,17 @@ def add_retarget_options(command: argparse.ArgumentParser) -> None:
         default=0.0,
         metavar="WEIGHT",
         help="of joints near the middle of their ranges (default: %(default)g)",
+    )
+    add_limit_options(command)
+    command.add_argument(
+        "--payload", type=float, metavar="KG", help="mass in the hand, at the origin of its frame"
+    )
+    command.add_argument(
+        "--margin",
+        type=float,
+        default=0.01,
+        metavar="M",
+        help="smallest distance of links from each other [m] (default: %(default)g)",
     )
     command.add_argument(
         "--scale", type=float, help="factor of positions (default: the ratio of the arms' lengths)"

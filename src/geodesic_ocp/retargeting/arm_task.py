@@ -247,6 +247,14 @@ class ArmTask:
         """Acceleration of free fall in the axes of the robot's base (3,) [m/s^2]."""
         return np.asarray(-_GRAVITY * np.asarray(self.mapping.target.base)[:, 2])
 
+    @property
+    def _within_bounds(self) -> Model:
+        """The robot, without limits of its joints' ranges if they need not be met."""
+        robot = self.robot
+        if self.finder.settings.within_limits:
+            return robot
+        return robot.with_limits(*np.full((2, robot.dof), np.inf) * [[-1.0], [1.0]])
+
     def paths_to_time(self, transfers: Sequence[Transfer]) -> ArmPaths:
         """What the trajectory is planned from.
 
@@ -254,9 +262,7 @@ class ArmTask:
             UserWarning: a joint is too weak to hold the arm at the end of a synergy. It is allowed
                 more torque.
         """
-        robot, settings = self.robot, self.finder.settings
-        if not settings.within_limits:
-            robot = robot.with_limits(*np.full((2, robot.dof), np.inf) * [[-1.0], [1.0]])
+        robot, settings = self._within_bounds, self.finder.settings
         paths = [transfer.path for transfer in transfers]
         ends = [paths[0].nodes[0], *(path.nodes[-1] for path in paths)]
         still = np.zeros(robot.dof)
@@ -311,7 +317,7 @@ class ArmTask:
             return self.mapping(motion(np.interp(instants, time, motion.time)))
 
         return track_within_limits(
-            self.robot,
+            self._within_bounds,
             self.finder.configuration_near(start, self.first),
             time,
             poses,

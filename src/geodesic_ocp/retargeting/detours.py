@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 # A hand's path is a detour if it is longer than this factor times the person's, and this much more.
 _FACTOR, _MORE, _MORE_ANGLE = 2.0, 0.15, 1.0  # [m], [rad]
 _SLOW = 3.0  # times the person's time
+_MISSED = 1e-4  # pose error [m] and [rad]
 _SAMPLES = 41
 _REPORTED = 6
 
@@ -33,8 +34,8 @@ def warn_of_detours(result: Retargeting) -> None:
         f"{name} are {amount:.2g} m too near at {when:.2f} s of the recording"
         for name, amount, when in result.too_near
     ]
-    if result.touches:
-        found += [each for each in result.check.violations if "apart at" in each]
+    if result.touches and not found:
+        found.append("links touch on the trajectory, as `Retargeting.check` says in detail")
     found += [sentence for arm in result.arms for sentence in _of_arm(arm)]
     if found:
         more = f"; and {len(found) - _REPORTED} more" if len(found) > _REPORTED else ""
@@ -52,23 +53,29 @@ def _of_arm(arm: RetargetedArm) -> Iterator[str]:
         )
         if group.kind == "rest":
             continue
-        if transfer.status == TOO_NEAR:
+        if (
+            transfer.status == TOO_NEAR
+            and transfer.position_error + transfer.rotation_error > _MISSED
+        ):
             missed = f"{transfer.position_error:.2g} m and {transfer.rotation_error:.2g} rad"
             yield f"{where} ends {missed} from its pose, at which links would be too near"
         here = slice(group.start, group.stop + 1)
         of_person = _lengths(arm.target_poses[0][here], arm.target_poses[1][here])
         curve = transfer.path(np.linspace(0.0, 1.0, _SAMPLES))
         of_robot = _lengths(*arm.robot.hand_pose(curve))
-        kinds = (("moves", _MORE, "m"), ("turns", _MORE_ANGLE, "rad"))
+        kinds = [("moves", _MORE, "m"), ("turns", _MORE_ANGLE, "rad")]
+        if transfer.pose.rotation is None:
+            of_robot, of_person, kinds = of_robot[:1], of_person[:1], kinds[:1]
         for mine, theirs, (verb, more, unit) in zip(of_robot, of_person, kinds, strict=True):
             if mine > _FACTOR * theirs + more:
-                yield f"{where} {verb} the hand by {mine:.2g} {unit}, the person's by {theirs:.2g}"
+                person = f"the person {verb} it by {theirs:.2g} {unit}"
+                yield f"{where} {verb} the hand by {mine:.2g} {unit}, {person}"
         seconds = float(time[group.stop] - time[group.start])
         if synergy.duration > _SLOW * seconds:
             yield f"{where} takes {synergy.duration / seconds:.2g} times the person's time"
 
 
-def _lengths(rotations: Array, positions: Array) -> tuple[float, float]:
+def _lengths(rotations: Array, positions: Array) -> tuple[float, ...]:
     """Lengths of the hand's path in position [m] and in orientation [rad]."""
     steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     turns = np.linalg.norm(

@@ -58,8 +58,8 @@ class Retargeting:
 
     def __repr__(self) -> str:
         lines = [repr(arm) for arm in self.arms]
-        time = "the person's time" if self.stretch <= 1.0 else f"{self.stretch:.2f} times as long"
-        return "\n".join([f"Retargeting in {time}, found in {self.seconds:.1f} s", *lines[:2]])
+        time = f"{self.stretch:.2f} times the person's time"
+        return "\n".join([f"Retargeting: {time}, found in {self.seconds:.1f} s", *lines[:2]])
 
     def _repr_markdown_(self) -> str:
         return self.table().markdown()

@@ -20,7 +20,7 @@ from geodesic_ocp.model.inertias.known_armature import with_rotor_inertia
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.retargeting.alignment.alignment import alignment as default_alignment
-from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
+from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment, check_joints
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.arm_task import ArmTask
 from geodesic_ocp.retargeting.detours import warn_of_detours
@@ -283,10 +283,13 @@ def _alignments(name: str, given: Any, models: Sequence[Model]) -> list[Alignmen
     for each in found:
         if each is not None and not isinstance(each, Alignment):
             raise ValueError(f"{name} must be of Alignment, got {each!r}")
-    return [
+    aligned = [
         default_alignment(model) if each is None else each
         for model, each in zip(models, found, strict=True)
     ]
+    for model, each in zip(models, aligned, strict=True):
+        check_joints(each, model)
+    return aligned
 
 
 def _warn_out_of_reach(tasks: Sequence[ArmTask]) -> None:
@@ -294,7 +297,8 @@ def _warn_out_of_reach(tasks: Sequence[ArmTask]) -> None:
     for task in tasks:
         for number, (distance, angle) in task.out_of_reach.items():
             which = "the first pose" if number == 0 else f"the end of synergy {number - 1}"
-            lines.append(f"{which} of {task.robot.name} by {distance:.3g} m and {angle:.3g} rad")
+            error = f"{distance:.3g} m and {angle:.3g} rad"
+            lines.append(f"{which} of {task.robot.name} by at least {error}")
     if not lines:
         return
     advice = " ".join(each for task in tasks if (each := task.mounting_advice()))

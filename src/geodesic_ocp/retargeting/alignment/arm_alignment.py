@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, as_rotation, as_vector, short_repr
 from geodesic_ocp.model.human.anthropometry import Side
+from geodesic_ocp.model.model import Model
 from geodesic_ocp.records import write_file
 from geodesic_ocp.retargeting.alignment.axis_names import direction_record
 
@@ -143,3 +144,18 @@ class Alignment:
         if mirror:
             rotation, position = _MIRROR @ rotation @ _MIRROR, position @ _MIRROR
         return rotation, position
+
+
+def check_joints(alignment: Alignment, robot: Model) -> None:
+    """Raise if the elbow or the wrist of an alignment is not of the robot.
+
+    Raises:
+        ValueError: it names the field, what was given, and the joints.
+    """
+    for field in ("elbow", "wrist"):
+        name = getattr(alignment, field)
+        if name is not None and not robot.pin.existFrame(name):
+            raise ValueError(
+                f"alignment: {field} is {name!r}, which is not a joint of {robot.name!r}; its "
+                f"joints are {', '.join(robot.joint_names)}"
+            )
