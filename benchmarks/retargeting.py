@@ -23,7 +23,6 @@ from typing import Any
 import numpy as np
 
 import geodesic_ocp as go
-from geodesic_ocp.execution.check_trajectory import check_trajectory
 from geodesic_ocp.execution.clearance.trajectory_clearance import trajectory_clearance
 from geodesic_ocp.execution.tracking.motion_measures import MotionMeasures
 from geodesic_ocp.retargeting.equal_limits import compare_under_equal_limits
@@ -42,6 +41,8 @@ COLUMNS = {
     "synergies": "synergies",
     "out_of_reach": "out of reach",
     "missed": "not reached",
+    "gave_way": "gave way to clearance",
+    "gave_way_by": "by [m]",
     "ratio": "time / person's",
     "worst_ratio": "worst synergy",
     "action_ratio": "action / QP's",
@@ -148,13 +149,20 @@ def _run(
         for each in targeted
         if not each.success or max(each.position_error, each.rotation_error) > REACHED
     ]
+    gave_way = [
+        transfer.position_error
+        for number, transfer in enumerate(arm.transfers, 1)
+        if not transfer.within_reach and number not in arm.out_of_reach
+    ]
     (shares,), (deviations,) = planned.usage, planned.path_deviation
-    checked = check_trajectory(found.trajectory, robot, limits, gravity=gravity)
+    checked = found.check
     durations = np.diff(planned.robot_edges) / np.diff(planned.edges)
     row |= {
         "synergies": f"{len(analysis.synergies)} -> {len(arm.groups)}",
         "out_of_reach": len(arm.out_of_reach),
         "missed": len(missed),
+        "gave_way": len(gave_way),
+        "gave_way_by": max(gave_way, default=0.0),
         "ratio": planned.stretch,
         "worst_ratio": float(durations.max()),
         "acceleration": float(checked.largest["acceleration"].max()),
