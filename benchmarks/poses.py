@@ -103,7 +103,8 @@ def by_the_program(
     first, last = first_candidates(waypoints)
     if not last.within_reach:
         q = finder.nearest(last.q[0], pose)
-        last = Candidates(q[None, :], max(pose.error(arm, q)) <= REACHED)
+        error = max(pose.error(arm, q))
+        last = Candidates(q[None, :], np.array([0.0 if error <= REACHED else error]))
     planned = plan_paths(
         [waypoints],
         [[first, last]],

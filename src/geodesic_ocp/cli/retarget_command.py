@@ -91,6 +91,7 @@ def _transfer(
         self_collision=options.self_collision,
         scale=options.scale,
         margin=options.margin,
+        near_misses=options.near_misses,
     )
     with printed_warnings(), closing(ProgressBar()) as bar:
         result = retarget_arms(

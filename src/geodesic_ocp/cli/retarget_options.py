@@ -61,6 +61,13 @@ def add_retarget_options(command: argparse.ArgumentParser) -> None:
         help="smallest distance of links from each other [m] (default: %(default)g)",
     )
     command.add_argument(
+        "--near-misses",
+        type=float,
+        default=0.0,
+        metavar="ERROR",
+        help="by which a pose may be missed to avoid a detour [m and rad], as 0.04 (default: 0)",
+    )
+    command.add_argument(
         "--scale", type=float, help="factor of positions (default: the ratio of the arms' lengths)"
     )
     command.add_argument(

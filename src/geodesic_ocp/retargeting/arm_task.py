@@ -40,6 +40,7 @@ _BASELINE_RATE = 200.0
 # to its limit, and beyond it if it is too weak to hold the arm at all.
 _MOVING = 1.5
 TOO_NEAR = "links would come too near at the pose; the path ends at the nearest one that is clear"
+NEAR_MISS = "the path ends near the pose, which it would attain by a detour only"
 # A cubic with end speeds of at most three times its mean is monotone (Fritsch and Carlson 1980).
 _MONOTONE = 3.0
 
@@ -131,6 +132,7 @@ class ArmTask:
                 start=given,
                 limits=limits,
                 offsets=offsets,
+                near_misses=settings.near_misses,
                 weights=settings.pose_weights,
             )
             layers = tuple(_reached(first_candidates(waypoints), waypoints.poses, finder))
@@ -216,18 +218,20 @@ class ArmTask:
         metric = metric_of(self.finder.arm)
         paths = iter(planned.paths[number])
         within = iter(planned.within_reach[number][1:])
+        missed = iter(planned.near_misses[number][1:])
         q = planned.starts[number]
         found: list[Transfer] = []
         for target in self.targets:
             if target is None:
                 found.append(rest_at(metric, q))
                 continue
-            path, is_reached, status = next(paths), next(within), planned.status
+            path, is_reached, was_missed = next(paths), next(within), next(missed)
+            status = planned.status
             q = path.nodes[-1]
             if not target.within_reach:
                 status = "the pose is out of reach; the path ends at the nearest one"
             elif not is_reached:
-                status = TOO_NEAR
+                status = NEAR_MISS if was_missed else TOO_NEAR
             errors = target.pose.error(self.robot, q)
             found.append(
                 Transfer(
@@ -339,9 +343,9 @@ def _reached(
         q = finder.nearest(layer.q[0], pose)
         error, before = (max(pose.error(finder.robot, each)) for each in (q, layer.q[0]))
         if error <= REACHED:
-            yield Candidates(q[None, :], True)
+            yield Candidates.attaining(q)
         elif error < before:
-            yield Candidates(np.vstack([q, layer.q]), False, error)
+            yield Candidates(np.vstack([q, layer.q]), np.append(error, layer.errors))
         else:
             yield layer
 

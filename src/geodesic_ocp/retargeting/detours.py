@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.retargeting.arm_task import TOO_NEAR
+from geodesic_ocp.retargeting.arm_task import NEAR_MISS, TOO_NEAR
 from geodesic_ocp.rotations import rotation_vector
 
 if TYPE_CHECKING:
@@ -20,6 +20,10 @@ if TYPE_CHECKING:
 _FACTOR, _MORE, _MORE_ANGLE = 2.0, 0.15, 1.0  # [m], [rad]
 _SLOW = 3.0  # times the person's time
 _MISSED = 1e-4  # pose error [m] and [rad]
+_MISSED_AS = {
+    TOO_NEAR: "at which links would be too near",
+    NEAR_MISS: "which it would attain by a detour only",
+}
 _SAMPLES = 41
 _REPORTED = 6
 
@@ -53,12 +57,10 @@ def _of_arm(arm: RetargetedArm) -> Iterator[str]:
         )
         if group.kind == "rest":
             continue
-        if (
-            transfer.status == TOO_NEAR
-            and transfer.position_error + transfer.rotation_error > _MISSED
-        ):
-            missed = f"{transfer.position_error:.2g} m and {transfer.rotation_error:.2g} rad"
-            yield f"{where} ends {missed} from its pose, at which links would be too near"
+        if why := _MISSED_AS.get(transfer.status):
+            errors = transfer.position_error, transfer.rotation_error
+            if max(errors) > _MISSED:
+                yield f"{where} ends {errors[0]:.2g} m and {errors[1]:.2g} rad from its pose, {why}"
         here = slice(group.start, group.stop + 1)
         of_person = _lengths(arm.target_poses[0][here], arm.target_poses[1][here])
         curve = transfer.path(np.linspace(0.0, 1.0, _SAMPLES))

@@ -37,6 +37,8 @@ class RetargetingSettings:
             of the least action.
         deviation_weight: of the trajectory's distance from the paths against time, see
             `plan_trajectory`; larger values round the corners between synergies less.
+        near_misses: errors of the hand's position [m] and orientation [rad] up to which a pose
+            within reach may be missed if attaining it takes a detour; 0: such poses are attained.
         posture_weight: of the mean squared distance of the joints from the middle of their ranges
             at the ends of the synergies, in half ranges, in the same unit.
         likeness_weight: of the mean squared distance of the elbow's offset from the line between
@@ -75,6 +77,7 @@ class RetargetingSettings:
     rotor_inertia: bool = True
     stretch_weight: float = 5.0
     deviation_weight: float = 3.0
+    near_misses: float = 0.0
     posture_weight: float = 0.0
     likeness_weight: float = 30.0
     position_weight: float = 1.0
@@ -114,7 +117,7 @@ class RetargetingSettings:
             as_positive(name, getattr(self, name))
         if not 0.0 < as_number("torque_share", self.torque_share) <= 1.0:
             raise ValueError(f"torque_share must be above 0 and at most 1, got {self.torque_share}")
-        for name in ("posture_weight", "likeness_weight"):
+        for name in ("posture_weight", "likeness_weight", "near_misses"):
             if as_number(name, getattr(self, name)) < 0.0:
                 raise ValueError(f"{name} must be zero or above, got {getattr(self, name):g}")
         if self.scale is not None:

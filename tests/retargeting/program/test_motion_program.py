@@ -15,7 +15,7 @@ from geodesic_ocp.execution.joint_limits import JointLimits
 from geodesic_ocp.logarithm.to_pose.pose_target import metric_of
 from geodesic_ocp.retargeting.poses.targets import Pose
 from geodesic_ocp.retargeting.program.arm_part import ArmPart
-from geodesic_ocp.retargeting.program.candidates import first_candidates
+from geodesic_ocp.retargeting.program.candidates import Candidates, first_candidates
 from geodesic_ocp.retargeting.program.distance_rows import DistanceRows
 from geodesic_ocp.retargeting.program.instants import place_at, positions_at
 from geodesic_ocp.retargeting.program.motion_program import MotionProgram
@@ -253,3 +253,15 @@ def test_positions_at_instants_are_linear_in_the_variables(waypoints: ArmWaypoin
     for time, q in zip(times, expected, strict=True):
         place = place_at([part], part.size, float(time))
         assert_allclose((place @ ca.DM(nodes.ravel())).full()[:, 0], q, atol=1e-12)
+
+
+def test_a_small_error_may_save_a_detour() -> None:
+    """The shortest path takes a configuration that misses a pose if those with it are far away."""
+    exact = Candidates(np.array([[2.0], [3.0]]), np.zeros(2))
+    near = Candidates(np.array([[0.0]]), np.array([0.01]))
+    assert exact.joined(near, 0.0).q.tolist() == [[2.0], [3.0]]
+    both = exact.joined(near, 0.02)
+    assert both.within_reach
+    assert both.q.tolist() == [[2.0], [3.0], [0.0]]
+    assert both.missed.tolist() == [0.0, 0.0, pytest.approx(1e4)]
+    assert not near.within_reach

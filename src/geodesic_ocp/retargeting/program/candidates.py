@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +19,10 @@ _SAME = 0.05  # [rad or m]
 # Poses out of reach: errors up to this factor above the least, and this much more [m or rad]. The
 # nearest pose may be on the other side of a singularity.
 _NEARLY, _MORE = 1.5, 0.02
-MISSED = 1e3, 1e5  # range of weights of squared errors [1/m^2] or [1/rad^2]
+_NEAR = 32  # more of them that miss a pose within reach
+_ROUNDS = 4  # of searches, whose results are joined
+_MISSED = 1e3, 1e5  # range of weights of squared errors [1/m^2] or [1/rad^2]
+_TINY = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,25 +31,38 @@ class Candidates:
 
     Attributes:
         q: the configurations.
-        within_reach: whether they attain the pose.
-        least: error of the one nearest to it [m or rad].
+        errors: of their poses (k,) [m or rad]; zero for those that attain the pose.
     """
 
     q: Array
-    within_reach: bool
-    least: float = 0.0
+    errors: Array
+
+    @classmethod
+    def attaining(cls, *configurations: Array) -> Candidates:
+        """Configurations with the pose."""
+        return cls(np.array(configurations), np.zeros(len(configurations)))
 
     @property
-    def missed(self) -> float:
-        """Weight of the squared error of a pose out of reach: the nearer, the larger; else zero."""
-        return 0.0 if self.within_reach else float(np.clip(self.least**-2, *MISSED))
+    def within_reach(self) -> bool:
+        """Whether any of them attains the pose."""
+        return bool(self.errors.min() == 0.0)
 
-    def joined(self, other: Candidates) -> Candidates:
-        """Those of both, or of the one that attains the pose."""
-        if self.within_reach != other.within_reach:
-            return self if self.within_reach else other
-        least = min(self.least, other.least)
-        return Candidates(_distinct([*self.q, *other.q]), self.within_reach, least)
+    @property
+    def missed(self) -> Array:
+        """Weights of the squared errors (k,); zero for those that attain the pose.
+
+        The nearer the pose, the larger: of a pose out of reach as that of the nearest one, and of
+        one within reach as that of each.
+        """
+        least = self.errors if self.within_reach else np.full_like(self.errors, self.errors.min())
+        weights = np.clip(np.maximum(least, _TINY) ** -2, *_MISSED)
+        return np.where(self.errors == 0.0, 0.0, weights)
+
+    def joined(self, other: Candidates, near_misses: float) -> Candidates:
+        """Those of both; if any attains the pose, without larger errors than `near_misses`."""
+        q = np.vstack([self.q, other.q])
+        errors = np.concatenate([self.errors, other.errors])
+        return _chosen(q, errors, near_misses, _MOST * _ROUNDS)
 
 
 def first_candidates(waypoints: ArmWaypoints) -> list[Candidates]:
@@ -56,7 +71,7 @@ def first_candidates(waypoints: ArmWaypoints) -> list[Candidates]:
     rng = np.random.default_rng(0)
     for number in range(waypoints.count + 1):
         if number == 0 and waypoints.start is not None:
-            found.append(Candidates(waypoints.start[None, :], True))
+            found.append(Candidates.attaining(waypoints.start))
             continue
         lower, upper = _search(waypoints, number, middle_of_ranges(waypoints.arm)[0]).bounds(
             waypoints.limited
@@ -76,12 +91,26 @@ def candidates_near(waypoints: ArmWaypoints, number: int, starts: Array) -> Cand
     else:
         bounds = np.full(arm.dof, -np.inf), np.full(arm.dof, np.inf)
     q, errors = search.from_every_start(bounds, starts, waypoints.row_weights)
+    errors = np.where(errors <= REACHED * 1e-2, 0.0, errors)
+    return _chosen(q, errors, waypoints.near_misses, _MOST)
+
+
+def _chosen(q: Array, errors: Array, near_misses: float, most: int) -> Candidates:
+    """Distinct ones of configurations (k, n), up to a number, those with the least errors first."""
     least = float(errors.min())
-    enough = REACHED * 1e-2
-    within = least <= enough
-    order = np.argsort(errors)
-    chosen = order[errors[order] <= (enough if within else _NEARLY * least + _MORE)]
-    return Candidates(_distinct(list(q[chosen]))[:_MOST], within, 0.0 if within else least)
+    largest = near_misses if least == 0.0 else _NEARLY * least + _MORE
+    order = np.argsort(errors, kind="stable")
+    order = order[errors[order] <= largest]
+    kept: list[int] = []
+    near = 0
+    for index in order.tolist():
+        if kept and np.abs(q[kept] - q[index]).max(axis=1).min() <= _SAME:
+            continue
+        near += bool(least == 0.0 and errors[index] > 0.0)
+        if len(kept) - near >= most or near > _NEAR:
+            continue
+        kept.append(index)
+    return Candidates(q[kept], errors[kept])
 
 
 def _search(waypoints: ArmWaypoints, number: int, near: Array) -> PoseSearch:
@@ -89,12 +118,3 @@ def _search(waypoints: ArmWaypoints, number: int, near: Array) -> PoseSearch:
     return PoseSearch.checked(
         *("retarget", waypoints.arm, near, pose.position, pose.rotation, CollisionAvoidance())
     )
-
-
-def _distinct(configurations: Sequence[Array]) -> Array:
-    """Those that differ from all before them."""
-    kept = np.empty((0, len(configurations[0])))
-    for q in configurations:
-        if not len(kept) or np.abs(kept - q).max(axis=1).min() > _SAME:
-            kept = np.vstack([kept, q])
-    return kept

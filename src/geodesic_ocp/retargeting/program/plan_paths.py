@@ -60,6 +60,7 @@ class PlannedPaths:
         paths: of the movements of each arm.
         within_reach: which poses each arm attains, at its m + 1 waypoints: neither out of reach,
             nor with links too near each other.
+        near_misses: which poses each arm misses on purpose, to avoid a detour.
         longer: time added to each interval between `edges`, relative.
         edges: times [s] in the recording at which a movement of any arm begins or ends.
         action: of all paths at constant speed and in the person's time [J s].
@@ -76,6 +77,7 @@ class PlannedPaths:
     starts: tuple[Array, ...]
     paths: tuple[tuple[Path, ...], ...]
     within_reach: tuple[tuple[bool, ...], ...]
+    near_misses: tuple[tuple[bool, ...], ...]
     longer: Array
     edges: Array
     action: float
@@ -142,6 +144,7 @@ def plan_paths(
         starts=tuple(each[0] for each in iterate.nodes),
         paths=tuple(tuple(part.paths(each)) for part, each in pairs),
         within_reach=tuple(part.within_reach for part in iterate.parts),
+        near_misses=iterate.near_misses,
         longer=np.zeros(edges.size - 1) if iterate.longer is None else iterate.longer,
         edges=edges,
         action=float(sum(actions)),
@@ -175,7 +178,8 @@ def _starts(
             lines.append(start.q)
         if not any(all(map(_similar, lines, others)) for others in kept):
             kept.append(lines)
-            yield _Iterate(tuple(parts), tuple(nodes), None)
+            misses = tuple(tuple((part.missed > 0.0).tolist()) for part in parts)
+            yield _Iterate(tuple(parts), tuple(nodes), None, near_misses=misses)
 
 
 def _similar(one: Array, other: Array) -> bool:
@@ -202,6 +206,7 @@ class _Iterate:
     objective: float = np.inf
     iterations: int = 0
     kept: tuple[int, ...] = ()
+    near_misses: tuple[tuple[bool, ...], ...] = ()
     success: bool = False
     status: str = ""
 

@@ -99,7 +99,7 @@ def find_start(
             random = spread + _SPREAD * rng.standard_normal(spread.shape)
             starts = np.vstack([around, around.mean(axis=0), random])
             more = candidates_near(waypoints, number, _inside(waypoints, starts))
-            finer.append(layer.joined(more))
+            finer.append(layer.joined(more, waypoints.near_misses))
         layers, before = tuple(finer), best
         best = _best(waypoints, terms, layers, distances)
         if best.cost > 0.99 * before.cost:
@@ -128,7 +128,8 @@ def _best(
     edges = partial(_edge_costs, waypoints, terms, layers, matrices)
     chosen, cost = shortest_path(nodes, edges)
     q = np.array([layer.q[index] for layer, index in zip(layers, chosen, strict=True)])
-    return StartConfigurations(q, np.array([layer.missed for layer in layers]), cost)
+    missed = [layer.missed[index] for layer, index in zip(layers, chosen, strict=True)]
+    return StartConfigurations(q, np.array(missed), cost)
 
 
 def mass_matrices(waypoints: ArmWaypoints, q: Array) -> Array:
@@ -141,16 +142,15 @@ def mass_matrices(waypoints: ArmWaypoints, q: Array) -> Array:
 
 
 def node_costs(waypoints: ArmWaypoints, terms: Terms, number: int, candidates: Candidates) -> Array:
-    """Of posture, likeness, torques of gravity, and a pose out of reach, at a waypoint, (k,)."""
-    q, missed = candidates.q, np.zeros(6)
-    missed[list(waypoints.rows)] = (
-        candidates.missed * (waypoints.count + 1) * waypoints.row_weights**2
-    )
-    functions = waypoints.functions
+    """Of posture, likeness, torques of gravity, and poses that are missed, at a waypoint, (k,)."""
+    q, count = candidates.q, waypoints.count + 1
+    missed = np.zeros((len(q), 6))
+    missed[:, list(waypoints.rows)] = np.outer(candidates.missed, count * waypoints.row_weights**2)
     offset = None if waypoints.offsets is None else waypoints.offsets[number]
-    p = parameters(waypoints.poses[number], missed, offset, terms.posture, terms.likeness)
-    costs = evaluate(functions.cost.map(len(q)), q.T, np.tile(p[:, None], len(q)))
-    return np.asarray(costs).ravel() / (waypoints.count + 1)
+    pose, weights = waypoints.poses[number], (terms.posture, terms.likeness)
+    columns = np.transpose([parameters(pose, each, offset, *weights) for each in missed])
+    costs = evaluate(waypoints.functions.cost.map(len(q)), q.T, columns)
+    return np.asarray(costs).ravel() / count
 
 
 def _edge_costs(

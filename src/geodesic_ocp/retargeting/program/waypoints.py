@@ -35,6 +35,7 @@ class ArmWaypoints:
         limits: of the joints.
         offsets: of the person's elbow at the waypoints (m + 1, 3), see `elbow_offset`; None: not
             known.
+        near_misses: errors of poses [m], [rad] that are accepted to avoid a detour.
         weights: of position and orientation errors [1/m], [1/rad], for poses out of reach.
     """
 
@@ -48,6 +49,7 @@ class ArmWaypoints:
     start: Array | None
     limits: JointLimits
     offsets: Array | None
+    near_misses: float = 0.0
     weights: tuple[float, float] = field(default=(1.0, 1.0))
 
     @property
