@@ -17,7 +17,7 @@ from geodesic_ocp.progress import Progress, no_progress
 
 
 def plan_trajectory(
-    arms: Sequence[ArmPaths],
+    arms: ArmPaths | Sequence[ArmPaths],
     *,
     rest: bool = True,
     tolerance: tuple[float, float] | None = None,
@@ -35,7 +35,8 @@ def plan_trajectory(
     between paths, which the arms pass without stopping, the trajectory leaves them.
 
     Args:
-        arms: their paths, limits and gravity; all begin and end at the same times.
+        arms: one or several, with their paths, limits and gravity; all begin and end at the same
+            times.
         rest: whether the trajectory begins and ends at rest; otherwise its speed there is near the
             person's.
         tolerance: of the hand's pose at the ends of paths [m], [rad]; None: the configurations
@@ -53,7 +54,8 @@ def plan_trajectory(
         NotConverged: no trajectory within the limits was found; `solution` is the last attempt.
     """
     begin = time.perf_counter()
-    arms, clearances = tuple(arms), tuple(clearances)
+    arms = (arms,) if isinstance(arms, ArmPaths) else tuple(arms)
+    clearances = tuple(clearances)
     settings = TrajectorySettings(
         bool(rest), _checked_tolerance(tolerance), as_positive("deviation_weight", deviation_weight)
     )
