@@ -83,8 +83,8 @@ def retarget(
             time, with the place in the recording.
 
     Raises:
-        ValueError: arguments of the wrong type or shape; a start outside the limits, or too close to
-            an obstacle or within `pairs`.
+        ValueError: arguments of the wrong type or shape; a start outside the limits, or too
+            close to an obstacle or within `pairs`.
         NotConverged: the paths or the trajectory were not found.
     """
     if not isinstance(analysis, Analysis):
