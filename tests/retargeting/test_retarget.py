@@ -225,7 +225,7 @@ def test_poses_out_of_reach_are_reported_before_and_replaced_by_the_nearest(
         reported.append(f"{label} {done}")
 
     with pytest.warns(
-        UserWarning, match=r"out of reach, the nearest pose is taken: .* by 0\.\d+ m"
+        UserWarning, match=r"out of reach, the nearest pose is taken: .* by at least 0\.\d+ m"
     ):
         found = go.retarget(
             analysis,

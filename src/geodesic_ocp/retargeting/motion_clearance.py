@@ -18,6 +18,7 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 
 TOUCHING = 1e-3  # [m]
+_CLOSE = 2e-3  # [m], smallest distance of links whose capsules overlap in most configurations
 _MORE = 2e-3  # [m] that paths keep beyond the margin, as the trajectory leaves them in corners
 _LESS = 3e-3  # [m] by which it may come nearer than the capsules on a path
 
@@ -26,7 +27,8 @@ def motion_clearance(robots: Sequence[Model], settings: RetargetingSettings) -> 
     """The distances that the settings ask for; None if there are none, or no geometry is known.
 
     Pairs of links whose capsules overlap although the links are apart are among them, as the exact
-    geometry decides (`active_rows`).
+    geometry decides (`active_rows`). Most of these are neighbours that are always near each other:
+    they must not touch.
 
     Raises:
         ValueError: links or pairs without collision bodies.
@@ -38,7 +40,10 @@ def motion_clearance(robots: Sequence[Model], settings: RetargetingSettings) -> 
         pairs_found = _pairs(tuple(robots), settings.margin)
         named = [*pairs_found.constrained, *pairs_found.exact_only]
         every = clearance_constraint(robots, pairs=named, margin=settings.margin) if named else None
-        found += [] if every is None else [every]
+        close = {f"{one} to {other}" for one, other in pairs_found.exact_only}
+        if every is not None:
+            wide = [name.partition(" (")[0] in close for name in every.names]
+            found.append(replace(every, lower=np.where(wide, _CLOSE, every.lower)))
     obstacles, links, pairs, margin = settings.collisions
     if obstacles or pairs:
         total, first = sum(robot.dof for robot in robots), 0

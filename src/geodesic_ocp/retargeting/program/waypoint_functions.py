@@ -18,7 +18,7 @@ from geodesic_ocp.retargeting.program.elbow_offset import elbow_offset, has_elbo
 _GRAVITY = 9.81  # [m/s^2]
 # A joint that holds the arm with more than this share of its torque is too weak to move it; cost
 # of the squared excess.
-_SHARE, _WEAK = 0.8, 3.0
+_SHARE, _WEAK = 0.8, 300.0
 NUM_PARAMETERS = 12 + 6 + 3 + 2
 
 
