@@ -20,7 +20,7 @@ from geodesic_ocp.records import write_together
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.equal_limits import compare_under_equal_limits
 from geodesic_ocp.retargeting.motion_clearance import TOUCHING, in_check
-from geodesic_ocp.retargeting.program.plan_paths import PlannedPaths
+from geodesic_ocp.retargeting.program.planned_paths import PlannedPaths
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.synergies.synergy_files import save_synergies
@@ -69,17 +69,10 @@ class Retargeting:
         """The robot's synergies, one arm after the other."""
         return tuple(synergy for arm in self.arms for synergy in arm.synergies)
 
-    @cached_property
+    @property
     def joint_names(self) -> tuple[str, ...]:
         """Joint names of all arms, with the number of the arm in front if two arms share a name."""
-        names = [name for arm in self.arms for name in arm.robot.joint_names]
-        if len(set(names)) == len(names):
-            return tuple(names)
-        return tuple(
-            f"{number}/{name}"
-            for number, arm in enumerate(self.arms)
-            for name in arm.robot.joint_names
-        )
+        return self.planned.joint_names
 
     @cached_property
     def trajectory(self) -> JointTrajectory:

@@ -15,11 +15,12 @@ from geodesic_ocp.execution.joint_limits import JointLimits
 from geodesic_ocp.logarithm.to_pose.pose_target import metric_of
 from geodesic_ocp.retargeting.poses.targets import Pose
 from geodesic_ocp.retargeting.program.arm_part import ArmPart
-from geodesic_ocp.retargeting.program.candidates import Candidates, first_candidates
-from geodesic_ocp.retargeting.program.distance_rows import DistanceRows
-from geodesic_ocp.retargeting.program.instants import place_at, positions_at
+from geodesic_ocp.retargeting.program.distances.distance_rows import DistanceRows
+from geodesic_ocp.retargeting.program.distances.instants import place_at, positions_at
+from geodesic_ocp.retargeting.program.graph.candidates import Candidates, first_candidates
 from geodesic_ocp.retargeting.program.motion_program import MotionProgram
-from geodesic_ocp.retargeting.program.plan_paths import PlannedPaths, plan_paths
+from geodesic_ocp.retargeting.program.plan_paths import plan_paths
+from geodesic_ocp.retargeting.program.planned_paths import PlannedPaths
 from geodesic_ocp.retargeting.program.terms import Terms
 from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
 

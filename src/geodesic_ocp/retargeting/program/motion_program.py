@@ -24,7 +24,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.ipopt import Ipopt, Outcome
 from geodesic_ocp.retargeting.program.arm_part import ArmPart
-from geodesic_ocp.retargeting.program.distance_rows import DistanceRows
+from geodesic_ocp.retargeting.program.distances.distance_rows import DistanceRows
 from geodesic_ocp.retargeting.program.sparse import Index, blocks_on_diagonal, placed
 from geodesic_ocp.retargeting.program.terms import Terms
 

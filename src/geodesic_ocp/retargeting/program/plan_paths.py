@@ -2,99 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.execution.clearance.active_rows import active_rows
 from geodesic_ocp.execution.clearance_constraint import Clearance
-from geodesic_ocp.ocp.solve.refinement import unresolved_energy
 from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.retargeting.program.arm_part import ArmPart
-from geodesic_ocp.retargeting.program.candidates import Candidates
-from geodesic_ocp.retargeting.program.distance_rows import DistanceRows
-from geodesic_ocp.retargeting.program.instants import place_at, positions_at
-from geodesic_ocp.retargeting.program.motion_program import MotionProgram
-from geodesic_ocp.retargeting.program.start import (
+from geodesic_ocp.retargeting.program.distances.keep_apart import (
+    keep_apart,
+    lacking_distances,
+    least_distances,
+)
+from geodesic_ocp.retargeting.program.graph.candidates import Candidates
+from geodesic_ocp.retargeting.program.graph.start import (
     find_start,
     least_action,
     off_the_way,
     own_distances,
 )
+from geodesic_ocp.retargeting.program.planned_paths import PlannedPaths
+from geodesic_ocp.retargeting.program.refined import ProgramIterate, refined
 from geodesic_ocp.retargeting.program.terms import Terms
 from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
-from geodesic_ocp.trajectory.path import Path
 
 _SEGMENTS, _DEGREE = 2, 6  # of each movement, on the first grid
-_ROUNDS, _MOST_SEGMENTS = 12, 400
-_RESOLVED = 1e-5  # of the energy
-_RESOLVED_APART = 1e-3  # with distances, which are kept at instants and make corners
-_BETWEEN = np.array([0.25, 0.5, 0.75])  # of the way from node to node, where limits are checked
-_INSTANTS = 24  # of a movement at which distances are checked
-_DISTANCE_ROUNDS = 6
-# What distances lack after another round, of what they lacked before, that is given up; and the
-# number of grids in a round on which it also counts how well the paths are resolved.
-_HOPELESS, _ROUNDS_APART = 0.8, 3
 _DETOUR = 5.0  # weight of the hand's distance from the person's halfway, in the graph
-_ROUNDING = 1e-4  # [m] by which a distance may fall below its bound between those instants
 _SIMILAR = 0.1  # [rad or m]
 _SAME = 1e-3  # of the objective
-_BELOW = 1e-3  # [m] by which a distance falls below its bound before that is reported
-# Weight of the squared error of a pose at which links are too near [1/m^2] or [1/rad^2].
-_YIELDING = 50.0
-_TINY, _AT_REST = 1e-12, 1e-9  # the latter an action [J s]
+_AT_REST = 1e-9  # action [J s]
 _TOO_NEAR = 300.0  # of distances below their bounds, in the choice of a solution [1/m]
-
-_NO_ROWS: Mapping[tuple[int, float], float] = {}
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class PlannedPaths:
-    """The solution of the program.
-
-    Attributes:
-        starts: configurations in which the arms begin.
-        paths: of the movements of each arm.
-        within_reach: which poses each arm attains, at its m + 1 waypoints: neither out of reach,
-            nor with links too near each other.
-        near_misses: which poses each arm misses on purpose, to avoid a detour.
-        longer: time added to each interval between `edges`, relative.
-        edges: times [s] in the recording at which a movement of any arm begins or ends.
-        action: of all paths at constant speed and in the person's time [J s].
-        iterations: of Ipopt, on all grids.
-        segments: of the last grids.
-        success: whether the program is solved.
-        status: how Ipopt stopped, a sentence.
-        kept: numbers of the distances that entered the program.
-        least_distances: along the paths (m,) [m], in the order of the clearance; empty without one.
-        too_near: names of the distances that fall below their bounds by more than a millimetre,
-            each with by how much [m], and the time in the recording [s].
-    """
-
-    starts: tuple[Array, ...]
-    paths: tuple[tuple[Path, ...], ...]
-    within_reach: tuple[tuple[bool, ...], ...]
-    near_misses: tuple[tuple[bool, ...], ...]
-    longer: Array
-    edges: Array
-    action: float
-    iterations: int
-    segments: int
-    success: bool
-    status: str
-    kept: tuple[int, ...]
-    least_distances: Array
-    too_near: tuple[tuple[str, float, float], ...]
-
-    def __repr__(self) -> str:
-        count = sum(len(each) for each in self.paths)
-        return (
-            f"PlannedPaths({count} paths of action {self.action:.4g} J s, {self.iterations} "
-            f"iterations on up to {self.segments} segments, {self.status})"
-        )
 
 
 def plan_paths(
@@ -124,18 +62,18 @@ def plan_paths(
     unit = action if action > _AT_REST else 1.0
     terms = Terms(unit, duration, stretch, posture, likeness, _DETOUR)
     progress("choosing configurations", 0, 3)
-    found: list[_Iterate] = []
+    found: list[ProgramIterate] = []
     free: list[float] = []  # objectives without distances
     for number, start in enumerate(_starts(arms, layers, terms, clearance)):
         progress("planning all synergies", 1 + number, 3)
-        iterate = _refined(start, edges, terms, tolerance)
+        iterate = refined(start, edges, terms, tolerance)
         if any(np.isclose(iterate.objective, each, rtol=_SAME) for each in free):
             continue  # it leads to the same paths
         free.append(iterate.objective)
         if clearance is not None and iterate.success:
-            iterate = _apart(iterate, clearance, edges, terms, tolerance)
+            iterate = keep_apart(iterate, clearance, edges, terms, tolerance)
         found.append(iterate)
-        if iterate.success and not _below(clearance, iterate):
+        if iterate.success and not lacking_distances(clearance, iterate):
             break
     iterate = min(found, key=lambda each: (not each.success, _score(each, terms, clearance)))
     pairs = list(zip(iterate.parts, iterate.nodes, strict=True))
@@ -153,8 +91,8 @@ def plan_paths(
         success=iterate.success,
         status=iterate.status,
         kept=iterate.kept,
-        least_distances=_least(clearance, iterate),
-        too_near=_below(clearance, iterate),
+        least_distances=least_distances(clearance, iterate),
+        too_near=lacking_distances(clearance, iterate),
     )
 
 
@@ -163,7 +101,7 @@ def _starts(
     layers: Sequence[Sequence[Candidates]],
     terms: Terms,
     clearance: Clearance | None,
-) -> Iterator[_Iterate]:
+) -> Iterator[ProgramIterate]:
     """Straight lines between the best configurations, and between those that keep distances.
 
     The latter are tried if the program cannot move links apart from the former.
@@ -179,228 +117,18 @@ def _starts(
         if not any(all(map(_similar, lines, others)) for others in kept):
             kept.append(lines)
             misses = tuple(tuple((part.missed > 0.0).tolist()) for part in parts)
-            yield _Iterate(tuple(parts), tuple(nodes), None, near_misses=misses)
+            yield ProgramIterate(tuple(parts), tuple(nodes), None, near_misses=misses)
 
 
 def _similar(one: Array, other: Array) -> bool:
     return bool(np.abs(one - other).max() < _SIMILAR)
 
 
-def _score(iterate: _Iterate, terms: Terms, clearance: Clearance | None) -> float:
+def _score(iterate: ProgramIterate, terms: Terms, clearance: Clearance | None) -> float:
     """The objective, detours of the hand, and distances below their bounds; less is better."""
     total = iterate.objective
     for part, nodes in zip(iterate.parts, iterate.nodes, strict=True):
         for number, path in enumerate(part.paths(nodes)):
             middle = np.atleast_2d(path(0.5))
             total += terms.detour * float(off_the_way(part.waypoints, number, middle)[0])
-    return total + _TOO_NEAR * sum(amount for _, amount, _ in _below(clearance, iterate))
-
-
-@dataclass(frozen=True, eq=False)
-class _Iterate:
-    """Arms on their grids, positions at the nodes, relative times added, and how it was found."""
-
-    parts: tuple[ArmPart, ...]
-    nodes: tuple[Array, ...]
-    longer: Array | None
-    objective: float = np.inf
-    iterations: int = 0
-    kept: tuple[int, ...] = ()
-    near_misses: tuple[tuple[bool, ...], ...] = ()
-    success: bool = False
-    status: str = ""
-
-
-def _refined(
-    iterate: _Iterate,
-    edges: Array,
-    terms: Terms,
-    tolerance: float,
-    rows: Mapping[tuple[int, float], float] = _NO_ROWS,
-    clearance: Clearance | None = None,
-) -> _Iterate:
-    """The solution on grids that resolve the paths, with these distances at these instants."""
-    is_near = iterate.success
-    for number in range(_ROUNDS):
-        program = _program(iterate.parts, edges, terms, rows, clearance)
-        start = program.guess(iterate.nodes, iterate.longer)
-        outcome = program.solve(start, near=is_near)
-        spent = iterate.iterations + outcome.iterations
-        if not outcome.success and is_near:  # from the same start, with larger steps
-            outcome = program.solve(start)
-            spent += outcome.iterations
-        nodes, longer = program.split(outcome.x)
-        iterate = replace(
-            iterate,
-            nodes=tuple(nodes) if outcome.success else iterate.nodes,
-            longer=longer if outcome.success else iterate.longer,
-            objective=outcome.objective if outcome.success else iterate.objective,
-            iterations=spent,
-            success=outcome.success,
-            status=outcome.status,
-        )
-        if not outcome.success:
-            return iterate
-        resolved = _RESOLVED
-        if rows:  # then joint limits alone
-            resolved = _RESOLVED_APART if number < _ROUNDS_APART else np.inf
-        coarse = [
-            _coarse(*pair, tolerance, resolved) for pair in zip(iterate.parts, nodes, strict=True)
-        ]
-        segments = sum(part.grid.segments for part in iterate.parts)
-        if not any(np.any(each) for each in coarse):
-            return iterate
-        if segments + sum(int(each.sum()) for each in coarse) > _MOST_SEGMENTS:
-            break
-        finer = tuple(part.halved(each) for part, each in zip(iterate.parts, coarse, strict=True))
-        on_finer = tuple(
-            part.path(each)(fine.grid.nodes)
-            for part, fine, each in zip(iterate.parts, finer, nodes, strict=True)
-        )
-        iterate, is_near = replace(iterate, parts=finer, nodes=on_finer), True
-    status = f"not solved to {tolerance:g} on {segments} segments"
-    return replace(iterate, success=False, status=status)
-
-
-def _program(
-    parts: Sequence[ArmPart],
-    edges: Array,
-    terms: Terms,
-    rows: Mapping[tuple[int, float], float],
-    clearance: Clearance | None,
-) -> MotionProgram:
-    program = MotionProgram(parts, edges, terms)
-    if clearance is None or not rows:
-        return program
-    size = program.size + len(rows)  # with the slack
-    order = sorted(rows)
-    places = [place_at(parts, size, time) for _, time in order]
-    lower = np.array([rows[each] for each in order])
-    numbers = [number for number, _ in order]
-    return replace(program, distances=DistanceRows(clearance, numbers, lower, places))
-
-
-def _coarse(part: ArmPart, nodes: Array, tolerance: float, resolved: float) -> NDArray[np.bool_]:
-    """Which segments to halve, (segments,)."""
-    path, grid = part.path(nodes), part.grid
-    unresolved = unresolved_energy(path) / max(path.energy, _TINY)
-    coarse = unresolved > resolved / grid.segments
-    if part.waypoints.limited:
-        own = grid.nodes[: grid.degree + 1] / grid.widths[0]  # nodes are denser at the ends
-        local = (own[:-1, None] + np.diff(own)[:, None] * _BETWEEN).ravel()
-        s = (grid.breakpoints[:-1, None] + grid.widths[:, None] * local).ravel()
-        q, arm = path(s), part.waypoints.arm
-        excess = np.maximum(arm.lower - q, q - arm.upper).max(axis=1)
-        coarse |= excess.reshape(grid.segments, -1).max(axis=1) > tolerance
-    return np.asarray(coarse)
-
-
-def _apart(
-    iterate: _Iterate, clearance: Clearance, edges: Array, terms: Terms, tolerance: float
-) -> _Iterate:
-    """The solution with all distances above their bounds, or the last one that was found.
-
-    Only those distances enter the program that are below their bounds at some instants, and only
-    at these instants. Where that does not help, poses at which links are too near are replaced by
-    the nearest ones at which they are not.
-    """
-    rows: dict[tuple[int, float], float] = {}
-    free, lacking = iterate, np.inf
-    for _ in range(_DISTANCE_ROUNDS):
-        more, lacks = _too_near(clearance, iterate)
-        if not more:
-            break
-        if not more.keys() - rows.keys() or lacks > _HOPELESS * lacking:
-            missed = _yielding(clearance, iterate)
-            if missed is None:
-                break
-            # From the paths without distances, as poses that cannot be attained have led astray.
-            parts = zip(free.parts, missed, strict=True)
-            free = replace(free, parts=tuple(replace(part, missed=each) for part, each in parts))
-            iterate, lacks = replace(free, iterations=iterate.iterations), np.inf
-        rows, lacking = rows | more, lacks
-        found = _refined(iterate, edges, terms, tolerance, rows, clearance)
-        if not found.success:
-            return replace(iterate, iterations=found.iterations)
-        iterate = replace(found, kept=tuple(sorted({number for number, _ in rows})))
-    return iterate
-
-
-def _yielding(clearance: Clearance, iterate: _Iterate) -> list[Array] | None:
-    """Weights of missed poses, with those at which links are too near; None if there are no new."""
-    every, any_new = [], False
-    for part in iterate.parts:
-        given = part.waypoints
-        times = np.append(given.begins[0], given.ends)
-        q = positions_at(iterate.parts, iterate.nodes, times)
-        active = active_rows(clearance, q, -_BELOW)
-        found = clearance.function.map(len(q))(q.T).full()[active.rows, active.samples]
-        near = np.zeros(times.size, dtype=bool)
-        near[active.samples[active.lower - found > 0.0]] = True
-        new = near & (part.missed == 0.0)
-        new[0] &= given.start is None
-        every.append(np.where(new, _YIELDING, part.missed))
-        any_new |= bool(new.any())
-    return every if any_new else None
-
-
-def _positions(iterate: _Iterate) -> tuple[Array, Array]:
-    """Instants (k,) [s] within the movements, and the joints of all arms there (k, N)."""
-    instants = np.unique(
-        np.concatenate(
-            [
-                np.linspace(begin, end, _INSTANTS)
-                for part in iterate.parts
-                for begin, end in zip(part.waypoints.begins, part.waypoints.ends, strict=True)
-            ]
-        ).round(9)
-    )
-    return instants, positions_at(iterate.parts, iterate.nodes, instants)
-
-
-def _too_near(
-    clearance: Clearance, iterate: _Iterate
-) -> tuple[dict[tuple[int, float], float], float]:
-    """Bounds of the distances that enter the program, by number and instant; what they lack [m].
-
-    Where each lacks most, and around; the sum is that of the most that each lacks.
-    """
-    instants, q = _positions(iterate)
-    active = active_rows(clearance, q, -_ROUNDING)
-    distances = clearance.function.map(len(q))(q.T).full()
-    found: dict[tuple[int, float], float] = {}
-    total = 0.0
-    for row in np.unique(active.rows).tolist():
-        here = active.rows == row
-        lower = np.full(len(q), -np.inf)
-        lower[active.samples[here]] = active.lower[here]
-        lacks = np.pad(lower - distances[row], 1, constant_values=-np.inf)
-        peaks = (lacks[1:-1] >= lacks[:-2]) & (lacks[1:-1] >= lacks[2:]) & np.isfinite(lower)
-        around = peaks | np.append(peaks[1:], False) | np.append(False, peaks[:-1])
-        for sample in np.flatnonzero(around & np.isfinite(lower)).tolist():
-            found[row, float(instants[sample])] = float(lower[sample]) + _ROUNDING
-        total += float(lacks.max())
-    return found, total
-
-
-def _below(clearance: Clearance | None, iterate: _Iterate) -> tuple[tuple[str, float, float], ...]:
-    """Distances below their bounds, the worst first: name, amount [m], time [s]."""
-    if clearance is None:
-        return ()
-    instants, q = _positions(iterate)
-    active = active_rows(clearance, q, -_BELOW)
-    values = clearance.function.map(len(q))(q.T).full()[active.rows, active.samples]
-    worst: dict[str, tuple[str, float, float]] = {}
-    for index in np.argsort(values - active.lower):
-        name = clearance.names[int(active.rows[index])]
-        amount = float(active.lower[index] - values[index])
-        worst.setdefault(name, (name, amount, float(instants[active.samples[index]])))
-    return tuple(worst.values())
-
-
-def _least(clearance: Clearance | None, iterate: _Iterate) -> Array:
-    """Least distances (m,) along the paths."""
-    if clearance is None:
-        return np.zeros(0)
-    _, q = _positions(iterate)
-    return np.asarray(clearance.function.map(len(q))(q.T).full().min(axis=1))
+    return total + _TOO_NEAR * sum(amount for _, amount, _ in lacking_distances(clearance, iterate))

@@ -15,11 +15,11 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, evaluate
 from geodesic_ocp.execution.clearance_constraint import Clearance
-from geodesic_ocp.retargeting.program.candidates import (
+from geodesic_ocp.retargeting.program.graph.candidates import (
     Candidates,
     candidates_near,
 )
-from geodesic_ocp.retargeting.program.shortest_path import shortest_path
+from geodesic_ocp.retargeting.program.graph.shortest_path import shortest_path
 from geodesic_ocp.retargeting.program.terms import Terms
 from geodesic_ocp.retargeting.program.waypoint_functions import parameters
 from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints

@@ -1,0 +1,1 @@
+"""Distances of links and obstacles in the program."""

@@ -1,0 +1,1 @@
+"""The graph of configurations from whose shortest path the program starts."""
