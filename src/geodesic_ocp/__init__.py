@@ -238,6 +238,9 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.ocp.solve.solution import Solution
     from geodesic_ocp.ocp.solve.solve import solve
     from geodesic_ocp.ocp.solve.stats import Stats
+    from geodesic_ocp.recordings.read_motion import read_motion
+    from geodesic_ocp.recordings.read_recordings import read_recordings
+    from geodesic_ocp.recordings.recording import Recording
     from geodesic_ocp.reports.report import report
     from geodesic_ocp.retargeting.alignment.alignment import alignment
     from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
@@ -260,9 +263,6 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.synergies.baselines.track_hand import track_hand
     from geodesic_ocp.synergies.joint_inertia import default_joint_inertia
     from geodesic_ocp.synergies.reconstruct import Reconstruction, reconstruct
-    from geodesic_ocp.synergies.recordings.read_motion import read_motion
-    from geodesic_ocp.synergies.recordings.read_recordings import read_recordings
-    from geodesic_ocp.synergies.recordings.recording import Recording
     from geodesic_ocp.synergies.scores.evaluate import MotionErrors, evaluate
     from geodesic_ocp.synergies.scores.score import Scores, score
     from geodesic_ocp.synergies.segmentation.optimal_segmentations import (
@@ -367,7 +367,7 @@ else:
         "synergies.analysis": "Analysis",
         "synergies.scores.evaluate": "MotionErrors evaluate",
         "synergies.joint_inertia": "default_joint_inertia",
-        "synergies.recordings.read_motion": "read_motion",
+        "recordings.read_motion": "read_motion",
         "synergies.reconstruct": "Reconstruction reconstruct",
         "synergies.segmentation.optimal_segmentations": (
             "OptimalSegmentations optimal_segmentations"
@@ -382,8 +382,8 @@ else:
         "synergies.baselines.joint_polynomials": "minimum_acceleration minimum_jerk",
         "synergies.baselines.minimum_jerk_hand": "minimum_jerk_hand",
         "synergies.baselines.distal_inertia": "distal_inertia",
-        "synergies.recordings.recording": "Recording",
-        "synergies.recordings.read_recordings": "read_recordings",
+        "recordings.recording": "Recording",
+        "recordings.read_recordings": "read_recordings",
         "comparison.compare_methods": "compare_methods",
         "comparison.compare_metrics": "compare_metrics",
         "comparison.method_comparison": "MethodComparison",

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.cli.check_trajectory_command import check_trajectory_file
-from geodesic_ocp.cli.check_trajectory_options import add_check_trajectory_options
+from geodesic_ocp.cli.trajectory.check_trajectory_command import check_trajectory_file
+from geodesic_ocp.cli.trajectory.check_trajectory_options import add_check_trajectory_options
 from geodesic_ocp.model.formats.robots import ROBOTS, folder
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 

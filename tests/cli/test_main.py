@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.cli import error_curve, recording
 from geodesic_ocp.cli import main as cli
-from geodesic_ocp.cli.analysis_options import check_options
+from geodesic_ocp.cli.analyse import error_curve, recording
+from geodesic_ocp.cli.analyse.analysis_options import check_options
 from geodesic_ocp.model.formats import catalogue
 from geodesic_ocp.model.formats.robots import ROBOTS, folder
 

@@ -9,13 +9,18 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
-from geodesic_ocp.cli.align_options import add_align_options
-from geodesic_ocp.cli.analysis_options import add_analysis_options, check_options
-from geodesic_ocp.cli.check_trajectory_options import add_check_trajectory_options
-from geodesic_ocp.cli.fit_options import add_fit_options
+from geodesic_ocp.cli.align.align_options import add_align_options
+from geodesic_ocp.cli.analyse.analysis_options import add_analysis_options, check_options
+from geodesic_ocp.cli.analyse.recording import (
+    analyse_bundled,
+    analyse_file,
+    check_folder,
+    save_analysis,
+)
+from geodesic_ocp.cli.fit.fit_options import add_fit_options
 from geodesic_ocp.cli.interrupts import Interrupts, in_main_thread, on_interrupt
-from geodesic_ocp.cli.recording import analyse_bundled, analyse_file, check_folder, save_analysis
-from geodesic_ocp.cli.retarget_options import add_retarget_options
+from geodesic_ocp.cli.retarget.retarget_options import add_retarget_options
+from geodesic_ocp.cli.trajectory.check_trajectory_options import add_check_trajectory_options
 from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.model.dynamics.rigid_body import BACKENDS
 
@@ -192,7 +197,7 @@ def _analyse(options: argparse.Namespace) -> None:
 
 
 def _retarget(options: argparse.Namespace) -> None:
-    from geodesic_ocp.cli.retarget_command import retarget_file
+    from geodesic_ocp.cli.retarget.retarget_command import retarget_file
 
     check_options(options)
     retarget_file(options)
@@ -203,7 +208,7 @@ def _demo(options: argparse.Namespace) -> None:
     check_options(options)
     check_folder(options.out)
     if options.robot is not None:
-        from geodesic_ocp.cli.retarget_command import demo_on_robot
+        from geodesic_ocp.cli.retarget.retarget_command import demo_on_robot
 
         demo_on_robot(options)
         return
@@ -211,13 +216,13 @@ def _demo(options: argparse.Namespace) -> None:
 
 
 def _fit(options: argparse.Namespace) -> None:
-    from geodesic_ocp.cli.fit_command import fit_files
+    from geodesic_ocp.cli.fit.fit_command import fit_files
 
     fit_files(options)
 
 
 def _solve(options: argparse.Namespace) -> None:
-    from geodesic_ocp.cli.solve_command import solve_file
+    from geodesic_ocp.cli.solve.solve_command import solve_file
 
     solve_file(options)
 
@@ -229,13 +234,13 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _check_trajectory(options: argparse.Namespace) -> int:
-    from geodesic_ocp.cli.check_trajectory_command import check_trajectory_file
+    from geodesic_ocp.cli.trajectory.check_trajectory_command import check_trajectory_file
 
     return check_trajectory_file(options)
 
 
 def _align(options: argparse.Namespace) -> None:
-    from geodesic_ocp.cli.align_command import align_robot
+    from geodesic_ocp.cli.align.align_command import align_robot
 
     align_robot(options)
 

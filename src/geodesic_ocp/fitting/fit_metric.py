@@ -19,7 +19,7 @@ from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics.adjustable_kinetic_energy import AdjustableKineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress
-from geodesic_ocp.synergies.recordings.recording import Recording
+from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.synergies.segmentation.segment import segment
 from geodesic_ocp.trajectory.grid import Grid
 

@@ -10,8 +10,8 @@ from geodesic_ocp.fitting.separate_fits import refit, units_of
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics.euclidean import Euclidean
 from geodesic_ocp.progress import Progress
+from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.synergies.reconstruct import reconstruct
-from geodesic_ocp.synergies.recordings.recording import Recording
 from geodesic_ocp.synergies.scores.evaluate import MotionErrors, evaluate
 from geodesic_ocp.table import Table
 

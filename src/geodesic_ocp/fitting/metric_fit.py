@@ -14,7 +14,7 @@ from geodesic_ocp.fitting.program.metric_program import MetricProgram
 from geodesic_ocp.ipopt import Outcome
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.synergies.recordings.recording import Recording
+from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.table import Table
 
 

@@ -11,6 +11,7 @@ from geodesic_ocp.manifold.metrics.euclidean import Euclidean
 from geodesic_ocp.model.as_model import as_model
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress, no_progress
+from geodesic_ocp.recordings.plausible import check_plausible
 from geodesic_ocp.synergies.analysis import Analysis
 from geodesic_ocp.synergies.analysis_metrics import (
     MetricName,
@@ -20,7 +21,6 @@ from geodesic_ocp.synergies.analysis_metrics import (
 from geodesic_ocp.synergies.as_segments import as_segments
 from geodesic_ocp.synergies.baselines.track_hand import track_hand
 from geodesic_ocp.synergies.reconstruct import Reconstruction, reconstruct
-from geodesic_ocp.synergies.recordings.plausible import check_plausible
 from geodesic_ocp.synergies.scores.evaluate import MotionErrors, evaluate
 from geodesic_ocp.synergies.segmentation.segment import segment
 from geodesic_ocp.synergies.segmentation.segment_zero_velocity import segment_zero_velocity

@@ -19,6 +19,7 @@ from geodesic_ocp.trajectory.filters.filtering import (
     window_of,
 )
 from geodesic_ocp.trajectory.filters.motion_filter import MotionFilter
+from geodesic_ocp.trajectory.frame_motion import FrameMotion
 
 # Rates that differ by less are one rate: time stamps are rounded.
 _SAME_RATE = 1e-3
@@ -45,6 +46,8 @@ class Motion:
         subject: the recorded person.
         unfiltered: coordinates before filtering (k, n), or None.
         filter: by which the motion was filtered, and the noise of the recording; or None.
+        trunk: pose of the thorax at the samples, its origin midway between the shoulders, in a
+            space with z up; or None.
 
     Raises:
         ValueError: shapes that do not match, values that are not finite, or time that does not
@@ -58,6 +61,7 @@ class Motion:
     subject: Subject = Subject()
     unfiltered: Array | None = None
     filter: MotionFilter | None = None
+    trunk: FrameMotion | None = None
 
     def __post_init__(self) -> None:
         time, q = np.array(self.time, dtype=float), np.array(self.q, dtype=float)
@@ -83,6 +87,8 @@ class Motion:
                 row, column = bad[0]
                 which = "" if name == "time" else f" of {names[column]}"
                 raise ValueError(f"{name}{which} is {array[row, column]} at sample {row}")
+        if self.trunk is not None and len(self.trunk) != time.size:
+            raise ValueError(f"trunk must have {time.size} samples, got {len(self.trunk)}")
         steps = np.diff(time)
         if np.any(steps <= 0.0):
             row = int(np.argmax(steps <= 0.0)) + 1
@@ -180,11 +186,13 @@ class Motion:
         if rate < (1.0 - _SAME_RATE) * self.rate and len(self) > 2:
             even = np.linspace(self.time[0], self.time[-1], len(self))
             source = replace(
-                self._bare(), time=even, q=without_aliases(self(even), self.rate, rate)
+                self._bare(), trunk=None, time=even, q=without_aliases(self(even), self.rate, rate)
             )
         count = int(np.floor(self.duration / step * (1.0 + 1e-12))) + 1
         time = self.time[0] + step * np.arange(count)
-        return replace(self._bare(), time=time, q=source(np.minimum(time, self.time[-1])))
+        trunk = None if self.trunk is None else self.trunk.interpolated(self.time, time)
+        q = source(np.minimum(time, self.time[-1]))
+        return replace(self._bare(), time=time, q=q, trunk=trunk)
 
     def _bare(self) -> Motion:
         return replace(self, velocity=None, unfiltered=None, filter=None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import get_args
 
-from geodesic_ocp.cli.limit_options import add_limit_options
+from geodesic_ocp.cli.trajectory.limit_options import add_limit_options
 from geodesic_ocp.retargeting.settings import Formulation
 
 _SWITCHES = (

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.synergies.recordings.csv_table import read_table
-from geodesic_ocp.synergies.recordings.mmm import read_mmm
+from geodesic_ocp.recordings.formats.csv_table import read_table
+from geodesic_ocp.recordings.formats.mmm import read_mmm
 from geodesic_ocp.trajectory.motion import Motion
 
 _READERS = {".xml": read_mmm, ".csv": read_table}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from geodesic_ocp.cli.limit_options import add_limit_options
+from geodesic_ocp.cli.trajectory.limit_options import add_limit_options
 
 
 def add_check_trajectory_options(command: argparse.ArgumentParser) -> None:

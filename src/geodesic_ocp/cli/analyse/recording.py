@@ -13,8 +13,8 @@ from typing import get_args
 
 import numpy as np
 
-from geodesic_ocp.cli.analysis_options import chosen_metric, chosen_segments, filtered
-from geodesic_ocp.cli.error_curve import error_curve
+from geodesic_ocp.cli.analyse.analysis_options import chosen_metric, chosen_segments, filtered
+from geodesic_ocp.cli.analyse.error_curve import error_curve
 from geodesic_ocp.cli.interrupts import ProgressBar
 from geodesic_ocp.cli.notes import printed_warnings
 from geodesic_ocp.errors import RecordingError
@@ -25,10 +25,10 @@ from geodesic_ocp.model.human.human_arm import (
     as_stature,
     human_arm,
 )
+from geodesic_ocp.recordings.plausible import check_plausible
+from geodesic_ocp.recordings.read_motion import read_motion
 from geodesic_ocp.synergies.analyse import analyse
 from geodesic_ocp.synergies.analysis import Analysis
-from geodesic_ocp.synergies.recordings.plausible import check_plausible
-from geodesic_ocp.synergies.recordings.read_motion import read_motion
 from geodesic_ocp.synergies.segmentation.segment import as_threshold
 from geodesic_ocp.trajectory.motion import Motion
 

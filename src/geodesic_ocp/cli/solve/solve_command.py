@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import inspect
 
-from geodesic_ocp.cli.problem_file import problem_classes, solution_table, with_fields
-from geodesic_ocp.cli.recording import check_folder
+from geodesic_ocp.cli.analyse.recording import check_folder
+from geodesic_ocp.cli.solve.problem_file import problem_classes, solution_table, with_fields
 from geodesic_ocp.ocp.solve.solve import solve
 
 

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from geodesic_ocp.cli.fit_options import as_parameter
+from geodesic_ocp.cli.analyse.recording import check_folder
+from geodesic_ocp.cli.fit.fit_options import as_parameter
 from geodesic_ocp.cli.interrupts import ProgressBar
 from geodesic_ocp.cli.notes import printed_warnings
-from geodesic_ocp.cli.recording import check_folder
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.figures.new_figure import new_figure, save_figure
 from geodesic_ocp.fitting.bootstrap_fit import bootstrap_fit
@@ -27,9 +27,9 @@ from geodesic_ocp.fitting.parameter import Parameter, with_parameters
 from geodesic_ocp.fitting.separate_fits import separate_fits
 from geodesic_ocp.manifold.metrics.adjustable_kinetic_energy import AdjustableKineticEnergy
 from geodesic_ocp.model.human.anthropometry import Side
+from geodesic_ocp.recordings.read_recordings import read_recordings
+from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.records import write_together
-from geodesic_ocp.synergies.recordings.read_recordings import read_recordings
-from geodesic_ocp.synergies.recordings.recording import Recording
 from geodesic_ocp.synergies.segmentation.segment_optimal import segment_optimal
 from geodesic_ocp.table import Table
 

@@ -8,10 +8,15 @@ from contextlib import closing
 from pathlib import Path
 from typing import TypeAlias
 
+from geodesic_ocp.cli.analyse.recording import (
+    analyse_bundled,
+    analyse_file,
+    check_folder,
+    save_analysis,
+)
 from geodesic_ocp.cli.interrupts import ProgressBar
-from geodesic_ocp.cli.limit_values import given_limits
 from geodesic_ocp.cli.notes import printed_warnings
-from geodesic_ocp.cli.recording import analyse_bundled, analyse_file, check_folder, save_analysis
+from geodesic_ocp.cli.trajectory.limit_values import given_limits
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.human.anthropometry import Side
 from geodesic_ocp.model.model import Model

@@ -11,7 +11,7 @@ import pytest
 
 import geodesic_ocp as go
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")

@@ -14,9 +14,9 @@ from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.human.anthropometry import Side
 from geodesic_ocp.model.human.human_arm import DEFAULT_HEIGHT, DEFAULT_MASS, human_arm
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.synergies.recordings.plausible import check_plausible
-from geodesic_ocp.synergies.recordings.read_motion import read_motion
-from geodesic_ocp.synergies.recordings.recording import Recording
+from geodesic_ocp.recordings.plausible import check_plausible
+from geodesic_ocp.recordings.read_motion import read_motion
+from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.trajectory.motion import Motion, Subject
 
 _SUFFIXES = (".xml", ".csv")

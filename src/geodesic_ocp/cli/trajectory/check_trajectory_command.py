@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.cli.limit_values import given_limits
 from geodesic_ocp.cli.notes import printed_warnings
+from geodesic_ocp.cli.trajectory.limit_values import given_limits
 from geodesic_ocp.execution.check_trajectory import check_trajectory
 from geodesic_ocp.execution.clearance.clearance_constraint import clearance_constraint
 from geodesic_ocp.execution.clearance_constraint import Clearance

@@ -1,0 +1,1 @@
+"""The command analyse, and options that others share with it."""

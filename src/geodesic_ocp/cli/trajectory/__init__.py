@@ -1,0 +1,1 @@
+"""The command check-trajectory, and limits of robots from options."""

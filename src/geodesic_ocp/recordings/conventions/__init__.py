@@ -1,0 +1,1 @@
+"""Joint conventions of recordings, converted through the orientations of segments."""

@@ -1,0 +1,1 @@
+"""Recordings of people in their file formats."""

@@ -1,0 +1,1 @@
+"""Joint angles from the positions of markers."""
