@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -28,7 +28,7 @@ class Markers:
     time: Array
     names: tuple[str, ...]
     positions: Array
-    subject: Subject = Subject()
+    subject: Subject = field(default_factory=Subject)
 
     def __post_init__(self) -> None:
         time, positions = np.array(self.time, dtype=float), np.array(self.positions, dtype=float)
@@ -50,8 +50,8 @@ class Markers:
         if len(bad):
             row, column = bad[0]
             raise ValueError(
-                f"marker {names[column]} is at {positions[row, column]} at sample {row}: it must be "
-                "finite, or missing (NaN) in all coordinates"
+                f"marker {names[column]} is at {positions[row, column]} at sample {row}: it "
+                "must be finite, or missing (NaN) in all coordinates"
             )
         for array in (time, positions):
             array.flags.writeable = False
