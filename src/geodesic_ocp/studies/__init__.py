@@ -1,0 +1,1 @@
+"""Many recordings: their analysis, and statistics over subjects."""
