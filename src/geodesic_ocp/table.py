@@ -1,10 +1,13 @@
-"""Tables of text and numbers, printed as text, Markdown or CSV."""
+"""Tables of text and numbers, printed as text, Markdown, LaTeX or CSV."""
 
 from __future__ import annotations
 
 import csv
 import io
+import re
 from dataclasses import dataclass
+
+from geodesic_ocp.latex import latex_header, latex_note, latex_text
 
 
 @dataclass(frozen=True, repr=False)
@@ -49,6 +52,46 @@ class Table:
         below = ["", self.note] if self.note else []
         return "\n".join([header, rule, *rows, *below]) + "\n"
 
+    def latex(self, caption: str = "", label: str = "") -> str:
+        r"""The table in LaTeX, with the rules of the package booktabs.
+
+        Text is escaped, minus signs, exponents and units are typeset, `nan` is a dash. The preamble
+        needs `\usepackage{booktabs}`, and an engine that reads UTF-8 for letters beyond ASCII.
+
+        Args:
+            caption: text, not LaTeX; with it the tabular stands in a table environment.
+            label: for `\ref`; needs a caption.
+
+        Raises:
+            ValueError: a label without a caption, or one that LaTeX cannot read.
+        """
+        if label and not caption:
+            raise ValueError(f"label {label!r} needs a caption")
+        if not re.fullmatch(r"[\w:.+/ -]*", label):
+            raise ValueError(f"label must be letters, digits and any of :._+-/, got {label!r}")
+        header, *rows = self.shown()
+        columns = "".join(
+            "r" if k and all(re.match(r"[-+]?\d|-?inf|nan|-$", row[k]) for row in rows) else "l"
+            for k in range(len(header))
+        )
+        lines = [
+            rf"\begin{{tabular}}{{{columns}}}",
+            r"\toprule",
+            _latex_row([latex_header(entry) for entry in header]),
+            r"\midrule",
+            *(_latex_row([latex_text(entry) for entry in row]) for row in rows),
+            r"\bottomrule",
+            r"\end{tabular}",
+        ]
+        if self.note:
+            # Below the table, as wide as the text.
+            lines += ["", rf"\medskip{{\footnotesize {latex_note(self.note)}\par}}"]
+        if caption:
+            above = [r"\begin{table}", r"\centering", rf"\caption{{{latex_text(caption)}}}"]
+            above += [rf"\label{{{label}}}"] if label else []
+            lines = [*above, *lines, r"\end{table}"]
+        return "\n".join(lines) + "\n"
+
     def csv(self) -> str:
         """The table as comma-separated values, with all digits."""
         text = io.StringIO()
@@ -57,3 +100,9 @@ class Table:
 
     def _repr_markdown_(self) -> str:
         return self.markdown()
+
+
+def _latex_row(entries: list[str]) -> str:
+    row = " & ".join(entries)
+    # A bracket or a star at the beginning would be read as an option of the line break above it.
+    return ("{}" + row if row.startswith(("[", "*")) else row) + r" \\"
