@@ -79,7 +79,7 @@ def test_files_that_cannot_be_used_are_named_together(folder: Path) -> None:
 
 
 def test_without_any_recording(tmp_path: Path) -> None:
-    with pytest.raises(go.RecordingError, match=r"no file in this folder ends in \.xml or \.csv"):
+    with pytest.raises(go.RecordingError, match=r"no file in this folder ends in \.xml, \.csv, "):
         go.read_recordings(tmp_path)
     with pytest.raises(go.RecordingError, match="there is no such file"):
         go.read_recordings(tmp_path / "a.csv", skip=True)
@@ -107,9 +107,30 @@ def test_the_filter_can_be_chosen(folder: Path) -> None:
 
 def test_recordings_of_the_database(shared: Path) -> None:
     """One recording is there in two layouts of the format."""
-    folder = shared / "data" / "kit"
+    pattern = str(shared / "data" / "kit" / "*.xml")
     with pytest.raises(go.RecordingError, match=r"arm_02\.xml: holds the same motion as .*mmm2"):
-        go.read_recordings(folder)
+        go.read_recordings(pattern)
     with pytest.warns(UserWarning, match="holds the same motion"):
-        found = go.read_recordings(folder, mass=70.0, skip=True)
+        found = go.read_recordings(pattern, mass=70.0, skip=True)
     assert [each.subject for each in found] == ["subject_id_969", *4 * ["subject_id_1229"]]
+
+
+def test_folders_within_a_folder_and_patterns(folder: Path) -> None:
+    (folder / "more").mkdir()
+    write(folder / "more" / "c.csv", swing(0.3))
+    assert len(go.read_recordings(folder)) == 2
+    for paths in ({"paths": folder, "recursive": True}, {"paths": f"{folder}/**/*.csv"}):
+        names = [each.name for each in go.read_recordings(**paths)]
+        assert names == ["a, right", "b, right", "c, right"]
+    assert len(go.read_recordings([folder, folder / "a.csv"])) == 2  # each file once
+    with pytest.raises(go.RecordingError, match="no file matches this pattern"):
+        go.read_recordings(f"{folder}/*.bvh")
+
+
+def test_people_of_equal_stature_share_the_model(tmp_path: Path) -> None:
+    files = [
+        write(tmp_path / f"{name}.csv", swing(phase), "# height: 1.7")
+        for name, phase in (("a", 0.1), ("b", 0.2))
+    ]
+    first, second = go.read_recordings(files)
+    assert first.model is second.model

@@ -1,0 +1,113 @@
+"""One recording from a file, with the arm of the person in it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from os import PathLike
+from pathlib import Path
+
+from geodesic_ocp.arrays import as_positive
+from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.model.human.anthropometry import Side
+from geodesic_ocp.model.human.human_arm import (
+    DEFAULT_HEIGHT,
+    DEFAULT_MASS,
+    as_stature,
+    human_arm,
+)
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.recordings.plausible import check_plausible
+from geodesic_ocp.recordings.read_motion import read_motion
+from geodesic_ocp.recordings.recording import Recording
+from geodesic_ocp.trajectory.motion import Motion, Subject
+
+
+def read_recording(
+    path: str | PathLike[str],
+    side: Side = "right",
+    *,
+    height: float | None = None,
+    mass: float | None = None,
+    armature: float = 0.0,
+    resample: float | None = None,
+    cutoff: float | None = None,
+    duration: float | None = None,
+    unfiltered: bool = False,
+) -> Recording:
+    """Read a recording of a human arm, filter it, and scale an arm to the person.
+
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> go.read_recording(files("geodesic_ocp") / "data" / "climb.csv", "left").name
+    'climb, left'
+
+    Args:
+        path: of the file, in any format of `read_motion`.
+        side: "right" or "left".
+        height: of the person [m]; by default that in the file, or 1.75 m.
+        mass: of the person [kg]; by default that in the file, or 70 kg.
+        armature: joint inertia of every joint of the arm [kg m^2].
+        resample: interpolate at this rate first [Hz], for samples that are not evenly spaced.
+        cutoff: of the filter [Hz], see `Motion.filtered`; chosen for each file by default.
+        duration: of the window of a Savitzky-Golay filter [s], instead of a cut-off.
+        unfiltered: take the motion as it is, with the velocities of a cubic spline.
+
+    Raises:
+        RecordingError: the file cannot be read or has no arm of that side.
+        ValueError: the motion is implausible, too short or uneven for the filter, or a number is
+            out of range.
+    """
+    given = {"cutoff": cutoff, "duration": duration}
+    named = [name for name, number in given.items() if number is not None]
+    if len(named) + unfiltered > 1:
+        raise ValueError(f"give only one of cutoff, duration and unfiltered, got {given}")
+    for name, number in (given | {"height": height, "mass": mass}).items():
+        if number is not None:
+            as_positive(name, number)
+    file = Path(path)
+    motion = read_motion(file, human_arm(side).joint_names)
+    stature = stature_of(motion.subject, height, mass)
+    try:
+        as_stature(*stature)
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}" if height is None and mass is None else error) from None
+    arm = _arm(side, *stature, armature)
+    try:
+        check_plausible(arm, motion)
+        if resample is not None:
+            motion = motion.resampled(resample)
+        motion = with_velocity(motion, cutoff, duration, unfiltered=unfiltered)
+    except ValueError as error:
+        raise RecordingError(f"{file}: {error}") from None
+    return Recording(arm, motion, f"{file.stem}, {side}", motion.subject.name)
+
+
+@lru_cache(maxsize=8)  # recordings of one person share the arm and what was compiled for it
+def _arm(side: Side, height: float, mass: float, armature: float) -> Model:
+    return human_arm(side, height, mass, armature=armature)
+
+
+def stature_of(
+    subject: Subject, height: float | None = None, mass: float | None = None
+) -> tuple[float, float]:
+    """Height [m] and mass [kg] of a person: those given, or the file's, or the defaults."""
+    height = height if height is not None else subject.height
+    mass = mass if mass is not None else subject.mass
+    return (
+        DEFAULT_HEIGHT if height is None else height,
+        DEFAULT_MASS if mass is None else mass,
+    )
+
+
+def with_velocity(
+    motion: Motion,
+    cutoff: float | None = None,
+    duration: float | None = None,
+    *,
+    unfiltered: bool = False,
+) -> Motion:
+    """The motion with velocities: filtered, or as it is, with those of a cubic spline."""
+    if unfiltered:
+        return replace(motion, velocity=motion(motion.time, 1))
+    return motion.filtered(cutoff=cutoff, duration=duration)
