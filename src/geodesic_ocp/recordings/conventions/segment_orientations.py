@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.trajectory.frame_motion import FrameMotion
 from geodesic_ocp.trajectory.motion import Subject
@@ -21,6 +23,8 @@ SEGMENTS = (
     "left forearm",
     "left hand",
 )
+
+_ORTHONORMAL = 1e-6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -39,9 +43,56 @@ class SegmentOrientations:
         trunk: pose of the thorax in that space, its origin midway between the shoulders; None if
             its position is not recorded.
         subject: the recorded person.
+
+    Raises:
+        ValueError: an unknown segment, shapes that do not match, values that are not finite, a
+            matrix that is not a rotation, or time that does not increase.
     """
 
     time: Array
     rotations: Mapping[str, Array]
     trunk: FrameMotion | None = None
     subject: Subject = field(default_factory=Subject)
+
+    def __post_init__(self) -> None:
+        time = np.array(self.time, dtype=float)
+        if time.ndim != 1 or time.size < 2:
+            raise ValueError(f"time must be (k,) with at least two samples, got {time.shape}")
+        steps = np.diff(time)
+        if not np.all(steps > 0.0):
+            sample = int(np.argmin(steps > 0.0)) + 1
+            raise ValueError(
+                f"time must increase: sample {sample} is at {time[sample]:.6g} s, the one before "
+                f"at {time[sample - 1]:.6g} s"
+            )
+        checked = {}
+        for name, given in self.rotations.items():
+            if name not in SEGMENTS:
+                raise ValueError(f"there is no segment {name!r}; there are {', '.join(SEGMENTS)}")
+            matrices = np.array(given, dtype=float)
+            if matrices.shape != (time.size, 3, 3):
+                raise ValueError(
+                    f"rotations of the {name} must have shape ({time.size}, 3, 3), got "
+                    f"{matrices.shape}"
+                )
+            errors = np.abs(np.swapaxes(matrices, 1, 2) @ matrices - np.eye(3)).max(axis=(1, 2))
+            crosses = np.cross(matrices[:, :, 0], matrices[:, :, 1])
+            proper = (errors <= _ORTHONORMAL) & (np.sum(crosses * matrices[:, :, 2], axis=1) > 0.0)
+            if not proper.all():
+                raise ValueError(
+                    f"the matrix of the {name} at sample {int(np.argmin(proper))} is not a rotation"
+                )
+            matrices.flags.writeable = False
+            checked[name] = matrices
+        if self.trunk is not None and len(self.trunk) != time.size:
+            raise ValueError(f"trunk must have {time.size} samples, got {len(self.trunk)}")
+        time.flags.writeable = False
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "rotations", checked)
+
+    def __len__(self) -> int:
+        return int(self.time.size)
+
+    def __repr__(self) -> str:
+        names = ", ".join(self.rotations)
+        return f"SegmentOrientations({len(self)} samples of {names or 'no segment'})"

@@ -1,0 +1,124 @@
+"""Angles of three successive rotations about different axes, continuous over time."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from geodesic_ocp.arrays import Array
+
+# Cosine of the second angle below which the other two are not determined one by one: rounding
+# errors of 1e-16 in a matrix become 1e-9 rad in the angles at this one.
+_LOCKED = 1e-7
+_HALF_TURN = np.full(3, np.pi)
+
+
+def axis_rotation(axis: str, angles: ArrayLike) -> Array:
+    """Matrices (..., 3, 3) of rotations about the axis "x", "y" or "z" by angles (...) [rad]."""
+    angle = np.asarray(angles, dtype=float)
+    i = "xyz".index(axis)
+    j, k = (i + 1) % 3, (i + 2) % 3
+    matrix = np.zeros((*angle.shape, 3, 3))
+    matrix[..., i, i] = 1.0
+    matrix[..., j, j] = matrix[..., k, k] = np.cos(angle)
+    matrix[..., k, j] = np.sin(angle)
+    matrix[..., j, k] = -matrix[..., k, j]
+    return matrix
+
+
+def successive_rotations(axes: str, angles: Array) -> Array:
+    """The product R_axes[0](angles[:, 0]) R_axes[1](angles[:, 1]) ...: (k, 3, 3)."""
+    product = np.broadcast_to(np.eye(3), (len(angles), 3, 3))
+    for axis, column in zip(axes, angles.T, strict=True):
+        product = product @ axis_rotation(axis, column)
+    return product
+
+
+def continuous_angles(
+    rotations: Array, axes: str, lower: Array = -_HALF_TURN, upper: Array = _HALF_TURN
+) -> Array:
+    """Angles (a, b, c) with R = R_i(a) R_j(b) R_k(c) about different axes i, j, k, e.g. "xzy".
+
+    R is also given by (a + pi, pi - b, c + pi) and by whole turns of each angle. At the first
+    sample the angles are those nearest to the limits; after it each step is the shorter one, so
+    that no angle jumps by a branch. Where b = +-90 degrees (gimbal lock) only a sum or difference
+    of a and c is determined; the other one is interpolated over time.
+
+    Args:
+        rotations: (k, 3, 3).
+        axes: the axes i, j and k.
+        lower: limits (3,) within which the angles begin where they can [rad].
+        upper: the same.
+
+    Returns:
+        (k, 3) [rad], not limited to any range.
+    """
+    i, j, k = ("xyz".index(axis) for axis in axes)
+    sign = 1.0 if (j - i) % 3 == 1 else -1.0
+    cosine = np.hypot(rotations[:, i, i], rotations[:, i, j])
+    b = np.arctan2(sign * rotations[:, i, k], cosine)
+    a = np.arctan2(-sign * rotations[:, j, k], rotations[:, k, k])
+    c = np.arctan2(-sign * rotations[:, i, j], rotations[:, i, i])
+    free = np.flatnonzero(cosine > _LOCKED)
+    if free.size == 0:
+        return _locked(rotations, free, np.zeros((0, 3)), b, (i, j, k), sign)
+    first = np.stack([a, b, c], axis=1)[free]
+    second = np.stack([a + np.pi, np.pi - b, c + np.pi], axis=1)[free]
+    stays = np.sum(_turn(np.diff(first, axis=0)) ** 2, axis=1)
+    leaves = np.sum(_turn(second[1:] - first[:-1]) ** 2, axis=1)
+    changed = np.concatenate([[0], np.cumsum(leaves < stays)]) % 2 == 1
+    branches = np.where(changed[:, None], second, first), np.where(changed[:, None], first, second)
+    starts = [_nearest_turn(branch[0], lower, upper) for branch in branches]
+    outside = [np.sum(np.maximum(0.0, np.maximum(lower - s, s - upper))) for s in starts]
+    best = 0 if outside[0] <= outside[1] + 1e-9 else 1
+    angles = np.unwrap(branches[best], axis=0)
+    angles += starts[best] - angles[0]
+    if free.size == len(rotations):
+        return angles
+    return _locked(rotations, free, angles, b, (i, j, k), sign)
+
+
+def _turn(angle: Array) -> Array:
+    """The angle without whole turns, in [-pi, pi)."""
+    return (angle + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def _nearest_turn(angles: Array, lower: Array, upper: Array) -> Array:
+    """The angles plus the whole turns that bring them nearest to the limits."""
+    turns = angles + 2.0 * np.pi * np.arange(-2, 3)[:, None]
+    outside = np.maximum(0.0, np.maximum(lower - turns, turns - upper))
+    # of several without violation, the one nearest to zero
+    chosen = np.argmin(outside + 1e-6 * np.abs(turns), axis=0)
+    result: Array = np.take_along_axis(turns, chosen[None], axis=0)[0]
+    return result
+
+
+def _locked(
+    rotations: Array,
+    free: NDArray[np.intp],
+    angles: Array,
+    b: Array,
+    axes: tuple[int, int, int],
+    sign: float,
+) -> Array:
+    """The angles at all samples: those at `free` samples are given, the others are locked.
+
+    At b = +-pi/2, R = R_i(a + s c) R_j(b), with s = +-1 the sign of b times that of the axes.
+    """
+    _, j, k = axes
+    every = np.arange(len(rotations))
+    if free.size == 0:
+        together = np.unwrap(np.arctan2(sign * rotations[:, k, j], rotations[:, j, j]))
+        return np.stack([together, b, np.zeros(len(b))], axis=1)
+    filled = np.stack([np.interp(every, free, column) for column in angles.T], axis=1)
+    locked = np.setdiff1d(every, free)
+    both = np.stack([b[locked], np.pi - b[locked]])
+    away = _turn(both - filled[locked, 1])
+    filled[locked, 1] += np.where(np.abs(away[0]) <= np.abs(away[1]), away[0], away[1])
+    s = np.sign(b[locked]) * sign
+    together = np.arctan2(sign * rotations[locked, k, j], rotations[locked, j, j])
+    guess = filled[locked, 0] + s * filled[locked, 2]
+    error = _turn(together - guess)
+    filled[locked, 0] += 0.5 * error
+    filled[locked, 2] += 0.5 * s * error
+    return filled
