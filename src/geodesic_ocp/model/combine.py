@@ -24,13 +24,14 @@ def combine(*models: Model, placements: Sequence[Any] | None = None) -> Model:
 
     The mass matrix is block diagonal. Names of joints and frames that occur in several models are
     prefixed with the model's name, as in "human left arm/hand"; models of the same name are
-    numbered. The hand is that of the first model; `Model.with_hand` selects another.
+    numbered. The model has the hands of all (`Model.hands`); `Model.hand` is that of the first, and
+    `Model.with_hand` selects another.
 
     >>> import geodesic_ocp as go
     >>> arms = go.human_arm("left"), go.human_arm("right")
     >>> both = go.combine(*arms, placements=[(-0.2, 0.0, 1.4), (0.2, 0.0, 1.4)])
-    >>> both.dof, both.hand
-    (14, 'human left arm/hand')
+    >>> both.dof, both.hands
+    (14, ('human left arm/hand', 'human right arm/hand'))
 
     Args:
         models: two or more models.
@@ -67,8 +68,15 @@ def combine(*models: Model, placements: Sequence[Any] | None = None) -> Model:
         for model, new_names in zip(models, names, strict=True)
         for name in model.continuous
     ]
-    shapes = partial(_bodies, models, names)
-    return Model(whole, names[0][models[0].hand], models[0].backend, tuple(continuous), shapes)
+    hands = [new[hand] for model, new in zip(models, names, strict=True) for hand in model.hands]
+    return Model(
+        whole,
+        names[0][models[0].hand],
+        models[0].backend,
+        tuple(continuous),
+        partial(_bodies, models, names),
+        tuple(hands),
+    )
 
 
 def _copy_armature(parts: Sequence[pin.Model], whole: pin.Model) -> None:

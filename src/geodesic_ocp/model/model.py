@@ -15,6 +15,7 @@ from geodesic_ocp.arrays import Array, as_positive, as_vector, is_symbolic
 from geodesic_ocp.model.continuous_joints import continuous_joints, with_angles
 from geodesic_ocp.model.dynamics.rigid_body import choose_backend
 from geodesic_ocp.model.dynamics.symbolic_functions import SymbolicFunctions
+from geodesic_ocp.model.hands import as_hands
 from geodesic_ocp.model.inertias.physical_inertias import body_inertia
 from geodesic_ocp.model.joints import (
     as_armature,
@@ -30,7 +31,7 @@ from geodesic_ocp.table import Table
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Model:
-    """A mechanical system of joints with one degree of freedom, and a hand (end-effector) frame.
+    """A mechanical system of joints with one degree of freedom, and hand (end-effector) frames.
 
     Attributes:
         pin: the Pinocchio model, of which a private copy is kept.
@@ -40,13 +41,13 @@ class Model:
             the same. Continuous joints of `pin` are added, with limits of +-2 pi rad.
         shapes: capsules and spheres that are fixed to its frames, or a function that reads them
             when `bodies` is first accessed.
+        hands: names of all hand frames, `hand` among them, as of both arms; `hand` by default.
 
     Configurations are 1-d arrays [rad or m] in the order of `joint_names`. Two models are equal
     only if they are the same object.
 
     Raises:
-        ValueError: a joint does not have one degree of freedom or has a negative armature, or
-            there is no frame `hand`.
+        ValueError: not one degree of freedom in a joint, a negative armature, or no such frame.
     """
 
     pin: pin.Model
@@ -54,12 +55,11 @@ class Model:
     backend: str | None = None
     continuous: tuple[str, ...] = ()
     shapes: Bodies = ()
+    hands: tuple[str, ...] = ()
     _hand_id: int = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.hand, str) or not self.pin.existFrame(self.hand):
-            known = ", ".join(frame.name for frame in self.pin.frames)
-            raise ValueError(f"the model has no frame {self.hand!r}; its frames are {known}")
+        object.__setattr__(self, "hands", as_hands(self.pin, self.hand, self.hands))
         for index in range(1, self.pin.njoints):
             motion_subspace(self.pin, index)
         check_armature(self.pin)
@@ -79,8 +79,9 @@ class Model:
     def _repr_markdown_(self) -> str:
         values = self.lower.tolist(), self.upper.tolist(), self.armature.tolist()
         rows = tuple(zip(self.joint_names, self.units, *values, strict=True))
-        table = Table(("joint", "unit", "lower limit", "upper limit", "armature"), rows)
-        return f"**{self.name}**: hand `{self.hand}`, mass {self.mass:.3g} kg\n\n{table.markdown()}"
+        table = Table(("joint", "unit", "lower limit", "upper limit", "armature"), rows).markdown()
+        hand = ", ".join(f"`{name}`" for name in self.hands)
+        return f"**{self.name}**: hand {hand}, mass {self.mass:.3g} kg\n\n{table}"
 
     @property
     def name(self) -> str:
@@ -279,12 +280,12 @@ class Model:
         return replace(self, pin=limited)
 
     def with_hand(self, hand: str) -> Model:
-        """The model with another of its frames as hand frame.
+        """The model with another hand frame; it keeps its other `hands` if that is one of them.
 
         Raises:
             ValueError: there is no such frame.
         """
-        return replace(self, hand=hand)
+        return replace(self, hand=hand, hands=self.hands if hand in self.hands else (hand,))
 
     def with_bodies(self, *bodies: Body) -> Model:
         """The model with these capsules and spheres, each with a link, as collision bodies.

@@ -1,4 +1,4 @@
-"""Anthropometric tables: segment lengths, masses, centres of mass and inertias of the human arm.
+"""Anthropometric tables: lengths, masses, centres of mass and inertias of arm and trunk.
 
 "winter" is the reference model of the Master Motor Map (Terlemez et al., "Master Motor Map
 (MMM)...", Humanoids 2014), whose masses and centres of mass are those of Winter (*Biomechanics and
@@ -39,6 +39,20 @@ class Anthropometry:
     hand: Segment
 
 
+@dataclass(frozen=True)
+class Trunk:
+    """Abdomen and thorax per unit of body height and mass; each originates at its lower joint."""
+
+    pelvis: float  # from the pelvis to the lumbar joint [height]
+    abdomen_length: float  # [height]
+    thorax_length: float  # to the point midway between the shoulders [height]
+    half_width: float  # from there to a shoulder [height]
+    head: tuple[float, float]  # lower and upper end, above that point [height]
+    abdomen: Segment
+    thorax: Segment
+    on_thorax: tuple[Segment, ...]  # clavicles, neck and head, in the axes and origin of the thorax
+
+
 def anthropometry(side: Side, table: TableName, sex: Sex | None) -> Anthropometry:
     """The values of a table for one arm.
 
@@ -70,6 +84,35 @@ def _winter(side: Side) -> Anthropometry:
         upper_arm=Segment(0.027, (x, y, -0.082), (5.90063e-5, 5.90086e-5, 3.96211e-6)),
         forearm=Segment(0.016, (x, y, -0.0624), (2.35586e-5, 2.33400e-5, 1.50684e-6)),
         hand=Segment(0.006, (x, y, -0.0546), hand),
+    )
+
+
+def trunk() -> Trunk:
+    """Trunk, neck and head of the reference model of the Master Motor Map.
+
+    In the source the y offset of the centres of mass is 3e-11: rounding, set to zero.
+    """
+    thorax, half_width = 0.188, 0.110
+
+    def above(
+        z: float, mass: float, inertia: tuple[float, float, float], x: float = 0.0
+    ) -> Segment:
+        return Segment(mass, (x, 0.0, thorax + z), inertia)
+
+    return Trunk(
+        pelvis=0.040,
+        abdomen_length=0.060,
+        thorax_length=thorax,
+        half_width=half_width,
+        head=(0.052, 0.182),
+        abdomen=Segment(0.1, (0.0, 0.0, 0.0264), (1.07917e-4, 1.07917e-4, 7.74494e-5)),
+        thorax=Segment(0.17, (0.0, 0.0, 0.15416), (6.62659e-4, 8.31018e-4, 4.69138e-4)),
+        on_thorax=(
+            above(0.0, 0.021, (4.07431e-6, 5.50730e-6, 5.18568e-6), half_width - 0.010),
+            above(0.0, 0.021, (4.09202e-6, 5.53935e-6, 5.20945e-6), 0.010 - half_width),
+            above(0.037, 0.024, (4.97440e-6, 4.79695e-6, 3.81092e-6)),
+            above(0.117, 0.07, (9.92468e-5, 9.68844e-5, 4.55261e-5)),
+        ),
     )
 
 

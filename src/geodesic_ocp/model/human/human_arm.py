@@ -15,7 +15,14 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import as_positive
-from geodesic_ocp.model.human.anthropometry import Segment, Sex, Side, TableName, anthropometry
+from geodesic_ocp.model.human.anthropometry import (
+    Anthropometry,
+    Segment,
+    Sex,
+    Side,
+    TableName,
+    anthropometry,
+)
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Capsule
 
@@ -106,6 +113,32 @@ def human_arm(
 
     arm = pin.Model()
     arm.name = f"human {side} arm"
+    bodies = add_arm(arm, 0, pin.SE3.Identity(), side, segments, height, mass)
+    return Model(arm, "hand", backend, shapes=bodies).with_armature(armature)
+
+
+def add_arm(
+    model: pin.Model,
+    parent: int,
+    shoulder: pin.SE3,
+    side: Side,
+    segments: Anthropometry,
+    height: float,
+    mass: float,
+    hand: str = "hand",
+) -> tuple[Capsule, ...]:
+    """Add an arm to a joint of a model; returns its capsules.
+
+    Args:
+        model: is changed.
+        parent: index of the joint.
+        shoulder: its pose in the joint's frame.
+        side: "right" or "left".
+        segments: per unit of body height and mass.
+        height, mass: body height [m] and mass [kg].
+        hand: name of the frame at the tool centre point. If it is also that of the link, as "right
+            hand" is, there is no frame of the link at the wrist.
+    """
     chain = (  # joint, type, distance from the previous joint [height], segment
         ("Sx", pin.JointModelRX(), 0.0, None),
         ("Sz", pin.JointModelRZ(), 0.0, None),
@@ -115,37 +148,58 @@ def human_arm(
         ("Wx", pin.JointModelRX(), segments.forearm_length, None),
         ("Wy", pin.JointModelRY(), 0.0, segments.hand),
     )
-    parent = 0
+    indices: list[int] = []
     for joint, joint_type, length, segment in chain:
-        lower, upper = (np.array([limit]) for limit in _LIMITS[side][joint])
-        unlimited = np.array([np.inf])
-        placement = pin.SE3(np.eye(3), np.array([0.0, 0.0, -length * height]))
+        below = pin.SE3(np.eye(3), np.array([0.0, 0.0, -length * height]))
+        placement = below if indices else shoulder
         name = f"{side[0].upper()}{joint}_joint"
-        parent = arm.addJoint(
-            parent, joint_type, placement, name, unlimited, unlimited, lower, upper
-        )
-        arm.addJointFrame(parent)
+        parent = add_joint(model, parent, joint_type, placement, name, _LIMITS[side][joint])
+        indices.append(parent)
         if segment is not None:
-            arm.appendBodyToJoint(parent, _inertia(segment, height, mass), pin.SE3.Identity())
+            body = segment_inertia(segment, height, mass)
+            model.appendBodyToJoint(parent, body, pin.SE3.Identity())
     tool = pin.SE3(pin.rpy.rpyToMatrix(np.pi, 0.0, 0.0), height * np.array(_TOOL_CENTRE[side]))
-    arm.addFrame(pin.Frame("hand", parent, tool, pin.FrameType.OP_FRAME))
+    model.addFrame(pin.Frame(hand, parent, tool, pin.FrameType.OP_FRAME))
     lengths = {
         "upper arm": (segments.upper_arm_length, segments.upper_arm),
         "forearm": (segments.forearm_length, segments.forearm),
         "hand": (_HAND_LENGTH, segments.hand),
     }
     bodies = []
-    for (name, (length, segment)), index in zip(lengths.items(), (3, 5, 7), strict=True):
-        link = f"{side} {name}"
-        arm.addFrame(pin.Frame(link, index, pin.SE3.Identity(), pin.FrameType.BODY))
-        ends = (0.0, 0.0, 0.0), (0.0, 0.0, -length * height)
-        volume = segment.mass * mass / _DENSITY[name]
-        radius = np.sqrt(volume / (np.pi * length * height))
-        bodies.append(Capsule(*ends, float(radius), link))
-    model = Model(arm, "hand", backend, shapes=tuple(bodies))
-    return model.with_armature(armature)
+    for (name, (length, segment)), number in zip(lengths.items(), (2, 4, 6), strict=True):
+        link, placement = f"{side} {name}", tool
+        if link != hand:
+            placement = pin.SE3.Identity()
+            model.addFrame(pin.Frame(link, indices[number], placement, pin.FrameType.BODY))
+        tip = np.array([0.0, 0.0, -length * height])
+        start, end = (placement.actInv(point) for point in (np.zeros(3), tip))
+        radius = cylinder_radius(segment.mass * mass, _DENSITY[name], length * height)
+        bodies.append(Capsule(start, end, radius, link))
+    return tuple(bodies)
 
 
-def _inertia(segment: Segment, height: float, mass: float) -> pin.Inertia:
+def add_joint(
+    model: pin.Model,
+    parent: int,
+    joint_type: object,
+    placement: pin.SE3,
+    name: str,
+    limits: tuple[float, float],
+) -> int:
+    """Add a joint with its frame and limits [rad]; returns its index."""
+    lower, upper = (np.array([limit]) for limit in limits)
+    free = np.array([np.inf])
+    index = int(model.addJoint(parent, joint_type, placement, name, free, free, lower, upper))
+    model.addJointFrame(index)
+    return index
+
+
+def segment_inertia(segment: Segment, height: float, mass: float) -> pin.Inertia:
+    """The inertia of a segment of a person of this height [m] and mass [kg]."""
     moments = mass * height**2 * np.diag(segment.inertia)
     return pin.Inertia(mass * segment.mass, height * np.array(segment.centre), moments)
+
+
+def cylinder_radius(mass: float, density: float, length: float) -> float:
+    """Radius [m] of a cylinder of this mass [kg], density [kg/m^3] and length [m]."""
+    return float(np.sqrt(mass / density / (np.pi * length)))
