@@ -2,13 +2,14 @@
 
 Legacy: Motion / JointOrder / Joint, Motion / MotionFrames / MotionFrame with Timestep and
 JointPosition. Version 2.0: Motion / Sensors / Sensor of type Kinematic with Configuration / Joint
-and Data / Measurement. The legacy files' JointVelocity is often all zeros and is not read.
+and Data / Measurement. The legacy files' JointVelocity is often all zeros and is not read. The
+trunk is read where the file has the root's pose, the joints of the trunk and the person's height.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -16,7 +17,11 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.formats.mmm_trunk import TRUNK_JOINTS, root_motion, thorax_motion
+from geodesic_ocp.trajectory.frame_motion import FrameMotion
 from geodesic_ocp.trajectory.motion import Motion, Subject
+
+_ROOT = ("RootPosition", "RootRotation")
 
 
 def read_mmm(file: Path, joints: Sequence[str] | None = None) -> Motion:
@@ -96,13 +101,56 @@ def _motion(
             )
         times.append(_numbers(file, f"the time of {frame}", time, 1)[0])
         row = _numbers(file, f"the JointPosition of {frame}", positions, len(names))
-        rows.append(row[columns])
+        rows.append(row)
     subject = _subject(file, motion)
-    shaped = np.array(rows).reshape(len(times), len(wanted))
+    shaped = np.array(rows).reshape(len(times), len(names))
     try:
-        return Motion(np.array(times), shaped, tuple(wanted), subject=subject)
+        result = Motion(np.array(times), shaped[:, columns], tuple(wanted), subject=subject)
+        if subject.height is not None and set(TRUNK_JOINTS) <= set(names):
+            root = _root(file, motion, result.time)
+            if root is not None:
+                angles = shaped[:, [names.index(name) for name in TRUNK_JOINTS]]
+                result = replace(result, trunk=thorax_motion(root, angles, subject.height))
+        return result
     except ValueError as failure:
         raise RecordingError(f"{file}: {failure}") from None
+
+
+def _root(file: Path, motion: ElementTree.Element, time: Array) -> FrameMotion | None:
+    """The poses of the pelvis at these times; None if the file does not have them at all of them.
+
+    Version 2.0 has them in a sensor of their own, with times of their own.
+    """
+    sensor = motion.find("Sensors/Sensor[@type='ModelPose']")
+    frames = (
+        motion.findall("MotionFrames/MotionFrame")
+        if sensor is None
+        else sensor.findall("Data/Measurement")
+    )
+    found = {name: [frame.findtext(name) for frame in frames] for name in _ROOT}
+    if not frames or all(text is None for texts in found.values() for text in texts):
+        return None
+    values = {}
+    for name, texts in found.items():
+        if None in texts:
+            raise RecordingError(f"{file}: frame {texts.index(None)} has no {name}, others have")
+        values[name] = np.array(
+            [
+                _numbers(file, f"the {name} of frame {index}", text or "", 3)
+                for index, text in enumerate(texts)
+            ]
+        )
+    root = root_motion(*values.values())
+    if sensor is None:
+        return root
+    stamps = [frame.get("timestep", "") for frame in frames]
+    own = np.concatenate(
+        [_numbers(file, f"the time of root {i}", text, 1) for i, text in enumerate(stamps)]
+    )
+    if np.array_equal(own, time):
+        return root
+    covered = own.size > 1 and own[0] <= time[0] and own[-1] >= time[-1]
+    return root.interpolated(own, time) if covered and np.all(np.diff(own) > 0.0) else None
 
 
 def _subject(file: Path, motion: ElementTree.Element) -> Subject:
