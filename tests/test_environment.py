@@ -22,7 +22,7 @@ def test_conda_environment_has_the_same_bounds() -> None:
     there = bounds(entries)
     assert len(there) == len(entries)
     listed = re.search(r"^dependencies = \[(.*?)^\]", pypi, re.MULTILINE | re.DOTALL)
-    needed = bounds(re.findall(r'"([^;"]*)[;"]', listed[1]))
+    needed = bounds(re.findall(r'^\s*"([^;"]*)[;"]', listed[1], re.MULTILINE))
     assert len(needed) == len(listed[1].strip().splitlines())
     for name, bound in needed.items():
         if name in ON_PYPI_ONLY:
