@@ -1,0 +1,159 @@
+"""Motions of SMPL's body joints in NumPy archives (.npz), as the AMASS collection has them.
+
+Mahmood et al., "AMASS: archive of motion capture as surface shapes", ICCV 2019. The array `poses`
+(k, 72, 156 or 165) begins with the rotation vectors of the pelvis and 21 body joints (SMPL, SMPL-H
+and SMPL-X alike); `mocap_framerate` or `mocap_frame_rate` is the rate. The tree of joints and the
+rest pose are public; the lengths of the bones belong to the licensed body model and to `betas`, so
+that there are no positions here.
+"""
+
+from __future__ import annotations
+
+import lzma
+import struct
+import warnings
+import zipfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+import scipy
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
+from geodesic_ocp.recordings.skeletons.known_conventions import SMPL
+from geodesic_ocp.recordings.skeletons.skeleton import Skeleton, SkeletonMotion
+from geodesic_ocp.recordings.skeletons.skeleton_convention import (
+    SkeletonConvention,
+    as_skeleton_convention,
+)
+from geodesic_ocp.recordings.skeletons.skeleton_segments import skeleton_segments
+
+# Joint, parent, and the direction to it in the rest pose, of which only the signs are used.
+_JOINTS = (
+    ("pelvis", -1, (0, 0, 0)),
+    ("left_hip", 0, (1, -1, 0)),
+    ("right_hip", 0, (-1, -1, 0)),
+    ("spine1", 0, (0, 1, 0)),
+    ("left_knee", 1, (0, -1, 0)),
+    ("right_knee", 2, (0, -1, 0)),
+    ("spine2", 3, (0, 1, 0)),
+    ("left_ankle", 4, (0, -1, 0)),
+    ("right_ankle", 5, (0, -1, 0)),
+    ("spine3", 6, (0, 1, 0)),
+    ("left_foot", 7, (0, 0, 1)),
+    ("right_foot", 8, (0, 0, 1)),
+    ("neck", 9, (0, 1, 0)),
+    ("left_collar", 9, (1, 0, 0)),
+    ("right_collar", 9, (-1, 0, 0)),
+    ("head", 12, (0, 1, 0)),
+    ("left_shoulder", 13, (1, 0, 0)),
+    ("right_shoulder", 14, (-1, 0, 0)),
+    ("left_elbow", 16, (1, 0, 0)),
+    ("right_elbow", 17, (-1, 0, 0)),
+    ("left_wrist", 18, (1, 0, 0)),
+    ("right_wrist", 19, (-1, 0, 0)),
+)
+_WIDTHS = (72, 156, 165)  # SMPL, SMPL-H, SMPL-X
+_RATES = ("mocap_framerate", "mocap_frame_rate")
+_SLOWEST, _FASTEST = 1e-3, 1e6  # [Hz]
+_LARGEST = 1e3  # [rad], of a rotation vector's components
+_UNREADABLE = (
+    *(OSError, ValueError, EOFError, KeyError, TypeError, SyntaxError, MemoryError, OverflowError),
+    *(NotImplementedError, RuntimeError, zipfile.BadZipFile, zlib.error, lzma.LZMAError),
+    struct.error,
+)
+
+
+def read_smpl(
+    file: Path, convention: SkeletonConvention | str | Path | None = None
+) -> SegmentOrientations:
+    """Read the orientations of segments from SMPL's body joints; the space has z up, as in AMASS.
+
+    The rest pose is a T pose with the palms down. There is no trunk's pose: where its joints are
+    depends on the licensed body model.
+
+    Args:
+        file: the .npz.
+        convention: another one than `SMPL`, such as `replace(SMPL, space_up="+y")` for data in a
+            space with y up.
+
+    Raises:
+        RecordingError: the file is no such archive, an array is missing, of another shape or not
+            finite, or the person is upright along another axis.
+    """
+    chosen = as_skeleton_convention(convention) or SMPL
+    arrays = _arrays(file)
+    poses, rate = arrays["poses"], float(arrays["rate"])
+    if poses.ndim != 2 or poses.shape[1] not in _WIDTHS:
+        raise RecordingError(
+            f"{file}: 'poses' must have 72, 156 or 165 columns (SMPL, SMPL-H, SMPL-X), has the "
+            f"shape {poses.shape}"
+        )
+    bad = np.argwhere(~(np.abs(poses) < _LARGEST))
+    if len(bad):
+        frame, column = bad[0]
+        raise RecordingError(f"{file}: 'poses' is {poses[frame, column]} in frame {frame}")
+    if not _SLOWEST < rate < _FASTEST:
+        raise RecordingError(f"{file}: the rate of the recording is {rate} Hz")
+    names, parents, offsets = zip(*_JOINTS, strict=True)
+    skeleton = Skeleton(names, parents, np.array(offsets, dtype=float))
+
+    def rotation(joint: int) -> Array:
+        vectors = poses[:, 3 * joint : 3 * joint + 3]
+        result: Array = scipy.spatial.transform.Rotation.from_rotvec(vectors).as_matrix()
+        return result
+
+    def position(joint: int) -> Array:
+        offset: Array = skeleton.offsets[joint]
+        return offset
+
+    motion = SkeletonMotion(skeleton, np.arange(len(poses)) / rate, rotation, position)
+    return skeleton_segments(file, motion, chosen, None, space_up="+z")
+
+
+def _arrays(file: Path) -> dict[str, Array]:
+    """The arrays "poses" and "rate" as floats."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # headers written by Python 2
+            archive = np.load(file, allow_pickle=False)
+    except _UNREADABLE as failure:
+        raise RecordingError(f"{file}: is no archive of NumPy arrays: {_line(failure)}") from None
+    if not isinstance(archive, np.lib.npyio.NpzFile):
+        raise RecordingError(f"{file}: is a single array, not an archive of arrays (.npz)")
+    with archive:
+        keys = {"poses": "poses", "rate": next((k for k in _RATES if k in archive), "")}
+        if "poses" not in archive or not keys["rate"]:
+            missing = "'poses'" if "poses" not in archive else " or ".join(map(repr, _RATES))
+            raise RecordingError(
+                f"{file}: there is no {missing} in it, as files of AMASS have; there are "
+                f"{', '.join(archive.files[:20]) or 'no arrays'}"
+            )
+        arrays = {}
+        for name, key in keys.items():
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", UserWarning)
+                    array = archive[key]
+            except _UNREADABLE as failure:
+                reason = (
+                    "it holds Python objects, which are not loaded from files"
+                    if "allow_pickle" in str(failure)
+                    else _line(failure)
+                )
+                raise RecordingError(f"{file}: {key!r} cannot be read: {reason}") from None
+            if array.dtype.kind not in "fiu" or (name == "rate" and array.size != 1):
+                raise RecordingError(
+                    f"{file}: {key!r} must be {'a number' if name == 'rate' else 'numbers'}, is "
+                    f"{array.dtype} of shape {array.shape}"
+                )
+            arrays[name] = np.array(array, dtype=float).reshape(
+                () if name == "rate" else array.shape
+            )
+    return arrays
+
+
+def _line(failure: BaseException) -> str:
+    return (str(failure).splitlines() or [type(failure).__name__])[0][:120]
