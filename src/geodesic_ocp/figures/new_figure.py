@@ -17,8 +17,8 @@ def new_figure(width: float, height: float) -> Figure:
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def save_figure(figure: Figure, folder: Path) -> None:
-    """Write figure.png and figure.pdf to the folder; the figure's layout is final then."""
-    figure.savefig(folder / "figure.png", dpi=150)
+def save_figure(figure: Figure, folder: Path, name: str = "figure", dpi: float = 150.0) -> None:
+    """Write name.png and name.pdf to the folder; the figure's layout is final then."""
+    figure.savefig(folder / f"{name}.png", dpi=dpi)
     figure.set_layout_engine("none")  # finding the layout takes as long as drawing
-    figure.savefig(folder / "figure.pdf")
+    figure.savefig(folder / f"{name}.pdf", dpi=dpi)

@@ -1,0 +1,1 @@
+"""Statistics of many recordings, over subjects."""

@@ -1,0 +1,90 @@
+"""What limits a study, in sentences."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from geodesic_ocp.studies.study.means import StudyMean
+from geodesic_ocp.studies.study.measures import MEASURES
+from geodesic_ocp.studies.study.subject_tests import StudyTest
+from geodesic_ocp.studies.study.subjects import subject_of
+from geodesic_ocp.studies.tables import Row
+
+_MEANS = (
+    "Means over subjects of the subjects' means. SD: standard deviation over subjects. Intervals: "
+    "of the mean, by Student's t."
+)
+
+
+def count(number: int, noun: str) -> str:
+    """A number with its noun: 1 subject, 2 subjects."""
+    return f"{number} {noun}" + "s" * (number != 1)
+
+
+def study_notes(
+    rows: Sequence[Row], synergies: Sequence[Row] | None, failures: Sequence[Row]
+) -> tuple[str, ...]:
+    """Failures, missing methods, nameless subjects, a single subject, settings that differ."""
+    notes = []
+    recordings = {str(row["recording"]) for row in rows}
+    if failures:
+        notes.append(f"{count(len(failures), 'recording')} could not be analysed.")
+    labels = {str(row["method"]): str(row.get("method_label") or row["method"]) for row in rows}
+    for method in sorted(labels):
+        known = {
+            row["recording"]
+            for row in rows
+            if row["method"] == method and math.isfinite(MEASURES["joint"].of(row))
+        }
+        if missing := len(recordings) - len(known):
+            of = count(len(recordings), "recording")
+            notes.append(f"{labels[method]}: no result in {missing} of {of}.")
+    nameless = {str(row["recording"]) for row in rows if not row.get("subject")}
+    if nameless:
+        notes.append(
+            f"{count(len(nameless), 'recording')} without the name of a subject: each file counts "
+            "as a subject of its own."
+        )
+    if len({subject_of(row) for row in rows}) == 1:
+        notes.append("One subject only: there is no spread over subjects, and nothing to test.")
+    settings = {str(row["settings"]) for row in rows if row.get("settings")}
+    if len(settings) > 1:
+        notes.append(f"The recordings were analysed with {len(settings)} different settings.")
+    if synergies is None:
+        notes.append("There is no table of synergies.")
+    return tuple(notes)
+
+
+def means_note(notes: Sequence[str], means: Sequence[StudyMean]) -> str:
+    """What stands below a table of means."""
+    several = len({(each.subjects, each.recordings) for each in means if each.recordings}) > 1
+    unequal = ["Methods are not all averaged over the same recordings."] * several
+    return " ".join([_MEANS, *unequal, *notes])
+
+
+def tests_note(tests: Sequence[StudyTest]) -> str:
+    """What stands below a table of tests."""
+    test = tests[0].test
+    sentences = [
+        "Pairs are subjects. Intervals: of the mean difference, by bootstrap. Effect: "
+        "matched-pairs rank-biserial correlation, positive where numbers are smaller than the "
+        f"reference's. Wilcoxon's signed-rank test, two-sided; last column corrected for "
+        f"{count(tests[0].together, 'test')} by Holm's method."
+    ]
+    pairs = {each.test.pairs for each in tests}
+    if pairs == {1}:
+        sentences.append("One subject only: there is nothing to test.")
+    else:
+        most = max(each.test.wins + each.test.losses for each in tests)
+        smallest = min(1.0, tests[0].together * min(each.test.smallest_p for each in tests))
+        if smallest > (1.0 - test.confidence) * (1.0 + 1e-9):
+            sentences.append(
+                f"With {count(most, 'pair')} that differ{' at most' * (len(pairs) > 1)} and "
+                f"{count(tests[0].together, 'test')} no corrected p can be below {smallest:.3g}."
+            )
+        if min(pairs) < 10:
+            sentences.append("A bootstrap of fewer than 10 pairs underestimates the interval.")
+    if names := {name: None for each in tests for name in each.left_out}:
+        sentences.append(f"Left out, without a pair: {', '.join(names)}.")
+    return " ".join(sentences)

@@ -1,0 +1,213 @@
+"""The tables of a study, for a paper."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from geodesic_ocp.studies.study.means import StudyMean, subject_means
+from geodesic_ocp.studies.study.measures import MEASURES, StudyMeasure
+from geodesic_ocp.studies.study.subject_tests import StudyTest
+from geodesic_ocp.studies.study.subjects import by_subject, conditions_of, rows_under
+from geodesic_ocp.studies.study.synergy_statistics import LEVELS, SynergyStatistics
+from geodesic_ocp.studies.tables import Row
+from geodesic_ocp.table import Table
+
+Label = Callable[[str], str]
+_Cells = tuple[str | int | float, ...]
+NONE = "-"  # where a number does not exist
+
+
+def means_table(
+    means: Sequence[Sequence[StudyMean]], label: Label, by: str | None, confidence: float, note: str
+) -> Table:
+    """Mean, standard deviation over subjects and confidence interval.
+
+    Args:
+        means: a row each: one method under one condition, by measure.
+        label: of a method.
+        by: what the conditions are; None without conditions.
+        confidence: of the intervals.
+        note: below the table.
+    """
+    header = [*([by] if by else []), "method", "subjects", "recordings"]
+    for each in means[0]:
+        name, _, unit = MEASURES[each.measure].header.partition(" [")
+        bracket = f" [{unit}" if unit else ""
+        header += [f"{name}, mean ± SD{bracket}", f"{confidence:.0%} interval{bracket}"]
+    rows: list[_Cells] = []
+    for row in means:
+        first = row[0]
+        counts = {(each.subjects, each.recordings) for each in row}
+        subjects, recordings = (
+            "/".join(dict.fromkeys(str(c[k]) for c in sorted(counts))) for k in (0, 1)
+        )
+        cells: list[str | int | float] = [label(first.method), subjects, recordings]
+        for each in row:
+            cells += [plus_minus(each.mean, each.spread), interval(each.interval)]
+        rows.append((*([first.condition] if by else []), *cells))
+    return Table(tuple(header), tuple(rows), note)
+
+
+def tidy_means(means: Sequence[StudyMean], by: str | None, confidence: float) -> Table:
+    """One row for each measure, method and condition, with all digits in CSV."""
+    names = ("measure", by or "condition", "method", "subjects", "recordings", "missing")
+    ends = (f"{confidence:.0%} low", f"{confidence:.0%} high")
+    rows: list[_Cells] = []
+    for each in means:
+        low, high = (NONE, NONE) if each.interval is None else each.interval
+        spread = NONE if each.spread is None else each.spread
+        counts = (each.subjects, each.recordings, each.missing)
+        mean = each.mean if math.isfinite(each.mean) else NONE
+        first = (each.measure, each.condition, each.method)
+        rows.append((*first, *counts, mean, spread, low, high, MEASURES[each.measure].unit))
+    return Table((*names, "mean", "SD", *ends, "unit"), tuple(rows))
+
+
+def by_subject_table(
+    rows: Sequence[Row], measure: StudyMeasure, methods: Mapping[str, str], by: str | None
+) -> Table:
+    """Means of each subject (row) and method (column)."""
+    entries: list[_Cells] = []
+    for condition in conditions_of(rows, by):
+        means = [
+            subject_means(rows_under(rows, by, condition, method), measure) for method in methods
+        ]
+        for subject, own in by_subject(rows_under(rows, by, condition)).items():
+            recordings = len({row["recording"] for row in own})
+            values = (each.get(subject, NONE) for each in means)
+            entries.append((*((condition,) if by else ()), subject, recordings, *values))
+    header = (*([by] if by else []), "subject", "recordings", *methods.values())
+    return Table(header, tuple(entries), f"means of the subject's recordings: {measure.header}")
+
+
+def tests_table(
+    tests: Sequence[StudyTest], label: Label, by: str | None, against: str, note: str
+) -> Table:
+    """Paired tests, one a row."""
+    measure = MEASURES[tests[0].measure]
+    unit = f" [{measure.unit}]" if measure.unit else ""
+    confidence = tests[0].test.confidence
+    header = (
+        *([by] if by else []),
+        f"against {against}",
+        "subjects",
+        "left out",
+        "smaller in",
+        f"mean difference{unit}",
+        f"{confidence:.0%} interval{unit}",
+        "effect",
+        "Wilcoxon p",
+        "p, Holm",
+    )
+    rows = tuple(
+        (
+            *([each.condition] if by else []),
+            label(each.method),
+            each.test.pairs,
+            len(each.left_out),
+            f"{each.test.wins} of {each.test.pairs}",
+            each.test.mean_difference,
+            interval(each.test.interval),
+            each.effect if each.test.pairs > 1 else NONE,
+            each.test.wilcoxon_p if each.test.pairs > 1 else NONE,
+            each.corrected_p if each.test.pairs > 1 else NONE,
+        )
+        for each in tests
+    )
+    return Table(header, rows, note)
+
+
+def synergies_table(
+    statistics: Sequence[SynergyStatistics], by: str | None, unit: str, note: str
+) -> Table:
+    """Numbers, durations and lengths of synergies, by subject and over subjects."""
+    header = (
+        *([by] if by else []),
+        "subject",
+        "recordings",
+        "synergies",
+        "per recording",
+        "per second [1/s]",
+        "duration, median (quartiles) [s]",
+        f"length, median (quartiles){f' [{unit}]' if unit else ''}",
+    )
+    rows: list[_Cells] = []
+    for condition in dict.fromkeys(each.condition for each in statistics):
+        own = [each for each in statistics if each.condition == condition]
+        first: _Cells = (condition,) if by else ()
+        for each in own:
+            counts = (each.recordings, each.synergies, each.per_recording, each.per_second)
+            spans = (_quartiles(each.durations), _quartiles(each.lengths))
+            rows.append((*first, each.subject, *counts, *spans))
+        if len(own) > 1:
+            rows.append((*first, *_over_subjects(own)))
+    return Table(header, tuple(rows), note)
+
+
+def tidy_synergies(statistics: Sequence[SynergyStatistics], by: str | None, unit: str) -> Table:
+    """One row for each subject and condition, with all quantiles."""
+    quantiles = [
+        f"{name} {level:.0%}{bracket}"
+        for name, bracket in (("duration", " [s]"), ("length", f" [{unit}]" if unit else ""))
+        for level in LEVELS
+    ]
+    header = (by or "condition", "subject", "recordings", "synergies", "per recording")
+    rows = tuple(
+        (
+            each.condition,
+            each.subject,
+            each.recordings,
+            each.synergies,
+            each.per_recording,
+            *(v if math.isfinite(v) else NONE for v in (each.per_second, *each.durations)),
+            *(v if math.isfinite(v) else NONE for v in each.lengths),
+        )
+        for each in statistics
+    )
+    return Table((*header, "per second [1/s]", *quantiles), rows)
+
+
+def plus_minus(mean: float, spread: float | None) -> str:
+    """Mean ± standard deviation with two digits of the latter, as 0.123 ± 0.045."""
+    if not math.isfinite(mean):
+        return NONE
+    if not spread:
+        return f"{mean:#.3g}" if spread is None else f"{mean:#.3g} ± 0"
+    decimals = 1 - math.floor(math.log10(spread))
+    if not 0 <= decimals <= 5:
+        return f"{mean:#.3g} ± {spread:#.2g}"
+    return f"{mean:.{decimals}f} ± {spread:.{decimals}f}"
+
+
+def interval(ends: tuple[float, float] | None) -> str:
+    """Low to high; a dash if there is none."""
+    if ends is None or not all(map(math.isfinite, ends)):
+        return NONE
+    return f"{ends[0]:#.3g} to {ends[1]:#.3g}"
+
+
+def _quartiles(quantiles: Sequence[float]) -> str:
+    _, low, middle, high, _ = quantiles
+    if not math.isfinite(middle):
+        return NONE
+    return f"{middle:#.3g} ({low:#.3g} to {high:#.3g})"
+
+
+def _over_subjects(statistics: Sequence[SynergyStatistics]) -> _Cells:
+    """The row of mean ± standard deviation over subjects."""
+    columns = [
+        [each.per_recording for each in statistics],
+        [each.per_second for each in statistics],
+        [each.durations[2] for each in statistics],
+        [each.lengths[2] for each in statistics],
+    ]
+    cells = []
+    for column in columns:
+        known = [value for value in column if math.isfinite(value)]
+        spread = float(np.std(known, ddof=1)) if len(known) > 1 else None
+        cells.append(plus_minus(float(np.mean(known)) if known else math.nan, spread))
+    totals = (sum(each.recordings for each in statistics), sum(s.synergies for s in statistics))
+    return ("all subjects, mean ± SD", *totals, *cells)
