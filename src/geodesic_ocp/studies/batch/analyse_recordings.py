@@ -1,0 +1,189 @@
+"""The analysis of many recordings in parallel, each result written at once and kept."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from geodesic_ocp.model.human.anthropometry import Side
+from geodesic_ocp.progress import Progress, no_progress
+from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
+from geodesic_ocp.studies.batch.batch_result import BatchResult
+from geodesic_ocp.studies.batch.batch_tables import collect, write_tables
+from geodesic_ocp.studies.batch.folder_lock import locked
+from geodesic_ocp.studies.batch.in_executor import in_executor
+from geodesic_ocp.studies.batch.in_processes import in_processes
+from geodesic_ocp.studies.batch.one_thread import usable_cores
+from geodesic_ocp.studies.batch.outcome import RecordingOutcome, RecordingTask
+from geodesic_ocp.studies.batch.recording_source import RecordingSource, recording_sources
+from geodesic_ocp.studies.batch.result_file import (
+    RESULTS,
+    read_result,
+    result_key,
+    results_by_key,
+    unfinished,
+    write_whole,
+)
+from geodesic_ocp.studies.batch.run_task import RUNNING, identity, outcome_of
+from geodesic_ocp.synergies.analysis_metrics import METRIC_NAMES
+
+_LABEL = "analysing recordings"
+_WINDOW = 64  # recordings submitted to an executor at a time
+
+
+def analyse_recordings(
+    paths: str | PathLike[str] | Iterable[str | PathLike[str]],
+    out: str | PathLike[str],
+    side: Side | Literal["both"] = "right",
+    settings: AnalysisSettings | None = None,
+    *,
+    jobs: int | None = None,
+    executor: Executor | None = None,
+    recursive: bool = False,
+    subject_pattern: str | None = None,
+    subjects: str | PathLike[str] | None = None,
+    progress: Progress | None = None,
+    finished: Callable[[RecordingOutcome], object] | None = None,
+) -> BatchResult:
+    """Analyse recordings in parallel, and write tables of all synergies, methods and failures.
+
+    Each result is written to `out` as a whole as soon as it is there. A run that was interrupted
+    in whatever way goes on where it was: a recording is analysed again only if its file, the
+    settings or the version of the package have changed, or if it failed. A process that dies is
+    replaced, and its recording analysed once more, alone.
+
+    In a script, the call must stand under ``if __name__ == "__main__":``, as processes read it.
+
+    Args:
+        paths: files, folders, or patterns such as "data/**/*.c3d", see `read_recordings`.
+        out: folder for results/ (a file a recording, and one of its synergies, see
+            `load_synergies`), recordings.csv, synergies.csv, failures.csv, the same as Parquet if
+            pyarrow is installed, and summary.md. The tables hold the recordings of this call.
+        side: which arm, or "both".
+        settings: of the analysis.
+        jobs: number of processes, by default one for each core; with an executor the number of
+            recordings that are submitted to it at a time, by default 64.
+        executor: such as that of Dask, ``Client(...).get_executor()``, whose workers see the same
+            files under the same names.
+        recursive: also take the files in the folders within a folder.
+        subject_pattern: of the paths, without their suffix, such as "{subject}/{trial}" or
+            "{subject}_*_{trial}".
+        subjects: CSV file with the columns file and subject, and, if known, trial, height [m] and
+            mass [kg]; or it.
+        progress: called with the current step, the amount done, and the total.
+        finished: called with the outcome of each recording.
+
+    Raises:
+        RecordingError: a folder without recordings, or a table of subjects that cannot be read.
+        ValueError: a wrong argument, or another run works in the folder.
+        GeodesicOcpError: processes cannot be started, or the executor has ended.
+        OSError: the folder cannot be written to.
+    """
+    if jobs is not None and (isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1):
+        raise ValueError(f"jobs must be a positive integer or None, got {jobs!r}")
+    if side not in (*get_args(Side), "both"):
+        raise ValueError(f"side must be 'right', 'left' or 'both', got {side!r}")
+    settings = settings or AnalysisSettings()
+    if settings.metric not in METRIC_NAMES:
+        settings = replace(settings, metric=str(Path(settings.metric).absolute()))
+    sides: Sequence[Side] = get_args(Side) if side == "both" else (side,)
+    sources = recording_sources(
+        paths, sides, recursive=recursive, pattern=subject_pattern, table=subjects
+    )
+    start = time.perf_counter()
+    folder = Path(out).absolute()
+    (folder / RESULTS).mkdir(parents=True, exist_ok=True)
+    with locked(folder):
+        _clean(folder)
+        (folder / RUNNING).mkdir()
+        outcomes = _Outcomes(len(sources), progress or no_progress, finished)
+        tasks = _tasks(sources, settings, folder, outcomes)
+        for outcome in (
+            in_processes(tasks, jobs or usable_cores(), folder)
+            if executor is None
+            else in_executor(executor, tasks, jobs or _WINDOW)
+        ):
+            outcomes.add(outcome)
+        collected, kept = collect(folder, [outcomes.found[source.name] for source in sources])
+        files = write_tables(folder, collected, kept, settings)
+        _clean(folder)
+    return BatchResult(
+        folder=folder,
+        analysed=sum(outcome.kind == "analysed" for outcome in kept),
+        found=sum(outcome.kind == "found" for outcome in kept),
+        failures=tuple(outcome for outcome in kept if not outcome.success),
+        warned=tuple(outcome for outcome in kept if outcome.success and outcome.warnings),
+        seconds=time.perf_counter() - start,
+        files=files,
+    )
+
+
+def _clean(folder: Path) -> None:
+    """Remove what processes that were killed have left."""
+    for file in unfinished(folder):
+        file.unlink(missing_ok=True)
+    shutil.rmtree(folder / RUNNING, ignore_errors=True)
+
+
+class _Outcomes:
+    """Outcomes by the name of the recording, each reported once."""
+
+    def __init__(
+        self,
+        total: int,
+        progress: Progress,
+        finished: Callable[[RecordingOutcome], object] | None,
+    ) -> None:
+        self.found: dict[str, RecordingOutcome] = {}
+        self._total, self._progress, self._finished = total, progress, finished
+        progress(_LABEL, 0, total)
+
+    def add(self, outcome: RecordingOutcome) -> None:
+        self.found[outcome.source.name] = outcome
+        if self._finished is not None:
+            self._finished(outcome)
+        self._progress(_LABEL, len(self.found), self._total)
+
+
+def _tasks(
+    sources: Sequence[RecordingSource],
+    settings: AnalysisSettings,
+    folder: Path,
+    outcomes: _Outcomes,
+) -> Iterator[RecordingTask]:
+    """The recordings that are to be analysed; outcomes of the others are added on the way."""
+    known = results_by_key(folder)
+    first: dict[str, str] = {}  # names of recordings by key
+    for source in sources:
+        outcome = RecordingOutcome(source, "file", source.problem)
+        if not source.problem:
+            try:
+                key = result_key(source, settings)
+            except OSError as failure:
+                outcome = RecordingOutcome(source, "file", f"cannot be read: {failure.strerror}")
+            else:
+                same = first.setdefault(key, source.name)
+                record = read_result(known[key]) if key in known else None
+                if same != source.name:
+                    outcome = RecordingOutcome(source, "same", f"is the same file as {same}")
+                elif record is None:
+                    yield RecordingTask(source, settings, folder, key)
+                    continue
+                else:
+                    _rename(known[key], record, source)
+                    outcome = outcome_of(source, key, record)
+        outcomes.add(outcome)
+
+
+def _rename(path: Path, record: dict[str, Any], source: RecordingSource) -> None:
+    """Let a result from before have the names that the recording has now."""
+    now = identity(source, record.get("own_subject", ""))
+    if record["identity"] != now:
+        write_whole(path, json.dumps(record | {"identity": now}, allow_nan=False))

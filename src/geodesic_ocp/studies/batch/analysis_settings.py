@@ -1,0 +1,142 @@
+"""AnalysisSettings: how recordings are filtered, cut and planned, as plain values."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from geodesic_ocp.arrays import as_positive
+from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.progress import Progress
+from geodesic_ocp.synergies.analysis_metrics import METRIC_NAMES, as_analysis_metric
+from geodesic_ocp.synergies.segmentation.segment import as_threshold
+from geodesic_ocp.synergies.segmentation.segment_costs import Measure
+from geodesic_ocp.synergies.segmentation.segment_optimal import segment_optimal
+from geodesic_ocp.trajectory.motion import Motion
+
+Segments = Literal["online", "optimal"]
+
+
+@dataclass(frozen=True, repr=False)
+class AnalysisSettings:
+    """How recordings are filtered, cut and planned: the options of `geodesic-ocp analyse`.
+
+    Attributes:
+        height, mass: of all persons [m], [kg]; by default those in the files.
+        resample: interpolate at this rate first [Hz].
+        cutoff: of the filter [Hz]; by default chosen for each recording.
+        duration: of the window of a Savitzky-Golay filter [s], instead of a cut-off.
+        unfiltered: take recordings as they are.
+        metric: "joint-inertia", "kinetic", "euclidean", or a file that `save_metric` wrote.
+        armature: joint inertia of every joint [kg m^2] for the metric "joint-inertia".
+        segments: "online", see `segment`, or "optimal", see `segment_optimal`.
+        threshold, rest, rest_duration, min_duration, hysteresis: of `segment`.
+        count, penalty, error, measure, spacing, max_duration: of `segment_optimal`.
+
+    Raises:
+        ValueError: a setting out of range, or settings that exclude each other.
+    """
+
+    height: float | None = None
+    mass: float | None = None
+    resample: float | None = None
+    cutoff: float | None = None
+    duration: float | None = None
+    unfiltered: bool = False
+    metric: str = "joint-inertia"
+    armature: float | None = None
+    segments: Segments = "online"
+    threshold: float = 0.6
+    rest: float = 0.02
+    rest_duration: float = 0.1
+    min_duration: float = 0.1
+    hysteresis: float = 0.1
+    count: int | None = None
+    penalty: float | None = None
+    error: float | None = None
+    measure: Measure = "joint"
+    spacing: float = 0.05
+    max_duration: float = 2.0
+
+    def __post_init__(self) -> None:
+        for name in ("height", "mass", "resample", "cutoff", "duration"):
+            if (number := getattr(self, name)) is not None:
+                as_positive(name, number)
+        if sum((self.cutoff is not None, self.duration is not None, self.unfiltered)) > 1:
+            raise ValueError("give only one of cutoff, duration and unfiltered")
+        as_threshold(self.threshold)
+        if self.segments not in get_args(Segments):
+            raise ValueError(f"segments must be 'online' or 'optimal', got {self.segments!r}")
+        wanted = [name for name in ("count", "penalty", "error") if getattr(self, name) is not None]
+        if len(wanted) != (self.segments == "optimal"):
+            raise ValueError(
+                "segments='optimal' needs one of count, penalty and error, and only it does; got "
+                f"segments={self.segments!r} with {' and '.join(wanted) or 'none of them'}"
+            )
+        if self.metric not in METRIC_NAMES and not Path(self.metric).is_file():
+            raise ValueError(
+                f"metric must be {', '.join(METRIC_NAMES)} or a file, and there is no file "
+                f"{self.metric!r}"
+            )
+        if self.armature is not None and self.metric != "joint-inertia":
+            raise ValueError(
+                f"armature is the joint inertia of the metric joint-inertia, not of {self.metric}"
+            )
+
+    def __repr__(self) -> str:
+        others = [
+            f"{each.name}={getattr(self, each.name)!r}"
+            for each in fields(self)
+            if getattr(self, each.name) != each.default
+        ]
+        return f"AnalysisSettings({', '.join(others)})"
+
+    def record(self) -> dict[str, Any]:
+        """The settings as they are stored; of a metric's file its content, by a digest."""
+        found = asdict(self)
+        if self.metric not in METRIC_NAMES:
+            found["metric"] = hashlib.sha256(Path(self.metric).read_bytes()).hexdigest()
+        return found
+
+    def digest(self) -> str:
+        """Eight hexadecimal digits that are the same for the same settings."""
+        text = json.dumps(self.record(), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:8]
+
+    def metric_of(self, model: Model) -> Metric:
+        """The metric on a model, which has the armature of the settings.
+
+        Raises:
+            RecordingError: the metric's file is not one, or does not fit the model.
+        """
+        if self.metric == "joint-inertia" and self.armature is not None:
+            return KineticEnergy(model)  # also with an armature of 0
+        if self.metric in METRIC_NAMES:
+            return as_analysis_metric(self.metric, model)
+        from geodesic_ocp.fitting.metric_file import load_metric  # with a solver: others save it
+
+        return load_metric(self.metric, model)
+
+    def segments_of(
+        self, metric: Metric, motion: Motion, model: Model, progress: Progress | None = None
+    ) -> list[tuple[int, int]] | None:
+        """The optimal segments of a filtered motion; None for those of the online rule."""
+        if self.segments == "online":
+            return None
+        return segment_optimal(
+            metric,
+            motion,
+            count=self.count,
+            penalty=self.penalty,
+            error=self.error,
+            measure=self.measure,
+            model=model,
+            spacing=self.spacing,
+            max_duration=self.max_duration,
+            progress=progress,
+        )

@@ -1,0 +1,53 @@
+"""BatchResult: what became of many recordings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from geodesic_ocp.studies.batch.outcome import RecordingOutcome
+from geodesic_ocp.studies.tables import Row
+from geodesic_ocp.studies.tidy_files import read_tidy
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BatchResult:
+    """What became of many recordings (`analyse_recordings`).
+
+    Attributes:
+        folder: of the tables and results.
+        analysed: number of recordings that were analysed now.
+        found: number of recordings with a result from before.
+        failures: those without a result, each with its reason, in the order of the files.
+        warned: those with a result whose analysis gave warnings.
+        seconds: that the run took.
+        files: of the tables and the summary.
+    """
+
+    folder: Path
+    analysed: int
+    found: int
+    failures: tuple[RecordingOutcome, ...]
+    warned: tuple[RecordingOutcome, ...]
+    seconds: float
+    files: tuple[Path, ...]
+
+    def __repr__(self) -> str:
+        return f"BatchResult({self.folder}: {self.counts})"
+
+    @property
+    def counts(self) -> str:
+        """Numbers of recordings, in words."""
+        parts = [f"{self.analysed} analysed"]
+        if self.found:
+            parts.append(f"{self.found} analysed before")
+        parts.append(f"{len(self.failures)} left out")
+        return ", ".join(parts)
+
+    def recordings(self) -> list[Row]:
+        """Rows of recordings.csv, one for each recording and method."""
+        return read_tidy(self.folder, "recordings")
+
+    def synergies(self) -> list[Row]:
+        """Rows of synergies.csv, one for each synergy."""
+        return read_tidy(self.folder, "synergies")

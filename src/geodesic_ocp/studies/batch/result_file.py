@@ -1,0 +1,93 @@
+"""The file of one recording's result: its key, and writing and reading it as a whole."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import tempfile
+from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.records import read_record
+from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
+from geodesic_ocp.studies.batch.recording_source import RecordingSource
+
+FORMAT, VERSION = "geodesic_ocp result of a recording", 1
+RESULTS = "results"  # folder of the results, within that of the output
+SYNERGIES = ".synergies.json"
+_TEMPORARY = ".writing-"
+_KEY = re.compile(r"-([0-9a-f]{32})\.json$")
+
+
+def result_key(source: RecordingSource, settings: AnalysisSettings) -> str:
+    """32 digits that change with the file's content, the side, the settings and the package.
+
+    Raises:
+        OSError: the file cannot be read.
+    """
+    digest = hashlib.sha256()
+    with source.path.open("rb") as stream:
+        while block := stream.read(1 << 20):
+            digest.update(block)
+    known = [source.side, source.height, source.mass, settings.digest(), version("geodesic_ocp")]
+    digest.update(json.dumps(known).encode())
+    return digest.hexdigest()[:32]
+
+
+def result_name(source: RecordingSource, key: str) -> str:
+    """Name of the file of a result."""
+    stem = re.sub(r"[^\w.-]+", "_", source.path.stem)[:100]
+    return f"{stem}-{source.side}-{key}.json"
+
+
+def results_by_key(folder: Path) -> dict[str, Path]:
+    """The files of results in the output folder, by key; none is opened."""
+    found = {}
+    for name in sorted(os.listdir(folder / RESULTS)) if (folder / RESULTS).is_dir() else ():
+        if match := _KEY.search(name):
+            found[match[1]] = folder / RESULTS / name
+    return found
+
+
+def read_result(path: Path) -> dict[str, Any] | None:
+    """The record of a result; None if the file is missing, damaged or of another version."""
+    try:
+        record = read_record(path, FORMAT, VERSION, "a result")
+    except RecordingError:
+        return None
+    return record if {"identity", "recordings", "synergies"} <= set(record) else None
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a file that is there as a whole or not at all, whenever the process or machine stops.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=_TEMPORARY)
+    temporary = Path(name)
+    try:
+        with open(descriptor, "w", encoding="utf-8") as stream:
+            stream.write(text)
+            stream.flush()
+            os.fsync(stream.fileno())
+        temporary.chmod(0o644)
+        temporary.replace(path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+    directory = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(directory)
+    finally:
+        os.close(directory)
+
+
+def unfinished(folder: Path) -> Iterator[Path]:
+    """Temporary files that processes which were killed left among the results."""
+    yield from (folder / RESULTS).glob(f"{_TEMPORARY}*")

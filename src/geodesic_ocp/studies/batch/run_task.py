@@ -1,0 +1,158 @@
+"""The analysis of one of many recordings, in a process of its own kind."""
+
+from __future__ import annotations
+
+import gc
+import json
+import os
+import tempfile
+import threading
+import time
+import warnings
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from geodesic_ocp.errors import GeodesicOcpError
+from geodesic_ocp.recordings.read_recording import read_recording, stature_of
+from geodesic_ocp.studies.batch.analyse_recording import analyse_recording
+from geodesic_ocp.studies.batch.analysis_rows import recording_rows, synergy_rows
+from geodesic_ocp.studies.batch.outcome import OutcomeKind, RecordingOutcome, RecordingTask
+from geodesic_ocp.studies.batch.recording_source import RecordingSource
+from geodesic_ocp.studies.batch.result_file import (
+    FORMAT,
+    RESULTS,
+    SYNERGIES,
+    VERSION,
+    read_result,
+    result_name,
+    write_whole,
+)
+from geodesic_ocp.studies.tables import Row
+from geodesic_ocp.synergies.synergy_files import save_synergies
+from geodesic_ocp.trajectory.motion import Motion
+
+RUNNING = "running"  # folder of files that name the recording of each process
+_PROBES = 8  # samples by which equal motions are recognised
+
+# Warnings cannot be told apart between threads: an executor of threads analyses one at a time.
+_one_at_a_time = threading.Lock()
+
+
+def run_task(task: RecordingTask) -> RecordingOutcome:
+    """Analyse a recording and write its result; never raises for what is in the file.
+
+    Raises:
+        OSError: the result cannot be written.
+    """
+    note = task.folder / RUNNING / str(os.getpid())
+    with _one_at_a_time:
+        note.write_text(task.key, encoding="utf-8")
+        try:
+            return _analysed(task)
+        finally:
+            note.unlink(missing_ok=True)
+            gc.collect()  # models and compiled functions refer to each other
+
+
+def _analysed(task: RecordingTask) -> RecordingOutcome:
+    target = task.folder / RESULTS / result_name(task.source, task.key)
+    if (record := read_result(target)) is not None:  # of a process that died right after it
+        return outcome_of(task.source, task.key, record)
+    start = time.perf_counter()
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            record, synergies = _result(task)
+    except (ValueError, OSError, ImportError) as failure:
+        return _failed(task, "file", failure)
+    except GeodesicOcpError as failure:
+        return _failed(task, "solver", failure)
+    except Exception as failure:  # an error in a reader or in the analysis: the others go on
+        return _failed(task, "error", failure)
+    record["warnings"] = list(dict.fromkeys(" ".join(str(each.message).split()) for each in caught))
+    seconds = time.perf_counter() - start
+    for row in record["recordings"]:
+        row["computation_s"] = seconds
+    write_whole(target.with_suffix(SYNERGIES), synergies)
+    write_whole(target, json.dumps(record, allow_nan=False))  # last: it makes the result
+    return replace(outcome_of(task.source, task.key, record), kind="analysed", seconds=seconds)
+
+
+def _failed(task: RecordingTask, kind: OutcomeKind, failure: Exception) -> RecordingOutcome:
+    reason = " ".join(str(failure).split()).removeprefix(f"{task.source.path}: ")
+    if kind == "error":
+        reason = f"{type(failure).__name__}: {reason}"
+    return RecordingOutcome(task.source, kind, reason)
+
+
+def _result(task: RecordingTask) -> tuple[dict[str, Any], str]:
+    """The record of the result and the text of the synergies' file."""
+    source, settings = task.source, task.settings
+    height = settings.height if settings.height is not None else source.height
+    mass = settings.mass if settings.mass is not None else source.mass
+    recording = read_recording(
+        source.path,
+        source.side,
+        height=height,
+        mass=mass,
+        armature=settings.armature or 0.0,
+        resample=settings.resample,
+        cutoff=settings.cutoff,
+        duration=settings.duration,
+        unfiltered=settings.unfiltered,
+    )
+    analysis = analyse_recording(recording, settings)
+    motion = analysis.motion
+    height, mass = stature_of(motion.subject, height, mass)
+    digest = settings.digest()
+    same: Row = {"height_m": height, "mass_kg": mass, "settings": digest}
+    own: Row = {"settings": digest}
+    record = {
+        "format": FORMAT,
+        "version": VERSION,
+        "key": task.key,
+        "package": version("geodesic_ocp"),
+        "path": str(source.path),
+        "settings": settings.record(),
+        "own_subject": motion.subject.name,
+        "probes": _probes(motion),
+        "identity": identity(source, motion.subject.name),
+        "recordings": [same | row for row in recording_rows(analysis)],
+        "synergies": [own | row for row in synergy_rows(analysis)],
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "synergies.json"
+        save_synergies(file, analysis.synergies, motion.joint_names)
+        return record, file.read_text(encoding="utf-8")
+
+
+def _probes(motion: Motion) -> list[Any]:
+    """Number of samples, and the recorded angles at some of them: equal for equal motions."""
+    q = motion.q if motion.unfiltered is None else motion.unfiltered
+    rows = np.linspace(0, len(q) - 1, _PROBES).round().astype(int)
+    return [len(q), q[rows].ravel().tolist()]
+
+
+def identity(source: RecordingSource, own_subject: str) -> dict[str, str]:
+    """What identifies a recording in the tables, with the subject that the file names."""
+    return {
+        "recording": source.name,
+        "file": source.file,
+        "subject": source.subject or own_subject or source.fallback,
+        "trial": source.trial,
+        "side": source.side,
+    }
+
+
+def outcome_of(source: RecordingSource, key: str, record: dict[str, Any]) -> RecordingOutcome:
+    """The outcome of a recording that has a result."""
+    own = record["recordings"][0]
+    text = (
+        f"{own['segments']} synergies, joints to {own['joint_error_rad']:.3f} rad, hand to "
+        f"{1e3 * own['position_error_m']:.0f} mm"
+    )
+    return RecordingOutcome(source, "found", text, key, tuple(record.get("warnings", ())))

@@ -1,0 +1,119 @@
+"""Subjects and trials from patterns of file names, and from a table of the files."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path, PurePosixPath
+
+from geodesic_ocp.arrays import as_positive
+from geodesic_ocp.errors import RecordingError
+
+_FIELD = re.compile(r"\{(\w*)\}|(\*)")
+
+
+@dataclass(frozen=True)
+class SubjectEntry:
+    """What is known of a file: subject, trial, height [m] and mass [kg] of the person."""
+
+    subject: str
+    trial: str = ""
+    height: float | None = None
+    mass: float | None = None
+
+
+class SubjectPattern:
+    """A pattern of paths such as "{subject}/{trial}" or "{subject}_*_{trial}".
+
+    It is compared with the end of a path without its suffix. {subject}, {trial} and * stand for at
+    least one character other than /, and for as few as possible, the first of them first.
+
+    >>> SubjectPattern("{subject}_reach_{trial}").find("data/S01_reach_2.c3d")[0].trial
+    '2'
+
+    Raises:
+        ValueError: no {subject}, or another or a repeated field.
+    """
+
+    def __init__(self, pattern: str) -> None:
+        names = [match[1] for match in _FIELD.finditer(pattern) if not match[2]]
+        if names.count("subject") != 1 or sorted(names) not in (["subject"], ["subject", "trial"]):
+            raise ValueError(
+                "the pattern of subjects must hold {subject} once, and may hold {trial} once and "
+                f"*, as in '{{subject}}/*_{{trial}}'; got {pattern!r}"
+            )
+        self.pattern = pattern
+        parts, end = [], 0
+        for match in _FIELD.finditer(pattern):
+            parts.append(re.escape(pattern[end : match.start()]))
+            parts.append("[^/]+?" if match[2] else f"(?P<{match[1]}>[^/]+?)")
+            end = match.end()
+        self._expression = re.compile("(?:.*/)?" + "".join([*parts, re.escape(pattern[end:])]))
+
+    def find(self, path: str) -> tuple[SubjectEntry, str]:
+        """What the pattern finds in a path, or why it does not."""
+        found = self._expression.fullmatch(str(PurePosixPath(path).with_suffix("")))
+        if found is None:
+            return SubjectEntry(""), f"its path does not match the pattern {self.pattern!r}"
+        return SubjectEntry(found["subject"], found.groupdict().get("trial") or ""), ""
+
+
+@dataclass(frozen=True, repr=False)
+class SubjectTable:
+    """Entries by the path of the file, as far as the table gives it, without the suffix.
+
+    Attributes:
+        path: of the table.
+        entries: by path.
+    """
+
+    path: Path
+    entries: Mapping[str, SubjectEntry]
+
+    def __repr__(self) -> str:
+        return f"SubjectTable({self.path}, {len(self.entries)} files)"
+
+    @classmethod
+    def read(cls, path: str | PathLike[str]) -> SubjectTable:
+        """Read a CSV file with the columns file, subject and, if known, trial, height and mass.
+
+        Raises:
+            RecordingError: the table is missing, lacks a column, or has a wrong entry.
+        """
+        file = Path(path)
+        try:
+            with file.open(encoding="utf-8-sig", newline="") as stream:
+                rows = csv.DictReader(stream)
+                missing = {"file", "subject"} - set(rows.fieldnames or ())
+                if missing:
+                    raise RecordingError(f"{file}: there is no column {' or '.join(missing)}")
+                return cls(file, dict(_entry(file, rows.line_num, row) for row in rows))
+        except OSError as failure:
+            raise RecordingError(f"{file}: cannot be read: {failure.strerror}") from None
+        except (csv.Error, UnicodeDecodeError) as failure:
+            raise RecordingError(f"{file}: is not a table in UTF-8: {failure}") from None
+
+    def find(self, file: str) -> tuple[SubjectEntry, str]:
+        """The entry whose path is the end of the file's, or why there is none."""
+        parts = PurePosixPath(file).with_suffix("").parts
+        for length in range(len(parts), 0, -1):
+            entry = self.entries.get("/".join(parts[-length:]))
+            if entry is not None:
+                return entry, ""
+        return SubjectEntry(""), f"{self.path} does not name it"
+
+
+def _entry(file: Path, line: int, row: Mapping[str, str | None]) -> tuple[str, SubjectEntry]:
+    if not row["file"] or not row["subject"]:
+        raise RecordingError(f"{file}: line {line}: file and subject must not be empty")
+    numbers: dict[str, float | None] = {}
+    for name in ("height", "mass"):
+        try:
+            numbers[name] = as_positive(name, float(text)) if (text := row.get(name)) else None
+        except ValueError as failure:
+            raise RecordingError(f"{file}: line {line}: {name}: {failure}") from None
+    entry = SubjectEntry(row["subject"], row.get("trial") or "", **numbers)
+    return str(PurePosixPath(row["file"].replace("\\", "/")).with_suffix("")), entry
