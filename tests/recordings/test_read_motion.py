@@ -85,8 +85,9 @@ def test_other_columns_may_contain_anything(tmp_path: Path) -> None:
     assert motion.time == pytest.approx([0.0, 0.01])
 
 
-def test_degrees_are_converted_to_radians(tmp_path: Path) -> None:
-    motion = go.read_motion(write(tmp_path, "deg.csv", DEGREES))
+@pytest.mark.parametrize("unit", ["deg", "degrees", "Degree", "deg,,"])
+def test_degrees_are_converted_to_radians(unit: str, tmp_path: Path) -> None:
+    motion = go.read_motion(write(tmp_path, "deg.csv", DEGREES.replace("deg", unit)))
     assert motion.q == pytest.approx(np.array([[np.pi / 2, -np.pi], [np.pi / 4, 0.0]]))
 
 
@@ -94,7 +95,7 @@ def test_degrees_are_converted_to_radians(tmp_path: Path) -> None:
     ("name", "text", "message"),
     [
         ("cut.xml", LEGACY[:400], "broken XML at line"),
-        ("empty.xml", "", "broken XML at line 1"),
+        ("empty.xml", "", "is empty"),
         ("html.xml", "<html><body/></html>", "expected <MMM> with a <Motion>, found <html>"),
         ("bare.xml", "<MMM/>", "expected <MMM> with a <Motion>"),
         ("nojoint.xml", LEGACY, "there is no joint c in this recording"),
@@ -118,13 +119,14 @@ def test_degrees_are_converted_to_radians(tmp_path: Path) -> None:
         ("flat.xml", LEGACY.replace("1.7", "-1.7"), "Height of the subject must be positive"),
         ("nojoint.csv", TABLE, "there is no joint c; there are b, a"),
         ("nounit.csv", TABLE[12:], "a line '# unit: rad' or '# unit: deg' must precede"),
-        ("gon.csv", TABLE.replace("rad", "gon"), "not '# unit: gon'"),
-        ("empty.csv", "", "has no header"),
+        ("gon.csv", TABLE.replace("rad", "gon"), "not 'gon'"),
+        ("empty.csv", "", "is empty"),
+        ("blank.csv", " \n\t\n", "is empty"),
         ("comments.csv", "# unit: rad\n", "has no header"),
         (
             "headless.csv",
             "# unit: rad\n0,1,2\n",
-            "line 2 must be a header with 'time' and joint names",
+            "line 2 must be a header with 'time' and names of columns",
         ),
         ("semicolons.csv", "# unit: rad\ntime;a;b\n0;1;2\n", "; separate columns by commas"),
         ("ragged.csv", TABLE + "0.03,1\n", "line 7 has 2 entries, the header 3"),
@@ -138,7 +140,14 @@ def test_degrees_are_converted_to_radians(tmp_path: Path) -> None:
         ("units.csv", "# unit: deg\n" + TABLE, "line 2 gives the unit again, with another value"),
         ("long.csv", TABLE.replace("0.6", "9" * 140_000), "is not a table: field larger"),
         ("code.xml", "<?xml version='1.0' encoding='foo-8'?><MMM/>", "encoding"),
-        ("motion.bvh", "", r"a recording ends in \.xml \(MMM\) or \.csv, not '\.bvh'"),
+        (
+            "bomb.xml",
+            '<!DOCTYPE MMM [\n<!ENTITY a "b">\n]><MMM>&a;</MMM>',
+            "line 2 defines the entity 'a': recordings have none",
+        ),
+        ("letter.bvh", "Dear reader,\n", "it looks like text that begins with 'Dear reader,'"),
+        ("figures.csv", "0, 1\n2, 3\n", "it looks like a table of numbers without the names"),
+        ("degrees.csv", DEGREES.replace("deg", "rad"), "a reaches -180 rad: are these degrees"),
     ],
 )
 def test_bad_files_are_named(name: str, text: str, message: str, tmp_path: Path) -> None:
@@ -159,8 +168,11 @@ def test_missing_folder_and_binary_files(tmp_path: Path) -> None:
         with pytest.raises(ValueError, match="joints must be a sequence of names"):
             go.read_motion(write(tmp_path, "good.csv", TABLE), joints)
     (tmp_path / "binary.csv").write_bytes(b"\x89PNG\xff\xfe")
-    with pytest.raises(go.RecordingError, match="is not text in UTF-8"):
+    with pytest.raises(go.RecordingError, match=r"looks like a PNG image\. These are read: MMM"):
         go.read_motion(tmp_path / "binary.csv")
+    (tmp_path / "latin.csv").write_bytes(TABLE.encode().replace(b",b,", b",\xe4,"))
+    with pytest.raises(go.RecordingError, match="is not text in UTF-8"):
+        go.read_motion(tmp_path / "latin.csv")
 
 
 def test_both_layouts_of_one_recording_agree(shared: Path) -> None:

@@ -64,7 +64,7 @@ def test_files_that_cannot_be_used_are_named_together(folder: Path) -> None:
     expected = {
         "c.xml": "broken XML",
         "d.csv": "",  # too short to filter
-        "e.csv": "far outside its limits",
+        "e.csv": "are these degrees?",
         "f.csv": "is time in milliseconds?",
         "g.csv": f"holds the same motion as {folder / 'b.csv'}",
     }

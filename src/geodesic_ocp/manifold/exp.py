@@ -52,7 +52,7 @@ def exp(metric: Metric, q: Any, v: Any, *, tolerance: float = 1e-9) -> Array:
             be reached; `time` and `state` say where.
     """
     metric = as_metric(metric)
-    point, velocity = as_vector("q", q, metric.dim), as_vector("v", v, metric.dim)
+    point, velocity = metric.point("q", q), as_vector("v", v, metric.dim)
     tolerance = as_positive("tolerance", tolerance)
     if not metric.has_constant_tensor and metric.kernels.available(at_once=False):
         end = metric.kernels.exp(point, velocity, _step_tolerance(tolerance), tolerance)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.trajectory.motion import Motion
 
 # Recordings exceed the joint limits by tenths; more than this means wrong units [rad or m].
 _FAR_OUTSIDE = 2.0
 _LONGEST_STEP = 1.0  # [s] between samples of a recording
+# No joint of a person, nor of an arm, is two revolutions from zero; in degrees, any motion is.
+_LARGEST_ANGLE = 4.0 * np.pi  # [rad]
 
 
 def check_plausible(model: Model, motion: Motion) -> None:
@@ -17,20 +20,50 @@ def check_plausible(model: Model, motion: Motion) -> None:
 
     Raises:
         ValueError: samples are a second or more apart, or a joint jumps or is far outside its
-            limits.
+            limits; asks whether angles are in degrees where they would fit the limits.
     """
     step = float(np.median(np.diff(motion.time)))
     if step >= _LONGEST_STEP:
         raise ValueError(f"samples are {step:g} s apart: is time in milliseconds? It must be in s")
-    for joint, low, high, q in zip(
-        motion.joint_names, model.lower, model.upper, motion.q.T, strict=True
-    ):
-        outside = np.maximum(low - q, q - high)
-        worst, jump = int(np.argmax(outside)), int(np.argmax(np.abs(np.diff(q))))
-        if outside[worst] > _FAR_OUTSIDE:
+    outside = np.maximum(model.lower - motion.q, motion.q - model.upper)
+    if _are_degrees(model, motion.q, outside):
+        worst_joint = int(np.argmax(outside.max(axis=0)))
+        raise ValueError(_question(motion, worst_joint))
+    for column, joint in enumerate(motion.joint_names):
+        q, low, high = motion.q[:, column], model.lower[column], model.upper[column]
+        worst, jump = int(np.argmax(outside[:, column])), int(np.argmax(np.abs(np.diff(q))))
+        if outside[worst, column] > _FAR_OUTSIDE:
             raise ValueError(
                 f"{joint} is {q[worst]:.6g} at sample {worst}, far outside its limits "
                 f"{low:.3g} to {high:.3g}: another unit, or a spike?"
             )
         if abs(q[jump + 1] - q[jump]) > _FAR_OUTSIDE:
             raise ValueError(f"{joint} jumps from {q[jump]:.6g} to {q[jump + 1]:.6g} at {jump}")
+
+
+def check_radians(motion: Motion) -> None:
+    """Ask whether the angles of a motion are in degrees, if a joint is two revolutions from zero.
+
+    Raises:
+        ValueError: they look like degrees.
+    """
+    if np.abs(motion.q).max(initial=0.0) > _LARGEST_ANGLE:
+        raise ValueError(_question(motion, int(np.argmax(np.abs(motion.q).max(axis=0)))))
+
+
+def _are_degrees(model: Model, q: Array, outside: Array) -> bool:
+    """Whether most samples are far outside the limits, and none would be if it were in degrees."""
+    angular = np.array(model.units) == "rad"
+    if np.mean(np.any(outside[:, angular] > _FAR_OUTSIDE, axis=1)) < 0.5:
+        return False  # a spike
+    angles = np.deg2rad(q[:, angular])
+    low, high = model.lower[angular] - _FAR_OUTSIDE, model.upper[angular] + _FAR_OUTSIDE
+    return bool(np.all((low <= angles) & (angles <= high)))
+
+
+def _question(motion: Motion, column: int) -> str:
+    worst = motion.q[int(np.argmax(np.abs(motion.q[:, column]))), column]
+    return (
+        f"{motion.joint_names[column]} reaches {worst:.4g} rad: are these degrees? A table in "
+        "degrees has the line '# unit: deg'; columns that are not angles are left out by joints=..."
+    )

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from geodesic_ocp.arrays import Array, as_vector
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
 
@@ -34,6 +36,36 @@ class ModelMetric(Metric):
         return tuple(
             2.0 * np.pi if name in self.model.continuous else np.inf for name in self.joint_names
         )
+
+    def point(self, name: str, q: Any) -> Array:
+        """The argument `name` as a point (n,) at which the metric is valid, in radians.
+
+        Raises:
+            ValueError: as `Metric.point`; or a joint is more than a revolution beyond its limits,
+                as angles in degrees are. Joints that are continuous, prismatic or without limits
+                may be anywhere.
+        """
+        point = as_vector(name, q, self.dim)
+        low, high = self._conceivable
+        outside = (point < low) | (point > high)
+        if outside.any():
+            index = int(np.argmax(outside))
+            low, high = self.model.lower[index], self.model.upper[index]
+            raise ValueError(
+                f"{name}: {self.joint_names[index]} is at {point[index]:.4g} rad, more than a "
+                f"revolution beyond its limits {low:.3g} to {high:.3g}: are these degrees? Angles "
+                "must be in rad"
+            )
+        return super().point(name, point)
+
+    @cached_property
+    def _conceivable(self) -> tuple[Array, Array]:
+        """Limits of the joints, wider by a revolution; none for continuous and prismatic joints."""
+        model = self.model
+        names = zip(model.joint_names, model.units, strict=True)
+        free = [unit != "rad" or name in model.continuous for name, unit in names]
+        wider = np.where(free, np.inf, 2.0 * np.pi)
+        return model.lower - wider, model.upper + wider
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,11 @@ trunk is read where the file has the root's pose, the joints of the trunk and th
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree import ElementTree
+from xml.parsers import expat
 
 import numpy as np
 
@@ -31,6 +33,7 @@ def read_mmm(file: Path, joints: Sequence[str] | None = None) -> Motion:
         RecordingError: the XML is broken, is not MMM, or has no such joints or no frames.
     """
     try:
+        _refuse_entities(file)
         root = ElementTree.parse(file).getroot()
     except ElementTree.ParseError as failure:
         line, column = failure.position
@@ -54,6 +57,21 @@ def read_mmm(file: Path, joints: Sequence[str] | None = None) -> Motion:
     if not missing:
         raise RecordingError(f"{file}: no <Motion> in it names any joints")
     raise RecordingError(f"{file}: there is no joint {', '.join(missing)} in this recording")
+
+
+def _refuse_entities(file: Path) -> None:
+    """RecordingError if the file defines entities, which can expand to more than memory holds."""
+    parser = expat.ParserCreate()
+
+    def refuse(name: str, *_: object) -> None:
+        raise RecordingError(
+            f"{file}: line {parser.CurrentLineNumber} defines the entity {name!r}: recordings have "
+            "none"
+        )
+
+    parser.EntityDeclHandler = refuse
+    with file.open("rb") as stream, suppress(expat.ExpatError):  # reported by ElementTree
+        parser.ParseFile(stream)
 
 
 @dataclass(frozen=True)

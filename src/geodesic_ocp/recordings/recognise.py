@@ -1,0 +1,156 @@
+"""Formats of recordings, told by the content of a file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.formats.units import LENGTHS
+
+_HEAD = 1 << 16  # bytes from which a format is told
+
+#: Name of every format that is read, as messages call it.
+FORMATS = {
+    "mmm": "MMM XML",
+    "table": "a table (CSV)",
+    "amc": "ASF/AMC",
+    "bvh": "BVH",
+    "opensim": "OpenSim .mot and .sto",
+    "smpl": "AMASS-style .npz",
+    "trc": "TRC",
+    "c3d": "c3d",
+    "marker table": "a table of markers (CSV)",
+}
+#: Formats of marker positions; the others have joint angles or segment orientations.
+MARKERS = ("trc", "c3d", "marker table")
+
+# What other files begin with.
+_OTHERS = (
+    (b"\x89PNG", "a PNG image"),
+    (b"\xff\xd8\xff", "a JPEG image"),
+    (b"%PDF", "a PDF document"),
+    (b"\x1f\x8b", "a gzip archive: unpack it first"),
+    (b"7z\xbc\xaf", "a 7z archive: unpack it first"),
+    (b"\x89HDF", "an HDF5 file"),
+    (b"MATLAB", "a MATLAB file"),
+    (b"\x93NUMPY", "a single NumPy array"),
+    (b"PAR1", "a Parquet table"),
+    (b"\x80", "a Python pickle"),
+    (b"Kaydara FBX", "an FBX file: export it as BVH"),
+    (b"; FBX", "an FBX file: export it as BVH"),
+    (b"glTF", "a glTF model"),
+    (b"{", "JSON"),
+)
+
+
+def recognise(file: Path) -> str:
+    """The format of a file, a key of `FORMATS`, from its first bytes; its suffix does not count.
+
+    Raises:
+        RecordingError: the file is missing or of another format; says what it looks like.
+        OSError: the file cannot be read.
+    """
+    if not file.is_file():
+        what = "is a folder, not a file" if file.is_dir() else "there is no such file"
+        raise RecordingError(f"{file}: {what}")
+    with file.open("rb") as stream:
+        head = stream.read(_HEAD)
+    if not head.strip():
+        raise RecordingError(f"{file}: is empty")
+    if head.startswith((b"PK\x03\x04", b"PK\x05\x06")):
+        return "smpl"
+    if head[1:2] == b"\x50" and b"\0" in head[:512]:
+        return "c3d"
+    lines = [line.strip() for line in _text(head).splitlines() if line.strip()]
+    for name, is_format in _RECOGNISERS:
+        if lines and is_format(lines):
+            return name
+    raise RecordingError(
+        f"{file}: is not a recording in a known format: it looks like {_other(head, lines)}. "
+        f"These are read: {', '.join(FORMATS.values())}"
+    )
+
+
+def _text(head: bytes) -> str:
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return head.decode("utf-16", errors="replace")
+    return head.decode("utf-8-sig", errors="replace")
+
+
+def _without_comments(lines: list[str]) -> list[str]:
+    return [line for line in lines if not line.startswith("#")]
+
+
+def _is_acclaim(lines: list[str]) -> bool:
+    """A motion (.amc), or a skeleton (.asf), which is its other half."""
+    words = (":version", ":root", ":bonedata", ":units", ":fully-specified", ":degrees", ":radians")
+    first = _without_comments(lines)[:1]
+    if lines[0].lower().startswith("#!oml:") or first[:1] == ["1"]:
+        return lines[0].lower().startswith("#!oml:") or any(
+            line.lower().startswith("root ") for line in _without_comments(lines)[:3]
+        )
+    return any(line.lower().startswith(words) for line in first)
+
+
+def _is_opensim(lines: list[str]) -> bool:
+    ends = (re.split(r"[,\t; ]", line, maxsplit=1)[0].lower() for line in lines)
+    return "endheader" in ends
+
+
+def _notes(lines: list[str]) -> list[re.Match[str]]:
+    """The notes of a table, `# key: value`."""
+    found = (re.match(r"#\s*(unit|height|mass|subject)\s*:\s*(\S*)", line, re.I) for line in lines)
+    return [note for note in found if note]
+
+
+def _is_table(lines: list[str]) -> bool:
+    return bool(_notes(lines)) or "time" in _columns(lines)
+
+
+def _is_marker_table(lines: list[str]) -> bool:
+    """Three columns NAME_x, NAME_y and NAME_z are a marker, unless the unit is that of angles."""
+    units = [note[2].lower() for note in _notes(lines) if note[1].lower() == "unit"]
+    if units:
+        return units[0] in LENGTHS
+    names = _columns(lines)
+    return any(
+        {f"{name[:-1]}{axis}" for axis in "yz"} <= names for name in names if name.endswith("_x")
+    )
+
+
+def _columns(lines: list[str]) -> set[str]:
+    """Names in the first line without #, if it is divided into columns."""
+    first = (_without_comments(lines) or [""])[0]
+    return {name.strip(" \t\"'") for name in re.split(r"[,;\t]", first)}
+
+
+_RECOGNISERS: tuple[tuple[str, Callable[[list[str]], bool]], ...] = (
+    ("mmm", lambda lines: lines[0].startswith("<")),
+    ("trc", lambda lines: lines[0].lower().startswith("pathfiletype")),
+    ("bvh", lambda lines: lines[0].split()[0].upper() == "HIERARCHY"),
+    ("opensim", _is_opensim),
+    ("amc", _is_acclaim),
+    ("marker table", _is_marker_table),
+    ("table", _is_table),
+)
+
+
+def _other(head: bytes, lines: list[str]) -> str:
+    for magic, what in _OTHERS:
+        if head.startswith(magic):
+            return what
+    if b"\0" in head:
+        return "binary data"
+    if all(_is_number(word) for line in lines[:5] for word in re.split(r"[,;\s]+", line) if word):
+        return "a table of numbers without the names of joints"
+    return f"text that begins with {lines[0][:40]!r}" if lines else "an empty file"
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
