@@ -27,14 +27,12 @@ def figure() -> Figure:
     links[:, 1, 1] = [0.1, 0.5, 0.2]
     hand = np.stack([TIME, TIME**2, 0 * TIME], axis=1)
     bump = np.sin(np.pi * TIME / 2.0)
-    errors = {
-        "good": (0.01 * bump, 0.002 * bump),
-        "worse": (0.02 * bump, 0.003 * bump),
-        "far worse": (0.5 * bump, 0.004 * bump),
-    }
+    joints = {"good": 0.01 * bump, "worse": 0.02 * bump, "far worse": 0.5 * bump}
+    distances = {"good": 0.002 * bump, "worse": 0.003 * bump, "far worse": 0.004 * bump}
     drawn = Figure(layout="constrained")
-    hands = hand, hand + 0.01
-    draw_analysis(drawn, TIME, SEGMENTS, [5, 40, 87], (links, links + 0.01), hands, errors, draw)
+    both = links, links + 0.01
+    hands, each = {"hand": (hand, hand + 0.01)}, {"hand": distances}
+    draw_analysis(drawn, TIME, SEGMENTS, [5, 40, 87], both, hands, joints, each, draw)
     return drawn
 
 

@@ -15,6 +15,7 @@ from geodesic_ocp.figures.overview import draw_hand_path, widest_columns
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import FigureBase
+    from matplotlib.gridspec import GridSpec, SubplotSpec
 
 INSTANTS = 9  # stick figures in the strip
 _TITLE: dict[str, Any] = {"loc": "left", "fontsize": "medium"}
@@ -29,11 +30,12 @@ def draw_analysis(
     segments: Sequence[tuple[int, int]],
     instants: Sequence[int],
     links: tuple[Array, Array],
-    hands: tuple[Array, Array],
-    errors: Mapping[str, tuple[Array, Array]],
+    hands: Mapping[str, tuple[Array, Array]],
+    joints: Mapping[str, Array],
+    distances: Mapping[str, Mapping[str, Array]],
     curve: Callable[[Axes], object] | None = None,
 ) -> None:
-    """Draw the arm at some instants, the errors over time, the path of the hand, and the curve.
+    """Draw the arm at some instants, the errors over time, the path of each hand, and the curve.
 
     Args:
         figure: to draw in.
@@ -42,24 +44,31 @@ def draw_analysis(
         instants: samples of the stick figures, see `strip_instants`.
         links: end points of the observed and the predicted links at the instants,
             (instants, links, 2, 3) each [m].
-        hands: positions (k, 3) [m] of the observed and the predicted hand.
-        errors: by prediction, error of the joints (k,) [rad] and of the hand (k,) [m] over time.
+        hands: by name, positions (k, 3) [m] of the observed and the predicted hand.
+        joints: by prediction, error of the joints (k,) [rad] over time.
+        distances: of each hand by prediction, error of its position (k,) [m] over time.
         curve: draws the error against the number of synergies; None leaves that panel out.
     """
-    grid = figure.add_gridspec(3, 2, width_ratios=(1.6, 1.0), height_ratios=(1.4, 1.0, 1.0))
+    several = len(hands) > 1
+    heights = (2.0 if several else 1.4, *[1.0] * (1 + len(hands)))
+    grid = figure.add_gridspec(len(heights), 2, width_ratios=(1.6, 1.0), height_ratios=heights)
     strip = figure.add_subplot(grid[0, :])
-    names = "observed", f"predicted, {next(iter(errors))}"
+    names = "observed", f"predicted, {next(iter(joints))}"
     draw_arm_strip(strip, time[list(instants)], *links, names)
-    strip.set_title("arm, halfway between cuts", **_TITLE, pad=_ABOVE_LEGEND)
+    title = f"{'arms' if several else 'arm'}, halfway between cuts"
+    strip.set_title(title, **_TITLE, pad=_ABOVE_LEGEND)
     strip.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=2, **_LEGEND)
 
     panels: list[Axes] = []
-    for row, (label, scale) in enumerate((("joints [rad]", 1.0), ("hand [mm]", 1000.0))):
+    rows = [("joints [rad]", dict(joints))]
+    for hand, each in distances.items():
+        rows.append((f"{hand} [mm]", {name: 1000.0 * error for name, error in each.items()}))
+    for row, (label, shown) in enumerate(rows):
         axes = figure.add_subplot(grid[1 + row, 0], sharex=panels[0] if panels else None)
-        shown = {name: scale * both[row] for name, both in errors.items()}
         draw_error_over_time(axes, time, segments, shown, label)
         panels.append(axes)
-    panels[0].label_outer()
+    for axes in panels[:-1]:
+        axes.label_outer()
     panels[0].set_title("mean error over time, same segments", **_TITLE)
     marks = np.ones(len(instants))
     top = panels[0].get_xaxis_transform()
@@ -67,17 +76,27 @@ def draw_analysis(
     panels[-1].set_xlabel("time [s]")
     figure.align_ylabels(panels)
     lines = panels[-1].get_legend_handles_labels()
-    figure.legend(*lines, loc="outside lower left", ncols=len(errors), **_LEGEND)
+    figure.legend(*lines, loc="outside lower left", ncols=len(joints), **_LEGEND)
 
-    columns = widest_columns(hands[0], 2)
-    axis_names = ("xyz"[columns[0]], "xyz"[columns[1]])
-    path = figure.add_subplot(grid[1:, 1] if curve is None else grid[1, 1])
-    observed, predicted = (hand[:, columns] for hand in hands)
-    draw_hand_path(path, observed, predicted, segments, axis_names)
-    path.set_title("path of the hand; circles are cuts", **_TITLE)
+    places = _panels(grid, len(hands) + (curve is not None))
+    for place, (hand, (observed, predicted)) in zip(places, hands.items(), strict=False):
+        columns = widest_columns(observed, 2)
+        axis_names = ("xyz"[columns[0]], "xyz"[columns[1]])
+        path = figure.add_subplot(place)
+        ways = observed[:, columns], predicted[:, columns]
+        draw_hand_path(path, *ways, segments, axis_names, hand=hand)
+        path.set_title(f"path of the {hand}; circles are cuts", **_TITLE)
     if curve is not None:
-        axes = figure.add_subplot(grid[2, 1])
+        axes = figure.add_subplot(places[-1])
         curve(axes)
         if legend := axes.get_legend():
             legend.remove()  # the lines are those of the errors
         axes.set_title("best cuts (filled: least BIC, hollow: online rule)", **_TITLE)
+
+
+def _panels(grid: GridSpec, count: int) -> list[SubplotSpec]:
+    """Places for panels of equal height on the right, below the strip."""
+    if count == grid.nrows - 1:
+        return [grid[row, 1] for row in range(1, grid.nrows)]
+    below = grid[1:, 1].subgridspec(count, 1)
+    return [below[row, 0] for row in range(count)] if count > 1 else [grid[1:, 1]]

@@ -87,4 +87,4 @@ def _draw_scale(axes: Axes, x: float, y: float, height: float) -> None:
     """Draw a vertical bar of a round length [m]."""
     length = max((each for each in _SCALES if each <= 0.6 * height), default=_SCALES[0])
     axes.plot([x, x], [y, y + length], color="0.3", linewidth=1.5)
-    axes.text(x, y + length, f"{length:g} m ", ha="center", va="bottom", **_NOTE)
+    axes.text(x, y + length / 2, f"  {length:g} m", ha="left", va="center", **_NOTE)

@@ -106,6 +106,7 @@ def draw_hand_path(
     segments: Sequence[tuple[int, int]],
     axis_names: tuple[str, str],
     names: Names = NAMES,
+    hand: str = "hand",
 ) -> None:
     """Draw the path of the hand (k, 2) [m] in two axes, with a mark where each segment begins."""
     axes.plot(*observed.T, **OBSERVED, label=names[0])
@@ -114,8 +115,8 @@ def draw_hand_path(
     marks = observed[[*starts, segments[-1][1]]]
     style = {"color": "white", "markeredgecolor": OBSERVED["color"], "markersize": 5}
     axes.plot(*marks.T, "o", label="segment ends", **style)
-    axes.set_xlabel(f"hand {axis_names[0]} [m]")
-    axes.set_ylabel(f"hand {axis_names[1]} [m]")
+    axes.set_xlabel(f"{hand} {axis_names[0]} [m]")
+    axes.set_ylabel(f"{hand} {axis_names[1]} [m]")
     axes.set_aspect("equal", adjustable="datalim")
 
 

@@ -16,7 +16,7 @@ _SHORTEST = 1e-6  # [m]: shorter links are joints that coincide
 def stick_figure(model: Model, q: ArrayLike) -> Array:
     """End points of the links of a model in configurations q, in its base frame.
 
-    A link goes from one joint to the next. The last link of every chain ends at the hand, or, in
+    A link goes from one joint to the next. The last link of every chain ends at its hand, or, in
     chains without one, at the frame that is farthest from the last joint. Joints that coincide,
     such as those of a shoulder, have no link between them.
 
@@ -49,15 +49,14 @@ def stick_figure(model: Model, q: ArrayLike) -> Array:
 
 
 def _ends(model: Model) -> list[int]:
-    """Indices of the hand and of one frame at the end of every other chain."""
-    hand = frame_index(model.pin, model.hand)
-    ends = [hand]
+    """Indices of the hands and of one frame at the end of every other chain."""
+    ends = [frame_index(model.pin, hand) for hand in model.hands]
     parents = set(model.pin.parents)
     for joint in range(1, model.pin.njoints):
         attached = [
             index for index, frame in enumerate(model.pin.frames) if frame.parentJoint == joint
         ]
-        if joint not in parents and hand not in attached:
+        if joint not in parents and not set(ends) & set(attached):
             distances = [
                 np.linalg.norm(model.pin.frames[index].placement.translation) for index in attached
             ]

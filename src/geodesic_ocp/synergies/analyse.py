@@ -57,7 +57,8 @@ def analyse(
     0.023
 
     Args:
-        model: the arm; its joints are selected from the motion by name.
+        model: the arm, or arms and trunk (`human_upper_body`, `combine`); its joints are selected
+            from the motion by name. The base is taken to be at rest.
         motion: the recording; filtered here (`Motion.filtered`) if it has no velocities.
         threshold: of the segmentation [rad], see `segment`.
         metric: in which the motion is cut and planned. None or "joint-inertia": the kinetic energy
@@ -99,7 +100,7 @@ def analyse(
         )
     else:
         cut = as_segments(motion, segments)
-    zero_velocity_segments = segment_zero_velocity(motion, joints=min(3, model.dof - 1))
+    zero_velocity_segments = segment_zero_velocity(motion, joints=_reversing(model))
     compared = compared_metrics(metric, model)
     planned = [("riemannian", metric, cut), *((name, its, cut) for name, its in compared.items())]
     planned.append(("euclidean", Euclidean(model.dof), zero_velocity_segments))
@@ -140,6 +141,14 @@ def analyse(
         errors_unfiltered=_against_unfiltered(model, motion, predictions),
         not_found=tuple(method for method in compared if method not in found),
     )
+
+
+def _reversing(model: Model) -> int:
+    """Joints that may reverse at once without a cut: 3 of the 7 of an arm, and in proportion.
+
+    Of 20 joints, three reverse at once by chance.
+    """
+    return min(3, model.dof - 1) if len(model.hands) == 1 else round(3 * model.dof / 7)
 
 
 def _against_unfiltered(

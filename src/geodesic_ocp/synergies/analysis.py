@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from geodesic_ocp.arrays import Array
 from geodesic_ocp.figures.analysis_figure import INSTANTS, draw_analysis
 from geodesic_ocp.figures.arm_strip import strip_instants
 from geodesic_ocp.figures.new_figure import new_figure, save_figure
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics.adjustable_kinetic_energy import AdjustableKineticEnergy
+from geodesic_ocp.model.hands import hand_labels
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.stick_figure import stick_figure
 from geodesic_ocp.records import write_together
@@ -40,6 +43,7 @@ _BASELINES = {
     "ik": "inverse kinematics of the hand",
 }
 NOT_FOUND = "not found"
+_UNITS = ("m", "rad")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -47,7 +51,7 @@ class Analysis:
     """A recorded motion, its geodesic synergies (see `Synergy`), and the baselines.
 
     Attributes:
-        model: the arm.
+        model: the arm, or a model with several hands, such as `human_upper_body`.
         motion: the observed motion, filtered.
         metric: in which the motion was cut and its synergies are geodesics.
         threshold: of the segmentation [rad]; None if the segments were given.
@@ -104,7 +108,7 @@ class Analysis:
         return "" if self.threshold is None else f" at a threshold of {self.threshold:g} rad"
 
     def table(self, *, unfiltered: bool = False) -> Table:
-        """Number of segments and mean errors of all methods.
+        """Number of segments and mean errors of all methods, of each hand if there are several.
 
         Args:
             unfiltered: take the errors against the unfiltered motion (`errors_unfiltered`).
@@ -115,15 +119,17 @@ class Analysis:
         if unfiltered and not self.errors_unfiltered:
             raise ValueError("the unfiltered motion is not known: use Motion.filtered")
         errors = self.errors_unfiltered if unfiltered else self.errors
+        columns = [f"{hand} [{unit}]" for hand in hand_labels(self.model.hands) for unit in _UNITS]
         rows: list[tuple[str | int | float, ...]] = []
         for method, label in self._labels().items():
             count = self.segment_counts.get(method, "-")
             if method in self.not_found:
-                rows.append((label, count, *[NOT_FOUND] * 3))
+                rows.append((label, count, NOT_FOUND, *[NOT_FOUND] * len(columns)))
             else:
                 values = errors[method]
-                rows.append((label, count, values.joint, values.position, values.orientation))
-        return Table(("method", "segments", "joints [rad]", "hand [m]", "hand [rad]"), tuple(rows))
+                hands = [(hand.position, hand.orientation) for hand in values.hands or [values]]
+                rows.append((label, count, values.joint, *chain(*hands)))
+        return Table(("method", "segments", "joints [rad]", *columns), tuple(rows))
 
     def _labels(self) -> dict[str, str]:
         """Labels of the rows of a table, by method."""
@@ -137,24 +143,33 @@ class Analysis:
         return labels | _BASELINES
 
     def plot(self, curve: Callable[[Axes], object] | None = None) -> Figure:
-        """The arm at some instants, errors over time on the same segments, and the hand's path.
+        """The arm at some instants, errors over time on the same segments, and the hands' paths.
 
         Args:
             curve: draws the error against the number of synergies into a panel of its own, as
                 `MetricComparison.draw` does; None leaves it out.
         """
         model, motion = self.model, self.motion
-        observed = model.hand_pose(motion.q)[1]
-        hands, errors = {}, {}
-        for method, label in self._labels().items():
+        labels = hand_labels(model.hands)
+        named = dict(zip(labels, model.hands, strict=True))
+        observed = {label: model.frame_pose(hand, motion.q)[1] for label, hand in named.items()}
+        joints: dict[str, Array] = {}
+        distances: dict[str, dict[str, Array]] = {label: {} for label in labels}
+        predicted: dict[str, Array] = {}
+        for method, title in self._labels().items():
             if method not in (*_BASELINES, *self.not_found):
                 q = self.predictions[method].q
-                hands[method] = model.hand_pose(q)[1]
-                distance = np.linalg.norm(hands[method] - observed, axis=1)
-                name = label.removeprefix("geodesics, ").removesuffix(", same segments")
-                errors[name] = np.mean(np.abs(q - motion.q), axis=1), distance
-        instants = strip_instants(self.segments, INSTANTS)
-        figure = new_figure(10.0, 8.4)
+                name = title.removeprefix("geodesics, ").removesuffix(", same segments")
+                joints[name] = np.mean(np.abs(q - motion.q), axis=1)
+                for label, hand in named.items():
+                    way = model.frame_pose(hand, q)[1]
+                    distances[label][name] = np.linalg.norm(way - observed[label], axis=1)
+                    if method == "riemannian":
+                        predicted[label] = way
+        several = len(labels) > 1
+        # Both arms stretched out are twice as wide as one.
+        instants = strip_instants(self.segments, INSTANTS // 2 + 1 if several else INSTANTS)
+        figure = new_figure(10.0, 11.0 if several else 8.4)
         draw_analysis(
             figure,
             motion.time - motion.time[0],
@@ -164,13 +179,15 @@ class Analysis:
                 stick_figure(model, motion.q[instants]),
                 stick_figure(model, self.predicted.q[instants]),
             ),
-            (observed, hands["riemannian"]),
-            errors,
+            {label: (observed[label], predicted[label]) for label in labels},
+            joints,
+            distances,
             curve,
         )
         figure.suptitle(
-            f"{model.name}: {len(self.segments)} geodesic synergies{self._by_rule}, "
-            f"{self.metric_name.replace('^2', '²')}"
+            f"{model.name}: {len(self.segments)} geodesic synergies{self._by_rule},"
+            + ("\n" if several else " ")
+            + self.metric_name.replace("^2", "²")
         )
         return figure
 

@@ -61,28 +61,39 @@ def minimum_jerk_hand(
     observed = motion.select(model.joint_names)
     pieces = as_segments(observed, segments)
     velocity = observed_velocity(observed)
-    rotations, positions = model.hand_pose(observed.q)
-    twists = hand_twists(model, observed)
-    # (k, 3 derivatives, 3) of the position, (k, 2, 3) of the orientation
-    places = np.stack([positions, twists[:, :3], rates(observed, twists[:, :3])], axis=1)
-    turns = np.stack([twists[:, 3:], rates(observed, twists[:, 3:])], axis=1)
+    hands = {hand: _observed_hand(model, hand, observed) for hand in model.hands}
     counts = steps_between(observed)
 
     q, velocity = np.empty_like(observed.q), np.empty_like(velocity)
     for start, stop in pieces:
         ends, samples = [start, stop], slice(start, stop + 1)
-        hand = _HandMotion(observed.time[ends], rotations[ends], places[ends], turns[ends])
         tracked = track_poses(
             model,
             observed.q[start],
             observed.time[samples],
-            hand,
+            {
+                hand: _HandMotion(observed.time[ends], *(values[ends] for values in each))
+                for hand, each in hands.items()
+            },
             gain=gain,
             damping=damping,
             counts=counts[start:stop],
         )
         q[samples], velocity[samples] = tracked.q, tracked.velocity
     return Motion(observed.time, q, observed.joint_names, velocity, observed.subject)
+
+
+def _observed_hand(model: Model, hand: str, observed: Motion) -> tuple[Array, Array, Array]:
+    """Rotations (k, 3, 3) of a hand, and derivatives of position and orientation at the samples.
+
+    (k, 3 derivatives, 3) of the position, (k, 2, 3) of the orientation.
+    """
+    model = model if hand == model.hand else model.with_hand(hand)
+    rotations, positions = model.hand_pose(observed.q)
+    twists = hand_twists(model, observed)
+    places = np.stack([positions, twists[:, :3], rates(observed, twists[:, :3])], axis=1)
+    turns = np.stack([twists[:, 3:], rates(observed, twists[:, 3:])], axis=1)
+    return rotations, places, turns
 
 
 class _HandMotion:

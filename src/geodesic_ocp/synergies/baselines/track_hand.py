@@ -1,8 +1,8 @@
-"""The inverse-kinematics baseline: a controller that tracks the observed hand."""
+"""The inverse-kinematics baseline: a controller that tracks the observed hand, or all hands."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from typing import TypeAlias
@@ -24,14 +24,14 @@ Pose: TypeAlias = tuple[ca.SX, ca.SX]
 def track_hand(
     model: Model, motion: Motion, *, gain: float = 20.0, damping: float = 0.02
 ) -> Motion:
-    """Track the observed hand (end-effector) with a damped velocity controller.
+    """Track the observed hands (end-effectors) with a damped velocity controller.
 
     It starts from the first observed configuration; the hand moves along the spline through the
     samples, see `track_poses`. The observed configuration of the redundant arm plays no further
-    role.
+    role. All hands of the model are tracked at once.
 
     Args:
-        model: whose hand tracks; its joints must be the motion's.
+        model: whose hands track; its joints must be the motion's.
         motion: observed.
         gain: of the pose error [1/s].
         damping: of the Jacobian's small singular values [m or rad per joint unit].
@@ -44,15 +44,18 @@ def track_hand(
     """
     observed = motion.select(model.joint_names)
 
-    def poses(times: Array) -> tuple[Array, Array]:
-        rotations, positions = model.hand_pose(observed(times))
-        return rotations, positions
+    def of(hand: str) -> Poses:
+        def poses(times: Array) -> tuple[Array, Array]:
+            rotations, positions = model.frame_pose(hand, observed(times))
+            return rotations, positions
+
+        return poses
 
     tracked = track_poses(
         model,
         observed.q[0],
         observed.time,
-        poses,
+        {hand: of(hand) for hand in model.hands},
         gain=gain,
         damping=damping,
         counts=steps_between(observed),
@@ -73,7 +76,7 @@ def track_poses(
     model: Model,
     start: Array,
     time: Array,
-    poses: Poses,
+    poses: Poses | Mapping[str, Poses],
     *,
     gain: float = 20.0,
     damping: float = 0.02,
@@ -81,17 +84,18 @@ def track_poses(
     turning: bool = True,
     placing: bool = True,
 ) -> Motion:
-    """Track poses of a hand with a damped velocity controller, from a configuration.
+    """Track poses of a hand, or of several, with a damped velocity controller.
 
-    q' = J' (J J' + damping^2)^-1 (hand velocity + gain * pose error). Damped least squares:
-    Wampler, IEEE Trans. Systems, Man, and Cybernetics 16 (1986); the controller ignores joint
-    limits.
+    q' = J' (J J' + damping^2)^-1 (hand velocity + gain * pose error), of all hands together. Damped
+    least squares: Wampler, IEEE Trans. Systems, Man, and Cybernetics 16 (1986); the controller
+    ignores joint limits.
 
     Args:
         model: whose hand tracks.
         start: configuration (n,).
         time: increasing times (k,) [s].
-        poses: rotations (m, 3, 3) and positions (m, 3) [m] of the hand at m times; called once.
+        poses: rotations (m, 3, 3) and positions (m, 3) [m] of the hand at m times, called once; or
+            such functions by name of the hand frame.
         gain: of the pose error [1/s].
         damping: of the Jacobian's small singular values [m or rad per joint unit].
         counts: (k - 1,) steps of the controller between the times; one by default.
@@ -107,17 +111,17 @@ def track_poses(
     ends = np.cumsum(counts).astype(int)
     within = np.arange(interval.size) - (ends - counts)[interval]
     instants = np.append(time[interval] + within * step[interval], time[-1])
-    rotations, positions = poses(instants)
-    # Rotations side by side, (3, 3 m), as CasADi takes several arguments.
-    beside = rotations.transpose(1, 0, 2).reshape(3, -1)
-    controller = _controller(model, turning, placing).mapaccum(interval.size)
+    wanted = dict(poses) if isinstance(poses, Mapping) else {model.hand: poses}
+    targets: list[Array] = []
+    for rotations, positions in (each(instants) for each in wanted.values()):
+        # Rotations side by side, (3, 3 m), as CasADi takes several arguments.
+        beside = rotations.transpose(1, 0, 2).reshape(3, -1)
+        targets += [beside[:, :-3], positions[:-1].T, beside[:, 3:], positions[1:].T]
+    controller = _controller(model, tuple(wanted), turning, placing).mapaccum(interval.size)
     configurations = evaluate(
         controller,
         start,
-        beside[:, :-3],
-        positions[:-1].T,
-        beside[:, 3:],
-        positions[1:].T,
+        *targets,
         step[None, interval],
         # A gain above 1/step would overshoot, above 2/step diverge.
         np.minimum(gain, 1.0 / step)[None, interval],
@@ -129,18 +133,24 @@ def track_poses(
 
 
 @lru_cache(maxsize=32)
-def _controller(model: Model, turning: bool, placing: bool) -> ca.Function:
-    """One step: q, pose of the hand now and after the step, step [s], gain, damping -> next q."""
+def _controller(model: Model, hands: tuple[str, ...], turning: bool, placing: bool) -> ca.Function:
+    """One step: q, pose of each hand now and after the step, step [s], gain, damping -> next q."""
     rows = slice(0 if placing else 3, 6 if turning else 3)
     q, step, gain, damping = ca.SX.sym("q", model.dof), *(ca.SX.sym(name) for name in "hkd")
-    now, after = ((ca.SX.sym("R", 3, 3), ca.SX.sym("p", 3)) for _ in range(2))
-    forward, error = _twist(now, after), _twist(model.hand_pose(q), now)
-    twist = (forward / step + gain * error)[rows]
-    jacobian = model.hand_jacobian(q)[rows, :]
+    targets: list[ca.SX] = []
+    twists, jacobians = [], []
+    for hand in hands:
+        now, after = ((ca.SX.sym("R", 3, 3), ca.SX.sym("p", 3)) for _ in range(2))
+        forward, error = _twist(now, after), _twist(model.frame_pose(hand, q), now)
+        twists.append((forward / step + gain * error)[rows])
+        moved = model if hand == model.hand else model.with_hand(hand)
+        jacobians.append(moved.hand_jacobian(q)[rows, :])
+        targets += [*now, *after]
+    twist, jacobian = ca.vertcat(*twists), ca.vertcat(*jacobians)
     damped = jacobian @ jacobian.T + damping**2 * ca.SX.eye(jacobian.shape[0])
     factors, upper, permutation = ca.ldl(damped, False)  # positive definite: no pivoting
     change = step * (jacobian.T @ ca.ldl_solve(twist, factors, upper, permutation))
-    arguments = [q, *now, *after, step, gain, damping]
+    arguments = [q, *targets, step, gain, damping]
     return ca.Function("controller", arguments, [ca.cse(ca.densify(q + change))])
 
 

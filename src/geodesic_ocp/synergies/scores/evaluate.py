@@ -2,16 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.model.hands import hand_labels
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.rotations import rotation_vector
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.path import speeds_at
+
+
+@dataclass(frozen=True)
+class HandErrors:
+    """Mean errors of one of several hands over the samples of a motion.
+
+    Attributes:
+        name: what the hand is called in tables, such as "right hand".
+        position: distance between the observed and the predicted hand [m].
+        orientation: angle of the rotation between them [rad].
+    """
+
+    name: str
+    position: float
+    orientation: float
 
 
 @dataclass(frozen=True, repr=False)
@@ -20,13 +36,18 @@ class MotionErrors:
 
     Attributes:
         joint: absolute error of a joint coordinate, over samples and joints [rad].
-        position: distance between the hands [m].
-        orientation: angle of the rotation between the hands [rad].
+        position: distance between the hands [m]; the mean over the hands, if there are several.
+        orientation: angle of the rotation between the hands [rad], likewise.
+        hands: of each hand, in the order of `Model.hands`; empty for a model with a single one.
+
+    The base of a model that includes the trunk is the pelvis; of a hand relative to the pelvis, and
+    in the room, the errors are the same.
     """
 
     joint: float
     position: float
     orientation: float
+    hands: tuple[HandErrors, ...] = ()
 
     def __repr__(self) -> str:
         return (
@@ -52,8 +73,21 @@ def evaluate(model: Model, observed: Motion, predicted: Motion) -> MotionErrors:
     observed, predicted = (motion.select(model.joint_names) for motion in (observed, predicted))
     if not np.array_equal(observed.time, predicted.time):
         raise ValueError("the observed and the predicted motion must have the same sample times")
-    hands = pose_errors(model.hand_pose(predicted.q), model.hand_pose(observed.q))
-    return replace(hands, joint=float(np.mean(np.abs(predicted.q - observed.q))))
+    every = [
+        pose_errors(model.frame_pose(hand, predicted.q), model.frame_pose(hand, observed.q))
+        for hand in model.hands
+    ]
+    labels = hand_labels(model.hands)
+    hands = tuple(
+        HandErrors(label, each.position, each.orientation)
+        for label, each in zip(labels, every, strict=True)
+    )
+    return MotionErrors(
+        joint=float(np.mean(np.abs(predicted.q - observed.q))),
+        position=float(np.mean([each.position for each in every])),
+        orientation=float(np.mean([each.orientation for each in every])),
+        hands=hands if len(hands) > 1 else (),
+    )
 
 
 def pose_errors(poses: tuple[Array, Array], targets: tuple[Array, Array]) -> MotionErrors:

@@ -28,8 +28,8 @@ class SegmentCosts:
     """Predictions and costs of segments (start, stop) of one motion; each is planned once.
 
     The cost of a segment is the sum over its samples of the absolute error that `measure` names, as
-    of `go.reconstruct` and `go.evaluate`; divided by the number of samples of the motion, those of
-    its segments add up to the mean error.
+    of `go.reconstruct` and `go.evaluate`, of several hands their mean; divided by the number of
+    samples of the motion, those of its segments add up to the mean error.
 
     Args:
         metric: of the geodesics.
@@ -60,7 +60,7 @@ class SegmentCosts:
             self._model = model
             motion.select(model.joint_names)  # raises where one is missing
             self._columns = [motion.joint_names.index(name) for name in model.joint_names]
-            self._poses = model.hand_pose(motion.q[:, self._columns])
+            self._poses = self._hand_poses(motion.q[:, self._columns])
 
     def __repr__(self) -> str:
         return f"SegmentCosts({self.planned} segments planned)"
@@ -133,18 +133,24 @@ class SegmentCosts:
         """Errors (k,) of configurations (k, n) that are predicted for these samples."""
         if self.measure == "joint":
             return np.asarray(np.mean(np.abs(q - self.motion.q[samples]), axis=1))
-        rotations, positions = self._hands(q[:, self._columns])
-        if self.measure == "position":
-            return np.asarray(np.linalg.norm(positions - self._poses[1][samples], axis=1))
-        between = rotations @ self._poses[0][samples].transpose(0, 2, 1)
-        return np.asarray(np.linalg.norm(rotation_vector(between), axis=1))
+        errors = []
+        for found, seen in zip(self._hand_poses(q[:, self._columns]), self._poses, strict=True):
+            if self.measure == "position":
+                errors.append(np.linalg.norm(found[1] - seen[1][samples], axis=1))
+            else:
+                between = found[0] @ seen[0][samples].transpose(0, 2, 1)
+                errors.append(np.linalg.norm(rotation_vector(between), axis=1))
+        return np.asarray(np.mean(errors, axis=0))
 
-    def _hands(self, q: Array) -> tuple[Array, Array]:
-        """Hand poses of many configurations, in blocks of one size."""
-        blocks = []
-        for first in range(0, len(q), _ROWS):
-            block = q[first : first + _ROWS]
-            padded = block if len(q) <= _ROWS else np.resize(block, (_ROWS, q.shape[1]))
-            blocks.append([each[: len(block)] for each in self._model.hand_pose(padded)])
-        rotations, positions = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
-        return rotations, positions
+    def _hand_poses(self, q: Array) -> list[tuple[Array, Array]]:
+        """Poses of each hand in many configurations, in blocks of one size."""
+        hands = []
+        for hand in self._model.hands:
+            blocks = []
+            for first in range(0, len(q), _ROWS):
+                block = q[first : first + _ROWS]
+                padded = block if len(q) <= _ROWS else np.resize(block, (_ROWS, q.shape[1]))
+                blocks.append([each[: len(block)] for each in self._model.frame_pose(hand, padded)])
+            rotations, positions = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
+            hands.append((rotations, positions))
+        return hands
