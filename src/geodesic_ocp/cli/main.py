@@ -20,6 +20,7 @@ from geodesic_ocp.cli.analyse.recording import (
 from geodesic_ocp.cli.fit.fit_options import add_fit_options
 from geodesic_ocp.cli.interrupts import Interrupts, in_main_thread, on_interrupt
 from geodesic_ocp.cli.retarget.retarget_options import add_retarget_options
+from geodesic_ocp.cli.study.study_options import add_study_options
 from geodesic_ocp.cli.trajectory.check_trajectory_options import add_check_trajectory_options
 from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.model.dynamics.rigid_body import BACKENDS
@@ -109,6 +110,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     add_fit_options(command)
     command.set_defaults(run=_fit)
+
+    command = commands.add_parser(
+        "study", help="statistics over subjects of an analysis of many recordings", epilog=_EXIT
+    )
+    add_study_options(command)
+    command.set_defaults(run=_study)
 
     command = commands.add_parser("demo", help="analyse the bundled recording", epilog=_EXIT)
     command.add_argument("--robot", metavar="NAME", help="also transfer it to this robot")
@@ -219,6 +226,12 @@ def _fit(options: argparse.Namespace) -> None:
     from geodesic_ocp.cli.fit.fit_command import fit_files
 
     fit_files(options)
+
+
+def _study(options: argparse.Namespace) -> None:
+    from geodesic_ocp.cli.study.study_command import study_tables
+
+    study_tables(options)
 
 
 def _solve(options: argparse.Namespace) -> None:

@@ -46,7 +46,8 @@ def draw_distributions(axes: Axes, values: Mapping[str, Sequence[Array]], label:
         }
         if len(subjects) > 1:
             shade = "0.75" if len(known) == 1 else style["color"]
-            thin: dict[str, Any] = {"color": shade, "linewidth": 0.6, "alpha": 0.6, "zorder": 2}
+            alpha = 0.6 if len(known) == 1 else 0.25
+            thin: dict[str, Any] = {"color": shade, "linewidth": 0.6, "alpha": alpha, "zorder": 2}
             axes.plot(grid, curves.T, **thin)
         axes.plot(grid, mean, **style, linewidth=1.8, zorder=3, label=condition or None)
         middle = grid[int(np.argmax(mean >= 0.5))]

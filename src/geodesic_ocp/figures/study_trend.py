@@ -36,7 +36,7 @@ def draw_trend(axes: Axes, x: Array, y: Array, labels: tuple[str, str]) -> None:
         markersize=2.2,
         markeredgewidth=0.0,
         color="0.62",
-        alpha=float(np.clip(60.0 / np.sqrt(max(x.size, 1)), 0.08, 0.8)),
+        alpha=float(np.clip(12.0 / np.sqrt(max(x.size, 1)), 0.06, 0.8)),
         rasterized=True,
         zorder=2,
         label="synergy",
@@ -59,7 +59,9 @@ def draw_trend(axes: Axes, x: Array, y: Array, labels: tuple[str, str]) -> None:
             "linewidth": 1.6,
             "zorder": 4,
         }
-        axes.plot(middle, median, **line, label="median of a tenth" if count == _BINS else "median")
+        axes.plot(
+            middle, median, **line, label="median of each tenth" if count == _BINS else "median"
+        )
     if x.size:
         axes.set_xlim(0.0, 1.03 * float(np.quantile(x, _MOST)) or 1.0)
         axes.set_ylim(0.0, 1.05 * float(np.quantile(y, _MOST)) or 1.0)

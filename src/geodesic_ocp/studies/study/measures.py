@@ -9,11 +9,11 @@ from geodesic_ocp.studies.tables import Row
 
 _FILTERED = {
     "joint": ("joint_error_rad", "joints [rad]", "joint error [rad]", 1.0),
-    "position": ("position_error_m", "hand [m]", "error of the hand's position [mm]", 1000.0),
+    "position": ("position_error_m", "hand [m]", "hand position error [mm]", 1000.0),
     "orientation": (
         "orientation_error_rad",
         "hand [rad]",
-        "error of the hand's orientation [rad]",
+        "hand orientation error [rad]",
         1.0,
     ),
 }

@@ -11,7 +11,13 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.figures.new_figure import new_figure
 from geodesic_ocp.figures.study_distributions import draw_distributions
-from geodesic_ocp.figures.study_groups import WIDTH, StudyGroup, draw_groups, group_handles
+from geodesic_ocp.figures.study_groups import (
+    WIDTH,
+    StudyGroup,
+    draw_groups,
+    fit_scale,
+    group_handles,
+)
 from geodesic_ocp.figures.study_trend import draw_trend
 from geodesic_ocp.studies.study.means import StudyMean
 from geodesic_ocp.studies.study.measures import MEASURES
@@ -23,6 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _ROW, _FRAME = 0.36, 0.95  # [inch] of a method, and of axis and legend
+_CONFIDENCE = 0.95
 _LEGEND: dict[str, Any] = {"loc": "outside lower center", "frameon": False}
 
 
@@ -46,10 +53,10 @@ def errors_figure(means: Sequence[Sequence[StudyMean]], label: Callable[[str], s
                     label(each.method), each.condition, points, measure.scale * each.mean, ends
                 )
             )
-        draw_groups(axes, groups, measure.axis.replace(" of the hand", "\nof the hand"))
-        axes.set_xlim(left=0.0)
+        draw_groups(axes, groups, measure.axis)
+        fit_scale(axes, groups)
     several = any(each.interval for own in shown for each in own)
-    mean = "mean over subjects and its confidence interval" if several else "mean"
+    mean = f"mean, {_CONFIDENCE:.0%} interval" if several else "mean"
     handles = group_handles(conditions, mean)
     figure.legend(handles=handles, ncols=len(handles), **_LEGEND)
     return figure
@@ -77,7 +84,10 @@ def differences_figure(
     bracket = f" [{unit}" if unit else ""
     draw_groups(axes, groups, f"{name}:\ndifference from {against}{bracket}")
     several = any(group.interval for group in groups)
-    what = "mean difference and its confidence interval" if several else "difference"
+    what = f"mean difference, {_CONFIDENCE:.0%} interval" if several else "difference"
+    if several:
+        head: dict[str, Any] = {"transform": axes.transAxes, "va": "bottom", "fontsize": 7.0, "color": "0.3"}
+        axes.text(1.02, 1.0, "Wilcoxon, Holm", **head)
     handles = group_handles(conditions, what)
     figure.legend(handles=handles, ncols=min(2, len(handles)), **_LEGEND)
     return figure
@@ -109,8 +119,7 @@ def durations_figure(rows: Sequence[Row]) -> Figure:
     for axes, name in zip(panels, ("joint", "position"), strict=True):
         measure = MEASURES[name]
         errors = measure.scale * _numbers(rows, measure.column)
-        label = measure.axis.replace("error of", "mean error of").replace("joint", "mean joint")
-        draw_trend(axes, time, errors, ("duration of a synergy [s]", label))
+        draw_trend(axes, time, errors, ("duration of a synergy [s]", f"mean {measure.axis}"))
     handles, names = panels[0].get_legend_handles_labels()
     figure.legend(handles, names, ncols=len(handles), **_LEGEND)
     return figure

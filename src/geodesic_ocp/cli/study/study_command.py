@@ -1,0 +1,34 @@
+"""`geodesic-ocp study`: statistics over subjects of an analysis of many recordings."""
+
+from __future__ import annotations
+
+import argparse
+
+from geodesic_ocp.cli.analyse.recording import check_folder
+from geodesic_ocp.studies.study.measures import as_measure
+from geodesic_ocp.studies.study.study import study
+
+
+def study_tables(options: argparse.Namespace) -> None:
+    """Print means, tests and synergies, and write all tables and figures.
+
+    Raises:
+        RecordingError: the tables cannot be read.
+        ValueError: an unknown measure, method or column.
+    """
+    check_folder(options.out)
+    measure = as_measure(options.measure)
+    source = options.source[0] if len(options.source) == 1 else options.source
+    found = study(source, by=options.by)
+    print(found)
+    for note in found.notes:
+        print(f"note: {note}")
+    print(f"\n{found.means_table()}")
+    if found.tests(measure.name, options.against):
+        print(f"\n{measure.header}\n\n{found.test_table(measure.name, options.against)}")
+    if found.synergies:
+        print(f"\n{found.synergy_table()}")
+    if options.out is not None:
+        print()
+        for file in found.save(options.out, measure=measure.name, against=options.against):
+            print(f"wrote {file}")
