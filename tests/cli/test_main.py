@@ -16,10 +16,11 @@ import pytest
 
 import geodesic_ocp as go
 from geodesic_ocp.cli import main as cli
-from geodesic_ocp.cli.analyse import error_curve, recording
+from geodesic_ocp.cli.analyse import error_curve
 from geodesic_ocp.cli.analyse.analysis_options import check_options
 from geodesic_ocp.model.formats import catalogue
 from geodesic_ocp.model.formats.robots import ROBOTS, folder
+from geodesic_ocp.studies.batch import analyse_recording
 
 TABLES = ["table.csv", "table.md", "table_unfiltered.csv", "table_unfiltered.md"]
 
@@ -242,7 +243,7 @@ def test_demo_writes_to_its_default_folder(
         lines = {"straight lines": go.Euclidean(model.dof)}
         return go.compare_metrics(model, motion, lines, spacing=0.5, thresholds=())
 
-    monkeypatch.setattr(recording, "analyse", analyse)
+    monkeypatch.setattr(analyse_recording, "analyse", analyse)
     monkeypatch.setattr(error_curve, "compare_metrics", compare)
     monkeypatch.chdir(tmp_path)
     assert cli.main(["demo"]) == 0
@@ -315,7 +316,7 @@ def test_uneven_samples_are_resampled_on_request(
     assert cli.main([*command, "--resample", "100"]) == 0
     assert " at 100 Hz" in capsys.readouterr().out
     assert cli.main([*command, "--resample", "0"]) == 2
-    assert "rate must be positive" in capsys.readouterr().err
+    assert "resample must be positive" in capsys.readouterr().err
 
 
 def in_milliseconds(rows: list[list[str]]) -> list[list[str]]:
@@ -461,7 +462,7 @@ def test_failed_solvers_and_interruptions_have_exit_codes(
         def fail(*arguments: object, error: BaseException = error, **options: object) -> None:
             raise error
 
-        monkeypatch.setattr(recording, "analyse", fail)
+        monkeypatch.setattr(analyse_recording, "analyse", fail)
         assert cli.main(arguments) == code
         printed = capsys.readouterr().err
         assert printed.startswith("geodesic-ocp: error: ")

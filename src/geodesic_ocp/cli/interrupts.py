@@ -32,25 +32,55 @@ def on_interrupt(handler: Any) -> Any:
 
 
 class ProgressBar:
-    """A progress bar on standard error, if that is a terminal."""
+    """A progress bar with the time left, on standard error if that is a terminal."""
 
     _WIDTH = 40
+
+    def __init__(self) -> None:
+        self._bar: Any = None
 
     def __call__(self, label: str, done: int, total: int) -> None:
         """Show the current step and the fraction done, or the amount if the total is not known."""
         if Interrupts.seen:
             raise KeyboardInterrupt
-        if total <= 0:  # not known
-            self._show(f"{label}: {done}")
+        if not sys.stderr.isatty():
             return
-        filled = "#" * (self._WIDTH * done // total)
-        self._show(f"{label}: {100 * done // total:3d}% |{filled:{self._WIDTH}}|")
+        wanted = total if total > 0 else None
+        if self._bar is None or self._bar.total != wanted or done < self._bar.n:
+            self.close()
+            self._bar = _new_bar(wanted, self._WIDTH)
+        changed = self._bar.desc != f"{label}: "
+        self._bar.set_description(label, refresh=False)
+        self._bar.update(done - self._bar.n)
+        if changed or done == total:
+            self._bar.refresh()
+
+    def line(self, text: str) -> None:
+        """Print a line on standard output, above the bar."""
+        if self._bar is None:
+            print(text, flush=True)
+        else:
+            self._bar.write(text, file=sys.stdout)
 
     def close(self) -> None:
         """Remove the bar."""
-        self._show("")
+        if self._bar is not None:
+            self._bar.close()
+            self._bar = None
 
-    def _show(self, text: str) -> None:
-        """Replace the current line of the terminal."""
-        if sys.stderr.isatty():
-            print(f"\r{text}\033[K", end="", file=sys.stderr, flush=True)
+
+def _new_bar(total: int | None, width: int) -> Any:
+    from tqdm import tqdm  # what is shown on no terminal need not wait for it
+
+    tqdm.set_lock(threading.RLock())  # not that of several processes: one alone writes
+    tqdm.monitor_interval = 0  # without a thread
+    shape = f"{{desc}}: {{percentage:3.0f}}% |{{bar:{width}}}| {{remaining}} left"
+    return tqdm(
+        total=total,
+        ascii=" #",
+        bar_format="{desc}: {n_fmt}" if total is None else shape,
+        leave=False,
+        smoothing=0.1,
+        file=sys.stderr,
+        dynamic_ncols=True,
+    )

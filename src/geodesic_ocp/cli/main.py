@@ -11,6 +11,7 @@ from pathlib import Path
 
 from geodesic_ocp.cli.align.align_options import add_align_options
 from geodesic_ocp.cli.analyse.analysis_options import add_analysis_options, check_options
+from geodesic_ocp.cli.analyse.many_options import add_many_options, are_many
 from geodesic_ocp.cli.analyse.recording import (
     analyse_bundled,
     analyse_file,
@@ -25,8 +26,10 @@ from geodesic_ocp.cli.trajectory.check_trajectory_options import add_check_traje
 from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.model.dynamics.rigid_body import BACKENDS
 
-_EXIT = """exit codes: 0 done; 1 a check failed, or an error in a problem's own code, shown whole;
-2 wrong input, named in one line; 3 a solver or integration failed; 130 interrupted"""
+_FILE = "recording: MMM, AMC, BVH, OpenSim, c3d, SMPL .npz, or a table (.csv)"
+_EXIT = """exit codes: 0 done; 1 a check failed, some of many recordings were left out, or an
+error in a problem's own code, shown whole; 2 wrong input, named in one line; 3 a solver or
+integration failed; 130 interrupted"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -72,16 +75,23 @@ def _parser() -> argparse.ArgumentParser:
 
     command = commands.add_parser(
         "analyse",
-        help="cut a recording into geodesic synergies and compare with the baselines",
+        help="cut recordings into geodesic synergies and compare with the baselines",
+        description="Cut a recording into geodesic synergies and compare with the baselines; or "
+        "many recordings in parallel, with tables of all. A run that was interrupted goes on when "
+        "the same command is given again.",
         epilog=_EXIT,
     )
-    _add_recording(command, ("right", "left"))
+    command.add_argument(
+        "file", nargs="+", help=f"{_FILE}; several, a folder, or a pattern in quotes for many"
+    )
+    _add_person(command, ("right", "left", "both"))
     command.add_argument(
         "--curve",
         action="store_true",
         help="also compare metrics at equal numbers of synergies, each with its best cuts",
     )
     add_analysis_options(command)
+    add_many_options(command)
     command.set_defaults(run=_analyse)
 
     command = commands.add_parser(
@@ -178,7 +188,11 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_recording(command: argparse.ArgumentParser, sides: Sequence[str]) -> None:
-    command.add_argument("file", type=Path, help="MMM motion (.xml) or table (.csv)")
+    command.add_argument("file", type=Path, help=_FILE)
+    _add_person(command, sides)
+
+
+def _add_person(command: argparse.ArgumentParser, sides: Sequence[str]) -> None:
     command.add_argument("--side", choices=sides, default="right", help="which arm")
     command.add_argument(
         "--height", type=float, help="height of the person [m]; default: the recording's"
@@ -197,10 +211,16 @@ def _add_recording(command: argparse.ArgumentParser, sides: Sequence[str]) -> No
 # Each command imports what it alone needs, so that none waits for another's.
 
 
-def _analyse(options: argparse.Namespace) -> None:
+def _analyse(options: argparse.Namespace) -> int:
     check_options(options)
     check_folder(options.out)
+    if are_many(options):
+        from geodesic_ocp.cli.analyse.many_recordings import analyse_many
+
+        return analyse_many(options)
+    options.file = Path(options.file[0])
     save_analysis(analyse_file(options, options.side), options.out, with_curve=options.curve)
+    return 0
 
 
 def _retarget(options: argparse.Namespace) -> None:

@@ -62,9 +62,10 @@ def read_recording(
     named = [name for name, number in given.items() if number is not None]
     if len(named) + unfiltered > 1:
         raise ValueError(f"give only one of cutoff, duration and unfiltered, got {given}")
+    units = {"cutoff": "Hz", "duration": "s", "height": "m", "mass": "kg"}
     for name, number in (given | {"height": height, "mass": mass}).items():
         if number is not None:
-            as_positive(name, number)
+            as_positive(name, number, units[name])
     file = Path(path)
     motion = read_motion(file, human_arm(side).joint_names)
     stature = stature_of(motion.subject, height, mass)

@@ -3,18 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
-from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
-from geodesic_ocp.model.model import Model
-from geodesic_ocp.progress import Progress
-from geodesic_ocp.synergies.analysis_metrics import METRIC_NAMES, as_analysis_metric
+from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
+from geodesic_ocp.synergies.analysis_metrics import METRIC_NAMES
 from geodesic_ocp.synergies.segmentation.segment_costs import Measure
-from geodesic_ocp.synergies.segmentation.segment_optimal import segment_optimal
-from geodesic_ocp.trajectory.motion import Motion
 
 # By the kind of segments, options that have no effect on the other kind, with their defaults.
 _NUMBER: dict[str, object] = {"count": None, "penalty": None, "error": None}
@@ -165,48 +159,31 @@ def check_options(options: argparse.Namespace) -> None:
         )
 
 
-def filtered(options: argparse.Namespace, motion: Motion) -> Motion:
-    """The motion with velocities, by the filter of the options."""
-    if options.no_filter:
-        return replace(motion, velocity=motion(motion.time, 1))
-    return motion.filtered(cutoff=options.cutoff, duration=options.savitzky_golay)
-
-
-def chosen_metric(options: argparse.Namespace, model: Model) -> Metric:
-    """The metric that --metric names, for a model that has the armature of --armature.
+def settings_of(options: argparse.Namespace) -> AnalysisSettings:
+    """The settings of an analysis by the options, after `check_options`.
 
     Raises:
-        ValueError: it is neither a name nor a file that `save_metric` wrote.
+        ValueError: an option out of range.
     """
-    name = options.metric
-    if name == "joint-inertia" and options.armature is not None:
-        return KineticEnergy(model)  # also with --armature 0
-    if name in METRIC_NAMES:
-        return as_analysis_metric(name, model)
-    if not Path(name).is_file():
-        raise ValueError(
-            f"--metric must be {', '.join(METRIC_NAMES)} or a file, and there is no file {name!r}"
-        )
-    from geodesic_ocp.fitting.metric_file import load_metric  # with a solver, which others save
-
-    return load_metric(name, model)
-
-
-def chosen_segments(
-    options: argparse.Namespace, metric: Metric, motion: Motion, model: Model, progress: Progress
-) -> list[tuple[int, int]] | None:
-    """The optimal segments of a filtered motion; None for those of the online rule."""
-    if options.segments == "online":
-        return None
-    return segment_optimal(
-        metric,
-        motion,
+    return AnalysisSettings(
+        height=getattr(options, "height", None),
+        mass=getattr(options, "mass", None),
+        resample=getattr(options, "resample", None),
+        cutoff=options.cutoff,
+        duration=options.savitzky_golay,
+        unfiltered=options.no_filter,
+        metric=options.metric,
+        armature=options.armature,
+        segments=options.segments,
+        threshold=options.threshold,
+        rest=options.rest_speed,
+        rest_duration=options.rest_duration,
+        min_duration=options.min_duration,
+        hysteresis=options.hysteresis,
         count=options.count,
         penalty=options.penalty,
         error=options.error,
         measure=options.measure,
-        model=model,
         spacing=options.spacing,
         max_duration=options.max_duration,
-        progress=progress,
     )

@@ -6,33 +6,24 @@ import argparse
 import os
 import time
 from collections.abc import Sequence
-from contextlib import closing, suppress
+from contextlib import closing
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import get_args
 
-import numpy as np
-
-from geodesic_ocp.cli.analyse.analysis_options import chosen_metric, chosen_segments, filtered
+from geodesic_ocp.cli.analyse.analysis_options import settings_of
 from geodesic_ocp.cli.analyse.error_curve import error_curve
 from geodesic_ocp.cli.interrupts import ProgressBar
 from geodesic_ocp.cli.notes import printed_warnings
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.human.anthropometry import Side
-from geodesic_ocp.model.human.human_arm import (
-    DEFAULT_HEIGHT,
-    DEFAULT_MASS,
-    as_stature,
-    human_arm,
-)
-from geodesic_ocp.recordings.plausible import check_plausible
+from geodesic_ocp.model.human.human_arm import human_arm
 from geodesic_ocp.recordings.read_motion import read_motion
-from geodesic_ocp.synergies.analyse import analyse
+from geodesic_ocp.recordings.read_recording import read_recording, stature_of
+from geodesic_ocp.recordings.recording import Recording
+from geodesic_ocp.studies.batch.analyse_recording import analyse_recording
+from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
 from geodesic_ocp.synergies.analysis import Analysis
-from geodesic_ocp.synergies.segmentation.segment import as_threshold
-from geodesic_ocp.trajectory.motion import Motion
-
-_LONGEST_STEP = 1.0  # [s] between samples of a recording
 
 
 def analyse_file(options: argparse.Namespace, side: Side) -> Analysis:
@@ -42,35 +33,47 @@ def analyse_file(options: argparse.Namespace, side: Side) -> Analysis:
         RecordingError: the file cannot be read, or has no arm of that side.
         ValueError: implausible time stamps, height, mass or threshold.
     """
+    settings = settings_of(options)
     try:
-        motion = read_motion(options.file, human_arm(side).joint_names)
+        recording = _read(options.file, side, settings)
     except RecordingError as error:
         other = next(each for each in get_args(Side) if each != side)
-        with suppress(RecordingError):
-            read_motion(options.file, human_arm(other).joint_names)
+        if _has_arm(options.file, other) and not _has_arm(options.file, side):
             raise ValueError(f"{error}; try --side {other}") from None
         raise
-    try:
-        motion = _in_seconds(motion, options.resample)
-    except ValueError as error:
-        raise ValueError(f"{options.file}: {error}") from None
-    return analyse_motion(motion, side, options.height, options.mass, options)
-
-
-def _in_seconds(motion: Motion, rate: float | None) -> Motion:
-    step = float(np.median(np.diff(motion.time)))
-    if step >= _LONGEST_STEP:
-        raise ValueError(f"samples are {step:g} s apart: is time in milliseconds? It must be in s")
-    return motion if rate is None else motion.resampled(rate)
+    return _analyse(recording, settings, str(options.file))
 
 
 def analyse_bundled(options: argparse.Namespace) -> Analysis:
     """Analyse the bundled recording, and print the results."""
-    options.file = "the bundled recording"
     print("The left arm of a person who climbs onto a box (motion capture, 7 s).")
+    settings = settings_of(options)
     with as_file(files("geodesic_ocp") / "data" / "climb.csv") as file:
-        motion = read_motion(file, human_arm("left").joint_names)
-    return analyse_motion(motion, "left", None, None, options)
+        recording = _read(file, "left", settings)
+    return _analyse(recording, settings, "the bundled recording")
+
+
+def _has_arm(file: Path, side: Side) -> bool:
+    try:
+        read_motion(file, human_arm(side).joint_names)
+    except RecordingError:
+        return False
+    return True
+
+
+def _read(file: Path, side: Side, settings: AnalysisSettings) -> Recording:
+    with printed_warnings():
+        return read_recording(
+            file,
+            side,
+            height=settings.height,
+            mass=settings.mass,
+            armature=settings.armature or 0.0,
+            resample=settings.resample,
+            cutoff=settings.cutoff,
+            duration=settings.duration,
+            unfiltered=settings.unfiltered,
+        )
 
 
 def save_analysis(analysis: Analysis, folder: Path | None, *, with_curve: bool = False) -> None:
@@ -99,49 +102,22 @@ def check_folder(folder: Path | None) -> None:
         raise ValueError(f"--out {folder}: cannot write to {nearest}")
 
 
-def analyse_motion(
-    motion: Motion,
-    side: Side,
-    height: float | None,
-    mass: float | None,
-    options: argparse.Namespace,
-) -> Analysis:
+def _analyse(recording: Recording, settings: AnalysisSettings, file: str) -> Analysis:
     """Analyse a recording, and print the results."""
-    assumed = []
-    from_file = height is None and mass is None
-    if height is None and (height := motion.subject.height) is None:
-        height = DEFAULT_HEIGHT
-        assumed.append(f"height {height} m")
-    if mass is None and (mass := motion.subject.mass) is None:
-        mass = DEFAULT_MASS
-        assumed.append(f"mass {mass} kg")
-    try:
-        as_stature(height, mass)
-    except ValueError as error:
-        raise ValueError(f"{options.file}: {error}" if from_file else str(error)) from None
-    arm = human_arm(side, height, mass, armature=options.armature or 0.0)
-    as_threshold(options.threshold)
-    metric = chosen_metric(options, arm)
+    metric = settings.metric_of(recording.model)
     start = time.perf_counter()
     try:
         with printed_warnings(), closing(ProgressBar()) as bar:
-            motion = motion.select(arm.joint_names)
-            check_plausible(arm, motion)
-            motion = filtered(options, motion)
-            analysis = analyse(
-                arm,
-                motion,
-                options.threshold,
-                metric=metric,
-                segments=chosen_segments(options, metric, motion, arm, bar),
-                rest=options.rest_speed,
-                rest_duration=options.rest_duration,
-                min_duration=options.min_duration,
-                hysteresis=options.hysteresis,
-                progress=bar,
-            )
+            analysis = analyse_recording(recording, settings, metric=metric, progress=bar)
     except ValueError as error:
-        raise ValueError(f"{options.file}: {error}") from None
+        raise ValueError(f"{file}: {error}") from None
+    subject = recording.motion.subject
+    height, mass = stature_of(subject, settings.height, settings.mass)
+    assumed = []
+    if settings.height is None and subject.height is None:
+        assumed.append(f"height {height} m")
+    if settings.mass is None and subject.mass is None:
+        assumed.append(f"mass {mass} kg")
     _summarize(analysis, height, mass, assumed, time.perf_counter() - start)
     return analysis
 

@@ -20,6 +20,7 @@ from geodesic_ocp.synergies.segmentation.segment_optimal import segment_optimal
 from geodesic_ocp.trajectory.motion import Motion
 
 Segments = Literal["online", "optimal"]
+_UNITS = {"height": "m", "mass": "kg", "resample": "Hz", "cutoff": "Hz", "duration": "s"}
 
 
 @dataclass(frozen=True, repr=False)
@@ -64,9 +65,9 @@ class AnalysisSettings:
     max_duration: float = 2.0
 
     def __post_init__(self) -> None:
-        for name in ("height", "mass", "resample", "cutoff", "duration"):
+        for name, unit in _UNITS.items():
             if (number := getattr(self, name)) is not None:
-                as_positive(name, number)
+                as_positive(name, number, unit)
         if sum((self.cutoff is not None, self.duration is not None, self.unfiltered)) > 1:
             raise ValueError("give only one of cutoff, duration and unfiltered")
         as_threshold(self.threshold)
