@@ -71,7 +71,7 @@ def read_bvh(
     hierarchy = _hierarchy(file, lines)
     period, values = _motion(file, lines, hierarchy)
     joints = hierarchy.joints
-    names = [joint.name or f"end of {joints[joint.parent].name}" for joint in joints]
+    names = [joint.name or "" for joint in joints]
     offsets = np.array([joint.offset for joint in joints])
     unit = unit if unit is not None else chosen.unit if chosen is not None else None
     if unit is not None:
@@ -99,7 +99,7 @@ def read_bvh(
     }
     parents = tuple(joint.parent for joint in joints)
     skeleton = Skeleton(tuple(names), parents, offsets, hinges)
-    time: Array = period * np.arange(len(values))
+    time = period * np.arange(len(values), dtype=np.float64)
     motion = SkeletonMotion(skeleton, time, rotation, position)
     metres = metres_per_unit(unit) if unit is not None else None
     return skeleton_segments(file, motion, chosen, metres)

@@ -15,6 +15,7 @@ import warnings
 import zipfile
 import zlib
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import scipy
@@ -84,7 +85,8 @@ def read_smpl(
             finite, or the person is upright along another axis.
     """
     chosen = as_skeleton_convention(convention) or SMPL
-    arrays = _arrays(file)
+    with file.open("rb") as stream:
+        arrays = _arrays(file, stream)
     poses, rate = arrays["poses"], float(arrays["rate"])
     if poses.ndim != 2 or poses.shape[1] not in _WIDTHS:
         raise RecordingError(
@@ -113,12 +115,12 @@ def read_smpl(
     return skeleton_segments(file, motion, chosen, None, space_up="+z")
 
 
-def _arrays(file: Path) -> dict[str, Array]:
+def _arrays(file: Path, stream: BinaryIO) -> dict[str, Array]:
     """The arrays "poses" and "rate" as floats."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # headers written by Python 2
-            archive = np.load(file, allow_pickle=False)
+            archive = np.load(stream, allow_pickle=False)
     except _UNREADABLE as failure:
         raise RecordingError(f"{file}: is no archive of NumPy arrays: {_line(failure)}") from None
     if not isinstance(archive, np.lib.npyio.NpzFile):
@@ -144,6 +146,8 @@ def _arrays(file: Path) -> dict[str, Array]:
                     else _line(failure)
                 )
                 raise RecordingError(f"{file}: {key!r} cannot be read: {reason}") from None
+            if not isinstance(array, np.ndarray):
+                raise RecordingError(f"{file}: {key!r} is not a NumPy array")
             if array.dtype.kind not in "fiu" or (name == "rate" and array.size != 1):
                 raise RecordingError(
                     f"{file}: {key!r} must be {'a number' if name == 'rate' else 'numbers'}, is "

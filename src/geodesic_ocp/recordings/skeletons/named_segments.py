@@ -57,7 +57,7 @@ def _fits(found: dict[str, int]) -> bool:
 
 
 def _listed(skeleton: Skeleton) -> str:
-    names = skeleton.names
+    names = [name for name in skeleton.names if name]
     return ", ".join(names[:_SHOWN]) + (", ..." if len(names) > _SHOWN else "")
 
 

@@ -122,8 +122,8 @@ def neutral_frames(
         names = [f"{side} {name}" for name in ("upper arm", "forearm", "hand")]
         if names[1] not in segments:
             continue
-        upper, elbow = _bone(segments[names[0]], segments[names[1]], skeleton, positions)
-        lower, _ = _bone(segments[names[1]], segments.get(names[2]), skeleton, positions)
+        upper = _bone(segments[names[0]], segments[names[1]], skeleton, positions)
+        lower = _bone(segments[names[1]], segments.get(names[2]), skeleton, positions)
         directions[side] = upper = upper @ body
         lower = lower @ body if np.any(lower) else upper
         if not np.any(upper) or upper[2] > _UPWARDS or lower @ upper < -_UPWARDS:
@@ -135,8 +135,10 @@ def neutral_frames(
         frames[names[0]] = _shortest(np.array([0.0, 0.0, -1.0]), upper)
         frames[names[1]] = frames[names[2]] = _shortest(upper, lower) @ frames[names[0]]
         twists = {name: np.radians(convention.twist.get(name, 0.0)) for name in names}
-        if names[0] not in convention.twist and elbow in skeleton.hinges:
-            x, y, _ = frames[names[0]].T @ body.T @ skeleton.hinges[elbow]
+        elbow = skeleton.way(segments[names[0]], segments[names[1]])
+        hinge = next((skeleton.hinges[joint] for joint in elbow if joint in skeleton.hinges), None)
+        if names[0] not in convention.twist and hinge is not None:
+            x, y, _ = frames[names[0]].T @ body.T @ hinge
             if np.hypot(x, y) > _ELBOW:
                 twists[names[0]] = np.arctan(y / x) if x else np.pi / 2.0
         frames |= {name: frames[name] @ axis_rotation("z", twists[name]) for name in names}
@@ -153,22 +155,18 @@ def neutral_frames(
     return frames
 
 
-def _bone(start: int, end: int | None, skeleton: Skeleton, positions: Array) -> tuple[Array, int]:
-    """Direction (3,) from one joint towards another or its children, and the first joint after it.
+def _bone(start: int, end: int | None, skeleton: Skeleton, positions: Array) -> Array:
+    """Direction (3,) from one joint towards another, or towards its first child.
 
-    The direction is that to the first joint of the way that is elsewhere; zero if there is none.
+    It is that to the first joint on the way that is elsewhere; zero if there is none.
     """
-    if end is None:
-        way = [joint for joint, parent in enumerate(skeleton.parents) if parent == start]
-    else:
-        way = skeleton.path(end)
-        way = way[way.index(start) + 1 :]
-    for joint in way:
+    children = [joint for joint, parent in enumerate(skeleton.parents) if parent == start]
+    for joint in children if end is None else skeleton.way(start, end):
         vector = positions[joint] - positions[start]
         length = np.linalg.norm(vector)
         if length > 0.0:
-            return vector / length, way[0]
-    return np.zeros(3), way[0] if way else -1
+            return np.asarray(vector / length, dtype=float)
+    return np.zeros(3)
 
 
 def _shortest(start: Array, end: Array) -> Array:

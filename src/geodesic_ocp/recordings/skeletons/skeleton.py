@@ -15,7 +15,7 @@ class Skeleton:
     """A tree of joints in its rest pose, in which the frames of all joints are parallel.
 
     Attributes:
-        names: of the n joints, parents before their children.
+        names: of the n joints, parents before their children; empty at the ends of limbs.
         parents: index of each joint's parent; -1 for the root.
         offsets: of each joint from its parent in the rest pose, (n, 3), in the file's unit.
         hinges: unit axis (3,) in the rest pose, by index, of joints that turn about one axis only.
@@ -33,6 +33,11 @@ class Skeleton:
             path.append(joint)
             joint = self.parents[joint]
         return path[::-1]
+
+    def way(self, start: int, end: int) -> list[int]:
+        """Indices of the joints from the first after `start` to `end`, which comes after it."""
+        path = self.path(end)
+        return path[path.index(start) + 1 :]
 
     def __repr__(self) -> str:
         shown = ", ".join(self.names[:8]) + (", ..." if len(self.names) > 8 else "")

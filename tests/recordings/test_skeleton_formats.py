@@ -1,0 +1,225 @@
+"""ASF/AMC, BVH and SMPL archives: the orientations that were written come back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from recordings.skeleton_files import (
+    FILE,
+    ORDERS,
+    SIDES,
+    TREE,
+    local_rotations,
+    root_positions,
+    rotations_in_file,
+    smooth_motion,
+    write_acclaim,
+    write_bvh,
+)
+from scipy.spatial.transform import Rotation
+
+import geodesic_ocp as go
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.recordings.conventions.arm_angles import to_motion
+from geodesic_ocp.recordings.conventions.motion_segments import segment_orientations
+from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
+from geodesic_ocp.recordings.formats.amc import read_amc
+from geodesic_ocp.recordings.formats.bvh import read_bvh
+from geodesic_ocp.recordings.formats.smpl import read_smpl
+from geodesic_ocp.recordings.skeletons.known_conventions import SKELETON_CONVENTIONS, SMPL
+
+NAMES = [name for name, *_ in TREE]
+CM = 0.01  # [m]
+seeds = st.integers(0, 10_000)
+orders = st.lists(st.sampled_from(ORDERS), min_size=len(TREE), max_size=len(TREE))
+
+
+def in_files(motion: go.Motion, unit: float) -> tuple[SegmentOrientations, dict[str, Array], Array]:
+    """The motion's segments, and the rotations and root positions of the files' skeleton."""
+    segments = segment_orientations(motion)
+    joints = rotations_in_file(dict(segments.rotations))
+    assert motion.trunk is not None
+    return segments, joints, root_positions(joints, motion.trunk.positions, unit)
+
+
+def check_same(read: SegmentOrientations, motion: go.Motion, written: SegmentOrientations) -> None:
+    """Files have twelve digits, so that orientations return within 1e-9."""
+    np.testing.assert_allclose(read.time, motion.time, atol=1e-7)
+    assert set(read.rotations) == set(written.rotations)
+    for segment, rotations in written.rotations.items():
+        np.testing.assert_allclose(read.rotations[segment], rotations, atol=1e-9, err_msg=segment)
+    angles = to_motion(read, motion.joint_names)
+    np.testing.assert_allclose(angles.q, motion.q, atol=1e-6)
+
+
+def check_trunk(read: SegmentOrientations, motion: go.Motion) -> None:
+    assert read.trunk is not None
+    assert motion.trunk is not None
+    np.testing.assert_allclose(read.trunk.positions, motion.trunk.positions, atol=1e-8)
+    np.testing.assert_allclose(read.trunk.rotations, motion.trunk.rotations, atol=1e-9)
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=seeds, axes=orders)
+def test_bvh_returns_the_angles_and_the_trunk_in_any_order_of_channels(
+    seed: int, axes: list[str], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    motion = smooth_motion(seed)
+    written, joints, roots = in_files(motion, CM)
+    folder = tmp_path_factory.mktemp("bvh")
+    file = write_bvh(folder / "a.bvh", joints, roots, 50.0, dict(zip(NAMES, axes, strict=True)))
+    read = read_bvh(file, unit="cm")
+    check_same(read, motion, written)
+    check_trunk(read, motion)
+    assert read_bvh(file).trunk is None
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=seeds, axes=orders, radians=st.booleans())
+def test_amc_returns_the_angles_and_the_trunk_in_any_axes_of_bones(
+    seed: int, axes: list[str], radians: bool, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    motion = smooth_motion(seed)
+    written, joints, roots = in_files(motion, CM)
+    folder = tmp_path_factory.mktemp("amc")
+    random = np.random.default_rng(seed)
+    frames = {name: random.uniform(-180.0, 180.0, 3) for name in NAMES}
+    by_name = dict(zip(NAMES, axes, strict=True))
+    file = write_acclaim(folder, joints, roots, by_name, frames, radians)
+    read = read_amc(file, rate=50.0)
+    check_same(read, motion, written)
+    check_trunk(read, motion)
+    assert read.subject.name == "07"
+    assert read_amc(file, unit="cm").time[1] == pytest.approx(1.0 / 120.0)
+
+
+def write_smpl(file: Path, motion: go.Motion, columns: int, **others: object) -> Path:
+    """SMPL's body joints with the segments of the motion, in a space with z up."""
+    segments = segment_orientations(motion).rotations
+    local = local_rotations(rotations_in_file(dict(segments)))
+    poses = np.zeros((len(motion), columns))
+    joints = {"Hips": 0, "Spine": 6, "Spine1": 9, "LeftArm": 16, "RightArm": 17}
+    joints |= {"LeftForeArm": 18, "RightForeArm": 19, "LeftHand": 20, "RightHand": 21}
+    for name, joint in joints.items():
+        rotations = local[name] if joint else FILE.T @ local[name]
+        vectors = Rotation.from_matrix(rotations).as_rotvec()
+        poses[:, 3 * joint : 3 * joint + 3] = vectors
+    arrays = {"poses": poses, "mocap_framerate": 50.0, "gender": "female", "betas": np.zeros(16)}
+    arrays["trans"] = np.zeros((len(motion), 3))
+    np.savez(file, **{key: value for key, value in (arrays | others).items() if value is not None})
+    return file
+
+
+@settings(max_examples=4, deadline=None)
+@given(seed=seeds, columns=st.sampled_from([72, 156, 165]))
+def test_smpl_returns_the_angles(
+    seed: int, columns: int, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    motion = smooth_motion(seed)
+    file = write_smpl(tmp_path_factory.mktemp("smpl") / "a.npz", motion, columns)
+    read = read_smpl(file)
+    check_same(read, motion, segment_orientations(motion))
+    assert read.trunk is None
+
+
+def test_smpl_in_a_space_with_y_up_must_say_so(tmp_path: Path) -> None:
+    motion = smooth_motion(3)
+    file = write_smpl(tmp_path / "z.npz", motion, 72)
+    with np.load(file) as archive:
+        arrays = dict(archive)
+    upright = Rotation.from_rotvec(arrays["poses"][:, :3])
+    arrays["poses"][:, :3] = (Rotation.from_matrix(FILE) * upright).as_rotvec()
+    turned = tmp_path / "y.npz"
+    np.savez(turned, **arrays)
+    with pytest.raises(go.RecordingError, match=r"\+z should be vertical.*space_up='\+y'"):
+        read_smpl(turned)
+    read = read_smpl(turned, replace(SMPL, space_up="+y"))
+    check_same(read, motion, segment_orientations(motion))
+
+
+def test_a_rotation_of_the_wrist_about_the_forearm_is_pronation(tmp_path: Path) -> None:
+    # In many files the elbow only flexes and the wrist joint has all of the pronation.
+    motion = smooth_motion(5)
+    written, joints, roots = in_files(motion, CM)
+    for side, rest in SIDES.items():
+        elbow = motion.select([f"{side[0].upper()}Ex_joint"]).q
+        flexed = Rotation.from_euler("x", elbow).as_matrix()
+        forearm = written.rotations[f"{side} upper arm"] @ flexed
+        joints[f"{side.title()}ForeArm"] = FILE @ forearm @ rest.T @ FILE.T
+    file = write_bvh(tmp_path / "a.bvh", joints, roots, 50.0, dict.fromkeys(NAMES, "ZXY"))
+    check_same(read_bvh(file), motion, written)
+
+
+def test_a_file_without_hands_has_hands_that_follow_the_forearms(tmp_path: Path) -> None:
+    motion = smooth_motion(7)
+    written, joints, roots = in_files(motion, CM)
+    file = write_bvh(tmp_path / "a.bvh", joints, roots, 50.0, dict.fromkeys(NAMES, "XYZ"))
+    file.write_text(file.read_text().replace("RightHand", "RightTool").replace("LeftHand", "Tool"))
+    read = read_bvh(file, unit="cm")
+    for side in SIDES:
+        np.testing.assert_array_equal(
+            read.rotations[f"{side} hand"], read.rotations[f"{side} forearm"]
+        )
+        expected = written.rotations[f"{side} forearm"]
+        np.testing.assert_allclose(read.rotations[f"{side} forearm"], expected, atol=1e-9)
+
+
+def test_names_with_spaces_namespaces_and_split_frames(tmp_path: Path) -> None:
+    motion = smooth_motion(9)
+    written, joints, roots = in_files(motion, CM)
+    file = write_bvh(tmp_path / "a.bvh", joints, roots, 50.0, dict.fromkeys(NAMES, "YXZ"))
+    text = file.read_text()
+    for name in NAMES:
+        text = text.replace(f" {name}\n", f" mixamorig:{name}\n")
+    head, _, rows = text.partition("Frame Time")
+    first, _, rows = rows.partition("\n")
+    file.write_text(head.upper() + "Frame Time" + first + "\n" + rows.replace(" ", "\n"))
+    check_same(read_bvh(file), motion, written)
+    biped = {"Hips": "Bip01 Pelvis", "Spine": "Bip01 Spine", "Spine1": "Bip01 Spine1"}
+    for side in ("Right", "Left"):
+        biped |= {
+            f"{side}Arm": f"Bip01 {side[0]} UpperArm",
+            f"{side}ForeArm": f"Bip01 {side[0]} Forearm",
+            f"{side}Hand": f"Bip01 {side[0]} Hand",
+            f"{side}Shoulder": f"Bip01 {side[0]} Clavicle",
+        }
+    for name in NAMES:
+        text = text.replace(f" mixamorig:{name}\n", f" {biped.get(name, name)} {{\n")
+    lines = text.split("\n")
+    kept = [line for i, line in enumerate(lines) if line.strip() != "{" or "{" not in lines[i - 1]]
+    file.write_text("\n".join(kept))
+    check_same(read_bvh(file), motion, written)
+
+
+def test_the_first_frame_can_be_the_rest_pose(tmp_path: Path) -> None:
+    # The x axis of every joint lies along its bone, so that all bones have one direction at zero.
+    motion = smooth_motion(11)
+    written, joints, roots = in_files(motion, CM)
+    heading = Rotation.from_euler("y", 0.7).as_matrix()  # the person need not face along an axis
+    joints = {
+        name: np.concatenate([heading[None], rotations]) for name, rotations in joints.items()
+    }
+    turned = {name: np.eye(3) for name in NAMES}
+    for _, parent, offset, _ in reversed(TREE[1:]):
+        along = np.array([offset]) / np.linalg.norm(offset)
+        turned[str(parent)] = Rotation.align_vectors(along, [[1.0, 0.0, 0.0]])[0].as_matrix()
+    frames = np.concatenate([roots[:1], roots])
+    axes = dict.fromkeys(NAMES, "ZYX")
+    file = write_bvh(tmp_path / "a.bvh", joints, frames, 50.0, axes, turned)
+    with pytest.raises(go.RecordingError, match="rest='first frame'"):
+        read_bvh(file)
+    human_ik = next(each for each in SKELETON_CONVENTIONS if "Mixamo" in each.name)
+    read = read_bvh(file, replace(human_ik, rest="first frame"), unit="cm")
+    # The space's horizontal axes are those of the body in the rest pose.
+    turn = FILE.T @ heading.T @ FILE
+    for segment, rotations in written.rotations.items():
+        np.testing.assert_allclose(read.rotations[segment][1:], turn @ rotations, atol=1e-9)
+    assert read.trunk is not None
+    assert motion.trunk is not None
+    expected = motion.trunk.positions @ turn.T
+    np.testing.assert_allclose(read.trunk.positions[1:], expected, atol=1e-8)
