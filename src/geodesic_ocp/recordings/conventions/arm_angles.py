@@ -31,6 +31,23 @@ from geodesic_ocp.trajectory.motion import Motion
 ARM_JOINTS = ("Sx", "Sz", "Sy", "Ex", "Ez", "Wx", "Wy")  # after R or L, before _joint
 TRUNK_JOINTS = ("BPx", "BPz", "BPy", "BTx", "BTz", "BTy")  # before _joint
 SIDES: tuple[Literal["right", "left"], ...] = ("right", "left")
+
+
+def _needs() -> dict[str, tuple[str, ...]]:
+    needs: dict[str, tuple[str, ...]] = {}
+    for joint in TRUNK_JOINTS:
+        needs[f"{joint}_joint"] = ("pelvis", "thorax")
+    for side in SIDES:
+        upper, forearm, hand = (f"{side} {name}" for name in ("upper arm", "forearm", "hand"))
+        segments = {"S": ("thorax", upper), "E": (upper, forearm), "W": (upper, forearm, hand)}
+        for joint in ARM_JOINTS:
+            needs[f"{side[0].upper()}{joint}_joint"] = segments[joint[0]]
+    return needs
+
+
+#: Segments that each joint needs.
+JOINTS = _needs()
+
 # Sine of the elbow's flexion below which the recorded axial rotation of the upper arm counts, and
 # its weight at full extension: both so that elbows extended beyond 0 by up to 15 degrees stay so.
 _NEARLY_EXTENDED = 0.5
@@ -54,7 +71,7 @@ def to_motion(orientations: SegmentOrientations, joints: Sequence[str] | None = 
     Raises:
         RecordingError: a joint is not one of these, or a segment that it needs is missing.
     """
-    known = _needs()
+    known = JOINTS
     segments = orientations.rotations
     if joints is None:
         wanted = [name for name, needed in known.items() if not _missing(segments, needed)]
@@ -88,19 +105,6 @@ def to_motion(orientations: SegmentOrientations, joints: Sequence[str] | None = 
         subject=orientations.subject,
         trunk=orientations.trunk,
     )
-
-
-def _needs() -> dict[str, tuple[str, ...]]:
-    """Segments that each joint needs."""
-    needs: dict[str, tuple[str, ...]] = {}
-    for joint in TRUNK_JOINTS:
-        needs[f"{joint}_joint"] = ("pelvis", "thorax")
-    for side in SIDES:
-        upper, forearm, hand = (f"{side} {name}" for name in ("upper arm", "forearm", "hand"))
-        segments = {"S": ("thorax", upper), "E": (upper, forearm), "W": (upper, forearm, hand)}
-        for joint in ARM_JOINTS:
-            needs[f"{side[0].upper()}{joint}_joint"] = segments[joint[0]]
-    return needs
 
 
 def _missing(segments: Mapping[str, Array], needed: tuple[str, ...]) -> list[str]:

@@ -1,0 +1,191 @@
+"""AngleConvention: how the joint angles in the columns of a table turn the segments."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from geodesic_ocp.arrays import Array, as_number, as_vector
+
+AXES = ("x", "y", "z", "-x", "-y", "-z")
+_TURNS_BACK = (-1.0, -1.0, 1.0)  # of an axis mirrored at the plane x-y
+
+
+def direction(axis: str | tuple[float, float, float]) -> Array:
+    """Unit vector (3,) of an axis: "x", "-y", ... or three numbers; ValueError otherwise."""
+    if isinstance(axis, str):
+        if axis not in AXES:
+            raise ValueError(f"axis must be one of {', '.join(AXES)} or 3 numbers, got {axis!r}")
+        vector = np.zeros(3)
+        vector["xyz".index(axis[-1])] = -1.0 if axis[0] == "-" else 1.0
+        return vector
+    vector = as_vector("axis", axis, 3)
+    length = float(np.linalg.norm(vector))
+    if length < 1e-6:
+        raise ValueError(f"axis must not be zero, got {axis!r}")
+    return vector / length
+
+
+@dataclass(frozen=True)
+class AxisRotation:
+    """One rotation about an axis, by the angle sign * column + offset.
+
+    Attributes:
+        axis: "x", "y", "z", "-x", ... or three numbers, in axes that earlier rotations have turned.
+        column: of the table; None for a constant rotation.
+        sign: factor of the column's angle.
+        offset: [deg].
+        optional: whether a table without the column has the angle 0 there.
+    """
+
+    axis: str | tuple[float, float, float]
+    column: str | None = None
+    sign: float = 1.0
+    offset: float = 0.0
+    optional: bool = False
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.axis, str):
+            object.__setattr__(self, "axis", tuple(direction(self.axis).tolist()))
+        direction(self.axis)
+        if self.column is not None and (not isinstance(self.column, str) or not self.column):
+            raise ValueError(f"column must be a name or None, got {self.column!r}")
+        as_number("sign", self.sign)
+        as_number("offset", self.offset)
+
+
+@dataclass(frozen=True)
+class SegmentRelation:
+    """The orientation of a segment relative to its parent.
+
+    Attributes:
+        segment: one of `SEGMENTS`, or another name for a step between two of them.
+        parent: a segment of an earlier relation, or None for the surrounding space.
+        rotations: one after the other, each about axes that those before it have turned.
+        neutral: constant rotations after those, from the convention's axes of this segment to axes
+            that are parallel to all others in the neutral pose: upright, arms hanging, palms
+            towards the body. They do not pass on to other segments.
+        refusal: why the angles of this segment are not converted, if they are not.
+    """
+
+    segment: str
+    parent: str | None = None
+    rotations: tuple[AxisRotation, ...] = ()
+    neutral: tuple[AxisRotation, ...] = ()
+    refusal: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "rotations", tuple(self.rotations))
+        object.__setattr__(self, "neutral", tuple(self.neutral))
+        constant = [each.column is None for each in self.neutral]
+        if not all(constant):
+            raise ValueError(f"neutral rotations of the {self.segment} must have no column")
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns that the table must have."""
+        turns = self.rotations
+        return tuple(dict.fromkeys(r.column for r in turns if r.column and not r.optional))
+
+    def __repr__(self) -> str:
+        return f"SegmentRelation({self.segment!r} from {self.parent!r}: {', '.join(self.columns)})"
+
+
+@dataclass(frozen=True)
+class AngleConvention:
+    """Which rotations the columns of a table of joint angles stand for.
+
+    >>> from geodesic_ocp.recordings.conventions.angle_convention import (
+    ...     AngleConvention, AxisRotation, SegmentRelation)
+    >>> mine = AngleConvention("mine", (
+    ...     SegmentRelation("thorax"),
+    ...     SegmentRelation("right upper arm", "thorax", (
+    ...         AxisRotation("z", "flexion"), AxisRotation("-x", "abduction"),
+    ...         AxisRotation("y", "internal_rotation"))),
+    ... ))
+    >>> mine
+    AngleConvention('mine': thorax, right upper arm)
+
+    Attributes:
+        name: of the convention.
+        relations: parents before their children. Trunk segments ("pelvis", "abdomen", "thorax")
+            whose columns the table lacks are upright, and are only what the arms refer to.
+        source: where the convention is published.
+        forward: axis of the neutral pose that points forward; those of ISB by default.
+        up: axis that points up.
+        position: columns of the position of the trunk's first segment in space [m], or none.
+        offsets: by segment, vectors in its axes that add up from there to the point midway between
+            the shoulders [m].
+
+    Raises:
+        ValueError: a parent without a relation before it, a segment twice, or forward and up that
+            are not two different axes.
+    """
+
+    name: str
+    relations: tuple[SegmentRelation, ...]
+    source: str = ""
+    forward: str = "x"
+    up: str = "y"
+    position: tuple[str, ...] = ()
+    offsets: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "relations", tuple(self.relations))
+        object.__setattr__(self, "position", tuple(self.position))
+        earlier: list[str | None] = [None]
+        for relation in self.relations:
+            if relation.parent not in earlier:
+                raise ValueError(
+                    f"the parent {relation.parent!r} of the {relation.segment} must be None or the "
+                    f"segment of an earlier relation"
+                )
+            if relation.segment in earlier:
+                raise ValueError(f"there are two relations of the {relation.segment}")
+            earlier.append(relation.segment)
+        if len(self.position) not in (0, 3):
+            raise ValueError(f"position must have three columns or none, got {self.position!r}")
+        for segment, offset in self.offsets.items():
+            if segment not in earlier:
+                raise ValueError(f"offsets: there is no relation of the {segment}")
+            as_vector(f"offset in the {segment}", offset, 3)
+        if abs(direction(self.forward) @ direction(self.up)) > 0.0:
+            raise ValueError(
+                f"forward and up must be different axes, got {self.forward!r} and {self.up!r}"
+            )
+
+    @property
+    def to_right_forward_up(self) -> Array:
+        """Rotation (3, 3) from the convention's axes to x right, y forward, z up."""
+        forward, up = direction(self.forward), direction(self.up)
+        return np.stack([np.cross(forward, up), forward, up])
+
+    def __repr__(self) -> str:
+        segments = ", ".join(relation.segment for relation in self.relations)
+        return f"AngleConvention({self.name!r}: {segments})"
+
+
+def mirrored(relation: SegmentRelation) -> SegmentRelation:
+    """The relation of the left side with the same angles as on the right: mirrored at x-y.
+
+    Rotations about z (right) keep their sense, those about x (forward) and y (up) turn back. Of the
+    names, "right" becomes "left" and the end "_r" of a column "_l".
+    """
+
+    def turned(rotation: AxisRotation) -> AxisRotation:
+        axis = direction(rotation.axis) * _TURNS_BACK
+        column = rotation.column
+        if column is not None:
+            column = column.removesuffix("_r") + "_l" if column.endswith("_r") else column
+        return replace(rotation, axis=(axis[0], axis[1], axis[2]), column=column)
+
+    parent = relation.parent
+    return replace(
+        relation,
+        segment=relation.segment.replace("right", "left"),
+        parent=None if parent is None else parent.replace("right", "left"),
+        rotations=tuple(turned(each) for each in relation.rotations),
+        neutral=tuple(turned(each) for each in relation.neutral),
+    )

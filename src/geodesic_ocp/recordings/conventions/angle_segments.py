@@ -1,0 +1,137 @@
+"""Orientations of segments from the joint angles of a convention."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.conventions.angle_convention import (
+    AngleConvention,
+    AxisRotation,
+    SegmentRelation,
+    direction,
+)
+from geodesic_ocp.recordings.conventions.segment_orientations import SEGMENTS, SegmentOrientations
+from geodesic_ocp.trajectory.frame_motion import FrameMotion
+from geodesic_ocp.trajectory.motion import Subject
+
+TRUNK = ("pelvis", "abdomen", "thorax")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ConvertedAngles:
+    """Orientations of the segments of a table, and why other segments are left out.
+
+    Attributes:
+        orientations: of the segments whose columns are there.
+        reasons: by segment that is left out.
+    """
+
+    orientations: SegmentOrientations
+    reasons: Mapping[str, str]
+
+    def __repr__(self) -> str:
+        without = f", without {', '.join(self.reasons)}" if self.reasons else ""
+        return f"ConvertedAngles({self.orientations!r}{without})"
+
+
+def segments_of_angles(
+    convention: AngleConvention,
+    time: Array,
+    columns: Mapping[str, Array],
+    subject: Subject | None = None,
+) -> ConvertedAngles:
+    """The orientations of the segments whose columns there are.
+
+    Args:
+        convention: of the angles.
+        time: (k,) [s].
+        columns: by name, (k,) [rad], positions [m].
+        subject: the recorded person.
+
+    Raises:
+        RecordingError: some but not all columns of a segment of the trunk are there.
+    """
+    count = len(time)
+    frames: dict[str | None, Array] = {None: np.broadcast_to(np.eye(3), (count, 3, 3))}
+    change = convention.to_right_forward_up
+    rotations: dict[str, Array] = {}
+    known: set[str | None] = {None}  # segments with all their columns, down from space
+    reasons: dict[str, str] = {}
+    for relation in convention.relations:
+        reason = _reason(relation, columns, reasons)
+        segment = relation.segment
+        if reason and segment not in TRUNK:
+            reasons[segment] = reason
+            continue
+        there = [name for name in relation.columns if name in columns]
+        if reason and there:
+            raise RecordingError(
+                f"the table has {', '.join(there)}, but {reason} (of the {segment})"
+            )
+        turned = frames[relation.parent]
+        if not reason:
+            turned = turned @ _product(relation.rotations, columns, count)
+            if relation.parent in known and relation.columns:
+                known.add(segment)
+        frames[segment] = turned
+        if segment in SEGMENTS and (segment not in TRUNK[:2] or segment in known):
+            ours = turned @ _product(relation.neutral, columns, count)
+            rotations[segment] = change @ ours @ change.T
+    if "thorax" not in known:
+        for segment in TRUNK[:2]:
+            rotations.pop(segment, None)
+    trunk = None
+    if convention.position and "thorax" in known and set(convention.position) <= set(columns):
+        place = np.stack([columns[name] for name in convention.position], axis=1)
+        for segment, offset in convention.offsets.items():
+            place = place + frames[segment] @ np.asarray(offset)
+        trunk = FrameMotion(rotations["thorax"], place @ change.T)
+    return ConvertedAngles(
+        SegmentOrientations(time, rotations, trunk, subject or Subject()), reasons
+    )
+
+
+def fits(convention: AngleConvention, names: set[str]) -> int:
+    """How many of these columns the convention needs; 0 if it gives no arm from them."""
+    used = [set(each.columns) for each in convention.relations if set(each.columns) <= names]
+    arms = any(
+        relation.segment.endswith("upper arm")
+        and not relation.refusal
+        and set(relation.columns) <= names
+        for relation in convention.relations
+    )
+    return len(set().union(*used)) if arms else 0
+
+
+def _reason(
+    relation: SegmentRelation, columns: Mapping[str, Array], left: Mapping[str, str]
+) -> str:
+    if relation.refusal:
+        return relation.refusal
+    missing = [name for name in relation.columns if name not in columns]
+    if missing:
+        return f"there is no column {', '.join(missing)}"
+    if relation.parent in left:
+        return f"it turns relative to the {relation.parent}, which is missing"
+    return ""
+
+
+def _product(
+    rotations: tuple[AxisRotation, ...], columns: Mapping[str, Array], count: int
+) -> Array:
+    product = np.broadcast_to(np.eye(3), (count, 3, 3))
+    for rotation in rotations:
+        angle = np.full(count, np.radians(rotation.offset))
+        if rotation.column is not None and rotation.column in columns:
+            angle = angle + rotation.sign * columns[rotation.column]
+        turns = scipy.spatial.transform.Rotation.from_rotvec(
+            angle[:, None] * direction(rotation.axis)
+        )
+        product = product @ turns.as_matrix()
+    return product

@@ -1,0 +1,195 @@
+"""The angle conventions that are built in, all in the axes x forward, y up, z right.
+
+isb: the recommendation of the International Society of Biomechanics (Wu et al., Journal of
+    Biomechanics 38, 2005, 981-992): thorax to upper arm Y-X-Y (plane of elevation, elevation,
+    which is negative, and axial rotation), elbow and wrist Z-X-Y. As there, angles of the left
+    side are those of the mirrored right side. The recommendation names no columns.
+opensim_upper_limb: the right arm of Holzbaur et al. (Annals of Biomedical Engineering 33, 2005,
+    829-840) and Saul et al. (Computer Methods in Biomechanics and Biomedical Engineering 18, 2015,
+    1445-1458). Its shoulder turns by elv_angle, shoulder_elv, -elv_angle and shoulder_rot, relative
+    to the thorax, as the model takes back the rotations of clavicle and scapula.
+opensim_full_body: the arms and trunk of Hamner et al. (Journal of Biomechanics 43, 2010, 2709-2716)
+    and Rajagopal et al. (IEEE Transactions on Biomedical Engineering 63, 2016, 2068-2079).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from geodesic_ocp.recordings.conventions.angle_convention import (
+    AngleConvention,
+    AxisRotation,
+    SegmentRelation,
+    direction,
+    mirrored,
+)
+
+Axis = tuple[float, float, float]
+
+# In zero position, forearm and hand of ISB and of the full-body models have the palm forward.
+_PALM_INWARDS = AxisRotation("y", offset=-90.0)
+
+
+def _along(axis: Axis) -> AxisRotation:
+    """The smallest rotation of y into an axis: of the forearm into the axis of pronation."""
+    across = np.cross([0.0, 1.0, 0.0], direction(axis))
+    angle = float(np.degrees(np.arcsin(np.linalg.norm(across))))
+    return AxisRotation((across[0], across[1], across[2]), offset=angle)
+
+
+def _both(right: tuple[SegmentRelation, ...]) -> tuple[SegmentRelation, ...]:
+    return right + tuple(mirrored(relation) for relation in right)
+
+
+_ISB_ARM = (
+    SegmentRelation(
+        "right upper arm",
+        "thorax",
+        (
+            AxisRotation("y", "plane_of_elevation_r"),
+            AxisRotation("x", "elevation_r"),
+            AxisRotation("y", "axial_rotation_r"),
+        ),
+    ),
+    SegmentRelation(
+        "right forearm",
+        "right upper arm",
+        (
+            AxisRotation("z", "elbow_flexion_r"),
+            AxisRotation("x", "carrying_angle_r", optional=True),
+            AxisRotation("y", "pronation_r"),
+        ),
+        (_PALM_INWARDS,),
+    ),
+    SegmentRelation(
+        "right hand",
+        "right forearm",
+        (
+            AxisRotation("z", "wrist_flexion_r"),
+            AxisRotation("x", "wrist_deviation_r"),
+            AxisRotation("y", "wrist_rotation_r", optional=True),
+        ),
+        (_PALM_INWARDS,),
+    ),
+)
+ISB = AngleConvention(
+    "isb",
+    (
+        SegmentRelation(
+            "thorax",
+            None,
+            (
+                AxisRotation("z", "thorax_extension"),
+                AxisRotation("x", "thorax_lateral_flexion"),
+                AxisRotation("y", "thorax_axial_rotation"),
+            ),
+        ),
+        *_both(_ISB_ARM),
+    ),
+    source="Wu et al., Journal of Biomechanics 38 (2005) 981-992",
+)
+
+_PLANE: Axis = (0.00479995, 0.999089, 0.0423995)
+_ELEVATION: Axis = (-0.998261, 0.00229991, 0.0588977)
+_PRONATION: Axis = (-0.017161, 0.992666, -0.119668)
+OPENSIM_UPPER_LIMB = AngleConvention(
+    "opensim_upper_limb",
+    (
+        SegmentRelation("thorax"),
+        SegmentRelation(
+            "right upper arm",
+            "thorax",
+            (
+                AxisRotation(_PLANE, "elv_angle"),
+                AxisRotation(_ELEVATION, "shoulder_elv"),
+                AxisRotation(_PLANE, "elv_angle", sign=-1.0),
+                AxisRotation(_PLANE, "shoulder_rot"),
+            ),
+        ),
+        SegmentRelation(
+            "right forearm",
+            "right upper arm",
+            (
+                AxisRotation((0.0494004, 0.0366003, 0.998108), "elbow_flexion"),
+                AxisRotation(_PRONATION, "pro_sup"),
+            ),
+            (_along(_PRONATION),),
+        ),
+        SegmentRelation(
+            "right hand",
+            "right forearm",
+            (AxisRotation("z", "deviation"), AxisRotation("x", "flexion")),
+            refusal=(
+                "the axes and the sense of the columns deviation and flexion differ between "
+                "published versions of this model; give your model's in a convention of your own"
+            ),
+        ),
+    ),
+    source=(
+        "Holzbaur et al., Annals of Biomedical Engineering 33 (2005) 829-840; Saul et al., Computer"
+        " Methods in Biomechanics and Biomedical Engineering 18 (2015) 1445-1458"
+    ),
+)
+
+_RADIUS: Axis = (0.0563981, 0.998406, 0.00195171)
+_FULL_BODY_ARM = (
+    SegmentRelation(
+        "right upper arm",
+        "thorax",
+        (
+            AxisRotation("z", "arm_flex_r"),
+            AxisRotation("x", "arm_add_r"),
+            AxisRotation("y", "arm_rot_r"),
+        ),
+    ),
+    SegmentRelation(
+        "right forearm",
+        "right upper arm",
+        (
+            AxisRotation((0.226047, 0.022269, 0.973862), "elbow_flex_r"),
+            AxisRotation(_RADIUS, "pro_sup_r"),
+        ),
+        (_along(_RADIUS), _PALM_INWARDS),
+    ),
+    SegmentRelation(
+        "right hand",
+        "right forearm",
+        (AxisRotation("z", "wrist_flex_r"), AxisRotation("x", "wrist_dev_r")),
+        (_PALM_INWARDS,),
+    ),
+)
+OPENSIM_FULL_BODY = AngleConvention(
+    "opensim_full_body",
+    (
+        SegmentRelation(
+            "pelvis",
+            None,
+            (
+                AxisRotation("z", "pelvis_tilt"),
+                AxisRotation("x", "pelvis_list"),
+                AxisRotation("y", "pelvis_rotation"),
+            ),
+        ),
+        SegmentRelation(
+            "thorax",
+            "pelvis",
+            (
+                AxisRotation("z", "lumbar_extension"),
+                AxisRotation("x", "lumbar_bending"),
+                AxisRotation("y", "lumbar_rotation"),
+            ),
+        ),
+        *_both(_FULL_BODY_ARM),
+    ),
+    source=(
+        "Hamner et al., Journal of Biomechanics 43 (2010) 2709-2716; Rajagopal et al., IEEE "
+        "Transactions on Biomedical Engineering 63 (2016) 2068-2079"
+    ),
+    position=("pelvis_tx", "pelvis_ty", "pelvis_tz"),
+    # of the model before it is scaled to a person
+    offsets={"pelvis": (-0.1007, 0.0815, 0.0), "thorax": (0.003155, 0.3715, 0.0)},
+)
+
+ANGLE_CONVENTIONS = {
+    convention.name: convention for convention in (ISB, OPENSIM_UPPER_LIMB, OPENSIM_FULL_BODY)
+}

@@ -1,0 +1,81 @@
+"""Motions from OpenSim's tables of joint coordinates, in the joints of the Master Motor Map."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.conventions.angle_convention import AngleConvention
+from geodesic_ocp.recordings.conventions.angle_segments import fits, segments_of_angles
+from geodesic_ocp.recordings.conventions.arm_angles import JOINTS, to_motion
+from geodesic_ocp.recordings.conventions.known_angle_conventions import ANGLE_CONVENTIONS
+from geodesic_ocp.recordings.conventions.read_angle_convention import as_angle_convention
+from geodesic_ocp.recordings.formats.opensim_table import CoordinateTable, read_coordinates
+from geodesic_ocp.trajectory.motion import Motion
+
+
+def read_opensim(
+    file: Path,
+    joints: Sequence[str] | None = None,
+    convention: AngleConvention | str | Path | None = None,
+) -> Motion:
+    """Read the motion of these joints from a .mot or .sto file.
+
+    Columns with the names of the Master Motor Map's joints are read as they are. Others are
+    converted by the convention, or by the built-in one that fits their names. If none fits, or
+    the joints asked for are columns, the motion is that of the columns.
+
+    Raises:
+        RecordingError: the file is malformed, or its columns do not give the joints; names the
+            line, or the columns.
+    """
+    given = as_angle_convention(convention)
+    table = read_coordinates(file, given.position if given is not None else ())
+    named = [name for name in table.names if name in JOINTS]
+    if given is None and (named or (joints is not None and set(joints) <= set(table.names))):
+        return _plain(file, table, named if joints is None else joints)
+    chosen = given or _fitting(table.names)
+    if chosen is None:
+        if joints is None:
+            return _plain(file, table, table.names)
+        raise RecordingError(
+            f"{file}: no known convention of joint angles fits its columns "
+            f"{', '.join(table.names)}; describe their rotations by convention= (an "
+            "AngleConvention, or a JSON file of one)"
+        )
+    columns = dict(zip(table.names, table.values.T, strict=True))
+    try:
+        converted = segments_of_angles(chosen, table.time, columns)
+    except ValueError as failure:
+        raise RecordingError(f"{file}: {failure}") from None
+    try:
+        return to_motion(converted.orientations, joints)
+    except ValueError as failure:
+        why = "".join(
+            f"; {segment}: {reason}"
+            for segment, reason in converted.reasons.items()
+            if segment in str(failure)
+        )
+        raise RecordingError(f"{file}: convention {chosen.name}: {failure}{why}") from None
+
+
+def _fitting(names: Sequence[str]) -> AngleConvention | None:
+    """The built-in convention that uses most of these columns."""
+    best = max(ANGLE_CONVENTIONS.values(), key=lambda each: fits(each, set(names)))
+    return best if fits(best, set(names)) else None
+
+
+def _plain(file: Path, table: CoordinateTable, joints: Sequence[str]) -> Motion:
+    missing = [name for name in joints if name not in table.names]
+    if missing:
+        raise RecordingError(
+            f"{file}: there is no joint {', '.join(missing)}; there are {', '.join(table.names)}"
+        )
+    chosen = [table.names.index(name) for name in joints]
+    try:
+        return Motion(table.time, np.ascontiguousarray(table.values[:, chosen]), tuple(joints))
+    except ValueError as failure:
+        raise RecordingError(f"{file}: {failure}") from None
