@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from geodesic_ocp.cli.analyse.recording import check_folder
-from geodesic_ocp.studies.study.measures import as_measure
+from geodesic_ocp.studies.study.statistics.measures import as_measure
 from geodesic_ocp.studies.study.study import study
 
 
@@ -19,13 +19,12 @@ def study_tables(options: argparse.Namespace) -> None:
     check_folder(options.out)
     measure = as_measure(options.measure)
     source = options.source[0] if len(options.source) == 1 else options.source
-    found = study(source, by=options.by)
+    found = study(source, by=options.by, metadata=options.metadata)
     print(found)
     for note in found.notes:
         print(f"note: {note}")
     print(f"\n{found.means_table()}")
-    if found.tests(measure.name, options.against):
-        print(f"\n{measure.header}\n\n{found.test_table(measure.name, options.against)}")
+    print(f"\n{measure.header}\n\n{found.test_table(measure.name, options.against)}")
     if found.synergies:
         print(f"\n{found.synergy_table()}")
     if options.out is not None:

@@ -32,4 +32,10 @@ def add_study_options(command: argparse.ArgumentParser) -> None:
         metavar="COLUMN",
         help="column whose values are conditions, such as condition, trial or side",
     )
+    command.add_argument(
+        "--metadata",
+        type=Path,
+        metavar="FILE",
+        help="CSV with the column file and others, such as condition, for --by",
+    )
     command.add_argument("--out", type=Path, help="folder for tables and figures")

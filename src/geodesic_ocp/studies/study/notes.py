@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 
-from geodesic_ocp.studies.study.means import StudyMean
-from geodesic_ocp.studies.study.measures import MEASURES
-from geodesic_ocp.studies.study.subject_tests import StudyTest
-from geodesic_ocp.studies.study.subjects import subject_of
+from geodesic_ocp.studies.study.statistics.means import StudyMean
+from geodesic_ocp.studies.study.statistics.measures import MEASURES
+from geodesic_ocp.studies.study.statistics.subject_tests import StudyTest
+from geodesic_ocp.studies.study.statistics.subjects import subject_of
 from geodesic_ocp.studies.tables import Row
 
 _MEANS = (
@@ -29,7 +30,9 @@ def study_notes(
     notes = []
     recordings = {str(row["recording"]) for row in rows}
     if failures:
-        notes.append(f"{count(len(failures), 'recording')} could not be analysed.")
+        kinds = Counter(str(row.get("kind") or "no reason") for row in failures)
+        why = ", ".join(f"{number} {kind}" for kind, number in sorted(kinds.items()))
+        notes.append(f"{count(len(failures), 'recording')} left out of the analysis ({why}).")
     labels = {str(row["method"]): str(row.get("method_label") or row["method"]) for row in rows}
     for method in sorted(labels):
         known = {

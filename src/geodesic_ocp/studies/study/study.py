@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from os import PathLike
 from typing import cast
 
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.studies.study.analysis_tables import analysis_tables
-from geodesic_ocp.studies.study.source import StudyTables, read_study_tables
+from geodesic_ocp.studies.study.statistics.subjects import condition_of
 from geodesic_ocp.studies.study.study_results import Study
-from geodesic_ocp.studies.study.subjects import condition_of
+from geodesic_ocp.studies.study.tables.analysis_tables import analysis_tables
+from geodesic_ocp.studies.study.tables.metadata import with_metadata
+from geodesic_ocp.studies.study.tables.source import StudyTables, read_study_tables
 from geodesic_ocp.studies.tables import Row
 from geodesic_ocp.synergies.analysis import Analysis
 
@@ -21,6 +23,7 @@ def study(
     source: str | PathLike[str] | Sequence[str | PathLike[str]] | Sequence[Analysis],
     *,
     by: str | None = None,
+    metadata: str | PathLike[str] | None = None,
     names: Sequence[str] | None = None,
     subjects: Sequence[str] | None = None,
     conditions: Sequence[str] | None = None,
@@ -36,6 +39,8 @@ def study(
             or analyses in memory.
         by: column of the table of recordings whose values are conditions, such as "condition",
             "trial" or "side"; means and tests are then made for each.
+        metadata: CSV file with a column file, the end of each recording's path, and others, such
+            as condition, which are added to the table of recordings.
         names: of the recordings, if the source is analyses; by default they are numbered.
         subjects: the persons, if the source is analyses; by default those of the motions.
         conditions: of the recordings, if the source is analyses.
@@ -47,6 +52,8 @@ def study(
         ImportError: only Parquet files are there, and the extra `parquet` is not installed.
     """
     tables = _tables(source, names, subjects, conditions)
+    if metadata is not None:
+        tables = replace(tables, recordings=with_metadata(tables.recordings, metadata))
     if by is None and conditions is not None:
         by = "condition"
     _check_conditions(tables.recordings, by)

@@ -19,10 +19,10 @@ from geodesic_ocp.figures.study_groups import (
     group_handles,
 )
 from geodesic_ocp.figures.study_trend import draw_trend
-from geodesic_ocp.studies.study.means import StudyMean
-from geodesic_ocp.studies.study.measures import MEASURES
-from geodesic_ocp.studies.study.subject_tests import StudyTest
-from geodesic_ocp.studies.study.subjects import by_subject
+from geodesic_ocp.studies.study.statistics.means import StudyMean
+from geodesic_ocp.studies.study.statistics.measures import MEASURES
+from geodesic_ocp.studies.study.statistics.subject_tests import StudyTest
+from geodesic_ocp.studies.study.statistics.subjects import by_subject
 from geodesic_ocp.studies.tables import Row
 
 if TYPE_CHECKING:
@@ -86,7 +86,12 @@ def differences_figure(
     several = any(group.interval for group in groups)
     what = f"mean difference, {_CONFIDENCE:.0%} interval" if several else "difference"
     if several:
-        head: dict[str, Any] = {"transform": axes.transAxes, "va": "bottom", "fontsize": 7.0, "color": "0.3"}
+        head: dict[str, Any] = {
+            "transform": axes.transAxes,
+            "va": "bottom",
+            "fontsize": 7.0,
+            "color": "0.3",
+        }
         axes.text(1.02, 1.0, "Wilcoxon, Holm", **head)
     handles = group_handles(conditions, what)
     figure.legend(handles=handles, ncols=min(2, len(handles)), **_LEGEND)

@@ -24,14 +24,14 @@ def write_study(
     figures: Mapping[str, Figure],
     summary: str,
 ) -> None:
-    """Write tables as .md and .tex, tidy ones as .csv, figures as .pdf and .png, and summary.md.
+    """Write tables as .md and .tex, tidy ones as .csv, figures as .pdf and .png, and study.md.
 
     Args:
         folder: which is there.
         tables: caption and table, by the name of the file.
         tidy: tables with all digits.
         figures: by the name of the file.
-        summary: Markdown, the first part of summary.md, above all tables.
+        summary: Markdown, the first part of study.md, above all tables.
     """
     parts = [summary]
     for name, (caption, table) in tables.items():
@@ -39,7 +39,7 @@ def write_study(
         (folder / f"{name}.tex").write_text(latex, encoding="utf-8")
         (folder / f"{name}.md").write_text(table.markdown(), encoding="utf-8")
         parts.append(f"## {caption}\n\n{table.markdown()}")
-    (folder / "summary.md").write_text("\n".join(parts), encoding="utf-8")
+    (folder / "study.md").write_text("\n".join(parts), encoding="utf-8")
     for name, table in tidy.items():
         (folder / f"{name}.csv").write_text(table.csv(), encoding="utf-8")
     with paper_style():

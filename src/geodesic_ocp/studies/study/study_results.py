@@ -2,21 +2,41 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from geodesic_ocp.arrays import as_number
 from geodesic_ocp.figures.study_groups import paper_style
 from geodesic_ocp.records import write_together
-from geodesic_ocp.studies.study.compare_over_subjects import (
+from geodesic_ocp.studies.study.methods import length_unit, method_labels, reference
+from geodesic_ocp.studies.study.notes import count, means_note, study_notes
+from geodesic_ocp.studies.study.statistics.compare_over_subjects import (
     compare_conditions,
     compare_methods,
 )
-from geodesic_ocp.studies.study.means import StudyMean, means_over_subjects
-from geodesic_ocp.studies.study.measures import MEASURES, StudyMeasure, as_measure
-from geodesic_ocp.studies.study.notes import count, means_note, study_notes, tests_note
+from geodesic_ocp.studies.study.statistics.means import (
+    StudyMean,
+    as_confidence,
+    means_over_subjects,
+)
+from geodesic_ocp.studies.study.statistics.measures import (
+    MEASURES,
+    StudyMeasure,
+    as_measure,
+    is_known,
+)
+from geodesic_ocp.studies.study.statistics.subject_tests import StudyTest, corrected
+from geodesic_ocp.studies.study.statistics.subjects import (
+    complete_rows,
+    conditions_of,
+    in_natural_order,
+    rows_under,
+    subject_of,
+)
+from geodesic_ocp.studies.study.statistics.synergy_statistics import (
+    SynergyStatistics,
+    synergy_statistics,
+)
 from geodesic_ocp.studies.study.study_figures import (
     differences_figure,
     durations_figure,
@@ -32,25 +52,13 @@ from geodesic_ocp.studies.study.study_tables import (
     tidy_means,
     tidy_synergies,
 )
-from geodesic_ocp.studies.study.subject_tests import StudyTest, corrected
-from geodesic_ocp.studies.study.subjects import (
-    complete_rows,
-    conditions_of,
-    in_natural_order,
-    rows_under,
-    subject_of,
-)
-from geodesic_ocp.studies.study.synergy_statistics import SynergyStatistics, synergy_statistics
 from geodesic_ocp.studies.tables import Row
-from geodesic_ocp.synergies.usual_metrics import KINETIC_ENERGY, STRAIGHT_LINES
 from geodesic_ocp.table import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SHOWN = ("joint", "position", "orientation")
-_ORDER = ("riemannian", "joint_inertia", "kinetic_energy", "euclidean_same_segments", "euclidean")
-_LIKE_FOR_LIKE = f"{STRAIGHT_LINES}, same segments"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -60,7 +68,7 @@ class Study:
     Attributes:
         rows: one for each recording and method, see `geodesic_ocp.studies.tables`.
         synergies: one for each synergy; None if there is no such table.
-        failures: one for each recording that could not be analysed.
+        failures: one for each recording that was left out of the analysis.
         by: column whose values are conditions; None for a single condition.
     """
 
@@ -90,12 +98,7 @@ class Study:
     @property
     def methods(self) -> dict[str, str]:
         """What each method is called, by its key in the table; the analysis' own is the first."""
-        labels: dict[str, set[str]] = {}
-        for row in self.rows:
-            label = str(row.get("method_label") or row["method"])
-            labels.setdefault(str(row["method"]), set()).add(label)
-        order = sorted(labels, key=lambda key: (*(key != known for known in _ORDER), key))
-        return {key: labels[key].pop() if len(labels[key]) == 1 else key for key in order}
+        return method_labels(self.rows)
 
     @property
     def conditions(self) -> tuple[str, ...]:
@@ -120,18 +123,18 @@ class Study:
                 compared on the same recordings.
 
         Raises:
-            ValueError: an unknown measure, or one that the tables do not have.
+            ValueError: an unknown measure, or one that the tables do not have; with complete, no
+                recording has all methods.
         """
-        chosen, confidence = as_measure(measure), _as_confidence(confidence)
-        self._check_known(chosen)
-        rows = complete_rows(self.rows, chosen, self.methods) if complete else self.rows
+        chosen, confidence = self._measure(measure), as_confidence(confidence)
+        rows = complete_rows(self.rows, chosen) if complete else self.rows
         return means_over_subjects(rows, chosen, tuple(self.methods), self.by, confidence)
 
     def means_table(
         self, *measures: str, confidence: float = 0.95, complete: bool = False
     ) -> Table:
         """`means` of several measures, by default errors of joints and hand, one method a row."""
-        names = measures or SHOWN
+        names = measures or self._known(*SHOWN) or SHOWN[:1]
         columns = [self.means(name, confidence=confidence, complete=complete) for name in names]
         note = means_note(self.notes, [each for column in columns for each in column])
         rows = [row for row in zip(*columns, strict=True) if any(each.recordings for each in row)]
@@ -143,8 +146,7 @@ class Study:
         Raises:
             ValueError: an unknown measure, or one that the tables do not have.
         """
-        chosen = as_measure(measure)
-        self._check_known(chosen)
+        chosen = self._measure(measure)
         return by_subject_table(self.rows, chosen, self.methods, self.by)
 
     def tests(
@@ -170,13 +172,10 @@ class Study:
         Raises:
             ValueError: an unknown measure, method or condition.
         """
-        chosen, confidence = as_measure(measure), _as_confidence(confidence)
-        self._check_known(chosen)
-        kind, reference = self.reference(against)
+        chosen, confidence = self._measure(measure), as_confidence(confidence)
+        kind, key = self._reference(against)
         compare = compare_methods if kind == "method" else compare_conditions
-        tests = compare(
-            self.rows, chosen, tuple(self.methods), self.by, reference, confidence, seed
-        )
+        tests = compare(self.rows, chosen, tuple(self.methods), self.by, key, confidence, seed)
         return corrected(tests)
 
     def test_table(
@@ -190,17 +189,11 @@ class Study:
         """`tests` as a table, with what limits them below.
 
         Raises:
-            ValueError: as `tests`, or no subject has both numbers of any pair.
+            ValueError: as `tests`.
         """
         tests = self.tests(measure, against, confidence=confidence, seed=seed)
-        _, reference = self.reference(against)
-        if not tests:
-            raise ValueError(
-                f"no subject has {MEASURES[measure].header} of {self.label(reference)} and of "
-                "another method"
-            )
-        note = tests_note(tests)
-        return tests_table(tests, self.label, self.by, self.label(reference), note)
+        kind, key = self._reference(against)
+        return tests_table(tests, MEASURES[measure], self.label, self.by, (kind, self.label(key)))
 
     def synergy_statistics(self) -> tuple[SynergyStatistics, ...]:
         """Numbers, durations and lengths of the synergies of each subject, by condition.
@@ -235,15 +228,12 @@ class Study:
         Args:
             measure, against: of the differences, see `tests`.
         """
-        _, reference = self.reference(against)
+        key = self._reference(against)[1]
         tests = self.tests(measure, against)
-        shown = [name for name in SHOWN if self._has(as_measure(name))]
+        figures = {"errors": self.plot()}
         with paper_style():
-            figures = {"errors": errors_figure([self.means(name) for name in shown], self.label)}
             if tests:
-                figures["differences"] = differences_figure(
-                    tests, self.label, self.label(reference)
-                )
+                figures["differences"] = differences_figure(tests, self.label, self.label(key))
             if self.synergies:
                 by_condition = {name: self._synergies(name) for name in self.conditions}
                 figures["synergies"] = synergies_figure(by_condition, self.length_unit)
@@ -252,12 +242,13 @@ class Study:
 
     def plot(self) -> Figure:
         """Errors of joints and hand by method, with subjects as points."""
-        return self.figures()["errors"]
+        with paper_style():
+            return errors_figure([self.means(name) for name in self._known(*SHOWN)], self.label)
 
     def save(
         self, folder: str | Path, *, measure: str = "joint", against: str | None = None
     ) -> list[Path]:
-        """Write tables (.csv, .md and .tex), figures (.pdf and .png) and summary.md to a folder.
+        """Write tables (.csv, .md and .tex), figures (.pdf and .png) and study.md to a folder.
 
         All are written to a temporary folder first and moved together.
 
@@ -279,7 +270,7 @@ class Study:
                 self.test_table(measure, against),
             ),
         }
-        known = [name for name, each in MEASURES.items() if self._has(each)]
+        known = self._known(*MEASURES)
         means = [each for name in known for each in self.means(name)]
         tidy = {"means": tidy_means(means, self.by, 0.95), "tests": tables["tests"][1]}
         tidy |= {f"by_subject_{name}": self.by_subject(name) for name in known}
@@ -288,9 +279,7 @@ class Study:
             tables["synergy_statistics"] = "Synergies by subject", self.synergy_table()
             tidy["synergy_statistics"] = tidy_synergies(statistics, self.by, self.length_unit)
         figures = self.figures(measure, against)
-        summary = "\n".join(
-            ["# Study", "", f"{self!r}", "", *(f"- {each}" for each in self.notes), ""]
-        )
+        summary = f"# Study\n\n{self!r}\n\n" + "".join(f"- {note}\n" for note in self.notes)
         return write_together(
             folder, lambda into: write_study(into, tables, tidy, figures, summary)
         )
@@ -302,41 +291,22 @@ class Study:
     @property
     def length_unit(self) -> str:
         """Unit of the synergies' lengths; empty if it is not known."""
-        label = self.label("riemannian")
-        if STRAIGHT_LINES in label:
-            return "rad"
-        return "sqrt(kg) m" if KINETIC_ENERGY in label else ""
+        return length_unit(self.methods)
 
-    def reference(self, against: str | None) -> tuple[str, str]:
-        """What `tests` compare with: "method" or "condition", and its key.
-
-        Raises:
-            ValueError: there is no such method or condition, or no default.
-        """
-        methods, conditions = self.methods, self.conditions if self.by else ()
-        wanted = _LIKE_FOR_LIKE if against is None else against
-        if key := next((k for k, label in methods.items() if wanted in (k, label)), None):
-            return "method", key
-        if wanted in conditions:
-            return "condition", wanted
-        known = ", ".join(map(repr, (*methods, *conditions)))
-        raise ValueError(f"against must be one of {known}, got {against!r}")
+    def _reference(self, against: str | None) -> tuple[str, str]:
+        return reference(self.methods, self.conditions if self.by else (), against)
 
     def _synergies(self, condition: str) -> list[Row]:
         """Rows of the synergies in the recordings under a condition."""
         names = {row["recording"] for row in rows_under(self.rows, self.by, condition)}
         return [row for row in self.synergies or () if row["recording"] in names]
 
-    def _has(self, measure: StudyMeasure) -> bool:
-        return any(math.isfinite(measure.of(row)) for row in self.rows)
+    def _known(self, *names: str) -> list[str]:
+        """Those of the measures that any row has."""
+        return [name for name in names if is_known(self.rows, MEASURES[name])]
 
-    def _check_known(self, measure: StudyMeasure) -> None:
-        if not self._has(measure):
-            raise ValueError(f"measure {measure.name!r}: the table has no {measure.column}")
-
-
-def _as_confidence(value: float) -> float:
-    confidence = as_number("confidence", value)
-    if not 0.0 < confidence < 1.0:
-        raise ValueError(f"confidence must be in (0, 1), got {confidence:g}")
-    return confidence
+    def _measure(self, name: str) -> StudyMeasure:
+        measure = as_measure(name)
+        if not is_known(self.rows, measure):
+            raise ValueError(f"measure {name!r}: the table has no {measure.column}")
+        return measure

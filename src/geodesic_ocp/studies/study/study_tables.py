@@ -7,11 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from geodesic_ocp.studies.study.means import StudyMean, subject_means
-from geodesic_ocp.studies.study.measures import MEASURES, StudyMeasure
-from geodesic_ocp.studies.study.subject_tests import StudyTest
-from geodesic_ocp.studies.study.subjects import by_subject, conditions_of, rows_under
-from geodesic_ocp.studies.study.synergy_statistics import LEVELS, SynergyStatistics
+from geodesic_ocp.studies.study.notes import tests_note
+from geodesic_ocp.studies.study.statistics.means import StudyMean, subject_means
+from geodesic_ocp.studies.study.statistics.measures import MEASURES, StudyMeasure
+from geodesic_ocp.studies.study.statistics.subject_tests import StudyTest
+from geodesic_ocp.studies.study.statistics.subjects import by_subject, conditions_of, rows_under
+from geodesic_ocp.studies.study.statistics.synergy_statistics import LEVELS, SynergyStatistics
 from geodesic_ocp.studies.tables import Row
 from geodesic_ocp.table import Table
 
@@ -84,15 +85,26 @@ def by_subject_table(
 
 
 def tests_table(
-    tests: Sequence[StudyTest], label: Label, by: str | None, against: str, note: str
+    tests: Sequence[StudyTest],
+    measure: StudyMeasure,
+    label: Label,
+    by: str | None,
+    against: tuple[str, str],
 ) -> Table:
-    """Paired tests, one a row."""
-    measure = MEASURES[tests[0].measure]
+    """Paired tests, one a row.
+
+    Args:
+        tests: made together; without any, no subject has both numbers of a pair.
+        measure: what is compared.
+        label: of a method.
+        by: what the conditions are; None without conditions.
+        against: "method" or "condition", and what it is called.
+    """
     unit = f" [{measure.unit}]" if measure.unit else ""
-    confidence = tests[0].test.confidence
+    confidence = tests[0].test.confidence if tests else 0.95
     header = (
         *([by] if by else []),
-        f"against {against}",
+        f"against {against[1]}",
         "subjects",
         "left out",
         "smaller in",
@@ -117,6 +129,7 @@ def tests_table(
         )
         for each in tests
     )
+    note = tests_note(tests) if tests else f"No subject can be compared with {against[1]}."
     return Table(header, rows, note)
 
 

@@ -6,9 +6,9 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from geodesic_ocp.comparison.paired_test import PairedTest, paired_test
-from geodesic_ocp.studies.study.measures import StudyMeasure
-from geodesic_ocp.studies.study.multiple_tests import holm, rank_biserial
-from geodesic_ocp.studies.study.subjects import in_natural_order
+from geodesic_ocp.studies.study.statistics.measures import StudyMeasure
+from geodesic_ocp.studies.study.statistics.multiple_tests import holm, rank_biserial
+from geodesic_ocp.studies.study.statistics.subjects import in_natural_order
 
 
 @dataclass(frozen=True, repr=False)

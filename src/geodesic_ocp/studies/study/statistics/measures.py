@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from geodesic_ocp.studies.tables import Row
@@ -92,3 +93,8 @@ def as_measure(name: str) -> StudyMeasure:
     if not isinstance(name, str) or name not in MEASURES:
         raise ValueError(f"measure must be one of {', '.join(MEASURES)}, got {name!r}")
     return MEASURES[name]
+
+
+def is_known(rows: Iterable[Row], measure: StudyMeasure) -> bool:
+    """Whether any row has the measure."""
+    return any(math.isfinite(measure.of(row)) for row in rows)

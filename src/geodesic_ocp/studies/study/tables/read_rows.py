@@ -9,6 +9,7 @@ from typing import Any
 
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.studies.tables import TABLES, Cell, Row, TableColumn
+from geodesic_ocp.studies.tidy_files import PARQUET_HINT, has_parquet
 
 # Without these a table says nothing about subjects; other columns may be missing.
 _NEEDED = {
@@ -32,10 +33,7 @@ def read_rows(file: Path, table: str) -> list[Row]:
     if file.suffix == ".parquet":
         names, lines = _parquet(file)
     else:
-        names, lines = _csv(file)
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise RecordingError(f"{file}: line 1: column {', '.join(twice)} is there twice")
+        names, lines = read_text_table(file)
     if missing := [name for name in _NEEDED[table] if name not in names]:
         raise RecordingError(
             f"{file}: line 1: column {', '.join(missing)} is missing; is it the table of {table}?"
@@ -56,7 +54,12 @@ def read_rows(file: Path, table: str) -> list[Row]:
     return rows
 
 
-def _csv(file: Path) -> tuple[list[str], list[tuple[str, list[Any]]]]:
+def read_text_table(file: Path) -> tuple[list[str], list[tuple[str, list[Any]]]]:
+    """Names of the columns of a CSV file, and its lines, each with its place in the file.
+
+    Raises:
+        RecordingError: the file cannot be read, or a line does not fit the columns.
+    """
     lines: list[tuple[str, list[Any]]] = []
     number = 0
     try:
@@ -81,15 +84,17 @@ def _csv(file: Path) -> tuple[list[str], list[tuple[str, list[Any]]]]:
         raise RecordingError(f"{file}: cannot be read: {error}") from None
     if not names:
         raise RecordingError(f"{file}: line 1: is empty, expected the names of columns")
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise RecordingError(f"{file}: line 1: column {', '.join(twice)} is there twice")
     return names, lines
 
 
 def _parquet(file: Path) -> tuple[list[str], list[tuple[str, list[Any]]]]:
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError:
-        raise ImportError(f"{file}: Parquet needs: pip install 'geodesic_ocp[parquet]'") from None
+    if not has_parquet():
+        raise ImportError(f"{file}: {PARQUET_HINT}")
+    import pyarrow
+    import pyarrow.parquet
+
     try:
         table = pyarrow.parquet.read_table(file)
     except (OSError, pyarrow.ArrowException) as error:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from geodesic_ocp.studies.study.means import subject_means
-from geodesic_ocp.studies.study.measures import StudyMeasure
-from geodesic_ocp.studies.study.subject_tests import StudyTest, subject_test
-from geodesic_ocp.studies.study.subjects import conditions_of, rows_under, subject_of
+from geodesic_ocp.studies.study.statistics.means import subject_means
+from geodesic_ocp.studies.study.statistics.measures import StudyMeasure
+from geodesic_ocp.studies.study.statistics.subject_tests import StudyTest, subject_test
+from geodesic_ocp.studies.study.statistics.subjects import conditions_of, rows_under, subject_of
 from geodesic_ocp.studies.tables import Row
 
 

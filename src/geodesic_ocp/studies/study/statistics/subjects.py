@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 
-from geodesic_ocp.studies.study.measures import StudyMeasure
+from geodesic_ocp.studies.study.statistics.measures import StudyMeasure
 from geodesic_ocp.studies.tables import Row
 
 RowsBySubject = dict[str, list[Row]]
@@ -60,9 +60,16 @@ def rows_under(
     ]
 
 
-def complete_rows(
-    rows: Sequence[Row], measure: StudyMeasure, methods: Collection[str]
-) -> list[Row]:
-    """The rows of the recordings in which all methods have the measure."""
-    has = Counter(row["recording"] for row in rows if math.isfinite(measure.of(row)))
-    return [row for row in rows if has[row["recording"]] == len(methods)]
+def complete_rows(rows: Sequence[Row], measure: StudyMeasure) -> list[Row]:
+    """The rows of the recordings that have the measure of all methods that have it anywhere.
+
+    Raises:
+        ValueError: there are no such recordings.
+    """
+    known = [row for row in rows if math.isfinite(measure.of(row))]
+    methods = {row["method"] for row in known}
+    counts = Counter(row["recording"] for row in known)
+    found = [row for row in rows if counts[row["recording"]] == len(methods)]
+    if not found:
+        raise ValueError(f"complete: no recording has {measure.name!r} of all methods")
+    return found

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from geodesic_ocp.studies.study.measures import StudyMeasure
-from geodesic_ocp.studies.study.subjects import by_subject, conditions_of, rows_under
+from geodesic_ocp.arrays import as_number
+from geodesic_ocp.studies.study.statistics.measures import StudyMeasure
+from geodesic_ocp.studies.study.statistics.subjects import by_subject, conditions_of, rows_under
 from geodesic_ocp.studies.tables import Row
 
 
@@ -52,6 +53,14 @@ class StudyMean:
             f"StudyMean({self.method}{where}, {self.measure}: {self.mean:.3g} {spread}, "
             f"{self.subjects} subjects)"
         )
+
+
+def as_confidence(value: float) -> float:
+    """The value, in (0, 1); ValueError otherwise."""
+    confidence = as_number("confidence", value)
+    if not 0.0 < confidence < 1.0:
+        raise ValueError(f"confidence must be in (0, 1), got {confidence:g}")
+    return confidence
 
 
 def subject_means(rows: Sequence[Row], measure: StudyMeasure) -> dict[str, float]:

@@ -9,7 +9,7 @@ from os import PathLike
 from pathlib import Path
 
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.studies.study.read_rows import read_rows
+from geodesic_ocp.studies.study.tables.read_rows import read_rows
 from geodesic_ocp.studies.tables import TABLES, Row
 
 _SUFFIXES = (".csv", ".parquet")

@@ -1,0 +1,1 @@
+"""Means and tests over subjects."""
