@@ -20,6 +20,9 @@ def test_a_combined_model_has_the_hands_of_its_parts_and_one_of_them_is_selected
     right = arms.with_hand("human right arm/hand")
     assert (right.hand, right.hands) == ("human right arm/hand", arms.hands)
     assert arms.with_hand("left forearm").hands == ("left forearm",)
+    elbows = arms.with_hand("left forearm", "right forearm")
+    assert (elbows.hand, elbows.hands) == ("left forearm", ("left forearm", "right forearm"))
+    assert "hand `human left arm/hand`, `human right arm/hand`, mass" in arms._repr_markdown_()
     three = go.combine(arms, go.human_arm("right"))
     assert len(three.hands) == 3
     for derived in (arms.with_armature(0.1), arms.with_limits(), arms.with_bodies()):
@@ -47,6 +50,8 @@ def test_hands_are_called_by_their_side_or_their_frame(
 def test_wrong_hands_are_named(arm: go.Model) -> None:
     with pytest.raises(ValueError, match="has no frame 'paw'; its frames are universe"):
         go.Model(arm.pin, "hand", hands=("hand", "paw"))
+    with pytest.raises(ValueError, match="hands must differ"):
+        arm.with_hand("hand", "hand")
     with pytest.raises(ValueError, match="hands must differ and include the hand 'hand', got"):
         go.Model(arm.pin, "hand", hands=("hand", "hand"))
     with pytest.raises(ValueError, match="include the hand 'hand', got right forearm"):

@@ -39,9 +39,8 @@ class Model:
         backend: "pinocchio.casadi" or "built-in"; None takes the first that is available.
         continuous: names of the joints that are periodic: configurations one revolution apart are
             the same. Continuous joints of `pin` are added, with limits of +-2 pi rad.
-        shapes: capsules and spheres that are fixed to its frames, or a function that reads them
-            when `bodies` is first accessed.
-        hands: names of all hand frames, `hand` among them, as of both arms; `hand` by default.
+        shapes: capsules and spheres fixed to its frames, or a function that reads them when needed.
+        hands: names of all hand frames, with `hand`, such as both of a person; `hand` by default.
 
     Configurations are 1-d arrays [rad or m] in the order of `joint_names`. Two models are equal
     only if they are the same object.
@@ -80,8 +79,8 @@ class Model:
         values = self.lower.tolist(), self.upper.tolist(), self.armature.tolist()
         rows = tuple(zip(self.joint_names, self.units, *values, strict=True))
         table = Table(("joint", "unit", "lower limit", "upper limit", "armature"), rows).markdown()
-        hand = ", ".join(f"`{name}`" for name in self.hands)
-        return f"**{self.name}**: hand {hand}, mass {self.mass:.3g} kg\n\n{table}"
+        hands = "`, `".join(self.hands)
+        return f"**{self.name}**: hand `{hands}`, mass {self.mass:.3g} kg\n\n{table}"
 
     @property
     def name(self) -> str:
@@ -279,13 +278,14 @@ class Model:
         limited.lowerPositionLimit, limited.upperPositionLimit = limits
         return replace(self, pin=limited)
 
-    def with_hand(self, hand: str) -> Model:
-        """The model with another hand frame; it keeps its other `hands` if that is one of them.
+    def with_hand(self, hand: str, *others: str) -> Model:
+        """The model with this hand frame, and others; one of its `hands` alone keeps the others.
 
         Raises:
-            ValueError: there is no such frame.
+            ValueError: there is no such frame, or it is given twice.
         """
-        return replace(self, hand=hand, hands=self.hands if hand in self.hands else (hand,))
+        hands = self.hands if hand in self.hands and not others else (hand, *others)
+        return replace(self, hand=hand, hands=hands)
 
     def with_bodies(self, *bodies: Body) -> Model:
         """The model with these capsules and spheres, each with a link, as collision bodies.

@@ -108,7 +108,8 @@ def score(
     (0.083, 0.0)
 
     Args:
-        model: whose hand is compared; its joints are selected from the motions by name.
+        model: whose hand is compared, `Model.hand` of several; its joints are selected from the
+            motions by name.
         observed: the recorded motion.
         predicted: at the same times.
         segments: (start, stop) sample indices of the segments, each starting where the one before
