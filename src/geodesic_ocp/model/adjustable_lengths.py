@@ -1,0 +1,113 @@
+"""Forward kinematics of a model whose lengths are symbols, and models with other lengths.
+
+The translation from one joint to the next is multiplied by a factor for each of its components, so
+that segments become longer or shorter while the axes of the joints stay as they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.model.dynamics.placements import Placement, constant, joint_placements
+from geodesic_ocp.model.joints import frame_index
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.primitives import Ball, Body
+
+
+def joint_poses(model: Model, q: ca.SX, factors: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
+    """Rotation (3, 3) and position (3, 1) [m] of every joint of `pin` in the base frame.
+
+    Args:
+        model: of n joints; index 0 of the result is its base.
+        q: configuration (n, 1).
+        factors: of the translation from the joint before (3, n + 1), column 0 without effect.
+    """
+    poses: list[Placement] = []
+    for index, placement in enumerate(joint_placements(model.pin, q)):
+        fixed = constant(model.pin.jointPlacements[index].translation)
+        stretch = fixed * (factors[:, index] - 1)
+        own = Placement(placement.rotation, placement.translation + stretch)
+        poses.append(poses[model.pin.parents[index]] @ own if index else own)
+    return [(pose.rotation, pose.translation) for pose in poses]
+
+
+def joint_index(model: Model, name: str) -> int:
+    """Index in `pin` of the joint of that name.
+
+    Raises:
+        ValueError: there is no such joint.
+    """
+    if not model.pin.existJointName(name):
+        raise ValueError(f"the model has no joint {name!r}")
+    return int(model.pin.getJointId(name))
+
+
+def joint_offset(model: Model, index: int) -> Array:
+    """Translation (3,) [m] from the joint before to this one."""
+    return np.array(model.pin.jointPlacements[index].translation)
+
+
+def frame_place(model: Model, frame: str) -> tuple[int, Array, Array]:
+    """Joint that carries a frame, and the frame's rotation (3, 3) and position (3,) [m] on it.
+
+    Raises:
+        ValueError: there is no such frame.
+    """
+    found = model.pin.frames[frame_index(model.pin, frame)]
+    placement = found.placement
+    return int(found.parentJoint), np.array(placement.rotation), np.array(placement.translation)
+
+
+def with_lengths(model: Model, factors: Array, bodies: Array) -> Model:
+    """The model with other lengths, and the masses it has.
+
+    Args:
+        model: of n joints.
+        factors: of the translation from the joint before, (n + 1, 3), row 0 without effect.
+        bodies: for every joint a factor of the size of the body that it carries (n + 1,): of its
+            centre of mass, its frames and its capsules; its inertia is multiplied by the square.
+            Radii are divided by the root, so that capsules keep their volume.
+
+    Raises:
+        ValueError: wrong shapes, or a factor that is not positive.
+    """
+    factors, bodies = np.asarray(factors, dtype=float), np.asarray(bodies, dtype=float)
+    count = model.pin.njoints
+    if factors.shape != (count, 3) or bodies.shape != (count,):
+        raise ValueError(
+            f"factors must be ({count}, 3) and bodies ({count},), got {factors.shape} and "
+            f"{bodies.shape}"
+        )
+    if not (np.all(factors > 0.0) and np.all(bodies > 0.0)):
+        raise ValueError("factors of lengths must be positive")
+    scaled = model.pin.copy()
+    for index in range(1, count):
+        placement = model.pin.jointPlacements[index]
+        offset = placement.translation * factors[index]
+        scaled.jointPlacements[index] = pin.SE3(placement.rotation, offset)
+        body, size = model.pin.inertias[index], bodies[index]
+        scaled.inertias[index] = pin.Inertia(body.mass, size * body.lever, size**2 * body.inertia)
+    for index in range(model.pin.nframes):
+        frame = model.pin.frames[index]
+        size = bodies[frame.parentJoint]
+        offset = size * frame.placement.translation
+        scaled.frames[index].placement = pin.SE3(frame.placement.rotation, offset)
+    shapes = tuple(_scaled(body, bodies[model.joint_of(str(body.link))]) for body in model.bodies)
+    return replace(model, pin=scaled, shapes=shapes)
+
+
+def _scaled(body: Body, size: float) -> Body:
+    radius = float(body.radius / np.sqrt(size))
+    if isinstance(body, Ball):
+        return replace(body, centre=_times(body.centre, size), radius=radius)
+    return replace(body, start=_times(body.start, size), end=_times(body.end, size), radius=radius)
+
+
+def _times(point: tuple[float, float, float], size: float) -> tuple[float, float, float]:
+    x, y, z = (float(size * each) for each in point)
+    return x, y, z

@@ -1,0 +1,269 @@
+"""Joint angles from markers, over a whole recording at once."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from typing import Any, get_args
+
+import casadi as ca
+import numpy as np
+
+from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.model.human.human_arm import as_stature
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.recordings.markers.lost_markers import lost_markers
+from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
+from geodesic_ocp.recordings.markers.marker_set import MarkerSet
+from geodesic_ocp.recordings.markers.markers import Markers
+from geodesic_ocp.recordings.markers.program.body import MarkedBody, factors_by_name
+from geodesic_ocp.recordings.markers.program.chosen_markers import ChosenMarkers, choose_markers
+from geodesic_ocp.recordings.markers.program.fit_problem import ROOT, FitProblem
+from geodesic_ocp.recordings.markers.program.fit_settings import HEIGHT_SPREAD, Base, FitSettings
+from geodesic_ocp.recordings.markers.program.solve_fit import FittedVariables, solve_fit
+from geodesic_ocp.recordings.markers.program.standing_height import standing_height
+from geodesic_ocp.recordings.markers.program.undetermined import undetermined_joints
+from geodesic_ocp.trajectory.frame_motion import FrameMotion
+from geodesic_ocp.trajectory.motion import Motion
+
+_ESTIMATES = ("lengths", "offsets")
+_CLOSEST = 0.05  # least step between samples, relative to their median
+
+
+def fit_motion(
+    model: Model,
+    positions: Markers,
+    *,
+    marker_set: MarkerSet | None = None,
+    base: Base = "free",
+    estimate: Collection[str] = _ESTIMATES,
+    height: float | None = None,
+    limits: bool = True,
+    noise: float = 0.002,
+    acceleration: float = 100.0,
+    jerk: float = 1000.0,
+    outlier: float = 0.03,
+    ipopt: dict[str, Any] | None = None,
+) -> MarkerFit:
+    """Joint angles whose markers are near the recorded ones, of the whole recording at once.
+
+    They minimize, over the motion of joints and base, lengths of segments and offsets of markers,
+    the mean over time of
+
+        sum_m rho(|r_m| / noise) + sum_i (q_i'' / acceleration)^2 + (q_i''' / jerk)^2
+
+    with the distance r_m of marker m from its fitted place and the loss rho of Geman and McClure
+    (1987), in which markers that are more than `outlier` away, such as swapped ones, lose their
+    weight. Gaps are bridged by smoothness. Coordinates of the base's position count per 0.2 m. The
+    result does not depend on the sampling rate; samples may be unevenly spaced.
+
+    Args:
+        model: `human_arm`, `human_upper_body`, or any model with points on its frames.
+        positions: of markers or joints, in a space with z up, or for base="fixed" in the axes and
+            from the origin of the model's base.
+        marker_set: where the markers are; None: of the Master Motor Map's set, that of Plug-in
+            Gait, centres of joints ("right elbow"), and frames of the model by name, the one that
+            most names of the recording belong to.
+        base: "free" if the thorax (the pelvis of `human_upper_body`, the base of another model)
+            moves, which takes three markers on it, or "fixed".
+        estimate: any of "lengths" (of upper arm, forearm and shoulders, and the body height if it
+            is not known) and "offsets" (of markers from their places), which stay near those of
+            model and marker set.
+        height: of the person [m], to which the model is scaled; None: that of the recording's
+            subject, if it is known; else, if lengths are estimated, from markers of head and feet
+            of a person who stands (names of the Master Motor Map and Plug-in Gait), or from the
+            lengths of the segments; else that of the model.
+        limits: whether joints keep their limits.
+        noise: expected error of the markers [m].
+        acceleration, jerk: expected root mean squares [rad/s^2], [rad/s^3].
+        outlier: distance at which a marker has a quarter of its weight [m].
+        ipopt: options of Ipopt by name.
+
+    Raises:
+        ValueError: a wrong argument, markers that the model does not know, or too few of them.
+        NotConverged: Ipopt did not find a solution.
+    """
+    begin = clock.perf_counter()
+    settings = _checked(base, estimate, limits, noise, acceleration, jerk, outlier)
+    body = MarkedBody(model)
+    known = _known_height(body, positions, height, settings)
+    chosen = choose_markers(body, positions, marker_set, known.factor)
+    observed = positions.positions[:, chosen.columns]
+    _check_times(positions.time)
+    sought = np.zeros(len(body.lengths), dtype=bool)
+    if settings.lengths:
+        sought[1:] = _seen_lengths(body, chosen)
+        sought[:1] = known.spread > 0.0
+    problem = FitProblem(
+        body,
+        chosen.segments,
+        chosen.places,
+        chosen.uncertainty,
+        np.full(len(body.lengths), known.factor),
+        sought,
+        known.spread,
+        np.eye(3),
+        settings,
+    )
+    fitted = solve_fit(problem, positions.time, observed, ipopt)
+    if not fitted.success:
+        raise NotConverged(f"no motion was fitted to the markers: {fitted.status}", fitted)
+    return _record(fitted, positions, chosen, known, clock.perf_counter() - begin)
+
+
+def _checked(
+    base: Base,
+    estimate: Collection[str],
+    limits: bool,
+    noise: float,
+    acceleration: float,
+    jerk: float,
+    outlier: float,
+) -> FitSettings:
+    if base not in get_args(Base):
+        raise ValueError(f"base must be 'fixed' or 'free', got {base!r}")
+    asked = (estimate,) if isinstance(estimate, str) else tuple(estimate)
+    for each in asked:
+        if each not in _ESTIMATES:
+            raise ValueError(f"estimate takes any of {', '.join(_ESTIMATES)}, got {each!r}")
+    return FitSettings(
+        base,
+        "lengths" in asked,
+        "offsets" in asked,
+        bool(limits),
+        as_positive("noise", noise, "m"),
+        as_positive("acceleration", acceleration, "rad/s^2"),
+        as_positive("jerk", jerk, "rad/s^3"),
+        as_positive("outlier", outlier, "m"),
+    )
+
+
+def _check_times(time: Array) -> None:
+    steps = np.diff(time)
+    row = int(np.argmin(steps))
+    if steps[row] < _CLOSEST * float(np.median(steps)):
+        raise ValueError(
+            f"positions: samples {row} and {row + 1} are {steps[row]:.3g} s apart, half of all "
+            f"samples {np.median(steps):.3g} s or more: too close for differences; leave one out"
+        )
+
+
+@dataclass(frozen=True)
+class _Height:
+    """Factor from the model's height to the person's, its spread if estimated, and its origin."""
+
+    factor: float
+    spread: float
+    origin: str
+
+
+def _known_height(
+    body: MarkedBody, positions: Markers, height: float | None, settings: FitSettings
+) -> _Height:
+    if body.height is None:
+        if height is not None:
+            raise ValueError(f"height is for models of people, not for {body.model.name!r}")
+        return _Height(1.0, 0.0, "")
+    if height is not None:
+        stature, _ = as_stature(height, 1.0)
+        return _Height(stature / body.height, 0.0, "as given")
+    if positions.subject.height is not None:
+        return _Height(positions.subject.height / body.height, 0.0, "of the recording's subject")
+    if not settings.lengths:
+        return _Height(1.0, 0.0, "of the model")
+    standing = standing_height(positions) if settings.base == "free" else None
+    if standing is not None:
+        return _Height(standing / body.height, 0.0, "from the markers of head and feet")
+    return _Height(1.0, HEIGHT_SPREAD, "from lengths of segments, by the model's proportions")
+
+
+def _seen_lengths(body: MarkedBody, chosen: ChosenMarkers) -> list[bool]:
+    """Which of the lengths, apart from the height, separate markers."""
+    seen = []
+    for name in body.lengths[1:]:
+        side, _, segment = name.partition(" ")
+        beyond = {"upper arm": ("elbow", "forearm", "hand"), "forearm": ("hand",)}.get(segment)
+        if beyond is None:
+            seen.append(any(each.endswith("arm") for each in chosen.segments))
+        else:
+            seen.append(any(f"{side} {each}" in chosen.segments for each in beyond))
+    return seen
+
+
+def _record(
+    fitted: FittedVariables,
+    positions: Markers,
+    chosen: ChosenMarkers,
+    known: _Height,
+    seconds: float,
+) -> MarkerFit:
+    problem, body = fitted.problem, fitted.problem.body
+    lengths, offsets = problem.shared_values(fitted.shared)
+    model = body.scaled(lengths)
+    q = fitted.z[:, problem.first_joint :]
+    observed = positions.positions[:, chosen.columns]
+    errors = np.linalg.norm(fitted.predicted - observed, axis=2)
+    weights = 1.0 / (1.0 + (errors / problem.settings.outlier) ** 2) ** 2
+    height = None if body.height is None else body.height * float(lengths[0])
+    root, thorax = _poses(fitted, model, q)
+    base = root
+    if root is not None and body.lone_side:
+        across = body.to_base * lengths[body.lengths.index("shoulder half width")]
+        base = FrameMotion(root.rotations, root.positions + root.rotations @ across)
+    subject = replace(positions.subject, height=height or positions.subject.height)
+    motion = Motion(positions.time, q, model.joint_names, subject=subject, trunk=thorax)
+    return MarkerFit(
+        motion=motion,
+        model=model,
+        base=base,
+        names=chosen.names,
+        segments=chosen.segments,
+        errors=errors,
+        weights=weights,
+        lost=lost_markers(positions.time, chosen.names, observed, fitted.predicted, weights),
+        offsets=_scaled_offsets(problem, lengths, offsets, chosen.names),
+        lengths=factors_by_name(body, lengths),
+        height=height,
+        height_from=known.origin,
+        undetermined=undetermined_joints(problem, fitted, weights),
+        marker_set=chosen.set_name,
+        left_out=chosen.left_out,
+        seconds=seconds,
+        iterations=fitted.iterations,
+    )
+
+
+def _poses(
+    fitted: FittedVariables, model: Model, q: Array
+) -> tuple[FrameMotion | None, FrameMotion | None]:
+    """Poses of the root and of the thorax, as far as they are known."""
+    problem = fitted.problem
+    if not problem.moves:
+        return None, None
+    angles = ca.SX.sym("angles", 3)
+    rotation = ca.Function("rotation", [angles], [ca.densify(problem.root_rotation(angles))])
+    stacked = rotation.map(len(q))(fitted.z[:, 3:ROOT].T).full()
+    rotations = stacked.reshape(3, -1, 3).transpose(1, 0, 2)
+    root = FrameMotion(rotations, fitted.z[:, :3])
+    if problem.body.lone_side:
+        return root, root
+    if not model.pin.existFrame("thorax"):
+        return root, None
+    turned, moved = model.frame_pose("thorax", q)
+    there = root.positions + np.einsum("kij,kj->ki", rotations, moved)
+    return root, FrameMotion(rotations @ turned, there)
+
+
+def _scaled_offsets(
+    problem: FitProblem, lengths: Array, offsets: Array, names: tuple[str, ...]
+) -> dict[str, Array]:
+    """Offsets [m] on the segments of the scaled model, by marker."""
+    found = {}
+    for name, segment, offset in zip(names, problem.segments, offsets, strict=True):
+        length = problem.body.attachment(segment).length
+        common = lengths[0] if lengths.size else 1.0
+        along = common if length is None else lengths[length]
+        found[name] = offset * np.array([common, common, along])
+    return found

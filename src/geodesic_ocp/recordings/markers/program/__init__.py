@@ -1,0 +1,1 @@
+"""The nonlinear program by which a motion is fitted to markers."""

@@ -1,0 +1,256 @@
+"""Motions that are fitted to synthetic markers come back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy
+
+import geodesic_ocp as go
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.recordings.markers.fit_motion import fit_motion
+from geodesic_ocp.recordings.markers.known_marker_sets import (
+    JOINT_CENTRES,
+    MMM_MARKERS,
+    PLUG_IN_GAIT_MARKERS,
+)
+from geodesic_ocp.recordings.markers.marker_set import MarkerSet
+from geodesic_ocp.recordings.markers.markers import Markers
+from geodesic_ocp.trajectory.frame_motion import FrameMotion
+
+HEIGHT = 1.8
+FRAMES = {
+    "upper arm": "{side} upper arm",
+    "elbow": "{letter}Ex_joint",
+    "forearm": "{side} forearm",
+    "hand": "{side} hand",
+}
+
+
+def angles(model: go.Model, time: Array, seed: int = 0) -> Array:
+    """Smooth angles well within the limits, up to 1.2 Hz."""
+    random = np.random.default_rng(seed)
+    low, high = np.maximum(model.lower, -1.2), np.minimum(model.upper, 1.6)
+    middle, half = (low + high) / 2.0, (high - low) / 2.0
+    q = np.tile(middle, (time.size, 1))
+    for frequency in (0.3, 0.7, 1.2):
+        phase = random.uniform(0.0, 2.0 * np.pi, model.dof)
+        q += 0.25 * half * np.sin(2.0 * np.pi * frequency * time[:, None] + phase)
+    return q
+
+
+def walk(time: Array) -> FrameMotion:
+    """A thorax that turns by more than a revolution, leans and moves."""
+    turn = np.stack([2.2 * time, 0.2 * np.sin(2.0 * time), 0.3 * np.cos(1.5 * time)], axis=1)
+    positions = np.stack([0.4 * time, np.sin(time), 1.4 + 0.05 * np.sin(6.0 * time)], axis=1)
+    rotations = scipy.spatial.transform.Rotation.from_euler("ZYX", turn).as_matrix()
+    return FrameMotion(rotations, positions)
+
+
+def placed(
+    model: go.Model,
+    q: Array,
+    places: dict[str, tuple[str, Array]],
+    thorax: FrameMotion | None = None,
+    across: float = 0.0,
+) -> Array:
+    """Positions (k, m, 3) of points on an arm whose base is `across` to the right of the thorax."""
+    result = []
+    for segment, offset in places.values():
+        side, _, part = segment.partition(" ")
+        if segment == "thorax":
+            own = np.tile(offset - [across, 0.0, 0.0], (len(q), 1))
+        else:
+            frame = FRAMES[part].format(side=side, letter=side[0].upper())
+            rotations, positions = model.frame_pose(frame, q)
+            own = positions + rotations @ offset
+        result.append(own)
+    points = np.stack(result, axis=1)
+    if thorax is None:
+        return points
+    points = points + np.array([across, 0.0, 0.0])
+    turned = np.einsum("kij,kmj->kmi", thorax.rotations, points)
+    return turned + thorax.positions[:, None]
+
+
+def marked(
+    model: go.Model, q: Array, time: Array, used: MarkerSet, *, noise: float = 0.0, seed: int = 1
+) -> Markers:
+    """What a set's markers would record of an arm on a thorax that walks."""
+    side = "right" if "RSx_joint" in model.joint_names else "left"
+    places = {
+        name: (segment, HEIGHT * np.array(offset))
+        for name, (segment, offset) in used.places.items()
+        if segment == "thorax" or segment.startswith(side)
+    }
+    across = 0.110 * HEIGHT * (1.0 if side == "right" else -1.0)
+    positions = placed(model, q, places, walk(time), across)
+    positions += noise * np.random.default_rng(seed).normal(size=positions.shape)
+    return Markers(time, tuple(places), positions)
+
+
+def test_joint_centres_give_the_angles_of_an_arm_at_a_fixed_shoulder() -> None:
+    arm, time = go.human_arm("right", HEIGHT), np.arange(120) / 60.0
+    q = angles(arm, time)
+    places = {
+        name: (segment, HEIGHT * np.array(offset))
+        for name, (segment, offset) in JOINT_CENTRES.places.items()
+        if segment.startswith("right")
+    }
+    positions = placed(arm, q, places)
+    fit = fit_motion(arm, Markers(time, tuple(places), positions), base="fixed", estimate=())
+    # What is left is what the prior of small accelerations and jerks takes away.
+    assert np.abs(fit.motion.q - q).max() < 0.01
+    assert np.nanmax(fit.errors) < 1e-3
+    assert fit.motion.trunk is None
+    assert fit.base is None
+    assert fit.undetermined == ()
+    assert fit.height == pytest.approx(HEIGHT)
+
+
+def test_the_model_s_frames_may_be_recorded_by_their_names() -> None:
+    arm, time = go.human_arm("left"), np.arange(60) / 60.0
+    q = angles(arm, time)
+    names = ("LEx_joint", "LWx_joint", "hand")
+    positions = np.stack([arm.frame_pose(name, q)[1] for name in names], axis=1)
+    fit = fit_motion(arm, Markers(time, names, positions), base="fixed", estimate=())
+    assert np.nanmax(fit.errors) < 1e-3
+    # One point of the hand leaves the hand's orientation open.
+    assert fit.undetermined
+    assert set(fit.undetermined) <= {"LEz_joint", "LWx_joint", "LWy_joint"}
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_noise_gaps_and_swapped_markers_leave_the_motion_as_it_is(side: str) -> None:
+    arm, time = go.human_arm(side, HEIGHT), np.arange(200) / 100.0  # type: ignore[arg-type]
+    q = angles(arm, time)
+    markers = marked(arm, q, time, MMM_MARKERS, noise=1e-3)
+    letter = side[0].upper()
+    column = {name: markers.names.index(name) for name in markers.names}
+    positions = markers.positions.copy()
+    positions[60:75, column[f"{letter}HTS"]] = np.nan
+    positions[100:112, [column[f"{letter}{name}"] for name in ("HTS", "HPS", "IFD")]] = np.nan
+    swapped = [column[f"{letter}WTS"], column[f"{letter}WPS"]]
+    positions[130:160, swapped] = positions[130:160, swapped[::-1]]
+    fit = fit_motion(arm, replace(markers, positions=positions), estimate=())
+    error = np.abs(fit.motion.q - q)
+    assert np.sqrt(np.mean(error**2)) < 0.006
+    assert error.max() < 0.06
+    rotations = walk(time).rotations
+    assert fit.motion.trunk is not None
+    turned = np.swapaxes(fit.motion.trunk.rotations, 1, 2) @ rotations
+    angle = scipy.spatial.transform.Rotation.from_matrix(turned).magnitude()
+    assert angle.max() < 0.01
+    assert np.abs(fit.motion.trunk.positions - walk(time).positions).max() < 0.002
+    found = {(each.marker, each.near) for each in fit.lost}
+    assert found == {(f"{letter}WTS", f"{letter}WPS"), (f"{letter}WPS", f"{letter}WTS")}
+    for each in fit.lost:
+        assert each.start == pytest.approx(1.3)
+        assert each.end == pytest.approx(1.59)
+
+
+def test_lengths_and_offsets_are_found() -> None:
+    time = np.arange(200) / 40.0
+    arm = go.human_arm("right", HEIGHT)
+    q = angles(arm, time)
+    segment, (x, y, z) = MMM_MARKERS.places["RHTS"]
+    moved = {**MMM_MARKERS.places, "RHTS": (segment, (x + 0.006, y - 0.004, z + 0.003))}
+    markers = marked(arm, q, time, replace(MMM_MARKERS, places=moved), noise=1e-3)
+    # The model starts from another height: lengths and height come from the markers alone.
+    fit = fit_motion(go.human_arm("right", 1.7), markers)
+    assert fit.height == pytest.approx(HEIGHT, rel=0.02)
+    assert fit.lengths["right upper arm"] == pytest.approx(0.188 * HEIGHT, rel=0.03)
+    assert fit.lengths["right forearm"] == pytest.approx(0.145 * HEIGHT, rel=0.03)
+    assert fit.motion.subject.height == fit.height
+    place = HEIGHT * np.array(moved["RHTS"][1])
+    assert np.linalg.norm(fit.offsets["RHTS"] - place) < 0.008  # of the 14 mm
+    assert np.nanmean(fit.errors) < 0.002
+    assert np.sqrt(np.mean((fit.motion.q - q) ** 2)) < 0.05
+    # The fitted model with its lengths places the wrist as the arm did.
+    _, wrist = arm.frame_pose("right hand", q)
+    _, fitted = fit.model.frame_pose("right hand", fit.motion.q)
+    assert np.abs(fitted - wrist).max() < 0.02
+
+
+def test_the_result_hardly_depends_on_the_sampling_rate() -> None:
+    arm = go.human_arm("right", HEIGHT)
+    fits = []
+    for rate in (50, 200):
+        time = np.arange(2 * rate + 1) / rate
+        markers = marked(arm, angles(arm, time), time, MMM_MARKERS)
+        fits.append(fit_motion(arm, markers, estimate=(), jerk=20.0))
+    slow, fast = (fit.motion.q for fit in fits)
+    smoothed = np.abs(slow - angles(arm, fits[0].motion.time)).max()
+    assert smoothed > 0.02  # so small a jerk distorts the motion visibly, and equally
+    assert np.abs(fast[::4] - slow).max() < 0.1 * smoothed
+
+
+def test_samples_may_be_unevenly_spaced() -> None:
+    arm = go.human_arm("right", HEIGHT)
+    time = (np.arange(150) + np.random.default_rng(3).uniform(-0.4, 0.4, 150)) / 75.0
+    q = angles(arm, time)
+    fit = fit_motion(arm, marked(arm, q, time, MMM_MARKERS), estimate=())
+    assert np.abs(fit.motion.q - q).max() < 0.01
+
+
+def test_limits_hold_unless_they_are_left_out() -> None:
+    arm, time = go.human_arm("right", HEIGHT), np.arange(40) / 40.0
+    q = angles(arm, time)
+    markers = marked(arm, q, time, MMM_MARKERS)
+    narrow = arm.with_limits(upper={"REx_joint": float(np.median(q[:, 3]))})
+    kept = fit_motion(narrow, markers, estimate=()).motion.q
+    assert np.all(kept <= narrow.upper)
+    assert np.all(kept >= narrow.lower)
+    free = fit_motion(narrow, markers, estimate=(), limits=False).motion.q
+    assert np.abs(free - q).max() < 0.01
+
+
+def test_markers_of_plug_in_gait_at_unknown_offsets() -> None:
+    arm, time = go.human_arm("right", HEIGHT), np.arange(200) / 40.0
+    q = angles(arm, time)
+    random = np.random.default_rng(5)
+    places = {
+        name: (segment, tuple(np.array(offset) + random.normal(0.0, 0.006, 3)))
+        for name, (segment, offset) in PLUG_IN_GAIT_MARKERS.places.items()
+    }
+    used = replace(PLUG_IN_GAIT_MARKERS, places=places)
+    markers = marked(arm, q, time, used, noise=1e-3)
+    fit = fit_motion(arm, markers, height=HEIGHT)
+    assert fit.marker_set == "Plug-in Gait"
+    assert np.nanmean(fit.errors) < 0.003
+    # A constant error per joint is what unknown offsets leave; the motion itself comes back.
+    change = (fit.motion.q - fit.motion.q.mean(axis=0)) - (q - q.mean(axis=0))
+    assert np.sqrt(np.mean(change**2)) < 0.05
+
+
+def test_wrong_arguments_are_named() -> None:
+    arm, time = go.human_arm("right"), np.arange(10) / 10.0
+    unknown = Markers(time, ("nose",), np.zeros((10, 1, 3)))
+    elbow = Markers(time, ("right elbow", "right wrist"), np.zeros((10, 2, 3)))
+    with pytest.raises(ValueError, match="nose"):
+        fit_motion(arm, unknown)
+    with pytest.raises(ValueError, match="three markers"):
+        fit_motion(arm, elbow)
+    with pytest.raises(ValueError, match="base"):
+        fit_motion(arm, elbow, base="moving")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="estimate"):
+        fit_motion(arm, elbow, base="fixed", estimate=("mass",))
+    with pytest.raises(ValueError, match="noise"):
+        fit_motion(arm, elbow, base="fixed", noise=0.0)
+    missing = replace(elbow, positions=np.full((10, 2, 3), np.nan))
+    with pytest.raises(ValueError, match="no marker"):
+        fit_motion(arm, missing, base="fixed")
+    near = replace(elbow, time=np.where(time == time[4], time[3] + 1e-6, time))
+    with pytest.raises(ValueError, match="samples 3 and 4"):
+        fit_motion(arm, near, base="fixed")
+    with pytest.raises(ValueError, match="height"):
+        fit_motion(arm, elbow, base="fixed", height=180.0)
+
+
+def test_a_solver_that_stops_early_is_an_error() -> None:
+    arm, time = go.human_arm("right", HEIGHT), np.arange(30) / 30.0
+    markers = marked(arm, angles(arm, time), time, MMM_MARKERS)
+    with pytest.raises(go.NotConverged, match="no motion was fitted"):
+        fit_motion(arm, markers, ipopt={"max_iter": 1})
