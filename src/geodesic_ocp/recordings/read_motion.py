@@ -20,13 +20,15 @@ def read_motion(
     *,
     convention: Any = None,
     skeleton: str | PathLike[str] | None = None,
+    rate: float | None = None,
+    unit: str | float | None = None,
 ) -> Motion:
     """Read a recorded motion from a file, whose format is told by its content, not by its suffix.
 
     Read are MMM XML of both layouts, tables of comma-separated values, ASF/AMC, BVH, OpenSim's .mot
-    and .sto, and AMASS-style .npz. The angles of the first two, and of OpenSim files in no known
-    convention, are those in the file; those of the others are converted through the orientations
-    of the segments to the joints of `human_arm` and of the trunk.
+    and .sto, and AMASS-style .npz. The angles of the first two are those in the file, as are those
+    of OpenSim files in no known convention; others are converted through the orientations of the
+    segments to the joints of `human_arm` and of the trunk.
 
     >>> import geodesic_ocp as go
     >>> from importlib.resources import files
@@ -37,15 +39,17 @@ def read_motion(
     Args:
         path: of the file.
         joints: names of the joints to read, in the order of the result; all by default.
-        convention: of the joint angles in an OpenSim file, or of the skeleton in a BVH file; by
-            default the one that fits the names in the file.
+        convention: of the joint angles of an OpenSim file, or of the skeleton of an AMC, BVH or
+            .npz file; by default the known one that fits the names in the file.
         skeleton: file (.asf) that belongs to an AMC file; by default the one beside it.
+        rate: of an AMC file [Hz], which does not contain it; 120 Hz by default.
+        unit: of lengths in a BVH or AMC file: "m", "cm", "mm", "in" or a number of metres.
 
     Raises:
         RecordingError: the file is missing, of an unknown format, or malformed, or its angles look
             like degrees though they should be radians; the message names the file, the line or
             element, and what was expected there.
-        ValueError: an argument that the format does not have.
+        ValueError: an argument that does not apply to files of this format.
     """
     file = Path(path)
     if joints is not None and (isinstance(joints, str) or not joints):
@@ -57,36 +61,69 @@ def read_motion(
             f"{file}: {FORMATS[kind]} has markers, not joint angles; read it with go.read_markers, "
             "and compute angles with go.fit_motion"
         )
-    _check_arguments(kind, convention, skeleton)
+    reader, allowed = _READERS[kind]
+    arguments = {"convention": convention, "skeleton": skeleton, "rate": rate, "unit": unit}
+    given = {name: value for name, value in arguments.items() if value is not None}
+    for name in given:
+        if name not in allowed:
+            others = [FORMATS[each] for each, (_, names) in _READERS.items() if name in names]
+            raise ValueError(f"{name} is for {' and '.join(others)}; {file} is {FORMATS[kind]}")
     with named_failures(file):
-        motion = _READERS[kind](file, joints, convention, skeleton)
-        check_radians(motion)
-    return motion
-
-
-def _check_arguments(kind: str, convention: Any, skeleton: str | PathLike[str] | None) -> None:
-    if convention is not None and kind not in ("bvh", "opensim"):
-        raise ValueError(f"convention is for BVH and OpenSim files, the file is {FORMATS[kind]}")
-    if skeleton is not None and kind != "amc":
-        raise ValueError(f"skeleton is for AMC files, the file is {FORMATS[kind]}")
+        return reader(file, joints, **given)
 
 
 # Readers are imported when a file of their format is read.
 
 
-def _mmm(file: Path, joints: Sequence[str] | None, *_: Any) -> Motion:
+def _mmm(file: Path, joints: Sequence[str] | None) -> Motion:
     from geodesic_ocp.recordings.formats.mmm import read_mmm
 
-    return read_mmm(file, joints)
+    motion = read_mmm(file, joints)
+    check_radians(motion)
+    return motion
 
 
-def _table(file: Path, joints: Sequence[str] | None, *_: Any) -> Motion:
+def _table(file: Path, joints: Sequence[str] | None) -> Motion:
     from geodesic_ocp.recordings.formats.csv_table import read_table
 
-    return read_table(file, joints)
+    motion = read_table(file, joints)
+    check_radians(motion)
+    return motion
 
 
-_READERS: dict[str, Callable[..., Motion]] = {
-    "mmm": _mmm,
-    "table": _table,
+def _amc(file: Path, joints: Sequence[str] | None, **given: Any) -> Motion:
+    from geodesic_ocp.recordings.conventions.arm_angles import to_motion
+    from geodesic_ocp.recordings.formats.amc import read_amc
+
+    return to_motion(read_amc(file, **given), joints)
+
+
+def _bvh(file: Path, joints: Sequence[str] | None, **given: Any) -> Motion:
+    from geodesic_ocp.recordings.conventions.arm_angles import to_motion
+    from geodesic_ocp.recordings.formats.bvh import read_bvh
+
+    return to_motion(read_bvh(file, **given), joints)
+
+
+def _opensim(file: Path, joints: Sequence[str] | None, **given: Any) -> Motion:
+    from geodesic_ocp.recordings.formats.opensim import read_opensim
+
+    return read_opensim(file, joints, **given)
+
+
+def _smpl(file: Path, joints: Sequence[str] | None, **given: Any) -> Motion:
+    from geodesic_ocp.recordings.conventions.arm_angles import to_motion
+    from geodesic_ocp.recordings.formats.smpl import read_smpl
+
+    return to_motion(read_smpl(file, **given), joints)
+
+
+# By format, the reader and the arguments of `read_motion` that apply to it.
+_READERS: dict[str, tuple[Callable[..., Motion], tuple[str, ...]]] = {
+    "mmm": (_mmm, ()),
+    "table": (_table, ()),
+    "amc": (_amc, ("convention", "skeleton", "rate", "unit")),
+    "bvh": (_bvh, ("convention", "unit")),
+    "opensim": (_opensim, ("convention",)),
+    "smpl": (_smpl, ("convention",)),
 }

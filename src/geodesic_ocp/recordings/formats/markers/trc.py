@@ -4,12 +4,14 @@ Line 1 begins with PathFileType; line 2 names the entries of line 3, among them 
 the markers after Frame# and Time, one in three columns; line 5 names the coordinates X1, Y1, Z1,
 and rows follow. Cells are separated by tabs, or by blanks if the file has no tabs. A marker is
 missing where its cells are empty or nan, or where all three are exactly zero. The counts of frames
-and markers in line 3, which programs that edit such files often leave as they were, are not used.
+and markers in line 3, which programs that edit such files often leave as they were, are compared
+with a warning.
 """
 
 from __future__ import annotations
 
 import re
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +33,8 @@ def read_trc(file: Path) -> Markers:
     lines = _text(file).splitlines()
     if len(lines) < 5:
         raise RecordingError(f"{file}: is cut off after {len(lines)} lines, within the header")
-    scale = _scale(file, lines)
+    header = dict(zip(_cells(lines[1]), _cells(lines[2]), strict=False))
+    scale = _scale(file, header)
     names = _markers(file, lines)
     width = max(names.values()) + 3
     times, rows = [], []
@@ -49,6 +52,8 @@ def read_trc(file: Path) -> Markers:
         rows.append(
             [_position(where, name, cells[column : column + 3]) for name, column in names.items()]
         )
+    _compare(file, header, "NumFrames", "frames", len(rows))
+    _compare(file, header, "NumMarkers", "markers", len(names))
     positions = np.array(rows, dtype=float).reshape(len(times), len(names), 3)
     positions[np.all(positions == 0.0, axis=2)] = np.nan
     try:
@@ -70,10 +75,18 @@ def _cells(line: str) -> list[str]:
     return [cell.strip() for cell in line.split("\t")] if "\t" in line else line.split()
 
 
-def _scale(file: Path, lines: list[str]) -> float:
+def _compare(file: Path, header: dict[str, str], key: str, what: str, found: int) -> None:
+    if key in header and header[key] != str(found):
+        warnings.warn(
+            f"{file}: its header says {header[key][:40]} {what}, it has {found}; these are read",
+            RuntimeWarning,
+            stacklevel=5,
+        )
+
+
+def _scale(file: Path, header: dict[str, str]) -> float:
     """Metres in the unit of the file."""
-    entries = dict(zip(_cells(lines[1]), _cells(lines[2]), strict=False))
-    unit = entries.get("Units", "")
+    unit = header.get("Units", "")
     if unit.lower() not in LENGTHS:
         raise RecordingError(f"{file}: line 3 must give Units m, cm or mm, not {unit[:40]!r}")
     return LENGTHS[unit.lower()]

@@ -1,0 +1,223 @@
+"""A small valid recording in every format that is read, as bytes."""
+
+from __future__ import annotations
+
+import io
+import struct
+
+import numpy as np
+
+LEGACY_MMM = """<?xml version='1.0'?>
+<MMM>
+  <Motion name='walker'>
+    <ModelProcessorConfig type='Winter'><Height>1.7</Height><Mass>65</Mass></ModelProcessorConfig>
+    <JointOrder><Joint name='BPx_joint'/><Joint name='BPz_joint'/><Joint name='BPy_joint'/>
+      <Joint name='BTx_joint'/><Joint name='BTz_joint'/><Joint name='BTy_joint'/></JointOrder>
+    <MotionFrames>
+      <MotionFrame><Timestep>0</Timestep><RootPosition>0 0 900</RootPosition>
+        <RootRotation>0 0 0.1</RootRotation>
+        <JointPosition>0.5 -1.0 0 0.1 0.2 0.3</JointPosition></MotionFrame>
+      <MotionFrame><Timestep>0.01</Timestep><RootPosition>0 1 901</RootPosition>
+        <RootRotation>0 0 0.1</RootRotation>
+        <JointPosition>0.6 -1.1 0 0.1 0.2 0.3</JointPosition></MotionFrame>
+    </MotionFrames>
+  </Motion>
+</MMM>
+"""
+MMM_2 = """<MMM version="2.0">
+  <Motion name="walker">
+    <Sensors>
+      <Sensor type="ModelPose"><Configuration/><Data>
+        <Measurement timestep="0"><RootPosition>0 0 900</RootPosition>
+          <RootRotation>0 0 0.1</RootRotation></Measurement>
+        <Measurement timestep="0.01"><RootPosition>0 0 901</RootPosition>
+          <RootRotation>0 0 0.1</RootRotation></Measurement></Data></Sensor>
+      <Sensor type="Kinematic">
+        <Configuration><Joint name="BPx_joint"/><Joint name="BPz_joint"/></Configuration>
+        <Data>
+          <Measurement timestep="0"><JointPosition>0.5 -1.0</JointPosition></Measurement>
+          <Measurement timestep="0.01"><JointPosition>0.6 -1.1</JointPosition></Measurement>
+        </Data>
+      </Sensor>
+    </Sensors>
+  </Motion>
+</MMM>
+"""
+TABLE = "# unit: deg\n# height: 1.7\n# subject: A\ntime,b,a\n0,0.5,-10\n0.01,0.6,-11\n0.02,1,-12\n"
+OPENSIM = """Coordinates
+version=1
+nRows=3
+nColumns=5
+inDegrees=yes
+
+Units are S.I. units (second, meters, Newtons, ...)
+
+endheader
+time\tarm_flex_r\tarm_add_r\tarm_rot_r\telbow_flex_r
+0.0\t10.0\t-5.0\t3.0\t40.0
+0.01\t11.0\t-5.5\t3.5\t41.0
+0.02\t12.0\t-6.0\t4.0\t42.0
+"""
+TRC = """PathFileType\t4\t(X/Y/Z)\twalk.trc
+DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames
+100\t100\t3\t2\tmm\t100\t1\t3
+Frame#\tTime\tRSHO\t\t\tRELB\t\t
+\t\tX1\tY1\tZ1\tX2\tY2\tZ2
+
+1\t0.00\t100.0\t200.0\t1400.0\t120.0\t210.0\t1100.0
+2\t0.01\t101.0\t201.0\t1401.0\t\t\t
+3\t0.02\t102.0\t202.0\t1402.0\t122.0\t212.0\t1102.0
+"""
+MARKER_TABLE = """# unit: mm
+time,RSHO_x,RSHO_y,RSHO_z,RELB_x,RELB_y,RELB_z
+0.00,100,200,1400,120,210,1100
+0.01,101,201,1401,,,
+0.02,102,202,1402,122,212,1102
+"""
+# A joint or bone, the one before it, its offset in the T pose (x to the left, y up), its AMC name.
+_BODY = (
+    ("Hips", "", (0.0, 0.0, 0.0), "root"),
+    ("RightUpLeg", "Hips", (-8.0, -4.0, 0.0), "rfemur"),
+    ("LeftUpLeg", "Hips", (8.0, -4.0, 0.0), "lfemur"),
+    ("Spine", "Hips", (0.0, 10.0, -1.0), "upperback"),
+    ("Spine1", "Spine", (0.0, 12.0, 0.0), "thorax"),
+    ("Neck", "Spine1", (0.0, 25.0, 1.0), "lowerneck"),
+    ("RightShoulder", "Spine1", (-4.0, 20.0, 0.0), "rclavicle"),
+    ("RightArm", "RightShoulder", (-14.0, 0.0, 0.0), "rhumerus"),
+    ("RightForeArm", "RightArm", (-29.0, 0.0, 0.0), "rradius"),
+    ("RightHand", "RightForeArm", (-26.0, 0.0, 0.0), "rhand"),
+)
+_FRAMES = 3
+
+
+def bvh() -> str:
+    """The body's right arm, with angles of a few degrees."""
+
+    def joint(name: str, depth: int) -> list[str]:
+        offset = next(offset for each, _, offset, _ in _BODY if each == name)
+        children = [each for each, parent, _, _ in _BODY if parent == name]
+        channels = "3 Zrotation Xrotation Yrotation"
+        if depth == 0:
+            channels = "6 Xposition Yposition Zposition Zrotation Xrotation Yrotation"
+        inner = [f"OFFSET {' '.join(map(str, offset))}", f"CHANNELS {channels}"]
+        for child in children:
+            inner += joint(child, depth + 1)
+        if not children:
+            inner += ["End Site", "{", "OFFSET 0 -5 0", "}"]
+        return [f"{'JOINT' if depth else 'ROOT'} {name}", "{", *inner, "}"]
+
+    rows = [[0.0, 90.0 + frame, 0.0] + [2.0 * frame] * 3 * len(_BODY) for frame in range(_FRAMES)]
+    lines = ["HIERARCHY", *joint("Hips", 0), "MOTION", f"Frames: {_FRAMES}", "Frame Time: 0.01"]
+    return "\n".join([*lines, *(" ".join(map(str, row)) for row in rows)]) + "\n"
+
+
+def asf() -> str:
+    """The skeleton of the same body; every bone points to where the next one begins."""
+    lines = [
+        *(":version 1.10", ":name VICON", ":units", "mass 1.0", "length 0.45", "angle deg"),
+        *(":root", "order TX TY TZ RX RY RZ", "axis XYZ", "position 0 0 0", "orientation 0 0 0"),
+        ":bonedata",
+    ]
+    ends = {"rfemur": (0, -1, 0), "lfemur": (0, -1, 0), "rhand": (-1, 0, 0)}
+    for name, _, _, bone in _BODY[1:]:
+        after = [offset for _, parent, offset, _ in _BODY if parent == name]
+        x, y, z = after[0] if after else ends.get(bone, (0, 1, 0))
+        lines += ["begin", f"id {len(lines)}", f"name {bone}", f"direction {x} {y} {z}"]
+        lines += ["length 5", "axis 0 0 20 XYZ", "dof rx ry rz", "limits (-90 90)", "(-90 90)"]
+        lines += ["(-90 90)", "end"]
+    bones = {name: bone for name, _, _, bone in _BODY}
+    lines += [":hierarchy", "begin"]
+    for name, bone in bones.items():
+        children = [bones[each] for each, parent, _, _ in _BODY if parent == name]
+        lines += [f"{bone} {' '.join(children)}"] if children else []
+    return "\n".join([*lines, "end"]) + "\n"
+
+
+def amc() -> str:
+    """A motion of the skeleton."""
+    lines = [":FULLY-SPECIFIED", ":DEGREES"]
+    for frame in range(_FRAMES):
+        lines += [str(frame + 1), f"root 0 {10 + frame} 0 0 {frame} 0"]
+        lines += [f"{bone} {2 * frame} 1 -{frame}" for _, _, _, bone in _BODY[1:]]
+    return "\n".join(lines) + "\n"
+
+
+def smpl(poses: np.ndarray | None = None, **others: object) -> bytes:
+    """An archive with the poses of AMASS."""
+    stream = io.BytesIO()
+    values = 0.01 * np.arange(_FRAMES * 156).reshape(_FRAMES, 156) % 0.7
+    arrays = {"poses": values if poses is None else poses, "mocap_framerate": 60.0} | others
+    np.savez(stream, **arrays)  # type: ignore[arg-type]
+    return stream.getvalue()
+
+
+def c3d(
+    points: np.ndarray,
+    labels: list[str],
+    *,
+    order: str = "<",
+    scale: float = -1.0,
+    unit: str = "mm",
+    parameters: dict[str, list[str]] | None = None,
+    frames: int | None = None,
+    analog: int = 0,
+) -> bytes:
+    """A c3d file of points (k, m, 4): coordinates, and the residual's word.
+
+    Coordinates are floats if the scale is negative, else integers in units of the scale.
+    """
+    count = len(points) if frames is None else frames
+    groups = {1: ("POINT", {"LABELS": labels, "UNITS": [unit]} | (parameters or {}))}
+    chain = b""
+    for number, (group, strings) in groups.items():
+        chain += struct.pack(f"{order}bb{len(group)}sHB", len(group), -number, group.encode(), 3, 0)
+        numbers = {"USED": points.shape[1], "FRAMES": count}
+        for name, value in numbers.items():
+            data = struct.pack(f"{order}bBHB", 2, 0, value, 0)
+            chain += _parameter(order, number, name, data)
+        chain += _parameter(order, number, "RATE", struct.pack(f"{order}bBfB", 4, 0, 100.0, 0))
+        for name, values in strings.items():
+            text = "".join(value.ljust(12) for value in values).encode("latin-1")
+            data = struct.pack("bBBB", -1, 2, 12, len(values)) + text + b"\0"
+            chain += _parameter(order, number, name, data)
+    blocks = -(-(len(chain) + 6) // 512)
+    processor = 84 if order == "<" else 86
+    section = (bytes([1, 80, blocks, processor]) + chain).ljust(512 * blocks, b"\0")
+    words = (points.shape[1], analog, 1, count, 10)
+    header = struct.pack(f"{order}5HfHHf", *words, scale, 2 + blocks, 1, 100.0)
+    kind = "f4" if scale < 0.0 else "i2"
+    rows = np.concatenate([points.reshape(len(points), -1), np.ones((len(points), analog))], axis=1)
+    data = rows.round().astype(f"{order}{kind}") if scale > 0.0 else rows.astype(f"{order}{kind}")
+    return (bytes([2, 80]) + header).ljust(512, b"\0") + section + data.tobytes()
+
+
+def _parameter(order: str, group: int, name: str, data: bytes) -> bytes:
+    head = struct.pack(f"bb{len(name)}s", len(name), group, name.encode())
+    return head + struct.pack(f"{order}H", len(data) + 2) + data
+
+
+def small_c3d() -> bytes:
+    """Two markers in three frames; the second marker is missing once."""
+    points = np.full((_FRAMES, 2, 4), 500.0) + np.arange(_FRAMES)[:, None, None]
+    points[:, :, 3] = 0.0
+    points[1, 1, 3] = -1.0
+    return c3d(points, ["RSHO", "RELB"])
+
+
+def small_recordings() -> dict[str, bytes]:
+    """A valid file by its name; motion.amc belongs to motion.asf."""
+    texts = {
+        "legacy.xml": LEGACY_MMM,
+        "two.xml": MMM_2,
+        "table.csv": TABLE,
+        "motion.mot": OPENSIM,
+        "motion.bvh": bvh(),
+        "motion.asf": asf(),
+        "motion.amc": amc(),
+        "markers.trc": TRC,
+        "markers.csv": MARKER_TABLE,
+    }
+    return {name: text.encode() for name, text in texts.items()} | {
+        "motion.npz": smpl(),
+        "markers.c3d": small_c3d(),
+    }
