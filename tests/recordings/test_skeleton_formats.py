@@ -223,3 +223,50 @@ def test_the_first_frame_can_be_the_rest_pose(tmp_path: Path) -> None:
     assert motion.trunk is not None
     expected = motion.trunk.positions @ turn.T
     np.testing.assert_allclose(read.trunk.positions[1:], expected, atol=1e-8)
+
+
+def rotations_of_a_cube() -> list[Array]:
+    matrices: list[Array] = Rotation.create_group("O").as_matrix().round()
+    return list(matrices)
+
+
+@pytest.mark.parametrize("turn", rotations_of_a_cube())
+def test_up_and_forward_are_found_from_the_rest_pose(turn: Array, tmp_path: Path) -> None:
+    motion = smooth_motion(13)
+    written, joints, roots = in_files(motion, CM)
+    file = write_bvh(
+        tmp_path / "a.bvh",
+        {name: turn @ rotations for name, rotations in joints.items()},
+        roots @ turn.T,
+        50.0,
+        dict.fromkeys(NAMES, "ZXY"),
+        dict.fromkeys(NAMES, turn.T),
+    )
+    read = read_bvh(file, unit=CM)
+    check_same(read, motion, written)
+    check_trunk(read, motion)
+
+
+def test_a_twist_turns_a_segment_about_its_long_axis(tmp_path: Path) -> None:
+    motion = smooth_motion(15)
+    written, joints, roots = in_files(motion, CM)
+    file = write_bvh(tmp_path / "a.bvh", joints, roots, 50.0, dict.fromkeys(NAMES, "ZXY"))
+    human_ik = next(each for each in SKELETON_CONVENTIONS if "Mixamo" in each.name)
+    read = read_bvh(file, replace(human_ik, twist={"right upper arm": 30.0}))
+    turn = Rotation.from_euler("z", 30.0, degrees=True).as_matrix()
+    expected = dict(written.rotations)
+    expected["right upper arm"] = expected["right upper arm"] @ turn
+    for segment, rotations in expected.items():
+        np.testing.assert_allclose(read.rotations[segment], rotations, atol=1e-9)
+
+
+def test_one_arm_is_enough_but_has_no_middle_between_the_shoulders(tmp_path: Path) -> None:
+    motion = smooth_motion(17)
+    written, joints, roots = in_files(motion, CM)
+    file = write_bvh(tmp_path / "a.bvh", joints, roots, 50.0, dict.fromkeys(NAMES, "ZXY"))
+    file.write_text(file.read_text().replace("LeftArm", "Wing"))
+    read = read_bvh(file, unit="cm")
+    assert read.trunk is None
+    assert "left upper arm" not in read.rotations
+    expected = written.rotations["right hand"]
+    np.testing.assert_allclose(read.rotations["right hand"], expected, atol=1e-9)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,7 @@ CMU_RATE = 120.0  # [Hz], of the CMU database; the format has no rate
 
 def read_amc(
     file: Path,
-    skeleton: Path | None = None,
+    skeleton: str | PathLike[str] | None = None,
     rate: float | None = None,
     convention: SkeletonConvention | str | Path | None = None,
     unit: str | float | None = None,
@@ -91,7 +92,7 @@ def read_amc(
     return skeleton_segments(file, motion, chosen, metres, person)
 
 
-def _skeleton(file: Path, given: Path | None) -> Path:
+def _skeleton(file: Path, given: str | PathLike[str] | None) -> Path:
     """The skeleton's file."""
     if given is not None:
         return Path(given)

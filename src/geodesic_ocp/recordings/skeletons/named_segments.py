@@ -34,13 +34,15 @@ def named_segments(
                 f"the joints {_listed(skeleton)}"
             )
         return convention, found
-    fits = []
+    fits, ambiguous = [], []
     for each in SKELETON_CONVENTIONS:
         try:
             fits.append((each, _found(file, skeleton, each)))
-        except RecordingError:
-            continue
+        except RecordingError as failure:
+            ambiguous.append(failure)
     fits = [(each, found) for each, found in fits if _fits(found)]
+    if not fits and ambiguous:
+        raise ambiguous[0]
     if not fits:
         raise RecordingError(
             f"{file}: no known convention names the segments of this skeleton. Its joints are "

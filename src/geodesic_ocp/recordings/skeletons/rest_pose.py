@@ -126,11 +126,20 @@ def neutral_frames(
         lower = _bone(segments[names[1]], segments.get(names[2]), skeleton, positions)
         directions[side] = upper = upper @ body
         lower = lower @ body if np.any(lower) else upper
-        if not np.any(upper) or upper[2] > _UPWARDS or lower @ upper < -_UPWARDS:
+        fault = (
+            "has no length"
+            if not np.any(upper)
+            else "points up"
+            if upper[2] > _UPWARDS
+            else "is folded"
+            if lower @ upper < -_UPWARDS
+            else ""
+        )
+        if fault:
             raise RecordingError(
-                f"{file}: the {side} arm {'points up' if np.any(upper) else 'has no length'} in "
-                "the rest pose, which must be that of a person who stands with straight arms; if "
-                "that is the first frame, state rest='first frame' in a SkeletonConvention"
+                f"{file}: the {side} arm {fault} in the rest pose, which must be that of a person "
+                "who stands with straight arms; if that is the first frame, state rest='first "
+                "frame' in a SkeletonConvention"
             )
         frames[names[0]] = _shortest(np.array([0.0, 0.0, -1.0]), upper)
         frames[names[1]] = frames[names[2]] = _shortest(upper, lower) @ frames[names[0]]
