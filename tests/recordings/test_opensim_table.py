@@ -13,7 +13,6 @@ import geodesic_ocp as go
 from geodesic_ocp.recordings.formats.opensim import read_opensim
 from geodesic_ocp.recordings.formats.opensim_table import is_translation, read_coordinates
 
-SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "opensim" / "inverse_kin.mot"
 TABS = """Coordinates
 version=1
 nRows=2
@@ -177,3 +176,45 @@ def test_an_uncertain_axis_is_refused_with_the_reason(tmp_path: Path) -> None:
         go.RecordingError, match="right hand: the axes and the sense of the columns"
     ):
         read_opensim(file, ["RWx_joint"])
+
+
+def test_the_box_lift(shared: Path) -> None:
+    """Comma separated, in degrees, with 88 of the 250 rows that its header promises."""
+    file = shared / "data" / "opensim" / "inverse_kin.mot"
+    with pytest.warns(RuntimeWarning, match="its header says 250 rows, it has 88; these are read"):
+        motion = read_opensim(file)
+    assert motion.q.shape == (88, 25)
+    assert motion.time[[0, -1]] == pytest.approx([1.56, 2.43])
+    assert motion.select(["elbow_flexion"]).q[0, 0] == pytest.approx(np.radians(42.06628447))
+    assert motion.select(["thorax_tx", "box_transX"]).q[0] == pytest.approx(
+        [-0.61262157, 0.19682993]
+    )
+    # The model that defines the axes of these columns is not known: refused, not guessed.
+    with (
+        pytest.warns(RuntimeWarning),
+        pytest.raises(go.RecordingError, match=r"shoulder_plane, .*; describe their rotations"),
+    ):
+        read_opensim(file, ["RSx_joint"])
+
+
+@pytest.mark.filterwarnings("ignore:.*its header says")
+def test_a_user_convention_converts_the_box_lift(shared: Path, tmp_path: Path) -> None:
+    """The elbow's flexion is that of the model's arm, whatever the axes of the shoulder are."""
+    (tmp_path / "mine.json").write_text(
+        '{"relations": [{"segment": "thorax", "rotations": [{"axis": "z", "column": "thorax_tilt"},'
+        '{"axis": "x", "column": "thorax_list"}, {"axis": "y", "column": "thorax_rotation"}]},'
+        '{"segment": "right upper arm", "parent": "thorax", "rotations": ['
+        '{"axis": "y", "column": "shoulder_plane"}, {"axis": "-x", "column": "shoulder_ele"},'
+        '{"axis": "y", "column": "shoulder_rotation"}]},'
+        '{"segment": "right forearm", "parent": "right upper arm", "rotations": ['
+        '{"axis": "z", "column": "elbow_flexion"}, {"axis": "y", "column": "pro_sup"}]}],'
+        '"position": ["thorax_tx", "thorax_ty", "thorax_tz"]}'
+    )
+    file = shared / "data" / "opensim" / "inverse_kin.mot"
+    motion = read_opensim(file, convention=tmp_path / "mine.json")
+    own = read_opensim(file, ["elbow_flexion", "pro_sup"])
+    elbow = motion.select(["REx_joint", "REz_joint"])
+    assert elbow.q == pytest.approx(own.q, abs=1e-9)
+    assert motion.trunk is not None
+    assert motion.trunk.positions[0] == pytest.approx([0.11781027, -0.61262157, 0.59430148])
+    assert np.abs(np.diff(motion.q, axis=0)).max() < 0.1
