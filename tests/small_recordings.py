@@ -155,45 +155,57 @@ def c3d(
     points: np.ndarray,
     labels: list[str],
     *,
-    order: str = "<",
+    processor: str = "Intel",
     scale: float = -1.0,
     unit: str = "mm",
-    parameters: dict[str, list[str]] | None = None,
+    strings: dict[str, list[str]] | None = None,
     frames: int | None = None,
     analog: int = 0,
 ) -> bytes:
     """A c3d file of points (k, m, 4): coordinates, and the residual's word.
 
-    Coordinates are floats if the scale is negative, else integers in units of the scale.
+    Coordinates are floats if the scale is negative, else integers in units of the scale. The
+    floats of DEC have their words swapped and are a fourth of what IEEE's would be.
     """
+    order, number = {"Intel": ("<", 84), "DEC": ("<", 85), "MIPS": (">", 86)}[processor]
+
+    def floats(values: np.ndarray) -> bytes:
+        if processor != "DEC":
+            return values.astype(f"{order}f4").tobytes()
+        words = (4.0 * values).astype("<f4").reshape(-1).view("<u2").reshape(-1, 2)
+        return words[:, ::-1].tobytes()
+
+    def parameter(group: int, name: str, kind: int, size: bytes, values: bytes) -> bytes:
+        head = struct.pack(f"bb{len(name)}s", len(name), group, name.encode())
+        data = struct.pack("bB", kind, len(size)) + size + values + b"\0"
+        return head + struct.pack(f"{order}H", len(data) + 2) + data
+
     count = len(points) if frames is None else frames
-    groups = {1: ("POINT", {"LABELS": labels, "UNITS": [unit]} | (parameters or {}))}
     chain = b""
-    for number, (group, strings) in groups.items():
-        chain += struct.pack(f"{order}bb{len(group)}sHB", len(group), -number, group.encode(), 3, 0)
-        numbers = {"USED": points.shape[1], "FRAMES": count}
-        for name, value in numbers.items():
-            data = struct.pack(f"{order}bBHB", 2, 0, value, 0)
-            chain += _parameter(order, number, name, data)
-        chain += _parameter(order, number, "RATE", struct.pack(f"{order}bBfB", 4, 0, 100.0, 0))
-        for name, values in strings.items():
-            text = "".join(value.ljust(12) for value in values).encode("latin-1")
-            data = struct.pack("bBBB", -1, 2, 12, len(values)) + text + b"\0"
-            chain += _parameter(order, number, name, data)
+    for group, name in enumerate(("POINT", "ANALOG"), start=1):
+        head = struct.pack(f"{order}bb{len(name)}sHB", len(name), -group, name.encode(), 3, 0)
+        chain += head
+    for group, name, value in (
+        (1, "USED", points.shape[1]),
+        (1, "FRAMES", count),
+        (2, "USED", analog),
+    ):
+        chain += parameter(group, name, 2, b"", struct.pack(f"{order}H", value))
+    rates = ((1, "RATE", 100.0), (1, "SCALE", scale), (2, "RATE", 100.0), (2, "GEN_SCALE", 1.0))
+    for group, name, amount in rates:
+        chain += parameter(group, name, 4, b"", floats(np.array([amount])))
+    for name, given in {"LABELS": labels, "UNITS": [unit], **(strings or {})}.items():
+        width = max(map(len, given), default=0)
+        text = "".join(each.ljust(width) for each in given).encode("latin-1")
+        chain += parameter(1, name, -1, bytes([width, len(given)]), text)
     blocks = -(-(len(chain) + 6) // 512)
-    processor = 84 if order == "<" else 86
-    section = (bytes([1, 80, blocks, processor]) + chain).ljust(512 * blocks, b"\0")
-    words = (points.shape[1], analog, 1, count, 10)
-    header = struct.pack(f"{order}5HfHHf", *words, scale, 2 + blocks, 1, 100.0)
-    kind = "f4" if scale < 0.0 else "i2"
+    section = (bytes([1, 80, blocks, number]) + chain).ljust(512 * blocks, b"\0")
+    header = struct.pack(f"{order}5H", points.shape[1], analog, 1, count, 10)
+    header += floats(np.array([scale])) + struct.pack(f"{order}HH", 2 + blocks, int(analog > 0))
+    header += floats(np.array([100.0]))
     rows = np.concatenate([points.reshape(len(points), -1), np.ones((len(points), analog))], axis=1)
-    data = rows.round().astype(f"{order}{kind}") if scale > 0.0 else rows.astype(f"{order}{kind}")
-    return (bytes([2, 80]) + header).ljust(512, b"\0") + section + data.tobytes()
-
-
-def _parameter(order: str, group: int, name: str, data: bytes) -> bytes:
-    head = struct.pack(f"bb{len(name)}s", len(name), group, name.encode())
-    return head + struct.pack(f"{order}H", len(data) + 2) + data
+    data = floats(rows) if scale < 0.0 else rows.round().astype(f"{order}i2").tobytes()
+    return (bytes([2, 80]) + header).ljust(512, b"\0") + section + data
 
 
 def small_c3d() -> bytes:

@@ -17,6 +17,7 @@ from geodesic_ocp.recordings.skeletons.skeleton import Skeleton
 from geodesic_ocp.recordings.skeletons.text_lines import numbers, read_lines
 
 _INCH = 0.0254  # [m]
+_SHORTEST = 1e-9  # length of a direction
 _ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 
 
@@ -251,7 +252,7 @@ def _checked(file: Path, bone: _Bone) -> _Bone:
     """The bone, if all is known of it."""
     for what, given in (
         ("name", bone.name),
-        ("direction", np.any(bone.direction)),
+        ("direction", np.linalg.norm(bone.direction) > _SHORTEST),
         ("length", bone.length is not None and bone.length >= 0.0),
         ("axis", bone.axis),
     ):
