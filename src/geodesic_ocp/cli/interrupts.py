@@ -48,9 +48,9 @@ class ProgressBar:
         wanted = total if total > 0 else None
         if self._bar is None or self._bar.total != wanted or done < self._bar.n:
             self.close()
-            self._bar = _new_bar(wanted, self._WIDTH)
-        changed = self._bar.desc != f"{label}: "
-        self._bar.set_description(label, refresh=False)
+            self._bar = _new_bar(label, done, wanted, self._WIDTH)
+        changed = self._bar.desc != label
+        self._bar.set_description_str(label, refresh=False)
         self._bar.update(done - self._bar.n)
         if changed or done == total:
             self._bar.refresh()
@@ -69,13 +69,15 @@ class ProgressBar:
             self._bar = None
 
 
-def _new_bar(total: int | None, width: int) -> Any:
+def _new_bar(label: str, done: int, total: int | None, width: int) -> Any:
     from tqdm import tqdm  # what is shown on no terminal need not wait for it
 
     tqdm.set_lock(threading.RLock())  # not that of several processes: one alone writes
     tqdm.monitor_interval = 0  # without a thread
     shape = f"{{desc}}: {{percentage:3.0f}}% |{{bar:{width}}}| {{remaining}} left"
     return tqdm(
+        desc=label,
+        initial=done,
         total=total,
         ascii=" #",
         bar_format="{desc}: {n_fmt}" if total is None else shape,

@@ -61,6 +61,7 @@ def _alone(task: RecordingTask, folder: Path, first: str) -> Iterator[RecordingO
     """A recording once more, in a process of its own."""
     run = _Run(1, folder)
     if (yield from run.outcomes(iter([task]))):
+        run.suspects()  # removes the note
         text = f"its process {first}; analysed again, alone, it {run.end()}"
         yield RecordingOutcome(task.source, "process", text)
 

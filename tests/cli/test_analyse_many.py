@@ -1,0 +1,123 @@
+"""Many recordings on the command line."""
+
+from __future__ import annotations
+
+import io
+import sys
+from pathlib import Path
+
+import pytest
+from minimum_jerk_files import write_stroke
+
+from geodesic_ocp.cli import main as cli
+from geodesic_ocp.cli.interrupts import ProgressBar
+
+QUICK = ["--metric", "euclidean", "--jobs", "1"]
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    for seed in range(3):
+        write_stroke(tmp_path / "data" / f"S{seed}_reach.csv", seed)
+    return tmp_path / "data"
+
+
+def test_a_folder_is_analysed_and_again_nothing(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    command = ["analyse", str(data), "--out", str(out), *QUICK, "--subject-from", "{subject}_*"]
+    assert cli.main(command) == 0
+    text = capsys.readouterr().out
+    assert "S1_reach.csv, right: " in text
+    assert "3 analysed, 0 left out" in text
+    assert "straight lines, same segments" in text
+    for name in ("recordings.csv", "synergies.csv", "failures.csv", "summary.md"):
+        assert f"wrote {out / name}" in text
+    assert "S1_reach.csv,S1,S1_reach,right" in (out / "recordings.csv").read_text()
+    (data / "broken.csv").write_text("time\n")
+    assert cli.main(command) == 1
+    text = capsys.readouterr().out
+    assert "left out: broken.csv, right: " in text
+    assert "0 analysed, 3 analysed before, 1 left out" in text
+
+
+def test_patterns_and_several_files(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The files of a pattern and one more, each once."""
+    more = write_stroke(tmp_path / "more.csv", 7)
+    files = [str(data / "*_reach.csv"), str(more), str(data / "S0_reach.csv")]
+    assert cli.main(["analyse", *files, "--out", str(tmp_path / "out"), *QUICK]) == 0
+    assert "4 analysed, 0 left out" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ([], "several recordings need --out"),
+        (["--curve", "--out", "out"], "--curve is of one recording"),
+        (["--out", "out", "--scheduler", "tcp://a:1", "--jobs", "2"], "either --jobs"),
+        (["--out", "out", "--jobs", "0"], "jobs must be a positive integer"),
+        (["--out", "out", "--threshold", "-1"], "threshold must be positive"),
+        (["--out", "out", "--subject-from", "x"], "must hold {subject} once"),
+        (["--out", "out", "--subjects", "none.csv"], "none.csv: cannot be read"),
+    ],
+)
+def test_wrong_options_end_with_one_line(
+    options: list[str],
+    words: str,
+    data: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(data)
+    assert cli.main(["analyse", str(data), *options]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert words in printed.err
+    assert printed.err.count("\n") == 1
+    assert not (data / "out" / "results").exists() or "threshold" not in words
+
+
+def test_one_file_with_options_of_many_is_one_of_many(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, out = str(data / "S0_reach.csv"), tmp_path / "out"
+    assert cli.main(["analyse", file, "--out", str(out), *QUICK]) == 0
+    assert (out / "recordings.csv").is_file()
+    alone = tmp_path / "alone"
+    assert cli.main(["analyse", file, "--metric", "euclidean", "--out", str(alone)]) == 0
+    assert (alone / "figure.png").is_file()
+    assert not (alone / "recordings.csv").exists()
+    capsys.readouterr()
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_the_bar_tells_the_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    bar = ProgressBar()
+    bar("analysing recordings", 0, 4)
+    bar("analysing recordings", 4, 4)
+    shown = sys.stderr.getvalue()
+    assert "analysing recordings:   0%" in shown
+    assert "100% |####" in shown
+    assert "left" in shown
+    bar("counting", 3, 0)
+    bar.close()
+    assert "counting: 3" in sys.stderr.getvalue()
+    assert sys.stderr.getvalue().endswith("\r")
+
+
+def test_without_a_terminal_there_is_no_bar(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    bar = ProgressBar()
+    bar("analysing recordings", 1, 4)
+    bar.line("one")
+    bar.close()
+    assert capsys.readouterr() == ("one\n", "")

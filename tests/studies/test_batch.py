@@ -1,0 +1,297 @@
+"""Many recordings: tables, files that are left out, and runs that go on where they were."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from minimum_jerk_files import write_stroke
+
+import geodesic_ocp as go
+from geodesic_ocp.recordings.read_recording import read_recording
+from geodesic_ocp.studies.batch.analyse_recordings import analyse_recordings
+from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
+from geodesic_ocp.studies.batch.batch_result import BatchResult
+from geodesic_ocp.studies.tidy_files import read_tidy
+
+METRIC = AnalysisSettings(metric="euclidean")  # which is quick
+
+
+class Here(Executor):
+    """Calls at once, in this process."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except BaseException as failure:
+            future.set_exception(failure)
+        return future
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    write_stroke(tmp_path / "data" / "An" / "reach_1.csv", 1)
+    write_stroke(tmp_path / "data" / "An" / "reach_2.csv", 2)
+    write_stroke(tmp_path / "data" / "Bo" / "reach_1.csv", 3, ["# subject: Bob", "# height: 1.9"])
+    return tmp_path / "data"
+
+
+def run(data: Path, out: Path, settings: AnalysisSettings = METRIC, **more: Any) -> BatchResult:
+    more.setdefault("executor", Here())
+    return analyse_recordings(data, out, settings=settings, recursive=True, **more)
+
+
+def files_of(out: Path) -> dict[str, tuple[int, int]]:
+    """What changes when a result is written again: inode and time."""
+    return {
+        file.name: (file.stat().st_ino, file.stat().st_mtime_ns)
+        for file in (out / "results").iterdir()
+    }
+
+
+def test_tables_hold_what_each_analysis_says(data: Path, tmp_path: Path) -> None:
+    """In processes, as in this one."""
+    settings = AnalysisSettings(threshold=0.4)
+    seen: list[str] = []
+    result = run(
+        data,
+        tmp_path / "out",
+        settings,
+        executor=None,
+        jobs=1,
+        finished=lambda outcome: seen.append(outcome.source.file),
+    )
+    assert (result.analysed, result.found, result.failures) == (3, 0, ())
+    assert sorted(seen) == ["An/reach_1.csv", "An/reach_2.csv", "Bo/reach_1.csv"]
+    file = data / "Bo" / "reach_1.csv"
+    recording = read_recording(file)
+    analysis = go.analyse(recording.model, recording.motion, 0.4)
+    rows = [row for row in result.recordings() if row["file"] == "Bo/reach_1.csv"]
+    assert {row["method"] for row in rows} == set(analysis.errors)
+    for row in rows:
+        method = str(row["method"])
+        errors, before = analysis.errors[method], analysis.errors_unfiltered[method]
+        assert row["joint_error_rad"] == pytest.approx(errors.joint)
+        assert row["position_error_m"] == pytest.approx(errors.position)
+        assert row["orientation_error_rad"] == pytest.approx(errors.orientation)
+        assert row["orientation_error_unfiltered_rad"] == pytest.approx(before.orientation)
+        assert row["segments"] == analysis.segment_counts.get(method)
+        assert (row["subject"], row["trial"], row["side"]) == ("Bob", "reach_1", "right")
+        assert (row["height_m"], row["mass_kg"], row["samples"]) == (1.9, 70.0, 50)
+        assert row["threshold_rad"] == 0.4
+        assert row["metric"] == analysis.metric_name
+    synergies = [row for row in result.synergies() if row["file"] == "Bo/reach_1.csv"]
+    assert [row["synergy"] for row in synergies] == list(range(1, len(analysis.synergies) + 1))
+    for row, synergy in zip(synergies, analysis.synergies, strict=True):
+        assert (row["start_sample"], row["stop_sample"]) == (synergy.start, synergy.stop)
+        assert row["length"] == pytest.approx(synergy.length)
+        assert row["mean_speed"] == pytest.approx(synergy.length / synergy.duration)
+
+
+def test_errors_of_a_recording_are_means_of_those_of_its_synergies(
+    data: Path, tmp_path: Path
+) -> None:
+    """Over samples: neighbours share one, at which a geodesic has no error of the joints."""
+    result = run(data, tmp_path / "out", AnalysisSettings(metric="euclidean", threshold=0.2))
+    (row,) = (
+        row
+        for row in result.recordings()
+        if row["method"] == "riemannian" and row["file"] == "An/reach_1.csv"
+    )
+    synergies = [each for each in result.synergies() if each["recording"] == row["recording"]]
+    total = sum(
+        float(each["joint_error_rad"] or 0.0)
+        * (int(each["stop_sample"] or 0) - int(each["start_sample"] or 0) + 1)
+        for each in synergies
+    )
+    assert total / int(row["samples"] or 0) == pytest.approx(float(row["joint_error_rad"] or 0.0))
+
+
+def test_parquet_holds_the_same_as_csv(data: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
+    run(data, tmp_path / "out")
+    for name in ("recordings", "synergies", "failures"):
+        assert read_tidy(tmp_path / "out" / f"{name}.parquet", name) == read_tidy(
+            tmp_path / "out", name
+        )
+
+
+def test_files_that_cannot_be_used_are_left_out_with_their_reasons(
+    data: Path, tmp_path: Path
+) -> None:
+    (data / "broken.xml").write_text("<MMM>")
+    write_stroke(data / "left.csv", 4, side="left")
+    (data / "same.csv").write_bytes((data / "An" / "reach_1.csv").read_bytes())
+    text = (data / "An" / "reach_2.csv").read_text()
+    (data / "again.csv").write_text(text.replace("# unit: rad", "# unit: rad\n# mass: 71"))
+    (data / "late.csv").write_text(text.replace("0.010000000,", "0.000000000,"))
+    result = run(data, tmp_path / "out")
+    assert result.analysed == 3
+    reasons = {each.source.file: (each.kind, each.text) for each in result.failures}
+    expected = {
+        "broken.xml": ("file", "broken XML"),
+        "left.csv": ("file", "there is no"),
+        "same.csv": ("same", "is the same file as An/reach_1.csv, right"),
+        "again.csv": ("same", "holds the same motion as An/reach_2.csv, right"),
+        "late.csv": ("file", "time must increase"),
+    }
+    assert set(reasons) == set(expected)
+    for name, (kind, words) in expected.items():
+        assert reasons[name][0] == kind
+        assert words in reasons[name][1]
+    rows = read_tidy(tmp_path / "out", "failures")
+    assert {row["file"]: row["reason"] for row in rows} == {
+        name: text for name, (_, text) in reasons.items()
+    }
+    assert {row["file"] for row in result.recordings()} == {
+        "An/reach_1.csv",
+        "An/reach_2.csv",
+        "Bo/reach_1.csv",
+    }
+    summary = (tmp_path / "out" / "summary.md").read_text()
+    for name, (_, words) in expected.items():
+        assert name in summary
+        assert words in summary
+
+
+def test_failures_of_solvers_and_warnings_are_told(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from geodesic_ocp.studies.batch import analyse_recording
+
+    analyse = analyse_recording.analyse
+
+    def altered(model: go.Model, motion: go.Motion, *options: Any, **more: Any) -> go.Analysis:
+        if motion.subject.name == "Bob":
+            raise go.NotConverged("no geodesic was found")
+        import warnings
+
+        warnings.warn("the arm is straight", RuntimeWarning, stacklevel=1)
+        return analyse(model, motion, *options, **more)
+
+    monkeypatch.setattr(analyse_recording, "analyse", altered)
+    result = run(data, tmp_path / "out")
+    (failure,) = result.failures
+    assert (failure.kind, failure.text) == ("solver", "no geodesic was found")
+    assert [each.warnings for each in result.warned] == 2 * [("the arm is straight",)]
+    assert "the arm is straight" in (tmp_path / "out" / "summary.md").read_text()
+    again = run(data, tmp_path / "out")
+    assert (again.found, len(again.failures), len(again.warned)) == (2, 1, 2)
+
+
+def test_a_finished_recording_is_not_analysed_again(data: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    first = run(data, out)
+    tables = {file.name: file.read_bytes() for file in out.glob("*.csv")}
+    before = files_of(out)
+    again = run(data, out)
+    assert (again.analysed, again.found) == (0, first.analysed)
+    assert files_of(out) == before
+    assert {file.name: file.read_bytes() for file in out.glob("*.csv")} == tables
+
+
+def test_what_has_changed_is_analysed_again(data: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    run(data, out)
+    write_stroke(data / "An" / "reach_2.csv", 12)
+    changed = run(data, out)
+    assert (changed.analysed, changed.found) == (1, 2)
+    other = AnalysisSettings(metric="euclidean", threshold=0.3)
+    assert run(data, out, other).analysed == 3
+    # What was there before is kept.
+    assert run(data, out).analysed == 0
+    assert run(data, out, other).analysed == 0
+    damaged = next(file for file in (out / "results").iterdir() if "synergies" not in file.name)
+    damaged.write_text(damaged.read_text()[:100])
+    counts = [run(data, out, each).analysed for each in (METRIC, other)]
+    assert sum(counts) == 1
+
+
+def test_a_fitted_metric_counts_by_its_content(tmp_path: Path) -> None:
+    file = tmp_path / "metric.json"
+    digests = []
+    for value in (0.06, 0.07):
+        file.write_text(json.dumps({"value": value}))
+        digests.append(AnalysisSettings(metric=str(file)).digest())
+    assert digests[0] != digests[1]
+    other = tmp_path / "other.json"
+    other.write_bytes(file.read_bytes())
+    assert AnalysisSettings(metric=str(other)).digest() == digests[1]
+
+
+def test_subjects_that_are_known_later_need_no_new_analysis(data: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    first = run(data, out)
+    assert {row["subject"] for row in first.recordings()} == {"An", "Bob"}
+    named = run(data, out, subject_pattern="{subject}/reach_{trial}")
+    assert named.analysed == 0
+    found = {(row["file"], row["subject"], row["trial"]) for row in named.synergies()}
+    assert found == {
+        ("An/reach_1.csv", "An", "1"),
+        ("An/reach_2.csv", "An", "2"),
+        ("Bo/reach_1.csv", "Bo", "1"),
+    }
+
+
+def test_heights_from_a_table_of_subjects(data: Path, tmp_path: Path) -> None:
+    table = tmp_path / "subjects.csv"
+    table.write_text("file,subject,trial,height,mass\nAn/reach_1.csv,A,x,1.6,60\nreach_2,A,y,,\n")
+    result = run(data, tmp_path / "out", subjects=table)
+    (failure,) = result.failures
+    assert failure.text == f"{table} does not name it"
+    rows = {(row["trial"], row["height_m"], row["mass_kg"]) for row in result.recordings()}
+    assert rows == {("x", 1.6, 60.0), ("y", 1.75, 70.0)}
+
+
+def test_both_sides_of_a_file(data: Path, tmp_path: Path) -> None:
+    result = analyse_recordings(
+        data / "An" / "reach_1.csv", tmp_path / "out", "both", METRIC, executor=Here()
+    )
+    assert result.analysed == 1
+    (failure,) = result.failures
+    assert failure.source.side == "left"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"jobs": 0}, "jobs must be a positive integer or None, got 0"),
+        ({"side": "up"}, "side must be 'right', 'left' or 'both', got 'up'"),
+        ({"subject_pattern": "{name}"}, r"must hold \{subject\} once"),
+    ],
+)
+def test_wrong_arguments_are_named(
+    data: Path, tmp_path: Path, arguments: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(ValueError, match=words):
+        analyse_recordings(data / "An", tmp_path / "out", settings=METRIC, **arguments)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"segments": "optimal"}, "needs one of count, penalty and error"),
+        ({"count": 3}, "needs one of count, penalty and error, and only it does"),
+        ({"cutoff": 5.0, "unfiltered": True}, "only one of cutoff, duration and unfiltered"),
+        ({"metric": "mass"}, "there is no file 'mass'"),
+        ({"metric": "kinetic", "armature": 0.1}, "armature is the joint inertia"),
+        ({"height": -1.0}, r"height must be positive \[m\]"),
+    ],
+)
+def test_settings_that_exclude_each_other(arguments: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        AnalysisSettings(**arguments)
+
+
+def test_reprs_are_short(data: Path, tmp_path: Path) -> None:
+    assert repr(METRIC) == "AnalysisSettings(metric='euclidean')"
+    result = run(data, tmp_path / "out")
+    assert repr(result).endswith("out: 3 analysed, 0 left out)")
+    assert np.isfinite(result.seconds)

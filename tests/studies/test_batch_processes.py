@@ -1,0 +1,182 @@
+"""Processes that die cost at most their own recording."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from itertools import count, islice
+from pathlib import Path
+from typing import Any
+
+import pytest
+from deadly_path import DeadlyPath
+
+import geodesic_ocp as go
+from geodesic_ocp.studies.batch import in_processes as processes
+from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
+from geodesic_ocp.studies.batch.folder_lock import locked
+from geodesic_ocp.studies.batch.in_executor import completed, in_executor
+from geodesic_ocp.studies.batch.in_processes import in_processes
+from geodesic_ocp.studies.batch.outcome import RecordingOutcome, RecordingTask
+from geodesic_ocp.studies.batch.recording_source import RecordingSource
+from geodesic_ocp.studies.batch.run_task import RUNNING
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / RUNNING).mkdir()
+    return tmp_path
+
+
+def task(folder: Path, name: str, path: Any = None) -> RecordingTask:
+    """A recording without a file, which ends soon, with a reason."""
+    source = RecordingSource(path or folder / name, name, "right")
+    return RecordingTask(source, AnalysisSettings(), folder, name)
+
+
+def tasks(folder: Path, number: int) -> list[RecordingTask]:
+    return [task(folder, f"{index}.csv") for index in range(number)]
+
+
+def by_name(outcomes: Iterator[RecordingOutcome]) -> dict[str, RecordingOutcome]:
+    found: dict[str, RecordingOutcome] = {}
+    for outcome in outcomes:
+        assert outcome.source.file not in found, "a recording has two outcomes"
+        found[outcome.source.file] = outcome
+    return found
+
+
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (signal.SIGKILL, "was killed (SIGKILL"),
+        pytest.param(0, "ended with exit code 7", marks=pytest.mark.slow),
+    ],
+)
+def test_a_process_that_dies_twice_is_named_with_its_recording(
+    folder: Path, number: int, words: str
+) -> None:
+    given = tasks(folder, 7)
+    given[2] = task(folder, "deadly.csv", DeadlyPath(number))
+    found = by_name(in_processes(iter(given), 2, folder))
+    assert set(found) == {each.source.file for each in given}
+    deadly = found.pop("deadly.csv")
+    assert deadly.kind == "process"
+    assert deadly.text.count(words) == 2
+    assert {each.kind for each in found.values()} == {"file"}  # there is no such file
+    assert not list((folder / RUNNING).iterdir())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGSEGV, signal.SIGTERM])
+def test_a_process_that_dies_once_costs_nothing(folder: Path, number: int) -> None:
+    """Also by the signal by which the executor ends processes itself."""
+    flag = folder / "flag"
+    given = [*tasks(folder, 3), task(folder, "deadly.csv", DeadlyPath(number, flag))]
+    found = by_name(in_processes(iter(given), 2, folder))
+    assert flag.exists()
+    assert set(found) == {each.source.file for each in given}
+    assert all(each.kind != "process" for each in found.values())
+
+
+@pytest.mark.slow
+def test_processes_are_replaced_so_that_memory_stays_bounded(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started = []
+
+    class Counted(processes.WorkerProcesses):
+        def __init__(self, jobs: int) -> None:
+            started.append(jobs)
+            super().__init__(jobs)
+
+    monkeypatch.setattr(processes, "WorkerProcesses", Counted)
+    monkeypatch.setattr(processes, "_RENEWAL", 2)
+    found = by_name(in_processes(iter(tasks(folder, 5)), 1, folder))
+    assert len(found) == 5
+    assert started == [1, 1, 1]
+
+
+def test_threads_of_this_process_stay_as_they_were(folder: Path) -> None:
+    before = dict(os.environ)
+    list(in_processes(iter(tasks(folder, 1)), 1, folder))
+    assert dict(os.environ) == before
+
+
+class Slow(Executor):
+    """Ends the oldest call when `most` are open."""
+
+    def __init__(self, most: int) -> None:
+        self.most = most
+        self.open: list[Future[Any]] = []
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        self.open = [each for each in self.open if not each.done()]
+        assert len(self.open) < self.most
+        self.open.append(Future())
+        if len(self.open) == self.most:
+            self.open[0].set_result(None)
+        return self.open[-1]
+
+
+def test_few_of_endlessly_many_recordings_are_submitted_at_a_time(folder: Path) -> None:
+    executor, taken = Slow(5), count()
+    endless = (task(folder, f"{next(taken)}.csv") for _ in count())
+    finished = completed(executor, endless, 5)
+    assert len(list(islice(finished, 50))) == 50
+    assert next(taken) <= 55
+    finished.close()
+    assert all(each.done() for each in executor.open)  # cancelled
+
+
+def test_any_executor_serves(folder: Path) -> None:
+    with ThreadPoolExecutor(3) as executor:
+        found = by_name(in_executor(executor, iter(tasks(folder, 10)), 4))
+    assert len(found) == 10
+
+
+class Failing(Executor):
+    """Loses the first submissions of every recording, as a cluster whose worker has died."""
+
+    def __init__(self, times: int) -> None:
+        self.left: dict[str, int] = {}
+        self.times = times
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        left = self.left.setdefault(args[0].key, self.times)
+        self.left[args[0].key] = left - 1
+        if left > 0:
+            future.set_exception(RuntimeError("the worker was lost"))
+        else:
+            future.set_result(fn(*args))
+        return future
+
+
+def test_a_recording_that_an_executor_loses_is_tried_once_more(folder: Path) -> None:
+    once = by_name(in_executor(Failing(1), iter(tasks(folder, 3)), 2))
+    assert {each.kind for each in once.values()} == {"file"}
+    twice = by_name(in_executor(Failing(2), iter(tasks(folder, 3)), 2))
+    assert {each.kind for each in twice.values()} == {"process"}
+    assert "RuntimeError: the worker was lost; then" in twice["0.csv"].text
+
+
+def test_an_executor_that_has_broken_ends_the_run(folder: Path) -> None:
+    class Broken(Executor):
+        def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+            from concurrent.futures import BrokenExecutor
+
+            raise BrokenExecutor("all gone")
+
+    with pytest.raises(go.GeodesicOcpError, match=r"Broken has ended early .*all gone"):
+        list(in_executor(Broken(), iter(tasks(folder, 3)), 2))
+
+
+def test_two_runs_in_one_folder_are_refused(tmp_path: Path) -> None:
+    words = f"another run works in .*process {os.getpid()}"
+    with locked(tmp_path), pytest.raises(ValueError, match=words), locked(tmp_path):
+        pass
+    with locked(tmp_path):
+        pass

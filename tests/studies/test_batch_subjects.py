@@ -1,0 +1,136 @@
+"""Subjects and trials from names of files and from tables; tidy tables as files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import geodesic_ocp as go
+from geodesic_ocp.studies.batch.analysis_rows import peak_speed
+from geodesic_ocp.studies.batch.recording_source import recording_sources
+from geodesic_ocp.studies.batch.subject_names import SubjectPattern, SubjectTable
+from geodesic_ocp.studies.tables import RECORDING_COLUMNS, TABLES, Row
+from geodesic_ocp.studies.tidy_files import read_tidy, write_tidy
+
+NAME = st.from_regex(r"[A-Za-z0-9äß ]+", fullmatch=True)
+
+
+@given(subject=NAME, trial=NAME, folder=NAME)
+def test_patterns_find_what_names_were_made_of(subject: str, trial: str, folder: str) -> None:
+    for pattern in ("{subject}/{trial}", "{subject}_{trial}", "*/{subject}-reach({trial})"):
+        path = pattern.replace("*", folder).format(subject=subject, trial=trial)
+        entry, problem = SubjectPattern(pattern).find(f"/data/{path}.c3d")
+        assert not problem
+        assert (entry.subject, entry.trial) == (subject, trial)
+
+
+def test_a_path_that_does_not_match_is_told() -> None:
+    entry, problem = SubjectPattern("{subject}_{trial}").find("data/reach.csv")
+    assert not entry.subject
+    assert problem == "its path does not match the pattern '{subject}_{trial}'"
+
+
+@pytest.mark.parametrize("pattern", ["", "{trial}", "{subject}{subject}", "{subject}/{number}"])
+def test_patterns_without_a_subject_are_refused(pattern: str) -> None:
+    with pytest.raises(ValueError, match=r"must hold \{subject\} once"):
+        SubjectPattern(pattern)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("file,person\na,b\n", "there is no column subject"),
+        ("file,subject\na,\n", "line 2: file and subject must not be empty"),
+        ("file,subject,height\na,b,tall\n", "line 2: height: could not convert"),
+        ("file,subject,mass\na,b,60\nc,d,-1\n", "line 3: mass: mass must be positive"),
+        ("file,subject\n\xff,b\n", "is not a table in UTF-8"),
+    ],
+)
+def test_wrong_tables_of_subjects(text: str, words: str, tmp_path: Path) -> None:
+    file = tmp_path / "subjects.csv"
+    file.write_bytes(text.encode("latin-1"))
+    with pytest.raises(go.RecordingError, match=words):
+        SubjectTable.read(file)
+    with pytest.raises(go.RecordingError, match="cannot be read"):
+        SubjectTable.read(tmp_path / "none.csv")
+
+
+def test_the_longest_path_in_a_table_counts(tmp_path: Path) -> None:
+    file = tmp_path / "subjects.csv"
+    file.write_text("file,subject\nreach,A\nb/reach.c3d,B\n")
+    table = SubjectTable.read(file)
+    assert table.find("a/reach.c3d")[0].subject == "A"
+    assert table.find("x/b/reach.c3d")[0].subject == "B"
+    assert table.find("other.c3d")[1]
+
+
+def test_files_are_named_from_their_common_folder(tmp_path: Path) -> None:
+    for name in ("a/x.csv", "b/x.csv", "b/c/y.csv"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    sources = recording_sources(tmp_path, ["right"], recursive=True)
+    assert {each.file: each.fallback for each in sources} == {
+        "a/x.csv": "a",
+        "b/x.csv": "b",
+        "b/c/y.csv": "c",
+    }
+    (alone,) = recording_sources(tmp_path / "a" / "x.csv", ["left"])
+    assert (alone.name, alone.fallback, alone.trial) == ("x.csv, left", "x", "x")
+
+
+CELLS = {
+    "text": st.text(st.characters(exclude_characters="\r\0", exclude_categories=["Cs"])),
+    "integer": st.none() | st.integers(-(2**62), 2**62),
+    "number": st.none() | st.floats(allow_nan=False),
+}
+ROWS = st.lists(st.fixed_dictionaries({each.name: CELLS[each.kind] for each in RECORDING_COLUMNS}))
+
+
+@settings(max_examples=20, deadline=None)
+@given(rows=ROWS)
+def test_tables_are_read_as_they_were_written(
+    tmp_path_factory: pytest.TempPathFactory, rows: list[Row]
+) -> None:
+    folder = tmp_path_factory.mktemp("tables")
+    for file in write_tidy(folder, "recordings", rows):
+        assert read_tidy(file, "recordings") == rows
+
+
+def test_tables_have_one_column_for_each_name() -> None:
+    for columns in TABLES.values():
+        names = [column.name for column in columns]
+        assert len(set(names)) == len(names)
+
+
+def test_wrong_tables_are_named(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="recordings has no column speed"):
+        write_tidy(tmp_path, "recordings", [{"speed": 1.0}])
+    with pytest.raises(go.RecordingError, match="there is no such file"):
+        read_tidy(tmp_path, "recordings")
+    (tmp_path / "failures.csv").write_text("recording,file\n")
+    with pytest.raises(go.RecordingError, match="there is no column subject"):
+        read_tidy(tmp_path, "failures")
+    (path, *_) = write_tidy(tmp_path, "recordings", [{"samples": 3}])
+    path.write_text(path.read_text().replace(",3,", ",three,"))
+    with pytest.raises(go.RecordingError, match=r"line 2: .*three"):
+        read_tidy(path, "recordings")
+
+
+@given(
+    ends=st.tuples(st.floats(0.0, 3.0), st.floats(0.0, 3.0)),
+    length=st.floats(0.1, 2.0),
+    duration=st.floats(0.1, 2.0),
+)
+def test_the_peak_speed_is_the_largest(
+    ends: tuple[float, float], length: float, duration: float
+) -> None:
+    law = go.time_law(length, duration, *ends)
+    synergy = go.Synergy(0, 1, 0.0, None, law)  # its path does not matter
+    sampled = law(np.linspace(0.0, duration, 2001), 1)
+    peak = peak_speed(synergy)
+    assert peak >= sampled.max() - 1e-9
+    assert peak == pytest.approx(sampled.max(), rel=1e-4, abs=1e-9)
