@@ -13,10 +13,13 @@ from geodesic_ocp.studies.study.study_results import Study
 from geodesic_ocp.studies.study.tables.analysis_tables import analysis_tables
 from geodesic_ocp.studies.study.tables.metadata import with_metadata
 from geodesic_ocp.studies.study.tables.source import StudyTables, read_study_tables
-from geodesic_ocp.studies.tables import Row
+from geodesic_ocp.studies.tables import RECORDING_COLUMNS, Row
 from geodesic_ocp.synergies.analysis import Analysis
 
-_NOT_CONDITIONS = ("recording", "file", "subject", "method", "method_label", "segments")
+_NOT_CONDITIONS = {
+    *("recording", "file", "subject", "method", "method_label"),
+    *(column.name for column in RECORDING_COLUMNS if column.kind != "text"),
+}
 
 
 def study(

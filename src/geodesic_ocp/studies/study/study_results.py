@@ -136,8 +136,8 @@ class Study:
         """`means` of several measures, by default errors of joints and hand, one method a row."""
         names = measures or self._known(*SHOWN) or SHOWN[:1]
         columns = [self.means(name, confidence=confidence, complete=complete) for name in names]
-        note = means_note(self.notes, [each for column in columns for each in column])
         rows = [row for row in zip(*columns, strict=True) if any(each.recordings for each in row)]
+        note = means_note(self.notes, [each for row in rows for each in row])
         return means_table(rows, self.label, self.by, confidence, note)
 
     def by_subject(self, measure: str = "joint") -> Table:
@@ -192,8 +192,8 @@ class Study:
             ValueError: as `tests`.
         """
         tests = self.tests(measure, against, confidence=confidence, seed=seed)
-        kind, key = self._reference(against)
-        return tests_table(tests, MEASURES[measure], self.label, self.by, (kind, self.label(key)))
+        key = self._reference(against)[1]
+        return tests_table(tests, MEASURES[measure], self.label, self.by, self.label(key))
 
     def synergy_statistics(self) -> tuple[SynergyStatistics, ...]:
         """Numbers, durations and lengths of the synergies of each subject, by condition.
@@ -204,9 +204,9 @@ class Study:
         if self.synergies is None:
             raise ValueError("the study has no table of synergies (synergies.csv)")
         found: list[SynergyStatistics] = []
-        for condition in self.conditions:
-            rows = rows_under(self.rows, self.by, condition)
-            found += synergy_statistics(rows, self._synergies(condition), condition)
+        for name in self.conditions:
+            rows = rows_under(self.rows, self.by, name)
+            found += synergy_statistics(rows, self._synergies(name), name)
         return tuple(found)
 
     def synergy_table(self) -> Table:
@@ -215,8 +215,7 @@ class Study:
         Raises:
             ValueError: there is no table of synergies.
         """
-        note = "Segments at rest count as synergies. Quantiles are over all synergies of a subject."
-        return synergies_table(self.synergy_statistics(), self.by, self.length_unit, note)
+        return synergies_table(self.synergy_statistics(), self.by, length_unit(self.methods))
 
     def figures(self, measure: str = "joint", against: str | None = None) -> dict[str, Figure]:
         """The figures of a paper, by name.
@@ -236,7 +235,7 @@ class Study:
                 figures["differences"] = differences_figure(tests, self.label, self.label(key))
             if self.synergies:
                 by_condition = {name: self._synergies(name) for name in self.conditions}
-                figures["synergies"] = synergies_figure(by_condition, self.length_unit)
+                figures["synergies"] = synergies_figure(by_condition, length_unit(self.methods))
                 figures["durations"] = durations_figure(self.synergies)
         return figures
 
@@ -250,34 +249,29 @@ class Study:
     ) -> list[Path]:
         """Write tables (.csv, .md and .tex), figures (.pdf and .png) and study.md to a folder.
 
-        All are written to a temporary folder first and moved together.
+        All are written to a temporary folder first and moved together; their paths are returned.
 
         Args:
             folder: is made if there is none.
             measure, against: of the tests and the figure of differences, see `tests`.
 
-        Returns:
-            The files' paths.
-
         Raises:
             ValueError: as `tests`.
             OSError: the folder cannot be created or written to.
         """
-        tables = {
-            "means": ("Means over subjects", self.means_table()),
-            "tests": (
-                f"Paired tests: {MEASURES[measure].header}",
-                self.test_table(measure, against),
-            ),
-        }
+        tested = self.test_table(measure, against)
+        tables = {"means": ("Means over subjects", self.means_table())}
+        tables["tests"] = f"Paired tests: {MEASURES[measure].header}", tested
         known = self._known(*MEASURES)
         means = [each for name in known for each in self.means(name)]
-        tidy = {"means": tidy_means(means, self.by, 0.95), "tests": tables["tests"][1]}
+        tidy = {"means": tidy_means(means, self.by, 0.95), "tests": tested}
         tidy |= {f"by_subject_{name}": self.by_subject(name) for name in known}
         if self.synergies:
             statistics = self.synergy_statistics()
             tables["synergy_statistics"] = "Synergies by subject", self.synergy_table()
-            tidy["synergy_statistics"] = tidy_synergies(statistics, self.by, self.length_unit)
+            tidy["synergy_statistics"] = tidy_synergies(
+                statistics, self.by, length_unit(self.methods)
+            )
         figures = self.figures(measure, against)
         summary = f"# Study\n\n{self!r}\n\n" + "".join(f"- {note}\n" for note in self.notes)
         return write_together(
@@ -287,11 +281,6 @@ class Study:
     def label(self, name: str) -> str:
         """What a method is called in tables; the name itself if it is not the key of a method."""
         return self.methods.get(name, name)
-
-    @property
-    def length_unit(self) -> str:
-        """Unit of the synergies' lengths; empty if it is not known."""
-        return length_unit(self.methods)
 
     def _reference(self, against: str | None) -> tuple[str, str]:
         return reference(self.methods, self.conditions if self.by else (), against)

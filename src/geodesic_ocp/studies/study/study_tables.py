@@ -89,7 +89,7 @@ def tests_table(
     measure: StudyMeasure,
     label: Label,
     by: str | None,
-    against: tuple[str, str],
+    against: str,
 ) -> Table:
     """Paired tests, one a row.
 
@@ -98,13 +98,13 @@ def tests_table(
         measure: what is compared.
         label: of a method.
         by: what the conditions are; None without conditions.
-        against: "method" or "condition", and what it is called.
+        against: what the method or condition is called.
     """
     unit = f" [{measure.unit}]" if measure.unit else ""
     confidence = tests[0].test.confidence if tests else 0.95
     header = (
         *([by] if by else []),
-        f"against {against[1]}",
+        f"against {against}",
         "subjects",
         "left out",
         "smaller in",
@@ -129,13 +129,11 @@ def tests_table(
         )
         for each in tests
     )
-    note = tests_note(tests) if tests else f"No subject can be compared with {against[1]}."
+    note = tests_note(tests) if tests else f"No subject can be compared with {against}."
     return Table(header, rows, note)
 
 
-def synergies_table(
-    statistics: Sequence[SynergyStatistics], by: str | None, unit: str, note: str
-) -> Table:
+def synergies_table(statistics: Sequence[SynergyStatistics], by: str | None, unit: str) -> Table:
     """Numbers, durations and lengths of synergies, by subject and over subjects."""
     header = (
         *([by] if by else []),
@@ -157,6 +155,7 @@ def synergies_table(
             rows.append((*first, each.subject, *counts, *spans))
         if len(own) > 1:
             rows.append((*first, *_over_subjects(own)))
+    note = "Segments at rest count as synergies. Quantiles are over all synergies of a subject."
     return Table(header, tuple(rows), note)
 
 

@@ -1,0 +1,163 @@
+"""Reading the tables of a study: what is wrong in a file is said with its line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from studies.study_rows import drawn, rows_of, written
+
+import geodesic_ocp as go
+from geodesic_ocp.studies.study.study import study
+from geodesic_ocp.studies.study.study_results import Study
+from geodesic_ocp.studies.tidy_files import write_tidy
+
+HEADER = "recording,subject,method,duration_s,joint_error_rad,position_error_m\n"
+LINE = "a,Ann,riemannian,1.0,0.1,0.2\n"
+
+
+def test_a_folder_its_files_and_its_rows_give_the_same(tmp_path: Path) -> None:
+    recordings, synergies = drawn(0, 3, 2)
+    written(tmp_path, recordings, synergies)
+    expected = Study(tuple(recordings), tuple(synergies))
+    files = [tmp_path / "synergies.csv", tmp_path / "recordings.csv"]
+    for source in (tmp_path, str(tmp_path), files):
+        found = study(source)
+        assert found.means() == expected.means()
+        assert found.synergy_statistics() == expected.synergy_statistics()
+    alone = study(tmp_path / "recordings.csv")
+    assert alone.means() == expected.means()
+    assert "There is no table of synergies." in alone.notes
+    with pytest.raises(ValueError, match="no table of synergies"):
+        alone.synergy_table()
+
+
+def test_parquet_is_read_where_only_that_is_there(tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
+    recordings, synergies = drawn(0, 3, 2)
+    written(tmp_path, recordings, synergies)
+    expected = study(tmp_path)
+    for name in ("recordings", "synergies"):
+        (tmp_path / f"{name}.csv").unlink()
+    found = study(tmp_path)
+    assert found.means() == expected.means()
+    assert found.synergy_statistics() == expected.synergy_statistics()
+    (tmp_path / "recordings.parquet").write_bytes(b"PAR1 and nothing else")
+    with pytest.raises(go.RecordingError, match=r"recordings\.parquet: cannot be read as Parquet"):
+        study(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "line 1: is empty"),
+        ("a,b\n1,2\n", "line 1: column recording, subject, method"),
+        (HEADER, "has no recordings"),
+        (HEADER + LINE + "b,Bob,riemannian,1.0\n", "line 3: 4 values under 6 columns"),
+        (HEADER + LINE.replace("0.1", "0,1"), "line 2: 7 values under 6 columns"),
+        (HEADER + LINE.replace("0.1", "much"), "line 2, column joint_error_rad: 'much' is not a n"),
+        (HEADER + LINE.replace("0.1", "-0.1"), "line 2, column joint_error_rad: -0.1 is negative"),
+        (HEADER + LINE.replace("0.1", "inf"), "line 2, column joint_error_rad: inf is not finite"),
+        (HEADER + LINE + LINE, "line 3: a, riemannian is there already, in line 2"),
+        (HEADER + LINE.replace("Ann", '"Ann'), "line 2: is not CSV"),
+        (HEADER.replace("subject", "method") + LINE, "column method is there twice"),
+    ],
+)
+def test_what_is_wrong_in_a_table_is_said_with_its_line(
+    tmp_path: Path, text: str, message: str
+) -> None:
+    file = tmp_path / "recordings.csv"
+    file.write_text(text)
+    with pytest.raises(go.RecordingError, match=message) as raised:
+        study(tmp_path)
+    assert str(file) in str(raised.value)
+
+
+def test_wrong_folders_and_files(tmp_path: Path) -> None:
+    with pytest.raises(go.RecordingError, match=r"has no recordings\.csv or recordings\.parquet"):
+        study(tmp_path)
+    with pytest.raises(go.RecordingError, match="there is no such folder or table"):
+        study(tmp_path / "missing")
+    (tmp_path / "recordings.csv").write_bytes(b"recording,subject\n\xff\xfe\x00\n")
+    with pytest.raises(go.RecordingError, match="is not text in UTF-8"):
+        study(tmp_path)
+    with pytest.raises(ValueError, match="must begin with one of recordings, synergies"):
+        study([tmp_path / "recordings.csv", tmp_path / "other.csv"])
+    for source in (3, [], [1, 2]):
+        with pytest.raises(ValueError, match="source must be a folder, paths of tables, or anal"):
+            study(source)  # type: ignore[arg-type]
+
+
+def test_a_table_that_was_cut_off_between_two_lines_is_noticed(tmp_path: Path) -> None:
+    recordings, synergies = drawn(0, 2, 1)
+    written(tmp_path, recordings, synergies[:-1])
+    with pytest.raises(go.RecordingError, match="S2_0 has 1 synergies, but 2 in the table of rec"):
+        study(tmp_path)
+    written(tmp_path, recordings[:3], synergies)
+    with pytest.raises(go.RecordingError, match="S2_0 is not in the table of recordings"):
+        study(tmp_path)
+
+
+def test_recordings_that_were_cut_by_different_metrics_are_not_averaged(tmp_path: Path) -> None:
+    rows = [
+        *rows_of("a", "Ann", {"riemannian": 1.0}, metric="one"),
+        *rows_of("b", "Bob", {"riemannian": 1.0}, metric="two", method_label="straight lines"),
+    ]
+    write_tidy(tmp_path, "recordings", rows)
+    with pytest.raises(go.RecordingError, match="cut by metrics that differ cannot be averaged"):
+        study(tmp_path)
+    assert len(study(tmp_path, by="metric").means()) == 2
+
+
+def test_conditions_come_from_a_column_or_from_a_table_of_files(tmp_path: Path) -> None:
+    recordings, _ = drawn(0, 3, 2)
+    written(tmp_path, recordings)
+    assert study(tmp_path, by="trial").conditions == ("0", "1")
+    table = tmp_path / "files.csv"
+    names = sorted({str(row["recording"]) for row in recordings})
+    lines = [f"data/{name},{'slow' if name.endswith('0') else 'fast'}" for name in names]
+    table.write_text("\n".join(["file,condition", *(line.split("/")[1] for line in lines)]) + "\n")
+    found = study(tmp_path, by="condition", metadata=table)
+    assert found.conditions == ("fast", "slow")
+    assert {each.recordings for each in found.means()} == {3}
+    table.write_text(f"file,condition\n{names[0]},slow\n")
+    with pytest.raises(go.RecordingError, match=r"does not name the recording's file 'S1_1\.csv'"):
+        study(tmp_path, by="condition", metadata=table)
+    with pytest.raises(
+        ValueError, match="by must be a column, one of trial, side, metric, settings, got 'method'"
+    ):
+        study(tmp_path, by="method")
+    with pytest.raises(ValueError, match="names: only for analyses"):
+        study(tmp_path, names=["a"])
+
+
+@given(st.integers(0, 10_000), st.integers(0, 255), st.sampled_from(["cut", "byte", "drop"]))
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_damaged_tables_are_refused_or_read(
+    tmp_path: Path, place: int, value: int, kind: str
+) -> None:
+    """Never anything but a RecordingError; what is read can be averaged or says why not."""
+    recordings, synergies = drawn(0, 2, 1)
+    if not (tmp_path / "whole.csv").is_file():
+        written(tmp_path, recordings, synergies)
+        (tmp_path / "recordings.csv").replace(tmp_path / "whole.csv")
+        for file in tmp_path.glob("*.parquet"):
+            file.unlink()
+    whole = (tmp_path / "whole.csv").read_bytes()
+    place %= len(whole)
+    damaged = {
+        "cut": whole[:place],
+        "byte": whole[:place] + bytes([value]) + whole[place + 1 :],
+        "drop": whole[:place] + whole[place + 1 + value % 40 :],
+    }[kind]
+    (tmp_path / "recordings.csv").write_bytes(damaged)
+    try:
+        found = study(tmp_path)
+        found.means_table()
+    except go.RecordingError as error:
+        reason = str(error)
+    else:
+        reason = "recordings"
+    assert "recordings" in reason
