@@ -90,6 +90,28 @@ def test_a_carrying_angle_leaves_the_hand_exact_and_the_angles_smooth(
     assert off.max() <= carrying + 1e-9
 
 
+@pytest.mark.parametrize("flexion", [-0.2, 0.0, 0.1])
+def test_an_elbow_that_never_flexes(flexion: float) -> None:
+    q = np.tile([0.3, 0.2, -0.1, flexion, 0.4, 0.1, -0.2], (2, 1))
+    motion = go.Motion([0.0, 1.0], q, ARMS["right"].joint_names)
+    assert to_motion(segment_orientations(motion)).q == pytest.approx(q, abs=1e-12)
+
+
+def test_a_skewed_elbow_axis_does_not_turn_the_shoulder() -> None:
+    """The upper arm rests and only its elbow, whose axis is skewed by 13 degrees, moves."""
+    flexion = 0.5 * np.pi * (1.0 - np.cos(np.pi * TIME)) * 0.8
+    upright = np.broadcast_to(np.eye(3), (len(TIME), 3, 3))
+    skewed = axis_rotation("z", np.full(len(TIME), 0.227))
+    forearm = skewed @ axis_rotation("x", flexion)
+    found = to_motion(
+        SegmentOrientations(
+            TIME, {"thorax": upright, "right upper arm": upright, "right forearm": forearm}
+        )
+    )
+    assert found.q[:, 1] == pytest.approx(0.227, abs=1e-9)
+    assert found.q[:, 3] == pytest.approx(flexion, abs=1e-9)
+
+
 def test_without_the_hand_the_forearm_gives_the_elbow() -> None:
     arm = ARMS["left"]
     motion = go.Motion(TIME, smooth(5, arm.lower, arm.upper), arm.joint_names)

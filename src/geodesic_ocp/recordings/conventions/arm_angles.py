@@ -10,7 +10,8 @@ hand, so that these are what is reproduced: the elbow and the forearm of another
 may have a carrying angle, have one more angle than Rx(Ex) Rz(Ez). The axial rotation of the upper
 arm is the one that brings the forearm into the plane in which the elbow flexes; at the extended
 elbow, where the forearm has no such plane, it passes smoothly to the axial rotation of the recorded
-upper arm. There the forearm's direction is not exact; the hand's orientation always is.
+upper arm, turned by the mean angle between the two where the elbow is flexed. There the forearm's
+direction is not exact; the hand's orientation always is.
 """
 
 from __future__ import annotations
@@ -172,7 +173,10 @@ def _axial_rotation(direction: Array) -> Array:
     flexed by e in the plane it is (0, -sin e, cos e).
     """
     x, y, z = direction.T
+    flexed = np.maximum(0.0, x**2 + y**2 - _NEARLY_EXTENDED**2)
+    usual = float(np.arctan2(np.sum(flexed * x), 0.0 - np.sum(flexed * y)))
+    x, y = np.cos(usual) * x + np.sin(usual) * y, np.cos(usual) * y - np.sin(usual) * x
     extended = 1.0 - np.minimum(1.0, (x**2 + y**2) / _NEARLY_EXTENDED**2)
     weight = np.where(z > 0.0, _AXIAL_WEIGHT * extended**2, 0.0)
-    result: Array = np.arctan2(x, weight - y)
+    result: Array = usual + np.arctan2(x, weight - y)
     return result
