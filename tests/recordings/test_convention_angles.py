@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
+import tempfile
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -240,6 +242,34 @@ def test_malformed_conventions_are_refused(text: str, message: str, tmp_path: Pa
     with pytest.raises(go.RecordingError, match=message) as raised:
         as_angle_convention(tmp_path / "bad.json")
     assert str(raised.value).startswith(str(tmp_path / "bad.json"))
+
+
+KEYS = st.sampled_from(
+    [
+        each.name
+        for kind in (AngleConvention, SegmentRelation, AxisRotation)
+        for each in fields(kind)
+    ]
+    + ["extends"]
+)
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.sampled_from(["x", "thorax", "isb", "-y", ""]),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(KEYS, inner, max_size=4),
+)
+
+
+@given(st.dictionaries(KEYS, VALUES, max_size=4))
+@settings(max_examples=100, deadline=None)
+def test_any_record_is_a_convention_or_refused(record: dict) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "any.json"
+        file.write_text(json.dumps(record))
+        try:
+            found = as_angle_convention(file)
+        except go.RecordingError:
+            return
+        assert isinstance(found, AngleConvention)
+        assert len(repr(found)) > 0
 
 
 def test_what_is_no_convention() -> None:

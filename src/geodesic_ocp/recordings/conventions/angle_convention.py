@@ -77,6 +77,10 @@ class SegmentRelation:
     refusal: str = ""
 
     def __post_init__(self) -> None:
+        if not isinstance(self.segment, str) or not self.segment:
+            raise ValueError(f"segment must be a name, got {self.segment!r}")
+        if not isinstance(self.refusal, str):
+            raise ValueError(f"refusal must be a sentence, got {self.refusal!r}")
         object.__setattr__(self, "rotations", tuple(self.rotations))
         object.__setattr__(self, "neutral", tuple(self.neutral))
         constant = [each.column is None for each in self.neutral]
@@ -133,6 +137,14 @@ class AngleConvention:
     offsets: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        for text in ("name", "source"):
+            if not isinstance(getattr(self, text), str):
+                raise ValueError(f"{text} must be a text, got {getattr(self, text)!r}")
+        position: object = self.position
+        if not isinstance(position, (tuple, list)) or len(position) not in (0, 3):
+            raise ValueError(f"position must have three columns or none, got {self.position!r}")
+        if not isinstance(self.offsets, Mapping):
+            raise ValueError(f"offsets must be given by segment, got {self.offsets!r}")
         object.__setattr__(self, "relations", tuple(self.relations))
         object.__setattr__(self, "position", tuple(self.position))
         earlier: list[str | None] = [None]
@@ -145,8 +157,6 @@ class AngleConvention:
             if relation.segment in earlier:
                 raise ValueError(f"there are two relations of the {relation.segment}")
             earlier.append(relation.segment)
-        if len(self.position) not in (0, 3):
-            raise ValueError(f"position must have three columns or none, got {self.position!r}")
         for segment, offset in self.offsets.items():
             if segment not in earlier:
                 raise ValueError(f"offsets: there is no relation of the {segment}")
