@@ -83,6 +83,14 @@ def test_geodesics_between_points_in_degrees_are_refused_at_once(
         function(arm_metric, goal, start)  # type: ignore[operator]
 
 
+def test_motions_in_degrees_are_not_segmented(arm_metric: go.KineticEnergy) -> None:
+    small = motion(*(0.5 * np.sin(TIME + phase) for phase in range(7)))
+    assert go.segment(arm_metric, small.filtered())
+    wrong = replace(small, q=np.rad2deg(small.q)).filtered()
+    with pytest.raises(ValueError, match=r"motion: R\w+_joint is at .* are these degrees\?"):
+        go.segment(arm_metric, wrong)
+
+
 def test_exp_from_a_point_in_degrees_is_refused(arm_metric: go.KineticEnergy) -> None:
     with pytest.raises(ValueError, match=r"q: REx_joint is at 92\.4 rad, .* are these degrees\?"):
         go.exp(arm_metric, [0.0, 0.0, 0.0, 92.4, 0.0, 0.0, 0.0], np.ones(7))

@@ -103,9 +103,11 @@ class Metric(MetricFunctions):
         """The argument `name` as a point (n,) at which the metric is valid.
 
         Raises:
-            ValueError: not n finite numbers, or G(q) is not finite, symmetric or positive definite.
+            ValueError: not n finite numbers, or G(q) is not finite, symmetric or positive definite,
+                or `check_units` fails.
         """
         point = as_vector(name, q, self.dim)
+        self.check_units(name, point)
         kernels = self.__dict__.get("kernels")
         if kernels is not None and kernels.loaded and kernels.is_regular(point):
             return point
@@ -122,6 +124,9 @@ class Metric(MetricFunctions):
                 f"range from {smallest:.1e} to {largest:.1e}{why and f'; {why}'}"
             )
         return point
+
+    def check_units(self, name: str, q: Array) -> None:
+        """ValueError if the coordinates q (n,) must be in other units; by default all may occur."""
 
     def near_singularity(self, q: Array) -> str:
         """Why the metric is nearly singular at q (n,), as a sentence; empty if it is not."""

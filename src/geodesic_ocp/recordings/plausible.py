@@ -48,7 +48,11 @@ def check_radians(motion: Motion) -> None:
         ValueError: they look like degrees.
     """
     if np.abs(motion.q).max(initial=0.0) > _LARGEST_ANGLE:
-        raise ValueError(_question(motion, int(np.argmax(np.abs(motion.q).max(axis=0)))))
+        worst_joint = int(np.argmax(np.abs(motion.q).max(axis=0)))
+        raise ValueError(
+            f"{_question(motion, worst_joint)}, and columns that are no angles are left out by "
+            "joints=..."
+        )
 
 
 def _are_degrees(model: Model, q: Array, outside: Array) -> bool:
@@ -64,6 +68,6 @@ def _are_degrees(model: Model, q: Array, outside: Array) -> bool:
 def _question(motion: Motion, column: int) -> str:
     worst = motion.q[int(np.argmax(np.abs(motion.q[:, column]))), column]
     return (
-        f"{motion.joint_names[column]} reaches {worst:.4g} rad: are these degrees? A table in "
-        "degrees has the line '# unit: deg'; columns that are not angles are left out by joints=..."
+        f"{motion.joint_names[column]} reaches {worst:.4g} rad: are these degrees? Angles are in "
+        "rad; a table in degrees has the line '# unit: deg'"
     )

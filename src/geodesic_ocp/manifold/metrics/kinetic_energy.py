@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array, as_vector
+from geodesic_ocp.arrays import Array
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
 
@@ -37,26 +37,21 @@ class ModelMetric(Metric):
             2.0 * np.pi if name in self.model.continuous else np.inf for name in self.joint_names
         )
 
-    def point(self, name: str, q: Any) -> Array:
-        """The argument `name` as a point (n,) at which the metric is valid, in radians.
+    def check_units(self, name: str, q: Array) -> None:
+        """ValueError if a joint is more than a revolution beyond its limits, as if in degrees.
 
-        Raises:
-            ValueError: as `Metric.point`; or a joint is more than a revolution beyond its limits,
-                as angles in degrees are. Joints that are continuous, prismatic or without limits
-                may be anywhere.
+        Joints that are continuous, prismatic or without limits may be anywhere.
         """
-        point = as_vector(name, q, self.dim)
         low, high = self._conceivable
-        outside = (point < low) | (point > high)
+        outside = (q < low) | (q > high)
         if outside.any():
             index = int(np.argmax(outside))
             low, high = self.model.lower[index], self.model.upper[index]
             raise ValueError(
-                f"{name}: {self.joint_names[index]} is at {point[index]:.4g} rad, more than a "
+                f"{name}: {self.joint_names[index]} is at {q[index]:.4g} rad, more than a "
                 f"revolution beyond its limits {low:.3g} to {high:.3g}: are these degrees? Angles "
                 "must be in rad"
             )
-        return super().point(name, point)
 
     @cached_property
     def _conceivable(self) -> tuple[Array, Array]:

@@ -84,8 +84,8 @@ def segment(
         before stopped, the nearest to the cut, and the last one stops at the last sample.
 
     Raises:
-        ValueError: the motion has no velocities, never moves or is not of the metric's dimension;
-            or a number is out of range.
+        ValueError: the motion has no velocities, never moves, is not of the metric's dimension or
+            seems to be in degrees; or a number is out of range.
         IntegrationFailed: the metric is singular or not defined somewhere along the motion.
     """
     threshold = as_threshold(threshold)
@@ -96,6 +96,7 @@ def segment(
     hysteresis = _not_negative("hysteresis", hysteresis, "rad")
     velocity = moving_velocity(motion)
     level = rest_level(metric, motion, speeds(metric, motion), rest)
+    metric.check_units("motion", motion.q[int(np.argmax(np.abs(motion.q).max(axis=1)))])
     rule = (threshold, hysteresis, min_duration)
     cuts = _cuts(metric, motion, velocity, level, rest_duration, rule)
     return list(pairwise(nearest_samples(motion, cuts)))
