@@ -134,3 +134,17 @@ def test_people_of_equal_stature_share_the_model(tmp_path: Path) -> None:
     ]
     first, second = go.read_recordings(files)
     assert first.model is second.model
+
+
+@pytest.mark.slow
+def test_markers_are_fitted_by_the_arm_of_the_person(shared: Path) -> None:
+    pytest.importorskip("ezc3d")
+    kit = shared / "data" / "kit"
+    (fitted,) = go.read_recordings(kit / "take_book_from_shelf_right_arm_02.c3d")
+    (angles,) = go.read_recordings(kit / "take_book_from_shelf_right_arm_02.xml")
+    assert fitted.motion.joint_names == angles.motion.joint_names
+    assert len(fitted.motion) == len(angles.motion)
+    # The flexion of the elbow, up to an offset of the person's arm.
+    elbow = angles.motion.joint_names.index("REx_joint")
+    flexions = (fitted.motion.q[:, elbow], angles.motion.q[:, elbow])
+    assert np.corrcoef(*flexions)[0, 1] > 0.99

@@ -17,6 +17,7 @@ from geodesic_ocp.recordings.read_recording import read_recording
 from geodesic_ocp.studies.batch.analyse_recordings import analyse_recordings
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.batch.batch_result import BatchResult
+from geodesic_ocp.studies.batch.folder_lock import locked
 from geodesic_ocp.studies.tidy_files import read_tidy
 
 METRIC = AnalysisSettings(metric="euclidean")  # which is quick
@@ -194,6 +195,17 @@ def test_a_finished_recording_is_not_analysed_again(data: Path, tmp_path: Path) 
     assert (again.analysed, again.found) == (0, first.analysed)
     assert files_of(out) == before
     assert {file.name: file.read_bytes() for file in out.glob("*.csv")} == tables
+
+
+def test_tables_of_what_there_is_so_far(data: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    analyse_recordings(data / "An", out, settings=METRIC, executor=Here())
+    with locked(out):  # by a run at work
+        result = run(data, out, tables_only=True)
+    assert (result.analysed, result.found) == (0, 2)
+    (missing,) = result.failures
+    assert (missing.source.file, missing.kind) == ("Bo/reach_1.csv", "missing")
+    assert {row["file"] for row in result.synergies()} == {"An/reach_1.csv", "An/reach_2.csv"}
 
 
 def test_what_has_changed_is_analysed_again(data: Path, tmp_path: Path) -> None:

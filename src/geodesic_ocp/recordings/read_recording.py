@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from functools import lru_cache
 from os import PathLike
@@ -17,8 +18,10 @@ from geodesic_ocp.model.human.human_arm import (
     human_arm,
 )
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.recordings.named_failures import named_failures
 from geodesic_ocp.recordings.plausible import check_plausible
 from geodesic_ocp.recordings.read_motion import read_motion
+from geodesic_ocp.recordings.recognise import MARKERS, recognise
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.trajectory.motion import Motion, Subject
 
@@ -43,9 +46,10 @@ def read_recording(
     'climb, left'
 
     Args:
-        path: of the file, in any format of `read_motion`.
+        path: of the file, in any format of `read_motion`, or of markers (`read_markers`), to which
+            the motion is fitted, with the lengths of the arm (`fit_motion`).
         side: "right" or "left".
-        height: of the person [m]; by default that in the file, or 1.75 m.
+        height: of the person [m]; by default that in the file, or of the markers, or 1.75 m.
         mass: of the person [kg]; by default that in the file, or 70 kg.
         armature: joint inertia of every joint of the arm [kg m^2].
         resample: interpolate at this rate first [Hz], for samples that are not evenly spaced.
@@ -57,6 +61,7 @@ def read_recording(
         RecordingError: the file cannot be read or has no arm of that side.
         ValueError: the motion is implausible, too short or uneven for the filter, or a number is
             out of range.
+        NotConverged: no motion was fitted to the markers.
     """
     given = {"cutoff": cutoff, "duration": duration}
     named = [name for name, number in given.items() if number is not None]
@@ -67,13 +72,11 @@ def read_recording(
         if number is not None:
             as_positive(name, number, units[name])
     file = Path(path)
-    motion = read_motion(file, human_arm(side).joint_names)
-    stature = stature_of(motion.subject, height, mass)
-    try:
-        as_stature(*stature)
-    except ValueError as error:
-        raise ValueError(f"{file}: {error}" if height is None and mass is None else error) from None
-    arm = _arm(side, *stature, armature)
+    human_arm(side)  # raises for another side
+    with named_failures(file):
+        of_markers = recognise(file) in MARKERS
+    read = _from_markers if of_markers else _from_angles
+    arm, motion = read(file, side, height, mass, armature)
     try:
         check_plausible(arm, motion)
         if resample is not None:
@@ -82,6 +85,36 @@ def read_recording(
     except ValueError as error:
         raise RecordingError(f"{file}: {error}") from None
     return Recording(arm, motion, f"{file.stem}, {side}", motion.subject.name)
+
+
+def _from_angles(
+    file: Path, side: Side, height: float | None, mass: float | None, armature: float
+) -> tuple[Model, Motion]:
+    motion = read_motion(file, human_arm(side).joint_names)
+    stature = stature_of(motion.subject, height, mass)
+    try:
+        as_stature(*stature)
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}" if height is None and mass is None else error) from None
+    return _arm(side, *stature, armature), motion
+
+
+def _from_markers(
+    file: Path, side: Side, height: float | None, mass: float | None, armature: float
+) -> tuple[Model, Motion]:
+    """The arm with the lengths of the person, and the motion that was fitted to the markers."""
+    from geodesic_ocp.recordings.markers.fit_motion import fit_motion
+    from geodesic_ocp.recordings.markers.read_markers import read_markers
+
+    markers = read_markers(file)
+    stature = stature_of(markers.subject, height, mass)
+    with named_failures(file):
+        arm = human_arm(side, *stature, armature=armature)
+        fit = fit_motion(arm, markers, height=height)
+    if fit.undetermined:
+        names = ", ".join(fit.undetermined)
+        warnings.warn(f"{file}: the markers do not determine {names}", stacklevel=3)
+    return fit.model, fit.motion
 
 
 @lru_cache(maxsize=8)  # recordings of one person share the arm and what was compiled for it

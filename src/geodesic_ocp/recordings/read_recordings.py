@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from geodesic_ocp.arrays import as_positive
-from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.errors import NotConverged, RecordingError
 from geodesic_ocp.model.human.anthropometry import Side
 from geodesic_ocp.model.human.human_arm import human_arm
 from geodesic_ocp.recordings.read_recording import read_recording
@@ -46,7 +46,7 @@ def read_recordings(
     [('climb, left', 'human left arm')]
 
     Args:
-        paths: files (in any format of `read_motion`), folders, or patterns such as
+        paths: files (in any format of `read_recording`), folders, or patterns such as
             "data/**/*.c3d", one or several; of a folder, all files whose names end as those of
             recordings do: .xml, .csv, .amc, .bvh, .mot, .sto, .trc, .c3d, .npz.
         side: "right" or "left".
@@ -83,7 +83,7 @@ def read_recordings(
             recording = read_recording(
                 file, side, height=height, mass=mass, cutoff=cutoff, duration=duration
             )
-        except ValueError as failure:
+        except (ValueError, NotConverged) as failure:
             reasons.append(_with_name(file, str(failure)))
             continue
         same = [other for other, its in found if _is_same(recording.motion, its.motion)]

@@ -102,7 +102,7 @@ SYNERGY_COLUMNS = (
 
 FAILURE_COLUMNS = (
     *_IDENTITY,
-    TableColumn("kind", "text", "file, solver, process, same (as another file) or error"),
+    TableColumn("kind", "text", "file, solver, process, same (as another), missing or error"),
     TableColumn("reason", "text", "in one sentence"),
 )
 

@@ -38,9 +38,14 @@ def add_many_options(command: argparse.ArgumentParser) -> None:
         help='of the paths without their suffix, such as "{subject}/{trial}" or'
         ' "{subject}_*_{trial}" (default: the subject in the file, or the name of its folder)',
     )
+    group.add_argument(
+        "--tables-only",
+        action="store_true",
+        help="write the tables from the results that there are, also while another run works",
+    )
 
 
-_OF_MANY = ("jobs", "scheduler", "recursive", "subjects", "subject_from")
+_OF_MANY = ("jobs", "scheduler", "recursive", "subjects", "subject_from", "tables_only")
 
 
 def are_many(options: argparse.Namespace) -> bool:

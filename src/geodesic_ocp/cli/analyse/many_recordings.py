@@ -28,7 +28,7 @@ def analyse_many(options: argparse.Namespace) -> int:
     with cluster as (executor, window), closing(ProgressBar()) as bar:
 
         def show(outcome: RecordingOutcome) -> None:
-            if outcome.kind != "found":
+            if outcome.kind not in ("found", "missing"):
                 text = f"left out: {outcome}" if not outcome.success else str(outcome)
                 took = f" ({outcome.seconds:.1f} s)" if outcome.seconds else ""
                 bar.line(text + took)
@@ -46,6 +46,7 @@ def analyse_many(options: argparse.Namespace) -> int:
                 recursive=options.recursive,
                 subject_pattern=options.subject_from,
                 subjects=options.subjects,
+                tables_only=options.tables_only,
                 progress=bar,
                 finished=show,
             )

@@ -128,7 +128,7 @@ def _summarize(
     motion = analysis.motion
     who = f" of {motion.subject.name}" if motion.subject.name else ""
     print(
-        f"{analysis.model.name}{who}, height {height:g} m, mass {mass:g} kg: "
+        f"{analysis.model.name}{who}, height {height:.4g} m, mass {mass:.4g} kg: "
         f"{len(motion)} samples, {motion.duration:.2f} s at {motion.rate:.0f} Hz"
     )
     if assumed:

@@ -7,6 +7,7 @@ import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -49,6 +50,7 @@ def analyse_recordings(
     recursive: bool = False,
     subject_pattern: str | None = None,
     subjects: str | PathLike[str] | None = None,
+    tables_only: bool = False,
     progress: Progress | None = None,
     finished: Callable[[RecordingOutcome], object] | None = None,
 ) -> BatchResult:
@@ -76,7 +78,9 @@ def analyse_recordings(
         subject_pattern: of the paths, without their suffix, such as "{subject}/{trial}" or
             "{subject}_*_{trial}".
         subjects: CSV file with the columns file and subject, and, if known, trial, height [m] and
-            mass [kg]; or it.
+            mass [kg], instead of a pattern.
+        tables_only: write the tables from the results that there are, without any analysis, also
+            while another run works in the folder.
         progress: called with the current step, the amount done, and the total.
         finished: called with the outcome of each recording.
 
@@ -100,20 +104,19 @@ def analyse_recordings(
     start = time.perf_counter()
     folder = Path(out).absolute()
     (folder / RESULTS).mkdir(parents=True, exist_ok=True)
-    with locked(folder):
-        _clean(folder)
-        (folder / RUNNING).mkdir()
-        outcomes = _Outcomes(len(sources), progress or no_progress, finished)
-        tasks = _tasks(sources, settings, folder, outcomes)
+    outcomes = _Outcomes(len(sources), progress or no_progress, finished)
+    tasks = _tasks(sources, settings, folder, outcomes)
+    with nullcontext() if tables_only else _alone_in(folder):
         for outcome in (
-            in_processes(tasks, jobs or usable_cores(), folder)
+            (RecordingOutcome(task.source, "missing", "is not analysed yet") for task in tasks)
+            if tables_only
+            else in_processes(tasks, jobs or usable_cores(), folder)
             if executor is None
             else in_executor(executor, tasks, jobs or _WINDOW)
         ):
             outcomes.add(outcome)
         collected, kept = collect(folder, [outcomes.found[source.name] for source in sources])
         files = write_tables(folder, collected, kept, settings)
-        _clean(folder)
     return BatchResult(
         folder=folder,
         analysed=sum(outcome.kind == "analysed" for outcome in kept),
@@ -123,6 +126,16 @@ def analyse_recordings(
         seconds=time.perf_counter() - start,
         files=files,
     )
+
+
+@contextmanager
+def _alone_in(folder: Path) -> Iterator[None]:
+    """Let this run alone work in the folder, without what earlier ones have left there."""
+    with locked(folder):
+        _clean(folder)
+        (folder / RUNNING).mkdir()
+        yield
+        _clean(folder)
 
 
 def _clean(folder: Path) -> None:

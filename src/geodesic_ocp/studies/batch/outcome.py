@@ -9,7 +9,7 @@ from typing import Literal
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.batch.recording_source import RecordingSource
 
-OutcomeKind = Literal["analysed", "found", "file", "solver", "process", "same", "error"]
+OutcomeKind = Literal["analysed", "found", "file", "solver", "process", "same", "missing", "error"]
 
 
 @dataclass(frozen=True, repr=False)
@@ -40,7 +40,7 @@ class RecordingOutcome:
         source: of the recording.
         kind: "analysed" now, or "found" with a result from before; or why there is none: the
             "file" cannot be used, a "solver" failed, its "process" died, its motion is the "same"
-            as another's, or another "error".
+            as another's, it is "missing" as nobody has analysed it yet, or another "error".
         text: the result, or the reason, in one sentence.
         key: of the result; empty if there is none.
         warnings: that the analysis gave.
