@@ -258,6 +258,13 @@ def test_nameless_subjects_different_settings_and_failures_are_noted() -> None:
     assert "2 different settings" in study.notes[2]
 
 
+def test_names_that_may_be_of_one_person_are_noted() -> None:
+    study = study_of(*((name, name, {"riemannian": 1.0}) for name in ("12", "id_12", "112", "A12")))
+    assert [note for note in study.notes if "same person" in note] == [
+        "Subjects 12 and id_12 may be the same person."
+    ]
+
+
 def test_reprs_are_short() -> None:
     recordings, synergies = drawn(0, 3, 2)
     study = Study(tuple(recordings), tuple(synergies))

@@ -65,6 +65,14 @@ def test_means_in_csv_have_all_digits(eight: Study, folder: Path) -> None:
     assert float(cells[7]) == first.spread
 
 
+def test_tests_in_csv_have_all_digits(eight: Study, folder: Path) -> None:
+    lines = (folder / "tests.csv").read_text().splitlines()
+    names, cells = lines[0].split(","), lines[1].split(",")
+    first = eight.tests("position")[0]
+    assert cells[names.index("mean difference")] == repr(first.test.mean_difference)
+    assert cells[names.index("95% low")] == repr(first.test.interval[0])
+
+
 def test_figures_of_one_subject_and_without_a_table_of_synergies() -> None:
     rows = rows_of("a", "Ann", {"riemannian": 0.1, "euclidean_same_segments": 0.2})
     figures = Study(tuple(rows)).figures()

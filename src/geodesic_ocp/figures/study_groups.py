@@ -32,6 +32,8 @@ WIDTH = 7.1  # [inch], two columns
 _ABOVE, _SPREAD = 0.16, 0.14  # points above their row's mean, and across it
 _BELOW = 0.16  # of the mean
 _LETTERS = 27  # of a label in a line
+_BESIDE = 0.8  # of the least point, at the left end
+_DENSE = 40.0  # ratio of the ends of an axis up to which there are three ticks in a decade
 _WIDE = 6.0  # ratio of the largest to the smallest mean from which axes are logarithmic
 _MEAN: dict[str, Any] = {"markersize": 4.5, "markeredgecolor": "white", "markeredgewidth": 0.6}
 _DARK: dict[str, Any] = {"color": OBSERVED["color"], "marker": "D"}
@@ -120,18 +122,24 @@ def draw_groups(axes: Axes, groups: Sequence[StudyGroup], label: str) -> None:
 
 
 def fit_scale(axes: Axes, groups: Sequence[StudyGroup]) -> None:
-    """Begin the horizontal axis at zero, or make it logarithmic where means differ widely."""
+    """Begin the horizontal axis at zero, or make it logarithmic where means differ widely.
+
+    A logarithmic axis ends beside the least point, also where intervals are wider.
+    """
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
     means = [group.mean for group in groups]
-    least = min((point for group in groups for point in group.points), default=0.0)
-    if least <= 0.0 or max(means) < _WIDE * min(means):
+    points = [point for group in groups for point in group.points]
+    if min(points) <= 0.0 or max(means) < _WIDE * min(means):
         axes.set_xlim(left=0.0)
         axes.xaxis.set_major_locator(MaxNLocator(5))
         return
+    ends = [group.interval[1] for group in groups if group.interval is not None]
+    low, high = _BESIDE * min(points), max(*points, *means, *ends) / _BESIDE
     axes.set_xscale("log")
-    few = max(means) > 100.0 * min(means)
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0,) if few else (1.0, 2.0, 5.0), numticks=12))
+    axes.set_xlim(low, high)
+    subs = (1.0, 2.0, 5.0) if high < _DENSE * low else (1.0,)
+    axes.xaxis.set_major_locator(LogLocator(subs=subs, numticks=12))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.xaxis.set_minor_formatter(NullFormatter())
 

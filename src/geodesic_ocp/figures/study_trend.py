@@ -59,9 +59,7 @@ def draw_trend(axes: Axes, x: Array, y: Array, labels: tuple[str, str]) -> None:
             "linewidth": 1.6,
             "zorder": 4,
         }
-        axes.plot(
-            middle, median, **line, label="median of each tenth" if count == _BINS else "median"
-        )
+        axes.plot(middle, median, **line, label="median of equal groups")
     if x.size:
         axes.set_xlim(0.0, 1.03 * float(np.quantile(x, _MOST)) or 1.0)
         axes.set_ylim(0.0, 1.05 * float(np.quantile(y, _MOST)) or 1.0)

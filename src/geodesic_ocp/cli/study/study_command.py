@@ -20,6 +20,10 @@ def study_tables(options: argparse.Namespace) -> None:
     measure = as_measure(options.measure)
     source = options.source[0] if len(options.source) == 1 else options.source
     found = study(source, by=options.by, metadata=options.metadata)
+    # Files first: the reader of what is printed, such as `head`, may stop early.
+    files = []
+    if options.out is not None:
+        files = found.save(options.out, measure=measure.name, against=options.against)
     print(found)
     for note in found.notes:
         print(f"note: {note}")
@@ -27,7 +31,7 @@ def study_tables(options: argparse.Namespace) -> None:
     print(f"\n{measure.header}\n\n{found.test_table(measure.name, options.against)}")
     if found.synergies:
         print(f"\n{found.synergy_table()}")
-    if options.out is not None:
+    if files:
         print()
-        for file in found.save(options.out, measure=measure.name, against=options.against):
-            print(f"wrote {file}")
+    for file in files:
+        print(f"wrote {file}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Sequence
 
@@ -49,7 +50,12 @@ def study_notes(
             f"{count(len(nameless), 'recording')} without the name of a subject: each file counts "
             "as a subject of its own."
         )
-    if len({subject_of(row) for row in rows}) == 1:
+    subjects = sorted({subject_of(row) for row in rows})
+    for name in subjects:
+        longer = [each for each in subjects if re.search(rf"[^0-9A-Za-z]{re.escape(name)}$", each)]
+        if longer:
+            notes.append(f"Subjects {name} and {', '.join(longer)} may be the same person.")
+    if len(subjects) == 1:
         notes.append("One subject only: there is no spread over subjects, and nothing to test.")
     settings = {str(row["settings"]) for row in rows if row.get("settings")}
     if len(settings) > 1:

@@ -51,6 +51,7 @@ from geodesic_ocp.studies.study.study_tables import (
     tests_table,
     tidy_means,
     tidy_synergies,
+    tidy_tests,
 )
 from geodesic_ocp.studies.tables import Row
 from geodesic_ocp.table import Table
@@ -186,11 +187,7 @@ class Study:
         confidence: float = 0.95,
         seed: int = 0,
     ) -> Table:
-        """`tests` as a table, with what limits them below.
-
-        Raises:
-            ValueError: as `tests`.
-        """
+        """`tests` as a table, with what limits them below; raises what `tests` does."""
         tests = self.tests(measure, against, confidence=confidence, seed=seed)
         key = self._reference(against)[1]
         return tests_table(tests, MEASURES[measure], self.label, self.by, self.label(key))
@@ -203,11 +200,13 @@ class Study:
         """
         if self.synergies is None:
             raise ValueError("the study has no table of synergies (synergies.csv)")
-        found: list[SynergyStatistics] = []
-        for name in self.conditions:
-            rows = rows_under(self.rows, self.by, name)
-            found += synergy_statistics(rows, self._synergies(name), name)
-        return tuple(found)
+        return tuple(
+            each
+            for name in self.conditions
+            for each in synergy_statistics(
+                rows_under(self.rows, self.by, name), self._synergies(name), name
+            )
+        )
 
     def synergy_table(self) -> Table:
         """`synergy_statistics` as a table.
@@ -259,19 +258,18 @@ class Study:
             ValueError: as `tests`.
             OSError: the folder cannot be created or written to.
         """
-        tested = self.test_table(measure, against)
         tables = {"means": ("Means over subjects", self.means_table())}
-        tables["tests"] = f"Paired tests: {MEASURES[measure].header}", tested
+        title = f"Paired tests: {MEASURES[measure].header}"
+        tables["tests"] = title, self.test_table(measure, against)
         known = self._known(*MEASURES)
-        means = [each for name in known for each in self.means(name)]
-        tidy = {"means": tidy_means(means, self.by, 0.95), "tests": tested}
+        means = [each for measured in known for each in self.means(measured)]
+        tidy = {"means": tidy_means(means, self.by, 0.95)}
+        tidy["tests"] = tidy_tests(self.tests(measure, against), self.by, 0.95)
         tidy |= {f"by_subject_{name}": self.by_subject(name) for name in known}
         if self.synergies:
-            statistics = self.synergy_statistics()
-            tables["synergy_statistics"] = "Synergies by subject", self.synergy_table()
-            tidy["synergy_statistics"] = tidy_synergies(
-                statistics, self.by, length_unit(self.methods)
-            )
+            name, unit = "synergy_statistics", length_unit(self.methods)
+            tables[name] = "Synergies by subject", self.synergy_table()
+            tidy[name] = tidy_synergies(self.synergy_statistics(), self.by, unit)
         figures = self.figures(measure, against)
         summary = f"# Study\n\n{self!r}\n\n" + "".join(f"- {note}\n" for note in self.notes)
         return write_together(

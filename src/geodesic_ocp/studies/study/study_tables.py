@@ -133,6 +133,24 @@ def tests_table(
     return Table(header, rows, note)
 
 
+def tidy_tests(tests: Sequence[StudyTest], by: str | None, confidence: float) -> Table:
+    """One row for each test, with all digits in CSV."""
+    header = ("measure", by or "condition", "method", "against", "subjects", "left out")
+    ends = (f"{confidence:.0%} low", f"{confidence:.0%} high")
+    found = ("smaller in", "larger in", "equal in", "mean difference", "unit", *ends)
+    rows: list[_Cells] = []
+    for each in tests:
+        test = each.test
+        low, high = (end if math.isfinite(end) else NONE for end in test.interval)
+        first = (each.measure, each.condition, each.method, each.against)
+        counts = (test.pairs, len(each.left_out), test.wins, test.losses, test.ties)
+        difference = (test.mean_difference, MEASURES[each.measure].unit, low, high)
+        p = (test.sign_p, test.wilcoxon_p, each.corrected_p, each.together)
+        rows.append((*first, *counts, *difference, each.effect, *p))
+    p_values = ("sign test p", "Wilcoxon p", "Wilcoxon p, Holm", "tests together")
+    return Table((*header, *found, "rank-biserial r", *p_values), tuple(rows))
+
+
 def synergies_table(statistics: Sequence[SynergyStatistics], by: str | None, unit: str) -> Table:
     """Numbers, durations and lengths of synergies, by subject and over subjects."""
     header = (
