@@ -284,7 +284,7 @@ def test_positions_that_are_added_to_offsets_are_not_taken_for_positions(
 READERS = {"a.bvh": read_bvh, "07_01.amc": read_amc, "07.asf": read_amc, "a.npz": read_smpl}
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(name=st.sampled_from(sorted(READERS)), data=st.data())
 def test_damaged_files_are_read_or_refused_by_a_sentence(
     folder: Path, tmp_path_factory: pytest.TempPathFactory, name: str, data: st.DataObject

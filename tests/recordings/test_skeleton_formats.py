@@ -64,7 +64,7 @@ def check_trunk(read: SegmentOrientations, motion: go.Motion) -> None:
     np.testing.assert_allclose(read.trunk.rotations, motion.trunk.rotations, atol=1e-9)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(seed=seeds, axes=orders)
 def test_bvh_returns_the_angles_and_the_trunk_in_any_order_of_channels(
     seed: int, axes: list[str], tmp_path_factory: pytest.TempPathFactory
@@ -79,7 +79,7 @@ def test_bvh_returns_the_angles_and_the_trunk_in_any_order_of_channels(
     assert read_bvh(file).trunk is None
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(seed=seeds, axes=orders, radians=st.booleans())
 def test_amc_returns_the_angles_and_the_trunk_in_any_axes_of_bones(
     seed: int, axes: list[str], radians: bool, tmp_path_factory: pytest.TempPathFactory

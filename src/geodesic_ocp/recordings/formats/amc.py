@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
@@ -54,7 +55,8 @@ def read_amc(
     chosen = as_skeleton_convention(convention)
     lines = read_lines(file)
     start, angle, stated = _header(file, lines)
-    acclaim = read_asf(_skeleton(file, skeleton))
+    person = _skeleton(file, skeleton)
+    acclaim = read_asf(person)
     angle = angle if angle is not None else acclaim.angle
     if angle is None:
         raise RecordingError(f"{file}: neither ':DEGREES' nor ':RADIANS' is stated")
@@ -63,13 +65,8 @@ def read_amc(
     names = acclaim.skeleton.names
     moves = [acclaim.dofs["root"].index(axis) for axis in ("tx", "ty", "tz")]
     turns = [column for column in range(6) if column not in moves]
-    turning = AcclaimSkeleton(
-        acclaim.skeleton,
-        {**acclaim.dofs, "root": tuple(acclaim.dofs["root"][column] for column in turns)},
-        acclaim.orders,
-        acclaim.frames,
-        acclaim.unit,
-        acclaim.angle,
+    turning = replace(
+        acclaim, dofs={**acclaim.dofs, "root": tuple(acclaim.dofs["root"][i] for i in turns)}
     )
 
     def rotation(joint: int) -> Array:
@@ -88,8 +85,7 @@ def read_amc(
     )
     unit = unit if unit is not None else chosen.unit if chosen is not None else None
     metres = metres_per_unit(unit) if unit is not None else acclaim.unit
-    person = Subject(name=_skeleton(file, skeleton).stem)
-    return skeleton_segments(file, motion, chosen, metres, person)
+    return skeleton_segments(file, motion, chosen, metres, Subject(name=person.stem))
 
 
 def _skeleton(file: Path, given: str | PathLike[str] | None) -> Path:

@@ -18,6 +18,7 @@ from geodesic_ocp.recordings.skeletons.skeleton_convention import SkeletonConven
 # other within as much; and an arm that points up has no shortest rotation from the hanging one.
 _ALONG = np.cos(np.radians(30.0))
 _UPWARDS = np.cos(np.radians(10.0))
+_SHORTEST = 1e-9  # joints that are nearer are at one place, in any unit
 # Sine of the angle between a hinge and the long axis of the upper arm from which it is an elbow's.
 _ELBOW = 0.5
 
@@ -72,7 +73,7 @@ def body_axes(
 
 def _length(file: Path, what: str, vector: Array) -> float:
     length = float(np.linalg.norm(vector))
-    if not length > 0.0:
+    if length < _SHORTEST:
         raise RecordingError(f"{file}: {_unclear(what)}: the joints are at one place")
     return length
 
@@ -173,7 +174,7 @@ def _bone(start: int, end: int | None, skeleton: Skeleton, positions: Array) -> 
     for joint in children if end is None else skeleton.way(start, end):
         vector = positions[joint] - positions[start]
         length = np.linalg.norm(vector)
-        if length > 0.0:
+        if length > _SHORTEST:
             return np.asarray(vector / length, dtype=float)
     return np.zeros(3)
 

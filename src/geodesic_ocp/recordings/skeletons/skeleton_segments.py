@@ -10,7 +10,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.conventions.continuous_angles import axis_rotation
-from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
+from geodesic_ocp.recordings.conventions.segment_orientations import SEGMENTS, SegmentOrientations
 from geodesic_ocp.recordings.skeletons.named_segments import SIDES, named_segments
 from geodesic_ocp.recordings.skeletons.rest_pose import axis_vector, body_axes, neutral_frames
 from geodesic_ocp.recordings.skeletons.skeleton import SkeletonMotion, forward_kinematics
@@ -77,7 +77,7 @@ def skeleton_segments(
     }
     usual = body[:, 2] if space_up is None else axis_vector(space_up)
     space = _space(file, convention.space_up, usual, body, turned["thorax"])
-    rotations = {segment: space @ turned[segment] for segment in turned}
+    rotations = {segment: space @ turned[segment] for segment in SEGMENTS if segment in turned}
     for side in SIDES:
         if f"{side} forearm" in rotations:
             _pronate(rotations, side)
