@@ -56,21 +56,11 @@ def skeleton_segments(
         raise RecordingError(f"{file}: a motion needs two frames, there are {len(motion.time)}")
     convention, segments = named_segments(file, motion.skeleton, convention)
     moved = forward_kinematics(motion, segments.values())
-    count = len(motion.skeleton.names)
-    if convention.rest == "zero":
-        rest = {joint: np.eye(3) for joint in range(count)}
-        positions = np.zeros((count, 3))
-        for joint, parent in enumerate(motion.skeleton.parents):
-            before = positions[parent] if parent >= 0 else 0.0
-            positions[joint] = before + motion.skeleton.offsets[joint]
-    else:
-        poses = forward_kinematics(motion, range(count))
-        rest = {joint: rotations[0] for joint, (rotations, _) in poses.items()}
-        positions = np.array([poses[joint][1][0] for joint in range(count)])
+    rest, positions = _rest_pose(motion, convention)
     body = body_axes(file, convention, segments, positions)
     hinges = {joint: rest[joint] @ axis for joint, axis in motion.skeleton.hinges.items()}
-    standing = replace(motion.skeleton, hinges=hinges)
-    neutral = neutral_frames(file, convention, segments, standing, body, positions)
+    resting = replace(motion.skeleton, hinges=hinges)
+    neutral = neutral_frames(file, convention, segments, resting, body, positions)
     turned = {
         segment: moved[joint][0] @ rest[joint].T @ body @ neutral.get(segment, np.eye(3))
         for segment, joint in segments.items()
@@ -90,6 +80,23 @@ def skeleton_segments(
             middle = 0.5 * unit * (ends[0] + ends[1]) @ space.T
             trunk = FrameMotion(rotations["thorax"], middle)
     return SegmentOrientations(motion.time, rotations, trunk, subject or Subject())
+
+
+def _rest_pose(motion: SkeletonMotion, convention: SkeletonConvention) -> tuple[Array, Array]:
+    """Rotations (n, 3, 3) and positions (n, 3) of all joints in the rest pose."""
+    skeleton, zero = motion.skeleton, convention.rest == "zero"
+
+    def rotation(joint: int) -> Array:
+        return np.eye(3) if zero else motion.rotation(joint).reshape(-1, 3, 3)[:1]
+
+    def position(joint: int) -> Array:
+        return skeleton.offsets[joint] if zero else motion.position(joint).reshape(-1, 3)[:1]
+
+    still = SkeletonMotion(skeleton, motion.time[:1], rotation, position)
+    poses = forward_kinematics(still, range(len(skeleton.names)))
+    rotations = np.array([poses[joint][0][0] for joint in range(len(poses))])
+    positions = np.array([poses[joint][1][0] for joint in range(len(poses))])
+    return rotations, positions
 
 
 def _space(file: Path, stated: str | None, usual: Array, body: Array, thorax: Array) -> Array:
