@@ -18,6 +18,8 @@ from geodesic_ocp.studies.batch.analyse_recordings import analyse_recordings
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.batch.batch_result import BatchResult
 from geodesic_ocp.studies.batch.folder_lock import locked
+from geodesic_ocp.studies.batch.recording_source import recording_sources
+from geodesic_ocp.studies.batch.result_file import result_key
 from geodesic_ocp.studies.tidy_files import read_tidy
 
 METRIC = AnalysisSettings(metric="euclidean")  # which is quick
@@ -197,6 +199,13 @@ def test_a_finished_recording_is_not_analysed_again(data: Path, tmp_path: Path) 
     assert {file.name: file.read_bytes() for file in out.glob("*.csv")} == tables
 
 
+def test_results_among_the_recordings_are_no_recordings(data: Path) -> None:
+    folder = data / "An"
+    assert run(folder, folder).analysed == 2
+    again = run(folder, folder)
+    assert (again.analysed, again.found, again.failures) == (0, 2, ())
+
+
 def test_tables_of_what_there_is_so_far(data: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     analyse_recordings(data / "An", out, settings=METRIC, executor=Here())
@@ -307,3 +316,15 @@ def test_reprs_are_short(data: Path, tmp_path: Path) -> None:
     result = run(data, tmp_path / "out")
     assert repr(result).endswith("out: 3 analysed, 0 left out)")
     assert np.isfinite(result.seconds)
+
+
+def test_a_skeleton_belongs_to_the_content_of_its_motion(tmp_path: Path) -> None:
+    motion, skeleton = tmp_path / "a.amc", tmp_path / "a.asf"
+    motion.write_text("1\n")
+    skeleton.write_text(":version 1\n")
+    (source,) = recording_sources(motion, ["right"])
+    keys = [result_key(source, METRIC)]
+    skeleton.write_text(":version 2\n")
+    keys.append(result_key(source, METRIC))
+    assert keys[0] != keys[1]
+    assert result_key(source, METRIC) == keys[1]

@@ -148,7 +148,10 @@ class Failing(Executor):
         future: Future[Any] = Future()
         left = self.left.setdefault(args[0].key, self.times)
         self.left[args[0].key] = left - 1
-        if left > 0:
+        if left > 1:
+            future.cancel()
+            future.set_running_or_notify_cancel()
+        elif left > 0:
             future.set_exception(RuntimeError("the worker was lost"))
         else:
             future.set_result(fn(*args))
@@ -160,7 +163,8 @@ def test_a_recording_that_an_executor_loses_is_tried_once_more(folder: Path) -> 
     assert {each.kind for each in once.values()} == {"file"}
     twice = by_name(in_executor(Failing(2), iter(tasks(folder, 3)), 2))
     assert {each.kind for each in twice.values()} == {"process"}
-    assert "RuntimeError: the worker was lost; then" in twice["0.csv"].text
+    words = "failed twice in its executor: CancelledError; then RuntimeError: the worker was lost"
+    assert twice["0.csv"].text == words
 
 
 def test_an_executor_that_has_broken_ends_the_run(folder: Path) -> None:

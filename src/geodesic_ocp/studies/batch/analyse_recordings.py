@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager, nullcontext
+from contextlib import closing, contextmanager, nullcontext
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -33,6 +34,7 @@ from geodesic_ocp.studies.batch.result_file import (
     write_whole,
 )
 from geodesic_ocp.studies.batch.run_task import RUNNING, identity, outcome_of
+from geodesic_ocp.studies.tables import TABLES
 from geodesic_ocp.synergies.analysis_metrics import METRIC_NAMES
 
 _LABEL = "analysing recordings"
@@ -102,19 +104,16 @@ def analyse_recordings(
         paths, sides, recursive=recursive, pattern=subject_pattern, table=subjects
     )
     start = time.perf_counter()
-    folder = Path(out).absolute()
+    folder = Path(os.path.abspath(out))
+    own = {folder / f"{name}.csv" for name in TABLES}  # of a run in the recordings' folder
+    sources = [source for source in sources if source.path not in own]
     (folder / RESULTS).mkdir(parents=True, exist_ok=True)
     outcomes = _Outcomes(len(sources), progress or no_progress, finished)
     tasks = _tasks(sources, settings, folder, outcomes)
     with nullcontext() if tables_only else _alone_in(folder):
-        for outcome in (
-            (RecordingOutcome(task.source, "missing", "is not analysed yet") for task in tasks)
-            if tables_only
-            else in_processes(tasks, jobs or usable_cores(), folder)
-            if executor is None
-            else in_executor(executor, tasks, jobs or _WINDOW)
-        ):
-            outcomes.add(outcome)
+        with closing(_run(tasks, folder, jobs, executor, tables_only)) as run:
+            for outcome in run:
+                outcomes.add(outcome)
         collected, kept = collect(folder, [outcomes.found[source.name] for source in sources])
         files = write_tables(folder, collected, kept, settings)
     return BatchResult(
@@ -126,6 +125,23 @@ def analyse_recordings(
         seconds=time.perf_counter() - start,
         files=files,
     )
+
+
+def _run(
+    tasks: Iterator[RecordingTask],
+    folder: Path,
+    jobs: int | None,
+    executor: Executor | None,
+    tables_only: bool,
+) -> Generator[RecordingOutcome, None, None]:
+    """Outcomes of the tasks; processes have ended when this is closed."""
+    if tables_only:
+        for task in tasks:
+            yield RecordingOutcome(task.source, "missing", "is not analysed yet")
+    elif executor is None:
+        yield from in_processes(tasks, jobs or usable_cores(), folder)
+    else:
+        yield from in_executor(executor, tasks, jobs or _WINDOW)
 
 
 @contextmanager

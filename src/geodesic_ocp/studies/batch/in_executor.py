@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    wait,
+)
 from itertools import islice
 
 from geodesic_ocp.errors import GeodesicOcpError
@@ -36,11 +43,19 @@ def completed(
             if not pending:
                 return
             for future in wait(pending, return_when=FIRST_COMPLETED).done:
-                broken = broken or isinstance(future.exception(), BrokenExecutor)
+                broken = broken or isinstance(failure_of(future), BrokenExecutor)
                 yield pending.pop(future), future
     finally:
         for future in pending:
             future.cancel()
+
+
+def failure_of(future: Future[RecordingOutcome]) -> BaseException | None:
+    """The exception of a future that is done; also if a cluster has cancelled it."""
+    try:
+        return future.exception()
+    except CancelledError as failure:
+        return failure
 
 
 def in_executor(
@@ -55,7 +70,7 @@ def in_executor(
     """
     again: list[tuple[RecordingTask, str]] = []
     for task, future in completed(executor, tasks, window):
-        failure = future.exception()
+        failure = failure_of(future)
         if failure is None:
             yield future.result()
         elif isinstance(failure, BrokenExecutor):
@@ -66,7 +81,7 @@ def in_executor(
             again.append((task, _named(failure)))
     for task, first in again:
         for _, future in completed(executor, iter([task]), 1):
-            second = future.exception()
+            second = failure_of(future)
             if second is None:
                 yield future.result()
             elif isinstance(second, BrokenExecutor):

@@ -10,7 +10,7 @@ from itertools import islice
 from pathlib import Path
 
 from geodesic_ocp.errors import GeodesicOcpError
-from geodesic_ocp.studies.batch.in_executor import completed
+from geodesic_ocp.studies.batch.in_executor import completed, failure_of
 from geodesic_ocp.studies.batch.outcome import RecordingOutcome, RecordingTask
 from geodesic_ocp.studies.batch.run_task import RUNNING
 from geodesic_ocp.studies.batch.worker_processes import WorkerProcesses, describe_end
@@ -98,7 +98,7 @@ class _Run:
         lost = []
         try:
             for task, future in completed(self._executor, tasks, _AHEAD * self._jobs):
-                failure = future.exception()
+                failure = failure_of(future)
                 if isinstance(failure, BrokenExecutor):
                     lost.append(task)
                     continue

@@ -27,13 +27,19 @@ _KEY = re.compile(r"-([0-9a-f]{32})\.json$")
 def result_key(source: RecordingSource, settings: AnalysisSettings) -> str:
     """32 digits that change with the file's content, the side, the settings and the package.
 
+    With an AMC file, also with the skeletons (.asf) beside it.
+
     Raises:
         OSError: the file cannot be read.
     """
     digest = hashlib.sha256()
-    with source.path.open("rb") as stream:
-        while block := stream.read(1 << 20):
-            digest.update(block)
+    files = [source.path]
+    if source.path.suffix.lower() == ".amc":
+        files += sorted(each for each in source.path.parent.glob("*.[aA][sS][fF]"))
+    for file in files:
+        with file.open("rb") as stream:
+            while block := stream.read(1 << 20):
+                digest.update(block)
     known = [source.side, source.height, source.mass, settings.digest(), version("geodesic_ocp")]
     digest.update(json.dumps(known).encode())
     return digest.hexdigest()[:32]
