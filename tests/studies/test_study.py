@@ -254,7 +254,7 @@ def test_nameless_subjects_different_settings_and_failures_are_noted() -> None:
     study = Study(tuple(rows), None, failures)
     assert study.subjects == ("a.csv", "b.csv")
     assert "2 recordings without the name of a subject" in study.notes[1]
-    assert study.notes[0] == "1 recording left out of the analysis (1 file)."
+    assert study.notes[0] == ("1 recording left out of the analysis (file that cannot be used: 1).")
     assert "2 different settings" in study.notes[2]
 
 

@@ -18,6 +18,14 @@ _MEANS = (
     "of the mean, by Student's t."
 )
 
+_KINDS = {
+    "file": "file that cannot be used",
+    "solver": "solver that failed",
+    "process": "process that died",
+    "same": "same motion as another recording",
+    "missing": "not analysed yet",
+}
+
 
 def count(number: int, noun: str) -> str:
     """A number with its noun: 1 subject, 2 subjects."""
@@ -31,8 +39,8 @@ def study_notes(
     notes = []
     recordings = {str(row["recording"]) for row in rows}
     if failures:
-        kinds = Counter(str(row.get("kind") or "no reason") for row in failures)
-        why = ", ".join(f"{number} {kind}" for kind, number in sorted(kinds.items()))
+        kinds = Counter(_KINDS.get(str(row.get("kind")), "other error") for row in failures)
+        why = "; ".join(f"{kind}: {number}" for kind, number in sorted(kinds.items()))
         notes.append(f"{count(len(failures), 'recording')} left out of the analysis ({why}).")
     labels = {str(row["method"]): str(row.get("method_label") or row["method"]) for row in rows}
     for method in sorted(labels):
