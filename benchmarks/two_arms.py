@@ -6,7 +6,8 @@ compared at equal numbers of segments. Errors of the joints are those of the 14 
 Errors of the hands are in the room: for arms alone with the observed trunk, for the upper body with
 the predicted one; those that its arms alone make are in brackets.
 
-Then the part that the motion of the trunk has in the forces at the joints of the arms.
+Then the part that the motion of the trunk has in the forces at the joints of the arms. With
+--logs, log maps between random configurations first: how many are found, and how long they take.
 """
 
 from __future__ import annotations
@@ -57,11 +58,14 @@ class Found:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("recordings", nargs="*", default=RECORDINGS)
+    parser.add_argument("recordings", nargs="*", default=list(RECORDINGS))
     parser.add_argument("--counts", type=int, nargs="*", default=[], help="numbers of segments")
     parser.add_argument("--spacing", type=float, default=0.1, help="of candidates for cuts [s]")
     parser.add_argument("--metrics", nargs="+", choices=METRICS, default=list(METRICS))
+    parser.add_argument("--logs", type=int, default=0, help="number of random log maps")
     options = parser.parse_args()
+    if options.logs:
+        _random_logs(options.logs)
     for name in options.recordings:
         motion = go.read_motion(KIT / f"{name}.xml")
         height = float(motion.subject.height or 0.0)
@@ -90,6 +94,37 @@ def main() -> None:
         for side, arm in zip(SIDES, arms, strict=True):
             for cutoff in CUTOFFS:
                 print(f"{side} arm: {base_motion(arm, side, motion, height, cutoff)}", flush=True)
+
+
+def _random_logs(count: int, seed: int = 1) -> None:
+    """Print a table of log maps between configurations in half and in all of the joints' range."""
+    right, left = (go.human_arm(side) for side in SIDES)
+    systems = {
+        "one arm": right,
+        "both arms": go.combine(right, left),
+        "upper body": human_upper_body(),
+    }
+    print("| metric | system | range | found | median [ms] | longest [ms] |")
+    print("| --- | --- | --- | ---: | ---: | ---: |")
+    for name, metric_of in METRICS.items():
+        for system, model in systems.items():
+            metric = metric_of(model)
+            go.log(metric, np.zeros(model.dof), np.full(model.dof, 0.01))  # compiles
+            for part in (0.5, 1.0):
+                rng, middle = np.random.default_rng(seed), (model.lower + model.upper) / 2.0
+                seconds, found = [], 0
+                for _ in range(count):
+                    ends = rng.uniform(model.lower, model.upper, (2, model.dof))
+                    begin = time.perf_counter()
+                    try:
+                        go.log(metric, *(middle + part * (ends - middle)))
+                        found += 1
+                    except go.NotConverged:
+                        pass
+                    seconds.append(1000.0 * (time.perf_counter() - begin))
+                row = name, system, f"{part:g}", f"{found} of {count}"
+                times = f"{np.median(seconds):.1f} | {max(seconds):.0f}"
+                print(f"| {' | '.join(row)} | {times} |", flush=True)
 
 
 def _by_rule(metric: go.KineticEnergy, motion: go.Motion) -> Found:

@@ -35,10 +35,12 @@ def test_a_combined_model_has_the_hands_of_its_parts_and_one_of_them_is_selected
         (["gripper"], ("hand",)),
         (["human left arm/hand", "human right arm/hand"], ("left hand", "right hand")),
         (["right hand", "left hand"], ("right hand", "left hand")),
-        (["Right_TCP", "left_TCP"], ("right hand", "left hand")),
+        (["Right_TCP", "left_TCP"], ("Right_TCP", "left_TCP")),
+        (["left_arm/tool", "RIGHT_arm/tool"], ("left tool", "right tool")),
         (["panda 1/hand", "panda 2/hand"], ("panda 1/hand", "panda 2/hand")),
-        (["right hand", "right foot"], ("right hand", "right foot")),
-        (["left or right", "left"], ("left or right", "left")),
+        (["left arm 1/hand", "left arm 2/hand"], ("left arm 1/hand", "left arm 2/hand")),
+        (["left and right/hand", "left/hand"], ("left and right/hand", "left hand")),
+        (["left forearm", "right forearm"], ("left forearm", "right forearm")),
     ],
 )
 def test_hands_are_called_by_their_side_or_their_frame(

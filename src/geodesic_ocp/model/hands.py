@@ -28,8 +28,8 @@ def as_hands(model: pin.Model, hand: str, hands: Sequence[str]) -> tuple[str, ..
 def hand_labels(hands: Sequence[str]) -> tuple[str, ...]:
     """Names of the hands for tables and figures.
 
-    A single one is "hand". Several are "right hand" and "left hand" where the names of their frames
-    tell the sides, as in "human left arm/hand"; otherwise they are called as their frames.
+    A single one is "hand". Several are called as their frames; where `combine` has put the name of
+    an arm before that of the frame, as in "human left arm/hand", its side takes that place.
 
     >>> from geodesic_ocp.model.hands import hand_labels
     >>> hand_labels(["human left arm/hand", "human right arm/hand"])
@@ -37,7 +37,9 @@ def hand_labels(hands: Sequence[str]) -> tuple[str, ...]:
     """
     if len(hands) == 1:
         return ("hand",)
-    words = [name.replace("/", " ").replace("_", " ").lower().split() for name in hands]
-    sides = [[side for side in _SIDES if side in each] for each in words]
-    known = all(len(side) == 1 for side in sides) and len({*map(tuple, sides)}) == len(hands)
-    return tuple(f"{side} hand" for (side,) in sides) if known else tuple(hands)
+    labels = []
+    for name in hands:
+        arm, _, frame = name.rpartition("/")
+        sides = [side for side in _SIDES if side in arm.lower().replace("_", " ").split()]
+        labels.append(f"{sides[0]} {frame}" if len(sides) == 1 else name)
+    return tuple(labels) if len(set(labels)) == len(hands) else tuple(hands)
