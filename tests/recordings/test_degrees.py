@@ -42,8 +42,8 @@ def test_every_recording_is_accepted_and_refused_in_degrees(shared: Path, tmp_pa
                 go.read_motion(write_table(tmp_path / "table.csv", wrong, "rad"))
             with pytest.raises(ValueError, match="are these degrees"):
                 check_plausible(arm, wrong)
-            right = go.read_motion(write_table(tmp_path / "table.csv", wrong, "degrees"))
-            assert right.q == pytest.approx(recording.q, abs=1e-8)
+    right = go.read_motion(write_table(tmp_path / "table.csv", wrong, "degrees"))
+    assert right.q == pytest.approx(recording.q, abs=1e-8)
 
 
 def test_degrees_of_small_motions_are_found_by_the_limits() -> None:
