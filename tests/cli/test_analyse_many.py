@@ -121,3 +121,16 @@ def test_without_a_terminal_there_is_no_bar(
     bar.line("one")
     bar.close()
     assert capsys.readouterr() == ("one\n", "")
+
+
+def test_a_scheduler_that_does_not_answer(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    command = ["analyse", str(data), "--out", str(tmp_path / "out"), "--scheduler"]
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    assert cli.main([*command, "tcp://127.0.0.1:1"]) == 2
+    assert "--scheduler needs Dask: pip install 'geodesic_ocp[cluster]'" in capsys.readouterr().err
+    monkeypatch.undo()
+    pytest.importorskip("distributed")
+    assert cli.main([*command, "nowhere"]) == 2
+    assert "--scheduler nowhere: no scheduler answers" in capsys.readouterr().err

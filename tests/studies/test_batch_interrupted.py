@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from minimum_jerk_files import write_stroke
 
+from geodesic_ocp.cli import main as cli
 from geodesic_ocp.studies.batch.analyse_recordings import analyse_recordings
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
 
@@ -126,6 +127,10 @@ def test_a_cluster_that_loses_a_worker(tmp_path: Path) -> None:
             jobs=4,
             finished=kill,
         )
+        arguments = ["--out", str(tmp_path / "again"), "--scheduler", cluster.scheduler_address]
+        files = [str(tmp_path / "data" / f"{seed:02d}.csv") for seed in (0, 1)]
+        assert cli.main(["analyse", *files, "--metric", "euclidean", *arguments]) == 0
+        assert len(results(tmp_path / "again")) == 2
     assert killed
     assert not result.failures
     assert len(results(tmp_path / "out")) == 12

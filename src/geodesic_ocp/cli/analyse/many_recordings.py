@@ -76,7 +76,7 @@ def _dask(address: str) -> Iterator[tuple[Executor, int]]:
     except (OSError, ValueError) as failure:
         raise ValueError(f"--scheduler {address}: no scheduler answers: {failure}") from None
     with client:
-        workers = client.scheduler_info(n_workers=-1)["workers"]
+        workers = client.nthreads()
         if not workers:
             raise ValueError(f"--scheduler {address}: it has no workers")
         yield client.get_executor(pure=False), 3 * len(workers)
