@@ -21,7 +21,7 @@ from geodesic_ocp.recordings.conventions.angle_convention import (
     SegmentRelation,
 )
 from geodesic_ocp.recordings.conventions.angle_segments import segments_of_angles
-from geodesic_ocp.recordings.conventions.arm_angles import to_motion
+from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
 from geodesic_ocp.recordings.conventions.known_angle_conventions import (
     ANGLE_CONVENTIONS,
     ISB,
@@ -134,7 +134,7 @@ def test_isb_angles_give_the_motion_that_they_describe(side: str, seed: int) -> 
     ]
     names = [*ISB_ARM, "wrist_rotation"]
     columns = {f"{n}_{side[0]}": angle for n, angle in zip(names, angles, strict=True)}
-    found = to_motion(segments_of_angles(ISB, time, columns).orientations, arm.joint_names)
+    found = joint_angles(segments_of_angles(ISB, time, columns).orientations, arm.joint_names)
     assert found.q == pytest.approx(q, abs=1e-7)
 
 
@@ -158,7 +158,7 @@ def test_the_trunk_of_the_full_body_is_its_pelvis_and_lumbar_joint() -> None:
     columns |= {"lumbar_extension": np.full(2, -0.4), "pelvis_tx": np.zeros(2)}
     columns |= {"pelvis_ty": np.ones(2), "pelvis_tz": np.full(2, 0.1)}
     found = segments_of_angles(OPENSIM_FULL_BODY, TIME, columns).orientations
-    motion = to_motion(found)
+    motion = joint_angles(found)
     assert motion.joint_names[:2] == ("BPx_joint", "BPz_joint")
     # bending forward is negative about x, in halves
     assert motion.q[0] == pytest.approx([-0.2, 0.0, 0.0, -0.2, 0.0, 0.0], abs=1e-12)
@@ -211,7 +211,7 @@ def test_a_convention_in_toml(tmp_path: Path) -> None:
     assert mine is not None
     assert mine.to_right_forward_up == pytest.approx(np.eye(3))
     columns = {"a": np.full(2, 0.3)}
-    motion = to_motion(segments_of_angles(mine, TIME, columns).orientations)
+    motion = joint_angles(segments_of_angles(mine, TIME, columns).orientations)
     assert motion.q[0] == pytest.approx([0.3, 0.0, 0.0])
 
 

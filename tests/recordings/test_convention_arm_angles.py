@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.conventions.arm_angles import to_motion
 from geodesic_ocp.recordings.conventions.continuous_angles import (
     axis_rotation,
     continuous_angles,
     successive_rotations,
 )
+from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
 from geodesic_ocp.recordings.conventions.motion_segments import segment_orientations
 from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
 from geodesic_ocp.trajectory.frame_motion import FrameMotion
@@ -49,7 +49,7 @@ def test_motions_within_the_limits_come_back(side: str, seed: int) -> None:
         subject=go.Subject(1.8, 80.0, "somebody"),
         trunk=trunk,
     )
-    back = to_motion(segment_orientations(motion), motion.joint_names)
+    back = joint_angles(segment_orientations(motion), motion.joint_names)
     assert back.q == pytest.approx(motion.q, abs=1e-9)
     assert back.subject == motion.subject
     assert back.trunk is trunk
@@ -63,7 +63,7 @@ def test_an_elbow_through_full_extension_has_no_jump(side: str, seed: int, over:
     low = arm.lower.copy()
     low[3] = -over
     motion = go.Motion(TIME, smooth(seed, low, arm.upper), arm.joint_names)
-    back = to_motion(segment_orientations(motion))
+    back = joint_angles(segment_orientations(motion))
     assert back.joint_names == arm.joint_names
     assert back.q == pytest.approx(motion.q, abs=1e-9)
 
@@ -80,7 +80,7 @@ def test_a_carrying_angle_leaves_the_hand_exact_and_the_angles_smooth(
     elbow = np.swapaxes(upper, 1, 2) @ forearm
     tilted = upper @ axis_rotation("y", carrying) @ elbow
     given_ = replace(exact, rotations={**exact.rotations, "right forearm": tilted})
-    back = to_motion(given_)
+    back = joint_angles(given_)
     found = segment_orientations(back).rotations
     assert found["right hand"] == pytest.approx(exact.rotations["right hand"], abs=1e-12)
     assert found["right upper arm"][:, :, 2] == pytest.approx(upper[:, :, 2], abs=1e-12)
@@ -94,7 +94,7 @@ def test_a_carrying_angle_leaves_the_hand_exact_and_the_angles_smooth(
 def test_an_elbow_that_never_flexes(flexion: float) -> None:
     q = np.tile([0.3, 0.2, -0.1, flexion, 0.4, 0.1, -0.2], (2, 1))
     motion = go.Motion([0.0, 1.0], q, ARMS["right"].joint_names)
-    assert to_motion(segment_orientations(motion)).q == pytest.approx(q, abs=1e-12)
+    assert joint_angles(segment_orientations(motion)).q == pytest.approx(q, abs=1e-12)
 
 
 def test_a_skewed_elbow_axis_does_not_turn_the_shoulder() -> None:
@@ -103,7 +103,7 @@ def test_a_skewed_elbow_axis_does_not_turn_the_shoulder() -> None:
     upright = np.broadcast_to(np.eye(3), (len(TIME), 3, 3))
     skewed = axis_rotation("z", np.full(len(TIME), 0.227))
     forearm = skewed @ axis_rotation("x", flexion)
-    found = to_motion(
+    found = joint_angles(
         SegmentOrientations(
             TIME, {"thorax": upright, "right upper arm": upright, "right forearm": forearm}
         )
@@ -117,23 +117,23 @@ def test_without_the_hand_the_forearm_gives_the_elbow() -> None:
     motion = go.Motion(TIME, smooth(5, arm.lower, arm.upper), arm.joint_names)
     full = segment_orientations(motion)
     some = {name: full.rotations[name] for name in ("thorax", "left upper arm", "left forearm")}
-    back = to_motion(SegmentOrientations(TIME, some))
+    back = joint_angles(SegmentOrientations(TIME, some))
     assert back.joint_names == arm.joint_names[:5]
     assert back.q == pytest.approx(motion.q[:, :5], abs=1e-9)
     with pytest.raises(go.RecordingError, match=r"LWx_joint: .* no orientation of left hand; it"):
-        to_motion(SegmentOrientations(TIME, some), ["LSx_joint", "LWx_joint"])
+        joint_angles(SegmentOrientations(TIME, some), ["LSx_joint", "LWx_joint"])
     with pytest.raises(go.RecordingError, match=r"RSx_joint: .* right upper arm"):
-        to_motion(SegmentOrientations(TIME, some), ["RSx_joint"])
+        joint_angles(SegmentOrientations(TIME, some), ["RSx_joint"])
     with pytest.raises(go.RecordingError, match="no joint knee"):
-        to_motion(SegmentOrientations(TIME, some), ["knee"])
+        joint_angles(SegmentOrientations(TIME, some), ["knee"])
     with pytest.raises(go.RecordingError, match=r"no joint .* from the segments thorax"):
-        to_motion(SegmentOrientations(TIME, {"thorax": some["thorax"]}))
+        joint_angles(SegmentOrientations(TIME, {"thorax": some["thorax"]}))
 
 
 def test_without_the_abdomen_the_trunk_bends_by_halves() -> None:
     bend = axis_rotation("x", 0.8 * TIME)
     upright = np.broadcast_to(np.eye(3), bend.shape)
-    back = to_motion(SegmentOrientations(TIME, {"pelvis": upright, "thorax": bend}))
+    back = joint_angles(SegmentOrientations(TIME, {"pelvis": upright, "thorax": bend}))
     assert back.joint_names == TRUNK
     expected = np.zeros((len(TIME), 6))
     expected[:, 0] = expected[:, 3] = 0.4 * TIME
@@ -182,7 +182,7 @@ def test_the_first_sample_is_within_the_limits() -> None:
     arm = ARMS["right"]
     q = np.tile([3.3, 1.2, -2.7, 2.7, 1.5, 0.3, -1.5], (2, 1))
     motion = go.Motion([0.0, 1.0], q, arm.joint_names)
-    assert to_motion(segment_orientations(motion)).q == pytest.approx(q, abs=1e-9)
+    assert joint_angles(segment_orientations(motion)).q == pytest.approx(q, abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.human.human_arm import human_arm
-from geodesic_ocp.recordings.conventions.arm_angles import to_motion
+from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
 from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
 from geodesic_ocp.recordings.formats.amc import read_amc
 from geodesic_ocp.recordings.formats.asf import read_asf
@@ -88,7 +88,7 @@ def test_the_models_arm_follows_the_skeletons(
     orientations: SegmentOrientations, bones: dict[str, dict[str, Array]]
 ) -> None:
     arm = human_arm("right")
-    motion = to_motion(orientations, arm.joint_names)
+    motion = joint_angles(orientations, arm.joint_names)
     thorax = bones["thorax"]["rotation"]
     worst = {"upper arm": 0.0, "forearm": 0.0, "hand": 0.0}
     hands = (
@@ -131,7 +131,7 @@ def test_single_joints_of_the_skeleton_are_single_joints_of_the_model(
             numbers[name].append([float(value) for value in values])
     radius, wrist, hand = (np.array(numbers[name]) for name in ("rradius", "rwrist", "rhand"))
     q = np.degrees(
-        to_motion(orientations).select([f"R{x}_joint" for x in ("Ex", "Ez", "Wx", "Wy")]).q
+        joint_angles(orientations).select([f"R{x}_joint" for x in ("Ex", "Ez", "Wx", "Wy")]).q
     )
     expected = np.column_stack([radius, wrist + 30.0, hand[:, 1], hand[:, 0]])
     np.testing.assert_allclose(q, expected, atol=1e-6)
@@ -153,7 +153,7 @@ def test_segments_move_smoothly_and_the_thorax_is_upright(
     for segment, rotations in orientations.rotations.items():
         steps = Rotation.from_matrix(np.swapaxes(rotations[:-1], 1, 2) @ rotations[1:]).magnitude()
         assert steps.max() < 0.2, segment  # 24 rad/s at 120 Hz
-    assert np.all(np.abs(np.diff(to_motion(orientations).q, axis=0)) < 0.2)
+    assert np.all(np.abs(np.diff(joint_angles(orientations).q, axis=0)) < 0.2)
     upright = orientations.rotations["thorax"][:, 2, 2]
     assert np.median(upright) > 0.8
     assert upright.min() > 0.4  # the person leans forward
@@ -187,6 +187,6 @@ def test_the_right_hand_punches_forward(
     relative = bones["rwrist"]["end"] - bones["rhumerus"]["start"]
     forward = np.einsum("ki,ki->k", relative @ TO_FILE, orientations.rotations["thorax"][:, :, 1])
     punch = int(np.argmax(forward))
-    elbow = to_motion(orientations, ["REx_joint"]).q[:, 0]
+    elbow = joint_angles(orientations, ["REx_joint"]).q[:, 0]
     assert forward[punch] > 0.4  # [m]: the arm reaches out in front of the chest ...
     assert elbow[punch] < 0.5 * elbow.max()  # ... with the elbow extended

@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.recordings.conventions.arm_angles import to_motion
+from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
 from geodesic_ocp.recordings.conventions.motion_segments import segment_orientations
 from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
 from geodesic_ocp.recordings.formats.amc import read_amc
@@ -53,7 +53,7 @@ def check_same(read: SegmentOrientations, motion: go.Motion, written: SegmentOri
     assert set(read.rotations) == set(written.rotations)
     for segment, rotations in written.rotations.items():
         np.testing.assert_allclose(read.rotations[segment], rotations, atol=1e-9, err_msg=segment)
-    angles = to_motion(read, motion.joint_names)
+    angles = joint_angles(read, motion.joint_names)
     np.testing.assert_allclose(angles.q, motion.q, atol=1e-6)
 
 

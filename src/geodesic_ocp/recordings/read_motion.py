@@ -92,17 +92,17 @@ def _table(file: Path, joints: Sequence[str] | None) -> Motion:
 
 
 def _amc(file: Path, joints: Sequence[str] | None, **given: Any) -> Motion:
-    from geodesic_ocp.recordings.conventions.arm_angles import to_motion
+    from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
     from geodesic_ocp.recordings.formats.amc import read_amc
 
-    return to_motion(read_amc(file, **given), joints)
+    return joint_angles(read_amc(file, **given), joints)
 
 
 def _bvh(file: Path, joints: Sequence[str] | None, **given: Any) -> Motion:
-    from geodesic_ocp.recordings.conventions.arm_angles import to_motion
+    from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
     from geodesic_ocp.recordings.formats.bvh import read_bvh
 
-    return to_motion(read_bvh(file, **given), joints)
+    return joint_angles(read_bvh(file, **given), joints)
 
 
 def _opensim(file: Path, joints: Sequence[str] | None, **given: Any) -> Motion:
@@ -112,10 +112,10 @@ def _opensim(file: Path, joints: Sequence[str] | None, **given: Any) -> Motion:
 
 
 def _smpl(file: Path, joints: Sequence[str] | None, **given: Any) -> Motion:
-    from geodesic_ocp.recordings.conventions.arm_angles import to_motion
+    from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
     from geodesic_ocp.recordings.formats.smpl import read_smpl
 
-    return to_motion(read_smpl(file, **given), joints)
+    return joint_angles(read_smpl(file, **given), joints)
 
 
 # By format, the reader and the arguments of `read_motion` that apply to it.

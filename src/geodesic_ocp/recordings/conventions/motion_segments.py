@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.recordings.conventions.arm_angles import ARM_JOINTS, SIDES, TRUNK_JOINTS
 from geodesic_ocp.recordings.conventions.continuous_angles import successive_rotations
+from geodesic_ocp.recordings.conventions.joint_angles import ARM_JOINTS, SIDES, TRUNK_JOINTS
 from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
 from geodesic_ocp.trajectory.motion import Motion
 
@@ -16,7 +16,7 @@ def segment_orientations(motion: Motion) -> SegmentOrientations:
 
     Thorax: that of `motion.trunk`, or upright. Upper arms, forearms and hands follow where the
     motion has all angles from the thorax to them, abdomen and pelvis with the trunk's joints. It
-    is the inverse of `to_motion`.
+    is the inverse of `joint_angles`.
 
     Raises:
         ValueError: the motion has no angles of a whole shoulder or of the trunk.

@@ -10,7 +10,7 @@ import numpy as np
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.conventions.angle_convention import AngleConvention
 from geodesic_ocp.recordings.conventions.angle_segments import fits, segments_of_angles
-from geodesic_ocp.recordings.conventions.arm_angles import JOINTS, to_motion
+from geodesic_ocp.recordings.conventions.joint_angles import JOINTS, joint_angles
 from geodesic_ocp.recordings.conventions.known_angle_conventions import ANGLE_CONVENTIONS
 from geodesic_ocp.recordings.conventions.read_angle_convention import as_angle_convention
 from geodesic_ocp.recordings.formats.opensim_table import CoordinateTable, read_coordinates
@@ -52,7 +52,7 @@ def read_opensim(
     except ValueError as failure:
         raise RecordingError(f"{file}: {failure}") from None
     try:
-        return to_motion(converted.orientations, joints)
+        return joint_angles(converted.orientations, joints)
     except ValueError as failure:
         why = "".join(
             f"; {segment}: {reason}"

@@ -55,7 +55,7 @@ _NEARLY_EXTENDED = 0.5
 _AXIAL_WEIGHT = 0.5
 
 
-def to_motion(orientations: SegmentOrientations, joints: Sequence[str] | None = None) -> Motion:
+def joint_angles(orientations: SegmentOrientations, joints: Sequence[str] | None = None) -> Motion:
     """The joint angles of arms and trunk with these orientations of the segments.
 
     The shoulders' angles are relative to the thorax. Trunk: pelvis to abdomen is BPx, BPz, BPy,
