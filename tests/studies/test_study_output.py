@@ -115,6 +115,9 @@ def test_a_distribution_counts_every_subject_the_same() -> None:
     x, y = np.asarray(mean.get_xdata()), np.asarray(mean.get_ydata())
     assert np.all(y[(x > 1.0) & (x < 1.99)] == 0.5)
     assert y[-1] == 1.0
+    empty = new_figure(3.0, 2.0).subplots()
+    draw_distributions(empty, {"": [np.array([np.nan])]}, "duration [s]")
+    assert not empty.lines
 
 
 def test_a_trend_is_the_median_of_equal_groups_and_needs_enough_points() -> None:

@@ -25,14 +25,15 @@ def draw_distributions(axes: Axes, values: Mapping[str, Sequence[Array]], label:
 
     Args:
         axes: of matplotlib.
-        values: by condition, those of each subject, (k,) each.
+        values: by condition, those of each subject, (k,) each; NaN are left out.
         label: of the horizontal axis, with the unit.
     """
-    known = {
-        condition: [np.sort(each) for each in subjects if len(each)]
-        for condition, subjects in values.items()
-    }
-    everything = np.concatenate([each for subjects in known.values() for each in subjects])
+    finite = {c: [np.sort(x[np.isfinite(x)]) for x in each] for c, each in values.items()}
+    known = {condition: [x for x in each if x.size] for condition, each in finite.items()}
+    everything = np.concatenate([np.zeros(0), *(x for each in known.values() for x in each)])
+    axes.set_xlabel(label)
+    if not everything.size:
+        return
     top = float(np.quantile(everything, _MOST)) or 1.0
     grid = np.linspace(0.0, top, _POINTS)
     for number, (condition, subjects) in enumerate(known.items()):
@@ -48,8 +49,10 @@ def draw_distributions(axes: Axes, values: Mapping[str, Sequence[Array]], label:
             shade = "0.75" if len(known) == 1 else style["color"]
             alpha = 0.6 if len(known) == 1 else 0.25
             thin: dict[str, Any] = {"color": shade, "linewidth": 0.6, "alpha": alpha, "zorder": 2}
-            axes.plot(grid, curves.T, **thin)
-        axes.plot(grid, mean, **style, linewidth=1.8, zorder=3, label=condition or None)
+            lines = axes.plot(grid, curves.T, **thin)
+            lines[0].set_label("subject" if len(known) == 1 else "_subject")
+        one = "mean over subjects" if len(subjects) > 1 else "one subject"
+        axes.plot(grid, mean, **style, linewidth=1.8, zorder=3, label=condition or one)
         middle = grid[int(np.argmax(mean >= 0.5))]
         axes.plot((middle, middle), (0.0, 0.5), color=style["color"], linewidth=0.7)
         axes.plot(middle, 0.5, marker="o", markersize=4.0, color=style["color"], zorder=4)
@@ -64,7 +67,6 @@ def draw_distributions(axes: Axes, values: Mapping[str, Sequence[Array]], label:
         )
     axes.set_xlim(0.0, top)
     axes.set_ylim(0.0, 1.0)
-    axes.set_xlabel(label)
     axes.grid(color="0.92", linewidth=0.6)
     axes.set_axisbelow(True)
 

@@ -76,8 +76,10 @@ def study_notes(
 def means_note(notes: Sequence[str], means: Sequence[StudyMean]) -> str:
     """What stands below a table of means."""
     several = len({(each.subjects, each.recordings) for each in means if each.recordings}) > 1
+    alone = any(each.subjects == 1 for each in means) and any(each.subjects > 1 for each in means)
+    single = ["Of a single subject there is no spread."] * alone
     unequal = ["Methods are not all averaged over the same recordings."] * several
-    return " ".join([_MEANS, *unequal, *notes])
+    return " ".join([_MEANS, *single, *unequal, *notes])
 
 
 def tests_note(tests: Sequence[StudyTest]) -> str:

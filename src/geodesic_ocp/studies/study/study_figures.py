@@ -100,7 +100,7 @@ def differences_figure(
 
 def synergies_figure(rows: dict[str, list[Row]], unit: str) -> Figure:
     """Cumulative distributions of the synergies' durations and lengths, by condition."""
-    figure = new_figure(WIDTH, 2.7)
+    figure = new_figure(WIDTH, 2.9)
     panels = figure.subplots(1, 2, sharey=True)
     sign = re.sub(r"sqrt\((\w+)\)", r"√\1", unit)
     labels = ("duration of a synergy [s]", f"length of a synergy{f' [{sign}]' if sign else ''}")
@@ -111,8 +111,8 @@ def synergies_figure(rows: dict[str, list[Row]], unit: str) -> Figure:
         }
         draw_distributions(axes, values, text)
     panels[0].set_ylabel("share of synergies")
-    if len(rows) > 1:
-        figure.legend(*panels[0].get_legend_handles_labels(), ncols=len(rows), **_LEGEND)
+    handles, names = panels[0].get_legend_handles_labels()
+    figure.legend(handles, names, ncols=len(handles), **_LEGEND)
     return figure
 
 
@@ -126,7 +126,10 @@ def durations_figure(rows: Sequence[Row]) -> Figure:
         errors = measure.scale * _numbers(rows, measure.column)
         draw_trend(axes, time, errors, ("duration of a synergy [s]", f"mean {measure.axis}"))
     handles, names = panels[0].get_legend_handles_labels()
-    figure.legend(handles, names, ncols=len(handles), **_LEGEND)
+    legend = figure.legend(handles, names, ncols=len(handles), **_LEGEND)
+    for handle in legend.legend_handles[:1]:
+        if handle is not None:
+            handle.set_alpha(1.0)  # a single point of many is too pale to see
     return figure
 
 
