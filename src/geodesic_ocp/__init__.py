@@ -11,8 +11,12 @@ __all__ = [
     "AdjustableKineticEnergy",
     "Alignment",
     "Analysis",
+    "AnalysisSettings",
+    "AngleConvention",
     "ArmPaths",
+    "AxisRotation",
     "Ball",
+    "BatchResult",
     "Capsule",
     "Certificate",
     "Clearance",
@@ -22,6 +26,7 @@ __all__ = [
     "ErrorProfile",
     "Estimate",
     "Euclidean",
+    "FrameMotion",
     "Geodesic",
     "GeodesicOcpError",
     "Grid",
@@ -34,6 +39,10 @@ __all__ = [
     "KineticEnergy",
     "LinkPairs",
     "LivePlot",
+    "LostMarker",
+    "MarkerFit",
+    "MarkerSet",
+    "Markers",
     "MethodComparison",
     "Metric",
     "MetricComparison",
@@ -56,6 +65,7 @@ __all__ = [
     "Reconstruction",
     "Recording",
     "RecordingError",
+    "RecordingOutcome",
     "RegionAvoiding",
     "Replay",
     "RetargetedArm",
@@ -63,17 +73,25 @@ __all__ = [
     "RetargetingSettings",
     "RobotArmature",
     "Scores",
+    "SegmentOrientations",
+    "SegmentRelation",
+    "SkeletonConvention",
     "Solution",
     "Stats",
+    "Study",
+    "StudyMean",
+    "StudyTest",
     "Subject",
     "Synergy",
     "SynergyGroup",
+    "SynergyStatistics",
     "Table",
     "TimeLaw",
     "ToPose",
     "TrajectoryCheck",
     "alignment",
     "analyse",
+    "analyse_recordings",
     "bootstrap_fit",
     "certify",
     "check_trajectory",
@@ -94,13 +112,16 @@ __all__ = [
     "evaluate",
     "exp",
     "fit_metric",
+    "fit_motion",
     "frechet_mean",
     "geodesic",
     "geodesic_from_velocity",
     "geodesic_to_pose",
     "geodesics",
     "human_arm",
+    "human_upper_body",
     "inverse_kinematics",
+    "joint_angles",
     "joint_limits",
     "leave_one_out",
     "link_pairs",
@@ -121,7 +142,9 @@ __all__ = [
     "propose_alignment",
     "reachability",
     "read_alignment",
+    "read_markers",
     "read_motion",
+    "read_recording",
     "read_recordings",
     "read_trajectory",
     "reconstruct",
@@ -143,6 +166,7 @@ __all__ = [
     "separate_fits",
     "signed_distances",
     "solve",
+    "study",
     "time_law",
     "toppra_trajectory",
     "track_hand",
@@ -218,6 +242,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.model.geometry.enclosing_capsule import enclosing_capsule
     from geodesic_ocp.model.geometry.signed_distances import collision_pairs, signed_distances
     from geodesic_ocp.model.human.human_arm import human_arm
+    from geodesic_ocp.model.human.human_upper_body import human_upper_body
     from geodesic_ocp.model.inertias.known_armature import (
         RobotArmature,
         robot_armature,
@@ -238,9 +263,24 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.ocp.solve.solution import Solution
     from geodesic_ocp.ocp.solve.solve import solve
     from geodesic_ocp.ocp.solve.stats import Stats
+    from geodesic_ocp.recordings.conventions.angle_convention import (
+        AngleConvention,
+        AxisRotation,
+        SegmentRelation,
+    )
+    from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
+    from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
+    from geodesic_ocp.recordings.markers.fit_motion import fit_motion
+    from geodesic_ocp.recordings.markers.lost_markers import LostMarker
+    from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
+    from geodesic_ocp.recordings.markers.marker_set import MarkerSet
+    from geodesic_ocp.recordings.markers.markers import Markers
+    from geodesic_ocp.recordings.markers.read_markers import read_markers
     from geodesic_ocp.recordings.read_motion import read_motion
+    from geodesic_ocp.recordings.read_recording import read_recording
     from geodesic_ocp.recordings.read_recordings import read_recordings
     from geodesic_ocp.recordings.recording import Recording
+    from geodesic_ocp.recordings.skeletons.skeleton_convention import SkeletonConvention
     from geodesic_ocp.reports.report import report
     from geodesic_ocp.retargeting.alignment.alignment import alignment
     from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
@@ -252,6 +292,15 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.retargeting.result import Retargeting
     from geodesic_ocp.retargeting.retarget import retarget, retarget_arms
     from geodesic_ocp.retargeting.settings import RetargetingSettings
+    from geodesic_ocp.studies.batch.analyse_recordings import analyse_recordings
+    from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
+    from geodesic_ocp.studies.batch.batch_result import BatchResult
+    from geodesic_ocp.studies.batch.outcome import RecordingOutcome
+    from geodesic_ocp.studies.study.statistics.means import StudyMean
+    from geodesic_ocp.studies.study.statistics.subject_tests import StudyTest
+    from geodesic_ocp.studies.study.statistics.synergy_statistics import SynergyStatistics
+    from geodesic_ocp.studies.study.study import study
+    from geodesic_ocp.studies.study.study_results import Study
     from geodesic_ocp.synergies.analyse import analyse
     from geodesic_ocp.synergies.analysis import Analysis
     from geodesic_ocp.synergies.baselines.distal_inertia import distal_inertia
@@ -276,6 +325,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.synergies.synergy_files import load_synergies, save_synergies
     from geodesic_ocp.table import Table
     from geodesic_ocp.trajectory.filters.motion_filter import MotionFilter
+    from geodesic_ocp.trajectory.frame_motion import FrameMotion
     from geodesic_ocp.trajectory.grid import Grid
     from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
     from geodesic_ocp.trajectory.motion import Motion, Subject
@@ -389,6 +439,28 @@ else:
         "comparison.method_comparison": "MethodComparison",
         "comparison.metric_comparison": "MetricComparison",
         "comparison.paired_test": "PairedTest paired_test",
+        "recordings.conventions.angle_convention": "AngleConvention AxisRotation SegmentRelation",
+        "recordings.conventions.segment_orientations": "SegmentOrientations",
+        "recordings.conventions.joint_angles": "joint_angles",
+        "recordings.skeletons.skeleton_convention": "SkeletonConvention",
+        "recordings.markers.markers": "Markers",
+        "recordings.markers.read_markers": "read_markers",
+        "recordings.markers.marker_set": "MarkerSet",
+        "recordings.markers.marker_fit": "MarkerFit",
+        "recordings.markers.fit_motion": "fit_motion",
+        "recordings.markers.lost_markers": "LostMarker",
+        "recordings.read_recording": "read_recording",
+        "trajectory.frame_motion": "FrameMotion",
+        "model.human.human_upper_body": "human_upper_body",
+        "studies.batch.analyse_recordings": "analyse_recordings",
+        "studies.batch.batch_result": "BatchResult",
+        "studies.batch.analysis_settings": "AnalysisSettings",
+        "studies.batch.outcome": "RecordingOutcome",
+        "studies.study.study": "study",
+        "studies.study.study_results": "Study",
+        "studies.study.statistics.means": "StudyMean",
+        "studies.study.statistics.subject_tests": "StudyTest",
+        "studies.study.statistics.synergy_statistics": "SynergyStatistics",
         "table": "Table",
         "trajectory.grid": "Grid",
         "trajectory.motion": "Motion Subject",
