@@ -165,7 +165,8 @@ def c3d(
     """A c3d file of points (k, m, 4): coordinates, and the residual's word.
 
     Coordinates are floats if the scale is negative, else integers in units of the scale. The
-    floats of DEC have their words swapped and are a fourth of what IEEE's would be.
+    floats of DEC have their words swapped and are a fourth of what IEEE's would be. Counts of more
+    than 16 bits are in the group TRIAL.
     """
     order, number = {"Intel": ("<", 84), "DEC": ("<", 85), "MIPS": (">", 86)}[processor]
 
@@ -182,15 +183,19 @@ def c3d(
 
     count = len(points) if frames is None else frames
     chain = b""
-    for group, name in enumerate(("POINT", "ANALOG"), start=1):
+    for group, name in enumerate(("POINT", "ANALOG", "TRIAL"), start=1):
         head = struct.pack(f"{order}bb{len(name)}sHB", len(name), -group, name.encode(), 3, 0)
         chain += head
     for group, name, value in (
         (1, "USED", points.shape[1]),
-        (1, "FRAMES", count),
+        (1, "FRAMES", min(count, 65535)),
         (2, "USED", analog),
     ):
         chain += parameter(group, name, 2, b"", struct.pack(f"{order}H", value))
+    if count > 65535:
+        for name, value in {"ACTUAL_START_FIELD": 1, "ACTUAL_END_FIELD": count}.items():
+            words = struct.pack(f"{order}HH", value % 65536, value // 65536)
+            chain += parameter(3, name, 2, b"\2", words)
     rates = ((1, "RATE", 100.0), (1, "SCALE", scale), (2, "RATE", 100.0), (2, "GEN_SCALE", 1.0))
     for group, name, amount in rates:
         chain += parameter(group, name, 4, b"", floats(np.array([amount])))
@@ -200,7 +205,7 @@ def c3d(
         chain += parameter(1, name, -1, bytes([width, len(given)]), text)
     blocks = -(-(len(chain) + 6) // 512)
     section = (bytes([1, 80, blocks, number]) + chain).ljust(512 * blocks, b"\0")
-    header = struct.pack(f"{order}5H", points.shape[1], analog, 1, count, 10)
+    header = struct.pack(f"{order}5H", points.shape[1], analog, 1, min(count, 65535), 10)
     header += floats(np.array([scale])) + struct.pack(f"{order}HH", 2 + blocks, int(analog > 0))
     header += floats(np.array([100.0]))
     rows = np.concatenate([points.reshape(len(points), -1), np.ones((len(points), analog))], axis=1)

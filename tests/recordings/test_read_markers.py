@@ -172,6 +172,16 @@ def test_ezc3d_reads_the_same_of_a_recording(shared: Path) -> None:
     assert markers.subject.name == "1229"
 
 
+def test_more_frames_than_the_header_can_count(tmp_path: Path) -> None:
+    values = np.zeros((70_000, 1, 4))
+    values[:, 0, 0] = 1.0 + np.arange(70_000)
+    file = write(tmp_path, "long.c3d", c3d(values, ["A"]))
+    assert read_markers(file).positions[-1, 0, 0] == pytest.approx(70.0)
+    write(tmp_path, "long.c3d", file.read_bytes()[:-16])
+    with pytest.raises(go.RecordingError, match="counts 70000 frames, there are 69999"):
+        read_markers(file)
+
+
 def test_points_at_the_origin_without_residual_are_missing(tmp_path: Path) -> None:
     values = points()
     values[0, 0] = 0.0
@@ -216,7 +226,7 @@ LABELS = ["A", "B", "C"]
     [
         (c3d(points(), LABELS, frames=6), "is cut off: the header counts 6 frames, there are 5"),
         (c3d(points(), LABELS)[:-1], "is cut off: the header counts 5 frames, there are 4"),
-        (c3d(points(), LABELS)[:600], "the parameters at byte"),
+        (c3d(points(), LABELS)[:600], "the parameters are broken: 'RATE'"),
         (c3d(points(), LABELS)[:100], "is cut off or broken: its 100 bytes have no block 2"),
         (c3d(points(), LABELS, unit="ft"), "POINT:UNITS must be m, cm or mm, is 'ft'"),
         (c3d(points(), ["A", "A", "C"]), "names of markers must differ, got A twice"),

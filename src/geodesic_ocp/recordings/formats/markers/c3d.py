@@ -84,7 +84,11 @@ def _check_counts(file: Path, header: C3dHeader, size: int) -> None:
             f"{counted[0]:g}"
         )
     held = max(size - header.data, 0) // _frame_size(header)
-    if not 0 < header.frames <= held:
+    if header.frames < 1:
+        raise RecordingError(
+            f"{file}: the header is broken: it counts frames {header.first} to {header.last}"
+        )
+    if header.frames > held:
         raise RecordingError(
             f"{file}: is cut off: the header counts {header.frames} frames, there are {held}"
         )

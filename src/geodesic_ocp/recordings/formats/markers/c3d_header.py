@@ -64,7 +64,7 @@ class C3dHeader:
     def frames(self) -> int:
         """Number of frames; in long files it is in parameters, as the header has 16 bits."""
         count = self.last - self.first + 1
-        if self.last < _SATURATED:
+        if self.first <= self.last < _SATURATED:
             return count
         start = self.numbers("TRIAL", "ACTUAL_START_FIELD", 2)
         end = self.numbers("TRIAL", "ACTUAL_END_FIELD", 2)
@@ -95,10 +95,8 @@ def read_c3d_header(file: Path, content: bytes) -> C3dHeader:
     points, analog, first, last = struct.unpack_from(f"{order}4H", content, 2)
     (data,) = struct.unpack_from(f"{order}H", content, 16)
     scale, rate = (floats(content[at : at + 4], order, is_dec)[0] for at in (12, 20))
-    if last < first or data <= block:
-        raise RecordingError(
-            f"{file}: the header is broken: frames {first} to {last}, data from block {data}"
-        )
+    if data <= block:
+        raise RecordingError(f"{file}: the header is broken: its data begin in block {data}")
     for name, value in {"scale": scale, "rate": rate}.items():
         if not math.isfinite(value) or value == 0.0 or (name == "rate" and value < 0.0):
             raise RecordingError(f"{file}: the header is broken: its {name} is {value:g}")
