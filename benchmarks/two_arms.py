@@ -6,8 +6,8 @@ compared at equal numbers of segments. Errors of the joints are those of the 14 
 Errors of the hands are in the room: for arms alone with the observed trunk, for the upper body with
 the predicted one; those that its arms alone make are in brackets.
 
-Then the part that the motion of the trunk has in the forces at the joints of the arms. With
---logs, log maps between random configurations first: how many are found, and how long they take.
+With --logs, log maps between random configurations first: how many are found, and how long they
+take.
 """
 
 from __future__ import annotations
@@ -20,12 +20,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
-import scipy
-from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
-from geodesic_ocp.model.human.anthropometry import trunk
 from geodesic_ocp.model.human.human_upper_body import human_upper_body
 from geodesic_ocp.synergies.joint_inertia import with_joint_inertia
 
@@ -39,7 +35,6 @@ RECORDINGS = (
 )
 SIDES = ("right", "left")
 MASS = 70.0  # [kg], without effect on geodesics
-CUTOFFS = (None, 3.0)  # [Hz]; accelerations amplify noise
 METRICS: dict[str, Callable[[go.Model], go.KineticEnergy]] = {
     "joint inertia": lambda model: go.KineticEnergy(with_joint_inertia(model)),
     "kinetic": lambda model: go.KineticEnergy(model),
@@ -90,10 +85,6 @@ def main() -> None:
                     ]
                     for found in zip(*best, strict=True):
                         _report((metric, system, "best"), found, models, arms, motion)
-        print()
-        for side, arm in zip(SIDES, arms, strict=True):
-            for cutoff in CUTOFFS:
-                print(f"{side} arm: {base_motion(arm, side, motion, height, cutoff)}", flush=True)
 
 
 def _random_logs(count: int, seed: int = 1) -> None:
@@ -179,72 +170,6 @@ def _report(
     taken = f"{seconds:.2f} s" + (f", {failed} failed" if failed else "")
     row = *title, segments, f"{np.mean(joints):.4f}", *hands, taken
     print(f"| {' | '.join(row)} |", flush=True)
-
-
-def base_motion(
-    arm: go.Model, side: str, motion: go.Motion, height: float, cutoff: float | None
-) -> str:
-    """The part of the shoulder's motion in the forces at an arm's joints, without gravity.
-
-    The forces of the recorded motion, with the thorax moving as recorded and at rest. Their size is
-    that in the metric's dual, sqrt(f' G^-1 f), with and without the default joint inertia.
-    """
-    assert motion.trunk is not None
-    moving, frame = _on_a_moving_base(arm, side, height), motion.trunk
-    mean = Rotation.from_matrix(frame.rotations).mean()
-    turned = (mean.inv() * Rotation.from_matrix(frame.rotations)).as_euler("XYZ")
-    placed = (frame.positions - frame.positions.mean(axis=0)) @ mean.as_matrix()
-    base = go.Motion(motion.time, np.hstack([placed, turned]), tuple("xyzabc")).filtered(
-        cutoff=cutoff
-    )
-    joints = motion.select(arm.joint_names).filtered(cutoff=cutoff)
-    assert base.velocity is not None
-    assert joints.velocity is not None
-    q, v = np.hstack([base.q, joints.q]), np.hstack([base.velocity, joints.velocity])
-    a = scipy.interpolate.CubicSpline(motion.time, v)(motion.time, 1)
-    at_rest = np.array([*[0.0] * 6, *[1.0] * arm.dof])
-    data = moving.createData()
-    forces = np.array([pin.rnea(moving, data, *state)[6:] for state in zip(q, v, a, strict=True)])
-    fixed = np.array(
-        [
-            pin.rnea(moving, data, x, y * at_rest, z * at_rest)[6:]
-            for x, y, z in zip(q, v, a, strict=True)
-        ]
-    )
-    speed = np.linalg.norm(base.velocity[:, :3], axis=1)
-    turn = np.linalg.norm(base.velocity[:, 3:], axis=1)
-    parts = []
-    for name in METRICS:
-        model = METRICS[name](arm).model
-        added = np.outer(np.ones(len(a)), model.armature) * a[:, 6:]
-        inverse = np.array([np.linalg.inv(model.mass_matrix(row)) for row in joints.q])
-
-        def size(force: np.ndarray, inverse: np.ndarray = inverse) -> float:
-            return float(np.sqrt(np.mean(np.einsum("ki,kij,kj->k", force, inverse, force))))
-
-        share = size(forces - fixed) / size(fixed + added)
-        parts.append(f"{100 * share:.1f} % ({name})")
-    return (
-        f"below {'the noise' if cutoff is None else f'{cutoff:g} Hz'}, "
-        f"motion of the trunk ({speed.mean():.3f} m/s, {turn.mean():.3f} rad/s on average) is "
-        f"{' and '.join(parts)} of the forces at the joints, RMS"
-    )
-
-
-def _on_a_moving_base(arm: go.Model, side: str, height: float) -> pin.Model:
-    """The arm on a thorax that moves in three translations and three rotations, without gravity."""
-    model, parent = pin.Model(), 0
-    for joint in ("PX", "PY", "PZ", "RX", "RY", "RZ"):
-        kind = getattr(pin, f"JointModel{joint}")()
-        parent = model.addJoint(parent, kind, pin.SE3.Identity(), joint)
-    across = trunk().half_width * height * (1.0 if side == "right" else -1.0)
-    collar = model.addFrame(
-        pin.Frame("thorax", parent, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME)
-    )
-    shoulder = pin.SE3(np.eye(3), np.array([across, 0.0, 0.0]))
-    whole = pin.appendModel(model, arm.pin, collar, shoulder)
-    whole.gravity = pin.Motion.Zero()
-    return whole
 
 
 if __name__ == "__main__":
