@@ -49,6 +49,30 @@ def test_parquet_is_read_where_only_that_is_there(tmp_path: Path) -> None:
         study(tmp_path)
 
 
+@given(st.integers(0, 100_000), st.integers(0, 255), st.integers(0, 100))
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_damaged_parquet_is_refused_or_read(
+    tmp_path: Path, place: int, value: int, missing: int
+) -> None:
+    """Also where text that is not UTF-8 hides in a file whose structure is right."""
+    pytest.importorskip("pyarrow")
+    whole = tmp_path / "whole"
+    if not whole.is_dir():
+        whole.mkdir()
+        written(whole, drawn(0, 2, 1)[0])
+    data = (whole / "recordings.parquet").read_bytes()
+    place %= len(data)
+    damaged = data[:place] + bytes([value]) + data[place + 1 + (missing % 3) * missing :]
+    (tmp_path / "recordings.parquet").write_bytes(damaged)
+    try:
+        study(tmp_path).means_table()
+    except go.RecordingError as error:
+        reason = str(error)
+    else:
+        reason = "recordings"
+    assert "recordings" in reason
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -125,6 +149,10 @@ def test_conditions_come_from_a_column_or_from_a_table_of_files(tmp_path: Path) 
     table.write_text(f"file,condition\n{names[0]},slow\n")
     with pytest.raises(go.RecordingError, match=r"does not name the recording's file 'S1_1\.csv'"):
         study(tmp_path, by="condition", metadata=table)
+    rows = [row for k in range(21) for row in rows_of(f"r{k}", "Ann", {"riemannian": 1.0})]
+    write_tidy(tmp_path, "recordings", [{**row, "trial": row["recording"]} for row in rows])
+    with pytest.raises(ValueError, match="'trial' has 21 values, more than 20, such as 'r0', 'r1'"):
+        study(tmp_path, by="trial")
     with pytest.raises(
         ValueError, match="by must be a column, one of trial, side, metric, settings, got 'method'"
     ):

@@ -8,7 +8,7 @@ from os import PathLike
 from typing import cast
 
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.studies.study.statistics.subjects import condition_of
+from geodesic_ocp.studies.study.statistics.subjects import condition_of, conditions_of
 from geodesic_ocp.studies.study.study_results import Study
 from geodesic_ocp.studies.study.tables.analysis_tables import analysis_tables
 from geodesic_ocp.studies.study.tables.metadata import with_metadata
@@ -16,6 +16,7 @@ from geodesic_ocp.studies.study.tables.source import StudyTables, read_study_tab
 from geodesic_ocp.studies.tables import RECORDING_COLUMNS, Row
 from geodesic_ocp.synergies.analysis import Analysis
 
+_MOST_CONDITIONS = 20
 _NOT_CONDITIONS = {
     *("recording", "file", "subject", "method", "method_label"),
     *(column.name for column in RECORDING_COLUMNS if column.kind != "text"),
@@ -93,6 +94,12 @@ def _check_conditions(rows: Sequence[Row], by: str | None) -> None:
     columns = {name: None for row in rows for name in row if name not in _NOT_CONDITIONS}
     if by not in columns:
         raise ValueError(f"by must be a column, one of {', '.join(columns)}, got {by!r}")
+    conditions = conditions_of(rows, by)
+    if len(conditions) > _MOST_CONDITIONS:
+        raise ValueError(
+            f"by: {by!r} has {len(conditions)} values, more than {_MOST_CONDITIONS}, such as "
+            f"{', '.join(map(repr, conditions[:3]))}; is it a column of conditions?"
+        )
     found: dict[object, str] = {}
     for row in rows:
         condition = condition_of(row, by)

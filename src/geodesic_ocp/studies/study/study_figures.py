@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 _ROW, _FRAME = 0.36, 0.95  # [inch] of a method, and of axis and legend
 _CONFIDENCE = 0.95
+_COLUMNS = 4  # of a legend
 _LEGEND: dict[str, Any] = {"loc": "outside lower center", "frameon": False}
 
 
@@ -58,7 +59,7 @@ def errors_figure(means: Sequence[Sequence[StudyMean]], label: Callable[[str], s
     several = any(each.interval for own in shown for each in own)
     mean = f"mean, {_CONFIDENCE:.0%} interval" if several else "mean"
     handles = group_handles(conditions, mean)
-    figure.legend(handles=handles, ncols=len(handles), **_LEGEND)
+    figure.legend(handles=handles, ncols=min(_COLUMNS, len(handles)), **_LEGEND)
     return figure
 
 
@@ -112,7 +113,7 @@ def synergies_figure(rows: dict[str, list[Row]], unit: str) -> Figure:
         draw_distributions(axes, values, text)
     panels[0].set_ylabel("share of synergies")
     handles, names = panels[0].get_legend_handles_labels()
-    figure.legend(handles, names, ncols=len(handles), **_LEGEND)
+    figure.legend(handles, names, ncols=min(_COLUMNS, len(handles)), **_LEGEND)
     return figure
 
 
@@ -126,7 +127,7 @@ def durations_figure(rows: Sequence[Row]) -> Figure:
         errors = measure.scale * _numbers(rows, measure.column)
         draw_trend(axes, time, errors, ("duration of a synergy [s]", f"mean {measure.axis}"))
     handles, names = panels[0].get_legend_handles_labels()
-    legend = figure.legend(handles, names, ncols=len(handles), **_LEGEND)
+    legend = figure.legend(handles, names, ncols=min(_COLUMNS, len(handles)), **_LEGEND)
     for handle in legend.legend_handles[:1]:
         if handle is not None:
             handle.set_alpha(1.0)  # a single point of many is too pale to see

@@ -97,9 +97,9 @@ def _parquet(file: Path) -> tuple[list[str], list[tuple[str, list[Any]]]]:
 
     try:
         table = pyarrow.parquet.read_table(file)
-    except (OSError, pyarrow.ArrowException) as error:
+        columns = [column.to_pylist() for column in table.columns]
+    except (OSError, ValueError, pyarrow.ArrowException) as error:  # ValueError: text is not UTF-8
         raise RecordingError(f"{file}: cannot be read as Parquet: {error}") from None
-    columns = [column.to_pylist() for column in table.columns]
     rows = zip(*columns, strict=True)
     return list(table.column_names), [(f"row {k}", list(row)) for k, row in enumerate(rows, 1)]
 
