@@ -43,12 +43,12 @@ METRICS: dict[str, Callable[[go.Model], go.KineticEnergy]] = {
 
 @dataclass(frozen=True)
 class Found:
-    """Segments and predicted motion of one model, the time they took, and log maps that failed."""
+    """Segments and predicted motion of one model, the time they took, and what failed."""
 
     segments: int
     predicted: go.Motion
     seconds: float
-    failed: int = 0
+    failed: str = ""
 
 
 def main() -> None:
@@ -134,11 +134,11 @@ def _best(
     """Best cuts for each number; the time is that of all numbers together."""
     motion = motion.select(metric.model.joint_names)
     begin = time.perf_counter()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # failures are counted here
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
         cuts = go.optimal_segmentations(metric, motion, spacing=spacing)
     seconds = time.perf_counter() - begin
-    failed = cuts._costs.failures
+    failed = "; ".join(str(warning.message) for warning in caught)
     return [Found(count, cuts.predicted(count, refined=False), seconds, failed) for count in counts]
 
 
@@ -166,8 +166,7 @@ def _report(
         hands.append(shown)
     segments = " + ".join(str(each.segments) for each in found)
     seconds = sum(each.seconds for each in found)
-    failed = sum(each.failed for each in found)
-    taken = f"{seconds:.2f} s" + (f", {failed} failed" if failed else "")
+    taken = ", ".join([f"{seconds:.2f} s", *(each.failed for each in found if each.failed)])
     row = *title, segments, f"{np.mean(joints):.4f}", *hands, taken
     print(f"| {' | '.join(row)} |", flush=True)
 
