@@ -122,17 +122,15 @@ def test_the_model_s_frames_may_be_recorded_by_their_names() -> None:
     assert set(fit.undetermined) <= {"LEz_joint", "LWx_joint", "LWy_joint"}
 
 
-@pytest.mark.parametrize("side", ["right", "left"])
-def test_noise_gaps_and_swapped_markers_leave_the_motion_as_it_is(side: str) -> None:
-    arm, time = go.human_arm(side, HEIGHT), np.arange(200) / 100.0  # type: ignore[arg-type]
+def test_noise_gaps_and_swapped_markers_leave_the_motion_as_it_is() -> None:
+    arm, time = go.human_arm("left", HEIGHT), np.arange(180) / 100.0
     q = angles(arm, time)
     markers = marked(arm, q, time, MMM_MARKERS, noise=1e-3)
-    letter = side[0].upper()
     column = {name: markers.names.index(name) for name in markers.names}
     positions = markers.positions.copy()
-    positions[60:75, column[f"{letter}HTS"]] = np.nan
-    positions[100:112, [column[f"{letter}{name}"] for name in ("HTS", "HPS", "IFD")]] = np.nan
-    swapped = [column[f"{letter}WTS"], column[f"{letter}WPS"]]
+    positions[60:75, column["LHTS"]] = np.nan
+    positions[100:112, [column[f"L{name}"] for name in ("HTS", "HPS", "IFD")]] = np.nan
+    swapped = [column["LWTS"], column["LWPS"]]
     positions[130:160, swapped] = positions[130:160, swapped[::-1]]
     fit = fit_motion(arm, replace(markers, positions=positions), estimate=())
     error = np.abs(fit.motion.q - q)
@@ -145,7 +143,7 @@ def test_noise_gaps_and_swapped_markers_leave_the_motion_as_it_is(side: str) -> 
     assert angle.max() < 0.01
     assert np.abs(fit.motion.trunk.positions - walk(time).positions).max() < 0.002
     found = {(each.marker, each.near) for each in fit.lost}
-    assert found == {(f"{letter}WTS", f"{letter}WPS"), (f"{letter}WPS", f"{letter}WTS")}
+    assert found == {("LWTS", "LWPS"), ("LWPS", "LWTS")}
     for each in fit.lost:
         assert each.start == pytest.approx(1.3)
         assert each.end == pytest.approx(1.59)

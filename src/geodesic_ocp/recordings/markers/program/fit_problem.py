@@ -15,6 +15,7 @@ from geodesic_ocp.recordings.markers.program.body import MarkedBody
 from geodesic_ocp.recordings.markers.program.fit_program import FitProgram, FrameTerms
 from geodesic_ocp.recordings.markers.program.fit_settings import (
     LENGTH_SPREAD,
+    POSTURE_SPREAD,
     PRIOR_TIME,
     ROOT_LEVER,
     FitSettings,
@@ -126,6 +127,13 @@ class FitProblem:
         return np.unwrap(own.as_euler("ZYX"), axis=0)
 
     @cached_property
+    def neutral(self) -> Array:
+        """Variables of a frame (nz,) with the joints at zero, or at the limit next to it."""
+        model = self.body.model
+        posture = np.clip(np.zeros(model.dof), model.lower, model.upper)
+        return np.concatenate([np.zeros(self.first_joint), posture])
+
+    @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Of the variables of a frame."""
         n, free = self.body.model.dof, np.full(self.first_joint, np.inf)
@@ -157,12 +165,16 @@ class FitProblem:
         levers = np.ones(self.nz)
         if self.moves:
             levers[:3] = 1.0 / ROOT_LEVER
+        share = sample_shares(time)
+        weak = np.where(np.arange(self.nz) < self.first_joint, 0.0, POSTURE_SPREAD**-2)
         of_frames = scipy.sparse.kron(rough, scipy.sparse.diags(levers**2))
+        of_frames += scipy.sparse.kron(scipy.sparse.diags(share), scipy.sparse.diags(weak))
+        towards = np.kron(share, weak * self.neutral) / (duration * len(self.segments))
         scale = duration * len(self.segments)
         hessian, slope = self._priors()
         weight = PRIOR_TIME / scale
         matrix = scipy.sparse.block_diag([of_frames / scale, weight * hessian], format="csc")
-        return matrix, np.concatenate([np.zeros(of_frames.shape[0]), weight * slope])
+        return matrix, np.concatenate([towards, weight * slope])
 
     def _priors(self) -> tuple[Array, Array]:
         """Hessian and minus the slope, at zero, of the priors of the shared variables.

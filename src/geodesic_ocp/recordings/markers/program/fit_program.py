@@ -24,9 +24,11 @@ import scipy
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.ipopt import Ipopt, Outcome
 
-_IPOPT = {"max_iter": 200, "mu_strategy": "monotone", "mu_init": 1e-4, "acceptable_iter": 0}
-# The tolerance, and how rounding limits it, relative to the largest curvature of the objective.
-_TOLERANCE, _ROUNDING = 1e-7, 1e-14
+_IPOPT = {"max_iter": 200, "mu_strategy": "monotone", "acceptable_iter": 0}
+# How rounding limits the tolerance, relative to the largest curvature of the objective.
+_ROUNDING = 1e-14
+# Of the barrier at first, summed over all variables with bounds.
+_BARRIER = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,13 +99,16 @@ class FitProgram:
     lower: Array
     upper: Array
 
-    def solve(self, x: Array, outlier: float, options: dict[str, Any] | None = None) -> Outcome:
+    def solve(
+        self, x: Array, outlier: float, tolerance: float, options: dict[str, Any] | None = None
+    ) -> Outcome:
         """The solution from x, where a marker `outlier` [m] away keeps a quarter of its weight."""
         functions = self._functions
         derivatives = {name: functions[name] for name in ("grad_f", "hess_lag")}
         stiffest = float(abs(self.quadratic[0]).max())
-        tolerance = max(_TOLERANCE, _ROUNDING * stiffest)
-        chosen = {"tol": tolerance, **_IPOPT, **(options or {})}
+        bounded = max(1, int(np.isfinite(self.lower).sum() + np.isfinite(self.upper).sum()))
+        own = {"tol": max(tolerance, _ROUNDING * stiffest), "mu_init": _BARRIER / bounded}
+        chosen = {**_IPOPT, **own, **(options or {})}
         solver = Ipopt(functions["nlp"], derivatives, chosen)
         start = np.clip(x, self.lower, self.upper)
         return solver(x0=start, p=outlier, lbx=self.lower, ubx=self.upper)

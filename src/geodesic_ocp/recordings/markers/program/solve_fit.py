@@ -13,6 +13,7 @@ from geodesic_ocp.recordings.markers.program.start import FrameSearch, rigid_pos
 
 _COARSE_STEP = 0.05  # [s]
 _WIDE = 0.2  # outlier size of the first solution, to which few markers are lost [m]
+_ROUGHLY, _CLOSELY = 1e-5, 1e-6  # tolerances
 _STEEP = 0.8  # sine of the root's angle in the middle, above which other axes are chosen
 # Parts of a person that hardly move in the root, if that has fewer than three markers.
 _TRUNK = ("pelvis", "abdomen", "thorax")
@@ -53,6 +54,8 @@ def solve_fit(
         ValueError: the root moves and has too few markers.
     """
     coarse = _coarse(time)
+    narrow = problem.settings.outlier
+    wide = max(_WIDE, narrow)
     problem, start = _root_start(problem, time, observed)
     search = FrameSearch(
         problem.terms.slopes,
@@ -60,20 +63,22 @@ def solve_fit(
         *_start_bounds(problem),
         np.arange(problem.nz) >= problem.first_joint,
         problem.settings.noise,
-        max(_WIDE, problem.settings.outlier),
+        wide,
     )
     z, shared, iterations = search.along(start[coarse], observed[coarse]), np.zeros(problem.ns), 0
-    stages = [(coarse, max(_WIDE, problem.settings.outlier)), (coarse, problem.settings.outlier)]
+    stages = [(coarse, wide, _ROUGHLY), (coarse, narrow, _ROUGHLY)]
     everything = np.arange(time.size)
     if coarse.size < time.size:
-        stages.append((everything, problem.settings.outlier))
+        stages.append((everything, narrow, _CLOSELY))
+    else:
+        stages[-1] = (coarse, narrow, _CLOSELY)
     before, program = coarse, None
-    for rows, outlier in stages:
+    for rows, outlier, tolerance in stages:
         if program is None or rows is not before:
             program = problem.program(time[rows], observed[rows])
         if rows is not before:
             z = np.stack([np.interp(time[rows], time[before], each) for each in z.T], axis=1)
-        outcome = program.solve(np.concatenate([z.ravel(), shared]), outlier, ipopt)
+        outcome = program.solve(np.concatenate([z.ravel(), shared]), outlier, tolerance, ipopt)
         iterations += outcome.iterations
         z = outcome.x[: z.size].reshape(z.shape)
         shared, before = outcome.x[z.size :], rows
@@ -104,19 +109,15 @@ def _start_bounds(problem: FitProblem) -> tuple[Array, Array]:
 
 def _root_start(problem: FitProblem, time: Array, observed: Array) -> tuple[FitProblem, Array]:
     """First values of the variables, and the problem with axes that suit the root's rotation."""
-    z = np.zeros((time.size, problem.nz))
-    model = problem.body.model
-    middle = np.clip(np.zeros(model.dof), model.lower, model.upper)
-    z[:, problem.first_joint :] = middle
+    z = np.tile(problem.neutral, (time.size, 1))
     if not problem.moves:
         return problem, z
     carried = [problem.body.attachment(segment).joint <= 0 for segment in problem.segments]
     if sum(carried) < 3:
         carried = [segment in _TRUNK for segment in problem.segments]
     columns = np.flatnonzero(carried)
-    neutral = np.concatenate([np.zeros(ROOT), middle])
     at_zero = replace(problem, axes=np.eye(3))
-    places = at_zero.terms.positions(neutral, np.zeros(problem.ns)).full().T
+    places = at_zero.terms.positions(problem.neutral, np.zeros(problem.ns)).full().T
     rotations, origins = rigid_poses(places[columns], observed[:, columns], time)
     # The angle in the middle of three must stay away from 90 deg: its sine is the component of the
     # root's x axis along the axis of the first angle, which is z if that will do.
