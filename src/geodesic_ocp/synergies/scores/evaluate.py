@@ -15,7 +15,7 @@ from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.path import speeds_at
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class HandErrors:
     """Mean errors of one of several hands over the samples of a motion.
 
@@ -28,6 +28,12 @@ class HandErrors:
     name: str
     position: float
     orientation: float
+
+    def __repr__(self) -> str:
+        return (
+            f"HandErrors({self.name}, position {self.position:.4g} m, "
+            f"orientation {self.orientation:.4g} rad)"
+        )
 
 
 @dataclass(frozen=True, repr=False)
