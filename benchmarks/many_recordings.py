@@ -32,8 +32,8 @@ def main() -> None:
         folder = Path(temporary)
         write_recordings(folder / "data", options.count)
         first = 0.0
-        for jobs in options.jobs:
-            rate = measure(folder / "data", folder / f"jobs_{jobs}", options.count, jobs)
+        for number, jobs in enumerate(options.jobs):
+            rate = measure(folder / "data", folder / f"run_{number}", options.count, jobs)
             first = first or rate
             print(f"  {rate / first:.2f} times the first", flush=True)
 

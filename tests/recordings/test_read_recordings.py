@@ -83,6 +83,8 @@ def test_without_any_recording(tmp_path: Path) -> None:
         go.read_recordings(tmp_path)
     with pytest.raises(go.RecordingError, match="there is no such file"):
         go.read_recordings(tmp_path / "a.csv", skip=True)
+    with pytest.raises(go.RecordingError, match="none: there is no such file or folder"):
+        go.read_recordings(tmp_path / "none")
     with pytest.raises(ValueError, match="paths must name at least one file or folder"):
         go.read_recordings([])
 

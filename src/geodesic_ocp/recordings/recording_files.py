@@ -27,7 +27,8 @@ def recording_files(
         The files in the order given, each once.
 
     Raises:
-        RecordingError: a folder or pattern without any such file.
+        RecordingError: a folder or pattern without any such file, or a path that is neither a
+            file nor a folder, without the suffix of a recording.
         ValueError: no path.
     """
     given = [paths] if isinstance(paths, (str, PathLike)) else list(paths)
@@ -37,8 +38,10 @@ def recording_files(
             files += _in_folder(path, recursive)
         elif glob.has_magic(str(path)) and not path.exists():
             files += _matching(str(path))
+        elif path.exists() or path.suffix.lower() in SUFFIXES:
+            files.append(path)  # whoever reads it tells if it is missing
         else:
-            files.append(path)
+            raise RecordingError(f"{path}: there is no such file or folder")
     if not files:
         raise ValueError("paths must name at least one file or folder, got none")
     return list(dict.fromkeys(files))
