@@ -201,3 +201,12 @@ def archive(header: bytes, content: bytes) -> bytes:
 def test_archives_that_claim_more_than_they_hold(rows: int, tmp_path: Path) -> None:
     header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': ({rows}, 156)}}\n".encode()
     assert outcome(tmp_path, "motion.npz", archive(header, b"\0" * 4_000_000)) is None
+
+
+def test_a_hierarchy_without_joints(tmp_path: Path) -> None:
+    """Found by chance."""
+    (tmp_path / "empty.bvh").write_text("HIERARCHY\nMOTION\nFrames: 2\nFrame Time: 0.1\n")
+    with pytest.raises(
+        go.RecordingError, match=r"empty\.bvh: line 2: MOTION, but there is no joint"
+    ):
+        read_motion(tmp_path / "empty.bvh")

@@ -142,10 +142,12 @@ def _check_depth(file: Path, tree: BvhHierarchy, joint: int) -> None:
 
 
 def _check_complete(file: Path, tree: BvhHierarchy, line: int, parent: int) -> None:
-    if parent >= 0 or not tree.joints:
-        what = f"the joint {tree.joints[parent].name} is not closed by '}}'"
+    if not tree.joints:
+        raise RecordingError(f"{file}: line {line}: MOTION, but there is no joint")
+    if parent >= 0:
+        name = tree.joints[parent].name
         raise RecordingError(
-            f"{file}: line {line}: MOTION, but {what if parent >= 0 else 'there is no joint'}"
+            f"{file}: line {line}: MOTION, but the joint {name} is not closed by '}}'"
         )
     for joint in tree.joints:
         for what, given in (("OFFSET", joint.offset), ("CHANNELS", joint.channels)):
