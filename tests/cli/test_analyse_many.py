@@ -42,6 +42,7 @@ def test_a_folder_is_analysed_and_again_nothing(
     assert "0 analysed, 3 analysed before, 1 left out" in text
 
 
+@pytest.mark.slow
 def test_patterns_and_several_files(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
