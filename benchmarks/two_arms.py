@@ -22,7 +22,6 @@ from pathlib import Path
 import numpy as np
 
 import geodesic_ocp as go
-from geodesic_ocp.model.human.human_upper_body import human_upper_body
 from geodesic_ocp.synergies.joint_inertia import with_joint_inertia
 
 KIT = Path(__file__).resolve().parents[2] / "shared" / "data" / "kit"
@@ -64,7 +63,7 @@ def main() -> None:
     for name in options.recordings:
         motion = go.read_motion(KIT / f"{name}.xml")
         height = float(motion.subject.height or 0.0)
-        person = human_upper_body(height, MASS)
+        person = go.human_upper_body(height, MASS)
         arms = [go.human_arm(side, height, MASS) for side in SIDES]
         systems = {"arms apart": arms, "both arms": [go.combine(*arms)], "upper body": [person]}
         motion = motion.select(person.joint_names).filtered()
@@ -93,7 +92,7 @@ def _random_logs(count: int, seed: int = 1) -> None:
     systems = {
         "one arm": right,
         "both arms": go.combine(right, left),
-        "upper body": human_upper_body(),
+        "upper body": go.human_upper_body(),
     }
     print("| metric | system | range | found | median [ms] | longest [ms] |")
     print("| --- | --- | --- | ---: | ---: | ---: |")

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.model.human.human_upper_body import human_upper_body
 from geodesic_ocp.recordings.formats.mmm_trunk import TRUNK_JOINTS
 
 TAKE_BOOK = "take_book_from_shelf_right_arm_02"
@@ -117,7 +116,7 @@ def test_the_markers_of_the_chest_are_where_the_model_has_them(shared: Path) -> 
 def test_the_thorax_is_that_of_the_upper_body_on_the_recorded_pelvis(shared: Path) -> None:
     motion = go.read_motion(shared / "data" / "kit" / "Trial_75.xml")
     assert motion.trunk is not None
-    person = human_upper_body(1.84)
+    person = go.human_upper_body(1.84)
     inside = person.frame_pose("thorax", motion.select(person.joint_names).q)[0]
     pelvis = motion.trunk.rotations @ np.swapaxes(inside, 1, 2)
     assert pelvis[:, 2, 2].min() > 0.95  # the pelvis remains level while the person waves

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.model.human.human_upper_body import human_upper_body
 
 SHOULDERS = [(0.2, 0.0, 0.0), (-0.2, 0.0, 0.0)]
 TIME = np.arange(150) / 100.0
@@ -56,7 +55,7 @@ def test_errors_of_each_hand_are_those_of_its_arm(both: go.Model, arms: list[go.
 
 def test_the_trunk_moves_both_hands() -> None:
     """By the distance of each hand from the axis of the joint, times the angle."""
-    person = human_upper_body()
+    person = go.human_upper_body()
     observed = go.Motion(TIME[:2], np.zeros((2, 20)), person.joint_names)
     turned = np.zeros((2, 20))
     turned[:, 1] = 0.01  # about the vertical axis of the lumbar joint
@@ -67,7 +66,7 @@ def test_the_trunk_moves_both_hands() -> None:
 
 
 def test_errors_relative_to_the_pelvis_are_those_in_the_room(rng: np.random.Generator) -> None:
-    person = human_upper_body()
+    person = go.human_upper_body()
     q, other = rng.uniform(person.lower, person.upper, (2, 3, 20))
     motions = [go.Motion(TIME[:3], each, person.joint_names) for each in (q, other)]
     errors = go.evaluate(person, *motions)
@@ -161,7 +160,7 @@ def test_cuts_that_minimize_the_error_of_the_hands_count_both(both: go.Model) ->
 
 
 def test_the_upper_body_is_analysed(shared: Path) -> None:
-    person = human_upper_body(1.83, 70.0)
+    person = go.human_upper_body(1.83, 70.0)
     file = shared / "data" / "kit" / "take_book_from_shelf_right_arm_02.xml"
     analysis = go.analyse(person, go.read_motion(file))
     assert analysis.not_found == ()

@@ -11,14 +11,13 @@ from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 from geodesic_ocp.model.human.anthropometry import trunk
-from geodesic_ocp.model.human.human_upper_body import human_upper_body
 
 TRUNK, RIGHT, LEFT = slice(0, 6), slice(6, 13), slice(13, 20)
 
 
 @pytest.fixture(scope="module")
 def person() -> go.Model:
-    return human_upper_body(1.84, 70.0)
+    return go.human_upper_body(1.84, 70.0)
 
 
 def test_it_agrees_with_the_reference_model_whose_other_joints_are_locked(
@@ -62,7 +61,7 @@ def test_an_arm_has_the_metric_of_an_arm_whatever_the_trunk_does(
 
 
 def test_upright_the_hands_hang_beside_the_body() -> None:
-    person = human_upper_body(2.0)
+    person = go.human_upper_body(2.0)
     for side, sign in (("right", 1.0), ("left", -1.0)):
         _, position = person.frame_pose(f"{side} hand", np.zeros(20))
         height = 0.040 + 0.060 + 0.188 - 0.188 - 0.145 - 0.037
@@ -136,4 +135,4 @@ def test_default_joint_inertia_is_that_of_each_limb(person: go.Model) -> None:
 )
 def test_implausible_arguments_are_rejected(arguments: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        human_upper_body(**arguments)
+        go.human_upper_body(**arguments)
