@@ -31,6 +31,7 @@ __all__ = [
     "GeodesicOcpError",
     "Grid",
     "HalfSpace",
+    "HandErrors",
     "IntegrationFailed",
     "Iterate",
     "JacobiMetric",
@@ -312,7 +313,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.synergies.baselines.track_hand import track_hand
     from geodesic_ocp.synergies.joint_inertia import default_joint_inertia
     from geodesic_ocp.synergies.reconstruct import Reconstruction, reconstruct
-    from geodesic_ocp.synergies.scores.evaluate import MotionErrors, evaluate
+    from geodesic_ocp.synergies.scores.evaluate import HandErrors, MotionErrors, evaluate
     from geodesic_ocp.synergies.scores.score import Scores, score
     from geodesic_ocp.synergies.segmentation.optimal_segmentations import (
         OptimalSegmentations,
@@ -415,7 +416,7 @@ else:
         "retargeting.settings": "RetargetingSettings",
         "synergies.analyse": "analyse",
         "synergies.analysis": "Analysis",
-        "synergies.scores.evaluate": "MotionErrors evaluate",
+        "synergies.scores.evaluate": "HandErrors MotionErrors evaluate",
         "synergies.joint_inertia": "default_joint_inertia",
         "recordings.read_motion": "read_motion",
         "synergies.reconstruct": "Reconstruction reconstruct",
