@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from small_recordings import small_recordings
 
 import geodesic_ocp as go
 from geodesic_ocp.recordings.plausible import check_plausible, check_radians
@@ -34,7 +35,7 @@ def test_every_recording_is_accepted_and_refused_in_degrees(shared: Path, tmp_pa
         for side in ("right", "left"):
             arm = go.human_arm(side)
             recording = go.read_motion(file, arm.joint_names)
-            check_radians(recording)
+            check_radians(recording.joint_names, recording.q)
             if file.suffix == ".xml":
                 check_plausible(arm, recording)
             wrong = replace(recording, q=np.rad2deg(recording.q))
@@ -46,13 +47,24 @@ def test_every_recording_is_accepted_and_refused_in_degrees(shared: Path, tmp_pa
     assert right.q == pytest.approx(recording.q, abs=1e-8)
 
 
+def test_opensim_files_in_degrees_that_say_otherwise(tmp_path: Path) -> None:
+    """Their translations may be of any size."""
+    content = small_recordings()["motion.mot"].decode()
+    content = content.replace("arm_add_r", "pelvis_tx").replace("-5", "25")
+    (tmp_path / "right.mot").write_text(content)
+    assert go.read_motion(tmp_path / "right.mot").q.max() > 25.0
+    (tmp_path / "wrong.mot").write_text(content.replace("inDegrees=yes", "inDegrees=no"))
+    with pytest.raises(go.RecordingError, match=r"elbow_flex_r reaches 42 rad: .* inDegrees=yes"):
+        go.read_motion(tmp_path / "wrong.mot")
+
+
 def test_degrees_of_small_motions_are_found_by_the_limits() -> None:
     """Below two revolutions nothing tells a file in degrees, but the limits of the arm do."""
     arm = go.human_arm("right")
     small = motion(
         *(column + 0.3 * np.sin(TIME) for column in [5.0, 4.0, -9.0, 8.0, 3.0, 1.0, 1.0])
     )
-    check_radians(small)
+    check_radians(small.joint_names, small.q)
     with pytest.raises(ValueError, match=r"RSy_joint reaches -9 rad: are these degrees\?"):
         check_plausible(arm, small)
 
@@ -65,9 +77,9 @@ def test_a_spike_is_no_unit() -> None:
 
 
 def test_angles_of_almost_two_revolutions_are_radians() -> None:
-    check_radians(motion(np.linspace(0.0, 4.0 * np.pi, 50)))
-    with pytest.raises(ValueError, match=r"RSx_joint reaches -12\.6 rad"):
-        check_radians(motion(np.linspace(0.0, -12.6, 50)))
+    check_radians(["a"], np.linspace([0.0], [4.0 * np.pi], 50))
+    with pytest.raises(ValueError, match=r"b reaches -12\.6 rad"):
+        check_radians(["a", "b"], np.linspace([0.0, 0.0], [12.5, -12.6], 50))
 
 
 @pytest.mark.parametrize("function", [go.log, go.distance, go.geodesic])

@@ -204,7 +204,7 @@ def test_archives_that_claim_more_than_they_hold(rows: int, tmp_path: Path) -> N
 
 
 def test_a_hierarchy_without_joints(tmp_path: Path) -> None:
-    """Found by chance."""
+    """Which damaging files at random had come upon."""
     (tmp_path / "empty.bvh").write_text("HIERARCHY\nMOTION\nFrames: 2\nFrame Time: 0.1\n")
     with pytest.raises(
         go.RecordingError, match=r"empty\.bvh: line 2: MOTION, but there is no joint"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from geodesic_ocp.arrays import Array
@@ -28,7 +30,7 @@ def check_plausible(model: Model, motion: Motion) -> None:
     outside = np.maximum(model.lower - motion.q, motion.q - model.upper)
     if _are_degrees(model, motion.q, outside):
         worst_joint = int(np.argmax(outside.max(axis=0)))
-        raise ValueError(_question(motion, worst_joint))
+        raise ValueError(_question(motion.joint_names[worst_joint], motion.q[:, worst_joint]))
     for column, joint in enumerate(motion.joint_names):
         q, low, high = motion.q[:, column], model.lower[column], model.upper[column]
         worst, jump = int(np.argmax(outside[:, column])), int(np.argmax(np.abs(np.diff(q))))
@@ -41,17 +43,17 @@ def check_plausible(model: Model, motion: Motion) -> None:
             raise ValueError(f"{joint} jumps from {q[jump]:.6g} to {q[jump + 1]:.6g} at {jump}")
 
 
-def check_radians(motion: Motion) -> None:
-    """Ask whether the angles of a motion are in degrees, if a joint is two revolutions from zero.
+def check_radians(names: Sequence[str], q: Array) -> None:
+    """Ask whether angles q (k, n) are in degrees, if one is two revolutions from zero.
 
     Raises:
         ValueError: they look like degrees.
     """
-    if np.abs(motion.q).max(initial=0.0) > _LARGEST_ANGLE:
-        worst_joint = int(np.argmax(np.abs(motion.q).max(axis=0)))
+    if np.abs(q).max(initial=0.0) > _LARGEST_ANGLE:
+        worst = int(np.argmax(np.abs(q).max(axis=0)))
         raise ValueError(
-            f"{_question(motion, worst_joint)}, and columns that are no angles are left out by "
-            "joints=..."
+            f"{_question(names[worst], q[:, worst])}, and columns that are no angles are left out "
+            "by joints=..."
         )
 
 
@@ -65,9 +67,8 @@ def _are_degrees(model: Model, q: Array, outside: Array) -> bool:
     return bool(np.all((low <= angles) & (angles <= high)))
 
 
-def _question(motion: Motion, column: int) -> str:
-    worst = motion.q[int(np.argmax(np.abs(motion.q[:, column]))), column]
+def _question(joint: str, q: Array) -> str:
     return (
-        f"{motion.joint_names[column]} reaches {worst:.4g} rad: are these degrees? Angles are in "
-        "rad; a table in degrees has the line '# unit: deg'"
+        f"{joint} reaches {q[int(np.argmax(np.abs(q)))]:.4g} rad: are these degrees? Angles are in "
+        "rad; a table in degrees has the line '# unit: deg', an OpenSim file inDegrees=yes"
     )

@@ -79,7 +79,7 @@ def _mmm(file: Path, joints: Sequence[str] | None) -> Motion:
     from geodesic_ocp.recordings.formats.mmm import read_mmm
 
     motion = read_mmm(file, joints)
-    check_radians(motion)
+    check_radians(motion.joint_names, motion.q)
     return motion
 
 
@@ -87,7 +87,7 @@ def _table(file: Path, joints: Sequence[str] | None) -> Motion:
     from geodesic_ocp.recordings.formats.csv_table import read_table
 
     motion = read_table(file, joints)
-    check_radians(motion)
+    check_radians(motion.joint_names, motion.q)
     return motion
 
 

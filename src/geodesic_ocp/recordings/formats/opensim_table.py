@@ -26,6 +26,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.plausible import check_radians
 
 _TRANSLATION = re.compile(r"(_t|_?trans_?)[xyz]$", re.IGNORECASE)
 _STATE = re.compile(r"/jointset/[^/]+/(?P<coordinate>[^/]+)/(?P<kind>value|speed)$")
@@ -65,6 +66,7 @@ def read_coordinates(file: Path, translations: Sequence[str] = ()) -> Coordinate
 
     Raises:
         RecordingError: no header, no unit of the angles, or a broken row; names the line.
+        ValueError: angles that should be in radians look like degrees.
     """
     lines = file.read_text(encoding="utf-8-sig").splitlines()
     header, first = _header(file, lines)
@@ -99,6 +101,9 @@ def read_coordinates(file: Path, translations: Sequence[str] = ()) -> Coordinate
     if twice:
         raise RecordingError(f"{file}: line {first + 1} names {', '.join(twice)} more than once")
     lengths = [is_translation(name) or name in translations for name in names]
+    if factor == 1.0:
+        angles = [i for i, length in enumerate(lengths) if not length]
+        check_radians([names[i] for i in angles], values[:, [kept[i] for i in angles]])
     return CoordinateTable(
         values[:, 0], tuple(names), values[:, kept] * np.where(lengths, 1.0, factor)
     )
