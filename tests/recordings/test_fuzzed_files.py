@@ -152,7 +152,7 @@ def test_the_undamaged_file_is_read(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", SEEDS)
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(data=st.data())
 def test_damaged_files(name: str, data: st.DataObject) -> None:
     with tempfile.TemporaryDirectory() as folder:
