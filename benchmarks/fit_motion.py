@@ -10,7 +10,8 @@ thorax, 3 lengths and 51 coordinates of offsets.
 With the markers of a recording and the joint angles that a database has for the same frames: errors
 of the fit, differences of the angles, their noise and jerk, and the analysis of both motions at a
 threshold of 0.6 rad, in the metric of kinetic energy and in the default one, with the filter of
-Klein et al. (2022) and with the default one; for the fit also with other settings.
+Klein et al. (2022) and with the default one, with more segments, with the same cuts, and with a
+little joint inertia of forearm and wrist.
 """
 
 from __future__ import annotations
@@ -32,6 +33,8 @@ from geodesic_ocp.recordings.markers.read_markers import read_markers
 from geodesic_ocp.table import Table
 
 FILTERS = {"Savitzky-Golay 0.21 s": {"duration": 0.21}, "default": {}}
+SETTINGS = (("kinetic", 0.6), ("kinetic", 0.3), ("kinetic", 0.15), ("joint-inertia", 0.6))
+WRIST = ("REz_joint", "RWx_joint", "RWy_joint")
 FRAMES = {
     "right upper arm": "right upper arm",
     "right elbow": "REx_joint",
@@ -71,14 +74,30 @@ def speeds(counts: list[int]) -> Table:
     rows = []
     for frames in counts:
         arm, q, markers = synthetic(frames)
+        start = time.process_time()
         fit = fit_motion(arm, markers, height=1.8)
+        processor = time.process_time() - start
         error = float(np.sqrt(np.mean((fit.motion.q - q) ** 2)))
-        row = (str(frames), fit.seconds, frames / fit.seconds, fit.iterations, 1e3 * error)
-        rows.append(row)
-        print(
-            "  ".join(f"{entry:.4g}" if isinstance(entry, float) else str(entry) for entry in row)
+        row = (
+            str(frames),
+            fit.seconds,
+            processor,
+            frames / fit.seconds,
+            frames / processor,
+            fit.iterations,
+            1e3 * error,
         )
-    header = ("frames", "seconds", "frames / s", "iterations", "RMS error of the angles [mrad]")
+        rows.append(row)
+        print(*(f"{each:.4g}" if isinstance(each, float) else each for each in row), sep="  ")
+    header = (
+        "frames",
+        "seconds",
+        "of the processor",
+        "frames / s",
+        "frames / s of the processor",
+        "iterations",
+        "RMS error of the angles [mrad]",
+    )
     return Table(header, tuple(rows))
 
 
@@ -144,43 +163,69 @@ def kinematics(arm: go.Model, database: go.Motion, found: dict[str, MarkerFit]) 
 
 
 def analyses(motions: dict[str, tuple[go.Model, go.Motion]]) -> Table:
-    """Segments and errors of every motion, metric and filter."""
+    """Segments and errors of every motion, by filter, metric, threshold and cuts."""
     rows: list[tuple[str | int | float, ...]] = []
-    for metric in ("kinetic", "joint-inertia"):
-        for how, chosen in FILTERS.items():
-            for name, (model, motion) in motions.items():
+
+    def add(name: str, how: str, label: str, analysis: go.Analysis) -> None:
+        errors = analysis.errors["riemannian"]
+        lines = analysis.errors["euclidean_same_segments"].orientation
+        row = (
+            name,
+            how,
+            label,
+            len(analysis.segments),
+            float(errors.joint),
+            float(errors.position),
+            float(errors.orientation),
+            by_wrist(analysis),
+            float(lines),
+        )
+        rows.append(row)
+        print(*(f"{each:.3g}" if isinstance(each, float) else each for each in row), sep="  ")
+
+    for how, chosen in FILTERS.items():
+        filtered = {
+            name: (model, motion.filtered(**chosen)) for name, (model, motion) in motions.items()
+        }
+        for metric, threshold in SETTINGS:
+            for name, (model, motion) in filtered.items():
                 try:
-                    found = go.analyse(model, motion.filtered(**chosen), 0.6, metric=metric)
+                    found = go.analyse(model, motion, threshold, metric=metric)  # type: ignore[arg-type]
                 except go.NotConverged as failure:
                     print(f"{name}, {metric}, {how}: {failure}")
                     continue
-                for method in ("riemannian", "euclidean_same_segments"):
-                    if method not in found.errors:
-                        continue
-                    errors = found.errors[method]
-                    label = "straight lines" if method != "riemannian" else metric
-                    rows.append(
-                        (
-                            name,
-                            label,
-                            how,
-                            len(found.segments),
-                            float(errors.joint),
-                            float(errors.position),
-                            float(errors.orientation),
-                        )
-                    )
-                    print(*rows[-1], sep="  ", flush=True)
+                add(name, how, f"{metric}, threshold {threshold}", found)
+        arm, recorded = filtered["database"]
+        cuts = go.analyse(arm, recorded, 0.3, metric="kinetic").segments
+        for name, (model, motion) in filtered.items():
+            same = go.analyse(model, motion, segments=cuts, metric="kinetic")
+            add(name, how, "kinetic, the database's cuts at 0.3", same)
+            geared = model.with_armature(dict.fromkeys(WRIST, 0.005))
+            known = go.analyse(geared, motion, segments=cuts)
+            add(name, how, "these cuts, 0.005 kg m^2 on Ez, Wx, Wy", known)
     header = (
         "motion",
-        "metric",
         "filter",
+        "metric and cuts",
         "segments",
         "joints [rad]",
         "hand [m]",
         "hand [rad]",
+        "by the wrist alone [rad]",
+        "straight lines, same cuts [rad]",
     )
     return Table(header, tuple(rows))
+
+
+def by_wrist(analysis: go.Analysis) -> float:
+    """Mean error of the hand's orientation [rad] if Wx and Wy are as predicted, others observed."""
+    q = analysis.motion.q.copy()
+    columns = [analysis.motion.joint_names.index(name) for name in WRIST[1:]]
+    q[:, columns] = analysis.predicted.q[:, columns]
+    predicted, _ = analysis.model.hand_pose(q)
+    observed, _ = analysis.model.hand_pose(analysis.motion.q)
+    between = np.swapaxes(observed, 1, 2) @ predicted
+    return float(scipy.spatial.transform.Rotation.from_matrix(between).magnitude().mean())
 
 
 def main() -> None:
@@ -201,7 +246,10 @@ def main() -> None:
     print(f"{len(found)} fits in {time.perf_counter() - start:.1f} s\n")
     print(found["fit"].table().markdown())
     print(kinematics(arm, database, found).markdown())
-    models = {name: (fit.model, fit.motion) for name, fit in found.items()}
+    models = {
+        name: (found[name].model, found[name].motion)
+        for name in ("fit", "no estimates", "without RIFD")
+    }
     print(analyses({"database": (arm, database), **models}).markdown())
 
 

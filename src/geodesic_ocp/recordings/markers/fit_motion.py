@@ -24,7 +24,6 @@ from geodesic_ocp.recordings.markers.program.fit_problem import ROOT, FitProblem
 from geodesic_ocp.recordings.markers.program.fit_settings import HEIGHT_SPREAD, Base, FitSettings
 from geodesic_ocp.recordings.markers.program.solve_fit import FittedVariables, solve_fit
 from geodesic_ocp.recordings.markers.program.standing_height import standing_height
-from geodesic_ocp.recordings.markers.program.undetermined import undetermined_joints
 from geodesic_ocp.trajectory.frame_motion import FrameMotion
 from geodesic_ocp.trajectory.motion import Motion
 
@@ -227,7 +226,7 @@ def _record(
         lengths=factors_by_name(body, lengths),
         height=height,
         height_from=known.origin,
-        undetermined=undetermined_joints(problem, fitted, weights),
+        undetermined=tuple(model.joint_names[index] for index in np.flatnonzero(fitted.loose)),
         marker_set=chosen.set_name,
         left_out=chosen.left_out,
         seconds=seconds,

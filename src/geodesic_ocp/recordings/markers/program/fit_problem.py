@@ -15,6 +15,7 @@ from geodesic_ocp.recordings.markers.program.body import MarkedBody
 from geodesic_ocp.recordings.markers.program.fit_program import FitProgram, FrameTerms
 from geodesic_ocp.recordings.markers.program.fit_settings import (
     LENGTH_SPREAD,
+    LOOSE_SPREAD,
     POSTURE_SPREAD,
     PRIOR_TIME,
     ROOT_LEVER,
@@ -142,8 +143,11 @@ class FitProblem:
             lower, upper = np.full(n, -np.inf), np.full(n, np.inf)
         return np.concatenate([-free, lower]), np.concatenate([free, upper])
 
-    def program(self, time: Array, observed: Array) -> FitProgram:
-        """The program for observed positions (k, m, 3) [m], NaN where missing."""
+    def program(self, time: Array, observed: Array, loose: NDArray[np.bool_]) -> FitProgram:
+        """The program for observed positions (k, m, 3) [m], NaN where missing.
+
+        `loose` (n,) says which joints the markers do not determine.
+        """
         count, (lower, upper) = time.size, self.bounds
         duration = float(time[-1] - time[0])
         seen = ~np.isnan(observed[:, :, 0])
@@ -153,12 +157,14 @@ class FitProblem:
             self.terms,
             np.where(np.isnan(observed), 0.0, observed),
             np.where(seen, share, 0.0) / self.settings.noise**2,
-            self._quadratic(time, duration),
+            self._quadratic(time, duration, loose),
             np.concatenate([np.tile(lower, count), -none]),
             np.concatenate([np.tile(upper, count), none]),
         )
 
-    def _quadratic(self, time: Array, duration: float) -> tuple[scipy.sparse.csc_matrix, Array]:
+    def _quadratic(
+        self, time: Array, duration: float, loose: NDArray[np.bool_]
+    ) -> tuple[scipy.sparse.csc_matrix, Array]:
         """Smoothness and priors."""
         settings = self.settings
         rough = roughness(time, {2: settings.acceleration, 3: settings.jerk})
@@ -166,7 +172,8 @@ class FitProblem:
         if self.moves:
             levers[:3] = 1.0 / ROOT_LEVER
         share = sample_shares(time)
-        weak = np.where(np.arange(self.nz) < self.first_joint, 0.0, POSTURE_SPREAD**-2)
+        weak = np.zeros(self.nz)
+        weak[self.first_joint :] = np.where(loose, LOOSE_SPREAD, POSTURE_SPREAD) ** -2.0
         of_frames = scipy.sparse.kron(rough, scipy.sparse.diags(levers**2))
         of_frames += scipy.sparse.kron(scipy.sparse.diags(share), scipy.sparse.diags(weak))
         towards = np.kron(share, weak * self.neutral) / (duration * len(self.segments))

@@ -27,8 +27,9 @@ from geodesic_ocp.ipopt import Ipopt, Outcome
 _IPOPT = {"max_iter": 200, "mu_strategy": "monotone", "acceptable_iter": 0}
 # How rounding limits the tolerance, relative to the largest curvature of the objective.
 _ROUNDING = 1e-14
-# Of the barrier at first, summed over all variables with bounds.
-_BARRIER = 1e-2
+# Of the barrier, summed over all variables with bounds: at first, and complementarity at the end.
+# Together the barriers of all frames pull at lengths and offsets.
+_BARRIER, _COMPLEMENTARITY = 1e-2, 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +108,11 @@ class FitProgram:
         derivatives = {name: functions[name] for name in ("grad_f", "hess_lag")}
         stiffest = float(abs(self.quadratic[0]).max())
         bounded = max(1, int(np.isfinite(self.lower).sum() + np.isfinite(self.upper).sum()))
-        own = {"tol": max(tolerance, _ROUNDING * stiffest), "mu_init": _BARRIER / bounded}
+        own = {
+            "tol": max(tolerance, _ROUNDING * stiffest),
+            "compl_inf_tol": _COMPLEMENTARITY / bounded,
+            "mu_init": _BARRIER / bounded,
+        }
         chosen = {**_IPOPT, **own, **(options or {})}
         solver = Ipopt(functions["nlp"], derivatives, chosen)
         start = np.clip(x, self.lower, self.upper)

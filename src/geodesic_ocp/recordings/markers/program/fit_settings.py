@@ -13,9 +13,9 @@ Base = Literal["fixed", "free"]
 PRIOR_TIME = 10.0
 # Translations of the root per rad: expected accelerations and jerks are so much of the joints' [m].
 ROOT_LEVER = 0.2
-# Spread of the joints about zero, or the limit next to it: so weak that it only matters for joints
-# that no marker determines [rad].
-POSTURE_SPREAD = 1.0
+# Spread of the joints about zero, or the limit next to it [rad]: one so wide that it hardly
+# matters, and that of joints which the markers do not determine.
+POSTURE_SPREAD, LOOSE_SPREAD = 10.0, 1.0
 # Spread of segment lengths about their proportion to body height, relative; no more than an
 # assumption of moderate size.
 LENGTH_SPREAD = 0.05

@@ -6,10 +6,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.recordings.markers.program.fit_problem import ROOT, FitProblem
 from geodesic_ocp.recordings.markers.program.start import FrameSearch, rigid_poses
+from geodesic_ocp.recordings.markers.program.undetermined import undetermined_joints
 
 _COARSE_STEP = 0.05  # [s]
 _WIDE = 0.2  # outlier size of the first solution, to which few markers are lost [m]
@@ -28,6 +30,7 @@ class FittedVariables:
         z: of the frames (k, nz).
         shared: (ns,).
         predicted: positions of the markers (k, m, 3) [m].
+        loose: joints that the markers do not determine (n,).
         success: whether Ipopt converged.
         status: of Ipopt, in words.
         iterations: of Ipopt, in all.
@@ -37,6 +40,7 @@ class FittedVariables:
     z: Array
     shared: Array
     predicted: Array
+    loose: NDArray[np.bool_]
     success: bool
     status: str
     iterations: int
@@ -67,6 +71,8 @@ def solve_fit(
     )
     z, shared, iterations = search.along(start[coarse], observed[coarse]), np.zeros(problem.ns), 0
     stages = [(coarse, wide, _ROUGHLY), (coarse, narrow, _ROUGHLY)]
+    seen = np.where(np.isnan(observed[coarse, :, 0]), np.nan, 1.0)
+    loose = undetermined_joints(problem, z, shared, seen)
     everything = np.arange(time.size)
     if coarse.size < time.size:
         stages.append((everything, narrow, _CLOSELY))
@@ -75,7 +81,7 @@ def solve_fit(
     before, program = coarse, None
     for rows, outlier, tolerance in stages:
         if program is None or rows is not before:
-            program = problem.program(time[rows], observed[rows])
+            program = problem.program(time[rows], observed[rows], loose)
         if rows is not before:
             z = np.stack([np.interp(time[rows], time[before], each) for each in z.T], axis=1)
         outcome = program.solve(np.concatenate([z.ravel(), shared]), outlier, tolerance, ipopt)
@@ -88,6 +94,7 @@ def solve_fit(
         z,
         shared,
         _predicted(problem, z, shared),
+        loose,
         outcome.success,
         outcome.status,
         iterations,
