@@ -31,6 +31,7 @@ PAGES = [
 _BLOCK = re.compile(r"(<!-- needs robots -->\n)?```python\n(.*?)```", re.DOTALL)
 _COMMAND = re.compile(r"^(?:\.venv/bin/)?geodesic-ocp (.*?)(?:\s+#.*)?$", re.MULTILINE)
 _SLOW = {
+    "how-to/many_recordings.md",
     "how-to/problem.md",
     "how-to/recording.md",
     "how-to/retargeting.md",

@@ -28,7 +28,30 @@ OF_EXECUTION = {
     go.Replay,
     go.TrajectoryCheck,
 }
-ELSEWHERE = OF_A_RETARGETING | OF_EXECUTION
+# These in tests/recordings/test_reprs.py and test_fit_motion_recording.py.
+OF_RECORDINGS = {
+    go.AngleConvention,
+    go.AxisRotation,
+    go.FrameMotion,
+    go.LostMarker,
+    go.MarkerFit,
+    go.Markers,
+    go.MarkerSet,
+    go.SegmentOrientations,
+    go.SegmentRelation,
+    go.SkeletonConvention,
+}
+# These in tests/studies/test_reprs.py.
+OF_STUDIES = {
+    go.AnalysisSettings,
+    go.BatchResult,
+    go.RecordingOutcome,
+    go.Study,
+    go.StudyMean,
+    go.StudyTest,
+    go.SynergyStatistics,
+}
+ELSEWHERE = OF_A_RETARGETING | OF_EXECUTION | OF_RECORDINGS | OF_STUDIES
 ABSTRACT = {go.Metric, go.Problem}
 NEEDS_A_NOTEBOOK = {go.LivePlot}
 
@@ -80,6 +103,7 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
         go.GeodesicOcpError("an error"),
         go.IntegrationFailed("an error"),
         go.RecordingError("an error"),
+        go.evaluate(both, *2 * [go.Motion([0.0, 1.0], np.zeros((2, 14)), both.joint_names)]),
         go.evaluate(arm, *2 * [go.Motion([0.0, 1.0], np.zeros((2, 7)), arm.joint_names)]),
         go.score(arm, *2 * [go.Motion([0.0, 1.0], np.eye(2, 7), arm.joint_names)]),
         go.paired_test([1.0, 2.0, 3.0], [2.0, 2.5, 3.5]),

@@ -1,0 +1,40 @@
+"""Values of studies show themselves in a few lines, however many recordings they hold."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from short_reprs import check_reprs
+
+import geodesic_ocp as go
+from geodesic_ocp.studies.batch.outcome import RecordingOutcome
+from geodesic_ocp.studies.batch.recording_source import RecordingSource
+
+OF_STUDIES = {
+    go.AnalysisSettings,
+    go.BatchResult,
+    go.RecordingOutcome,
+    go.Study,
+    go.StudyMean,
+    go.StudyTest,
+    go.SynergyStatistics,
+}
+
+
+def test_reprs_are_short(bundled_analysis: go.Analysis) -> None:
+    study = go.study([bundled_analysis] * 3, names=["a", "b", "c"], subjects=["Ann", "Bob", "Cleo"])
+    source = RecordingSource(Path("folder/climb.csv"), "folder/climb.csv", "left")
+    failed = RecordingOutcome(source, "file", "folder/climb.csv: is empty")
+    values = [
+        study,
+        study.means(),
+        study.tests(),
+        study.synergy_statistics(),
+        go.AnalysisSettings(),
+        failed,
+        go.BatchResult(Path("results"), 1000, 0, (failed,) * 500, (), 3.0, ()),
+    ]
+    covered = check_reprs(values)
+    assert OF_STUDIES <= covered
+    assert "500 left out" in repr(replace(values[-1], analysed=1))
