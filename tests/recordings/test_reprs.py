@@ -28,10 +28,10 @@ def test_reprs_are_short() -> None:
     segments = [f"{side} {name}" for side in ("right", "left") for name in ("upper arm", "hand")]
     values = [
         trunk,
-        go.SegmentOrientations(time, {name: upright for name in ("thorax", *segments)}, trunk),
+        go.SegmentOrientations(time, dict.fromkeys(("thorax", *segments), upright), trunk),
         go.Markers(time, tuple(f"marker {k}" for k in range(60)), np.zeros((1000, 60, 3))),
         go.LostMarker("RSHO", 0.1, 0.2, 0.05, "LSHO"),
         ISB,
         SMPL,
     ]
-    assert OF_RECORDINGS <= check_reprs(values)
+    assert check_reprs(values) >= OF_RECORDINGS

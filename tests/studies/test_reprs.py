@@ -36,5 +36,5 @@ def test_reprs_are_short(bundled_analysis: go.Analysis) -> None:
         go.BatchResult(Path("results"), 1000, 0, (failed,) * 500, (), 3.0, ()),
     ]
     covered = check_reprs(values)
-    assert OF_STUDIES <= covered
+    assert covered >= OF_STUDIES
     assert "500 left out" in repr(replace(values[-1], analysed=1))
