@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
+from geodesic_ocp.recordings.read_recording import read_recording
 
 TIME = np.linspace(0.0, 1.0, 101)
 
@@ -150,3 +151,14 @@ def test_markers_are_fitted_by_the_arm_of_the_person(shared: Path) -> None:
     elbow = angles.motion.joint_names.index("REx_joint")
     flexions = (fitted.motion.q[:, elbow], angles.motion.q[:, elbow])
     assert np.corrcoef(*flexions)[0, 1] > 0.99
+
+
+def test_what_a_format_leaves_open_can_be_given(folder: Path) -> None:
+    with pytest.raises(ValueError, match=r"unit is for .*; .*a\.csv is a table"):
+        read_recording(folder / "a.csv", unit="cm")
+
+
+def test_the_rate_of_a_skeleton_file(shared: Path) -> None:
+    file = shared / "data" / "cmu" / "02_05.amc"
+    assert read_recording(file).motion.rate == pytest.approx(120.0)
+    assert read_recording(file, rate=60.0).motion.rate == pytest.approx(60.0)

@@ -206,6 +206,28 @@ def _add_person(command: argparse.ArgumentParser, sides: Sequence[str]) -> None:
         metavar="HZ",
         help="interpolate at this rate first, for samples that are not evenly spaced",
     )
+    command.add_argument(
+        "--convention",
+        metavar="NAME",
+        help="of joint angles (.mot, .sto) or of skeletons (.amc, .bvh, .npz): a name or a file; "
+        "default: the known one that fits",
+    )
+    command.add_argument(
+        "--unit",
+        type=_unit,
+        metavar="UNIT",
+        help="of lengths in .bvh and .amc files: m, cm, mm, in, or a number of metres",
+    )
+    command.add_argument(
+        "--amc-rate", type=float, metavar="HZ", help="sampling rate of .amc files (default: 120)"
+    )
+
+
+def _unit(text: str) -> str | float:
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 # Each command imports what it alone needs, so that none waits for another's.

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import lru_cache
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.errors import RecordingError
@@ -37,6 +38,9 @@ def read_recording(
     cutoff: float | None = None,
     duration: float | None = None,
     unfiltered: bool = False,
+    convention: Any = None,
+    unit: str | float | None = None,
+    rate: float | None = None,
 ) -> Recording:
     """Read a recording of a human arm, filter it, and scale an arm to the person.
 
@@ -56,6 +60,7 @@ def read_recording(
         cutoff: of the filter [Hz], see `Motion.filtered`; chosen for each file by default.
         duration: of the window of a Savitzky-Golay filter [s], instead of a cut-off.
         unfiltered: take the motion as it is, with the velocities of a cubic spline.
+        convention, unit, rate: of files whose format leaves them open, see `read_motion`.
 
     Raises:
         RecordingError: the file cannot be read or has no arm of that side.
@@ -75,8 +80,12 @@ def read_recording(
     human_arm(side)  # raises for another side
     with named_failures(file):
         of_markers = recognise(file) in MARKERS
-    read = _from_markers if of_markers else _from_angles
-    arm, motion = read(file, side, height, mass, armature)
+    if of_markers:
+        arm, motion = _from_markers(file, side, height, mass, armature)
+    else:
+        joints = human_arm(side).joint_names
+        motion = read_motion(file, joints, convention=convention, unit=unit, rate=rate)
+        arm = _arm_of(motion.subject, file, side, height, mass, armature)
     try:
         check_plausible(arm, motion)
         if resample is not None:
@@ -87,16 +96,20 @@ def read_recording(
     return Recording(arm, motion, f"{file.stem}, {side}", motion.subject.name)
 
 
-def _from_angles(
-    file: Path, side: Side, height: float | None, mass: float | None, armature: float
-) -> tuple[Model, Motion]:
-    motion = read_motion(file, human_arm(side).joint_names)
-    stature = stature_of(motion.subject, height, mass)
+def _arm_of(
+    subject: Subject,
+    file: Path,
+    side: Side,
+    height: float | None,
+    mass: float | None,
+    armature: float,
+) -> Model:
+    stature = stature_of(subject, height, mass)
     try:
         as_stature(*stature)
     except ValueError as error:
         raise ValueError(f"{file}: {error}" if height is None and mass is None else error) from None
-    return _arm(side, *stature, armature), motion
+    return _arm(side, *stature, armature)
 
 
 def _from_markers(

@@ -186,4 +186,7 @@ def settings_of(options: argparse.Namespace) -> AnalysisSettings:
         measure=options.measure,
         spacing=options.spacing,
         max_duration=options.max_duration,
+        convention=getattr(options, "convention", None),
+        unit=getattr(options, "unit", None),
+        rate=getattr(options, "amc_rate", None),
     )

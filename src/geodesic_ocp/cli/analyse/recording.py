@@ -73,6 +73,9 @@ def _read(file: Path, side: Side, settings: AnalysisSettings) -> Recording:
             cutoff=settings.cutoff,
             duration=settings.duration,
             unfiltered=settings.unfiltered,
+            convention=settings.convention,
+            unit=settings.unit,
+            rate=settings.rate,
         )
 
 

@@ -35,7 +35,6 @@ from geodesic_ocp.studies.batch.result_file import (
 )
 from geodesic_ocp.studies.batch.run_task import RUNNING, identity, outcome_of
 from geodesic_ocp.studies.tables import TABLES
-from geodesic_ocp.synergies.analysis_metrics import METRIC_NAMES
 
 _LABEL = "analysing recordings"
 _WINDOW = 64  # recordings submitted to an executor at a time
@@ -97,8 +96,8 @@ def analyse_recordings(
     if side not in (*get_args(Side), "both"):
         raise ValueError(f"side must be 'right', 'left' or 'both', got {side!r}")
     settings = settings or AnalysisSettings()
-    if settings.metric not in METRIC_NAMES:
-        settings = replace(settings, metric=str(Path(settings.metric).absolute()))
+    files: dict[str, Any] = {name: str(each.absolute()) for name, each in settings.files().items()}
+    settings = replace(settings, **files)  # processes may work in other folders
     sides: Sequence[Side] = get_args(Side) if side == "both" else (side,)
     sources = recording_sources(
         paths, sides, recursive=recursive, pattern=subject_pattern, table=subjects
@@ -115,7 +114,7 @@ def analyse_recordings(
             for outcome in run:
                 outcomes.add(outcome)
         collected, kept = collect(folder, [outcomes.found[source.name] for source in sources])
-        files = write_tables(folder, collected, kept, settings)
+        written = write_tables(folder, collected, kept, settings)
     return BatchResult(
         folder=folder,
         analysed=sum(outcome.kind == "analysed" for outcome in kept),
@@ -123,7 +122,7 @@ def analyse_recordings(
         failures=tuple(outcome for outcome in kept if not outcome.success),
         warned=tuple(outcome for outcome in kept if outcome.success and outcome.warnings),
         seconds=time.perf_counter() - start,
-        files=files,
+        files=written,
     )
 
 

@@ -20,7 +20,14 @@ from geodesic_ocp.synergies.segmentation.segment_optimal import segment_optimal
 from geodesic_ocp.trajectory.motion import Motion
 
 Segments = Literal["online", "optimal"]
-_UNITS = {"height": "m", "mass": "kg", "resample": "Hz", "cutoff": "Hz", "duration": "s"}
+_UNITS = {
+    "height": "m",
+    "mass": "kg",
+    "resample": "Hz",
+    "cutoff": "Hz",
+    "duration": "s",
+    "rate": "Hz",
+}
 
 
 @dataclass(frozen=True, repr=False)
@@ -38,6 +45,8 @@ class AnalysisSettings:
         segments: "online", see `segment`, or "optimal", see `segment_optimal`.
         threshold, rest, rest_duration, min_duration, hysteresis: of `segment`.
         count, penalty, error, measure, spacing, max_duration: of `segment_optimal`.
+        convention, unit, rate: of files whose format leaves them open, see `read_motion`; a
+            convention by its name or its file.
 
     Raises:
         ValueError: a setting out of range, or settings that exclude each other.
@@ -63,6 +72,9 @@ class AnalysisSettings:
     measure: Measure = "joint"
     spacing: float = 0.05
     max_duration: float = 2.0
+    convention: str | None = None
+    unit: str | float | None = None
+    rate: float | None = None
 
     def __post_init__(self) -> None:
         for name, unit in _UNITS.items():
@@ -98,10 +110,19 @@ class AnalysisSettings:
         return f"AnalysisSettings({', '.join(others)})"
 
     def record(self) -> dict[str, Any]:
-        """The settings as they are stored; of a metric's file its content, by a digest."""
+        """The settings as they are stored; of files that they name the content, by a digest."""
         found = asdict(self)
+        for name, file in self.files().items():
+            found[name] = hashlib.sha256(file.read_bytes()).hexdigest()
+        return found
+
+    def files(self) -> dict[str, Path]:
+        """The files that settings name, by setting."""
+        found = {}
         if self.metric not in METRIC_NAMES:
-            found["metric"] = hashlib.sha256(Path(self.metric).read_bytes()).hexdigest()
+            found["metric"] = Path(self.metric)
+        if self.convention is not None and Path(self.convention).is_file():
+            found["convention"] = Path(self.convention)
         return found
 
     def digest(self) -> str:

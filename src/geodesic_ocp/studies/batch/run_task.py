@@ -104,6 +104,9 @@ def _result(task: RecordingTask) -> tuple[dict[str, Any], str]:
         cutoff=settings.cutoff,
         duration=settings.duration,
         unfiltered=settings.unfiltered,
+        convention=settings.convention,
+        unit=settings.unit,
+        rate=settings.rate,
     )
     analysis = analyse_recording(recording, settings)
     motion = analysis.motion
