@@ -110,6 +110,23 @@ def test_joint_centres_give_the_angles_of_an_arm_at_a_fixed_shoulder() -> None:
     assert fit.height == pytest.approx(HEIGHT)
 
 
+def test_centres_of_joints_tell_the_lengths_and_so_the_height() -> None:
+    arm, time = go.human_arm("right", HEIGHT), np.arange(80) / 40.0
+    places = {
+        name: (segment, HEIGHT * np.array(offset))
+        for name, (segment, offset) in JOINT_CENTRES.places.items()
+        if segment.startswith("right")
+    }
+    positions = placed(arm, angles(arm, time), places)
+    fit = fit_motion(
+        go.human_arm("right", 1.6), Markers(time, tuple(places), positions), base="fixed"
+    )
+    assert fit.height == pytest.approx(HEIGHT, rel=0.005)
+    assert fit.lengths["right upper arm"] == pytest.approx(0.188 * HEIGHT, rel=0.003)
+    assert fit.lengths["right forearm"] == pytest.approx(0.145 * HEIGHT, rel=0.003)
+    assert "proportions" in fit.height_from
+
+
 def test_the_model_s_frames_may_be_recorded_by_their_names() -> None:
     arm, time = go.human_arm("left"), np.arange(60) / 60.0
     q = angles(arm, time)

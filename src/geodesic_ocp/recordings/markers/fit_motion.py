@@ -58,6 +58,15 @@ def fit_motion(
     weight. Gaps are bridged by smoothness. Coordinates of the base's position count per 0.2 m. The
     result does not depend on the sampling rate; samples may be unevenly spaced.
 
+    >>> import numpy as np, geodesic_ocp as go
+    >>> arm, time = go.human_arm("right", height=1.8), np.arange(50) / 50.0
+    >>> q = 0.3 * np.sin(np.outer(time, [1, 2, 3, 4, 3, 2, 1])) + [0.4, 0, -0.6, 1, 0, -0.1, 0]
+    >>> names = ("REx_joint", "RWx_joint", "hand")  # frames of the model, as recorded points
+    >>> points = np.stack([arm.frame_pose(name, q)[1] for name in names], axis=1)
+    >>> fit = go.fit_motion(arm, go.Markers(time, names, points), base="fixed", estimate=())
+    >>> bool(np.nanmax(fit.errors) < 1e-3)
+    True
+
     Args:
         model: `human_arm`, `human_upper_body`, or any model with points on its frames.
         positions: of markers or joints, in a space with z up, or for base="fixed" in the axes and
@@ -185,7 +194,8 @@ def _seen_lengths(body: MarkedBody, chosen: ChosenMarkers) -> list[bool]:
         side, _, segment = name.partition(" ")
         beyond = {"upper arm": ("elbow", "forearm", "hand"), "forearm": ("hand",)}.get(segment)
         if beyond is None:
-            seen.append(any(each.endswith("arm") for each in chosen.segments))
+            on_arm = [each.startswith(("right", "left")) for each in chosen.segments]
+            seen.append(any(on_arm) and not all(on_arm))
         else:
             seen.append(any(f"{side} {each}" in chosen.segments for each in beyond))
     return seen

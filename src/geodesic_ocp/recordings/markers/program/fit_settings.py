@@ -19,8 +19,8 @@ POSTURE_SPREAD, LOOSE_SPREAD = 10.0, 1.0
 # Spread of segment lengths about their proportion to body height, relative; no more than an
 # assumption of moderate size.
 LENGTH_SPREAD = 0.05
-# Spread of a body height that only the anthropometric table of the model says, relative.
-HEIGHT_SPREAD = 0.1
+# Spread of a body height about that of the model, if nothing else is known of it, relative.
+HEIGHT_SPREAD = 0.3
 
 
 @dataclass(frozen=True)
