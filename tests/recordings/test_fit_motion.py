@@ -267,6 +267,16 @@ def test_wrong_arguments_are_named() -> None:
         fit_motion(arm, elbow, base="fixed", height=180.0)
 
 
+def test_markers_in_millimetres_or_of_the_other_arm_are_not_fitted_in_silence() -> None:
+    arm, time = go.human_arm("right", HEIGHT), np.arange(30) / 30.0
+    markers = marked(arm, angles(arm, time), time, MMM_MARKERS)
+    in_millimetres = replace(markers, positions=1e3 * markers.positions)
+    with pytest.raises(go.NotConverged, match="must be in metres"):
+        fit_motion(arm, in_millimetres, height=HEIGHT)
+    with pytest.raises(ValueError, match="none of the joints of 'human left arm'"):
+        fit_motion(go.human_arm("left"), markers)
+
+
 def test_a_solver_that_stops_early_is_an_error() -> None:
     arm, time = go.human_arm("right", HEIGHT), np.arange(30) / 30.0
     markers = marked(arm, angles(arm, time), time, MMM_MARKERS)

@@ -28,6 +28,7 @@ from geodesic_ocp.trajectory.frame_motion import FrameMotion
 from geodesic_ocp.trajectory.motion import Motion
 
 _ESTIMATES = ("lengths", "offsets")
+_FAR = 0.2  # median distance of the markers from their places with which a fit is none [m]
 _CLOSEST = 0.05  # least step between samples, relative to their median
 
 
@@ -91,7 +92,7 @@ def fit_motion(
 
     Raises:
         ValueError: a wrong argument, markers that the model does not know, or too few of them.
-        NotConverged: Ipopt did not find a solution.
+        NotConverged: Ipopt did not find a solution, or only one far from the markers.
     """
     begin = clock.perf_counter()
     settings = _checked(base, estimate, limits, noise, acceleration, jerk, outlier)
@@ -118,6 +119,14 @@ def fit_motion(
     fitted = solve_fit(problem, positions.time, observed, ipopt)
     if not fitted.success:
         raise NotConverged(f"no motion was fitted to the markers: {fitted.status}", fitted)
+    away = float(np.nanmedian(np.linalg.norm(fitted.predicted - observed, axis=2)))
+    if away > _FAR:
+        raise NotConverged(
+            f"half of the markers are {away:.3g} m and more from any place that {model.name!r} can "
+            "bring them to: positions must be in metres, and names mean the markers of "
+            f"{chosen.set_name}",
+            fitted,
+        )
     return _record(fitted, positions, chosen, known, clock.perf_counter() - begin)
 
 

@@ -55,7 +55,7 @@ def solve_fit(
     wide loss and with the one that is asked for, and at last at all times.
 
     Raises:
-        ValueError: the root moves and has too few markers.
+        ValueError: the root moves and has too few markers, or markers determine none of the joints.
     """
     coarse = _coarse(time)
     narrow = problem.settings.outlier
@@ -73,6 +73,11 @@ def solve_fit(
     stages = [(coarse, wide, _ROUGHLY), (coarse, narrow, _ROUGHLY)]
     seen = np.where(np.isnan(observed[coarse, :, 0]), np.nan, 1.0)
     loose = undetermined_joints(problem, z, shared, seen)
+    if loose.all():
+        raise ValueError(
+            f"the markers, on {', '.join(sorted(set(problem.segments)))}, determine none of the "
+            f"joints of {problem.body.model.name!r}"
+        )
     everything = np.arange(time.size)
     if coarse.size < time.size:
         stages.append((everything, narrow, _CLOSELY))
