@@ -19,7 +19,6 @@ pytestmark = pytest.mark.skipif(
 
 
 def test_the_book_s_recording() -> None:
-    pytest.importorskip("ezc3d")
     markers = read_markers(KIT / f"{NAME}.c3d")
     fit = fit_motion(go.human_arm("right"), markers)
     on_arm = [column for column, name in enumerate(fit.segments) if name != "thorax"]
