@@ -81,6 +81,7 @@ def test_wrong_options_end_with_one_line(
     assert not (data / "out" / "results").exists() or "threshold" not in words
 
 
+@pytest.mark.slow
 def test_one_file_with_options_of_many_is_one_of_many(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

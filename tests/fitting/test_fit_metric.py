@@ -49,6 +49,7 @@ def test_without_noise_the_parameter_is_exact(
     assert fit.metric(arm).matrix(q) == pytest.approx(true_metric.matrix(q), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_noise_of_5_mrad_in_the_joints(noisy_fit: go.MetricFit) -> None:
     (estimate,) = noisy_fit.estimates
     assert estimate.value == pytest.approx(TRUE, rel=0.1)
@@ -268,6 +269,7 @@ def test_wrong_arguments(noisy: list[Any], arm: go.Model) -> None:
         go.fit_metric(go.Recording(arm, still.filtered(21)), segments=[segments])
 
 
+@pytest.mark.slow
 def test_a_parameter_at_its_bound_leaves_the_others_as_they_are(noisy: list[Any]) -> None:
     """The recordings have no payload, so its estimate is the bound or close to it."""
     free = fitted(noisy[0], free_ends=True)
@@ -311,6 +313,7 @@ def test_the_estimate_does_not_depend_on_the_initial_value(noisy: list[Any]) -> 
     assert values == pytest.approx(3 * [values[0]], rel=1e-4)
 
 
+@pytest.mark.slow
 def test_nothing_is_known_of_undetermined_parameters(noisy: list[Any]) -> None:
     mass = go.Parameter("mass_ratio", 1.0, lower=0.01)
     fit = fitted(*noisy, parameters=[go.Parameter("joint_inertia", 0.03), mass], free_ends=True)

@@ -169,6 +169,7 @@ def test_noise_gaps_and_swapped_markers_leave_the_motion_as_it_is() -> None:
         assert each.end == pytest.approx(1.59)
 
 
+@pytest.mark.slow
 def test_lengths_and_offsets_are_found() -> None:
     time = np.arange(200) / 40.0
     arm = go.human_arm("right", HEIGHT)
@@ -192,6 +193,7 @@ def test_lengths_and_offsets_are_found() -> None:
     assert np.abs(fitted - wrist).max() < 0.02
 
 
+@pytest.mark.slow
 def test_the_result_hardly_depends_on_the_sampling_rate() -> None:
     arm = go.human_arm("right", HEIGHT)
     fits = []
@@ -213,6 +215,7 @@ def test_samples_may_be_unevenly_spaced() -> None:
     assert np.abs(fit.motion.q - q).max() < 0.01
 
 
+@pytest.mark.slow
 def test_limits_hold_unless_they_are_left_out() -> None:
     arm, time = go.human_arm("right", HEIGHT), np.arange(40) / 40.0
     q = angles(arm, time)
@@ -225,6 +228,7 @@ def test_limits_hold_unless_they_are_left_out() -> None:
     assert np.abs(free - q).max() < 0.01
 
 
+@pytest.mark.slow
 def test_markers_of_plug_in_gait_at_unknown_offsets() -> None:
     arm, time = go.human_arm("right", HEIGHT), np.arange(200) / 40.0
     q = angles(arm, time)

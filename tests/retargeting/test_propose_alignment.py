@@ -42,6 +42,7 @@ def test_proposals_agree_with_built_in_alignments(name: str) -> None:
     assert abs(found.length - known.length) <= distance + 1e-3 * known.length
 
 
+@pytest.mark.slow
 @needs_robots
 @pytest.mark.filterwarnings("ignore:.*centauro")
 @pytest.mark.parametrize(

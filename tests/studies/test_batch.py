@@ -97,6 +97,7 @@ def test_tables_hold_what_each_analysis_says(data: Path, tmp_path: Path) -> None
         assert row["mean_speed"] == pytest.approx(synergy.length / synergy.duration)
 
 
+@pytest.mark.slow
 def test_errors_of_a_recording_are_means_of_those_of_its_synergies(
     data: Path, tmp_path: Path
 ) -> None:
@@ -116,6 +117,7 @@ def test_errors_of_a_recording_are_means_of_those_of_its_synergies(
     assert total / int(row["samples"] or 0) == pytest.approx(float(row["joint_error_rad"] or 0.0))
 
 
+@pytest.mark.slow
 def test_parquet_holds_the_same_as_csv(data: Path, tmp_path: Path) -> None:
     pytest.importorskip("pyarrow")
     run(data, tmp_path / "out")
@@ -163,6 +165,7 @@ def test_files_that_cannot_be_used_are_left_out_with_their_reasons(
         assert words in summary
 
 
+@pytest.mark.slow
 def test_failures_of_solvers_and_warnings_are_told(
     data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -217,6 +220,7 @@ def test_tables_of_what_there_is_so_far(data: Path, tmp_path: Path) -> None:
     assert {row["file"] for row in result.synergies()} == {"An/reach_1.csv", "An/reach_2.csv"}
 
 
+@pytest.mark.slow
 def test_what_has_changed_is_analysed_again(data: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     run(data, out)

@@ -131,6 +131,7 @@ def test_few_of_endlessly_many_recordings_are_submitted_at_a_time(folder: Path) 
     assert all(each.done() for each in executor.open)  # cancelled
 
 
+@pytest.mark.slow
 def test_any_executor_serves(folder: Path) -> None:
     with ThreadPoolExecutor(3) as executor:
         found = by_name(in_executor(executor, iter(tasks(folder, 10)), 4))
@@ -158,6 +159,7 @@ class Failing(Executor):
         return future
 
 
+@pytest.mark.slow
 def test_a_recording_that_an_executor_loses_is_tried_once_more(folder: Path) -> None:
     once = by_name(in_executor(Failing(1), iter(tasks(folder, 3)), 2))
     assert {each.kind for each in once.values()} == {"file"}

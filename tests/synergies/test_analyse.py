@@ -162,7 +162,7 @@ def test_mistakes_are_named(bundled_file: Path, bundled_analysis: go.Analysis) -
     with pytest.raises(ValueError, match="too short to filter"):
         go.analyse(bundled_analysis.model, short)
     degrees = dataclasses.replace(motion, q=np.degrees(motion.q))
-    with pytest.raises(ValueError, match=r"LSx_joint is -?\d+\.\d+ at sample \d+, far outside"):
+    with pytest.raises(ValueError, match="are these degrees"):
         go.analyse(bundled_analysis.model, degrees)
     jump = motion.q.copy()
     jump[200:, 4] -= 2.5

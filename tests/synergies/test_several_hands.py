@@ -159,6 +159,7 @@ def test_cuts_that_minimize_the_error_of_the_hands_count_both(both: go.Model) ->
     assert error == pytest.approx(go.evaluate(both, motion, predicted).position, rel=0.02)
 
 
+@pytest.mark.slow
 def test_the_upper_body_is_analysed(shared: Path) -> None:
     person = go.human_upper_body(1.83, 70.0)
     file = shared / "data" / "kit" / "take_book_from_shelf_right_arm_02.xml"
