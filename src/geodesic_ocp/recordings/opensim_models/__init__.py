@@ -1,0 +1,1 @@
+"""OpenSim's models (.osim): joints, forward kinematics, and the segments of the body in them."""
