@@ -157,6 +157,7 @@ __all__ = [
     "robot_armature",
     "ruckig_trajectory",
     "save_metric",
+    "save_motion",
     "save_synergies",
     "scalar_curvature",
     "score",
@@ -281,6 +282,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.recordings.read_recording import read_recording
     from geodesic_ocp.recordings.read_recordings import read_recordings
     from geodesic_ocp.recordings.recording import Recording
+    from geodesic_ocp.recordings.save_motion import save_motion
     from geodesic_ocp.recordings.skeletons.skeleton_convention import SkeletonConvention
     from geodesic_ocp.reports.report import report
     from geodesic_ocp.retargeting.alignment.alignment import alignment
@@ -462,6 +464,7 @@ else:
         "studies.study.statistics.means": "StudyMean",
         "studies.study.statistics.subject_tests": "StudyTest",
         "studies.study.statistics.synergy_statistics": "SynergyStatistics",
+        "recordings.save_motion": "save_motion",
         "table": "Table",
         "trajectory.grid": "Grid",
         "trajectory.motion": "Motion Subject",

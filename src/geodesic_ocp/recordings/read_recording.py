@@ -19,6 +19,7 @@ from geodesic_ocp.model.human.human_arm import (
     human_arm,
 )
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.named_failures import named_failures
 from geodesic_ocp.recordings.plausible import check_plausible
 from geodesic_ocp.recordings.read_motion import read_motion
@@ -81,8 +82,10 @@ def read_recording(
     with named_failures(file):
         of_markers = recognise(file) in MARKERS
     if of_markers:
-        arm, motion = _from_markers(file, side, height, mass, armature)
+        fit = _from_markers(file, side, height, mass, armature)
+        arm, motion = fit.model, fit.motion
     else:
+        fit = None
         joints = human_arm(side).joint_names
         motion = read_motion(file, joints, convention=convention, unit=unit, rate=rate)
         arm = _arm_of(motion.subject, file, side, height, mass, armature)
@@ -93,7 +96,7 @@ def read_recording(
         motion = with_velocity(motion, cutoff, duration, unfiltered=unfiltered)
     except ValueError as error:
         raise RecordingError(f"{file}: {error}") from None
-    return Recording(arm, motion, f"{file.stem}, {side}", motion.subject.name)
+    return Recording(arm, motion, f"{file.stem}, {side}", motion.subject.name, fit)
 
 
 def _arm_of(
@@ -114,8 +117,8 @@ def _arm_of(
 
 def _from_markers(
     file: Path, side: Side, height: float | None, mass: float | None, armature: float
-) -> tuple[Model, Motion]:
-    """The arm with the lengths of the person, and the motion that was fitted to the markers."""
+) -> MarkerFit:
+    """The motion that is fitted to the markers, and the arm with the lengths of the person."""
     from geodesic_ocp.recordings.markers.fit_motion import fit_motion
     from geodesic_ocp.recordings.markers.read_markers import read_markers
 
@@ -127,7 +130,7 @@ def _from_markers(
     if fit.undetermined:
         names = ", ".join(fit.undetermined)
         warnings.warn(f"{file}: the markers do not determine {names}", stacklevel=3)
-    return fit.model, fit.motion
+    return fit
 
 
 @lru_cache(maxsize=8)  # recordings of one person share the arm and what was compiled for it

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.trajectory.motion import Motion
 
 
@@ -17,6 +18,7 @@ class Recording:
         motion: of the model's joints, with velocities (`Motion.filtered`).
         name: of the recording, such as the name of its file.
         subject: identifies the person; recordings of equal subjects are not independent.
+        fit: of the motion to markers, if that is where it is from.
 
     Raises:
         ValueError: the motion lacks a joint of the model, or has no velocities.
@@ -26,6 +28,7 @@ class Recording:
     motion: Motion
     name: str = ""
     subject: str = ""
+    fit: MarkerFit | None = None
 
     def __post_init__(self) -> None:
         motion = self.motion.select(self.model.joint_names)

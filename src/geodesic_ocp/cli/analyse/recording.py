@@ -18,9 +18,12 @@ from geodesic_ocp.cli.notes import printed_warnings
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.human.anthropometry import Side
 from geodesic_ocp.model.human.human_arm import human_arm
+from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.read_motion import read_motion
 from geodesic_ocp.recordings.read_recording import read_recording, stature_of
 from geodesic_ocp.recordings.recording import Recording
+from geodesic_ocp.recordings.save_motion import save_motion
+from geodesic_ocp.records import write_file
 from geodesic_ocp.studies.batch.analyse_recording import analyse_recording
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
 from geodesic_ocp.synergies.analysis import Analysis
@@ -41,7 +44,26 @@ def analyse_file(options: argparse.Namespace, side: Side) -> Analysis:
         if _has_arm(options.file, other) and not _has_arm(options.file, side):
             raise ValueError(f"{error}; try --side {other}") from None
         raise
+    if recording.fit is not None:
+        _show_fit(recording.fit, options.out)
     return _analyse(recording, settings, str(options.file))
+
+
+def _show_fit(fit: MarkerFit, folder: Path | None) -> None:
+    """Print how well the motion fits the markers, and write it to the folder, if one is given."""
+    table = fit.table()
+    print(f"Joint angles fitted to the markers ({fit.marker_set}) in {fit.seconds:.1f} s:")
+    print(f"\n{table}\n")
+    if folder is None:
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    for file in (
+        write_file(folder / "markers.csv", table.csv()),
+        write_file(folder / "markers.md", table.markdown()),
+        save_motion(folder / "motion.csv", fit.motion),
+    ):
+        print(f"wrote {file}")
+    print()
 
 
 def analyse_bundled(options: argparse.Namespace) -> Analysis:
