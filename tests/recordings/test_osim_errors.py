@@ -144,6 +144,21 @@ def test_an_elbow_and_a_wrist_that_do_not_move(table: Path) -> None:
     )
 
 
+def test_an_arm_that_cannot_be_read_is_left_out_aloud(table: Path) -> None:
+    left = arm_links("left")
+    stiff = [*left[:1], replace(left[1], kind="WeldJoint", coordinates=(), axes=(), ranges=())]
+    model = table.parent / "m.osim"
+    model.write_text(osim_text([*LINKS, *stiff, *left[2:]]))
+    with pytest.warns(RuntimeWarning, match="left arm is left out: no coordinate flexes the elb"):
+        motion = go.read_motion(table, convention=model)
+    assert motion.joint_names == go.human_arm("right").joint_names
+    with (
+        pytest.warns(RuntimeWarning, match="left out"),
+        pytest.raises(go.RecordingError, match="left upper arm: no coordinate flexes the elbow"),
+    ):
+        go.read_motion(table, ["LSx_joint"], convention=model)
+
+
 def test_missing_files_and_arguments(table: Path) -> None:
     missing = table.parent / "none.osim"
     with pytest.raises(go.RecordingError, match=r"none\.osim: cannot be read: No such file"):
@@ -193,7 +208,9 @@ def test_damaged_models_give_a_motion_or_a_sentence(
     model.write_bytes(bytes(content))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        warnings.filterwarnings("ignore", message=".*(default values|no coordinates of).*")
+        warnings.filterwarnings(
+            "ignore", message=".*(default values|no coordinates of|is left out).*"
+        )
         try:
             motion = go.read_motion(table, convention=model)
         except go.RecordingError as failure:

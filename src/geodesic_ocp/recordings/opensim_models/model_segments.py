@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,7 @@ from geodesic_ocp.trajectory.frame_motion import FrameMotion
 _TO_OURS = AngleConvention("OpenSim", ()).to_right_forward_up
 _UPWARDS = 0.99  # cosine between the direction against gravity and the y axis of the ground
 _ACROSS = np.cos(np.radians(30.0))  # between the line of the shoulders and the thorax's z axis
+_ARM = ("upper arm", "forearm", "hand")
 _SHOWN = 8  # names in a message
 
 
@@ -42,9 +44,10 @@ def model_segments(
 
     Pelvis and thorax have the axes of their bodies (x forward, y up, z right), arms those of
     `arm_axes`. A segment is left out if the table has none of the unlocked coordinates between it
-    and the segment before it; where it has only some of them, the others have their default values,
-    with a RuntimeWarning. The trunk's pose is known where the table has all unlocked coordinates
-    from the ground to the thorax.
+    and the segment before it. With a RuntimeWarning, coordinates have their default values where
+    only some of those are missing, and an arm is left out whose axes the model does not show. The
+    trunk's pose is known where the table has all unlocked coordinates from the ground to the
+    thorax.
 
     Args:
         file: of the table, for messages.
@@ -62,66 +65,69 @@ def model_segments(
     zero = zero_coordinates(model)
     thorax = bodies["thorax"]
     middle = _middle_of_shoulders(model, bodies, zero)
-    known = {"thorax": thorax}
-    reasons: dict[str, str] = {}
+    arms, refusals = _arms(model, bodies, zero, _radians(model, convention))
+    reasons = dict(refusals)
     unread: list[str] = []
-
-    def is_read(segment: str, parent: str) -> bool:
-        """Whether the table says how the segment turns relative to the body before it."""
-        needed = _unlocked(model, parent, bodies[segment])
-        missing = [name for name in needed if name not in values]
-        if needed and len(missing) == len(needed):
-            reasons[segment] = f"there is no column {', '.join(missing)}"
-            return False
-        unread.extend(missing)
-        return True
-
-    for segment in ("pelvis", "abdomen"):
-        if segment in bodies and is_read(segment, thorax):
-            known[segment] = bodies[segment]
-    arms: dict[str, ArmAxes] = {}
-    for side in SIDES:
-        names = [f"{side} {part}" for part in ("upper arm", "forearm", "hand")]
-        names = names[: 2 + (names[2] in bodies)]
-        if not set(names) <= set(bodies):
-            continue
-        try:
-            chain = tuple(bodies[name] for name in names)
-            arms[side] = arm_axes(model, chain, side, zero, _radians(model, convention))
-        except RecordingError as failure:
-            reasons |= dict.fromkeys(names, str(failure).removeprefix(f"{model.file}: "))
-            continue
-        for name, parent in zip(names, (thorax, *chain), strict=False):
-            if not is_read(name, parent):
+    known = {"thorax": thorax}
+    chains = [["thorax", "pelvis"], ["thorax", "abdomen"]]
+    chains += [["thorax", *(f"{side} {part}" for part in _ARM)] for side in arms]
+    for chain in chains:
+        for parent, segment in pairwise(each for each in chain if each in bodies):
+            needed = _unlocked(model, bodies[parent], bodies[segment])
+            missing = [name for name in needed if name not in values]
+            if needed and len(missing) == len(needed):
+                reasons[segment] = f"there is no column {', '.join(missing)}"
                 break
-            known[name] = bodies[name]
-    if not arms:
-        sentences = "; ".join(dict.fromkeys(reasons.values()))
-        raise RecordingError(f"{model.file}: {sentences}")
-    poses = body_poses(
-        model,
-        values,
-        dict.fromkeys([*known.values(), *(b for a in arms.values() for b in a.bodies)]),
-    )
+            unread += missing
+            known[segment] = bodies[segment]
+    moved = {*known.values(), *(body for arm in arms.values() for body in arm.bodies)}
+    poses = body_poses(model, values, moved)
     rotations = {
         segment: _TO_OURS @ poses[body][0] @ _TO_OURS.T
         for segment, body in known.items()
         if not segment.startswith(SIDES)
     }
     for side, arm in arms.items():
-        names = [f"{side} {part}" for part in ("upper arm", "forearm", "hand")]
-        for name, rotation in zip(names, arm.rotations(poses), strict=False):
-            if name in known:
-                rotations[name] = _TO_OURS @ rotation
+        for part, rotation in zip(_ARM, arm.rotations(poses), strict=False):
+            if f"{side} {part}" in known:
+                rotations[f"{side} {part}"] = _TO_OURS @ rotation
     trunk = None
     free = _unlocked(model, GROUND, thorax)
     if free and set(free) <= set(values):
         turned, place = poses[thorax]
         trunk = FrameMotion(rotations["thorax"], (place + turned @ middle) @ _TO_OURS.T)
-    elif any(name in values for name in free):
-        unread.extend(name for name in free if name not in values)
-    _warn(file, model, [name for name in columns if name not in values], unread)
+    elif set(free) & set(values):
+        unread += [name for name in free if name not in values]
+    left_out = [f"the {name.split()[0]} arm is left out: {why}" for name, why in refusals.items()]
+    _warn(file, model, [name for name in columns if name not in values], unread, left_out)
     return ConvertedAngles(SegmentOrientations(time, rotations, trunk), reasons)
+
+
+def _arms(
+    model: OsimModel,
+    bodies: Mapping[str, str],
+    zero: Mapping[str, Array],
+    neutral: Mapping[str, float],
+) -> tuple[dict[str, ArmAxes], dict[str, str]]:
+    """The axes of the arms by side, and by upper arm why those of others are not known.
+
+    Raises:
+        RecordingError: those of no arm are known.
+    """
+    arms, refusals = {}, {}
+    for side in SIDES:
+        names = [f"{side} {part}" for part in _ARM]
+        if not set(names[:2]) <= set(bodies):
+            continue
+        chain = tuple(bodies[name] for name in names if name in bodies)
+        try:
+            arms[side] = arm_axes(model, chain, side, zero, neutral)
+        except RecordingError as failure:
+            refusals[names[0]] = str(failure).removeprefix(f"{model.file}: ")
+    if not arms:
+        sentences = "; ".join(f"{name.split()[0]} arm: {why}" for name, why in refusals.items())
+        raise RecordingError(f"{model.file}: {sentences}")
+    return arms, refusals
 
 
 def _values(file: Path, model: OsimModel, columns: Mapping[str, Array]) -> dict[str, Array]:
@@ -139,8 +145,13 @@ def _values(file: Path, model: OsimModel, columns: Mapping[str, Array]) -> dict[
     return values
 
 
-def _warn(file: Path, model: OsimModel, others: Sequence[str], unread: Sequence[str]) -> None:
-    sentences = []
+def _warn(
+    file: Path,
+    model: OsimModel,
+    others: Sequence[str],
+    unread: Sequence[str],
+    sentences: list[str],
+) -> None:
     if others:
         sentences.append(
             f"columns {_list(others)} are no coordinates of {model.file.name}: was it computed "
