@@ -1,0 +1,34 @@
+"""A recording of markers is analysed in one command."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from marked_motion import HEIGHT, angles, marked
+
+import geodesic_ocp as go
+from geodesic_ocp.cli import main as cli
+from geodesic_ocp.recordings.markers.known_marker_sets import MMM_MARKERS
+
+
+def test_the_fit_is_shown_and_saved(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arm, time = go.human_arm("right", HEIGHT), np.arange(90) / 50.0
+    q = angles(arm, time)
+    markers = marked(arm, q, time, MMM_MARKERS)
+    header = ",".join(f"{name}_{axis}" for name in markers.names for axis in "xyz")
+    rows = np.column_stack([time, 1e3 * markers.positions.reshape(len(time), -1)])
+    file = tmp_path / "markers.csv"
+    lines = [",".join(map(repr, map(float, row))) for row in rows]
+    file.write_text("\n".join(["# unit: mm", f"time,{header}", *lines]))
+    out = tmp_path / "out"
+    assert cli.main(["analyse", str(file), "--height", str(HEIGHT), "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "Joint angles fitted to the markers (Master Motor Map)" in printed
+    assert "Body height 1.800 m, " in printed
+    assert "geodesic synergies" in printed
+    fitted = go.read_motion(out / "motion.csv", arm.joint_names)
+    assert np.sqrt(np.mean((fitted.q - q) ** 2)) < 0.02
+    assert "RAEL" in (out / "markers.md").read_text()
+    assert (out / "markers.csv").exists()
