@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from geodesic_ocp.studies.tables import Row
-from geodesic_ocp.studies.tidy_files import write_tidy
+from geodesic_ocp.studies.tables.columns import Row
+from geodesic_ocp.studies.tables.write_rows import write_rows
 
 LABELS = {
     "riemannian": "geodesics, kinetic energy with joint inertia",
@@ -77,7 +77,7 @@ def drawn(seed: int, subjects: int, trials: int) -> tuple[list[Row], list[Row]]:
 
 def written(folder: Path, recordings: list[Row], synergies: list[Row] | None = None) -> Path:
     """The folder with the tables in it."""
-    write_tidy(folder, "recordings", recordings)
+    write_rows(folder, "recordings", recordings)
     if synergies is not None:
-        write_tidy(folder, "synergies", synergies)
+        write_rows(folder, "synergies", synergies)
     return folder

@@ -17,10 +17,10 @@ from geodesic_ocp.recordings.read_recording import read_recording
 from geodesic_ocp.studies.batch.analyse_recordings import analyse_recordings
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.batch.batch_result import BatchResult
-from geodesic_ocp.studies.batch.folder_lock import locked
-from geodesic_ocp.studies.batch.recording_source import recording_sources
-from geodesic_ocp.studies.batch.result_file import result_key
-from geodesic_ocp.studies.tidy_files import read_tidy
+from geodesic_ocp.studies.batch.results.folder_lock import locked
+from geodesic_ocp.studies.batch.results.result_file import result_key
+from geodesic_ocp.studies.batch.sources.recording_source import recording_sources
+from geodesic_ocp.studies.tables.read_rows import read_rows
 
 METRIC = AnalysisSettings(metric="euclidean")  # which is quick
 
@@ -122,8 +122,8 @@ def test_parquet_holds_the_same_as_csv(data: Path, tmp_path: Path) -> None:
     pytest.importorskip("pyarrow")
     run(data, tmp_path / "out")
     for name in ("recordings", "synergies", "failures"):
-        assert read_tidy(tmp_path / "out" / f"{name}.parquet", name) == read_tidy(
-            tmp_path / "out", name
+        assert read_rows(tmp_path / "out" / f"{name}.parquet", name) == read_rows(
+            tmp_path / "out" / f"{name}.csv", name
         )
 
 
@@ -150,7 +150,7 @@ def test_files_that_cannot_be_used_are_left_out_with_their_reasons(
     for name, (kind, words) in expected.items():
         assert reasons[name][0] == kind
         assert words in reasons[name][1]
-    rows = read_tidy(tmp_path / "out", "failures")
+    rows = read_rows(tmp_path / "out" / "failures.csv", "failures")
     assert {row["file"]: row["reason"] for row in rows} == {
         name: text for name, (_, text) in reasons.items()
     }

@@ -10,11 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import geodesic_ocp as go
-from geodesic_ocp.studies.batch.analysis_rows import peak_speed
-from geodesic_ocp.studies.batch.recording_source import recording_sources
-from geodesic_ocp.studies.batch.subject_names import SubjectPattern, SubjectTable
-from geodesic_ocp.studies.tables import RECORDING_COLUMNS, TABLES, Row
-from geodesic_ocp.studies.tidy_files import read_tidy, write_tidy
+from geodesic_ocp.studies.batch.sources.recording_source import recording_sources
+from geodesic_ocp.studies.batch.sources.subject_names import SubjectPattern, SubjectTable
+from geodesic_ocp.studies.tables.analysis_rows import peak_speed
+from geodesic_ocp.studies.tables.columns import RECORDING_COLUMNS, TABLES, Row
+from geodesic_ocp.studies.tables.read_rows import read_rows
+from geodesic_ocp.studies.tables.write_rows import write_rows
 
 NAME = st.from_regex(r"[A-Za-z0-9äß ]+", fullmatch=True)
 
@@ -47,7 +48,8 @@ def test_patterns_without_a_subject_are_refused(pattern: str) -> None:
         ("file,subject\na,\n", "line 2: file and subject must not be empty"),
         ("file,subject,height\na,b,tall\n", "line 2: height: could not convert"),
         ("file,subject,mass\na,b,60\nc,d,-1\n", "line 3: mass: mass must be positive"),
-        ("file,subject\n\xff,b\n", "is not a table in UTF-8"),
+        ("file,subject\n\xff,b\n", "is not text in UTF-8"),
+        ("file,subject,height\na,b,1,80\n", "line 2: 4 values under 3 columns"),
     ],
 )
 def test_wrong_tables_of_subjects(text: str, words: str, tmp_path: Path) -> None:
@@ -84,10 +86,13 @@ def test_files_are_named_from_their_common_folder(tmp_path: Path) -> None:
 
 CELLS = {
     "text": st.text(st.characters(exclude_characters="\r\0", exclude_categories=["Cs"])),
-    "integer": st.none() | st.integers(-(2**62), 2**62),
-    "number": st.none() | st.floats(allow_nan=False),
+    "integer": st.none() | st.integers(0, 2**62),
+    "number": st.none() | st.floats(0.0, allow_infinity=False),
 }
-ROWS = st.lists(st.fixed_dictionaries({each.name: CELLS[each.kind] for each in RECORDING_COLUMNS}))
+ROWS = st.lists(
+    st.fixed_dictionaries({each.name: CELLS[each.kind] for each in RECORDING_COLUMNS}),
+    unique_by=lambda row: (row["recording"], row["method"]),
+)
 
 
 @settings(max_examples=20, deadline=None)
@@ -96,8 +101,8 @@ def test_tables_are_read_as_they_were_written(
     tmp_path_factory: pytest.TempPathFactory, rows: list[Row]
 ) -> None:
     folder = tmp_path_factory.mktemp("tables")
-    for file in write_tidy(folder, "recordings", rows):
-        assert read_tidy(file, "recordings") == rows
+    for file in write_rows(folder, "recordings", rows):
+        assert read_rows(file, "recordings") == rows
 
 
 def test_tables_have_one_column_for_each_name() -> None:
@@ -108,16 +113,16 @@ def test_tables_have_one_column_for_each_name() -> None:
 
 def test_wrong_tables_are_named(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="recordings has no column speed"):
-        write_tidy(tmp_path, "recordings", [{"speed": 1.0}])
+        write_rows(tmp_path, "recordings", [{"speed": 1.0}])
     with pytest.raises(go.RecordingError, match="there is no such file"):
-        read_tidy(tmp_path, "recordings")
+        read_rows(tmp_path / "recordings.csv", "recordings")
     (tmp_path / "failures.csv").write_text("recording,file\n")
-    with pytest.raises(go.RecordingError, match="there is no column subject"):
-        read_tidy(tmp_path, "failures")
-    (path, *_) = write_tidy(tmp_path, "recordings", [{"samples": 3}])
+    with pytest.raises(go.RecordingError, match="column reason is missing"):
+        read_rows(tmp_path / "failures.csv", "failures")
+    (path, *_) = write_rows(tmp_path, "recordings", [{"samples": 3}])
     path.write_text(path.read_text().replace(",3,", ",three,"))
-    with pytest.raises(go.RecordingError, match=r"line 2: .*three"):
-        read_tidy(path, "recordings")
+    with pytest.raises(go.RecordingError, match=r"line 2, .*three"):
+        read_rows(path, "recordings")
 
 
 @given(

@@ -9,7 +9,7 @@ from short_reprs import check_reprs
 
 import geodesic_ocp as go
 from geodesic_ocp.studies.batch.outcome import RecordingOutcome
-from geodesic_ocp.studies.batch.recording_source import RecordingSource
+from geodesic_ocp.studies.batch.sources.recording_source import RecordingSource
 
 OF_STUDIES = {
     go.AnalysisSettings,

@@ -12,7 +12,7 @@ from studies.study_rows import drawn, rows_of, written
 import geodesic_ocp as go
 from geodesic_ocp.studies.study.study import study
 from geodesic_ocp.studies.study.study_results import Study
-from geodesic_ocp.studies.tidy_files import write_tidy
+from geodesic_ocp.studies.tables.write_rows import write_rows
 
 HEADER = "recording,subject,method,duration_s,joint_error_rad,position_error_m\n"
 LINE = "a,Ann,riemannian,1.0,0.1,0.2\n"
@@ -129,7 +129,7 @@ def test_recordings_that_were_cut_by_different_metrics_are_not_averaged(tmp_path
         *rows_of("a", "Ann", {"riemannian": 1.0}, metric="one"),
         *rows_of("b", "Bob", {"riemannian": 1.0}, metric="two", method_label="straight lines"),
     ]
-    write_tidy(tmp_path, "recordings", rows)
+    write_rows(tmp_path, "recordings", rows)
     with pytest.raises(go.RecordingError, match="cut by metrics that differ cannot be averaged"):
         study(tmp_path)
     assert len(study(tmp_path, by="metric").means()) == 2
@@ -150,7 +150,7 @@ def test_conditions_come_from_a_column_or_from_a_table_of_files(tmp_path: Path) 
     with pytest.raises(go.RecordingError, match=r"does not name the recording's file 'S1_1\.csv'"):
         study(tmp_path, by="condition", metadata=table)
     rows = [row for k in range(21) for row in rows_of(f"r{k}", "Ann", {"riemannian": 1.0})]
-    write_tidy(tmp_path, "recordings", [{**row, "trial": row["recording"]} for row in rows])
+    write_rows(tmp_path, "recordings", [{**row, "trial": row["recording"]} for row in rows])
     with pytest.raises(ValueError, match="'trial' has 21 values, more than 20, such as 'r0', 'r1'"):
         study(tmp_path, by="trial")
     with pytest.raises(

@@ -15,9 +15,9 @@ from geodesic_ocp.figures.new_figure import new_figure
 from geodesic_ocp.figures.study_distributions import draw_distributions
 from geodesic_ocp.figures.study_groups import StudyGroup, draw_groups, fit_scale
 from geodesic_ocp.figures.study_trend import draw_trend
+from geodesic_ocp.studies.study.output.study_tables import plus_minus
 from geodesic_ocp.studies.study.study import study
 from geodesic_ocp.studies.study.study_results import Study
-from geodesic_ocp.studies.study.study_tables import plus_minus
 
 TABLES = ("means", "tests", "synergy_statistics")
 FIGURES = ("errors", "differences", "synergies", "durations")

@@ -12,9 +12,9 @@ from geodesic_ocp.cli.analyse.analysis_options import settings_of
 from geodesic_ocp.cli.interrupts import ProgressBar
 from geodesic_ocp.studies.batch.analyse_recordings import analyse_recordings
 from geodesic_ocp.studies.batch.batch_result import BatchResult
-from geodesic_ocp.studies.batch.batch_tables import mean_table
 from geodesic_ocp.studies.batch.outcome import RecordingOutcome
-from geodesic_ocp.studies.tidy_files import PARQUET_HINT, has_parquet
+from geodesic_ocp.studies.batch.results.batch_tables import mean_table
+from geodesic_ocp.studies.tables.parquet import PARQUET_HINT, has_parquet
 
 
 def analyse_many(options: argparse.Namespace) -> int:

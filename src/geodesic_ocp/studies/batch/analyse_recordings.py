@@ -18,14 +18,13 @@ from geodesic_ocp.model.human.anthropometry import Side
 from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.batch.batch_result import BatchResult
-from geodesic_ocp.studies.batch.batch_tables import collect, write_tables
-from geodesic_ocp.studies.batch.folder_lock import locked
-from geodesic_ocp.studies.batch.in_executor import in_executor
-from geodesic_ocp.studies.batch.in_processes import in_processes
-from geodesic_ocp.studies.batch.one_thread import usable_cores
 from geodesic_ocp.studies.batch.outcome import RecordingOutcome, RecordingTask
-from geodesic_ocp.studies.batch.recording_source import RecordingSource, recording_sources
-from geodesic_ocp.studies.batch.result_file import (
+from geodesic_ocp.studies.batch.processes.in_executor import in_executor
+from geodesic_ocp.studies.batch.processes.in_processes import in_processes
+from geodesic_ocp.studies.batch.processes.one_thread import usable_cores
+from geodesic_ocp.studies.batch.results.batch_tables import collect, write_tables
+from geodesic_ocp.studies.batch.results.folder_lock import locked
+from geodesic_ocp.studies.batch.results.result_file import (
     RESULTS,
     read_result,
     result_key,
@@ -34,7 +33,8 @@ from geodesic_ocp.studies.batch.result_file import (
     write_whole,
 )
 from geodesic_ocp.studies.batch.run_task import RUNNING, identity, outcome_of
-from geodesic_ocp.studies.tables import TABLES
+from geodesic_ocp.studies.batch.sources.recording_source import RecordingSource, recording_sources
+from geodesic_ocp.studies.tables.columns import TABLES
 
 _LABEL = "analysing recordings"
 _WINDOW = 64  # recordings submitted to an executor at a time

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from geodesic_ocp.studies.batch.outcome import RecordingOutcome
-from geodesic_ocp.studies.tables import Row
-from geodesic_ocp.studies.tidy_files import read_tidy
+from geodesic_ocp.studies.tables.columns import Row
+from geodesic_ocp.studies.tables.read_rows import read_rows
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -46,8 +46,8 @@ class BatchResult:
 
     def recordings(self) -> list[Row]:
         """Rows of recordings.csv, one for each recording and method."""
-        return read_tidy(self.folder, "recordings")
+        return read_rows(self.folder / "recordings.csv", "recordings")
 
     def synergies(self) -> list[Row]:
         """Rows of synergies.csv, one for each synergy."""
-        return read_tidy(self.folder, "synergies")
+        return read_rows(self.folder / "synergies.csv", "synergies")

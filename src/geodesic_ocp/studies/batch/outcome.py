@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
-from geodesic_ocp.studies.batch.recording_source import RecordingSource
+from geodesic_ocp.studies.batch.sources.recording_source import RecordingSource
 
 OutcomeKind = Literal["analysed", "found", "file", "solver", "process", "same", "missing", "error"]
 

@@ -19,10 +19,8 @@ import numpy as np
 from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.recordings.read_recording import read_recording, stature_of
 from geodesic_ocp.studies.batch.analyse_recording import analyse_recording
-from geodesic_ocp.studies.batch.analysis_rows import recording_rows, synergy_rows
 from geodesic_ocp.studies.batch.outcome import OutcomeKind, RecordingOutcome, RecordingTask
-from geodesic_ocp.studies.batch.recording_source import RecordingSource
-from geodesic_ocp.studies.batch.result_file import (
+from geodesic_ocp.studies.batch.results.result_file import (
     FORMAT,
     RESULTS,
     SYNERGIES,
@@ -31,7 +29,9 @@ from geodesic_ocp.studies.batch.result_file import (
     result_name,
     write_whole,
 )
-from geodesic_ocp.studies.tables import Row
+from geodesic_ocp.studies.batch.sources.recording_source import RecordingSource
+from geodesic_ocp.studies.tables.analysis_rows import recording_rows, synergy_rows
+from geodesic_ocp.studies.tables.columns import Row
 from geodesic_ocp.synergies.synergy_files import save_synergies
 from geodesic_ocp.trajectory.motion import Motion
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from geodesic_ocp.studies.tables import Row
+from geodesic_ocp.studies.tables.columns import Row
 from geodesic_ocp.synergies.usual_metrics import KINETIC_ENERGY, STRAIGHT_LINES
 
 OWN = "riemannian"

@@ -11,7 +11,7 @@ from geodesic_ocp.studies.study.statistics.means import StudyMean
 from geodesic_ocp.studies.study.statistics.measures import MEASURES
 from geodesic_ocp.studies.study.statistics.subject_tests import StudyTest
 from geodesic_ocp.studies.study.statistics.subjects import subject_of
-from geodesic_ocp.studies.tables import Row
+from geodesic_ocp.studies.tables.columns import Row
 
 _MEANS = (
     "Means over subjects of the subjects' means. SD: standard deviation over subjects. Intervals: "

@@ -8,12 +8,12 @@ from os import PathLike
 from typing import cast
 
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.studies.study.sources.analysis_tables import analysis_tables
+from geodesic_ocp.studies.study.sources.metadata import with_metadata
+from geodesic_ocp.studies.study.sources.source import StudyTables, read_study_tables
 from geodesic_ocp.studies.study.statistics.subjects import condition_of, conditions_of
 from geodesic_ocp.studies.study.study_results import Study
-from geodesic_ocp.studies.study.tables.analysis_tables import analysis_tables
-from geodesic_ocp.studies.study.tables.metadata import with_metadata
-from geodesic_ocp.studies.study.tables.source import StudyTables, read_study_tables
-from geodesic_ocp.studies.tables import RECORDING_COLUMNS, Row
+from geodesic_ocp.studies.tables.columns import RECORDING_COLUMNS, Row
 from geodesic_ocp.synergies.analysis import Analysis
 
 _MOST_CONDITIONS = 20

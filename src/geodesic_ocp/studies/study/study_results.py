@@ -10,6 +10,22 @@ from geodesic_ocp.figures.study_groups import paper_style
 from geodesic_ocp.records import write_together
 from geodesic_ocp.studies.study.methods import length_unit, method_labels, reference
 from geodesic_ocp.studies.study.notes import count, means_note, study_notes
+from geodesic_ocp.studies.study.output.study_figures import (
+    differences_figure,
+    durations_figure,
+    errors_figure,
+    synergies_figure,
+)
+from geodesic_ocp.studies.study.output.study_files import write_study
+from geodesic_ocp.studies.study.output.study_tables import (
+    by_subject_table,
+    means_table,
+    synergies_table,
+    tests_table,
+    tidy_means,
+    tidy_synergies,
+    tidy_tests,
+)
 from geodesic_ocp.studies.study.statistics.compare_over_subjects import (
     compare_conditions,
     compare_methods,
@@ -37,23 +53,7 @@ from geodesic_ocp.studies.study.statistics.synergy_statistics import (
     SynergyStatistics,
     synergy_statistics,
 )
-from geodesic_ocp.studies.study.study_figures import (
-    differences_figure,
-    durations_figure,
-    errors_figure,
-    synergies_figure,
-)
-from geodesic_ocp.studies.study.study_files import write_study
-from geodesic_ocp.studies.study.study_tables import (
-    by_subject_table,
-    means_table,
-    synergies_table,
-    tests_table,
-    tidy_means,
-    tidy_synergies,
-    tidy_tests,
-)
-from geodesic_ocp.studies.tables import Row
+from geodesic_ocp.studies.tables.columns import Row
 from geodesic_ocp.table import Table
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ class Study:
     """Recordings of several subjects, analysed; see `study`.
 
     Attributes:
-        rows: one for each recording and method, see `geodesic_ocp.studies.tables`.
+        rows: one for each recording and method, see `geodesic_ocp.studies.tables.columns`.
         synergies: one for each synergy; None if there is no such table.
         failures: one for each recording that was left out of the analysis.
         by: column whose values are conditions; None for a single condition.

@@ -9,7 +9,7 @@ from geodesic_ocp.studies.study.statistics.means import subject_means
 from geodesic_ocp.studies.study.statistics.measures import StudyMeasure
 from geodesic_ocp.studies.study.statistics.subject_tests import StudyTest, subject_test
 from geodesic_ocp.studies.study.statistics.subjects import conditions_of, rows_under, subject_of
-from geodesic_ocp.studies.tables import Row
+from geodesic_ocp.studies.tables.columns import Row
 
 
 def compare_methods(

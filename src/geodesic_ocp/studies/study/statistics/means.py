@@ -12,7 +12,7 @@ import scipy
 from geodesic_ocp.arrays import as_number
 from geodesic_ocp.studies.study.statistics.measures import StudyMeasure
 from geodesic_ocp.studies.study.statistics.subjects import by_subject, conditions_of, rows_under
-from geodesic_ocp.studies.tables import Row
+from geodesic_ocp.studies.tables.columns import Row
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from geodesic_ocp.studies.tables import Row
+from geodesic_ocp.studies.tables.columns import Row
 
 _FILTERED = {
     "joint": ("joint_error_rad", "joints [rad]", "joint error [rad]", 1.0),

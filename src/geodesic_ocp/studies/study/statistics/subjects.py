@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from geodesic_ocp.studies.study.statistics.measures import StudyMeasure
-from geodesic_ocp.studies.tables import Row
+from geodesic_ocp.studies.tables.columns import Row
 
 RowsBySubject = dict[str, list[Row]]
 

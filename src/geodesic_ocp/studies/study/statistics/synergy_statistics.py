@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geodesic_ocp.studies.study.statistics.subjects import by_subject
-from geodesic_ocp.studies.tables import Row
+from geodesic_ocp.studies.tables.columns import Row
 
 LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
 

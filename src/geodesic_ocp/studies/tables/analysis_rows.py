@@ -6,7 +6,7 @@ from math import isfinite
 
 import numpy as np
 
-from geodesic_ocp.studies.tables import Row
+from geodesic_ocp.studies.tables.columns import Row
 from geodesic_ocp.synergies.analysis import Analysis
 from geodesic_ocp.synergies.scores.evaluate import MotionErrors, evaluate
 from geodesic_ocp.synergies.synergy import Synergy

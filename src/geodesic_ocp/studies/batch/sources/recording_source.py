@@ -10,7 +10,11 @@ from pathlib import Path, PurePosixPath
 
 from geodesic_ocp.model.human.anthropometry import Side
 from geodesic_ocp.recordings.recording_files import recording_files
-from geodesic_ocp.studies.batch.subject_names import SubjectEntry, SubjectPattern, SubjectTable
+from geodesic_ocp.studies.batch.sources.subject_names import (
+    SubjectEntry,
+    SubjectPattern,
+    SubjectTable,
+)
 
 
 @dataclass(frozen=True, repr=False)

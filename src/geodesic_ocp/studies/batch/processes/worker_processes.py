@@ -14,7 +14,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
-from geodesic_ocp.studies.batch.one_thread import one_thread
+from geodesic_ocp.studies.batch.processes.one_thread import one_thread
 
 _UNLIKELY_PARENT = "500"  # the system's choice when memory is short falls on these processes
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from geodesic_ocp.studies.batch.analysis_rows import recording_rows, synergy_rows
-from geodesic_ocp.studies.study.tables.source import StudyTables
-from geodesic_ocp.studies.tables import Row
+from geodesic_ocp.studies.study.sources.source import StudyTables
+from geodesic_ocp.studies.tables.analysis_rows import recording_rows, synergy_rows
+from geodesic_ocp.studies.tables.columns import Row
 from geodesic_ocp.synergies.analysis import Analysis
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from pathlib import Path
 from typing import Any
 
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.studies.tables import TABLES, Cell, Row, TableColumn
-from geodesic_ocp.studies.tidy_files import PARQUET_HINT, has_parquet
+from geodesic_ocp.studies.tables.columns import TABLES, Cell, Row, TableColumn
+from geodesic_ocp.studies.tables.parquet import read_parquet
+from geodesic_ocp.studies.tables.text_table import read_text_table
 
 # Without these a table says nothing about subjects; other columns may be missing.
 _NEEDED = {
@@ -17,6 +17,7 @@ _NEEDED = {
     "synergies": ("recording", "subject", "duration_s", "length"),
     "failures": ("recording", "reason"),
 }
+_NOT_NEGATIVE = ("joint_error", "position_error", "orientation_error", "duration", "length", "segm")
 _KEYS = {"recordings": ("recording", "method"), "synergies": ("recording", "synergy")}
 
 
@@ -30,10 +31,8 @@ def read_rows(file: Path, table: str) -> list[Row]:
     """
     if not file.is_file():
         raise RecordingError(f"{file}: there is no such file")
-    if file.suffix == ".parquet":
-        names, lines = _parquet(file)
-    else:
-        names, lines = read_text_table(file)
+    read = read_parquet if file.suffix.lower() == ".parquet" else read_text_table
+    names, lines = read(file)
     if missing := [name for name in _NEEDED[table] if name not in names]:
         raise RecordingError(
             f"{file}: line 1: column {', '.join(missing)} is missing; is it the table of {table}?"
@@ -54,56 +53,6 @@ def read_rows(file: Path, table: str) -> list[Row]:
     return rows
 
 
-def read_text_table(file: Path) -> tuple[list[str], list[tuple[str, list[Any]]]]:
-    """Names of the columns of a CSV file, and its lines, each with its place in the file.
-
-    Raises:
-        RecordingError: the file cannot be read, or a line does not fit the columns.
-    """
-    lines: list[tuple[str, list[Any]]] = []
-    number = 0
-    try:
-        with file.open(encoding="utf-8-sig", newline="") as stream:
-            reader = csv.reader(stream, strict=True)
-            names = next(reader, [])
-            number = reader.line_num
-            for values in reader:
-                where = f"line {number + 1}"
-                number = reader.line_num
-                if values and len(values) != len(names):
-                    raise RecordingError(
-                        f"{file}: {where}: {len(values)} values under {len(names)} columns"
-                    )
-                if values:
-                    lines.append((where, values))
-    except UnicodeDecodeError as error:
-        raise RecordingError(f"{file}: is not text in UTF-8: {error}") from None
-    except csv.Error as error:
-        raise RecordingError(f"{file}: line {number + 1}: is not CSV: {error}") from None
-    except OSError as error:
-        raise RecordingError(f"{file}: cannot be read: {error}") from None
-    if not names:
-        raise RecordingError(f"{file}: line 1: is empty, expected the names of columns")
-    if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise RecordingError(f"{file}: line 1: column {', '.join(twice)} is there twice")
-    return names, lines
-
-
-def _parquet(file: Path) -> tuple[list[str], list[tuple[str, list[Any]]]]:
-    if not has_parquet():
-        raise ImportError(f"{file}: {PARQUET_HINT}")
-    import pyarrow
-    import pyarrow.parquet
-
-    try:
-        table = pyarrow.parquet.read_table(file)
-        columns = [column.to_pylist() for column in table.columns]
-    except (OSError, ValueError, pyarrow.ArrowException) as error:  # ValueError: text is not UTF-8
-        raise RecordingError(f"{file}: cannot be read as Parquet: {error}") from None
-    rows = zip(*columns, strict=True)
-    return list(table.column_names), [(f"row {k}", list(row)) for k, row in enumerate(rows, 1)]
-
-
 def _checked(value: Any, column: TableColumn | None, where: str) -> Cell:
     """The value of a cell, None where it is missing; `where` opens the message if it is wrong."""
     if column is None or column.kind == "text":
@@ -122,6 +71,3 @@ def _checked(value: Any, column: TableColumn | None, where: str) -> Cell:
     if value < 0 and column.name.startswith(_NOT_NEGATIVE):
         raise RecordingError(f"{where}: {value!r} is negative")
     return value
-
-
-_NOT_NEGATIVE = ("joint_error", "position_error", "orientation_error", "duration", "length", "segm")

@@ -12,9 +12,10 @@ import numpy as np
 from geodesic_ocp.records import write_file
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.batch.outcome import RecordingOutcome
-from geodesic_ocp.studies.batch.result_file import read_result, results_by_key
-from geodesic_ocp.studies.tables import Row
-from geodesic_ocp.studies.tidy_files import PARQUET_HINT, has_parquet, write_tidy
+from geodesic_ocp.studies.batch.results.result_file import read_result, results_by_key
+from geodesic_ocp.studies.tables.columns import Row
+from geodesic_ocp.studies.tables.parquet import PARQUET_HINT, has_parquet
+from geodesic_ocp.studies.tables.write_rows import write_rows
 from geodesic_ocp.table import Table
 
 _SAME = 1e-6  # [rad]; formats print angles with at least this precision
@@ -68,9 +69,9 @@ def write_tables(
     """Write recordings, synergies and failures as tables, and summary.md; returns the paths."""
     failures = [outcome for outcome in outcomes if not outcome.success]
     files = [
-        *write_tidy(folder, "recordings", collected.recordings),
-        *write_tidy(folder, "synergies", collected.synergies),
-        *write_tidy(folder, "failures", [_failure_row(outcome) for outcome in failures]),
+        *write_rows(folder, "recordings", collected.recordings),
+        *write_rows(folder, "synergies", collected.synergies),
+        *write_rows(folder, "failures", [_failure_row(outcome) for outcome in failures]),
         write_file(folder / "summary.md", _summary(collected, outcomes, settings)),
     ]
     return tuple(files)

@@ -23,7 +23,7 @@ from geodesic_ocp.studies.study.statistics.means import StudyMean
 from geodesic_ocp.studies.study.statistics.measures import MEASURES
 from geodesic_ocp.studies.study.statistics.subject_tests import StudyTest
 from geodesic_ocp.studies.study.statistics.subjects import by_subject
-from geodesic_ocp.studies.tables import Row
+from geodesic_ocp.studies.tables.columns import Row
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

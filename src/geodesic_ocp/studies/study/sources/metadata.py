@@ -7,8 +7,8 @@ from os import PathLike
 from pathlib import Path, PurePosixPath
 
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.studies.study.tables.read_rows import read_text_table
-from geodesic_ocp.studies.tables import Row
+from geodesic_ocp.studies.tables.columns import Row
+from geodesic_ocp.studies.tables.text_table import read_text_table
 
 
 def with_metadata(rows: Sequence[Row], table: str | PathLike[str]) -> tuple[Row, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from pathlib import Path, PurePosixPath
 
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.studies.tables.text_table import read_text_table
 
 _FIELD = re.compile(r"\{(\w*)\}|(\*)")
 
@@ -84,17 +84,11 @@ class SubjectTable:
             RecordingError: the table is missing, lacks a column, or has a wrong entry.
         """
         file = Path(path)
-        try:
-            with file.open(encoding="utf-8-sig", newline="") as stream:
-                rows = csv.DictReader(stream)
-                missing = {"file", "subject"} - set(rows.fieldnames or ())
-                if missing:
-                    raise RecordingError(f"{file}: there is no column {' or '.join(missing)}")
-                return cls(file, dict(_entry(file, rows.line_num, row) for row in rows))
-        except OSError as failure:
-            raise RecordingError(f"{file}: cannot be read: {failure.strerror}") from None
-        except (csv.Error, UnicodeDecodeError) as failure:
-            raise RecordingError(f"{file}: is not a table in UTF-8: {failure}") from None
+        names, lines = read_text_table(file)
+        if missing := [name for name in ("file", "subject") if name not in names]:
+            raise RecordingError(f"{file}: there is no column {' or '.join(missing)}")
+        rows = ((where, dict(zip(names, values, strict=True))) for where, values in lines)
+        return cls(file, dict(_entry(f"{file}: {where}", row) for where, row in rows))
 
     def find(self, file: str) -> tuple[SubjectEntry, str]:
         """The entry whose path is the end of the file's, or why there is none."""
@@ -106,14 +100,14 @@ class SubjectTable:
         return SubjectEntry(""), f"{self.path} does not name it"
 
 
-def _entry(file: Path, line: int, row: Mapping[str, str | None]) -> tuple[str, SubjectEntry]:
+def _entry(where: str, row: Mapping[str, str]) -> tuple[str, SubjectEntry]:
     if not row["file"] or not row["subject"]:
-        raise RecordingError(f"{file}: line {line}: file and subject must not be empty")
+        raise RecordingError(f"{where}: file and subject must not be empty")
     numbers: dict[str, float | None] = {}
     for name in ("height", "mass"):
         try:
             numbers[name] = as_positive(name, float(text)) if (text := row.get(name)) else None
         except ValueError as failure:
-            raise RecordingError(f"{file}: line {line}: {name}: {failure}") from None
+            raise RecordingError(f"{where}: {name}: {failure}") from None
     entry = SubjectEntry(row["subject"], row.get("trial") or "", **numbers)
     return str(PurePosixPath(row["file"].replace("\\", "/")).with_suffix("")), entry

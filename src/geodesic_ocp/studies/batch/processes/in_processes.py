@@ -10,10 +10,10 @@ from itertools import islice
 from pathlib import Path
 
 from geodesic_ocp.errors import GeodesicOcpError
-from geodesic_ocp.studies.batch.in_executor import completed, failure_of
 from geodesic_ocp.studies.batch.outcome import RecordingOutcome, RecordingTask
+from geodesic_ocp.studies.batch.processes.in_executor import completed, failure_of
+from geodesic_ocp.studies.batch.processes.worker_processes import WorkerProcesses, describe_end
 from geodesic_ocp.studies.batch.run_task import RUNNING
-from geodesic_ocp.studies.batch.worker_processes import WorkerProcesses, describe_end
 
 # Recordings after which the processes are replaced, so that their memory stays bounded.
 _RENEWAL = 100

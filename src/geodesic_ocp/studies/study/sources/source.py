@@ -9,15 +9,15 @@ from os import PathLike
 from pathlib import Path
 
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.studies.study.tables.read_rows import read_rows
-from geodesic_ocp.studies.tables import TABLES, Row
+from geodesic_ocp.studies.tables.columns import TABLES, Row
+from geodesic_ocp.studies.tables.read_rows import read_rows
 
 _SUFFIXES = (".csv", ".parquet")
 
 
 @dataclass(frozen=True, repr=False)
 class StudyTables:
-    """The rows of the three tables; see `geodesic_ocp.studies.tables`.
+    """The rows of the three tables; see `geodesic_ocp.studies.tables.columns`.
 
     Attributes:
         recordings: one for each recording and method.

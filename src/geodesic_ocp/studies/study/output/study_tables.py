@@ -13,7 +13,7 @@ from geodesic_ocp.studies.study.statistics.measures import MEASURES, StudyMeasur
 from geodesic_ocp.studies.study.statistics.subject_tests import StudyTest
 from geodesic_ocp.studies.study.statistics.subjects import by_subject, conditions_of, rows_under
 from geodesic_ocp.studies.study.statistics.synergy_statistics import LEVELS, SynergyStatistics
-from geodesic_ocp.studies.tables import Row
+from geodesic_ocp.studies.tables.columns import Row
 from geodesic_ocp.table import Table
 
 Label = Callable[[str], str]

@@ -15,7 +15,7 @@ from typing import Any
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.records import read_record
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
-from geodesic_ocp.studies.batch.recording_source import RecordingSource
+from geodesic_ocp.studies.batch.sources.recording_source import RecordingSource
 
 FORMAT, VERSION = "geodesic_ocp result of a recording", 1
 RESULTS = "results"  # folder of the results, within that of the output

@@ -1,0 +1,1 @@
+"""The recordings that are analysed, and their subjects."""

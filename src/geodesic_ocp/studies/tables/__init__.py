@@ -1,0 +1,1 @@
+"""The tidy tables of many recordings: their columns, and files of them."""
