@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import importlib.util
+import io
 import pkgutil
 from collections.abc import Callable
 from functools import partial
+from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 
 import geodesic_ocp as go
+from geodesic_ocp.cli.main import main
 
-for package in ("daqp", "mujoco", "pink", "ruckig", "toppra"):
+for package in ("daqp", "distributed", "mujoco", "pink", "pyarrow", "ruckig", "toppra"):
     assert importlib.util.find_spec(package) is None, f"{package} is installed"
 modules = [each.name for each in pkgutil.walk_packages(go.__path__, f"{go.__name__}.")]
 for module in modules:
@@ -30,6 +35,22 @@ assert go.check_trajectory(trajectory, arm, limits).passed
 poses = arm.hand_pose(trajectory.positions)
 track = partial(go.track_within_limits, arm, begin, trajectory.time, poses, limits)
 
+
+def command(*words: str) -> None:
+    """Run the command line; its error is one of this program."""
+    errors = io.StringIO()
+    with contextlib.redirect_stderr(errors):
+        code = main(words)
+    if code:
+        raise ValueError(errors.getvalue())
+
+
+folder = str(files("geodesic_ocp") / "data")
+many = ("analyse", folder, "--side", "left", "--out", "many")
+assert list(Path("many").glob("*.csv"))  # of `geodesic-ocp analyse`; CSV needs no extra
+assert not list(Path("many").glob("*.parquet"))
+Path("recordings.parquet").write_bytes(b"PAR1")
+
 NEEDED: list[tuple[str, Callable[[], object]]] = [
     ("mujoco", lambda: go.replay(trajectory, arm)),
     ("mujoco", lambda: go.load_model("menagerie/franka_emika_panda", hand="hand")),
@@ -37,6 +58,8 @@ NEEDED: list[tuple[str, Callable[[], object]]] = [
     ("timing", lambda: go.ruckig_trajectory(paths)),
     ("timing", lambda: go.compare_timings(planned)),
     ("pink", lambda: track(solver="pink")),
+    ("cluster", lambda: command(*many, "--scheduler", "tcp://127.0.0.1:8786")),
+    ("parquet", lambda: go.study("recordings.parquet")),
 ]
 for extra, use in NEEDED:
     try:
