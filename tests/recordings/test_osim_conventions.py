@@ -88,7 +88,10 @@ def moving(names: list[str], count: int = 50) -> Array:
 
 
 def test_the_full_body_convention_and_a_model_with_its_axes(tmp_path: Path) -> None:
-    """Both sides; a supinated zero pose; the hand differs by a constant rotation of 4 degrees."""
+    """Both sides, a supinated zero pose.
+
+    They define long axes differently by up to 3.2 degrees, the tilt of the axis of pronation.
+    """
     ranges = {"pro_sup": (0.0, 1.6), "elbow_flex": (0.0, 2.6)}
     links, names = as_links(ANGLE_CONVENTIONS["opensim_full_body"], ranges)
     model = tmp_path / "m.osim"
@@ -97,15 +100,20 @@ def test_the_full_body_convention_and_a_model_with_its_axes(tmp_path: Path) -> N
     read = go.read_motion(file, convention=model)
     wanted = go.read_motion(file, convention="opensim_full_body")
     assert read.joint_names == wanted.joint_names
-    arms = [i for i, name in enumerate(read.joint_names) if name[1] in "SE" and name[1:3] != "Ez"]
-    others = [i for i in range(read.q.shape[1]) if i not in arms]
-    assert read.q[:, arms] == pytest.approx(wanted.q[:, arms], abs=1e-6)
-    assert np.abs(read.q[:, others] - wanted.q[:, others]).max() < np.radians(4.0)
+    trunk = [name for name in read.joint_names if name[0] == "B"]
+    assert read.select(trunk).q == pytest.approx(wanted.select(trunk).q, abs=1e-9)
+    difference = np.abs(read.q - wanted.q).max(axis=0)
+    assert (
+        difference < np.radians([1.2 if name[1] in "BSE" else 4.5 for name in read.joint_names])
+    ).all()
     assert wanted.trunk is None  # the table has no pelvis_tx
 
 
 def test_the_upper_limb_convention_and_a_model_with_its_axes(tmp_path: Path) -> None:
-    """The thumb points forward in the zero pose of the model, as its wrist flexes about x."""
+    """The thumb points forward in the zero pose of the model, as its wrist flexes about x.
+
+    The axis of pronation is tilted by 7 degrees, which the two attribute to different segments.
+    """
     convention = ANGLE_CONVENTIONS["opensim_upper_limb"]
     links, names = as_links(convention, {"elbow_flexion": (0.0, 2.3), "pro_sup": (-1.6, 1.6)})
     axes = (
@@ -123,5 +131,4 @@ def test_the_upper_limb_convention_and_a_model_with_its_axes(tmp_path: Path) -> 
     read = go.read_motion(file, convention=model)
     wanted = go.read_motion(file, convention="opensim_upper_limb")
     difference = read.select(wanted.joint_names).q - wanted.q
-    assert np.abs(difference[:, :4]).max() < 1e-6
-    assert np.abs(difference[:, 4]).max() < np.radians(8.0)
+    assert np.abs(difference).max() < np.radians(9.0)

@@ -3,7 +3,9 @@
 They follow from joint centres and joint axes, and not from how the bodies are drawn or posed:
 
 upper arm: z from the elbow's centre to the shoulder's, x the axis of elbow flexion. Flexion is the
-    sense of the larger part of the coordinate's range.
+    sense of the larger part of the coordinate's range. The elbow's centre is the point of this axis
+    nearest to the line from shoulder to wrist in the neutral pose: where along its axis a hinge is
+    drawn does not change how a model moves.
 forearm: z from the wrist's centre to the elbow's at every sample, y the axis of wrist flexion, on
     the side of the thumb. That is where the palm faces the body. Palmar flexion is the sense of the
     coordinate that brings this pose nearer to the range of the forearm's rotation; if both are
@@ -40,7 +42,6 @@ class ArmAxes:
     Attributes:
         bodies: of upper arm, forearm and (if the model has one) hand.
         upper: axes x right, y forward, z up of the upper arm, as columns in its body (3, 3).
-        shoulder: centre of the shoulder in the upper arm's body (3,) [m].
         elbow: centre of the elbow in the upper arm's body (3,) [m].
         wrist: centre of the wrist in the forearm's body (3,) [m].
         thumb: y of the forearm in its body (3,).
@@ -49,7 +50,6 @@ class ArmAxes:
 
     bodies: tuple[str, ...]
     upper: Array
-    shoulder: Array
     elbow: Array
     wrist: Array
     thumb: Array
@@ -98,39 +98,63 @@ def arm_axes(
             axes; names what would.
     """
     humerus, radius = bodies[:2]
-    elbow = model.path(radius, humerus)[0].parent.position
+    hinge = model.path(radius, humerus)[0].parent.position
     shoulder = model.joints[humerus].child.position
     wrist = _wrist(model, bodies)
-    turning = _turning(model, zero, humerus, radius)
-    poses = body_poses(model, zero, bodies[:2])
-    to_humerus = poses[humerus][0][0].T
-    tip = to_humerus @ (poses[radius][1] - poses[humerus][1])[0]
-    tip = tip + to_humerus @ poses[radius][0][0] @ wrist
-    for name, length in (("upper arm", shoulder - elbow), ("forearm", elbow - tip)):
+    tip = _wrist_in_upper_arm(model, zero, humerus, radius, wrist)
+    for name, length in (("upper arm", shoulder - hinge), ("forearm", hinge - tip)):
         if np.linalg.norm(length) < _SHORTEST:
             raise RecordingError(f"the joint centres of the {side} {name} are at one place")
-    flexing = _most_across(turning, shoulder - elbow)
+    turning = _turning(model, zero, humerus, radius)
+    flexing = _most_across(turning, shoulder - hinge)
     if flexing is None:
         raise RecordingError(f"no coordinate flexes the elbow between {humerus!r} and {radius!r}")
     axis = turning[flexing] * _larger_part(model, flexing)
-    up = shoulder - elbow
-    upper = _axes(up, np.cross(up, axis))
-    rotating = _most_along(turning, elbow - tip, flexing)
-    arm = ArmAxes(bodies[:2], upper, shoulder, elbow, wrist, np.zeros(3))
-    pose = {**zero, **{name: np.array([value]) for name, value in neutral.items()}}
-    if neutral:
-        poses = body_poses(model, pose, bodies[:2])
-        forward = poses[humerus][0][0] @ upper[:, 1]
-        arm = replace(arm, thumb=poses[radius][0][0].T @ forward)
-    else:
+    rotating = _most_along(turning, hinge - tip, flexing)
+    given = {name: np.array([value]) for name, value in neutral.items()}
+
+    def posed(elbow: Array) -> tuple[ArmAxes, dict[str, Array]]:
+        """The axes with this centre of the elbow, and the coordinates of the neutral pose."""
+        up = shoulder - elbow
+        arm = ArmAxes(bodies[:2], _axes(up, np.cross(up, axis)), elbow, wrist, np.zeros(3))
+        pose = {**zero, **given}
+        if given:
+            poses = body_poses(model, pose, bodies[:2])
+            forward = poses[humerus][0][0] @ arm.upper[:, 1]
+            return replace(arm, thumb=poses[radius][0][0].T @ forward), pose
         arm, angle = _palm_inwards(model, arm, bodies, side, zero, rotating)
-        if rotating is not None:
-            pose[rotating] = np.array([angle])
+        return arm, pose if rotating is None else {**pose, rotating: np.array([angle])}
+
+    _, pose = posed(hinge)
+    tip = _wrist_in_upper_arm(model, pose, humerus, radius, wrist)
+    arm, pose = posed(_nearest_point(hinge, axis, shoulder, tip))
     if len(bodies) < 3:
         return arm
     poses = body_poses(model, pose, bodies)
     hand = poses[bodies[2]][0][0].T @ arm.rotations(poses)[1][0]
     return replace(arm, bodies=bodies, hand=hand)
+
+
+def _wrist_in_upper_arm(
+    model: OsimModel, pose: Mapping[str, Array], humerus: str, radius: str, wrist: Array
+) -> Array:
+    """The centre of the wrist (3,) in the upper arm's body."""
+    poses = body_poses(model, pose, (humerus, radius))
+    (rotation, origin), (turned, place) = ((r[0], p[0]) for r, p in poses.values())
+    result: Array = rotation.T @ (place + turned @ wrist - origin)
+    return result
+
+
+def _nearest_point(hinge: Array, axis: Array, start: Array, end: Array) -> Array:
+    """The point (3,) of the axis through the hinge that is nearest to the line from start to end.
+
+    It is the hinge itself if the two are within 30 degrees of one direction.
+    """
+    along, line = axis / np.linalg.norm(axis), end - start
+    across = along - (along @ line) / (line @ line) * line
+    if across @ across < 0.25:
+        return hinge
+    return hinge + ((start - hinge) @ across) / (across @ across) * along
 
 
 def _wrist(model: OsimModel, bodies: tuple[str, ...]) -> Array:
