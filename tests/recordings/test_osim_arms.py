@@ -162,6 +162,25 @@ def test_the_pose_with_palms_inwards_can_be_stated(tmp_path: Path) -> None:
     assert motion.select(["RWx_joint", "RWy_joint"]).q == pytest.approx(0.0, abs=1e-6)
 
 
+def test_a_palm_far_from_the_range_of_the_forearm_is_asked_about(tmp_path: Path) -> None:
+    """As where the coordinate named flexion is one of deviation."""
+    links = arm_links("right")
+    links[2] = replace(links[2], ranges=((0.9, 1.6),))
+    model = write_model(tmp_path, [trunk_link(), *links])
+    file = write_table(tmp_path / "t.mot", names_of("right"), angles_of("right"))
+    with pytest.raises(go.RecordingError, match=r"where 'Ez_r' is -?0 degrees, far outside its"):
+        go.read_motion(file, convention=model)
+
+
+def test_a_rotation_with_the_name_of_a_translation_is_asked_about(tmp_path: Path) -> None:
+    text = osim_text([trunk_link(), *arm_links("right")]).replace("Sz_r", "shoulder_tz")
+    (tmp_path / "m.osim").write_text(text)
+    names = [name.replace("Sz_r", "shoulder_tz") for name in names_of("right")]
+    file = write_table(tmp_path / "t.mot", names, angles_of("right"), degrees=True)
+    with pytest.raises(go.RecordingError, match="shoulder_tz would be read in metres by its name"):
+        go.read_motion(file, convention=tmp_path / "m.osim")
+
+
 def test_bodies_can_be_named_in_a_json_file(tmp_path: Path) -> None:
     text = osim_text([trunk_link(), *arm_links("right")])
     for old, new in (("humerus_r", "bone1"), ("radius_r", "bone2"), ("thorax", "chest")):

@@ -126,6 +126,20 @@ def test_couplers_that_cannot_be_computed(table: Path) -> None:
     )
 
 
+def test_long_chains_of_couplers_end(table: Path) -> None:
+    """Two thousand in a row, and pairs that would double the work at every step."""
+    first, last = coupler("Sx_r", "c0", 1.0).split("<CoordinateCouplerConstraint>")[0], "</objects>"
+    for count, twice in ((2000, 1), (60, 2)):
+        inner = ""
+        for i in range(count):
+            one = coupler("Sx_r" if i == 0 else f"c{i}", " ".join([f"c{i + 1}"] * twice), 1.0)
+            one = one.replace(">1.0 0<", f">{'0.5 ' * twice}0<")
+            inner += one[len(first) : one.index(last)]
+        text = osim_text(LINKS, extra=f"{first}{inner}{last}</ConstraintSet>")
+        message = refusal(table, text)
+        assert ("is coupled to itself" if twice == 1 else "no coordinate 'c60'") in message
+
+
 def test_a_leg_that_cannot_be_read_does_not_matter(table: Path) -> None:
     axes = (Axis("rotation", (1.0, 0.0, 0.0), "knee", "<GCVSpline/>"),)
     leg = Link("thorax", "tibia_r", "CustomJoint", ("knee",), axes=axes)

@@ -17,7 +17,11 @@ from geodesic_ocp.recordings.conventions.angle_segments import (
 from geodesic_ocp.recordings.conventions.joint_angles import JOINTS, joint_angles
 from geodesic_ocp.recordings.conventions.known_angle_conventions import ANGLE_CONVENTIONS
 from geodesic_ocp.recordings.conventions.read_angle_convention import as_angle_convention
-from geodesic_ocp.recordings.formats.opensim_table import CoordinateTable, read_coordinates
+from geodesic_ocp.recordings.formats.opensim_table import (
+    CoordinateTable,
+    is_translation,
+    read_coordinates,
+)
 from geodesic_ocp.recordings.opensim_models.model_segments import model_segments
 from geodesic_ocp.recordings.opensim_models.osim_convention import (
     OsimConvention,
@@ -78,6 +82,12 @@ def read_opensim(
 def _by_model(file: Path, joints: Sequence[str] | None, convention: OsimConvention) -> Motion:
     model = read_osim(Path(convention.model))
     table = read_coordinates(file, model.translations)
+    unclear = [name for name in model.rotations if name in table.names and is_translation(name)]
+    if unclear:
+        raise RecordingError(
+            f"{file}: {', '.join(unclear)} would be read in metres by its name, but rotates in "
+            f"{model.file}; rename it in both"
+        )
     columns = dict(zip(table.names, table.values.T, strict=True))
     try:
         converted = model_segments(file, model, convention, table.time, columns)

@@ -33,6 +33,11 @@ _SHORTEST = 0.02  # of upper arm and forearm [m]
 # Cosines between an axis of rotation and a long axis: the elbow's flexion, the forearm's rotation.
 _ACROSS, _ALONG = 0.6, 0.8
 _EXACT = 1e-9  # rad
+_FAR_OUTSIDE = np.pi / 4.0
+_STATE_IT = (
+    "state the pose with palms towards the body in an OsimConvention, such as "
+    "neutral={'pro_sup': 0}"
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -230,8 +235,7 @@ def _palm_inwards(
     if flexing is None:
         raise RecordingError(
             f"the model does not show where the {side} palm is, as no coordinate flexes the wrist; "
-            "state the pose with palms towards the body in an OsimConvention, such as "
-            "neutral={'pro_sup': 0}"
+            f"{_STATE_IT}"
         )
     thumb = turning[flexing] / np.linalg.norm(turning[flexing]) * (1.0 if side == "right" else -1.0)
     choices = [replace(arm, thumb=sign * thumb) for sign in (1.0, -1.0)]
@@ -243,6 +247,11 @@ def _palm_inwards(
         return choices[0], angles[0]
     outside = [max(limits[0] - angle, angle - limits[1], 0.0) for angle in angles]
     best = 0 if outside[0] <= outside[1] else 1
+    if outside[best] > _FAR_OUTSIDE:
+        raise RecordingError(
+            f"by the axis of wrist flexion, the {side} palm is towards the body where {rotating!r} "
+            f"is {np.degrees(angles[best]):.0f} degrees, far outside its range; {_STATE_IT}"
+        )
     return choices[best], angles[best]
 
 
@@ -282,6 +291,5 @@ def _facing(
             return angle
         angle -= error / (slope if abs(slope) > 0.1 else 1.0)
     raise RecordingError(
-        f"the pose with the {side} palm towards the body is not found by {rotating!r}; state it in "
-        "an OsimConvention, such as neutral={'pro_sup': 0}"
+        f"no value of {rotating!r} is found with the {side} palm towards the body; {_STATE_IT}"
     )

@@ -16,6 +16,7 @@ from geodesic_ocp.errors import RecordingError
 OsimFunction: TypeAlias = Callable[[Array], Array]
 
 GROUND = "ground"
+_COUPLED = 100  # coordinates one after the other
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -143,10 +144,13 @@ class OsimModel:
             RecordingError: couplers depend on one another in a circle, or a coordinate is missing.
         """
         found: dict[str, None] = {}
+        followed: set[str] = set()
 
         def follow(name: str, behind: tuple[str, ...]) -> None:
-            if name in behind:
+            if name in behind or len(behind) > _COUPLED:
                 raise RecordingError(f"{self.file}: the coordinate {name!r} is coupled to itself")
+            if name in followed:
+                return
             if name in self.couplers:
                 for other in self.couplers[name].independent:
                     follow(other, (*behind, name))
@@ -154,6 +158,7 @@ class OsimModel:
                 raise RecordingError(f"{self.file}: there is no coordinate {name!r}")
             else:
                 found[name] = None
+            followed.add(name)
 
         for joint in joints:
             for name in joint.coordinates:
@@ -161,12 +166,17 @@ class OsimModel:
         return tuple(found)
 
     @property
+    def rotations(self) -> tuple[str, ...]:
+        """Coordinates that rotate."""
+        axes = [axis for joint in self.joints.values() for axis in joint.rotations]
+        return tuple(dict.fromkeys(name for axis in axes for name in axis.coordinates))
+
+    @property
     def translations(self) -> tuple[str, ...]:
         """Coordinates that translate and do not rotate."""
-        joints = self.joints.values()
-        turning = {n for joint in joints for axis in joint.rotations for n in axis.coordinates}
-        moving = [n for joint in joints for axis in joint.translations for n in axis.coordinates]
-        return tuple(dict.fromkeys(name for name in moving if name not in turning))
+        axes = [axis for joint in self.joints.values() for axis in joint.translations]
+        moving = dict.fromkeys(name for axis in axes for name in axis.coordinates)
+        return tuple(name for name in moving if name not in self.rotations)
 
     def __repr__(self) -> str:
         return (
