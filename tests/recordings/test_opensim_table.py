@@ -43,8 +43,9 @@ def test_every_separator_and_the_unit(separator: str, tmp_path: Path) -> None:
 
 
 def test_radians_and_translations_of_other_names(tmp_path: Path) -> None:
-    file = write(tmp_path, TABS.replace("yes", "no"))
-    assert read_coordinates(file).values[:, 0] == pytest.approx([90.0, 180.0])
+    radians = TABS.replace("yes", "no").replace("180", "1.8").replace("90", "0.9")
+    file = write(tmp_path, radians)
+    assert read_coordinates(file).values[:, 0] == pytest.approx([0.9, 1.8])
     lengths = read_coordinates(write(tmp_path, TABS), translations=["elbow"])
     assert lengths.values[:, 0] == pytest.approx([90.0, 180.0])
     assert [

@@ -21,9 +21,9 @@ from recordings.skeleton_files import (
 
 import geodesic_ocp as go
 from geodesic_ocp.recordings.conventions.motion_segments import segment_orientations
-from geodesic_ocp.recordings.formats.amc import read_amc
-from geodesic_ocp.recordings.formats.bvh import read_bvh
-from geodesic_ocp.recordings.formats.smpl import read_smpl
+from geodesic_ocp.recordings.formats.skeletons.amc import read_amc
+from geodesic_ocp.recordings.formats.skeletons.bvh import read_bvh
+from geodesic_ocp.recordings.formats.skeletons.smpl import read_smpl
 from geodesic_ocp.recordings.skeletons.known_conventions import SKELETON_CONVENTIONS
 from geodesic_ocp.recordings.skeletons.skeleton_convention import SkeletonConvention
 

@@ -28,9 +28,9 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
 from geodesic_ocp.recordings.conventions.motion_segments import segment_orientations
 from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
-from geodesic_ocp.recordings.formats.amc import read_amc
-from geodesic_ocp.recordings.formats.bvh import read_bvh
-from geodesic_ocp.recordings.formats.smpl import read_smpl
+from geodesic_ocp.recordings.formats.skeletons.amc import read_amc
+from geodesic_ocp.recordings.formats.skeletons.bvh import read_bvh
+from geodesic_ocp.recordings.formats.skeletons.smpl import read_smpl
 from geodesic_ocp.recordings.skeletons.known_conventions import SKELETON_CONVENTIONS, SMPL
 
 NAMES = [name for name, *_ in TREE]

@@ -93,14 +93,14 @@ def _table(file: Path, joints: Sequence[str] | None) -> Motion:
 
 def _amc(file: Path, joints: Sequence[str] | None, **given: Any) -> Motion:
     from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
-    from geodesic_ocp.recordings.formats.amc import read_amc
+    from geodesic_ocp.recordings.formats.skeletons.amc import read_amc
 
     return joint_angles(read_amc(file, **given), joints)
 
 
 def _bvh(file: Path, joints: Sequence[str] | None, **given: Any) -> Motion:
     from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
-    from geodesic_ocp.recordings.formats.bvh import read_bvh
+    from geodesic_ocp.recordings.formats.skeletons.bvh import read_bvh
 
     return joint_angles(read_bvh(file, **given), joints)
 
@@ -113,7 +113,7 @@ def _opensim(file: Path, joints: Sequence[str] | None, **given: Any) -> Motion:
 
 def _smpl(file: Path, joints: Sequence[str] | None, **given: Any) -> Motion:
     from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
-    from geodesic_ocp.recordings.formats.smpl import read_smpl
+    from geodesic_ocp.recordings.formats.skeletons.smpl import read_smpl
 
     return joint_angles(read_smpl(file, **given), joints)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from geodesic_ocp.recordings.conventions.angle_convention import (
     SegmentRelation,
 )
 from geodesic_ocp.recordings.conventions.known_angle_conventions import ANGLE_CONVENTIONS
+from geodesic_ocp.recordings.conventions.read_convention_record import read_convention_record
 
 
 def as_angle_convention(given: AngleConvention | str | Path | None) -> AngleConvention | None:
@@ -41,20 +41,9 @@ def as_angle_convention(given: AngleConvention | str | Path | None) -> AngleConv
             f"file, got {given!r}"
         )
     file = Path(given)
-    try:
-        text = file.read_text(encoding="utf-8-sig")
-        record = _from_toml(text) if file.suffix.lower() == ".toml" else json.loads(text)
-    except OSError as failure:
-        raise RecordingError(
-            f"{file}: cannot be read: {failure.strerror}; built-in conventions are "
-            f"{', '.join(ANGLE_CONVENTIONS)}"
-        ) from None
-    except ImportError:
-        raise RecordingError(
-            f"{file}: TOML needs Python 3.11 or later; write the convention as JSON"
-        ) from None
-    except (ValueError, RecursionError) as failure:
-        raise RecordingError(f"{file}: is not a convention in JSON or TOML: {failure}") from None
+    record = read_convention_record(
+        file, f"; built-in conventions are {', '.join(ANGLE_CONVENTIONS)}"
+    )
     try:
         return _convention(file.stem, record)
     except (TypeError, ValueError) as failure:
@@ -104,9 +93,3 @@ def _checked(what: str, record: Any, kind: type, others: tuple[str, ...] = ()) -
     if not isinstance(record, dict) or not set(record) <= set(known):
         raise ValueError(f"{what} has the keys {', '.join(known)}, got {str(record)[:80]}")
     return dict(record)
-
-
-def _from_toml(text: str) -> object:
-    import tomllib
-
-    return tomllib.loads(text)

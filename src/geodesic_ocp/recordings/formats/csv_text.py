@@ -11,6 +11,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.formats.finite_number import finite_number
 from geodesic_ocp.trajectory.motion import Subject
 
 _NOTES = ("unit", "height", "mass", "subject")
@@ -111,13 +112,7 @@ def read_csv_text(file: Path, units: dict[str, float], examples: tuple[str, str]
 def _number(where: str, name: str, text: str, blank: float | None) -> float:
     if blank is not None and text.strip().lower() in ("", "nan"):
         return blank
-    try:
-        number = float(text)
-    except ValueError:
-        raise RecordingError(f"{where}: {name} is not a number: {text[:40]!r}") from None
-    if not np.isfinite(number):
-        raise RecordingError(f"{where}: {name} is {number}")
-    return number
+    return finite_number(where, name, text)
 
 
 def _positive_number(file: Path, notes: dict[str, str], key: str) -> float | None:

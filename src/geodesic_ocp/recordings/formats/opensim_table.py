@@ -26,6 +26,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.formats.finite_number import finite_number
 from geodesic_ocp.recordings.plausible import check_radians
 
 _TRANSLATION = re.compile(r"(_t|_?trans_?)[xyz]$", re.IGNORECASE)
@@ -148,17 +149,8 @@ def _numbers(file: Path, number: int, entries: list[str], labels: list[str]) -> 
         raise RecordingError(
             f"{file}: line {number} has {len(entries)} entries, the names of columns {len(labels)}"
         )
-    numbers = []
-    for label, entry in zip(labels, entries, strict=True):
-        try:
-            numbers.append(float(entry))
-        except ValueError:
-            raise RecordingError(
-                f"{file}: line {number}: {label} is not a number: {entry[:40]!r}"
-            ) from None
-        if not np.isfinite(numbers[-1]):
-            raise RecordingError(f"{file}: line {number}: {label} is {numbers[-1]}")
-    return numbers
+    where = f"{file}: line {number}"
+    return [finite_number(where, *each) for each in zip(labels, entries, strict=True)]
 
 
 def _compare(file: Path, header: dict[str, str], key: str, what: str, found: int) -> None:

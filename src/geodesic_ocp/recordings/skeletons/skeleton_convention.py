@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from pathlib import Path
+from dataclasses import dataclass, field
 
 from geodesic_ocp.arrays import as_number, as_positive
-from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.conventions.segment_orientations import SEGMENTS
 from geodesic_ocp.recordings.formats.units import LENGTHS
 
@@ -113,48 +110,3 @@ def metres_per_unit(unit: str | float) -> float:
             )
         return UNITS[unit]
     return as_positive("unit", unit, "m")
-
-
-def as_skeleton_convention(
-    given: SkeletonConvention | str | Path | None,
-) -> SkeletonConvention | None:
-    """The convention itself, or the one in a JSON or TOML file with the attributes as its keys.
-
-        {"name": "mine", "up": "+z", "forward": "+y",
-         "joints": {"thorax": "Torso", "right upper arm": ["RUpper", "RArm"]}}
-
-    Raises:
-        RecordingError: the file is missing or malformed, or its keys or values are others.
-        ValueError: the argument is neither a convention nor a path.
-    """
-    if given is None or isinstance(given, SkeletonConvention):
-        return given
-    if not isinstance(given, (str, Path)):
-        raise ValueError(f"convention must be a SkeletonConvention or a file, got {given!r}")
-    file = Path(given)
-    try:
-        text = file.read_text(encoding="utf-8-sig")
-        record = _from_toml(text) if file.suffix.lower() == ".toml" else json.loads(text)
-    except OSError as failure:
-        raise RecordingError(f"{file}: cannot be read: {failure.strerror}") from None
-    except ImportError:
-        raise RecordingError(
-            f"{file}: TOML needs Python 3.11 or later; write the convention as JSON"
-        ) from None
-    except (ValueError, RecursionError) as failure:
-        raise RecordingError(f"{file}: is not a convention in JSON or TOML: {failure}") from None
-    known = [each.name for each in fields(SkeletonConvention)]
-    if not isinstance(record, dict) or "joints" not in record or not set(record) <= set(known):
-        raise RecordingError(
-            f"{file}: a convention has the keys {', '.join(known)}, of which 'joints' is required"
-        )
-    try:
-        return SkeletonConvention(**{"name": file.stem, **record})
-    except (TypeError, ValueError) as failure:
-        raise RecordingError(f"{file}: {failure}") from None
-
-
-def _from_toml(text: str) -> object:
-    import tomllib
-
-    return tomllib.loads(text)

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.formats.finite_number import finite_number
 from geodesic_ocp.recordings.formats.units import LENGTHS
 from geodesic_ocp.recordings.markers.markers import Markers
 
@@ -48,7 +49,7 @@ def read_trc(file: Path) -> Markers:
                 f"{where} has {len(cells)} entries, {width} are needed for frame, time and "
                 f"{len(names)} markers"
             )
-        times.append(_number(where, "the time", cells[1]))
+        times.append(finite_number(where, "the time", cells[1]))
         rows.append(
             [_position(where, name, cells[column : column + 3]) for name, column in names.items()]
         )
@@ -125,14 +126,4 @@ def _position(where: str, name: str, cells: list[str]) -> list[float]:
         return [np.nan] * 3
     if any(missing):
         raise RecordingError(f"{where}: {name} has some of its three coordinates only")
-    return [_number(where, name, cell) for cell in cells]
-
-
-def _number(where: str, name: str, text: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        raise RecordingError(f"{where}: {name} is not a number: {text[:40]!r}") from None
-    if not np.isfinite(number):
-        raise RecordingError(f"{where}: {name} is {number}")
-    return number
+    return [finite_number(where, name, cell) for cell in cells]

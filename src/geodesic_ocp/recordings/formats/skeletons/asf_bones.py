@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.formats.skeletons.text_lines import numbers
 from geodesic_ocp.recordings.formats.units import ANGLES
-from geodesic_ocp.recordings.skeletons.text_lines import numbers
 
 _INCH = 0.0254  # [m]
 _SHORTEST = 1e-9  # length of a direction

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.recordings.skeletons.text_lines import numbers
+from geodesic_ocp.recordings.formats.skeletons.text_lines import numbers
 
 _CHANNELS = tuple(f"{axis}{what}" for what in ("rotation", "position") for axis in "xyz")
 _DEEPEST = 200  # joints from the root to the end of a limb

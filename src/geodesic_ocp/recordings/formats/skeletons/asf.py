@@ -11,15 +11,15 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.conventions.continuous_angles import successive_rotations
-from geodesic_ocp.recordings.skeletons.asf_bones import (
+from geodesic_ocp.recordings.formats.skeletons.asf_bones import (
     read_bones,
     read_parents,
     read_root,
     read_sections,
     read_units,
 )
+from geodesic_ocp.recordings.formats.skeletons.text_lines import read_lines
 from geodesic_ocp.recordings.skeletons.skeleton import Skeleton
-from geodesic_ocp.recordings.skeletons.text_lines import read_lines
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -24,10 +24,10 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
 from geodesic_ocp.recordings.skeletons.known_conventions import SMPL
+from geodesic_ocp.recordings.skeletons.read_skeleton_convention import as_skeleton_convention
 from geodesic_ocp.recordings.skeletons.skeleton import Skeleton, SkeletonMotion
 from geodesic_ocp.recordings.skeletons.skeleton_convention import (
     SkeletonConvention,
-    as_skeleton_convention,
 )
 from geodesic_ocp.recordings.skeletons.skeleton_segments import skeleton_segments
 

@@ -10,15 +10,15 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.conventions.continuous_angles import successive_rotations
 from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
-from geodesic_ocp.recordings.skeletons.bvh_hierarchy import BvhHierarchy, read_hierarchy
+from geodesic_ocp.recordings.formats.skeletons.bvh_hierarchy import BvhHierarchy, read_hierarchy
+from geodesic_ocp.recordings.formats.skeletons.text_lines import numbers, read_lines
+from geodesic_ocp.recordings.skeletons.read_skeleton_convention import as_skeleton_convention
 from geodesic_ocp.recordings.skeletons.skeleton import Skeleton, SkeletonMotion
 from geodesic_ocp.recordings.skeletons.skeleton_convention import (
     SkeletonConvention,
-    as_skeleton_convention,
     metres_per_unit,
 )
 from geodesic_ocp.recordings.skeletons.skeleton_segments import skeleton_segments
-from geodesic_ocp.recordings.skeletons.text_lines import numbers, read_lines
 
 _SHORTEST_FRAME = 1e-6  # [s]
 
