@@ -249,6 +249,29 @@ def test_columns_that_are_missing_are_told(tmp_path: Path) -> None:
         go.read_motion(file, convention=model)
 
 
+def test_the_trunk_is_known_where_all_its_columns_are(tmp_path: Path) -> None:
+    model = write_model(tmp_path, [trunk_link(), *arm_links("right")])
+    angles = angles_of("right")
+    table = np.hstack([angles, np.full((60, 3), 0.1)])
+    file = write_table(tmp_path / "t.mot", [*names_of("right"), *TRUNK[:3]], table)
+    with pytest.warns(RuntimeWarning, match="no column move_x, move_y, move_z; the default values"):
+        motion = go.read_motion(file, convention=model)
+    assert motion.trunk is None
+    assert motion.q == pytest.approx(angles, abs=1e-6)
+
+
+def test_locked_coordinates_need_no_columns(tmp_path: Path) -> None:
+    links = arm_links("right")
+    links[3] = replace(links[3], locked=True, defaults=(0.1, 0.2))
+    model = write_model(tmp_path, [replace(trunk_link(), locked=True), *links])
+    angles = angles_of("right")
+    file = write_table(tmp_path / "t.mot", names_of("right")[:5], angles[:, :5])
+    motion = go.read_motion(file, convention=model)
+    assert motion.q[:, :5] == pytest.approx(angles[:, :5], abs=1e-6)
+    assert motion.q[:, 5:] == pytest.approx(np.tile([0.1, 0.2], (60, 1)), abs=1e-6)
+    assert motion.trunk is None
+
+
 @pytest.mark.filterwarnings("ignore:.*its header says")
 def test_the_box_lift_asks_for_its_model(shared: Path) -> None:
     file = shared / "data" / "opensim" / "inverse_kin.mot"

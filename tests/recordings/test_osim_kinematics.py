@@ -187,3 +187,37 @@ def test_a_spline_does_not_leave_its_points() -> None:
     assert spline(np.array([[0.5, -0.01]])) == pytest.approx([0.75, -0.02])
     with pytest.raises(go.RecordingError, match=r"from 0 to 2, but its coordinate is 2\.1"):
         spline(np.array([[0.5, 2.1]]))
+
+
+def test_frames_in_frames_and_bodies_as_frames(tmp_path: Path) -> None:
+    """OpenSim 4 connects joints to bodies, to frames of the model, and to frames in frames."""
+
+    def frame(name: str, parent: str, place: str, angles: str = "0 0 0") -> str:
+        return (
+            f'<PhysicalOffsetFrame name="{name}"><socket_parent>{parent}</socket_parent>'
+            f"<translation>{place}</translation><orientation>{angles}</orientation>"
+            "</PhysicalOffsetFrame>"
+        )
+
+    def joint(parent: str, child: str, frames: str = "") -> str:
+        return (
+            f'<WeldJoint name="{child}"><socket_parent_frame>{parent}</socket_parent_frame>'
+            f"<socket_child_frame>{child}</socket_child_frame><frames>{frames}</frames></WeldJoint>"
+        )
+
+    inner = frame("outer", "/bodyset/a", "0 0 1", f"0 0 {np.pi / 2}") + frame(
+        "in", "outer", "1 0 0"
+    )
+    joints = joint("/ground", "/bodyset/a") + joint("in", "/bodyset/b", inner)
+    joints += joint("/shelf", "/bodyset/c")
+    bodies = "".join(f'<Body name="{name}"/>' for name in "abc")
+    file = tmp_path / "m.osim"
+    file.write_text(
+        '<OpenSimDocument Version="40000"><Model name="m"><BodySet><objects>'
+        f"{bodies}</objects></BodySet><JointSet><objects>{joints}</objects></JointSet>"
+        f"<components>{frame('shelf', '/bodyset/b', '5 0 0')}</components>"
+        "</Model></OpenSimDocument>"
+    )
+    poses = body_poses(read_osim(file), {}, ["b", "c"])
+    assert poses["b"][1][0] == pytest.approx([0.0, 1.0, 1.0])
+    assert poses["c"][1][0] == pytest.approx([0.0, 6.0, 1.0])
