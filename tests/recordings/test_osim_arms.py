@@ -212,6 +212,25 @@ def test_bodies_can_be_named_in_a_json_file(tmp_path: Path) -> None:
             go.read_motion(file, convention=mine)
 
 
+def test_a_carrying_angle_of_its_own_is_no_flexion(tmp_path: Path) -> None:
+    """An elbow with a second coordinate across the arm, of small range, at 5 degrees."""
+    links = arm_links("right")
+    elbow = links[1]
+    names = ("carrying_r", *elbow.coordinates)
+    axes = (*elbow.axes, Axis("rotation", (1.0, 0.0, 0.0), names[0]))
+    ranges = ((0.0, 0.3), *elbow.ranges)
+    links[1] = replace(elbow, coordinates=names, axes=axes, ranges=ranges, defaults=(0.0, 0.0))
+    model = write_model(tmp_path, [trunk_link(), *links])
+    angles = angles_of("right")
+    carrying = np.full((60, 1), np.radians(5.0))
+    file = write_table(
+        tmp_path / "t.mot", [*names_of("right"), names[0]], np.hstack([angles, carrying])
+    )
+    motion = go.read_motion(file, convention=model)
+    assert motion.q[:, 3] == pytest.approx(angles[:, 3], abs=np.radians(1.0))
+    assert np.abs(motion.q - angles).max() < np.radians(15.0)
+
+
 def test_a_coupled_scapula_turns_the_arm(tmp_path: Path) -> None:
     """The scapula tilts by a third of the first angle of the shoulder, by a coupler."""
     links = arm_links("right")

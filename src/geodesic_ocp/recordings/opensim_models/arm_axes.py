@@ -10,6 +10,8 @@ forearm: z from the wrist's centre to the elbow's at every sample, y the axis of
     the side of the thumb. That is where the palm faces the body. Palmar flexion is the sense of the
     coordinate that brings this pose nearer to the range of the forearm's rotation; if both are
     within it or the model has no range, positive is palmar flexion.
+    Of several coordinates that could flex elbow or wrist it is the one with "flex" in its name, or
+    the one of the largest range.
 hand: in line with the forearm in the neutral pose, in which all coordinates are zero but the
     rotation of the forearm, where y of the forearm is y of the upper arm.
 """
@@ -111,11 +113,13 @@ def arm_axes(
         if np.linalg.norm(length) < _SHORTEST:
             raise RecordingError(f"the joint centres of the {side} {name} are at one place")
     turning = _turning(model, zero, humerus, radius)
-    flexing = _most_across(turning, shoulder - hinge)
+    rotating = _most_along(turning, hinge - tip)
+    flexing = _flexion(
+        model, [name for name in _across(turning, shoulder - hinge) if name != rotating]
+    )
     if flexing is None:
         raise RecordingError(f"no coordinate flexes the elbow between {humerus!r} and {radius!r}")
     axis = turning[flexing] * _larger_part(model, flexing)
-    rotating = _most_along(turning, hinge - tip, flexing)
     given = {name: np.array([value]) for name, value in neutral.items()}
 
     def posed(elbow: Array) -> tuple[ArmAxes, dict[str, Array]]:
@@ -200,16 +204,23 @@ def _cosines(turning: Mapping[str, Array], along: Array) -> dict[str, float]:
     }
 
 
-def _most_across(turning: Mapping[str, Array], along: Array) -> str | None:
+def _across(turning: Mapping[str, Array], along: Array) -> list[str]:
+    return [name for name, cosine in _cosines(turning, along).items() if cosine < _ACROSS]
+
+
+def _most_along(turning: Mapping[str, Array], along: Array) -> str | None:
     cosines = _cosines(turning, along)
-    best = min(cosines, key=cosines.__getitem__, default=None)
-    return best if best is not None and cosines[best] < _ACROSS else None
-
-
-def _most_along(turning: Mapping[str, Array], along: Array, other: str) -> str | None:
-    cosines = {name: c for name, c in _cosines(turning, along).items() if name != other}
     best = max(cosines, key=cosines.__getitem__, default=None)
     return best if best is not None and cosines[best] > _ALONG else None
+
+
+def _flexion(model: OsimModel, names: Sequence[str]) -> str | None:
+    """The coordinate with "flex" in its name, or the one of the largest range."""
+    named = [name for name in names if "flex" in name.lower()]
+    if len(named) == 1:
+        return named[0]
+    ranges = {name: model.coordinates[name].range or (0.0, 0.0) for name in names}
+    return max(names, key=lambda name: ranges[name][1] - ranges[name][0], default=None)
 
 
 def _larger_part(model: OsimModel, name: str) -> float:
@@ -230,8 +241,7 @@ def _palm_inwards(
     Palmar flexion turns the right hand about the direction of the thumb, the left one against it.
     """
     turning = _turning(model, zero, bodies[1], bodies[2]) if len(bodies) > 2 else {}
-    cosines = _cosines(turning, arm.wrist - _elbow_in_forearm(model, arm, zero))
-    flexing = _wrist_flexion(model, [name for name in turning if cosines[name] < _ACROSS])
+    flexing = _flexion(model, _across(turning, arm.wrist - _elbow_in_forearm(model, arm, zero)))
     if flexing is None:
         raise RecordingError(
             f"the model does not show where the {side} palm is, as no coordinate flexes the wrist; "
@@ -260,15 +270,6 @@ def _elbow_in_forearm(model: OsimModel, arm: ArmAxes, zero: Mapping[str, Array])
     (humerus, at), (radius, to) = (poses[body] for body in arm.bodies)
     place: Array = radius[0].T @ (at[0] + humerus[0] @ arm.elbow - to[0])
     return place
-
-
-def _wrist_flexion(model: OsimModel, names: Sequence[str]) -> str | None:
-    """The coordinate with "flex" in its name, or the one of the largest range."""
-    named = [name for name in names if "flex" in name.lower()]
-    if len(named) == 1:
-        return named[0]
-    ranges = {name: model.coordinates[name].range or (0.0, 0.0) for name in names}
-    return max(names, key=lambda name: ranges[name][1] - ranges[name][0], default=None)
 
 
 def _facing(
