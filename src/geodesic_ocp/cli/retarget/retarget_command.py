@@ -8,6 +8,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import TypeAlias
 
+from geodesic_ocp.cli.analyse.analysis_options import check_options
 from geodesic_ocp.cli.analyse.recording import (
     analyse_bundled,
     analyse_file,
@@ -37,6 +38,7 @@ _Arm: TypeAlias = tuple[Model, Alignment]
 
 def retarget_file(options: argparse.Namespace) -> None:
     """`geodesic-ocp retarget`."""
+    check_options(options)
     check_folder(options.out)
     sides: list[Side] = ["right", "left"] if options.side == "both" else [options.side]
     robots = _robots(options, options.robot, len(sides))

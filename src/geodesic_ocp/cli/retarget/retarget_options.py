@@ -1,10 +1,12 @@
-"""Options of `geodesic-ocp retarget` and `demo --robot`."""
+"""Options of `geodesic-ocp retarget` and `geodesic-ocp demo`."""
 
 from __future__ import annotations
 
 import argparse
 from typing import get_args
 
+from geodesic_ocp.cli.analyse.analysis_options import add_analysis_options
+from geodesic_ocp.cli.analyse.recording_options import add_recording
 from geodesic_ocp.cli.trajectory.limit_options import add_limit_options
 from geodesic_ocp.retargeting.settings import Formulation
 
@@ -17,7 +19,34 @@ _SWITCHES = (
 
 
 def add_retarget_options(command: argparse.ArgumentParser) -> None:
-    """Add the options to a command."""
+    """Add the options of `geodesic-ocp retarget`."""
+    add_recording(command, ("right", "left", "both"))
+    command.add_argument(
+        "--robot",
+        action="append",
+        required=True,
+        metavar="NAME",
+        help="such as panda (see geodesic-ocp models), or a file (URDF, MJCF); twice with "
+        "--side both, right and left",
+    )
+    add_transfer_options(command)
+    command.add_argument(
+        "--report",
+        action="store_true",
+        help="write a page with animated models (default folder: geodesic_ocp_retarget)",
+    )
+    add_analysis_options(command)
+
+
+def add_demo_options(command: argparse.ArgumentParser) -> None:
+    """Add the options of `geodesic-ocp demo`."""
+    command.add_argument("--robot", metavar="NAME", help="also transfer it to this robot")
+    add_transfer_options(command)
+    add_analysis_options(command)
+
+
+def add_transfer_options(command: argparse.ArgumentParser) -> None:
+    """Add the options of the transfer to a robot, which both have in common."""
     for option, metavar, text in (
         ("--hand", "FRAME", "hand (end-effector) frame of the robot"),
         ("--base", "FRAME", "fixed frame of the robot that becomes its base"),
