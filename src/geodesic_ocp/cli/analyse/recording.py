@@ -20,11 +20,11 @@ from geodesic_ocp.model.human.anthropometry import Side
 from geodesic_ocp.model.human.human_arm import human_arm
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.read_motion import read_motion
-from geodesic_ocp.recordings.read_recording import read_recording, stature_of
+from geodesic_ocp.recordings.read_recording import stature_of
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.recordings.save_motion import save_motion
 from geodesic_ocp.records import write_file
-from geodesic_ocp.studies.batch.analyse_recording import analyse_recording
+from geodesic_ocp.studies.batch.analyse_recording import analyse_recording, read_by_settings
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
 from geodesic_ocp.synergies.analysis import Analysis
 
@@ -85,20 +85,7 @@ def _has_arm(file: Path, side: Side) -> bool:
 
 def _read(file: Path, side: Side, settings: AnalysisSettings) -> Recording:
     with printed_warnings():
-        return read_recording(
-            file,
-            side,
-            height=settings.height,
-            mass=settings.mass,
-            armature=settings.armature or 0.0,
-            resample=settings.resample,
-            cutoff=settings.cutoff,
-            duration=settings.duration,
-            unfiltered=settings.unfiltered,
-            convention=settings.convention,
-            unit=settings.unit,
-            rate=settings.rate,
-        )
+        return read_by_settings(file, side, settings, settings.height, settings.mass)
 
 
 def save_analysis(analysis: Analysis, folder: Path | None, *, with_curve: bool = False) -> None:

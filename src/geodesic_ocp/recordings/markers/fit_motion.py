@@ -4,28 +4,23 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Collection
-from dataclasses import dataclass, replace
 from typing import Any, get_args
 
-import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.model.human.human_arm import as_stature
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.recordings.markers.lost_markers import lost_markers
+from geodesic_ocp.recordings.markers.fitted_values import as_marker_fit
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.markers import Markers
-from geodesic_ocp.recordings.markers.program.body import MarkedBody, factors_by_name
+from geodesic_ocp.recordings.markers.program.body import MarkedBody
 from geodesic_ocp.recordings.markers.program.chosen_markers import ChosenMarkers, choose_markers
-from geodesic_ocp.recordings.markers.program.fit_problem import ROOT, FitProblem
-from geodesic_ocp.recordings.markers.program.fit_settings import HEIGHT_SPREAD, Base, FitSettings
-from geodesic_ocp.recordings.markers.program.solve_fit import FittedVariables, solve_fit
-from geodesic_ocp.recordings.markers.program.standing_height import standing_height
-from geodesic_ocp.trajectory.frame_motion import FrameMotion
-from geodesic_ocp.trajectory.motion import Motion
+from geodesic_ocp.recordings.markers.program.fit_problem import FitProblem
+from geodesic_ocp.recordings.markers.program.fit_settings import Base, FitSettings
+from geodesic_ocp.recordings.markers.program.known_height import known_height
+from geodesic_ocp.recordings.markers.program.solve_fit import solve_fit
 
 _ESTIMATES = ("lengths", "offsets")
 _FAR = 0.2  # median distance of the markers from their places with which a fit is none [m]
@@ -97,7 +92,7 @@ def fit_motion(
     begin = clock.perf_counter()
     settings = _checked(base, estimate, limits, noise, acceleration, jerk, outlier)
     body = MarkedBody(model)
-    known = _known_height(body, positions, height, settings)
+    known = known_height(body, positions, height, settings)
     chosen = choose_markers(body, positions, marker_set, known.factor)
     observed = positions.positions[:, chosen.columns]
     _check_times(positions.time)
@@ -127,7 +122,7 @@ def fit_motion(
             f"{chosen.set_name}",
             fitted,
         )
-    return _record(fitted, positions, chosen, known, clock.perf_counter() - begin)
+    return as_marker_fit(fitted, positions, chosen, known, clock.perf_counter() - begin)
 
 
 def _checked(
@@ -167,35 +162,6 @@ def _check_times(time: Array) -> None:
         )
 
 
-@dataclass(frozen=True)
-class _Height:
-    """Factor from the model's height to the person's, its spread if estimated, and its origin."""
-
-    factor: float
-    spread: float
-    origin: str
-
-
-def _known_height(
-    body: MarkedBody, positions: Markers, height: float | None, settings: FitSettings
-) -> _Height:
-    if body.height is None:
-        if height is not None:
-            raise ValueError(f"height is for models of people, not for {body.model.name!r}")
-        return _Height(1.0, 0.0, "")
-    if height is not None:
-        stature, _ = as_stature(height, 1.0)
-        return _Height(stature / body.height, 0.0, "as given")
-    if positions.subject.height is not None:
-        return _Height(positions.subject.height / body.height, 0.0, "of the recording's subject")
-    if not settings.lengths:
-        return _Height(1.0, 0.0, "of the model")
-    standing = standing_height(positions) if settings.base == "free" else None
-    if standing is not None:
-        return _Height(standing / body.height, 0.0, "from the markers of head and feet")
-    return _Height(1.0, HEIGHT_SPREAD, "from lengths of segments, by the model's proportions")
-
-
 def _seen_lengths(body: MarkedBody, chosen: ChosenMarkers) -> list[bool]:
     """Which of the lengths, apart from the height, separate markers."""
     seen = []
@@ -208,80 +174,3 @@ def _seen_lengths(body: MarkedBody, chosen: ChosenMarkers) -> list[bool]:
         else:
             seen.append(any(f"{side} {each}" in chosen.segments for each in beyond))
     return seen
-
-
-def _record(
-    fitted: FittedVariables,
-    positions: Markers,
-    chosen: ChosenMarkers,
-    known: _Height,
-    seconds: float,
-) -> MarkerFit:
-    problem, body = fitted.problem, fitted.problem.body
-    lengths, offsets = problem.shared_values(fitted.shared)
-    model = body.scaled(lengths)
-    q = fitted.z[:, problem.first_joint :]
-    observed = positions.positions[:, chosen.columns]
-    errors = np.linalg.norm(fitted.predicted - observed, axis=2)
-    weights = 1.0 / (1.0 + (errors / problem.settings.outlier) ** 2) ** 2
-    height = None if body.height is None else body.height * float(lengths[0])
-    root, thorax = _poses(fitted, model, q)
-    base = root
-    if root is not None and body.lone_side:
-        across = body.to_base * lengths[body.lengths.index("shoulder half width")]
-        base = FrameMotion(root.rotations, root.positions + root.rotations @ across)
-    subject = replace(positions.subject, height=height or positions.subject.height)
-    motion = Motion(positions.time, q, model.joint_names, subject=subject, trunk=thorax)
-    return MarkerFit(
-        motion=motion,
-        model=model,
-        base=base,
-        names=chosen.names,
-        segments=chosen.segments,
-        errors=errors,
-        weights=weights,
-        lost=lost_markers(positions.time, chosen.names, observed, fitted.predicted, weights),
-        offsets=_scaled_offsets(problem, lengths, offsets, chosen.names),
-        lengths=factors_by_name(body, lengths),
-        height=height,
-        height_from=known.origin,
-        undetermined=tuple(model.joint_names[index] for index in np.flatnonzero(fitted.loose)),
-        marker_set=chosen.set_name,
-        left_out=chosen.left_out,
-        seconds=seconds,
-        iterations=fitted.iterations,
-    )
-
-
-def _poses(
-    fitted: FittedVariables, model: Model, q: Array
-) -> tuple[FrameMotion | None, FrameMotion | None]:
-    """Poses of the root and of the thorax, as far as they are known."""
-    problem = fitted.problem
-    if not problem.moves:
-        return None, None
-    angles = ca.SX.sym("angles", 3)
-    rotation = ca.Function("rotation", [angles], [ca.densify(problem.root_rotation(angles))])
-    stacked = rotation.map(len(q))(fitted.z[:, 3:ROOT].T).full()
-    rotations = stacked.reshape(3, -1, 3).transpose(1, 0, 2)
-    root = FrameMotion(rotations, fitted.z[:, :3])
-    if problem.body.lone_side:
-        return root, root
-    if not model.pin.existFrame("thorax"):
-        return root, None
-    turned, moved = model.frame_pose("thorax", q)
-    there = root.positions + np.einsum("kij,kj->ki", rotations, moved)
-    return root, FrameMotion(rotations @ turned, there)
-
-
-def _scaled_offsets(
-    problem: FitProblem, lengths: Array, offsets: Array, names: tuple[str, ...]
-) -> dict[str, Array]:
-    """Offsets [m] on the segments of the scaled model, by marker."""
-    found = {}
-    for name, segment, offset in zip(names, problem.segments, offsets, strict=True):
-        length = problem.body.attachment(segment).length
-        common = lengths[0] if lengths.size else 1.0
-        along = common if length is None else lengths[length]
-        found[name] = offset * np.array([common, common, along])
-    return found

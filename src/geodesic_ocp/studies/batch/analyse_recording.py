@@ -1,13 +1,41 @@
-"""The analysis of one recording by settings."""
+"""One recording, read and analysed by settings."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.model.human.anthropometry import Side
 from geodesic_ocp.progress import Progress
+from geodesic_ocp.recordings.read_recording import read_recording
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
 from geodesic_ocp.synergies.analyse import analyse
 from geodesic_ocp.synergies.analysis import Analysis
+
+
+def read_by_settings(
+    path: Path, side: Side, settings: AnalysisSettings, height: float | None, mass: float | None
+) -> Recording:
+    """Read a recording as the settings say, with a height [m] and mass [kg] of the person.
+
+    Raises:
+        RecordingError, ValueError, ImportError: as `read_recording`.
+    """
+    return read_recording(
+        path,
+        side,
+        height=height,
+        mass=mass,
+        armature=settings.armature or 0.0,
+        resample=settings.resample,
+        cutoff=settings.cutoff,
+        duration=settings.duration,
+        unfiltered=settings.unfiltered,
+        convention=settings.convention,
+        unit=settings.unit,
+        rate=settings.rate,
+    )
 
 
 def analyse_recording(

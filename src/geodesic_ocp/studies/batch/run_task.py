@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from geodesic_ocp.errors import GeodesicOcpError
-from geodesic_ocp.recordings.read_recording import read_recording, stature_of
-from geodesic_ocp.studies.batch.analyse_recording import analyse_recording
+from geodesic_ocp.recordings.read_recording import stature_of
+from geodesic_ocp.studies.batch.analyse_recording import analyse_recording, read_by_settings
 from geodesic_ocp.studies.batch.outcome import OutcomeKind, RecordingOutcome, RecordingTask
 from geodesic_ocp.studies.batch.results.result_file import (
     FORMAT,
@@ -94,20 +94,7 @@ def _result(task: RecordingTask) -> tuple[dict[str, Any], str]:
     source, settings = task.source, task.settings
     height = settings.height if settings.height is not None else source.height
     mass = settings.mass if settings.mass is not None else source.mass
-    recording = read_recording(
-        source.path,
-        source.side,
-        height=height,
-        mass=mass,
-        armature=settings.armature or 0.0,
-        resample=settings.resample,
-        cutoff=settings.cutoff,
-        duration=settings.duration,
-        unfiltered=settings.unfiltered,
-        convention=settings.convention,
-        unit=settings.unit,
-        rate=settings.rate,
-    )
+    recording = read_by_settings(source.path, source.side, settings, height, mass)
     analysis = analyse_recording(recording, settings)
     motion = analysis.motion
     height, mass = stature_of(motion.subject, height, mass)

@@ -37,9 +37,8 @@ from geodesic_ocp.studies.study.statistics.means import (
 )
 from geodesic_ocp.studies.study.statistics.measures import (
     MEASURES,
-    StudyMeasure,
-    as_measure,
-    is_known,
+    known_measure,
+    known_measures,
 )
 from geodesic_ocp.studies.study.statistics.subject_tests import StudyTest, corrected
 from geodesic_ocp.studies.study.statistics.subjects import (
@@ -127,7 +126,7 @@ class Study:
             ValueError: an unknown measure, or one that the tables do not have; with complete, no
                 recording has all methods.
         """
-        chosen, confidence = self._measure(measure), as_confidence(confidence)
+        chosen, confidence = known_measure(self.rows, measure), as_confidence(confidence)
         rows = complete_rows(self.rows, chosen) if complete else self.rows
         return means_over_subjects(rows, chosen, tuple(self.methods), self.by, confidence)
 
@@ -135,7 +134,7 @@ class Study:
         self, *measures: str, confidence: float = 0.95, complete: bool = False
     ) -> Table:
         """`means` of several measures, by default errors of joints and hand, one method a row."""
-        names = measures or self._known(*SHOWN) or SHOWN[:1]
+        names = measures or known_measures(self.rows, SHOWN) or SHOWN[:1]
         columns = [self.means(name, confidence=confidence, complete=complete) for name in names]
         rows = [row for row in zip(*columns, strict=True) if any(each.recordings for each in row)]
         note = means_note(self.notes, [each for row in rows for each in row])
@@ -147,7 +146,7 @@ class Study:
         Raises:
             ValueError: an unknown measure, or one that the tables do not have.
         """
-        chosen = self._measure(measure)
+        chosen = known_measure(self.rows, measure)
         return by_subject_table(self.rows, chosen, self.methods, self.by)
 
     def tests(
@@ -173,7 +172,7 @@ class Study:
         Raises:
             ValueError: an unknown measure, method or condition.
         """
-        chosen, confidence = self._measure(measure), as_confidence(confidence)
+        chosen, confidence = known_measure(self.rows, measure), as_confidence(confidence)
         kind, key = self._reference(against)
         compare = compare_methods if kind == "method" else compare_conditions
         tests = compare(self.rows, chosen, tuple(self.methods), self.by, key, confidence, seed)
@@ -241,7 +240,9 @@ class Study:
     def plot(self) -> Figure:
         """Errors of joints and hand by method, with subjects as points."""
         with paper_style():
-            return errors_figure([self.means(name) for name in self._known(*SHOWN)], self.label)
+            return errors_figure(
+                [self.means(name) for name in known_measures(self.rows, SHOWN)], self.label
+            )
 
     def save(
         self, folder: str | Path, *, measure: str = "joint", against: str | None = None
@@ -261,7 +262,7 @@ class Study:
         tables = {"means": ("Means over subjects", self.means_table())}
         title = f"Paired tests: {MEASURES[measure].header}"
         tables["tests"] = title, self.test_table(measure, against)
-        known = self._known(*MEASURES)
+        known = known_measures(self.rows, MEASURES)
         means = [each for measured in known for each in self.means(measured)]
         tidy = {"means": tidy_means(means, self.by, 0.95)}
         tidy["tests"] = tidy_tests(self.tests(measure, against), self.by, 0.95)
@@ -287,13 +288,3 @@ class Study:
         """Rows of the synergies in the recordings under a condition."""
         names = {row["recording"] for row in rows_under(self.rows, self.by, condition)}
         return [row for row in self.synergies or () if row["recording"] in names]
-
-    def _known(self, *names: str) -> list[str]:
-        """Those of the measures that any row has."""
-        return [name for name in names if is_known(self.rows, MEASURES[name])]
-
-    def _measure(self, name: str) -> StudyMeasure:
-        measure = as_measure(name)
-        if not is_known(self.rows, measure):
-            raise ValueError(f"measure {name!r}: the table has no {measure.column}")
-        return measure

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from geodesic_ocp.studies.tables.columns import Row
@@ -98,3 +98,20 @@ def as_measure(name: str) -> StudyMeasure:
 def is_known(rows: Iterable[Row], measure: StudyMeasure) -> bool:
     """Whether any row has the measure."""
     return any(math.isfinite(measure.of(row)) for row in rows)
+
+
+def known_measures(rows: Sequence[Row], names: Iterable[str]) -> list[str]:
+    """Those of the measures that any row has."""
+    return [name for name in names if is_known(rows, MEASURES[name])]
+
+
+def known_measure(rows: Sequence[Row], name: str) -> StudyMeasure:
+    """The measure of this name.
+
+    Raises:
+        ValueError: there is none, or no row has it.
+    """
+    measure = as_measure(name)
+    if not is_known(rows, measure):
+        raise ValueError(f"measure {name!r}: the table has no {measure.column}")
+    return measure
