@@ -28,14 +28,6 @@ import geodesic_ocp as go
 from geodesic_ocp.model.human.anthropometry import trunk
 from geodesic_ocp.synergies.joint_inertia import with_joint_inertia
 
-KIT = Path(__file__).resolve().parents[2] / "shared" / "data" / "kit"
-RECORDINGS = (
-    "Trial_75",
-    "take_book_from_shelf_right_arm_02",
-    "take_book_from_shelf_right_arm_03",
-    "hand_to_mouth_right_arm_01",
-    "hand_to_mouth_right_arm_02",
-)
 SIDES = ("right", "left")
 MASS = 70.0  # [kg], without effect on geodesics
 METRICS: dict[str, Callable[[go.Model], go.Model]] = {
@@ -48,7 +40,7 @@ BaseMotion = Callable[[float], tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("recordings", nargs="*", default=list(RECORDINGS))
+    parser.add_argument("recordings", nargs="*", type=Path, help="MMM files of whole bodies")
     parser.add_argument("--duration", type=float, default=0.4, help="of a segment, on average [s]")
     parser.add_argument("--cutoff", type=float, default=3.0, help="of the trunk's motion [Hz]")
     options = parser.parse_args()
@@ -57,8 +49,8 @@ def main() -> None:
         "| shoulder given | not found |"
     )
     print("| --- | --- | --- | ---: | ---: | ---: | ---: | ---: |")
-    for name in options.recordings:
-        recorded = go.read_motion(KIT / f"{name}.xml")
+    for file in options.recordings:
+        recorded = go.read_motion(file)
         height = float(recorded.subject.height or 0.0)
         for side in SIDES:
             arm = go.human_arm(side, height, MASS)
@@ -67,7 +59,7 @@ def main() -> None:
             base = base_motion(motion, options.cutoff)
             for metric, model_of in METRICS.items():
                 row = compared(model_of(arm), motion, system, base, options.duration)
-                print(f"| {name} | {side} | {metric} | {row} |", flush=True)
+                print(f"| {file.stem} | {side} | {metric} | {row} |", flush=True)
 
 
 def compared(

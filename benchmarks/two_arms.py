@@ -24,14 +24,6 @@ import numpy as np
 import geodesic_ocp as go
 from geodesic_ocp.synergies.joint_inertia import with_joint_inertia
 
-KIT = Path(__file__).resolve().parents[2] / "shared" / "data" / "kit"
-RECORDINGS = (
-    "Trial_75",
-    "take_book_from_shelf_right_arm_02",
-    "take_book_from_shelf_right_arm_03",
-    "hand_to_mouth_right_arm_01",
-    "hand_to_mouth_right_arm_02",
-)
 SIDES = ("right", "left")
 MASS = 70.0  # [kg], without effect on geodesics
 METRICS: dict[str, Callable[[go.Model], go.KineticEnergy]] = {
@@ -52,7 +44,7 @@ class Found:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("recordings", nargs="*", default=list(RECORDINGS))
+    parser.add_argument("recordings", nargs="*", type=Path, help="MMM files of whole bodies")
     parser.add_argument("--counts", type=int, nargs="*", default=[], help="numbers of segments")
     parser.add_argument("--spacing", type=float, default=0.1, help="of candidates for cuts [s]")
     parser.add_argument("--metrics", nargs="+", choices=METRICS, default=list(METRICS))
@@ -60,14 +52,14 @@ def main() -> None:
     options = parser.parse_args()
     if options.logs:
         _random_logs(options.logs)
-    for name in options.recordings:
-        motion = go.read_motion(KIT / f"{name}.xml")
+    for file in options.recordings:
+        motion = go.read_motion(file)
         height = float(motion.subject.height or 0.0)
         person = go.human_upper_body(height, MASS)
         arms = [go.human_arm(side, height, MASS) for side in SIDES]
         systems = {"arms apart": arms, "both arms": [go.combine(*arms)], "upper body": [person]}
         motion = motion.select(person.joint_names).filtered()
-        print(f"\n## {name}: {motion.duration:.1f} s, {motion.filter}\n", flush=True)
+        print(f"\n## {file.stem}: {motion.duration:.1f} s, {motion.filter}\n", flush=True)
         print(
             "| metric | system | cuts | segments | joints [rad] | right hand | left hand | time |"
         )
