@@ -18,22 +18,25 @@ hand: in line with the forearm in the neutral pose, in which all coordinates are
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.opensim_models.osim_model import OsimModel
 from geodesic_ocp.recordings.opensim_models.osim_poses import body_poses
+from geodesic_ocp.recordings.opensim_models.turning_axes import (
+    flexion_among,
+    larger_part,
+    turning_across,
+    turning_along,
+    turning_axes,
+)
 
-_STEP = 1e-4  # of coordinates, for the axes about which they turn [rad]
-_TURNS = 1e-3  # rad a unit of the coordinate
+_STEP = 1e-4  # of the forearm's rotation [rad]
 _SHORTEST = 0.02  # of upper arm and forearm [m]
-# Cosines between an axis of rotation and a long axis: the elbow's flexion, the forearm's rotation.
-_ACROSS, _ALONG = 0.6, 0.8
 _EXACT = 1e-9  # rad
 _FAR_OUTSIDE = np.pi / 4.0
 _STATE_IT = (
@@ -112,14 +115,14 @@ def arm_axes(
     for name, length in (("upper arm", shoulder - hinge), ("forearm", hinge - tip)):
         if np.linalg.norm(length) < _SHORTEST:
             raise RecordingError(f"the joint centres of the {side} {name} are at one place")
-    turning = _turning(model, zero, humerus, radius)
-    rotating = _most_along(turning, hinge - tip)
-    flexing = _flexion(
-        model, [name for name in _across(turning, shoulder - hinge) if name != rotating]
+    turning = turning_axes(model, zero, humerus, radius)
+    rotating = turning_along(turning, hinge - tip)
+    flexing = flexion_among(
+        model, [name for name in turning_across(turning, shoulder - hinge) if name != rotating]
     )
     if flexing is None:
         raise RecordingError(f"no coordinate flexes the elbow between {humerus!r} and {radius!r}")
-    axis = turning[flexing] * _larger_part(model, flexing)
+    axis = turning[flexing] * larger_part(model, flexing)
     given = {name: np.array([value]) for name, value in neutral.items()}
 
     def posed(elbow: Array) -> tuple[ArmAxes, dict[str, Array]]:
@@ -180,54 +183,6 @@ def _wrist(model: OsimModel, bodies: tuple[str, ...]) -> Array:
     return joints[0].parent.position
 
 
-def _turning(
-    model: OsimModel, zero: Mapping[str, Array], parent: str, child: str
-) -> dict[str, Array]:
-    """By coordinate, the rotation vector (3,) of the child in the parent's axes per unit."""
-    found = {}
-    for name in model.independent(model.path(child, parent)):
-        ends = []
-        for step in (_STEP, -_STEP):
-            poses = body_poses(model, {**zero, name: np.array([step])}, (parent, child))
-            ends.append(poses[parent][0][0].T @ poses[child][0][0])
-        turn = scipy.spatial.transform.Rotation.from_matrix(ends[0] @ ends[1].T).as_rotvec()
-        if np.linalg.norm(turn) > 2.0 * _STEP * _TURNS:
-            found[name] = turn / (2.0 * _STEP)
-    return found
-
-
-def _cosines(turning: Mapping[str, Array], along: Array) -> dict[str, float]:
-    length = np.linalg.norm(along)
-    return {
-        name: float(abs(turn @ along) / (np.linalg.norm(turn) * length))
-        for name, turn in turning.items()
-    }
-
-
-def _across(turning: Mapping[str, Array], along: Array) -> list[str]:
-    return [name for name, cosine in _cosines(turning, along).items() if cosine < _ACROSS]
-
-
-def _most_along(turning: Mapping[str, Array], along: Array) -> str | None:
-    cosines = _cosines(turning, along)
-    best = max(cosines, key=cosines.__getitem__, default=None)
-    return best if best is not None and cosines[best] > _ALONG else None
-
-
-def _flexion(model: OsimModel, names: Sequence[str]) -> str | None:
-    """The coordinate with "flex" in its name, or the one of the largest range."""
-    named = [name for name in names if "flex" in name.lower()]
-    if len(named) == 1:
-        return named[0]
-    ranges = {name: model.coordinates[name].range or (0.0, 0.0) for name in names}
-    return max(names, key=lambda name: ranges[name][1] - ranges[name][0], default=None)
-
-
-def _larger_part(model: OsimModel, name: str) -> float:
-    limits = model.coordinates[name].range
-    return -1.0 if limits is not None and limits[0] + limits[1] < 0.0 else 1.0
-
-
 def _palm_inwards(
     model: OsimModel,
     arm: ArmAxes,
@@ -240,8 +195,10 @@ def _palm_inwards(
 
     Palmar flexion turns the right hand about the direction of the thumb, the left one against it.
     """
-    turning = _turning(model, zero, bodies[1], bodies[2]) if len(bodies) > 2 else {}
-    flexing = _flexion(model, _across(turning, arm.wrist - _elbow_in_forearm(model, arm, zero)))
+    turning = turning_axes(model, zero, bodies[1], bodies[2]) if len(bodies) > 2 else {}
+    flexing = flexion_among(
+        model, turning_across(turning, arm.wrist - _elbow_in_forearm(model, arm, zero))
+    )
     if flexing is None:
         raise RecordingError(
             f"the model does not show where the {side} palm is, as no coordinate flexes the wrist; "
