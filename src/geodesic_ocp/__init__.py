@@ -55,6 +55,7 @@ __all__ = [
     "MotionMeasures",
     "NotConverged",
     "OptimalSegmentations",
+    "OsimConvention",
     "PairedTest",
     "Parameter",
     "Path",
@@ -277,7 +278,8 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
     from geodesic_ocp.recordings.markers.marker_set import MarkerSet
     from geodesic_ocp.recordings.markers.markers import Markers
-    from geodesic_ocp.recordings.markers.read_markers import read_markers
+    from geodesic_ocp.recordings.read_markers import read_markers
+    from geodesic_ocp.recordings.opensim_models.osim_convention import OsimConvention
     from geodesic_ocp.recordings.read_motion import read_motion
     from geodesic_ocp.recordings.read_recording import read_recording
     from geodesic_ocp.recordings.read_recordings import read_recordings
@@ -435,6 +437,7 @@ else:
         "synergies.baselines.joint_polynomials": "minimum_acceleration minimum_jerk",
         "synergies.baselines.minimum_jerk_hand": "minimum_jerk_hand",
         "synergies.baselines.distal_inertia": "distal_inertia",
+        "recordings.opensim_models.osim_convention": "OsimConvention",
         "recordings.recording": "Recording",
         "recordings.read_recordings": "read_recordings",
         "comparison.compare_methods": "compare_methods",
@@ -447,7 +450,7 @@ else:
         "recordings.conventions.joint_angles": "joint_angles",
         "recordings.skeletons.skeleton_convention": "SkeletonConvention",
         "recordings.markers.markers": "Markers",
-        "recordings.markers.read_markers": "read_markers",
+        "recordings.read_markers": "read_markers",
         "recordings.markers.marker_set": "MarkerSet",
         "recordings.markers.marker_fit": "MarkerFit",
         "recordings.markers.fit_motion": "fit_motion",

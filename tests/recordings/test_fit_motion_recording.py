@@ -9,7 +9,7 @@ import pytest
 
 import geodesic_ocp as go
 from geodesic_ocp.recordings.markers.fit_motion import fit_motion
-from geodesic_ocp.recordings.markers.read_markers import read_markers
+from geodesic_ocp.recordings.read_markers import read_markers
 
 KIT = Path(__file__).resolve().parents[3] / "shared" / "data" / "kit"
 NAME = "take_book_from_shelf_right_arm_02"

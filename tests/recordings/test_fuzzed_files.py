@@ -16,7 +16,7 @@ from small_recordings import small_recordings
 
 import geodesic_ocp as go
 from geodesic_ocp.recordings.markers.markers import Markers
-from geodesic_ocp.recordings.markers.read_markers import read_markers
+from geodesic_ocp.recordings.read_markers import read_markers
 from geodesic_ocp.recordings.read_motion import read_motion
 
 SEEDS = small_recordings()

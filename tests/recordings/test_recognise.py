@@ -10,9 +10,9 @@ import pytest
 from small_recordings import small_recordings
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.markers.read_markers import read_markers
+from geodesic_ocp.recordings.formats.recognise import recognise
+from geodesic_ocp.recordings.read_markers import read_markers
 from geodesic_ocp.recordings.read_motion import read_motion
-from geodesic_ocp.recordings.recognise import recognise
 
 FORMATS = {
     "legacy.xml": "mmm",

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.formats.recognise import FORMATS, MARKERS, recognise
 from geodesic_ocp.recordings.named_failures import named_failures
 from geodesic_ocp.recordings.plausible import check_radians
-from geodesic_ocp.recordings.recognise import FORMATS, MARKERS, recognise
 from geodesic_ocp.trajectory.motion import Motion
 
 
@@ -25,10 +25,10 @@ def read_motion(
 ) -> Motion:
     """Read a recorded motion from a file, whose format is told by its content, not by its suffix.
 
-    Read are MMM XML of both layouts, tables of comma-separated values, ASF/AMC, BVH, OpenSim's .mot
-    and .sto, and AMASS-style .npz. The angles of the first two are those in the file, as are those
-    of OpenSim files in no known convention; others are converted through the orientations of the
-    segments to the joints of `human_arm` and of the trunk.
+    The formats are MMM XML of both layouts, tables of comma-separated values, ASF/AMC, BVH,
+    OpenSim's .mot and .sto, and .npz as in AMASS. The angles of the first two are those in the
+    file, as are those of OpenSim files in no known convention; others are converted through the
+    orientations of the segments to the joints of `human_arm` and of the trunk.
 
     >>> import geodesic_ocp as go
     >>> from importlib.resources import files

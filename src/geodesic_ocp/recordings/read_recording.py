@@ -19,11 +19,11 @@ from geodesic_ocp.model.human.human_arm import (
     human_arm,
 )
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.recordings.formats.recognise import MARKERS, recognise
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.named_failures import named_failures
 from geodesic_ocp.recordings.plausible import check_plausible
 from geodesic_ocp.recordings.read_motion import read_motion
-from geodesic_ocp.recordings.recognise import MARKERS, recognise
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.trajectory.motion import Motion, Subject
 
@@ -61,7 +61,7 @@ def read_recording(
         cutoff: of the filter [Hz], see `Motion.filtered`; chosen for each file by default.
         duration: of the window of a Savitzky-Golay filter [s], instead of a cut-off.
         unfiltered: take the motion as it is, with the velocities of a cubic spline.
-        convention, unit, rate: of files whose format leaves them open, see `read_motion`.
+        convention, unit, rate: where the file's format does not give them, see `read_motion`.
 
     Raises:
         RecordingError: the file cannot be read or has no arm of that side.
@@ -120,7 +120,7 @@ def _from_markers(
 ) -> MarkerFit:
     """The motion that is fitted to the markers, and the arm with the lengths of the person."""
     from geodesic_ocp.recordings.markers.fit_motion import fit_motion
-    from geodesic_ocp.recordings.markers.read_markers import read_markers
+    from geodesic_ocp.recordings.read_markers import read_markers
 
     markers = read_markers(file)
     stature = stature_of(markers.subject, height, mass)

@@ -18,7 +18,7 @@ class Recording:
         motion: of the model's joints, with velocities (`Motion.filtered`).
         name: of the recording, such as the name of its file.
         subject: identifies the person; recordings of equal subjects are not independent.
-        fit: of the motion to markers, if that is where it is from.
+        fit: to markers, from which the motion was obtained; None for other recordings.
 
     Raises:
         ValueError: the motion lacks a joint of the model, or has no velocities.

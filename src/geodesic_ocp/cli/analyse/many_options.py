@@ -49,7 +49,7 @@ _OF_MANY = ("jobs", "scheduler", "recursive", "subjects", "subject_from", "table
 
 
 def are_many(options: argparse.Namespace) -> bool:
-    """Whether recordings are to be analysed as many: a table of them, and a file for each.
+    """Whether many recordings are to be analysed, with tables of all and a result file for each.
 
     Raises:
         ValueError: options that have no effect on what is given.

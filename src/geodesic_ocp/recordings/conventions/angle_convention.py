@@ -180,7 +180,7 @@ class AngleConvention:
 def mirrored(relation: SegmentRelation) -> SegmentRelation:
     """The relation of the left side with the same angles as on the right: mirrored at x-y.
 
-    Rotations about z (right) keep their sense, those about x (forward) and y (up) turn back. Of the
+    Rotations about z (right) keep their sign, those about x (forward) and y (up) change it. Of the
     names, "right" becomes "left" and the end "_r" of a column "_l".
     """
 

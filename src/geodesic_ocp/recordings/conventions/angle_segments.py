@@ -46,7 +46,7 @@ def segments_of_angles(
     columns: Mapping[str, Array],
     subject: Subject | None = None,
 ) -> ConvertedAngles:
-    """The orientations of the segments whose columns there are.
+    """The orientations of the segments whose columns are in the table.
 
     Args:
         convention: of the angles.

@@ -29,7 +29,7 @@ _ORTHONORMAL = 1e-6
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SegmentOrientations:
-    """Orientations of a person's segments over time, which every joint convention leads to.
+    """Orientations of a person's segments over time, to which all joint conventions are converted.
 
     The axes of every segment are those of `human_arm`: when the person stands upright, with the
     arms hanging and the palms towards the body, all segments have x to the person's right, y

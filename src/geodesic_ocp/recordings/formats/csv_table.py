@@ -16,7 +16,7 @@ from pathlib import Path
 
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.formats.csv_text import read_csv_text
-from geodesic_ocp.recordings.formats.units import ANGLES
+from geodesic_ocp.recordings.units import ANGLES
 from geodesic_ocp.trajectory.motion import Motion
 
 

@@ -111,7 +111,7 @@ def read_coordinates(file: Path, translations: Sequence[str] = ()) -> Coordinate
 
 
 def _header(file: Path, lines: list[str]) -> tuple[dict[str, str], int]:
-    """Keys (in small letters) and values before endheader, and the index of the line after it."""
+    """Keys (in lower case) and values before endheader, and the index of the line after it."""
     header: dict[str, str] = {}
     for number, line in enumerate(lines):
         text = line.strip(" ,\t")

@@ -23,7 +23,7 @@ from geodesic_ocp.recordings.markers.program.known_height import known_height
 from geodesic_ocp.recordings.markers.program.solve_fit import solve_fit
 
 _ESTIMATES = ("lengths", "offsets")
-_FAR = 0.2  # median distance of the markers from their places with which a fit is none [m]
+_FAR = 0.2  # median distance of the markers from their places at which a fit is refused [m]
 _CLOSEST = 0.05  # least step between samples, relative to their median
 
 
@@ -163,7 +163,7 @@ def _check_times(time: Array) -> None:
 
 
 def _seen_lengths(body: MarkedBody, chosen: ChosenMarkers) -> list[bool]:
-    """Which of the lengths, apart from the height, separate markers."""
+    """Which of the lengths, apart from the height, lie between markers."""
     seen = []
     for name in body.lengths[1:]:
         side, _, segment = name.partition(" ")

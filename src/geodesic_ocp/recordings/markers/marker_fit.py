@@ -32,8 +32,8 @@ class MarkerFit:
         offsets: on the segments [m], by marker, for the model's lengths.
         lengths: of segments [m] by name; "shoulder half width" is half the distance between the
             shoulders.
-        height: of the person [m], or None for a model that is none of a person.
-        height_from: what it rests on.
+        height: of the person [m], or None for a model that is not of a person.
+        height_from: where the height was taken from, in words.
         undetermined: joints that the markers do not determine for at least half of the time, where
             smoothness and limits choose.
         marker_set: name of the marker set.

@@ -34,8 +34,8 @@ def body_axes(
 ) -> Array:
     """Axes of the body in the rest pose, as columns (3, 3): x right, y forward, z up.
 
-    Those of the convention, or those found from the rest pose: up is the axis of the file along
-    which the shoulders are from the pelvis, right the one from the left shoulder to the right. In
+    Those of the convention, or those found from the rest pose: up is the axis of the file that
+    points from the pelvis to the shoulders, right the one from the left shoulder to the right. In
     a rest pose that is the first frame the body faces any direction.
 
     Args:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from geodesic_ocp.arrays import as_number, as_positive
 from geodesic_ocp.recordings.conventions.segment_orientations import SEGMENTS
-from geodesic_ocp.recordings.formats.units import LENGTHS
+from geodesic_ocp.recordings.units import LENGTHS
 
 AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
 RESTS = ("zero", "first frame")

@@ -45,7 +45,7 @@ class AnalysisSettings:
         segments: "online", see `segment`, or "optimal", see `segment_optimal`.
         threshold, rest, rest_duration, min_duration, hysteresis: of `segment`.
         count, penalty, error, measure, spacing, max_duration: of `segment_optimal`.
-        convention, unit, rate: of files whose format leaves them open, see `read_motion`; a
+        convention, unit, rate: where the files' format does not give them, see `read_motion`; a
             convention by its name or its file.
 
     Raises:

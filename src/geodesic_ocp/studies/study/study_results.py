@@ -252,7 +252,7 @@ class Study:
         All are written to a temporary folder first and moved together; their paths are returned.
 
         Args:
-            folder: is made if there is none.
+            folder: is created if it does not exist.
             measure, against: of the tests and the figure of differences, see `tests`.
 
         Raises:

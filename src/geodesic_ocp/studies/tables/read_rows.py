@@ -26,7 +26,8 @@ def read_rows(file: Path, table: str) -> list[Row]:
 
     Raises:
         RecordingError: the file is missing or cannot be read, a column that is needed is missing, a
-            number is none, or a row is there twice; names file, line (of Parquet, row) and column.
+            value is not a number, or a row is there twice; names file, line (of Parquet, row) and
+            column.
         ImportError: a Parquet file without the extra `parquet`.
     """
     if not file.is_file():

@@ -18,8 +18,8 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.formats.markers.c3d_header import C3dHeader, floats, read_c3d_header
-from geodesic_ocp.recordings.formats.units import LENGTHS
 from geodesic_ocp.recordings.markers.markers import Markers
+from geodesic_ocp.recordings.units import LENGTHS
 from geodesic_ocp.trajectory.motion import Subject
 
 _NO_POSITIONS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")

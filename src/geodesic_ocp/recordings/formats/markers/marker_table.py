@@ -16,8 +16,8 @@ import numpy as np
 
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.formats.csv_text import read_csv_text
-from geodesic_ocp.recordings.formats.units import LENGTHS
 from geodesic_ocp.recordings.markers.markers import Markers
+from geodesic_ocp.recordings.units import LENGTHS
 
 
 def read_marker_table(file: Path) -> Markers:

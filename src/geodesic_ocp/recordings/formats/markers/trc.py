@@ -18,8 +18,8 @@ import numpy as np
 
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.formats.finite_number import finite_number
-from geodesic_ocp.recordings.formats.units import LENGTHS
 from geodesic_ocp.recordings.markers.markers import Markers
+from geodesic_ocp.recordings.units import LENGTHS
 
 _MISSING = ("", "nan", "-nan")
 

@@ -13,7 +13,6 @@ from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
 from geodesic_ocp.recordings.formats.skeletons.asf import AcclaimSkeleton, bone_rotations, read_asf
 from geodesic_ocp.recordings.formats.skeletons.text_lines import numbers, read_lines
-from geodesic_ocp.recordings.formats.units import ANGLES
 from geodesic_ocp.recordings.skeletons.read_skeleton_convention import as_skeleton_convention
 from geodesic_ocp.recordings.skeletons.skeleton import SkeletonMotion
 from geodesic_ocp.recordings.skeletons.skeleton_convention import (
@@ -21,6 +20,7 @@ from geodesic_ocp.recordings.skeletons.skeleton_convention import (
     metres_per_unit,
 )
 from geodesic_ocp.recordings.skeletons.skeleton_segments import skeleton_segments
+from geodesic_ocp.recordings.units import ANGLES
 from geodesic_ocp.trajectory.motion import Subject
 
 _SLOWEST = 1e-3  # [Hz]

@@ -24,7 +24,7 @@ from geodesic_ocp.recordings.skeletons.skeleton import Skeleton
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AcclaimSkeleton:
-    """A skeleton of bones, and how the numbers of a motion turn them.
+    """A skeleton of bones, and how the values of a motion rotate them.
 
     Attributes:
         skeleton: one joint a bone, at its start; the first is "root".
@@ -49,7 +49,7 @@ class AcclaimSkeleton:
 
 
 def read_asf(file: Path) -> AcclaimSkeleton:
-    """Read an Acclaim skeleton; limits, masses and skins in it are passed over.
+    """Read an Acclaim skeleton; limits, masses and skins in it are not read.
 
     Lengths are in inches divided by the unit `length`, as the CMU database's answers to frequent
     questions give it (with length 0.45, metres are value / 0.45 * 0.0254). Directions are scaled

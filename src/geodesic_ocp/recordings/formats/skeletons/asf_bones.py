@@ -1,4 +1,4 @@
-"""The sections of an ASF file, and the bones in them; faults name the line (RecordingError)."""
+"""The sections of an ASF file, and the bones in them; errors name the line (RecordingError)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.formats.skeletons.text_lines import numbers
-from geodesic_ocp.recordings.formats.units import ANGLES
+from geodesic_ocp.recordings.units import ANGLES
 
 _INCH = 0.0254  # [m]
 _SHORTEST = 1e-9  # length of a direction

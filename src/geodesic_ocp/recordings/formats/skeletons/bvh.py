@@ -122,7 +122,7 @@ def _motion(file: Path, lines: list[str], tree: BvhHierarchy) -> tuple[float, Ar
 
 
 def _check_positions(file: Path, tree: BvhHierarchy, values: Array) -> None:
-    """Position channels below the root must contain the offset, not be added to it."""
+    """RecordingError if position channels below the root do not contain the offset."""
     for joint in tree.joints:
         axes, columns = joint.columns("position")
         if joint.parent < 0 or not axes or joint.offset is None:

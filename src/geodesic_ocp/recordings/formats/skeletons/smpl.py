@@ -72,8 +72,8 @@ def read_smpl(
 ) -> SegmentOrientations:
     """Read the orientations of segments from SMPL's body joints; the space has z up, as in AMASS.
 
-    The rest pose is a T pose with the palms down. There is no trunk's pose: where its joints are
-    depends on the licensed body model.
+    The rest pose is a T pose with the palms down. The pose of the trunk is not known: the positions
+    of its joints depend on the licensed body model.
 
     Args:
         file: the .npz.

@@ -13,7 +13,7 @@ _LARGEST = 1e9
 
 
 def read_lines(file: Path) -> list[str]:
-    """The lines of a text file, without their ends; bytes that are no text are replaced.
+    """The lines of a text file, without their ends; bytes that are not text are replaced.
 
     Raises:
         RecordingError: the file cannot be read.

@@ -1,1 +1,1 @@
-"""The nonlinear program by which a motion is fitted to markers."""
+"""The nonlinear program that fits a motion to markers."""

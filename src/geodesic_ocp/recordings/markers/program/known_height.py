@@ -18,7 +18,7 @@ class KnownHeight:
     Attributes:
         factor: from the model's height to the person's.
         spread: standard deviation of the factor that is estimated; 0 if the factor is kept.
-        origin: what it rests on, for messages.
+        origin: where it was taken from, in words.
     """
 
     factor: float
@@ -32,7 +32,7 @@ def known_height(
     """The height that is given, of the recording's subject, of a standing person or of the model.
 
     Raises:
-        ValueError: a height for a model that is none of a person, or not a height.
+        ValueError: a height for a model that is not of a person, or not a height.
     """
     if body.height is None:
         if height is not None:

@@ -1,4 +1,4 @@
-"""Processes with one thread each for linear algebra, so that one a core is the right number."""
+"""Processes with one thread each for linear algebra, so that one process per core is best."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A lock of a folder, which the system releases however its process ends."""
+"""A lock on a folder, which the system releases however the process ends."""
 
 from __future__ import annotations
 

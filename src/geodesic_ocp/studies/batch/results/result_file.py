@@ -70,7 +70,7 @@ def read_result(path: Path) -> dict[str, Any] | None:
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a file that is there as a whole or not at all, whenever the process or machine stops.
+    """Write a file whole or not at all, even if the process or the machine stops meanwhile.
 
     Raises:
         OSError: the file cannot be written.

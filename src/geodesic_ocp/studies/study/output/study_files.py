@@ -27,7 +27,7 @@ def write_study(
     """Write tables as .md and .tex, tidy ones as .csv, figures as .pdf and .png, and study.md.
 
     Args:
-        folder: which is there.
+        folder: which exists.
         tables: caption and table, by the name of the file.
         tidy: tables with all digits.
         figures: by the name of the file.

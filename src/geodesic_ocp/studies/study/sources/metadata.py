@@ -1,4 +1,4 @@
-"""Columns that a table of the recordings' files adds, such as conditions."""
+"""Further columns for the recordings, such as conditions, from a table of their files."""
 
 from __future__ import annotations
 

@@ -27,8 +27,8 @@ class StudyMean:
         recordings: their number.
         missing: number of recordings that do not have it, as the method failed or was left out.
         mean: over subjects; NaN without any.
-        spread: standard deviation over subjects (n - 1); None of fewer than two.
-        interval: confidence interval of the mean by Student's t; None of fewer than two subjects.
+        spread: standard deviation over subjects (n - 1); None with fewer than two subjects.
+        interval: confidence interval of the mean by Student's t; None with fewer than two subjects.
     """
 
     method: str

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.recordings.formats.units import LENGTHS
+from geodesic_ocp.recordings.units import LENGTHS
 
 _HEAD = 1 << 16  # bytes from which a format is told
 
@@ -84,7 +84,7 @@ def _without_comments(lines: list[str]) -> list[str]:
 
 
 def _is_acclaim(lines: list[str]) -> bool:
-    """A motion (.amc), or a skeleton (.asf), which is its other half."""
+    """Whether it is a motion (.amc), or the skeleton (.asf) that belongs to one."""
     words = (":version", ":root", ":bonedata", ":units", ":fully-specified", ":degrees", ":radians")
     first = _without_comments(lines)[:1]
     if lines[0].lower().startswith("#!oml:") or first[:1] == ["1"]:

@@ -6,9 +6,9 @@ from os import PathLike
 from pathlib import Path
 
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.formats.recognise import FORMATS, MARKERS, recognise
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.named_failures import named_failures
-from geodesic_ocp.recordings.recognise import FORMATS, MARKERS, recognise
 
 
 def read_markers(path: str | PathLike[str]) -> Markers:
