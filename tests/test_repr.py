@@ -37,6 +37,7 @@ OF_RECORDINGS = {
     go.MarkerFit,
     go.Markers,
     go.MarkerSet,
+    go.OsimConvention,
     go.SegmentOrientations,
     go.SegmentRelation,
     go.SkeletonConvention,

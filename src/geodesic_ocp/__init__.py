@@ -278,8 +278,8 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
     from geodesic_ocp.recordings.markers.marker_set import MarkerSet
     from geodesic_ocp.recordings.markers.markers import Markers
-    from geodesic_ocp.recordings.read_markers import read_markers
     from geodesic_ocp.recordings.opensim_models.osim_convention import OsimConvention
+    from geodesic_ocp.recordings.read_markers import read_markers
     from geodesic_ocp.recordings.read_motion import read_motion
     from geodesic_ocp.recordings.read_recording import read_recording
     from geodesic_ocp.recordings.read_recordings import read_recordings

@@ -15,6 +15,7 @@ OF_RECORDINGS = {
     go.FrameMotion,
     go.LostMarker,
     go.Markers,
+    go.OsimConvention,
     go.SegmentOrientations,
     go.SegmentRelation,
     go.SkeletonConvention,
@@ -32,6 +33,7 @@ def test_reprs_are_short() -> None:
         go.Markers(time, tuple(f"marker {k}" for k in range(60)), np.zeros((1000, 60, 3))),
         go.LostMarker("RSHO", 0.1, 0.2, 0.05, "LSHO"),
         ISB,
+        go.OsimConvention("model.osim", {f"right {name}": name for name in ("hand", "forearm")}),
         SMPL,
     ]
     assert check_reprs(values) >= OF_RECORDINGS
