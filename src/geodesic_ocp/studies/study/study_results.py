@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from geodesic_ocp.figures.study_groups import paper_style
+from geodesic_ocp.figures.study.groups import paper_style
 from geodesic_ocp.records import write_together
 from geodesic_ocp.studies.study.methods import length_unit, method_labels, reference
 from geodesic_ocp.studies.study.notes import count, means_note, study_notes

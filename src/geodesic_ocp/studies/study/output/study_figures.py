@@ -10,15 +10,15 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.figures.new_figure import new_figure
-from geodesic_ocp.figures.study_distributions import draw_distributions
-from geodesic_ocp.figures.study_groups import (
+from geodesic_ocp.figures.study.distributions import draw_distributions
+from geodesic_ocp.figures.study.groups import (
     WIDTH,
     StudyGroup,
     draw_groups,
     fit_scale,
     group_handles,
 )
-from geodesic_ocp.figures.study_trend import draw_trend
+from geodesic_ocp.figures.study.trend import draw_trend
 from geodesic_ocp.studies.study.statistics.means import StudyMean
 from geodesic_ocp.studies.study.statistics.measures import MEASURES
 from geodesic_ocp.studies.study.statistics.subject_tests import StudyTest

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from geodesic_ocp.figures.new_figure import save_figure
-from geodesic_ocp.figures.study_groups import paper_style
+from geodesic_ocp.figures.study.groups import paper_style
 from geodesic_ocp.table import Table
 
 if TYPE_CHECKING:

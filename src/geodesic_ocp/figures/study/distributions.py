@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.figures.study_groups import STYLES
+from geodesic_ocp.figures.study.groups import STYLES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

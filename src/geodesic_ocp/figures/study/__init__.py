@@ -1,0 +1,1 @@
+"""Drawings of numbers of several subjects."""
