@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from concurrent.futures import Executor, Future
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from here import Here
 from minimum_jerk_files import write_stroke
 
 import geodesic_ocp as go
@@ -23,18 +22,6 @@ from geodesic_ocp.studies.batch.sources.recording_source import recording_source
 from geodesic_ocp.studies.tables.read_rows import read_rows
 
 METRIC = AnalysisSettings(metric="euclidean")  # which is quick
-
-
-class Here(Executor):
-    """Calls at once, in this process."""
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        future: Future[Any] = Future()
-        try:
-            future.set_result(fn(*args, **kwargs))
-        except BaseException as failure:
-            future.set_exception(failure)
-        return future
 
 
 @pytest.fixture
@@ -271,7 +258,7 @@ def test_heights_from_a_table_of_subjects(data: Path, tmp_path: Path) -> None:
     table.write_text("file,subject,trial,height,mass\nAn/reach_1.csv,A,x,1.6,60\nreach_2,A,y,,\n")
     result = run(data, tmp_path / "out", subjects=table)
     (failure,) = result.failures
-    assert failure.text == f"{table} does not name it"
+    assert failure.text == f"{table} has no row whose file is the end of .../Bo/reach_1.csv"
     rows = {(row["trial"], row["height_m"], row["mass_kg"]) for row in result.recordings()}
     assert rows == {("x", 1.6, 60.0), ("y", 1.75, 70.0)}
 

@@ -50,6 +50,7 @@ def test_patterns_without_a_subject_are_refused(pattern: str) -> None:
         ("file,subject,mass\na,b,60\nc,d,-1\n", "line 3: mass: mass must be positive"),
         ("file,subject\n\xff,b\n", "is not text in UTF-8"),
         ("file,subject,height\na,b,1,80\n", "line 2: 4 values under 3 columns"),
+        ("file;subject\na;b\n", "line 1: separate columns by commas, got 'file;subject'"),
     ],
 )
 def test_wrong_tables_of_subjects(text: str, words: str, tmp_path: Path) -> None:
@@ -70,6 +71,17 @@ def test_the_longest_path_in_a_table_counts(tmp_path: Path) -> None:
     assert table.find("other.c3d")[1]
 
 
+@pytest.mark.parametrize("named", ["S1/a.csv", "./S1/a", "{}/S1/a.csv"])
+def test_a_table_may_give_more_of_the_path_than_the_call(named: str, tmp_path: Path) -> None:
+    """The whole path counts, not that within the folder of the call."""
+    file, table = tmp_path / "S1" / "a.csv", tmp_path / "subjects.csv"
+    file.parent.mkdir()
+    file.touch()
+    table.write_text(f"file,subject\n{named.format(tmp_path)},Ann\n")
+    (source,) = recording_sources(file.parent, ["right"], table=table)
+    assert (source.subject, source.subject_from, source.problem) == ("Ann", "table", "")
+
+
 def test_files_are_named_from_their_common_folder(tmp_path: Path) -> None:
     for name in ("a/x.csv", "b/x.csv", "b/c/y.csv"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -80,8 +92,10 @@ def test_files_are_named_from_their_common_folder(tmp_path: Path) -> None:
         "b/x.csv": "b",
         "b/c/y.csv": "c",
     }
+    assert {each.fallback_from for each in sources} == {"folder name"}
     (alone,) = recording_sources(tmp_path / "a" / "x.csv", ["left"])
     assert (alone.name, alone.fallback, alone.trial) == ("x.csv, left", "x", "x")
+    assert alone.fallback_from == "file name"
 
 
 CELLS = {

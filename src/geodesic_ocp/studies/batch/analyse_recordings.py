@@ -19,10 +19,16 @@ from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.batch.batch_result import BatchResult
 from geodesic_ocp.studies.batch.outcome import RecordingOutcome, RecordingTask
+from geodesic_ocp.studies.batch.person import identity
 from geodesic_ocp.studies.batch.processes.in_executor import in_executor
 from geodesic_ocp.studies.batch.processes.in_processes import in_processes
 from geodesic_ocp.studies.batch.processes.one_thread import usable_cores
-from geodesic_ocp.studies.batch.results.batch_tables import collect, write_tables
+from geodesic_ocp.studies.batch.results.batch_notes import notes_of
+from geodesic_ocp.studies.batch.results.batch_tables import (
+    collect,
+    other_results,
+    write_tables,
+)
 from geodesic_ocp.studies.batch.results.folder_lock import locked
 from geodesic_ocp.studies.batch.results.result_file import (
     RESULTS,
@@ -32,7 +38,7 @@ from geodesic_ocp.studies.batch.results.result_file import (
     unfinished,
     write_whole,
 )
-from geodesic_ocp.studies.batch.run_task import RUNNING, identity, outcome_of
+from geodesic_ocp.studies.batch.run_task import RUNNING, outcome_of
 from geodesic_ocp.studies.batch.sources.recording_source import RecordingSource, recording_sources
 from geodesic_ocp.studies.tables.columns import TABLES
 
@@ -79,7 +85,8 @@ def analyse_recordings(
         subject_pattern: of the paths, without their suffix, such as "{subject}/{trial}" or
             "{subject}_*_{trial}".
         subjects: CSV file with the columns file and subject, and, if known, trial, height [m] and
-            mass [kg], instead of a pattern.
+            mass [kg], instead of a pattern; file is the
+            end of the recording's path, with or without its suffix.
         tables_only: write the tables from the results that there are, without any analysis, also
             while another run works in the folder.
         progress: called with the current step, the amount done, and the total.
@@ -114,13 +121,16 @@ def analyse_recordings(
             for outcome in run:
                 outcomes.add(outcome)
         collected, kept = collect(folder, [outcomes.found[source.name] for source in sources])
-        written = write_tables(folder, collected, kept, settings)
+        others = other_results(folder, kept)
+        written = write_tables(folder, collected, kept, settings, others)
     return BatchResult(
         folder=folder,
         analysed=sum(outcome.kind == "analysed" for outcome in kept),
         found=sum(outcome.kind == "found" for outcome in kept),
         failures=tuple(outcome for outcome in kept if not outcome.success),
         warned=tuple(outcome for outcome in kept if outcome.success and outcome.warnings),
+        others=others,
+        notes=tuple(notes_of(collected.recordings, others)),
         seconds=time.perf_counter() - start,
         files=written,
     )

@@ -22,6 +22,8 @@ class BatchResult:
         warned: those with a result whose analysis gave warnings.
         seconds: that the run took.
         files: of the tables and the summary.
+        others: number of results in the folder that are not of these recordings, and in no table.
+        notes: what the tables rest on, in sentences: subjects named after files, assumed heights.
     """
 
     folder: Path
@@ -31,6 +33,8 @@ class BatchResult:
     warned: tuple[RecordingOutcome, ...]
     seconds: float
     files: tuple[Path, ...]
+    others: int = 0
+    notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"BatchResult({self.folder}: {self.counts})"
@@ -41,7 +45,11 @@ class BatchResult:
         parts = [f"{self.analysed} analysed"]
         if self.found:
             parts.append(f"{self.found} analysed before")
-        parts.append(f"{len(self.failures)} left out")
+        missing = sum(outcome.kind == "missing" for outcome in self.failures)
+        if missing:
+            parts.append(f"{missing} not analysed yet")
+        if len(self.failures) > missing or not missing:
+            parts.append(f"{len(self.failures) - missing} left out")
         return ", ".join(parts)
 
     def recordings(self) -> list[Row]:

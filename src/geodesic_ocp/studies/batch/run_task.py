@@ -1,4 +1,4 @@
-"""The analysis of one of many recordings, in a process of its own kind."""
+"""The analysis of one of many recordings, wherever it runs."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from geodesic_ocp.errors import GeodesicOcpError
-from geodesic_ocp.recordings.read_recording import stature_of
 from geodesic_ocp.studies.batch.analyse_recording import analyse_recording, read_by_settings
 from geodesic_ocp.studies.batch.outcome import OutcomeKind, RecordingOutcome, RecordingTask
+from geodesic_ocp.studies.batch.person import identity, person_row, stature
 from geodesic_ocp.studies.batch.results.result_file import (
     FORMAT,
     RESULTS,
@@ -92,14 +92,11 @@ def _failed(task: RecordingTask, kind: OutcomeKind, failure: Exception) -> Recor
 def _result(task: RecordingTask) -> tuple[dict[str, Any], str]:
     """The record of the result and the text of the synergies' file."""
     source, settings = task.source, task.settings
-    height = settings.height if settings.height is not None else source.height
-    mass = settings.mass if settings.mass is not None else source.mass
-    recording = read_by_settings(source.path, source.side, settings, height, mass)
+    recording = read_by_settings(source.path, source.side, settings, *stature(settings, source))
     analysis = analyse_recording(recording, settings)
     motion = analysis.motion
-    height, mass = stature_of(motion.subject, height, mass)
     digest = settings.digest()
-    same: Row = {"height_m": height, "mass_kg": mass, "settings": digest}
+    same: Row = person_row(recording, settings, source) | {"settings": digest}
     own: Row = {"settings": digest}
     record = {
         "format": FORMAT,
@@ -125,17 +122,6 @@ def _probes(motion: Motion) -> list[Any]:
     q = motion.q if motion.unfiltered is None else motion.unfiltered
     rows = np.linspace(0, len(q) - 1, _PROBES).round().astype(int)
     return [len(q), q[rows].ravel().tolist()]
-
-
-def identity(source: RecordingSource, own_subject: str) -> dict[str, str]:
-    """What identifies a recording in the tables, with the subject that the file names."""
-    return {
-        "recording": source.name,
-        "file": source.file,
-        "subject": source.subject or own_subject or source.fallback,
-        "trial": source.trial,
-        "side": source.side,
-    }
 
 
 def outcome_of(source: RecordingSource, key: str, record: dict[str, Any]) -> RecordingOutcome:

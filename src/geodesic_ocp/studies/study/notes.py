@@ -52,12 +52,7 @@ def study_notes(
         if missing := len(recordings) - len(known):
             of = count(len(recordings), "recording")
             notes.append(f"{labels[method]}: no result in {missing} of {of}.")
-    nameless = {str(row["recording"]) for row in rows if not row.get("subject")}
-    if nameless:
-        notes.append(
-            f"{count(len(nameless), 'recording')} without the name of a subject: each file counts "
-            "as a subject of its own."
-        )
+    notes += subjects_note(rows)
     subjects = sorted({subject_of(row) for row in rows})
     for name in subjects:
         longer = [each for each in subjects if re.search(rf"[^0-9A-Za-z]{re.escape(name)}$", each)]
@@ -73,6 +68,25 @@ def study_notes(
     return tuple(notes)
 
 
+def subjects_note(rows: Sequence[Row]) -> list[str]:
+    """A sentence, if files stand for persons in some of several recordings."""
+    recordings = {str(row["recording"]) for row in rows}
+    nameless = {str(row["recording"]) for row in rows if not row.get("subject")}
+    by_file = {str(row["recording"]) for row in rows if row.get("subject_from") == "file name"}
+    if by_file - nameless and len(recordings) > 1:
+        return [
+            f"Subjects of {len(nameless | by_file)} of {count(len(recordings), 'recording')} are "
+            "named after files: several recordings of one person may be counted as several "
+            "subjects. State the subjects with a table or by the paths, see `analyse`."
+        ]
+    if nameless:
+        return [
+            f"{count(len(nameless), 'recording')} without the name of a subject: each file counts "
+            "as a subject of its own."
+        ]
+    return []
+
+
 def means_note(notes: Sequence[str], means: Sequence[StudyMean]) -> str:
     """What stands below a table of means."""
     several = len({(each.subjects, each.recordings) for each in means if each.recordings}) > 1
@@ -82,8 +96,8 @@ def means_note(notes: Sequence[str], means: Sequence[StudyMean]) -> str:
     return " ".join([_MEANS, *single, *unequal, *notes])
 
 
-def tests_note(tests: Sequence[StudyTest]) -> str:
-    """What stands below a table of tests."""
+def tests_note(tests: Sequence[StudyTest], caveats: Sequence[str]) -> str:
+    """What stands below a table of tests, with what is said of its subjects."""
     test = tests[0].test
     sentences = [
         "Pairs are subjects. Intervals: of the mean difference, by bootstrap. Effect: "
@@ -106,4 +120,4 @@ def tests_note(tests: Sequence[StudyTest]) -> str:
             sentences.append("A bootstrap of fewer than 10 pairs underestimates the interval.")
     if names := {name: None for each in tests for name in each.left_out}:
         sentences.append(f"Left out, without a pair: {', '.join(names)}.")
-    return " ".join(sentences)
+    return " ".join([*sentences, *caveats])

@@ -19,6 +19,7 @@ from geodesic_ocp.synergies.analysis import Analysis
 _MOST_CONDITIONS = 20
 _NOT_CONDITIONS = {
     *("recording", "file", "subject", "method", "method_label"),
+    *("subject_from", "height_from", "mass_from"),
     *(column.name for column in RECORDING_COLUMNS if column.kind != "text"),
 }
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from geodesic_ocp.figures.study.groups import paper_style
 from geodesic_ocp.records import write_together
 from geodesic_ocp.studies.study.methods import length_unit, method_labels, reference
-from geodesic_ocp.studies.study.notes import count, means_note, study_notes
+from geodesic_ocp.studies.study.notes import count, means_note, study_notes, subjects_note
 from geodesic_ocp.studies.study.output.study_figures import (
     differences_figure,
     durations_figure,
@@ -189,7 +189,8 @@ class Study:
         """`tests` as a table, with what limits them below; raises what `tests` does."""
         tests = self.tests(measure, against, confidence=confidence, seed=seed)
         key = self._reference(against)[1]
-        return tests_table(tests, MEASURES[measure], self.label, self.by, self.label(key))
+        caveats = subjects_note(self.rows)
+        return tests_table(tests, MEASURES[measure], self.label, self.by, self.label(key), caveats)
 
     def synergy_statistics(self) -> tuple[SynergyStatistics, ...]:
         """Numbers, durations and lengths of the synergies of each subject, by condition.
@@ -213,7 +214,8 @@ class Study:
         Raises:
             ValueError: there is no table of synergies.
         """
-        return synergies_table(self.synergy_statistics(), self.by, length_unit(self.methods))
+        unit, caveats = length_unit(self.methods), subjects_note(self.rows)
+        return synergies_table(self.synergy_statistics(), self.by, unit, caveats)
 
     def figures(self, measure: str = "joint", against: str | None = None) -> dict[str, Figure]:
         """The figures of a paper, by name.

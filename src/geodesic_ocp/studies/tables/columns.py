@@ -53,6 +53,11 @@ _IDENTITY = (
     TableColumn("recording", "text", "names the recording: the file and the side"),
     TableColumn("file", "text", "the recording's file, relative to the folder that was given"),
     TableColumn("subject", "text", "the person; recordings of one person are not independent"),
+    TableColumn(
+        "subject_from",
+        "text",
+        "table, path, or file that names the subject, else folder name or file name",
+    ),
     TableColumn("trial", "text", "the repetition, within the subject"),
     TableColumn("side", "text", "right or left"),
 )
@@ -60,11 +65,14 @@ _IDENTITY = (
 RECORDING_COLUMNS = (
     *_IDENTITY,
     TableColumn("height_m", "number", "body height of the model [m]"),
+    TableColumn("height_from", "text", "given, table, file, markers, or assumed"),
     TableColumn("mass_kg", "number", "body mass of the model [kg]"),
+    TableColumn("mass_from", "text", "given, table, file, or assumed"),
+    TableColumn("marker_error_m", "number", "mean distance of markers from the fitted ones [m]"),
     TableColumn("samples", "integer", "number of samples"),
     TableColumn("duration_s", "number", "from the first sample to the last [s]"),
     TableColumn("rate_hz", "number", "mean sampling rate [Hz]"),
-    TableColumn("cutoff_hz", "number", "bandwidth of the filter [Hz]; missing without a filter"),
+    TableColumn("cutoff_hz", "number", "of the filter [Hz]; missing where there is none"),
     TableColumn("noise_rad", "number", "root mean square over joints of the recording's noise"),
     TableColumn("metric", "text", "in which the motion is cut and planned, in words"),
     TableColumn("threshold_rad", "number", "of the segmentation; missing for optimal segments"),

@@ -36,6 +36,8 @@ def read_text_table(file: Path) -> tuple[list[str], list[tuple[str, list[str]]]]
         raise RecordingError(f"{file}: line {number + 1}: is not CSV: {error}") from None
     except OSError as error:
         raise RecordingError(f"{file}: cannot be read: {error}") from None
+    if len(names) == 1 and {";", "\t"} & set(names[0]):
+        raise RecordingError(f"{file}: line 1: separate columns by commas, got {names[0][:60]!r}")
     if not names:
         raise RecordingError(f"{file}: line 1: is empty, expected the names of columns")
     if twice := sorted({name for name in names if names.count(name) > 1}):

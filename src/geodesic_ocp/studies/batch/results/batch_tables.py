@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -12,6 +12,7 @@ import numpy as np
 from geodesic_ocp.records import write_file
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.batch.outcome import RecordingOutcome
+from geodesic_ocp.studies.batch.results.batch_notes import notes_of
 from geodesic_ocp.studies.batch.results.result_file import read_result, results_by_key
 from geodesic_ocp.studies.tables.columns import Row
 from geodesic_ocp.studies.tables.parquet import PARQUET_HINT, has_parquet
@@ -46,7 +47,7 @@ class CollectedResults:
 def collect(
     folder: Path, outcomes: Sequence[RecordingOutcome]
 ) -> tuple[CollectedResults, list[RecordingOutcome]]:
-    """Rows of all results, and outcomes in which one of several equal motions is left."""
+    """Rows of all results, and outcomes in which one of several equal motions is kept."""
     collected, kept, paths = CollectedResults(), [], results_by_key(folder)
     for outcome in outcomes:
         record = read_result(paths[outcome.key]) if outcome.key in paths else None
@@ -60,11 +61,17 @@ def collect(
     return collected, kept
 
 
+def other_results(folder: Path, outcomes: Iterable[RecordingOutcome]) -> int:
+    """Number of results in the folder that belong to none of these recordings."""
+    return len(set(results_by_key(folder)) - {outcome.key for outcome in outcomes})
+
+
 def write_tables(
     folder: Path,
     collected: CollectedResults,
     outcomes: Sequence[RecordingOutcome],
     settings: AnalysisSettings,
+    others: int = 0,
 ) -> tuple[Path, ...]:
     """Write recordings, synergies and failures as tables, and summary.md; returns the paths."""
     failures = [outcome for outcome in outcomes if not outcome.success]
@@ -72,7 +79,7 @@ def write_tables(
         *write_rows(folder, "recordings", collected.recordings),
         *write_rows(folder, "synergies", collected.synergies),
         *write_rows(folder, "failures", [_failure_row(outcome) for outcome in failures]),
-        write_file(folder / "summary.md", _summary(collected, outcomes, settings)),
+        write_file(folder / "summary.md", _summary(collected, outcomes, settings, others)),
     ]
     return tuple(files)
 
@@ -93,20 +100,27 @@ def mean_table(rows: Sequence[Row]) -> Table:
 
 
 def _summary(
-    collected: CollectedResults, outcomes: Sequence[RecordingOutcome], settings: AnalysisSettings
+    collected: CollectedResults,
+    outcomes: Sequence[RecordingOutcome],
+    settings: AnalysisSettings,
+    others: int,
 ) -> str:
     subjects = {row["subject"] for row in collected.recordings}
     failures = [outcome for outcome in outcomes if not outcome.success]
     warned = [outcome for outcome in outcomes if outcome.success and outcome.warnings]
     count = len(outcomes) - len(failures)
+    missing = sum(outcome.kind == "missing" for outcome in failures)
+    waiting = f", {missing} of them as nobody has analysed them yet" if missing else ""
     lines = [
         "# Analysis of many recordings",
         "",
         f"{count} recordings of {len(subjects)} subjects, {len(collected.synergies)} geodesic "
-        f"synergies; {len(failures)} recordings are left out.",
+        f"synergies; {len(failures)} recordings are left out{waiting}.",
         "",
         f"Settings: `{settings!r}` (those not named are the defaults).",
     ]
+    for note in notes_of(collected.recordings, others):
+        lines += ["", note]
     if not has_parquet():
         lines += ["", f"The tables are CSV alone. {PARQUET_HINT}."]
     if collected.recordings:
@@ -131,6 +145,7 @@ def _failure_row(outcome: RecordingOutcome) -> Row:
         "recording": source.name,
         "file": source.file,
         "subject": source.subject,
+        "subject_from": source.subject_from if source.subject else "",
         "trial": source.trial,
         "side": source.side,
         "kind": outcome.kind,

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path, PurePosixPath
+from typing import Literal
 
 from geodesic_ocp.model.human.anthropometry import Side
 from geodesic_ocp.recordings.recording_files import recording_files
@@ -15,6 +16,10 @@ from geodesic_ocp.studies.batch.sources.subject_names import (
     SubjectPattern,
     SubjectTable,
 )
+
+#: Where the name of a subject is from: the table of subjects, a pattern of paths, the recording
+#: itself, or, as nothing tells it, the name of the folder or of the file.
+SubjectFrom = Literal["table", "path", "file", "folder name", "file name"]
 
 
 @dataclass(frozen=True, repr=False)
@@ -26,7 +31,9 @@ class RecordingSource:
         file: relative to the deepest folder that holds all files that were given.
         side: "right" or "left".
         subject: of the person; empty if the file is to tell.
+        subject_from: where the subject is from, see `SubjectFrom`; empty if the file is to tell.
         fallback: the subject if the file does not tell.
+        fallback_from: where the fallback is from.
         trial: the repetition.
         height, mass: of the person [m], [kg]; None if the file is to tell.
         problem: why the recording cannot be analysed; empty if nothing is known against it.
@@ -36,7 +43,9 @@ class RecordingSource:
     file: str
     side: Side
     subject: str = ""
+    subject_from: SubjectFrom | Literal[""] = ""
     fallback: str = ""
+    fallback_from: SubjectFrom = "file name"
     trial: str = ""
     height: float | None = None
     mass: float | None = None
@@ -79,10 +88,11 @@ def recording_sources(
         file = path.relative_to(root).as_posix()
         folder = PurePosixPath(file).parent.name
         problem, entry = "", SubjectEntry("")
+        found_in: SubjectFrom | Literal[""] = ""
         if listed is not None:
-            entry, problem = listed.find(file)
+            found_in, (entry, problem) = "table", listed.find(path.as_posix())
         elif named is not None:
-            entry, problem = named.find(path.as_posix())
+            found_in, (entry, problem) = "path", named.find(path.as_posix())
         for side in sides:
             sources.append(
                 RecordingSource(
@@ -90,7 +100,9 @@ def recording_sources(
                     file=file,
                     side=side,
                     subject=entry.subject,
+                    subject_from=found_in,
                     fallback=folder or path.stem,
+                    fallback_from="folder name" if folder else "file name",
                     trial=entry.trial or path.stem,
                     height=entry.height,
                     mass=entry.mass,

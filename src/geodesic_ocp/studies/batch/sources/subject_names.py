@@ -91,13 +91,14 @@ class SubjectTable:
         return cls(file, dict(_entry(f"{file}: {where}", row) for where, row in rows))
 
     def find(self, file: str) -> tuple[SubjectEntry, str]:
-        """The entry whose path is the end of the file's, or why there is none."""
-        parts = PurePosixPath(file).with_suffix("").parts
+        """The entry whose path is the end of this one, or why there is none."""
+        parts = [part for part in PurePosixPath(file).with_suffix("").parts if part != "/"]
         for length in range(len(parts), 0, -1):
             entry = self.entries.get("/".join(parts[-length:]))
             if entry is not None:
                 return entry, ""
-        return SubjectEntry(""), f"{self.path} does not name it"
+        shown = "/".join(PurePosixPath(file).parts[-2:])
+        return SubjectEntry(""), f"{self.path} has no row whose file is the end of .../{shown}"
 
 
 def _entry(where: str, row: Mapping[str, str]) -> tuple[str, SubjectEntry]:
@@ -110,4 +111,5 @@ def _entry(where: str, row: Mapping[str, str]) -> tuple[str, SubjectEntry]:
         except ValueError as failure:
             raise RecordingError(f"{where}: {name}: {failure}") from None
     entry = SubjectEntry(row["subject"], row.get("trial") or "", **numbers)
-    return str(PurePosixPath(row["file"].replace("\\", "/")).with_suffix("")), entry
+    path = PurePosixPath(row["file"].replace("\\", "/").removeprefix("./").lstrip("/"))
+    return str(path.with_suffix("")), entry

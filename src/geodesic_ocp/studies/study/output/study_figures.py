@@ -76,7 +76,7 @@ def differences_figure(
         points = tuple(measure.scale * value for value in each.differences.values())
         low, high = each.test.interval
         ends = (measure.scale * low, measure.scale * high) if np.isfinite(low) else None
-        p = f"p = {each.corrected_p:.2g}" if each.corrected_p >= 0.001 else "p < 0.001"
+        p = f"p = {each.corrected_p:.3g}" if each.corrected_p >= 0.001 else "p < 0.001"
         note = f"{p}, n = {each.test.pairs}" if each.test.pairs > 1 else "n = 1"
         mean = measure.scale * each.test.mean_difference
         groups.append(StudyGroup(label(each.method), each.condition, points, mean, ends, note))

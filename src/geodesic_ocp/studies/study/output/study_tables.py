@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from geodesic_ocp.studies.study.notes import tests_note
+from geodesic_ocp.studies.study.notes import subjects_note, tests_note
 from geodesic_ocp.studies.study.statistics.means import StudyMean, subject_means
 from geodesic_ocp.studies.study.statistics.measures import MEASURES, StudyMeasure
 from geodesic_ocp.studies.study.statistics.subject_tests import StudyTest
@@ -81,7 +81,8 @@ def by_subject_table(
             values = (each.get(subject, NONE) for each in means)
             entries.append((*((condition,) if by else ()), subject, recordings, *values))
     header = (*([by] if by else []), "subject", "recordings", *methods.values())
-    return Table(header, tuple(entries), f"means of the subject's recordings: {measure.header}")
+    note = " ".join([f"Means of the subject's recordings: {measure.header}.", *subjects_note(rows)])
+    return Table(header, tuple(entries), note)
 
 
 def tests_table(
@@ -90,6 +91,7 @@ def tests_table(
     label: Label,
     by: str | None,
     against: str,
+    caveats: Sequence[str],
 ) -> Table:
     """Paired tests, one a row.
 
@@ -99,6 +101,7 @@ def tests_table(
         label: of a method.
         by: what the conditions are; None without conditions.
         against: what the method or condition is called.
+        caveats: about the subjects, below the table.
     """
     unit = f" [{measure.unit}]" if measure.unit else ""
     confidence = tests[0].test.confidence if tests else 0.95
@@ -129,7 +132,7 @@ def tests_table(
         )
         for each in tests
     )
-    note = tests_note(tests) if tests else f"No subject can be compared with {against}."
+    note = tests_note(tests, caveats) if tests else f"No subject can be compared with {against}."
     return Table(header, rows, note)
 
 
@@ -151,7 +154,12 @@ def tidy_tests(tests: Sequence[StudyTest], by: str | None, confidence: float) ->
     return Table((*header, *found, "rank-biserial r", *p_values), tuple(rows))
 
 
-def synergies_table(statistics: Sequence[SynergyStatistics], by: str | None, unit: str) -> Table:
+def synergies_table(
+    statistics: Sequence[SynergyStatistics],
+    by: str | None,
+    unit: str,
+    caveats: Sequence[str] = (),
+) -> Table:
     """Numbers, durations and lengths of synergies, by subject and over subjects."""
     header = (
         *([by] if by else []),
@@ -174,7 +182,7 @@ def synergies_table(statistics: Sequence[SynergyStatistics], by: str | None, uni
         if len(own) > 1:
             rows.append((*first, *_over_subjects(own)))
     note = "Segments at rest count as synergies. Quantiles are over all synergies of a subject."
-    return Table(header, tuple(rows), note)
+    return Table(header, tuple(rows), " ".join([note, *caveats]))
 
 
 def tidy_synergies(statistics: Sequence[SynergyStatistics], by: str | None, unit: str) -> Table:

@@ -40,6 +40,9 @@ def _entry(file: str, entries: dict[str, Row], path: Path) -> Row:
     for length in range(len(parts), 0, -1):
         if (entry := entries.get("/".join(parts[-length:]))) is not None:
             return entry
+    longer = [key for key in entries if key.endswith(f"/{_key(file)}")]
+    if len(longer) == 1:  # the table gives more of the path than the recordings do
+        return entries[longer[0]]
     raise RecordingError(f"{path}: does not name the recording's file {file!r}")
 
 
