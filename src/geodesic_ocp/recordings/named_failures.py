@@ -20,7 +20,9 @@ def named_failures(file: Path) -> Iterator[None]:
     except csv.Error as failure:
         raise RecordingError(f"{file}: is not a table: {failure}") from None
     except UnicodeDecodeError as failure:
-        raise RecordingError(f"{file}: is not text in UTF-8 (byte {failure.start})") from None
+        raise RecordingError(
+            f"{file}: is not text in UTF-8 (byte {failure.start}); save it as UTF-8"
+        ) from None
     except ValueError as failure:
         if isinstance(failure, RecordingError) and str(failure).startswith(str(file)):
             raise

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,6 +16,10 @@ _FAR_OUTSIDE = 2.0
 _LONGEST_STEP = 1.0  # [s] between samples of a recording
 # No joint of a person, nor of an arm, is two revolutions from zero; in degrees, any motion is.
 _LARGEST_ANGLE = 4.0 * np.pi  # [rad]
+
+# Joints of people reach a little beyond the model's limits; not by this much for this long.
+_OUTSIDE, _OFTEN = np.radians(10.0), 0.2  # [rad], and share of the samples
+_STILL = 3.2  # a range of angles that is all of a motion in radians, and hardly one in degrees
 
 
 def check_plausible(model: Model, motion: Motion) -> None:
@@ -54,6 +59,50 @@ def check_radians(names: Sequence[str], q: Array) -> None:
         raise ValueError(
             f"{_question(names[worst], q[:, worst])}, and columns that are no angles are left out "
             "by joints=..."
+        )
+
+
+def ask_about_limits(model: Model, motion: Motion, name: str) -> None:
+    """Give a RuntimeWarning if joints are beyond the model's limits for much of the recording.
+
+    Args:
+        model: whose joints the motion has.
+        motion: of these joints.
+        name: of the recording, with which the warning begins.
+    """
+    outside = np.maximum(model.lower - motion.q, motion.q - model.upper)
+    found = []
+    for column, joint in enumerate(motion.joint_names):
+        share = float(np.mean(outside[:, column] > _OUTSIDE))
+        if model.units[column] == "rad" and share > _OFTEN:
+            worst = motion.q[int(np.argmax(outside[:, column])), column]
+            low, high = np.degrees([model.lower[column], model.upper[column]])
+            found.append(
+                f"{joint} reaches {np.degrees(worst):.0f} deg (limits {low:.0f} to {high:.0f} deg) "
+                f"and is more than 10 deg beyond its limits in {share:.0%} of the samples"
+            )
+    if found:
+        warnings.warn(
+            f"{name}: {'; '.join(found)}: has the file another convention, or a joint another sign "
+            "than assumed? Such as an elevation written as a positive number",
+            RuntimeWarning,
+            stacklevel=3,
+        )
+
+
+def ask_about_degrees(name: str, q: Array) -> None:
+    """Give a RuntimeWarning if angles q (k, n) [deg], as the file states, may be radians.
+
+    Args:
+        name: of the recording, with which the warning begins.
+        q: (k, n) numbers of the file; without any sample nothing is asked.
+    """
+    if q.size and np.abs(q).max() <= 2.0 * np.pi and 0.1 < np.ptp(q, axis=0).max() <= _STILL:
+        warnings.warn(
+            f"{name}: no joint moves by more than {np.ptp(q, axis=0).max():.2g} deg: are the "
+            "angles in radians, although the file says degrees?",
+            RuntimeWarning,
+            stacklevel=3,
         )
 
 

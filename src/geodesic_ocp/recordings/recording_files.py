@@ -12,6 +12,13 @@ from geodesic_ocp.errors import RecordingError
 #: Ends of the names of recordings, by which a folder is searched.
 SUFFIXES = (".xml", ".csv", ".amc", ".bvh", ".mot", ".sto", ".trc", ".c3d", ".npz")
 
+# What lies together in a folder of results: of many recordings, of one, and of a study.
+_RESULTS = (
+    ("recordings.csv", "synergies.csv", "results"),
+    ("synergies.json", "table.csv"),
+    ("study.md", "means.csv"),
+)
+
 
 def recording_files(
     paths: str | PathLike[str] | Iterable[str | PathLike[str]], *, recursive: bool = False
@@ -20,7 +27,8 @@ def recording_files(
 
     Args:
         paths: one or several. Of a folder all files whose names end as those of recordings do
-            (`SUFFIXES`), sorted; hidden ones are left out. Of a pattern all files that match.
+            (`SUFFIXES`), sorted; hidden ones are left out, and folders within it that hold the
+            tables of an analysis or a study. Of a pattern all files that match.
         recursive: also those in the folders within a folder.
 
     Returns:
@@ -48,12 +56,22 @@ def recording_files(
 
 
 def _in_folder(folder: Path, recursive: bool) -> list[Path]:
+    ours: dict[Path, bool] = {folder: False}  # whether a folder holds what this package wrote
+
+    def is_result(place: Path) -> bool:
+        if place not in ours:
+            ours[place] = is_result(place.parent) or any(
+                all((place / name).exists() for name in names) for names in _RESULTS
+            )
+        return ours[place]
+
     inside = sorted(
         each
         for each in (folder.rglob("*") if recursive else folder.iterdir())
         if each.suffix.lower() in SUFFIXES
         and each.is_file()
         and not any(part.startswith(".") for part in each.relative_to(folder).parts)
+        and not is_result(each.parent)
     )
     if not inside:
         where = "in this folder" + (" or those within it" if recursive else "")

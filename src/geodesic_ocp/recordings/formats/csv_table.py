@@ -16,6 +16,7 @@ from pathlib import Path
 
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.formats.csv_text import read_csv_text
+from geodesic_ocp.recordings.plausible import ask_about_degrees
 from geodesic_ocp.recordings.units import ANGLES
 from geodesic_ocp.trajectory.motion import Motion
 
@@ -36,6 +37,8 @@ def read_table(file: Path, joints: Sequence[str] | None = None) -> Motion:
             f"{file}: there is no joint {', '.join(missing)}; there are {', '.join(others)}"
         )
     values = table.columns(["time", *wanted])
+    if table.scale != 1.0:
+        ask_about_degrees(str(file), values[:, 1:])
     try:
         angles = table.scale * values[:, 1:]
         return Motion(values[:, 0], angles, tuple(wanted), subject=table.subject)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -94,8 +95,7 @@ def read_csv_text(file: Path, units: dict[str, float], examples: tuple[str, str]
     if "time" not in header or len(header) < 2:
         raise RecordingError(
             f"{file}: line {first + 1} must be a header with 'time' and names of columns, "
-            f"is {lines[first][:60]!r}"
-            + ("; separate columns by commas" if {";", "\t"} & set(lines[first]) else "")
+            f"is {lines[first][:60]!r}" + _hint(lines[first], header)
         )
     twice = sorted({name for name in header if header.count(name) > 1})
     if twice:
@@ -107,6 +107,14 @@ def read_csv_text(file: Path, units: dict[str, float], examples: tuple[str, str]
     )
     scale = units[unit.lower()]
     return CsvText(file, scale, subject, header, tuple(lines[first + 1 :]), first + 1)
+
+
+def _hint(line: str, header: Sequence[str]) -> str:
+    """What may be wrong with a header, as the end of a message."""
+    if {";", "\t"} & set(line):
+        return "; separate columns by commas, and write decimals with a point"
+    like = next((name for name in header if re.match(r"time\b|t\b|zeit\b", name, re.I)), None)
+    return f"; if {like!r} is the time in seconds, name it time" if like is not None else ""
 
 
 def _number(where: str, name: str, text: str, blank: float | None) -> float:

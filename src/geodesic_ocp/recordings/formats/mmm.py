@@ -37,8 +37,9 @@ def read_mmm(file: Path, joints: Sequence[str] | None = None) -> Motion:
         root = ElementTree.parse(file).getroot()
     except ElementTree.ParseError as failure:
         line, column = failure.position
+        reason = str(failure).partition(": line ")[0]  # which names the place once more
         raise RecordingError(
-            f"{file}: broken XML at line {line}, column {column}: {failure}"
+            f"{file}: broken XML at line {line}, column {column}: {reason}; is the file cut off?"
         ) from None
     except LookupError as failure:
         raise RecordingError(f"{file}: {failure}") from None

@@ -27,7 +27,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.formats.finite_number import finite_number
-from geodesic_ocp.recordings.plausible import check_radians
+from geodesic_ocp.recordings.plausible import ask_about_degrees, check_radians
 
 _TRANSLATION = re.compile(r"(_t|_?trans_?)[xyz]$", re.IGNORECASE)
 _STATE = re.compile(r"/jointset/[^/]+/(?P<coordinate>[^/]+)/(?P<kind>value|speed)$")
@@ -102,9 +102,12 @@ def read_coordinates(file: Path, translations: Sequence[str] = ()) -> Coordinate
     if twice:
         raise RecordingError(f"{file}: line {first + 1} names {', '.join(twice)} more than once")
     lengths = [is_translation(name) or name in translations for name in names]
+    angles = [i for i, length in enumerate(lengths) if not length]
+    turns = values[:, [kept[i] for i in angles]]
     if factor == 1.0:
-        angles = [i for i, length in enumerate(lengths) if not length]
-        check_radians([names[i] for i in angles], values[:, [kept[i] for i in angles]])
+        check_radians([names[i] for i in angles], turns)
+    else:
+        ask_about_degrees(str(file), turns)
     return CoordinateTable(
         values[:, 0], tuple(names), values[:, kept] * np.where(lengths, 1.0, factor)
     )
