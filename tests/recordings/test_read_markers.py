@@ -70,13 +70,17 @@ def test_text_files(content: str, changes: dict[str, str], tmp_path: Path) -> No
 
 @pytest.mark.parametrize(("unit", "metres"), [("m", 1.0), ("cm", 0.01), ("mm", 0.001)])
 def test_units_of_length(unit: str, metres: float, tmp_path: Path) -> None:
-    for content in (TRC, MARKER_TABLE):
-        file = write(tmp_path, "file", content.replace("mm", unit))
-        assert read_markers(file).positions[0, 0] == pytest.approx(
-            metres * np.array([100, 200, 1400])
-        )
-    file = write(tmp_path, "file", c3d(points(), ["A", "B", "C"], unit=unit))
-    assert read_markers(file).positions[0] == pytest.approx(metres * points()[0, :, :3])
+    for content, split in ((TRC, "\t"), (MARKER_TABLE, ",")):
+        lines = content.replace("mm", unit).splitlines()
+        for row, line in enumerate(lines[-3:], start=len(lines) - 3):
+            cells = line.split(split)
+            lengths = [str(1e-3 * float(each) / metres) if each else "" for each in cells[-6:]]
+            lines[row] = split.join([*cells[:-6], *lengths])
+        file = write(tmp_path, "file", "\n".join(lines))
+        assert read_markers(file).positions == pytest.approx(EXPECTED, nan_ok=True)
+    near = 1e-3 * points()
+    file = write(tmp_path, "file", c3d(near / metres, ["A", "B", "C"], unit=unit))
+    assert read_markers(file).positions[0] == pytest.approx(near[0, :, :3])
 
 
 def test_counts_in_the_header_of_trc_that_are_wrong_are_told(tmp_path: Path) -> None:

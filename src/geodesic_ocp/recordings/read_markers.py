@@ -8,27 +8,41 @@ from pathlib import Path
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.formats.recognise import FORMATS, MARKERS, recognise
 from geodesic_ocp.recordings.markers.markers import Markers
+from geodesic_ocp.recordings.markers.plausible_size import check_plausible_size
+from geodesic_ocp.recordings.markers.space_axes import Axis, as_axis, with_z_up
 from geodesic_ocp.recordings.named_failures import named_failures
 
 
-def read_markers(path: str | PathLike[str]) -> Markers:
+def read_markers(path: str | PathLike[str], *, up: Axis | None = None) -> Markers:
     """Read the positions of markers from a file: c3d, TRC or a table with NAME_x, NAME_y, NAME_z.
 
     The format is told by the content of the file. Positions are converted to metres, in the axes of
-    the file; a marker that was not seen is NaN.
+    the file unless `up` is given; a marker that was not seen is NaN.
+
+    Args:
+        path: of the file.
+        up: the axis of the file that points upwards, such as "y" or "-z"; the space is turned so
+            that it becomes z, which `fit_motion` needs. Formats leave it open: TRC files for
+            OpenSim mostly have y up, c3d files z.
 
     Raises:
-        RecordingError: the file is missing, of an unknown format, or malformed; the message names
-            the file, the line or frame, and what was expected there.
+        RecordingError: the file is missing, of an unknown format, or malformed, or its positions
+            are not those of a person in the unit that it states; the message names the file, the
+            line or frame, and what was expected there.
+        ValueError: `up` is not an axis.
     """
     file = Path(path)
+    if up is not None:
+        as_axis(up)
     with named_failures(file):
         kind = recognise(file)
         if kind not in MARKERS:
             raise RecordingError(
                 f"{file}: {FORMATS[kind]} has no markers; read it with go.read_motion"
             )
-        return _read(kind, file)
+        markers = _read(kind, file)
+        check_plausible_size(markers)
+    return markers if up is None else with_z_up(markers, up)
 
 
 def _read(kind: str, file: Path) -> Markers:

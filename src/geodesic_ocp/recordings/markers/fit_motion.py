@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time as clock
+import warnings
 from collections.abc import Collection
 from typing import Any, get_args
 
@@ -11,16 +12,20 @@ import numpy as np
 from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.recordings.markers.check_fit import check_fit
 from geodesic_ocp.recordings.markers.fitted_values import as_marker_fit
-from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
+from geodesic_ocp.recordings.markers.marker_fit import DOUBTFUL, MarkerFit
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.markers import Markers
+from geodesic_ocp.recordings.markers.plausible_size import check_plausible_size
 from geodesic_ocp.recordings.markers.program.body import MarkedBody
+from geodesic_ocp.recordings.markers.program.check_trunk import check_trunk
 from geodesic_ocp.recordings.markers.program.chosen_markers import ChosenMarkers, choose_markers
 from geodesic_ocp.recordings.markers.program.fit_problem import FitProblem
 from geodesic_ocp.recordings.markers.program.fit_settings import Base, FitSettings
 from geodesic_ocp.recordings.markers.program.known_height import known_height
 from geodesic_ocp.recordings.markers.program.solve_fit import solve_fit
+from geodesic_ocp.recordings.markers.space_axes import Axis, with_z_up
 
 _ESTIMATES = ("lengths", "offsets")
 _FAR = 0.2  # median distance of the markers from their places at which a fit is refused [m]
@@ -40,6 +45,7 @@ def fit_motion(
     acceleration: float = 100.0,
     jerk: float = 1000.0,
     outlier: float = 0.03,
+    up: Axis | None = None,
     ipopt: dict[str, Any] | None = None,
 ) -> MarkerFit:
     """Joint angles whose markers are near the recorded ones, of the whole recording at once.
@@ -57,16 +63,19 @@ def fit_motion(
     >>> import numpy as np, geodesic_ocp as go
     >>> arm, time = go.human_arm("right", height=1.8), np.arange(50) / 50.0
     >>> q = 0.3 * np.sin(np.outer(time, [1, 2, 3, 4, 3, 2, 1])) + [0.4, 0, -0.6, 1, 0, -0.1, 0]
-    >>> names = ("REx_joint", "RWx_joint", "hand")  # frames of the model, as recorded points
-    >>> points = np.stack([arm.frame_pose(name, q)[1] for name in names], axis=1)
-    >>> fit = go.fit_motion(arm, go.Markers(time, names, points), base="fixed", estimate=())
+    >>> rotation, wrist = arm.frame_pose("right hand", q)
+    >>> points = [arm.frame_pose("REx_joint", q)[1], *(wrist + 0.1 * rotation.transpose(2, 0, 1))]
+    >>> hand = {name: ("right hand", 0.1 * np.eye(3)[i]) for i, name in enumerate("xyz")}
+    >>> used = go.MarkerSet("elbow and hand", {"elbow": ("REx_joint", (0, 0, 0))} | hand, unit="m")
+    >>> markers = go.Markers(time, tuple(used.places), np.stack(points, axis=1))
+    >>> fit = go.fit_motion(arm, markers, marker_set=used, base="fixed", estimate=())
     >>> bool(np.nanmax(fit.errors) < 1e-3)
     True
 
     Args:
         model: `human_arm`, `human_upper_body`, or any model with points on its frames.
-        positions: of markers or joints, in a space with z up, or for base="fixed" in the axes and
-            from the origin of the model's base.
+        positions: of markers or joints, in a space with z up (see `up`), or for base="fixed" in the
+            axes and from the origin of the model's base.
         marker_set: where the markers are; None: of the Master Motor Map's set, that of Plug-in
             Gait, centres of joints ("right elbow"), and frames of the model by name, the one that
             most names of the recording belong to.
@@ -83,19 +92,37 @@ def fit_motion(
         noise: expected error of the markers [m].
         acceleration, jerk: expected root mean squares [rad/s^2], [rad/s^3].
         outlier: distance at which a marker has a quarter of its weight [m].
+        up: axis of the positions that points upwards, such as "y", which becomes z; None: z, and
+            the trunk's markers must say so, too. Give "z" for a person who lies.
         ipopt: options of Ipopt by name.
 
     Raises:
-        ValueError: a wrong argument, markers that the model does not know, or too few of them.
-        NotConverged: Ipopt did not find a solution, or only one far from the markers.
+        ValueError: a wrong argument, positions that are not in metres or not with z up, right and
+            left exchanged, markers that the model does not know, too few of them, or none that are
+            near their places: a typical error above 40 mm, more than half lost, or an estimated
+            height outside 0.8 to 2.4 m.
+        NotConverged: Ipopt did not find a solution.
+
+    Warns:
+        RuntimeWarning: the fit is doubtful, see `MarkerFit.doubts`.
     """
     begin = clock.perf_counter()
     settings = _checked(base, estimate, limits, noise, acceleration, jerk, outlier)
+    if not isinstance(positions, Markers):
+        raise TypeError(
+            f"positions must be Markers, got {type(positions).__name__}; give "
+            "go.Markers(time, names, positions) with positions (samples, markers, 3) in m"
+        )
+    check_plausible_size(positions)
+    if up is not None:
+        positions = with_z_up(positions, up)
     body = MarkedBody(model)
     known = known_height(body, positions, height, settings)
     chosen = choose_markers(body, positions, marker_set, known.factor)
     observed = positions.positions[:, chosen.columns]
     _check_times(positions.time)
+    if base == "free" and body.height is not None:
+        check_trunk(chosen, observed, ask_up=up is None)
     sought = np.zeros(len(body.lengths), dtype=bool)
     if settings.lengths:
         sought[1:] = _seen_lengths(body, chosen)
@@ -114,15 +141,12 @@ def fit_motion(
     fitted = solve_fit(problem, positions.time, observed, ipopt)
     if not fitted.success:
         raise NotConverged(f"no motion was fitted to the markers: {fitted.status}", fitted)
-    away = float(np.nanmedian(np.linalg.norm(fitted.predicted - observed, axis=2)))
-    if away > _FAR:
-        raise NotConverged(
-            f"half of the markers are {away:.3g} m and more from any place that {model.name!r} can "
-            "bring them to: positions must be in metres, and names mean the markers of "
-            f"{chosen.set_name}",
-            fitted,
-        )
-    return as_marker_fit(fitted, positions, chosen, known, clock.perf_counter() - begin)
+    fit = as_marker_fit(fitted, positions, chosen, known, clock.perf_counter() - begin)
+    given = height is not None or positions.subject.height is not None
+    check_fit(fit, estimated=settings.lengths and not given)
+    if fit.doubts:
+        warnings.warn(DOUBTFUL + "; ".join(fit.doubts), RuntimeWarning, stacklevel=2)
+    return fit
 
 
 def _checked(

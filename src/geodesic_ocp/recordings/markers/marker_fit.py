@@ -9,10 +9,18 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.recordings.markers.lost_markers import LostMarker
+from geodesic_ocp.recordings.markers.lost_markers import LOST, LostMarker
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.frame_motion import FrameMotion
 from geodesic_ocp.trajectory.motion import Motion
+
+#: How the warning of a fit that is doubtful begins.
+DOUBTFUL = "the fit of the markers is doubtful: "
+#: A typical error that is usual at most [m]: skin moves, and places of markers are assumed.
+NEAR = 0.02
+_MANY = 0.25  # share of the samples of markers that are lost
+_SHORT = 1.0  # [s]
+_TRUNK = ("thorax", "abdomen", "pelvis")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -75,7 +83,7 @@ class MarkerFit:
                     1e3 * float(np.percentile(seen, 95)),
                     1e3 * float(seen.max()),
                     100.0 * float(missing[:, column].mean()),
-                    100.0 * float(np.mean(kept < 0.25)),
+                    100.0 * float(np.mean(kept < LOST)),
                 )
             )
         header = (
@@ -88,6 +96,42 @@ class MarkerFit:
             "lost [%]",
         )
         return Table(header, tuple(rows), self._note)
+
+    @property
+    def typical_error(self) -> float:
+        """Median over markers of their mean errors [m], which no single marker can change.
+
+        Of the markers of the trunk or of all others, whichever is greater.
+        """
+        on_trunk = np.isin(self.segments, _TRUNK)
+        seen = ~np.isnan(self.errors).all(axis=0)
+        groups = [each for each in (seen & on_trunk, seen & ~on_trunk) if each.any()]
+        means = [np.nanmean(self.errors[:, each], axis=0) for each in groups]
+        return max(float(np.median(each)) for each in means)
+
+    @property
+    def lost_share(self) -> float:
+        """Share of the positions that were recorded in which markers lost their weight."""
+        return float(np.mean(self.weights[~np.isnan(self.weights)] < LOST))
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Why the motion may not be what was recorded, as phrases; empty for a good fit."""
+        found = []
+        if self.typical_error > NEAR:
+            mean, seconds = 1e3 * self.typical_error, float(np.ptp(self.motion.time))
+            short = f" (a recording of {seconds:.2g} s says little about their places)"
+            found.append(
+                f"markers are typically {mean:.0f} mm from their places"
+                + (short if seconds < _SHORT else "")
+            )
+        if self.lost_share > _MANY:
+            found.append(
+                f"the markers are far from their places for {self.lost_share:.0%} of the time"
+            )
+        if self.undetermined:
+            found.append(f"the markers do not determine {', '.join(self.undetermined)}")
+        return tuple(found)
 
     @property
     def _note(self) -> str:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from geodesic_ocp.model.human.human_arm import as_stature
+from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.markers.program.body import MarkedBody
 from geodesic_ocp.recordings.markers.program.fit_settings import HEIGHT_SPREAD, FitSettings
 from geodesic_ocp.recordings.markers.standing_height import standing_height
+
+_TALLEST = 3.0  # [m]
 
 
 @dataclass(frozen=True)
@@ -39,8 +41,10 @@ def known_height(
             raise ValueError(f"height is for models of people, not for {body.model.name!r}")
         return KnownHeight(1.0, 0.0, "")
     if height is not None:
-        given, _ = as_stature(height, 1.0)
-        return KnownHeight(given / body.height, 0.0, "as given")
+        if as_positive("height", height, "m") > _TALLEST:
+            in_cm = "; is it in cm?" if 50.0 < height < 100.0 * _TALLEST else ""
+            raise ValueError(f"height must be at most {_TALLEST:g} m, got {height:g} m{in_cm}")
+        return KnownHeight(height / body.height, 0.0, "as given")
     if positions.subject.height is not None:
         return KnownHeight(
             positions.subject.height / body.height, 0.0, "of the recording's subject"

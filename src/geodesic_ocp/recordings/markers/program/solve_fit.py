@@ -74,9 +74,11 @@ def solve_fit(
     seen = np.where(np.isnan(observed[coarse, :, 0]), np.nan, 1.0)
     loose = undetermined_joints(problem, z, shared, seen)
     if loose.all():
+        unseen = float(np.mean(np.isnan(seen).all(axis=1)))
+        gaps = f"; for {unseen:.0%} of the time no marker is seen" if unseen > 0.0 else ""
         raise ValueError(
             f"the markers, on {', '.join(sorted(set(problem.segments)))}, determine none of the "
-            f"joints of {problem.body.model.name!r}"
+            f"joints of {problem.body.model.name!r} for half of the time or more{gaps}"
         )
     everything = np.arange(time.size)
     if coarse.size < time.size:

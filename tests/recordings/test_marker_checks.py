@@ -1,0 +1,171 @@
+"""Markers that are in other units or axes, or that no person has, are not fitted in silence."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from marked_motion import HEIGHT, angles, marked
+from small_recordings import MARKER_TABLE, TRC
+
+import geodesic_ocp as go
+from geodesic_ocp.recordings.markers.fit_motion import fit_motion
+from geodesic_ocp.recordings.markers.known_marker_sets import MMM_MARKERS
+from geodesic_ocp.recordings.markers.markers import Markers
+from geodesic_ocp.recordings.markers.plausible_size import check_plausible_size
+from geodesic_ocp.recordings.markers.space_axes import Axis, with_z_up
+from geodesic_ocp.recordings.read_markers import read_markers
+from geodesic_ocp.recordings.read_recording import read_recording
+
+AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
+AXES |= {"-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1)}
+
+
+@pytest.fixture(scope="module")
+def walker() -> Markers:
+    """Markers of a person who walks upright, with both shoulders and the right arm."""
+    arm, time = go.human_arm("right", HEIGHT), np.arange(30) / 30.0
+    return marked(arm, angles(arm, time), time, MMM_MARKERS)
+
+
+@pytest.mark.parametrize("up", AXES)
+def test_the_axis_that_is_up_becomes_z_by_a_rotation(up: Axis) -> None:
+    points = np.stack([np.eye(3), np.random.default_rng(0).normal(size=(3, 3))])
+    markers = Markers(np.arange(2.0), ("a", "b", "c"), points)
+    turned = with_z_up(markers, up).positions
+    turn = turned[0].T
+    np.testing.assert_allclose(turn @ AXES[up], (0, 0, 1), atol=0)
+    assert np.linalg.det(turn) == pytest.approx(1.0)
+    np.testing.assert_allclose(turned[1], points[1] @ turn.T)
+
+
+@pytest.mark.parametrize("up", ["x", "y", "-x", "-y", "-z"])
+def test_a_person_who_is_not_upright_is_asked_about(up: Axis, walker: Markers) -> None:
+    """The message names the axis with which the fit is that of the upright person."""
+    to_z = with_z_up(Markers(np.arange(2.0), ("a", "b", "c"), np.stack([np.eye(3)] * 2)), up)
+    other = replace(walker, positions=walker.positions @ to_z.positions[0].T)
+    arm = go.human_arm("right", HEIGHT)
+    with pytest.raises(ValueError, match=f"is {up} up[?] Then give up='{up}'"):
+        fit_motion(arm, other)
+    np.testing.assert_allclose(with_z_up(other, up).positions, walker.positions, atol=1e-12)
+
+
+def test_a_person_may_lie_if_that_is_said(walker: Markers) -> None:
+    arm = go.human_arm("right", HEIGHT)
+    upright = fit_motion(arm, walker, estimate=())
+    lying = replace(
+        walker, positions=walker.positions @ np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
+    )
+    with pytest.raises(ValueError, match="give up='z' if the person lies"):
+        fit_motion(arm, lying, estimate=())
+    fit = fit_motion(arm, lying, estimate=(), up="z")
+    np.testing.assert_allclose(fit.motion.q, upright.motion.q, atol=2e-3)
+    assert fit.motion.trunk is not None
+    assert np.abs(fit.motion.trunk.rotations[:, 2, 2]).max() < 0.5
+
+
+def test_the_axis_is_turned_when_a_file_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "walk.trc"
+    file.write_text(TRC)
+    expected = with_z_up(read_markers(file), "y").positions
+    np.testing.assert_array_equal(read_markers(file, up="y").positions, expected)
+    with pytest.raises(ValueError, match="up must be one of x, y, z, -x, -y, -z, got 'Y'"):
+        read_markers(file, up="Y")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="up must be one of x, y, z, -x, -y, -z, got 'Y'"):
+        read_recording(file, up="Y")  # type: ignore[arg-type]
+
+
+def test_mirrored_people_are_refused(walker: Markers) -> None:
+    arm = go.human_arm("right", HEIGHT)
+    left_handed = replace(walker, positions=walker.positions * np.array([-1.0, 1.0, 1.0]))
+    with pytest.raises(ValueError, match="right and left may be exchanged"):
+        fit_motion(arm, left_handed)
+    other = {"R": "L", "L": "R"}
+    names = tuple(other.get(name[0], name[0]) + name[1:] for name in walker.names)
+    with pytest.raises(ValueError, match="right and left may be exchanged"):
+        fit_motion(go.human_arm("left", HEIGHT), replace(walker, names=names))
+
+
+@pytest.mark.parametrize(
+    ("factor", "message"),
+    [(1e3, "are the numbers mm or cm"), (1e2, "are the numbers mm or cm"), (1e-3, "m or cm")],
+)
+def test_positions_in_another_unit(factor: float, message: str, walker: Markers) -> None:
+    scaled = replace(walker, positions=factor * walker.positions)
+    with pytest.raises(ValueError, match=message):
+        fit_motion(go.human_arm("right"), scaled)
+
+
+@pytest.mark.parametrize("content", [TRC, MARKER_TABLE])
+def test_files_whose_unit_is_wrong_are_refused(content: str, tmp_path: Path) -> None:
+    file = tmp_path / "walk.dat"
+    file.write_text(content.replace("mm", "m"))
+    with pytest.raises(go.RecordingError, match=r"walk\.dat: half of the markers are") as found:
+        read_markers(file)
+    assert "are the numbers mm or cm?" in str(found.value)
+
+
+def test_single_markers_that_are_far_away_do_not_count(walker: Markers) -> None:
+    positions = walker.positions.copy()
+    positions[:, 0] = 1e4
+    check_plausible_size(replace(walker, positions=positions))
+    check_plausible_size(replace(walker, positions=np.full_like(positions, np.nan)))
+
+
+def test_positions_in_a_room_have_no_fixed_base(walker: Markers) -> None:
+    with pytest.raises(
+        ValueError, match=r"not fitted: markers are typically .* Check base='fixed'"
+    ):
+        fit_motion(go.human_arm("right", HEIGHT), walker, base="fixed", estimate=())
+
+
+def test_names_that_are_permuted_are_no_fit(walker: Markers) -> None:
+    arm_names = [name for name in walker.names if MMM_MARKERS.places[name][0] != "thorax"]
+    mixed = dict(zip(arm_names, np.random.default_rng(1).permutation(arm_names), strict=True))
+    names = tuple(str(mixed.get(name, name)) for name in walker.names)
+    with pytest.raises(ValueError, match="names that mean other places"):
+        fit_motion(go.human_arm("right", HEIGHT), replace(walker, names=names))
+
+
+def test_a_height_that_no_adult_has_is_not_believed(walker: Markers) -> None:
+    """Unless it is given: then the model is of this height."""
+    tall = replace(walker, positions=1.5 * walker.positions)
+    with pytest.raises(ValueError, match=r"the body height would be 2\.\d+ m"):
+        fit_motion(go.human_arm("right", HEIGHT), tall)
+    fit = fit_motion(go.human_arm("right", HEIGHT), tall, height=1.5 * HEIGHT)
+    assert fit.height == pytest.approx(1.5 * HEIGHT)
+
+
+def test_doubts_are_told_once(walker: Markers, tmp_path: Path) -> None:
+    rows = walker.positions.copy()
+    rows[:, [walker.names.index(name) for name in ("RHTS", "RHPS", "RIFD")]] = np.nan
+    arm = go.human_arm("right", HEIGHT)
+    with pytest.warns(RuntimeWarning, match="do not determine RWx_joint, RWy_joint") as told:
+        fit = fit_motion(arm, replace(walker, positions=rows), height=HEIGHT)
+    assert len(told) == 1
+    assert fit.doubts == ("the markers do not determine RWx_joint, RWy_joint",)
+    assert 0.0 < fit.typical_error < 0.001
+    header = ",".join(f"{name}_{axis}" for name in walker.names for axis in "xyz")
+    lines = [
+        ",".join([str(time), *("" if np.isnan(each) else f"{each:.6f}" for each in row.ravel())])
+        for time, row in zip(walker.time, rows, strict=True)
+    ]
+    file = tmp_path / "walk.csv"
+    file.write_text("\n".join(["# unit: m", f"time,{header}", *lines]))
+    with pytest.warns(RuntimeWarning, match=r"walk\.csv: the markers do not determine") as told:
+        read_recording(file, height=HEIGHT, unfiltered=True)
+    assert len(told) == 1
+
+
+def test_arrays_are_not_markers(walker: Markers) -> None:
+    with pytest.raises(TypeError, match=r"must be Markers, got ndarray; give go\.Markers"):
+        fit_motion(go.human_arm("right"), walker.positions)  # type: ignore[arg-type]
+
+
+def test_gaps_that_leave_nothing_are_named(walker: Markers) -> None:
+    positions = walker.positions.copy()
+    positions[6:] = np.nan
+    with pytest.raises(ValueError, match=r"for \d+% of the time no marker is seen"):
+        fit_motion(go.human_arm("right"), replace(walker, positions=positions))
