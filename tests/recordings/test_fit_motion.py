@@ -36,6 +36,9 @@ def test_joint_centres_give_the_angles_of_an_arm_at_a_fixed_shoulder() -> None:
     assert fit.base is None
     assert fit.undetermined == ()
     assert fit.height == pytest.approx(HEIGHT)
+    # The places of joint centres are certain, so no constant error is left.
+    assert not fit.constant_errors.any()
+    assert "Constant errors" not in str(fit.table())
 
 
 def test_centres_of_joints_tell_the_lengths_and_so_the_height() -> None:
@@ -174,6 +177,11 @@ def test_markers_of_plug_in_gait_at_unknown_offsets() -> None:
     # A constant error per joint is what unknown offsets leave; the motion itself comes back.
     change = (fit.motion.q - fit.motion.q.mean(axis=0)) - (q - q.mean(axis=0))
     assert np.sqrt(np.mean(change**2)) < 0.05
+    # It is as large as the fit says; so are the errors without estimated offsets, which are larger.
+    constant = (fit.motion.q - q).mean(axis=0)
+    assert np.all(np.abs(constant) < 3.0 * fit.constant_errors)
+    assert np.sqrt(np.mean((constant / fit.constant_errors) ** 2)) < 1.5
+    assert "Constant errors of the angles are possible" in str(fit.table())
 
 
 def test_wrong_arguments_are_named() -> None:

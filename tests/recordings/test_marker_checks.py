@@ -169,3 +169,17 @@ def test_gaps_that_leave_nothing_are_named(walker: Markers) -> None:
     positions[6:] = np.nan
     with pytest.raises(ValueError, match=r"for \d+% of the time no marker is seen"):
         fit_motion(go.human_arm("right"), replace(walker, positions=positions))
+
+
+def test_constant_errors_grow_with_the_uncertainty_of_places(walker: Markers) -> None:
+    """In proportion, if offsets are kept; estimates leave less than was unknown before."""
+    arm, found = go.human_arm("right", HEIGHT), {}
+    for size in (0.01, 0.02):
+        used = replace(MMM_MARKERS, uncertainty=size)
+        kept = fit_motion(arm, walker, marker_set=used, estimate=(), height=HEIGHT)
+        found[size] = kept.constant_errors
+    assert found[0.02] == pytest.approx(2.0 * found[0.01], rel=1e-3)
+    assert np.all((np.deg2rad(1.0) < found[0.01]) & (found[0.01] < np.deg2rad(20.0)))
+    used = replace(MMM_MARKERS, uncertainty=0.02)
+    estimated = fit_motion(arm, walker, marker_set=used, estimate="offsets", height=HEIGHT)
+    assert np.all(estimated.constant_errors < found[0.02])

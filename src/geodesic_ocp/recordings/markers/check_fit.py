@@ -8,7 +8,7 @@ from geodesic_ocp.recordings.markers.marker_fit import NEAR, MarkerFit
 # Map's set is fitted within 7 mm, without estimated offsets within 30 mm, one that is mirrored
 # within 70 mm.
 _NO_FIT = 0.04  # [m]
-_MOST = 0.5  # share of the samples of markers that are lost
+_MOST = 0.75  # share of the samples of markers that are lost
 _SHORTEST, _TALLEST = 0.8, 2.4  # body heights that are believed if they are estimated [m]
 
 
@@ -16,8 +16,8 @@ def check_fit(fit: MarkerFit, estimated: bool) -> None:
     """Refuse a fit that is none; `estimated` says whether the height was.
 
     Raises:
-        ValueError: the typical error is above 40 mm, markers are lost for most of the time, or the
-            body height is outside 0.8 to 2.4 m; names likely causes.
+        ValueError: the typical error is above 40 mm, markers are lost for three quarters of the
+            time, or the body height is outside 0.8 to 2.4 m; names likely causes.
     """
     found = ""
     if fit.typical_error > _NO_FIT:

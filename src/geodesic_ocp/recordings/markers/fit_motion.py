@@ -99,7 +99,7 @@ def fit_motion(
     Raises:
         ValueError: a wrong argument, positions that are not in metres or not with z up, right and
             left exchanged, markers that the model does not know, too few of them, or none that are
-            near their places: a typical error above 40 mm, more than half lost, or an estimated
+            near their places: a typical error above 40 mm, more than 75 % lost, or an estimated
             height outside 0.8 to 2.4 m.
         NotConverged: Ipopt did not find a solution.
 

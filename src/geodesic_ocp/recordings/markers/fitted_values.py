@@ -14,6 +14,7 @@ from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.markers.program.body import factors_by_name
 from geodesic_ocp.recordings.markers.program.chosen_markers import ChosenMarkers
+from geodesic_ocp.recordings.markers.program.constant_errors import constant_errors
 from geodesic_ocp.recordings.markers.program.fit_problem import ROOT, FitProblem
 from geodesic_ocp.recordings.markers.program.known_height import KnownHeight
 from geodesic_ocp.recordings.markers.program.solve_fit import FittedVariables
@@ -59,6 +60,7 @@ def as_marker_fit(
         height_from=known.origin,
         undetermined=tuple(model.joint_names[index] for index in np.flatnonzero(fitted.loose)),
         marker_set=chosen.set_name,
+        constant_errors=constant_errors(problem, positions.time, fitted.z, fitted.shared, weights),
         left_out=chosen.left_out,
         seconds=seconds,
         iterations=fitted.iterations,

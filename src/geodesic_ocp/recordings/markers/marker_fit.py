@@ -44,6 +44,9 @@ class MarkerFit:
         height_from: where the height was taken from, in words.
         undetermined: joints that the markers do not determine for at least half of the time, where
             smoothness and limits choose.
+        constant_errors: standard deviations of the constant errors of the joints' angles (n,)
+            [rad] that uncertain places of the markers on their segments leave; those of the motion
+            itself are much smaller.
         marker_set: name of the marker set.
         left_out: markers of the recording that were not used.
         seconds: that the fit took.
@@ -63,6 +66,7 @@ class MarkerFit:
     height: float | None
     height_from: str
     undetermined: tuple[str, ...]
+    constant_errors: Array
     marker_set: str
     left_out: tuple[str, ...]
     seconds: float
@@ -143,10 +147,26 @@ class MarkerFit:
             lines.append(f"Lengths: {shown}.")
         if self.undetermined:
             lines.append(f"Not determined by the markers: {', '.join(self.undetermined)}.")
+        if self.constant_errors.any():
+            lines.append(
+                "Constant errors of the angles are possible, as places of markers on the segments "
+                f"are assumed (standard deviations): {self._constant_errors}."
+            )
         lines += [f"{each}." for each in self.lost[:20]]
         if len(self.lost) > 20:
             lines.append(f"{len(self.lost) - 20} more spans of lost markers.")
         return "\n".join(lines)
+
+    @property
+    def _constant_errors(self) -> str:
+        sizes = {"rad": (np.rad2deg(1.0), "deg"), "m": (1e3, "mm")}
+        shown = []
+        for name, error, unit in zip(
+            self.model.joint_names, self.constant_errors, self.model.units, strict=True
+        ):
+            factor, shown_unit = sizes[unit]
+            shown.append(f"{name.removesuffix('_joint')} {factor * error:.1f} {shown_unit}")
+        return ", ".join(shown)
 
     def __repr__(self) -> str:
         height = "" if self.height is None else f", body height {self.height:.2f} m"

@@ -178,12 +178,12 @@ class FitProblem:
         of_frames += scipy.sparse.kron(scipy.sparse.diags(share), scipy.sparse.diags(weak))
         towards = np.kron(share, weak * self.neutral) / (duration * len(self.segments))
         scale = duration * len(self.segments)
-        hessian, slope = self._priors()
+        hessian, slope = self.priors()
         weight = PRIOR_TIME / scale
         matrix = scipy.sparse.block_diag([of_frames / scale, weight * hessian], format="csc")
         return matrix, np.concatenate([towards, weight * slope])
 
-    def _priors(self) -> tuple[Array, Array]:
+    def priors(self) -> tuple[Array, Array]:
         """Hessian and minus the slope, at zero, of the priors of the shared variables.
 
         Lengths are in proportion to the body height, which is near its first value.

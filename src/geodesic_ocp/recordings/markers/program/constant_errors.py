@@ -1,0 +1,62 @@
+"""How far angles may be off by a constant, because the places of markers are uncertain."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.recordings.markers.program.fit_problem import FitProblem
+from geodesic_ocp.recordings.markers.program.fit_settings import LOOSE_SPREAD, PRIOR_TIME
+
+_FRAMES = 50
+
+
+def constant_errors(
+    problem: FitProblem, time: Array, z: Array, shared: Array, weights: Array
+) -> Array:
+    """Standard deviations [rad] of the mean over time of the joints' errors (n,).
+
+    They follow, to first order, from the uncertainty of the places of markers in the marker set:
+    as it is where offsets are not estimated, else as the fit leaves it. Up to 50 frames are
+    considered.
+
+    Args:
+        problem: of the fit.
+        time: (k,) [s].
+        z: variables of the frames (k, nz).
+        shared: variables of all frames (ns,).
+        weights: of the markers (k, m); NaN where missing.
+    """
+    rows = np.unique(np.linspace(0, len(z) - 1, _FRAMES).round().astype(int))
+    estimated = problem.settings.offsets
+    if not estimated:
+        problem = replace(problem, settings=replace(problem.settings, offsets=True))
+        shared = np.concatenate([shared, np.zeros(problem.ns - shared.size)])
+    if not problem.ns:
+        return np.zeros(problem.body.model.dof)
+    terms = problem.terms
+    points = ca.vec(terms.points)
+    slopes = [ca.densify(ca.jacobian(points, each)) for each in (terms.z, terms.shared)]
+    at = ca.Function("slopes", [terms.z, terms.shared], [ca.cse(each) for each in slopes])
+    weak = np.zeros(problem.nz)
+    weak[problem.first_joint :] = (problem.settings.noise / LOOSE_SPREAD) ** 2
+    weak[: problem.first_joint] = 1e-12
+    carried = np.zeros((problem.nz, problem.ns))
+    told = np.zeros((problem.ns, problem.ns))
+    for row in rows:
+        by_z, by_shared = (each.full() for each in at(z[row], shared))
+        weight = np.repeat(np.nan_to_num(weights[row]), 3)[:, None]
+        normal = by_z.T @ (weight * by_z) + np.diag(weak)
+        # The angles follow a change of the shared variables so that markers stay where they are.
+        follow = np.linalg.solve(normal, by_z.T @ (weight * by_shared))
+        carried += follow / rows.size
+        told += by_shared.T @ (weight * (by_shared - by_z @ follow)) / rows.size
+    information, _ = problem.priors()
+    if estimated:
+        scale = float(time[-1] - time[0]) / PRIOR_TIME / problem.settings.noise**2
+        information = information + scale * (told + told.T) / 2.0
+    variance = np.einsum("is,si->i", carried, np.linalg.solve(information, carried.T))
+    return np.asarray(np.sqrt(variance[problem.first_joint :]))
