@@ -5,12 +5,19 @@ from __future__ import annotations
 import io
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+from here import Here
 from minimum_jerk_files import write_stroke
 
 from geodesic_ocp.cli import main as cli
+from geodesic_ocp.cli.analyse import many_recordings
+from geodesic_ocp.cli.analyse.recording_options import stated
 from geodesic_ocp.cli.interrupts import ProgressBar
+from geodesic_ocp.studies.batch.analyse_recordings import analyse_recordings
+from geodesic_ocp.studies.batch.batch_result import BatchResult
+from geodesic_ocp.studies.tables import parquet
 
 QUICK = ["--metric", "euclidean", "--jobs", "1"]
 
@@ -34,7 +41,7 @@ def test_a_folder_is_analysed_and_again_nothing(
     assert "straight lines, same segments" in text
     for name in ("recordings.csv", "synergies.csv", "failures.csv", "summary.md"):
         assert f"wrote {out / name}" in text
-    assert "S1_reach.csv,S1,S1_reach,right" in (out / "recordings.csv").read_text()
+    assert "S1_reach.csv,S1,path,S1_reach,right" in (out / "recordings.csv").read_text()
     (data / "broken.csv").write_text("time\n")
     assert cli.main(command) == 1
     text = capsys.readouterr().out
@@ -93,6 +100,82 @@ def test_one_file_with_options_of_many_is_one_of_many(
     assert (alone / "figure.png").is_file()
     assert not (alone / "recordings.csv").exists()
     capsys.readouterr()
+
+
+def test_both_arms_of_one_recording_have_a_figure_each(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = [write_stroke(tmp_path / f"{side}.csv", 4, side=side) for side in ("right", "left")]
+    halves = [file.read_text().splitlines() for file in files]
+    rows = [f"{a},{b.partition(',')[2]}" for a, b in zip(halves[0][1:], halves[1][1:], strict=True)]
+    both, out = tmp_path / "both.csv", tmp_path / "out"
+    both.write_text("\n".join(["# unit: rad", *rows]))
+    command = ["analyse", str(both), "--side", "both", "--metric", "euclidean"]
+    assert cli.main([*command, "--out", str(out)]) == 0
+    for side in ("right", "left"):
+        assert (out / side / "figure.png").is_file()
+    assert not (out / "recordings.csv").exists()
+    assert "human left arm" in capsys.readouterr().out
+
+
+def test_every_file_that_is_left_out_is_on_the_screen(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also one whose motion turns out to be that of another, with another height."""
+
+    def here(*given: Any, **more: Any) -> BatchResult:
+        return analyse_recordings(*given, **(more | {"executor": Here()}))
+
+    monkeypatch.setattr(many_recordings, "analyse_recordings", here)
+    text = (data / "S0_reach.csv").read_text()
+    (data / "S3_reach.csv").write_text(text.replace("# unit: rad", "# unit: rad\n# height: 1.6"))
+    command = ["analyse", str(data), "--out", str(tmp_path / "out"), "--metric", "euclidean"]
+    assert cli.main(command) == 1
+    text = capsys.readouterr().out
+    assert "left out: S3_reach.csv, right: holds the same motion as S0_reach.csv, right" in text
+    assert "note: Subjects of 3 of 3 recordings are named after their files" in text
+    assert "note: Assumed, not in the recording: a body height of 1.75 m" in text
+
+
+def test_what_formats_leave_open_can_be_stated() -> None:
+    """The options of a recording's format are those of every command that reads recordings."""
+    given = ["--convention", "isb", "--unit", "cm", "--amc-rate", "60", "--up=-y"]
+    for command in (["analyse", "a"], ["fit", "a"], ["retarget", "a", "--robot", "panda"]):
+        options = cli._parser().parse_args([*command, *given, "--skeleton", "a.asf"])
+        assert stated(options) == {
+            "convention": "isb",
+            "unit": "cm",
+            "rate": 60.0,
+            "skeleton": "a.asf",
+            "up": "-y",
+        }
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--convention", "nope"], "'nope' is neither a file nor one of the built-in"),
+        (["--skeleton", "none.asf"], "there is no file 'none.asf'"),
+        (["--up", "upwards"], "up must be one of x, y, z"),
+    ],
+)
+def test_what_is_stated_is_checked_first(
+    options: list[str], words: str, data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["analyse", str(data / "S0_reach.csv"), *options]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_a_package_that_is_missing_is_named_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "recordings.parquet").write_bytes(b"PAR1")
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    monkeypatch.setattr(parquet, "has_parquet", lambda: False)
+    assert cli.main(["study", str(tmp_path)]) == 2
+    printed = capsys.readouterr().err
+    assert "Parquet needs pyarrow: pip install 'geodesic_ocp[parquet]'" in printed
+    assert printed.count("\n") == 1
 
 
 class Terminal(io.StringIO):

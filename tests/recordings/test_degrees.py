@@ -123,3 +123,17 @@ def test_continuous_joints_and_other_metrics_may_be_anywhere(arm: go.Model) -> N
     continuous = replace(arm, continuous=("REz_joint",))
     assert np.array_equal(go.KineticEnergy(continuous).point("q", q), q)
     assert go.distance(go.Euclidean(2), [0.0, 0.0], [300.0, 400.0]) == pytest.approx(500.0)
+
+
+def test_radians_that_are_declared_as_degrees_are_asked_about(tmp_path: Path) -> None:
+    file = tmp_path / "a.csv"
+    angles = np.linspace(-0.5, 1.5, 20)
+    rows = "\n".join(f"{0.01 * k},{q}" for k, q in enumerate(angles))
+    file.write_text(f"# unit: deg\ntime,elbow\n{rows}\n")
+    with pytest.warns(RuntimeWarning, match=r"a\.csv: no joint moves by more than 2 deg"):
+        go.read_motion(file)
+    table = tmp_path / "a.mot"
+    tabs = rows.replace(",", "\t")
+    table.write_text(f"inDegrees=yes\nendheader\ntime\telbow\n{tabs}\n")
+    with pytest.warns(RuntimeWarning, match="in radians, although the file says degrees"):
+        go.read_motion(table)

@@ -186,3 +186,22 @@ def test_both_layouts_of_one_recording_agree(shared: Path) -> None:
     assert np.array_equal(legacy.time, new.time)
     assert legacy.subject == new.subject == go.Subject(1.83, 100.0, "subject_id_1229")
     assert len(legacy) == 338
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (
+            b"# unit: rad\nTime [s],elbow\n0,1\n",
+            r"'Time \[s\]' is the time in s.*name it time",
+        ),
+        (b"# unit: rad\ntime;elbow\n0;1,5\n", "by commas, and write decimals with a point"),
+        ("# unit: rad\ntime,elbow\n0,1\n".encode("utf-16"), "save it as UTF-8"),
+        (b"<MMM><Motion>", r"broken XML at line 1, column 13: no element found; is the file cut"),
+    ],
+)
+def test_messages_say_what_to_do(content: bytes, words: str, tmp_path: Path) -> None:
+    file = tmp_path / "a.csv"
+    file.write_bytes(content)
+    with pytest.raises(go.RecordingError, match=words):
+        go.read_motion(file)

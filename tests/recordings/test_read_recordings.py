@@ -22,7 +22,7 @@ def write(file: Path, q: np.ndarray, *notes: str, time: np.ndarray = TIME) -> Pa
 
 
 def swing(phase: float) -> np.ndarray:
-    return 0.2 + 0.1 * np.sin(3.0 * TIME[:, None] + phase * np.arange(7.0))
+    return 0.05 + 0.1 * np.sin(3.0 * TIME[:, None] + phase * np.arange(7.0))
 
 
 @pytest.fixture
@@ -158,7 +158,42 @@ def test_what_a_format_leaves_open_can_be_given(folder: Path) -> None:
         read_recording(folder / "a.csv", unit="cm")
 
 
-def test_the_rate_of_a_skeleton_file(shared: Path) -> None:
+def test_of_several_formats_each_takes_what_applies_to_it(folder: Path, shared: Path) -> None:
+    """The wrist of this person bends further than the model's: a warning, not a refusal."""
     file = shared / "data" / "cmu" / "02_05.amc"
-    assert read_recording(file).motion.rate == pytest.approx(120.0)
-    assert read_recording(file, rate=60.0).motion.rate == pytest.approx(60.0)
+    with pytest.warns(RuntimeWarning, match=r"02_05\.amc: RWx_joint reaches 55 deg"):
+        found = go.read_recordings([folder / "a.csv", file], rate=60.0, up="y")
+    assert [each.motion.rate for each in found] == pytest.approx([100.0, 60.0])
+    with pytest.raises(ValueError, match="up must be one of x, y"):
+        go.read_recordings(folder, up="upwards")
+
+
+def test_the_skeleton_of_a_file_can_be_given(tmp_path: Path, shared: Path) -> None:
+    cmu = shared / "data" / "cmu"
+    alone = tmp_path / "02_05.amc"
+    alone.write_bytes((cmu / "02_05.amc").read_bytes())
+    with pytest.raises(go.RecordingError, match=r"state skeleton=\.\.\. \(--skeleton\)"):
+        read_recording(alone)
+    with pytest.warns(RuntimeWarning, match="RWx_joint"):
+        recording = read_recording(alone, skeleton=cmu / "02.asf")
+    assert recording.motion.rate == pytest.approx(120.0)
+
+
+def test_a_joint_beyond_its_limits_for_long_is_asked_about(folder: Path) -> None:
+    """An elevation of the upper arm with the other sign puts the arm behind the back."""
+    q = swing(0.3)
+    q[:, 0] = -1.9
+    file = write(folder / "back.csv", q)
+    with pytest.warns(RuntimeWarning, match=r"RSx_joint reaches -109 deg .* another sign"):
+        read_recording(file)
+    q[20:, 0] = 0.0
+    q[:20, 0] = -1.9 * np.cos(np.linspace(0.0, np.pi / 2.0, 20))
+    read_recording(write(file, q))  # for a short time, no question
+
+
+def test_folders_of_results_are_no_recordings(folder: Path) -> None:
+    before = {each.name for each in go.read_recordings(folder)}
+    for name in ("out/recordings.csv", "out/synergies.csv", "out/results/a.json"):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text("recording\n")
+    assert {each.name for each in go.read_recordings(folder, recursive=True)} == before

@@ -25,6 +25,8 @@ _EXIT = """exit codes: 0 done; 1 a check failed, some of many recordings were le
 error in a problem's own code, shown whole; 2 wrong input, named in one line; 3 a solver or
 integration failed; 130 interrupted"""
 
+_EXTRA = "pip install 'geodesic_ocp["  # in messages about packages that are not installed
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit code."""
@@ -46,6 +48,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _failed(error, 2)
         if isinstance(error, GeodesicOcpError):
             return _failed(error, 3)
+        if isinstance(error, ImportError) and _EXTRA in str(error):
+            return _failed(error, 2)
         raise
     finally:
         if previous is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -62,15 +62,36 @@ def read_motion(
             f"{file}: {FORMATS[kind]} has markers, not joint angles; read it with go.read_markers, "
             "and compute angles with go.fit_motion"
         )
-    reader, allowed = _READERS[kind]
+    reader, _ = _READERS[kind]
     arguments = {"convention": convention, "skeleton": skeleton, "rate": rate, "unit": unit}
     given = {name: value for name, value in arguments.items() if value is not None}
-    for name in given:
-        if name not in allowed:
-            others = [FORMATS[each] for each, (_, names) in _READERS.items() if name in names]
-            raise ValueError(f"{name} is for {' and '.join(others)}; {file} is {FORMATS[kind]}")
+    check_stated(file, kind, given)
     with named_failures(file):
         return reader(file, joints, **given)
+
+
+def check_stated(file: Path, kind: str, names: Iterable[str]) -> None:
+    """Raise ValueError if arguments of these names do not apply to files of this format."""
+    for name in names:
+        if name not in _stated(kind):
+            others = [FORMATS[each] for each in FORMATS if name in _stated(each)]
+            raise ValueError(f"{name} is for {', '.join(others)}; {file} is {FORMATS[kind]}")
+
+
+def that_apply(file: Path, arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Those of the arguments of `read_recording` that apply to the format of the file.
+
+    For files of several formats; of a file that cannot be recognised, none.
+    """
+    try:
+        kind = recognise(file)
+    except (RecordingError, OSError):
+        return {}
+    return {name: value for name, value in arguments.items() if name in _stated(kind)}
+
+
+def _stated(kind: str) -> tuple[str, ...]:
+    return ("up",) if kind in MARKERS else _READERS[kind][1]
 
 
 # Readers are imported when a file of their format is read.

@@ -20,10 +20,11 @@ from geodesic_ocp.model.human.human_arm import (
 )
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.formats.recognise import MARKERS, recognise
-from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
+from geodesic_ocp.recordings.markers.marker_fit import DOUBTFUL, MarkerFit
+from geodesic_ocp.recordings.markers.space_axes import Axis, as_axis
 from geodesic_ocp.recordings.named_failures import named_failures
-from geodesic_ocp.recordings.plausible import check_plausible
-from geodesic_ocp.recordings.read_motion import read_motion
+from geodesic_ocp.recordings.plausible import ask_about_limits, check_plausible
+from geodesic_ocp.recordings.read_motion import check_stated, read_motion
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.trajectory.motion import Motion, Subject
 
@@ -42,6 +43,8 @@ def read_recording(
     convention: Any = None,
     unit: str | float | None = None,
     rate: float | None = None,
+    skeleton: str | PathLike[str] | None = None,
+    up: Axis | None = None,
 ) -> Recording:
     """Read a recording of a human arm, filter it, and scale an arm to the person.
 
@@ -60,8 +63,11 @@ def read_recording(
         resample: interpolate at this rate first [Hz], for samples that are not evenly spaced.
         cutoff: of the filter [Hz], see `Motion.filtered`; chosen for each file by default.
         duration: of the window of a Savitzky-Golay filter [s], instead of a cut-off.
-        unfiltered: take the motion as it is, with the velocities of a cubic spline.
-        convention, unit, rate: where the file's format does not give them, see `read_motion`.
+        unfiltered: take the motion as it is, with the velocities of a cubic spline; so are motions
+            fitted to markers, which the fit has smoothed, unless a filter is given.
+        convention, unit, rate, skeleton: where the file's format does not give them, see
+            `read_motion`.
+        up: the axis that points upwards in a file of markers, see `read_markers`.
 
     Raises:
         RecordingError: the file cannot be read or has no arm of that side.
@@ -79,21 +85,29 @@ def read_recording(
             as_positive(name, number, units[name])
     file = Path(path)
     human_arm(side)  # raises for another side
+    if up is not None:
+        as_axis(up)
+    stated = {"convention": convention, "unit": unit, "rate": rate, "skeleton": skeleton}
     with named_failures(file):
-        of_markers = recognise(file) in MARKERS
-    if of_markers:
-        fit = _from_markers(file, side, height, mass, armature)
+        kind = recognise(file)
+    check_stated(
+        file, kind, [name for name, each in (stated | {"up": up}).items() if each is not None]
+    )
+    if kind in MARKERS:
+        fit = _from_markers(file, side, height, mass, armature, up)
         arm, motion = fit.model, fit.motion
     else:
         fit = None
         joints = human_arm(side).joint_names
-        motion = read_motion(file, joints, convention=convention, unit=unit, rate=rate)
+        motion = read_motion(file, joints, **stated)
         arm = _arm_of(motion.subject, file, side, height, mass, armature)
     try:
         check_plausible(arm, motion)
+        ask_about_limits(arm, motion, str(file))
         if resample is not None:
             motion = motion.resampled(resample)
-        motion = with_velocity(motion, cutoff, duration, unfiltered=unfiltered)
+        smooth = unfiltered or (fit is not None and not named)  # the fit has smoothed it
+        motion = with_velocity(motion, cutoff, duration, unfiltered=smooth)
     except ValueError as error:
         raise RecordingError(f"{file}: {error}") from None
     return Recording(arm, motion, f"{file.stem}, {side}", motion.subject.name, fit)
@@ -116,7 +130,12 @@ def _arm_of(
 
 
 def _from_markers(
-    file: Path, side: Side, height: float | None, mass: float | None, armature: float
+    file: Path,
+    side: Side,
+    height: float | None,
+    mass: float | None,
+    armature: float,
+    up: Axis | None,
 ) -> MarkerFit:
     """The motion that is fitted to the markers, and the arm with the lengths of the person."""
     from geodesic_ocp.recordings.markers.fit_motion import fit_motion
@@ -126,10 +145,11 @@ def _from_markers(
     stature = stature_of(markers.subject, height, mass)
     with named_failures(file):
         arm = human_arm(side, *stature, armature=armature)
-        fit = fit_motion(arm, markers, height=height)
-    if fit.undetermined:
-        names = ", ".join(fit.undetermined)
-        warnings.warn(f"{file}: the markers do not determine {names}", stacklevel=3)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", DOUBTFUL, RuntimeWarning)  # named below
+            fit = fit_motion(arm, markers, height=height, up=up)
+    if fit.doubts:
+        warnings.warn(f"{file}: {'; '.join(fit.doubts)}", RuntimeWarning, stacklevel=3)
     return fit
 
 

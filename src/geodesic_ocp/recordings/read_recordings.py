@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.errors import NotConverged, RecordingError
 from geodesic_ocp.model.human.anthropometry import Side
 from geodesic_ocp.model.human.human_arm import human_arm
+from geodesic_ocp.recordings.markers.space_axes import Axis, as_axis
+from geodesic_ocp.recordings.read_motion import that_apply
 from geodesic_ocp.recordings.read_recording import read_recording
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.recordings.recording_files import recording_files
@@ -31,6 +34,11 @@ def read_recordings(
     duration: float | None = None,
     skip: bool = False,
     recursive: bool = False,
+    convention: Any = None,
+    unit: str | float | None = None,
+    rate: float | None = None,
+    skeleton: str | PathLike[str] | None = None,
+    up: Axis | None = None,
 ) -> tuple[Recording, ...]:
     """Read files or folders of recordings of human arms, filter them, and scale an arm to each.
 
@@ -56,6 +64,8 @@ def read_recordings(
         duration: of the window of a Savitzky-Golay filter [s], instead of a cut-off.
         skip: leave out files that cannot be used, with a warning that names each.
         recursive: also take the files in the folders within a folder.
+        convention, unit, rate, skeleton, up: see `read_recording`; each is used for the files to
+            whose format it applies.
 
     Returns:
         One recording a file, in the order given, sorted by name within a folder. Its name is that
@@ -76,12 +86,21 @@ def read_recordings(
         if number is not None:
             as_positive(name, number)
     human_arm(side)  # raises for another side
+    stated = {"convention": convention, "unit": unit, "rate": rate, "skeleton": skeleton, "up": up}
+    if up is not None:
+        as_axis(up)
     found: list[tuple[Path, Recording]] = []
     reasons: list[str] = []
     for file in recording_files(paths, recursive=recursive):
         try:
             recording = read_recording(
-                file, side, height=height, mass=mass, cutoff=cutoff, duration=duration
+                file,
+                side,
+                height=height,
+                mass=mass,
+                cutoff=cutoff,
+                duration=duration,
+                **that_apply(file, stated),
             )
         except (ValueError, NotConverged) as failure:
             reasons.append(_with_name(file, str(failure)))

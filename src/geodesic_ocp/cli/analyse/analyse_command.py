@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import get_args
 
 from geodesic_ocp.cli.analyse.analysis_options import check_options
 from geodesic_ocp.cli.analyse.many_options import are_many
 from geodesic_ocp.cli.analyse.recording import analyse_file, check_folder, save_analysis
+from geodesic_ocp.model.human.anthropometry import Side
 
 
 def analyse_files(options: argparse.Namespace) -> int:
@@ -19,5 +21,12 @@ def analyse_files(options: argparse.Namespace) -> int:
 
         return analyse_many(options)
     options.file = Path(options.file[0])
-    save_analysis(analyse_file(options, options.side), options.out, with_curve=options.curve)
+    if options.side != "both":
+        save_analysis(analyse_file(options, options.side), options.out, with_curve=options.curve)
+        return 0
+    folder = options.out
+    for side in get_args(Side):
+        options.out = None if folder is None else folder / side
+        save_analysis(analyse_file(options, side), options.out, with_curve=options.curve)
+        print()
     return 0

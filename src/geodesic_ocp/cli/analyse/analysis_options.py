@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import get_args
 
+from geodesic_ocp.cli.analyse.recording_options import stated
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
 from geodesic_ocp.synergies.analysis_metrics import METRIC_NAMES
 from geodesic_ocp.synergies.segmentation.segment_costs import Measure
@@ -186,7 +187,5 @@ def settings_of(options: argparse.Namespace) -> AnalysisSettings:
         measure=options.measure,
         spacing=options.spacing,
         max_duration=options.max_duration,
-        convention=getattr(options, "convention", None),
-        unit=getattr(options, "unit", None),
-        rate=getattr(options, "amc_rate", None),
+        **stated(options),
     )

@@ -23,7 +23,9 @@ def add_many_options(command: argparse.ArgumentParser) -> None:
         " the extra cluster",
     )
     group.add_argument(
-        "--recursive", action="store_true", help="also files in the folders within a folder"
+        "--recursive",
+        action="store_true",
+        help="also files in the folders within a folder, but not results of analyses",
     )
     group.add_argument(
         "--subjects",
@@ -41,7 +43,7 @@ def add_many_options(command: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--tables-only",
         action="store_true",
-        help="write the tables from the results that there are, also while another run works",
+        help="only write the tables from the results so far, also while another run works",
     )
 
 
@@ -58,14 +60,13 @@ def are_many(options: argparse.Namespace) -> bool:
     path = Path(first)
     many = others or path.is_dir() or (glob.has_magic(first) and not path.exists())
     given = [name for name in _OF_MANY if getattr(options, name) not in (None, False)]
-    if options.side == "both":
-        given.append("side both")
     if not many and not given:
         return False
     if options.curve:
         raise ValueError("--curve is of one recording, not of many")
     if options.out is None:
-        raise ValueError("several recordings need --out, the folder of their results")
+        what = "several recordings need" if many else f"--{given[0].replace('_', '-')} needs"
+        raise ValueError(f"{what} --out, the folder of their results")
     if options.jobs is not None and options.scheduler is not None:
         raise ValueError("give either --jobs, processes of this computer, or --scheduler")
     return True

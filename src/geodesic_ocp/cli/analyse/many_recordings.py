@@ -26,8 +26,11 @@ def analyse_many(options: argparse.Namespace) -> int:
     settings = settings_of(options)
     cluster = nullcontext((None, None)) if options.scheduler is None else _dask(options.scheduler)
     with cluster as (executor, window), closing(ProgressBar()) as bar:
+        shown: set[str] = set()  # names of those left out
 
         def show(outcome: RecordingOutcome) -> None:
+            if not outcome.success:
+                shown.add(outcome.source.name)
             if outcome.kind not in ("found", "missing"):
                 text = f"left out: {outcome}" if not outcome.success else str(outcome)
                 took = f" ({outcome.seconds:.1f} s)" if outcome.seconds else ""
@@ -53,6 +56,9 @@ def analyse_many(options: argparse.Namespace) -> int:
         except KeyboardInterrupt:
             bar.line("Finished recordings are kept: the same command goes on from here.")
             raise
+    for outcome in result.failures:
+        if outcome.source.name not in shown:  # as the same motion as another
+            print(f"left out: {outcome}")
     _summarize(result)
     return 1 if result.failures else 0
 
@@ -87,6 +93,8 @@ def _summarize(result: BatchResult) -> None:
     print(f"\n{result.counts}, in {result.seconds:.1f} s")
     if rows:
         print(f"\nmean errors over the recordings\n\n{mean_table(rows)}")
+    for note in result.notes:
+        print(f"\nnote: {note}")
     print()
     for file in result.files:
         print(f"wrote {file}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import time
+import warnings
 from collections.abc import Sequence
 from contextlib import closing
 from importlib.resources import as_file, files
@@ -41,7 +42,7 @@ def analyse_file(options: argparse.Namespace, side: Side) -> Analysis:
         recording = _read(options.file, side, settings)
     except RecordingError as error:
         other = next(each for each in get_args(Side) if each != side)
-        if _has_arm(options.file, other) and not _has_arm(options.file, side):
+        if _has_arm(options.file, other, settings) and not _has_arm(options.file, side, settings):
             raise ValueError(f"{error}; try --side {other}") from None
         raise
     if recording.fit is not None:
@@ -75,10 +76,13 @@ def analyse_bundled(options: argparse.Namespace) -> Analysis:
     return _analyse(recording, settings, "the bundled recording")
 
 
-def _has_arm(file: Path, side: Side) -> bool:
+def _has_arm(file: Path, side: Side, settings: AnalysisSettings) -> bool:
+    stated = {name: each for name, each in settings.of_formats().items() if name != "up"}
     try:
-        read_motion(file, human_arm(side).joint_names)
-    except RecordingError:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # they are printed by then
+            read_motion(file, human_arm(side).joint_names, **stated)
+    except ValueError:
         return False
     return True
 
@@ -130,12 +134,17 @@ def _analyse(recording: Recording, settings: AnalysisSettings, file: str) -> Ana
         assumed.append(f"height {height} m")
     if settings.mass is None and subject.mass is None:
         assumed.append(f"mass {mass} kg")
-    _summarize(analysis, height, mass, assumed, time.perf_counter() - start)
+    _summarize(analysis, height, mass, assumed, time.perf_counter() - start, recording.fit)
     return analysis
 
 
 def _summarize(
-    analysis: Analysis, height: float, mass: float, assumed: Sequence[str], seconds: float
+    analysis: Analysis,
+    height: float,
+    mass: float,
+    assumed: Sequence[str],
+    seconds: float,
+    fit: MarkerFit | None,
 ) -> None:
     motion = analysis.motion
     who = f" of {motion.subject.name}" if motion.subject.name else ""
@@ -146,7 +155,10 @@ def _summarize(
     if assumed:
         print(f"assumed, not in the recording: {', '.join(assumed)}")
     errors = analysis.errors["riemannian"]
-    print(motion.filter or "The recording is taken as it is, without a filter.")
+    if fit is not None and not motion.filter:
+        print("No further filter: the fit to the markers has smoothed the motion.")
+    else:
+        print(motion.filter or "The recording is taken as it is, without a filter.")
     print(f"Metric: {analysis.metric_name}.")
     rule = "" if analysis.threshold is None else f" at a threshold of {analysis.threshold:g} rad"
     print(
@@ -154,7 +166,7 @@ def _summarize(
         f"{errors.joint:.3f} rad and the hand to {1000 * errors.position:.0f} mm on average "
         f"(found in {seconds:.1f} s)"
     )
-    kind = "filtered" if motion.filter else "observed"
+    kind = "filtered" if motion.filter else "observed" if fit is None else "fitted"
     print(f"\nmean errors against the {kind} recording\n\n{analysis.table()}")
     if analysis.errors_unfiltered:  # not without a filter
         table = analysis.table(unfiltered=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 RECORDING_FILE = "recording: MMM, AMC, BVH, OpenSim, c3d, SMPL .npz, or a table (.csv)"
 
@@ -30,11 +31,16 @@ def add_person(command: argparse.ArgumentParser, sides: Sequence[str]) -> None:
         metavar="HZ",
         help="interpolate at this rate first, for samples that are not evenly spaced",
     )
+    add_format(command)
+
+
+def add_format(command: argparse.ArgumentParser) -> None:
+    """Add what the formats of some files leave open."""
     command.add_argument(
         "--convention",
         metavar="NAME",
-        help="of joint angles (.mot, .sto) or of skeletons (.amc, .bvh, .npz): a name or a file; "
-        "default: the known one that fits",
+        help="of joint angles (.mot, .sto): a name, a file, or the model (.osim); of skeletons "
+        "(.amc, .bvh, .npz): a file; default: the known one that fits",
     )
     command.add_argument(
         "--unit",
@@ -43,8 +49,32 @@ def add_person(command: argparse.ArgumentParser, sides: Sequence[str]) -> None:
         help="of lengths in .bvh and .amc files: m, cm, mm, in, or a number of metres",
     )
     command.add_argument(
+        "--skeleton",
+        type=Path,
+        metavar="FILE",
+        help="of .amc files (.asf; default: the one beside each)",
+    )
+    command.add_argument(
+        "--up",
+        metavar="AXIS",
+        help="axis that points upwards in files of markers, such as z or y; written --up=-y if it "
+        "is a negative one",
+    )
+    command.add_argument(
         "--amc-rate", type=float, metavar="HZ", help="sampling rate of .amc files (default: 120)"
     )
+
+
+def stated(options: argparse.Namespace) -> dict[str, Any]:
+    """The arguments of `read_recording` that `add_format` adds as options."""
+    skeleton = getattr(options, "skeleton", None)
+    return {
+        "convention": getattr(options, "convention", None),
+        "unit": getattr(options, "unit", None),
+        "rate": getattr(options, "amc_rate", None),
+        "skeleton": None if skeleton is None else str(skeleton),
+        "up": getattr(options, "up", None),
+    }
 
 
 def _unit(text: str) -> str | float:

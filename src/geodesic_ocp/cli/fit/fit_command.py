@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from geodesic_ocp.cli.analyse.recording import check_folder
+from geodesic_ocp.cli.analyse.recording_options import stated
 from geodesic_ocp.cli.fit.fit_options import as_parameter
 from geodesic_ocp.cli.interrupts import ProgressBar
 from geodesic_ocp.cli.notes import printed_warnings
@@ -102,6 +103,7 @@ def _recordings(options: argparse.Namespace) -> list[Recording]:
                 cutoff=options.cutoff,
                 duration=options.savitzky_golay,
                 skip=options.skip,
+                **stated(options),
             )
         except RecordingError as reason:
             if not options.skip or (number == len(sides) and not found):

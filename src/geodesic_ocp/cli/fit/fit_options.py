@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
+from geodesic_ocp.cli.analyse.recording_options import RECORDING_FILE, add_format
 from geodesic_ocp.fitting.parameter import JOINT_INERTIA, Parameter
 from geodesic_ocp.fitting.program.segment_functions import Measure
 
@@ -24,13 +25,14 @@ _DEFAULTS = {
 def add_fit_options(command: argparse.ArgumentParser) -> None:
     """Add the options of `geodesic-ocp fit`."""
     command.add_argument(
-        "file", type=Path, nargs="+", help="MMM motions (.xml), tables (.csv), or folders of them"
+        "file", type=Path, nargs="+", help=f"{RECORDING_FILE}; files or folders of them"
     )
     command.add_argument(
         "--side", choices=("right", "left", "both"), default="right", help="the arm"
     )
     command.add_argument("--height", type=float, help="of all persons [m]; default: as recorded")
     command.add_argument("--mass", type=float, help="of all persons [kg]; default: as recorded")
+    add_format(command)
     command.add_argument(
         "--skip", action="store_true", help="leave out files that cannot be used, and name them"
     )

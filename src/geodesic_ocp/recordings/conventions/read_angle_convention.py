@@ -41,9 +41,8 @@ def as_angle_convention(given: AngleConvention | str | Path | None) -> AngleConv
             f"file, got {given!r}"
         )
     file = Path(given)
-    record = read_convention_record(
-        file, f"; built-in conventions are {', '.join(ANGLE_CONVENTIONS)}"
-    )
+    known = ", ".join(ANGLE_CONVENTIONS)
+    record = read_convention_record(file, f"; built-in conventions are {known}")
     try:
         return _convention(file.stem, record)
     except (TypeError, ValueError) as failure:

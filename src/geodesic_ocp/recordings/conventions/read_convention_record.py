@@ -22,6 +22,8 @@ def read_convention_record(file: Path, hint: str = "") -> Any:
     try:
         text = file.read_text(encoding="utf-8-sig")
         return _from_toml(text) if file.suffix.lower() == ".toml" else json.loads(text)
+    except FileNotFoundError:
+        raise RecordingError(f"{file}: cannot be read: there is no such file{hint}") from None
     except OSError as failure:
         raise RecordingError(f"{file}: cannot be read: {failure.strerror}{hint}") from None
     except ImportError:

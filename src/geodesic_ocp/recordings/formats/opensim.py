@@ -67,9 +67,9 @@ def read_opensim(
             return _plain(file, table, table.names)
         raise RecordingError(
             f"{file}: no known convention of joint angles fits its columns "
-            f"{', '.join(table.names)}; describe their rotations by convention=: the file of "
-            "the model (.osim) that they were computed with, an AngleConvention, or a JSON file of "
-            "either"
+            f"{', '.join(table.names)}; describe their rotations by convention= (--convention): "
+            "the file of the model (.osim) that they were computed with, an AngleConvention, or a "
+            "JSON file of either"
         )
     columns = dict(zip(table.names, table.values.T, strict=True))
     try:

@@ -28,10 +28,18 @@ def named_segments(
     if convention is not None:
         found = _found(file, skeleton, convention)
         if not _fits(found):
+            known = {_plain(name) for name in skeleton.names}
+            absent = [
+                name
+                for names in convention.joints.values()
+                for name in names
+                if _plain(name) not in known
+            ]
             raise RecordingError(
                 f"{file}: by the convention {convention.name!r} there must be a thorax, and an "
-                f"upper arm with its forearm; it names {', '.join(found) or 'no segment'} among "
-                f"the joints {_listed(skeleton)}"
+                f"upper arm with its forearm. The skeleton has no joint "
+                f"{', '.join(absent[:_SHOWN]) or 'that the convention lacks'}; found are "
+                f"{', '.join(found) or 'no segments'} among the joints {_listed(skeleton)}"
             )
         return convention, found
     fits, ambiguous = [], []
@@ -48,7 +56,8 @@ def named_segments(
             f"{file}: no known convention names the segments of this skeleton. Its joints are "
             f"{_listed(skeleton)}. State which of them carry the thorax and an arm, such as "
             "convention=SkeletonConvention('mine', {'thorax': 'Torso', 'right upper arm': 'RArm', "
-            "'right forearm': 'RElbow', 'right hand': 'RWrist'}), or in a JSON or TOML file"
+            "'right forearm': 'RElbow', 'right hand': 'RWrist'}), or in a JSON or TOML file "
+            "(--convention FILE)"
         )
     return max(fits, key=lambda fit: len(fit[1]))
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.human.anthropometry import Side
 from geodesic_ocp.progress import Progress
+from geodesic_ocp.recordings.read_motion import that_apply
 from geodesic_ocp.recordings.read_recording import read_recording
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
@@ -15,13 +16,25 @@ from geodesic_ocp.synergies.analysis import Analysis
 
 
 def read_by_settings(
-    path: Path, side: Side, settings: AnalysisSettings, height: float | None, mass: float | None
+    path: Path,
+    side: Side,
+    settings: AnalysisSettings,
+    height: float | None,
+    mass: float | None,
+    *,
+    one_of_many: bool = False,
 ) -> Recording:
     """Read a recording as the settings say, with a height [m] and mass [kg] of the person.
+
+    One of many may have another format than those to which convention, skeleton, unit, rate and up
+    apply, which are then left out.
 
     Raises:
         RecordingError, ValueError, ImportError: as `read_recording`.
     """
+    stated = settings.of_formats()
+    if one_of_many:
+        stated = that_apply(path, stated)
     return read_recording(
         path,
         side,
@@ -32,9 +45,7 @@ def read_by_settings(
         cutoff=settings.cutoff,
         duration=settings.duration,
         unfiltered=settings.unfiltered,
-        convention=settings.convention,
-        unit=settings.unit,
-        rate=settings.rate,
+        **stated,
     )
 
 

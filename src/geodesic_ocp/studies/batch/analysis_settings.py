@@ -13,6 +13,8 @@ from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress
+from geodesic_ocp.recordings.conventions.known_angle_conventions import ANGLE_CONVENTIONS
+from geodesic_ocp.recordings.markers.space_axes import Axis, as_axis
 from geodesic_ocp.synergies.analysis_metrics import METRIC_NAMES, as_analysis_metric
 from geodesic_ocp.synergies.segmentation.segment import as_threshold
 from geodesic_ocp.synergies.segmentation.segment_costs import Measure
@@ -45,8 +47,8 @@ class AnalysisSettings:
         segments: "online", see `segment`, or "optimal", see `segment_optimal`.
         threshold, rest, rest_duration, min_duration, hysteresis: of `segment`.
         count, penalty, error, measure, spacing, max_duration: of `segment_optimal`.
-        convention, unit, rate: where the files' format does not give them, see `read_motion`; a
-            convention by its name or its file.
+        convention, skeleton, unit, rate, up: where the files' format does not give them, see
+            `read_recording`; a convention by its name or its file.
 
     Raises:
         ValueError: a setting out of range, or settings that exclude each other.
@@ -75,6 +77,8 @@ class AnalysisSettings:
     convention: str | None = None
     unit: str | float | None = None
     rate: float | None = None
+    skeleton: str | None = None
+    up: Axis | None = None
 
     def __post_init__(self) -> None:
         for name, unit in _UNITS.items():
@@ -100,6 +104,16 @@ class AnalysisSettings:
             raise ValueError(
                 f"armature is the joint inertia of the metric joint-inertia, not of {self.metric}"
             )
+        if self.skeleton is not None and not Path(self.skeleton).is_file():
+            raise ValueError(f"skeleton: there is no file {self.skeleton!r}")
+        named = self.convention is None or self.convention in ANGLE_CONVENTIONS
+        if self.convention is not None and not named and not Path(self.convention).is_file():
+            raise ValueError(
+                f"convention: {self.convention!r} is neither a file nor one of the built-in "
+                f"conventions, which are {', '.join(ANGLE_CONVENTIONS)}"
+            )
+        if self.up is not None:
+            as_axis(self.up)
 
     def __repr__(self) -> str:
         others = [
@@ -121,9 +135,16 @@ class AnalysisSettings:
         found = {}
         if self.metric not in METRIC_NAMES:
             found["metric"] = Path(self.metric)
-        if self.convention is not None and Path(self.convention).is_file():
-            found["convention"] = Path(self.convention)
+        for name in ("convention", "skeleton"):
+            file = getattr(self, name)
+            if file is not None and Path(file).is_file():
+                found[name] = Path(file)
         return found
+
+    def of_formats(self) -> dict[str, Any]:
+        """The arguments of `read_recording` about what the format of a file leaves open."""
+        names = ("convention", "unit", "rate", "skeleton", "up")
+        return {name: getattr(self, name) for name in names}
 
     def digest(self) -> str:
         """Eight hexadecimal digits that are the same for the same settings."""

@@ -92,7 +92,8 @@ def _failed(task: RecordingTask, kind: OutcomeKind, failure: Exception) -> Recor
 def _result(task: RecordingTask) -> tuple[dict[str, Any], str]:
     """The record of the result and the text of the synergies' file."""
     source, settings = task.source, task.settings
-    recording = read_by_settings(source.path, source.side, settings, *stature(settings, source))
+    height, mass = stature(settings, source)
+    recording = read_by_settings(source.path, source.side, settings, height, mass, one_of_many=True)
     analysis = analyse_recording(recording, settings)
     motion = analysis.motion
     digest = settings.digest()

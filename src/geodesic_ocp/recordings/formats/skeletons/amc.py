@@ -105,7 +105,7 @@ def _skeleton(file: Path, given: str | PathLike[str] | None) -> Path:
         return found[0]
     there = ", ".join(each.name for each in found[:10]) if found else "no .asf"
     raise RecordingError(
-        f"{file}: an AMC needs its skeleton, an .asf: state skeleton=..., or put "
+        f"{file}: an AMC needs its skeleton, an .asf: state skeleton=... (--skeleton), or put "
         f"{stems[-1]}.asf into the same folder, where there is {there}"
     )
 
