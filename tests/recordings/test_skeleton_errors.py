@@ -185,9 +185,13 @@ def test_a_stated_rate_is_that_of_the_motion(folder: Path, tmp_path: Path) -> No
 
 NPZ = (
     ({"poses": None}, r"there is no 'poses' in it"),
+    (
+        {"poses": None, "root_orient": np.zeros((3, 3)), "pose_body": np.zeros((4, 63))},
+        r"root_orient and pose_body must have 3 and 63 columns, .* \(3, 3\) and \(4, 63\)",
+    ),
     ({"mocap_frame_rate": None}, r"there is no 'mocap_framerate' or 'mocap_frame_rate' in it"),
-    ({"poses": np.zeros((3, 70))}, r"'poses' must have 72, 156 or 165 columns.*\(3, 70\)"),
-    ({"poses": np.zeros(72)}, r"'poses' must have 72, 156 or 165 columns"),
+    ({"poses": np.zeros((3, 70))}, r"'poses' must have 66, 72, 156 or 165 columns.*\(3, 70\)"),
+    ({"poses": np.zeros(72)}, r"'poses' must have 66, 72, 156 or 165 columns"),
     ({"poses": np.full((3, 72), np.nan)}, r"'poses' is nan in frame 0"),
     ({"poses": np.array([["a"] * 72] * 3)}, r"'poses' must be numbers, is <U1"),
     ({"poses": np.array([[None] * 72] * 3)}, r"'poses' cannot be read: it holds Python objects"),

@@ -127,6 +127,16 @@ def test_smpl_returns_the_angles(
     assert read.trunk is None
 
 
+def test_smpl_may_be_divided_into_root_and_body(tmp_path: Path) -> None:
+    whole = np.random.default_rng(0).normal(0.0, 0.1, (3, 72))
+    whole[:, :3] += (np.pi / 2.0, 0.0, 0.0)
+    parts = {"root_orient": whole[:, :3], "pose_body": whole[:, 3:66]}
+    np.savez(tmp_path / "whole.npz", poses=whole, mocap_framerate=60.0)
+    np.savez(tmp_path / "parts.npz", **parts, mocap_frame_rate=60.0)
+    first, second = (go.read_motion(tmp_path / f"{name}.npz") for name in ("whole", "parts"))
+    assert np.array_equal(first.q, second.q)
+
+
 def test_smpl_in_a_space_with_y_up_must_say_so(tmp_path: Path) -> None:
     motion = smooth_motion(3)
     file = write_smpl(tmp_path / "z.npz", motion, 72)

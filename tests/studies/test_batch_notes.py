@@ -78,9 +78,15 @@ def test_a_study_says_that_files_stand_for_persons(tmp_path: Path) -> None:
 
 def test_results_of_other_recordings_are_counted(tmp_path: Path) -> None:
     analysed(tmp_path)
+    text = (tmp_path / "data" / "second.csv").read_text()
+    (tmp_path / "data" / "third.csv").write_text("# mass: 60\n" + text)  # the same motion
+    assert run(tmp_path / "data", tmp_path / "out").others == 0
+    (tmp_path / "data" / "third.csv").unlink()
+    again = run(tmp_path / "data", tmp_path / "out")
+    assert again.others == 1
     again = run(tmp_path / "data" / "first.csv", tmp_path / "out")
-    assert (again.found, again.others) == (1, 1)
-    words = "1 other result in the folder is not of these recordings and in none of the tables."
+    assert (again.found, again.others) == (1, 2)
+    words = "2 other results in the folder are not of these recordings and in none of the tables."
     assert words in again.notes
     assert words in (tmp_path / "out" / "summary.md").read_text()
 

@@ -75,7 +75,7 @@ def check_stated(file: Path, kind: str, names: Iterable[str]) -> None:
     for name in names:
         if name not in _stated(kind):
             others = [FORMATS[each] for each in FORMATS if name in _stated(each)]
-            raise ValueError(f"{name} is for {', '.join(others)}; {file} is {FORMATS[kind]}")
+            raise ValueError(f"{name} is for {' and '.join(others)}; {file} is {FORMATS[kind]}")
 
 
 def that_apply(file: Path, arguments: Mapping[str, Any]) -> dict[str, Any]:

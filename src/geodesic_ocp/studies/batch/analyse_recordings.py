@@ -121,7 +121,7 @@ def analyse_recordings(
             for outcome in run:
                 outcomes.add(outcome)
         collected, kept = collect(folder, [outcomes.found[source.name] for source in sources])
-        others = other_results(folder, kept)
+        others = other_results(folder, outcomes.found.values())
         written = write_tables(folder, collected, kept, settings, others)
     return BatchResult(
         folder=folder,

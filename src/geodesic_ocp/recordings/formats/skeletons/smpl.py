@@ -2,9 +2,10 @@
 
 Mahmood et al., "AMASS: archive of motion capture as surface shapes", ICCV 2019. The array `poses`
 (k, 72, 156 or 165) begins with the rotation vectors of the pelvis and 21 body joints (SMPL, SMPL-H
-and SMPL-X alike); `mocap_framerate` or `mocap_frame_rate` is the rate. The tree of joints and the
-rest pose are public; the lengths of the bones belong to the licensed body model and to `betas`, so
-that there are no positions here.
+and SMPL-X alike), which some files hold as `root_orient` (k, 3) and `pose_body` (k, 63);
+`mocap_framerate` or `mocap_frame_rate` is the rate. The tree of joints and the rest pose are
+public; the lengths of the bones belong to the licensed body model and to `betas`, so that there are
+no positions here.
 """
 
 from __future__ import annotations
@@ -56,7 +57,8 @@ _JOINTS = (
     ("left_wrist", 18, (1, 0, 0)),
     ("right_wrist", 19, (-1, 0, 0)),
 )
-_WIDTHS = (72, 156, 165)  # SMPL, SMPL-H, SMPL-X
+_WIDTHS = (66, 72, 156, 165)  # the body alone, SMPL, SMPL-H, SMPL-X
+_PARTS = ("root_orient", "pose_body")
 _RATES = ("mocap_framerate", "mocap_frame_rate")
 _SLOWEST, _FASTEST = 1e-3, 1e6  # [Hz]
 _LARGEST = 1e3  # [rad], of a rotation vector's components
@@ -90,8 +92,8 @@ def read_smpl(
     poses, rate = arrays["poses"], float(arrays["rate"])
     if poses.ndim != 2 or poses.shape[1] not in _WIDTHS:
         raise RecordingError(
-            f"{file}: 'poses' must have 72, 156 or 165 columns (SMPL, SMPL-H, SMPL-X), has the "
-            f"shape {poses.shape}"
+            f"{file}: 'poses' must have 66, 72, 156 or 165 columns (the body, SMPL, SMPL-H, "
+            f"SMPL-X), has the shape {poses.shape}"
         )
     bad = np.argwhere(~(np.abs(poses) < _LARGEST))
     if len(bad):
@@ -127,8 +129,12 @@ def _arrays(file: Path, stream: BinaryIO) -> dict[str, Array]:
         raise RecordingError(f"{file}: is a single array, not an archive of arrays (.npz)")
     with archive:
         keys = {"poses": "poses", "rate": next((k for k in _RATES if k in archive), "")}
-        if "poses" not in archive or not keys["rate"]:
-            missing = "'poses'" if "poses" not in archive else " or ".join(map(repr, _RATES))
+        if "poses" not in archive and set(_PARTS) <= set(archive.files):
+            keys = {**dict(zip(_PARTS, _PARTS, strict=True)), "rate": keys["rate"]}
+        poses = [key for key in keys.values() if key != keys["rate"]]
+        there = set(poses) <= set(archive.files)
+        if not there or not keys["rate"]:
+            missing = " or ".join(map(repr, _RATES)) if there else "'poses'"
             raise RecordingError(
                 f"{file}: there is no {missing} in it, as files of AMASS have; there are "
                 f"{', '.join(archive.files[:20]) or 'no arrays'}"
@@ -156,6 +162,15 @@ def _arrays(file: Path, stream: BinaryIO) -> dict[str, Array]:
             arrays[name] = np.array(array, dtype=float).reshape(
                 () if name == "rate" else array.shape
             )
+    if set(_PARTS) <= set(arrays):
+        parts = [arrays.pop(name) for name in _PARTS]
+        shapes = [part.shape for part in parts]
+        if [shape[1:] for shape in shapes] != [(3,), (63,)] or shapes[0][0] != shapes[1][0]:
+            raise RecordingError(
+                f"{file}: {' and '.join(_PARTS)} must have 3 and 63 columns, have the shapes "
+                f"{shapes[0]} and {shapes[1]}"
+            )
+        arrays["poses"] = np.hstack(parts)
     return arrays
 
 
