@@ -164,7 +164,7 @@ def _arrays(file: Path, stream: BinaryIO) -> dict[str, Array]:
             )
     if set(_PARTS) <= set(arrays):
         parts = [arrays.pop(name) for name in _PARTS]
-        shapes = [part.shape for part in parts]
+        shapes: list[tuple[int, ...]] = [part.shape for part in parts]
         if [shape[1:] for shape in shapes] != [(3,), (63,)] or shapes[0][0] != shapes[1][0]:
             raise RecordingError(
                 f"{file}: {' and '.join(_PARTS)} must have 3 and 63 columns, have the shapes "
