@@ -6,11 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from here import Here
 from marked_motion import HEIGHT, angles, marked
 
 import geodesic_ocp as go
 from geodesic_ocp.cli import main as cli
 from geodesic_ocp.recordings.markers.known_marker_sets import MMM_MARKERS
+from geodesic_ocp.studies.batch.analyse_recordings import analyse_recordings
+from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
 
 
 def test_the_fit_is_shown_and_saved(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -28,7 +31,18 @@ def test_the_fit_is_shown_and_saved(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert "Joint angles fitted to the markers (Master Motor Map)" in printed
     assert "Body height 1.800 m, " in printed
     assert "geodesic synergies" in printed
+    assert "No further filter: the fit to the markers has smoothed the motion." in printed
+    assert "mean errors against the fitted recording" in printed
+    assert "unfiltered" not in printed
+    assert "noise" not in printed
     fitted = go.read_motion(out / "motion.csv", arm.joint_names)
     assert np.sqrt(np.mean((fitted.q - q) ** 2)) < 0.02
     assert "RAEL" in (out / "markers.md").read_text()
     assert (out / "markers.csv").exists()
+    result = analyse_recordings(
+        file, tmp_path / "many", settings=AnalysisSettings(metric="euclidean"), executor=Here()
+    )
+    row = result.recordings()[0]
+    assert (row["height_from"], row["mass_from"]) == ("markers", "assumed")
+    assert 0.0 <= row["marker_error_m"] < 0.005
+    assert row["cutoff_hz"] is None
