@@ -47,7 +47,7 @@ def test_a_person_who_is_not_upright_is_asked_about(up: Axis, walker: Markers) -
     to_z = with_z_up(Markers(np.arange(2.0), ("a", "b", "c"), np.stack([np.eye(3)] * 2)), up)
     other = replace(walker, positions=walker.positions @ to_z.positions[0].T)
     arm = go.human_arm("right", HEIGHT)
-    with pytest.raises(ValueError, match=f"is {up} up[?] Then give up='{up}'"):
+    with pytest.raises(ValueError, match=f"is {up} up[?] Then pass up='{up}'"):
         fit_motion(arm, other)
     np.testing.assert_allclose(with_z_up(other, up).positions, walker.positions, atol=1e-12)
 
@@ -58,12 +58,21 @@ def test_a_person_may_lie_if_that_is_said(walker: Markers) -> None:
     lying = replace(
         walker, positions=walker.positions @ np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
     )
-    with pytest.raises(ValueError, match="give up='z' if the person lies"):
+    with pytest.raises(ValueError, match="pass up='z' if z is up and the person lies"):
         fit_motion(arm, lying, estimate=())
     fit = fit_motion(arm, lying, estimate=(), up="z")
     np.testing.assert_allclose(fit.motion.q, upright.motion.q, atol=2e-3)
     assert fit.motion.trunk is not None
     assert np.abs(fit.motion.trunk.rotations[:, 2, 2]).max() < 0.5
+
+
+def test_a_stray_marker_of_the_thorax_does_not_lay_a_person_down(walker: Markers) -> None:
+    positions = walker.positions.copy()
+    positions[:, walker.names.index("C7")] = 0.0
+    arm = go.human_arm("right", HEIGHT)
+    fit = fit_motion(arm, replace(walker, positions=positions), estimate=())
+    assert {each.marker for each in fit.lost} == {"C7"}
+    assert fit.typical_error < 0.001
 
 
 def test_the_axis_is_turned_when_a_file_is_read(tmp_path: Path) -> None:

@@ -6,13 +6,16 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.recordings.markers.program.chosen_markers import ChosenMarkers
+from geodesic_ocp.recordings.markers.program.rigid_markers import (
+    RIGID,
+    rigid_errors,
+    without_stray,
+)
 from geodesic_ocp.recordings.markers.program.start import rigid_poses
 
 _LEANING = 60.0  # angle of the trunk from the vertical, in the mean over time, that is asked about
 _FRAMES = 200
-# Markers are mirrored if their distances from a rigid trunk are above the one [m], and with a
-# mirrored trunk less than the other of them.
-_RIGID, _BETTER = 0.03, 0.5
+_BETTER = 0.5  # share of their distances from a rigid trunk, below which markers are mirrored
 
 
 def check_trunk(chosen: ChosenMarkers, observed: Array, *, ask_up: bool) -> None:
@@ -37,15 +40,17 @@ def check_trunk(chosen: ChosenMarkers, observed: Array, *, ask_up: bool) -> None
         return
     rows = rows[np.unique(np.linspace(0, rows.size - 1, _FRAMES).round().astype(int))]
     places, points = chosen.places[columns], observed[np.ix_(rows, columns)]
-    proper, mirrored = np.median([_rigid_errors(places, each) for each in points], axis=0)
-    if proper > _RIGID and mirrored < _BETTER * proper:
+    proper, mirrored = rigid_errors(places, points)
+    if proper > RIGID and mirrored < _BETTER * proper:
         raise ValueError(
             f"positions: the markers of the {segment} are those of a mirrored person "
             f"({1e3 * proper:.0f} mm from a rigid {segment}, {1e3 * mirrored:.0f} mm from a "
             "mirrored one): right and left may be exchanged in the names, or the axes left-handed"
         )
-    if ask_up:
-        _check_up(places, points, segment)
+    if not ask_up:
+        return
+    kept = without_stray(places, points)
+    _check_up(places[kept], points[:, kept], segment)
 
 
 def _check_up(places: Array, points: Array, segment: str) -> None:
@@ -55,28 +60,14 @@ def _check_up(places: Array, points: Array, segment: str) -> None:
         return
     upwards = rotations[:, :, 2].mean(axis=0)
     length = float(np.linalg.norm(upwards))
+    if length < 0.5:  # no direction is up on average
+        return
     angle = float(np.rad2deg(np.arccos(np.clip(upwards[2] / length, -1.0, 1.0))))
-    if length > 0.5 and angle > _LEANING:
+    if angle > _LEANING:
         axis = int(np.argmax(np.abs(upwards)))
         name = ("-" if upwards[axis] < 0.0 else "") + "xyz"[axis]
-        lies = "give up='z' if the person lies" if name != "z" else "give up='z' if it is not"
         raise ValueError(
             f"positions: the {segment} is {angle:.0f} deg from the vertical z, on average: is "
-            f"{name} up? Then give up={name!r}; {lies} and z is up"
+            f"{name} up? Then pass up={name!r} (--up {name}); pass up='z' if z is up and the "
+            "person lies"
         )
-
-
-def _rigid_errors(places: Array, observed: Array) -> tuple[float, float]:
-    """Root mean square distances [m] from a rigid body and from its mirror image.
-
-    Observed positions (m, 3), NaN where missing; by the singular values of the points' covariance
-    (Kabsch, Acta Crystallographica A 32, 1976).
-    """
-    seen = ~np.isnan(observed[:, 0])
-    own, there = places[seen], observed[seen]
-    left, right = own - own.mean(axis=0), there - there.mean(axis=0)
-    u, sizes, v = np.linalg.svd(left.T @ right)
-    sign = np.sign(np.linalg.det(u @ v))
-    squares = float((left**2).sum() + (right**2).sum() - 2.0 * (sizes[0] + sizes[1]))
-    errors = [max(squares - 2.0 * turn * sizes[2], 0.0) for turn in (sign, -sign)]
-    return float(np.sqrt(errors[0] / seen.sum())), float(np.sqrt(errors[1] / seen.sum()))

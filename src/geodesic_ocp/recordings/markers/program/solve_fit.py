@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.recordings.markers.program.fit_problem import ROOT, FitProblem
+from geodesic_ocp.recordings.markers.program.rigid_markers import without_stray
 from geodesic_ocp.recordings.markers.program.start import FrameSearch, rigid_poses
 from geodesic_ocp.recordings.markers.program.undetermined import undetermined_joints
 
@@ -132,6 +133,7 @@ def _root_start(problem: FitProblem, time: Array, observed: Array) -> tuple[FitP
     columns = np.flatnonzero(carried)
     at_zero = replace(problem, axes=np.eye(3))
     places = at_zero.terms.positions(problem.neutral, np.zeros(problem.ns)).full().T
+    columns = columns[without_stray(places[columns], observed[:, columns])]
     rotations, origins = rigid_poses(places[columns], observed[:, columns], time)
     # The angle in the middle of three must stay away from 90 deg: its sine is the component of the
     # root's x axis along the axis of the first angle, which is z if that will do.
