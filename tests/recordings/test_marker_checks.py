@@ -155,6 +155,8 @@ def test_doubts_are_told_once(walker: Markers, tmp_path: Path) -> None:
         fit = fit_motion(arm, replace(walker, positions=rows), height=HEIGHT)
     assert len(told) == 1
     assert fit.doubts == ("the markers do not determine RWx_joint, RWy_joint",)
+    assert np.flatnonzero(np.isnan(fit.constant_errors)).tolist() == [5, 6]
+    assert "RWx" not in str(fit.table()).partition("Constant errors")[2]
     assert 0.0 < fit.typical_error < 0.001
     header = ",".join(f"{name}_{axis}" for name in walker.names for axis in "xyz")
     lines = [

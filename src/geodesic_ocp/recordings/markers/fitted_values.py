@@ -60,7 +60,11 @@ def as_marker_fit(
         height_from=known.origin,
         undetermined=tuple(model.joint_names[index] for index in np.flatnonzero(fitted.loose)),
         marker_set=chosen.set_name,
-        constant_errors=constant_errors(problem, positions.time, fitted.z, fitted.shared, weights),
+        constant_errors=np.where(
+            fitted.loose,
+            np.nan,
+            constant_errors(problem, positions.time, fitted.z, fitted.shared, weights),
+        ),
         left_out=chosen.left_out,
         seconds=seconds,
         iterations=fitted.iterations,

@@ -45,8 +45,8 @@ class MarkerFit:
         undetermined: joints that the markers do not determine for at least half of the time, where
             smoothness and limits choose.
         constant_errors: standard deviations of the constant errors of the joints' angles (n,)
-            [rad] that uncertain places of the markers on their segments leave; those of the motion
-            itself are much smaller.
+            [rad] that uncertain places of the markers on their segments leave; NaN for joints that
+            are not determined.
         marker_set: name of the marker set.
         left_out: markers of the recording that were not used.
         seconds: that the fit took.
@@ -147,7 +147,7 @@ class MarkerFit:
             lines.append(f"Lengths: {shown}.")
         if self.undetermined:
             lines.append(f"Not determined by the markers: {', '.join(self.undetermined)}.")
-        if self.constant_errors.any():
+        if np.nansum(self.constant_errors) > 0.0:
             lines.append(
                 "Constant errors of the angles are possible, as places of markers on the segments "
                 f"are assumed (standard deviations): {self._constant_errors}."
@@ -164,6 +164,8 @@ class MarkerFit:
         for name, error, unit in zip(
             self.model.joint_names, self.constant_errors, self.model.units, strict=True
         ):
+            if np.isnan(error):
+                continue
             factor, shown_unit = sizes[unit]
             shown.append(f"{name.removesuffix('_joint')} {factor * error:.1f} {shown_unit}")
         return ", ".join(shown)
