@@ -50,6 +50,8 @@ def test_patterns_without_a_subject_are_refused(pattern: str) -> None:
         ("file,subject,mass\na,b,60\nc,d,-1\n", "line 3: mass: mass must be positive"),
         ("file,subject\n\xff,b\n", "is not text in UTF-8"),
         ("file,subject,height\na,b,1,80\n", "line 2: 4 values under 3 columns"),
+        ("file,subject\na.c3d,A\nb,B\na.c3d,B\n", "line 2 and line 4 differ about a.c3d"),
+        ("file,subject,mass\na,A,60\n./a,A,61\n", "line 2 and line 3 differ about a"),
         ("file;subject\na;b\n", "line 1: separate columns by commas, got 'file;subject'"),
     ],
 )
@@ -69,6 +71,29 @@ def test_the_longest_path_in_a_table_counts(tmp_path: Path) -> None:
     assert table.find("a/reach.c3d")[0].subject == "A"
     assert table.find("x/b/reach.c3d")[0].subject == "B"
     assert table.find("other.c3d")[1]
+
+
+@pytest.mark.parametrize(
+    ("rows", "subjects"),
+    [
+        (["r.c3d,A", "r.xml,B"], {"r.c3d": "A", "r.xml": "B", "r.bvh": ""}),
+        (["r,A", "r.xml,B"], {"r.c3d": "A", "r.xml": "B"}),
+        (["S/r_1.5,A", "S/r_1.6,B"], {"S/r_1.5.c3d": "A", "S/r_1.6.c3d": "B", "S/r_1.c3d": ""}),
+        (["r_1.5.c3d,A", "r_1.6.c3d,B"], {"r_1.5.c3d": "A", "r_1.6.c3d": "B", "r_1.c3d": ""}),
+        (["r.c3d,A", "S/r,B"], {"r.c3d": "A", "S/r.c3d": "B"}),
+        (["r.c3d,A", "r.c3d,A"], {"r.c3d": "A"}),
+    ],
+)
+def test_a_row_counts_for_the_file_it_names_alone(
+    rows: list[str], subjects: dict[str, str], tmp_path: Path
+) -> None:
+    file = tmp_path / "subjects.csv"
+    file.write_text("\n".join(["file,subject", *rows]) + "\n")
+    table = SubjectTable.read(file)
+    for name, subject in subjects.items():
+        entry, problem = table.find(f"/data/{name}")
+        assert entry.subject == subject
+        assert bool(problem) == (not subject)
 
 
 @pytest.mark.parametrize("named", ["S1/a.csv", "./S1/a", "{}/S1/a.csv"])

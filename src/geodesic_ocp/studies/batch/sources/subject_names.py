@@ -63,7 +63,7 @@ class SubjectPattern:
 
 @dataclass(frozen=True, repr=False)
 class SubjectTable:
-    """Entries by the path of the file, as far as the table gives it, without the suffix.
+    """Entries by the path of the file, as far as the table gives it, with or without its suffix.
 
     Attributes:
         path: of the table.
@@ -81,22 +81,35 @@ class SubjectTable:
         """Read a CSV file with the columns file, subject and, if known, trial, height and mass.
 
         Raises:
-            RecordingError: the table is missing, lacks a column, or has a wrong entry.
+            RecordingError: the table is missing, lacks a column, has a wrong entry, or lines of one
+                file that differ.
         """
         file = Path(path)
         names, lines = read_text_table(file)
         if missing := [name for name in ("file", "subject") if name not in names]:
             raise RecordingError(f"{file}: there is no column {' or '.join(missing)}")
-        rows = ((where, dict(zip(names, values, strict=True))) for where, values in lines)
-        return cls(file, dict(_entry(f"{file}: {where}", row) for where, row in rows))
+        entries: dict[str, SubjectEntry] = {}
+        places: dict[str, str] = {}
+        for where, values in lines:
+            key, entry = _entry(f"{file}: {where}", dict(zip(names, values, strict=True)))
+            if entries.setdefault(key, entry) != entry:
+                raise RecordingError(f"{file}: {places[key]} and {where} differ about {key}")
+            places.setdefault(key, where)
+        return cls(file, entries)
 
     def find(self, file: str) -> tuple[SubjectEntry, str]:
-        """The entry whose path is the end of this one, or why there is none."""
-        parts = [part for part in PurePosixPath(file).with_suffix("").parts if part != "/"]
-        for length in range(len(parts), 0, -1):
-            entry = self.entries.get("/".join(parts[-length:]))
-            if entry is not None:
-                return entry, ""
+        """The entry whose path is the end of this one, or why there is none.
+
+        The longest path counts, and of two as long the one with the suffix.
+        """
+        path = PurePosixPath(file)
+        parts = [part for part in path.parts if part != "/"]
+        for start in range(len(parts)):
+            folders = parts[start:-1]
+            for name in (path.name, path.stem):
+                entry = self.entries.get("/".join([*folders, name]))
+                if entry is not None:
+                    return entry, ""
         shown = "/".join(PurePosixPath(file).parts[-2:])
         return SubjectEntry(""), f"{self.path} has no row whose file is the end of .../{shown}"
 
@@ -112,4 +125,4 @@ def _entry(where: str, row: Mapping[str, str]) -> tuple[str, SubjectEntry]:
             raise RecordingError(f"{where}: {name}: {failure}") from None
     entry = SubjectEntry(row["subject"], row.get("trial") or "", **numbers)
     path = PurePosixPath(row["file"].replace("\\", "/").removeprefix("./").lstrip("/"))
-    return str(path.with_suffix("")), entry
+    return str(path), entry
