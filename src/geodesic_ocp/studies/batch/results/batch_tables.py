@@ -7,19 +7,16 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-import numpy as np
-
 from geodesic_ocp.records import write_file
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.batch.outcome import RecordingOutcome
 from geodesic_ocp.studies.batch.results.batch_notes import notes_of
+from geodesic_ocp.studies.batch.results.equal_motions import MotionsByProbes
 from geodesic_ocp.studies.batch.results.result_file import read_result, results_by_key
 from geodesic_ocp.studies.tables.columns import Row
 from geodesic_ocp.studies.tables.parquet import PARQUET_HINT, has_parquet
 from geodesic_ocp.studies.tables.write_rows import write_rows
 from geodesic_ocp.table import Table
-
-_SAME = 1e-6  # [rad]; formats print angles with at least this precision
 
 
 class CollectedResults:
@@ -28,17 +25,14 @@ class CollectedResults:
     def __init__(self) -> None:
         self.recordings: list[Row] = []
         self.synergies: list[Row] = []
-        self._probes: dict[int, list[tuple[str, str, Any]]] = {}
+        self._motions = MotionsByProbes()
 
     def add(self, record: dict[str, Any]) -> str:
         """Add a result; returns the name of an earlier recording with the same motion, or ""."""
         identity = record["identity"]
-        count, angles = record["probes"][0], np.array(record["probes"][1])
-        known = self._probes.setdefault(count, [])
-        for name, side, other in known:
-            if side == identity["side"] and np.allclose(angles, other, rtol=0.0, atol=_SAME):
-                return name
-        known.append((identity["recording"], identity["side"], angles))
+        same = self._motions.add(identity["recording"], identity["side"], *record["probes"])
+        if same:
+            return same
         self.recordings += [identity | row for row in record["recordings"]]
         self.synergies += [identity | row for row in record["synergies"]]
         return ""
