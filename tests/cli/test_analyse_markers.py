@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -46,3 +47,24 @@ def test_the_fit_is_shown_and_saved(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert (row["height_from"], row["mass_from"]) == ("markers", "assumed")
     assert 0.0 <= row["marker_error_m"] < 0.005
     assert row["cutoff_hz"] is None
+
+
+def test_a_marker_set_from_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arm, time = go.human_arm("right", HEIGHT), np.arange(60) / 50.0
+    markers = marked(arm, angles(arm, time), time, MMM_MARKERS)
+    names = [f"point {column}" for column in range(len(markers.names))]
+    places = {
+        name: MMM_MARKERS.places[known] for name, known in zip(names, markers.names, strict=True)
+    }
+    marker_set = tmp_path / "set.json"
+    marker_set.write_text(json.dumps({"name": "points", "places": places}))
+    header = ",".join(f"{name}_{axis}" for name in names for axis in "xyz")
+    rows = np.column_stack([time, markers.positions.reshape(len(time), -1)])
+    file = tmp_path / "markers.csv"
+    lines = [",".join(map(repr, map(float, row))) for row in rows]
+    file.write_text("\n".join(["# unit: m", f"time,{header}", *lines]))
+    given = ["analyse", str(file), "--height", str(HEIGHT)]
+    assert cli.main(given) == 2
+    assert "say where they are" in capsys.readouterr().err
+    assert cli.main([*given, "--marker-set", str(marker_set)]) == 0
+    assert "Joint angles fitted to the markers (points)" in capsys.readouterr().out

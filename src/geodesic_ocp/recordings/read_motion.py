@@ -91,7 +91,7 @@ def that_apply(file: Path, arguments: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _stated(kind: str) -> tuple[str, ...]:
-    return ("up",) if kind in MARKERS else _READERS[kind][1]
+    return ("up", "marker_set") if kind in MARKERS else _READERS[kind][1]
 
 
 # Readers are imported when a file of their format is read.

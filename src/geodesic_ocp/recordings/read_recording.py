@@ -21,6 +21,7 @@ from geodesic_ocp.model.human.human_arm import (
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.formats.recognise import MARKERS, recognise
 from geodesic_ocp.recordings.markers.marker_fit import DOUBTFUL, MarkerFit
+from geodesic_ocp.recordings.markers.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.space_axes import Axis, as_axis
 from geodesic_ocp.recordings.named_failures import named_failures
 from geodesic_ocp.recordings.plausible import ask_about_limits, check_plausible
@@ -45,6 +46,7 @@ def read_recording(
     rate: float | None = None,
     skeleton: str | PathLike[str] | None = None,
     up: Axis | None = None,
+    marker_set: MarkerSet | str | PathLike[str] | None = None,
 ) -> Recording:
     """Read a recording of a human arm, filter it, and scale an arm to the person.
 
@@ -68,6 +70,7 @@ def read_recording(
         convention, unit, rate, skeleton: where the file's format does not give them, see
             `read_motion`.
         up: the axis that points upwards in a file of markers, see `read_markers`.
+        marker_set: where the markers are, or a file that says so, see `fit_motion`.
 
     Raises:
         RecordingError: the file cannot be read or has no arm of that side.
@@ -88,13 +91,14 @@ def read_recording(
     if up is not None:
         as_axis(up)
     stated = {"convention": convention, "unit": unit, "rate": rate, "skeleton": skeleton}
+    of_markers = {"up": up, "marker_set": marker_set}
     with named_failures(file):
         kind = recognise(file)
     check_stated(
-        file, kind, [name for name, each in (stated | {"up": up}).items() if each is not None]
+        file, kind, [name for name, each in (stated | of_markers).items() if each is not None]
     )
     if kind in MARKERS:
-        fit = _from_markers(file, side, height, mass, armature, up)
+        fit = _from_markers(file, side, height, mass, armature, of_markers)
         arm, motion = fit.model, fit.motion
     else:
         fit = None
@@ -135,7 +139,7 @@ def _from_markers(
     height: float | None,
     mass: float | None,
     armature: float,
-    up: Axis | None,
+    of_markers: dict[str, Any],
 ) -> MarkerFit:
     """The motion that is fitted to the markers, and the arm with the lengths of the person."""
     from geodesic_ocp.recordings.markers.fit_motion import fit_motion
@@ -147,7 +151,7 @@ def _from_markers(
         arm = human_arm(side, *stature, armature=armature)
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", DOUBTFUL, RuntimeWarning)  # named below
-            fit = fit_motion(arm, markers, height=height, up=up)
+            fit = fit_motion(arm, markers, height=height, **of_markers)
     if fit.doubts:
         warnings.warn(f"{file}: {'; '.join(fit.doubts)}", RuntimeWarning, stacklevel=3)
     return fit

@@ -14,6 +14,7 @@ from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.errors import NotConverged, RecordingError
 from geodesic_ocp.model.human.anthropometry import Side
 from geodesic_ocp.model.human.human_arm import human_arm
+from geodesic_ocp.recordings.markers.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.space_axes import Axis, as_axis
 from geodesic_ocp.recordings.read_motion import that_apply
 from geodesic_ocp.recordings.read_recording import read_recording
@@ -39,6 +40,7 @@ def read_recordings(
     rate: float | None = None,
     skeleton: str | PathLike[str] | None = None,
     up: Axis | None = None,
+    marker_set: MarkerSet | str | PathLike[str] | None = None,
 ) -> tuple[Recording, ...]:
     """Read files or folders of recordings of human arms, filter them, and scale an arm to each.
 
@@ -64,8 +66,8 @@ def read_recordings(
         duration: of the window of a Savitzky-Golay filter [s], instead of a cut-off.
         skip: leave out files that cannot be used, with a warning that names each.
         recursive: also take the files in the folders within a folder.
-        convention, unit, rate, skeleton, up: see `read_recording`; each is used for the files to
-            whose format it applies.
+        convention, unit, rate, skeleton, up, marker_set: see `read_recording`; each is used for
+            the files to whose format it applies.
 
     Returns:
         One recording a file, in the order given, sorted by name within a folder. Its name is that
@@ -86,7 +88,14 @@ def read_recordings(
         if number is not None:
             as_positive(name, number)
     human_arm(side)  # raises for another side
-    stated = {"convention": convention, "unit": unit, "rate": rate, "skeleton": skeleton, "up": up}
+    stated = {
+        "convention": convention,
+        "unit": unit,
+        "rate": rate,
+        "skeleton": skeleton,
+        "up": up,
+        "marker_set": marker_set,
+    }
     if up is not None:
         as_axis(up)
     found: list[tuple[Path, Recording]] = []

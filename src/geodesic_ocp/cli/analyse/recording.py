@@ -77,7 +77,11 @@ def analyse_bundled(options: argparse.Namespace) -> Analysis:
 
 
 def _has_arm(file: Path, side: Side, settings: AnalysisSettings) -> bool:
-    stated = {name: each for name, each in settings.of_formats().items() if name != "up"}
+    stated = {
+        name: each
+        for name, each in settings.of_formats().items()
+        if name not in ("up", "marker_set")
+    }
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # they are printed by then

@@ -61,18 +61,24 @@ def add_format(command: argparse.ArgumentParser) -> None:
         "is a negative one",
     )
     command.add_argument(
+        "--marker-set",
+        type=Path,
+        metavar="FILE",
+        help="where the markers are (.json, .toml; default: the known set that fits)",
+    )
+    command.add_argument(
         "--amc-rate", type=float, metavar="HZ", help="sampling rate of .amc files (default: 120)"
     )
 
 
 def stated(options: argparse.Namespace) -> dict[str, Any]:
     """The arguments of `read_recording` that `add_format` adds as options."""
-    skeleton = getattr(options, "skeleton", None)
+    files = {name: getattr(options, name, None) for name in ("skeleton", "marker_set")}
     return {
         "convention": getattr(options, "convention", None),
         "unit": getattr(options, "unit", None),
         "rate": getattr(options, "amc_rate", None),
-        "skeleton": None if skeleton is None else str(skeleton),
+        **{name: None if file is None else str(file) for name, file in files.items()},
         "up": getattr(options, "up", None),
     }
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time as clock
 import warnings
 from collections.abc import Collection
+from os import PathLike
 from typing import Any, get_args
 
 import numpy as np
@@ -25,6 +26,7 @@ from geodesic_ocp.recordings.markers.program.fit_problem import FitProblem
 from geodesic_ocp.recordings.markers.program.fit_settings import Base, FitSettings
 from geodesic_ocp.recordings.markers.program.known_height import known_height
 from geodesic_ocp.recordings.markers.program.solve_fit import solve_fit
+from geodesic_ocp.recordings.markers.read_marker_set import as_marker_set
 from geodesic_ocp.recordings.markers.space_axes import Axis, with_z_up
 
 _ESTIMATES = ("lengths", "offsets")
@@ -36,7 +38,7 @@ def fit_motion(
     model: Model,
     positions: Markers,
     *,
-    marker_set: MarkerSet | None = None,
+    marker_set: MarkerSet | str | PathLike[str] | None = None,
     base: Base = "free",
     estimate: Collection[str] = _ESTIMATES,
     height: float | None = None,
@@ -76,9 +78,10 @@ def fit_motion(
         model: `human_arm`, `human_upper_body`, or any model with points on its frames.
         positions: of markers or joints, in a space with z up (see `up`), or for base="fixed" in the
             axes and from the origin of the model's base.
-        marker_set: where the markers are; None: of the Master Motor Map's set, that of Plug-in
-            Gait, centres of joints ("right elbow"), and frames of the model by name, the one that
-            most names of the recording belong to.
+        marker_set: where the markers are, or a JSON or TOML file with the attributes of a
+            `MarkerSet`; None: of the Master Motor Map's set, that of Plug-in Gait, centres of
+            joints ("right elbow"), and frames of the model by name, the one that most names of the
+            recording belong to.
         base: "free" if the thorax (the pelvis of `human_upper_body`, the base of another model)
             moves, which takes three markers on it, or "fixed".
         estimate: any of "lengths" (of upper arm, forearm and shoulders, and the body height if it
@@ -118,7 +121,7 @@ def fit_motion(
         positions = with_z_up(positions, up)
     body = MarkedBody(model)
     known = known_height(body, positions, height, settings)
-    chosen = choose_markers(body, positions, marker_set, known.factor)
+    chosen = choose_markers(body, positions, as_marker_set(marker_set), known.factor)
     observed = positions.positions[:, chosen.columns]
     _check_times(positions.time)
     if base == "free" and body.height is not None:

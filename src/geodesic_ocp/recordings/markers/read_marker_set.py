@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from os import PathLike
 from pathlib import Path
 
 from geodesic_ocp.errors import RecordingError
@@ -10,7 +11,7 @@ from geodesic_ocp.recordings.conventions.read_convention_record import read_conv
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet
 
 
-def as_marker_set(given: MarkerSet | str | Path | None) -> MarkerSet | None:
+def as_marker_set(given: MarkerSet | str | PathLike[str] | None) -> MarkerSet | None:
     """The marker set itself, or the one in a JSON or TOML file with the attributes as its keys.
 
         {"name": "laboratory", "unit": "m", "uncertainty": {"dial": 0.02},
@@ -22,7 +23,7 @@ def as_marker_set(given: MarkerSet | str | Path | None) -> MarkerSet | None:
     """
     if given is None or isinstance(given, MarkerSet):
         return given
-    if not isinstance(given, (str, Path)):
+    if not isinstance(given, (str, PathLike)):
         raise ValueError(f"marker_set must be a MarkerSet or a file, got {given!r}")
     file = Path(given)
     record = read_convention_record(file)

@@ -47,8 +47,9 @@ class AnalysisSettings:
         segments: "online", see `segment`, or "optimal", see `segment_optimal`.
         threshold, rest, rest_duration, min_duration, hysteresis: of `segment`.
         count, penalty, error, measure, spacing, max_duration: of `segment_optimal`.
-        convention, skeleton, unit, rate, up: where the files' format does not give them, see
-            `read_recording`; a convention by its name or its file.
+        convention, skeleton, unit, rate, up, marker_set: where the files' format does not give
+            them, see `read_recording`; a convention by its name or its file, a marker set by its
+            file.
 
     Raises:
         ValueError: a setting out of range, or settings that exclude each other.
@@ -79,6 +80,7 @@ class AnalysisSettings:
     rate: float | None = None
     skeleton: str | None = None
     up: Axis | None = None
+    marker_set: str | None = None
 
     def __post_init__(self) -> None:
         for name, unit in _UNITS.items():
@@ -104,8 +106,10 @@ class AnalysisSettings:
             raise ValueError(
                 f"armature is the joint inertia of the metric joint-inertia, not of {self.metric}"
             )
-        if self.skeleton is not None and not Path(self.skeleton).is_file():
-            raise ValueError(f"skeleton: there is no file {self.skeleton!r}")
+        for name in ("skeleton", "marker_set"):
+            file = getattr(self, name)
+            if file is not None and not Path(file).is_file():
+                raise ValueError(f"{name}: there is no file {file!r}")
         named = self.convention is None or self.convention in ANGLE_CONVENTIONS
         if self.convention is not None and not named and not Path(self.convention).is_file():
             raise ValueError(
@@ -135,7 +139,7 @@ class AnalysisSettings:
         found = {}
         if self.metric not in METRIC_NAMES:
             found["metric"] = Path(self.metric)
-        for name in ("convention", "skeleton"):
+        for name in ("convention", "skeleton", "marker_set"):
             file = getattr(self, name)
             if file is not None and Path(file).is_file():
                 found[name] = Path(file)
@@ -143,7 +147,7 @@ class AnalysisSettings:
 
     def of_formats(self) -> dict[str, Any]:
         """The arguments of `read_recording` about what the format of a file leaves open."""
-        names = ("convention", "unit", "rate", "skeleton", "up")
+        names = ("convention", "unit", "rate", "skeleton", "up", "marker_set")
         return {name: getattr(self, name) for name in names}
 
     def digest(self) -> str:

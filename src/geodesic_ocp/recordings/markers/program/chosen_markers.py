@@ -65,7 +65,8 @@ def choose_markers(
         known = marker_set.name if marker_set is not None else "the known marker sets"
         raise ValueError(
             f"none of the markers {', '.join(positions.names[:20])} is one of {known} on "
-            f"{body.model.name!r}; say where they are with marker_set=MarkerSet(...)"
+            f"{body.model.name!r}; say where they are with marker_set=MarkerSet(...), "
+            "or in a file (--marker-set)"
         )
     unit = float(body.height or 0.0) if used.unit == "height" else 1.0 / height_factor
     return ChosenMarkers(
