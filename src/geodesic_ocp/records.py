@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import json
+import os
+import secrets
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from geodesic_ocp.errors import RecordingError
+
+TEMPORARY = ".writing-"  # start of the names of files that are being written
 
 
 def read_record(file: str | PathLike[str], name: str, version: int, what: str) -> dict[str, Any]:
@@ -42,24 +47,48 @@ def write_together(folder: str | Path, write: Callable[[Path], object]) -> list[
     """
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=target, prefix=".writing-") as temporary:
+    with tempfile.TemporaryDirectory(dir=target, prefix=TEMPORARY) as temporary:
         write(Path(temporary))
         return sorted(file.replace(target / file.name) for file in Path(temporary).iterdir())
 
 
-def write_file(file: str | PathLike[str], text: str) -> Path:
-    """Write a text file all at once: a failure leaves a file of that name as it was.
+def write_file(file: str | PathLike[str], text: str, *, lasting: bool = False) -> Path:
+    """Write a text file all at once, see `replacing`.
 
     Raises:
         OSError: the file cannot be written.
     """
     target = Path(file)
-    descriptor, temporary = tempfile.mkstemp(dir=target.parent, prefix=".writing-")
+    with replacing(target, lasting=lasting) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return target
+
+
+@contextmanager
+def replacing(target: Path, *, lasting: bool = False) -> Iterator[Path]:
+    """A path in the same folder, whose file becomes the target; a failure leaves that as it was.
+
+    The file has the permissions of any new one. If lasting, it is on the disk when this ends.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    temporary = target.with_name(f"{TEMPORARY}{secrets.token_hex(8)}")
     try:
-        with open(descriptor, "w", encoding="utf-8") as stream:
-            stream.write(text)
-        Path(temporary).chmod(0o644)
-        return Path(temporary).replace(target)
+        yield temporary
+        if lasting:
+            _to_disk(temporary)
+        temporary.replace(target)
     except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise
+    if lasting:
+        _to_disk(target.parent)
+
+
+def _to_disk(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

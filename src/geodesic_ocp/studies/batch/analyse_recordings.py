@@ -16,6 +16,7 @@ from typing import Any, Literal, get_args
 
 from geodesic_ocp.model.human.anthropometry import Side
 from geodesic_ocp.progress import Progress, no_progress
+from geodesic_ocp.records import write_file
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.batch.batch_result import BatchResult
 from geodesic_ocp.studies.batch.outcome import RecordingOutcome, RecordingTask
@@ -36,7 +37,6 @@ from geodesic_ocp.studies.batch.results.result_file import (
     result_key,
     results_by_key,
     unfinished,
-    write_whole,
 )
 from geodesic_ocp.studies.batch.run_task import RUNNING, outcome_of
 from geodesic_ocp.studies.batch.sources.recording_source import RecordingSource, recording_sources
@@ -224,4 +224,5 @@ def _rename(path: Path, record: dict[str, Any], source: RecordingSource) -> None
     """Let a result from before have the names that the recording has now."""
     now = identity(source, record.get("own_subject", ""))
     if record["identity"] != now:
-        write_whole(path, json.dumps(record | {"identity": now}, allow_nan=False))
+        text = json.dumps(record | {"identity": now}, allow_nan=False)
+        write_file(path, text, lasting=True)

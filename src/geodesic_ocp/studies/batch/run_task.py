@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from geodesic_ocp.errors import GeodesicOcpError
+from geodesic_ocp.records import write_file
 from geodesic_ocp.studies.batch.analyse_recording import analyse_recording, read_by_settings
 from geodesic_ocp.studies.batch.outcome import OutcomeKind, RecordingOutcome, RecordingTask
 from geodesic_ocp.studies.batch.person import identity, person_row, stature
@@ -27,7 +28,6 @@ from geodesic_ocp.studies.batch.results.result_file import (
     VERSION,
     read_result,
     result_name,
-    write_whole,
 )
 from geodesic_ocp.studies.batch.sources.recording_source import RecordingSource
 from geodesic_ocp.studies.tables.analysis_rows import recording_rows, synergy_rows
@@ -77,8 +77,10 @@ def _analysed(task: RecordingTask) -> RecordingOutcome:
     seconds = time.perf_counter() - start
     for row in record["recordings"]:
         row["computation_s"] = seconds
-    write_whole(target.with_suffix(SYNERGIES), synergies)
-    write_whole(target, json.dumps(record, allow_nan=False))  # last: it makes the result
+    write_file(target.with_suffix(SYNERGIES), synergies, lasting=True)
+    write_file(
+        target, json.dumps(record, allow_nan=False), lasting=True
+    )  # last: it makes the result
     return replace(outcome_of(task.source, task.key, record), kind="analysed", seconds=seconds)
 
 
@@ -104,7 +106,6 @@ def _result(task: RecordingTask) -> tuple[dict[str, Any], str]:
         "version": VERSION,
         "key": task.key,
         "package": version("geodesic_ocp"),
-        "path": str(source.path),
         "settings": settings.record(),
         "own_subject": motion.subject.name,
         "probes": _probes(motion),

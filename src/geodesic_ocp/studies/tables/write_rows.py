@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import csv
-import os
-import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 
+from geodesic_ocp.records import replacing
 from geodesic_ocp.studies.tables.columns import TABLES, Row, TableColumn
 from geodesic_ocp.studies.tables.parquet import has_parquet, write_parquet
 
@@ -34,10 +33,13 @@ def write_rows(folder: str | PathLike[str], name: str, rows: Sequence[Row]) -> l
         if extra := set(row) - known:
             raise ValueError(f"{name} has no column {', '.join(sorted(extra))}")
     folder = Path(folder)
-    written = [_at_once(folder / f"{name}.csv", lambda file: _write_csv(file, columns, rows))]
+    written = [folder / f"{name}.csv"]
+    with replacing(written[0]) as file:
+        _write_csv(file, columns, rows)
     if has_parquet():
-        parquet = folder / f"{name}.parquet"
-        written.append(_at_once(parquet, lambda file: write_parquet(file, columns, rows)))
+        written.append(folder / f"{name}.parquet")
+        with replacing(written[1]) as file:
+            write_parquet(file, columns, rows)
     return written
 
 
@@ -47,16 +49,3 @@ def _write_csv(file: Path, columns: Sequence[TableColumn], rows: Sequence[Row]) 
         writer.writerow([column.name for column in columns])
         for row in rows:
             writer.writerow([row.get(column.name) for column in columns])  # None is empty
-
-
-def _at_once(file: Path, write: Callable[[Path], None]) -> Path:
-    descriptor, name = tempfile.mkstemp(dir=file.parent, prefix=".writing-", suffix=file.suffix)
-    os.close(descriptor)
-    temporary = Path(name)
-    try:
-        write(temporary)
-        temporary.chmod(0o644)
-        return temporary.replace(file)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise

@@ -1,4 +1,4 @@
-"""The file of one recording's result: its key, and writing and reading it as a whole."""
+"""The file of one recording's result: its key, its name, and reading it."""
 
 from __future__ import annotations
 
@@ -6,21 +6,19 @@ import hashlib
 import json
 import os
 import re
-import tempfile
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.records import read_record
+from geodesic_ocp.records import TEMPORARY, read_record
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.batch.sources.recording_source import RecordingSource
 
 FORMAT, VERSION = "geodesic_ocp result of a recording", 1
 RESULTS = "results"  # folder of the results, within that of the output
 SYNERGIES = ".synergies.json"
-_TEMPORARY = ".writing-"
 _KEY = re.compile(r"-([0-9a-f]{32})\.json$")
 
 
@@ -69,31 +67,6 @@ def read_result(path: Path) -> dict[str, Any] | None:
     return record if {"identity", "recordings", "synergies"} <= set(record) else None
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a file whole or not at all, even if the process or the machine stops meanwhile.
-
-    Raises:
-        OSError: the file cannot be written.
-    """
-    descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=_TEMPORARY)
-    temporary = Path(name)
-    try:
-        with open(descriptor, "w", encoding="utf-8") as stream:
-            stream.write(text)
-            stream.flush()
-            os.fsync(stream.fileno())
-        temporary.chmod(0o644)
-        temporary.replace(path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
-    directory = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(directory)
-    finally:
-        os.close(directory)
-
-
 def unfinished(folder: Path) -> Iterator[Path]:
     """Temporary files that processes which were killed left among the results."""
-    yield from (folder / RESULTS).glob(f"{_TEMPORARY}*")
+    yield from (folder / RESULTS).glob(f"{TEMPORARY}*")

@@ -1,0 +1,35 @@
+"""Files are written whole or not at all, with the permissions of any new file."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+from geodesic_ocp.records import write_file
+from geodesic_ocp.studies.tables.write_rows import write_rows
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions are those of POSIX")
+@pytest.mark.parametrize("mask", [0o077, 0o022, 0o002])
+def test_files_have_the_permissions_that_the_user_asks_for(mask: int, tmp_path: Path) -> None:
+    before = os.umask(mask)
+    try:
+        files = [
+            write_file(tmp_path / "a.json", "{}"),
+            write_file(tmp_path / "b.json", "{}", lasting=True),
+            *write_rows(tmp_path, "recordings", [{"samples": 3}]),
+        ]
+    finally:
+        os.umask(before)
+    assert {stat.S_IMODE(file.stat().st_mode) for file in files} == {0o666 & ~mask}
+
+
+def test_a_failure_leaves_the_file_as_it_was(tmp_path: Path) -> None:
+    file = write_file(tmp_path / "a.txt", "before")
+    with pytest.raises(UnicodeEncodeError):
+        write_file(file, "half of it and \ud800")
+    assert file.read_text() == "before"
+    assert list(tmp_path.iterdir()) == [file]
