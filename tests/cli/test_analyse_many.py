@@ -139,15 +139,17 @@ def test_every_file_that_is_left_out_is_on_the_screen(
 
 def test_what_formats_leave_open_can_be_stated() -> None:
     """The options of a recording's format are those of every command that reads recordings."""
+    named = ["--skeleton", "a.asf", "--marker-set", "set.json"]
     given = ["--convention", "isb", "--unit", "cm", "--amc-rate", "60", "--up=-y"]
     for command in (["analyse", "a"], ["fit", "a"], ["retarget", "a", "--robot", "panda"]):
-        options = cli._parser().parse_args([*command, *given, "--skeleton", "a.asf"])
+        options = cli._parser().parse_args([*command, *given, *named])
         assert stated(options) == {
             "convention": "isb",
             "unit": "cm",
             "rate": 60.0,
             "skeleton": "a.asf",
             "up": "-y",
+            "marker_set": "set.json",
         }
 
 

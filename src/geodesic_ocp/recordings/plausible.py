@@ -19,6 +19,8 @@ _LARGEST_ANGLE = 4.0 * np.pi  # [rad]
 
 # Joints of people reach a little beyond the model's limits; not by this much for this long.
 _OUTSIDE, _OFTEN = np.radians(10.0), 0.2  # [rad], and share of the samples
+# A shoulder whose first and last axis are this near to parallel, and turn so far in one sample.
+_NEARLY_LOCKED, _FAST = 0.17, 0.5  # cosine of Sz, [rad]
 _STILL = 3.2  # a range of angles that is all of a motion in radians, and hardly one in degrees
 
 
@@ -88,6 +90,35 @@ def ask_about_limits(model: Model, motion: Motion, name: str) -> None:
             RuntimeWarning,
             stacklevel=3,
         )
+
+
+def warn_of_gimbal_lock(motion: Motion, name: str) -> None:
+    """Give a RuntimeWarning if the shoulder turns fast because its axes are nearly parallel.
+
+    Where Sz is near 90 degrees, Sx and Sy turn about nearly the same axis, and may change by
+    radians while the arm hardly moves.
+
+    Args:
+        motion: of an arm of the Master Motor Map; of other joints nothing is said.
+        name: of the recording, with which the warning begins.
+    """
+    for letter in "RL":
+        x, z, y = (f"{letter}S{axis}_joint" for axis in "xzy")
+        if not {x, y, z} <= set(motion.joint_names):
+            continue
+        first, middle, last = motion.select([x, z, y]).q.T
+        steps = np.minimum(np.abs(np.diff(first)), np.abs(np.diff(last)))
+        steps[np.abs(np.cos(middle[1:])) > _NEARLY_LOCKED] = 0.0
+        at = int(np.argmax(steps))
+        if steps[at] > _FAST:
+            warnings.warn(
+                f"{name}: {x} and {y} turn by {np.degrees(steps[at]):.0f} deg within one sample, "
+                f"at {motion.time[at + 1]:.2f} s, as {z} is {np.degrees(middle[at + 1]):.0f} deg, "
+                "near gimbal lock: there joint angles and their velocities say little about the "
+                "arm's motion",
+                RuntimeWarning,
+                stacklevel=3,
+            )
 
 
 def ask_about_degrees(name: str, q: Array) -> None:

@@ -24,7 +24,11 @@ from geodesic_ocp.recordings.markers.marker_fit import DOUBTFUL, MarkerFit
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.space_axes import Axis, as_axis
 from geodesic_ocp.recordings.named_failures import named_failures
-from geodesic_ocp.recordings.plausible import ask_about_limits, check_plausible
+from geodesic_ocp.recordings.plausible import (
+    ask_about_limits,
+    check_plausible,
+    warn_of_gimbal_lock,
+)
 from geodesic_ocp.recordings.read_motion import check_stated, read_motion
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.trajectory.motion import Motion, Subject
@@ -108,6 +112,7 @@ def read_recording(
     try:
         check_plausible(arm, motion)
         ask_about_limits(arm, motion, str(file))
+        warn_of_gimbal_lock(motion, str(file))
         if resample is not None:
             motion = motion.resampled(resample)
         smooth = unfiltered or (fit is not None and not named)  # the fit has smoothed it
