@@ -41,6 +41,17 @@ def test_patterns_without_a_subject_are_refused(pattern: str) -> None:
         SubjectPattern(pattern)
 
 
+@pytest.mark.parametrize("pattern", ["{subject}{trial}", "{subject}*_{trial}", "x/*{subject}"])
+def test_fields_that_cannot_be_told_apart_are_refused(pattern: str) -> None:
+    with pytest.raises(ValueError, match="must hold something between two fields"):
+        SubjectPattern(pattern)
+
+
+def test_a_pattern_may_begin_in_the_current_folder() -> None:
+    entry, problem = SubjectPattern("./{subject}/{trial}").find("/data/Ann/3.c3d")
+    assert (entry.subject, entry.trial, problem) == ("Ann", "3", "")
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

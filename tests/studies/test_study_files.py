@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from studies.study_rows import drawn, rows_of, written
 
 import geodesic_ocp as go
+from geodesic_ocp.studies.study.sources.metadata import with_metadata
 from geodesic_ocp.studies.study.study import study
 from geodesic_ocp.studies.study.study_results import Study
 from geodesic_ocp.studies.tables.write_rows import write_rows
@@ -133,6 +134,31 @@ def test_recordings_that_were_cut_by_different_metrics_are_not_averaged(tmp_path
     with pytest.raises(go.RecordingError, match="cut by metrics that differ cannot be averaged"):
         study(tmp_path)
     assert len(study(tmp_path, by="metric").means()) == 2
+
+
+@pytest.mark.parametrize(
+    ("file", "names", "chosen"),
+    [
+        ("r.c3d", ["r.xml", "r.c3d"], "r.c3d"),
+        ("S1/r_1.5.c3d", ["r_1.6", "r_1.5"], "r_1.5"),
+        ("r.c3d", ["/data/S1/r.c3d", "/data/S1/q.c3d"], "/data/S1/r.c3d"),
+        ("r_1", ["S1/r", "S1/r_1"], "S1/r_1"),
+        ("r.c3d", ["S1/r.c3d", "S2/r.c3d", "S3/r"], ""),
+        ("r_1.c3d", ["r_1.5", "r_1.6"], ""),
+        ("S1/r", ["S1/q", "S2/S1"], ""),
+    ],
+)
+def test_metadata_are_those_of_the_file_that_is_named(
+    file: str, names: list[str], chosen: str, tmp_path: Path
+) -> None:
+    table = tmp_path / "files.csv"
+    table.write_text("\n".join(["file,condition", *(f"{name},{name}" for name in names)]) + "\n")
+    if chosen:
+        (row,) = with_metadata([{"file": file}], table)
+        assert row["condition"] == chosen
+    else:
+        with pytest.raises(go.RecordingError, match="does not name the recording's file"):
+            with_metadata([{"file": file}], table)
 
 
 def test_conditions_come_from_a_column_or_from_a_table_of_files(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path, PurePosixPath
 
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.studies.tables.file_names import named_file, path_ends
 from geodesic_ocp.studies.tables.text_table import read_text_table
 
 _FIELD = re.compile(r"\{(\w*)\}|(\*)")
@@ -35,7 +36,7 @@ class SubjectPattern:
     '2'
 
     Raises:
-        ValueError: no {subject}, or another or a repeated field.
+        ValueError: no {subject}, another or a repeated field, or two with nothing between them.
     """
 
     def __init__(self, pattern: str) -> None:
@@ -45,7 +46,13 @@ class SubjectPattern:
                 "the pattern of subjects must hold {subject} once, and may hold {trial} once and "
                 f"*, as in '{{subject}}/*_{{trial}}'; got {pattern!r}"
             )
+        if touching := re.search(r"(?:\{\w*\}|\*){2,}", pattern):
+            raise ValueError(
+                "the pattern of subjects must hold something between two fields, as in "
+                f"'{{subject}}_{{trial}}'; got {touching[0]!r} in {pattern!r}"
+            )
         self.pattern = pattern
+        pattern = pattern.removeprefix("./")
         parts, end = [], 0
         for match in _FIELD.finditer(pattern):
             parts.append(re.escape(pattern[end : match.start()]))
@@ -102,14 +109,9 @@ class SubjectTable:
 
         The longest path counts, and of two as long the one with the suffix.
         """
-        path = PurePosixPath(file)
-        parts = [part for part in path.parts if part != "/"]
-        for start in range(len(parts)):
-            folders = parts[start:-1]
-            for name in (path.name, path.stem):
-                entry = self.entries.get("/".join([*folders, name]))
-                if entry is not None:
-                    return entry, ""
+        for end in path_ends(file):
+            if (entry := self.entries.get(end)) is not None:
+                return entry, ""
         shown = "/".join(PurePosixPath(file).parts[-2:])
         return SubjectEntry(""), f"{self.path} has no row whose file is the end of .../{shown}"
 
@@ -124,5 +126,4 @@ def _entry(where: str, row: Mapping[str, str]) -> tuple[str, SubjectEntry]:
         except ValueError as failure:
             raise RecordingError(f"{where}: {name}: {failure}") from None
     entry = SubjectEntry(row["subject"], row.get("trial") or "", **numbers)
-    path = PurePosixPath(row["file"].replace("\\", "/").removeprefix("./").lstrip("/"))
-    return str(path), entry
+    return named_file(row["file"]), entry

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from os import PathLike
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.studies.tables.columns import Row
+from geodesic_ocp.studies.tables.file_names import named_file, path_ends
 from geodesic_ocp.studies.tables.text_table import read_text_table
 
 
@@ -28,7 +29,7 @@ def with_metadata(rows: Sequence[Row], table: str | PathLike[str]) -> tuple[Row,
     entries: dict[str, Row] = {}
     for where, values in lines:
         entry: Row = dict(zip(names, values, strict=True))
-        key = _key(str(entry["file"]).replace("\\", "/"))
+        key = named_file(values[names.index("file")])
         if key in entries:
             raise RecordingError(f"{path}: {where}: {entry['file']} is there already")
         entries[key] = entry
@@ -36,15 +37,15 @@ def with_metadata(rows: Sequence[Row], table: str | PathLike[str]) -> tuple[Row,
 
 
 def _entry(file: str, entries: dict[str, Row], path: Path) -> Row:
-    parts = PurePosixPath(_key(file)).parts
-    for length in range(len(parts), 0, -1):
-        if (entry := entries.get("/".join(parts[-length:]))) is not None:
+    ends = list(path_ends(file))
+    for end in ends:
+        if (entry := entries.get(end)) is not None:
             return entry
-    longer = [key for key in entries if key.endswith(f"/{_key(file)}")]
-    if len(longer) == 1:  # the table gives more of the path than the recordings do
-        return entries[longer[0]]
+    for whole in [end for end in ends if end.count("/") == ends[0].count("/")]:
+        # The table may give more of the path than the recordings do.
+        longer = [key for key in entries if key.endswith(f"/{whole}")]
+        if len(longer) == 1:
+            return entries[longer[0]]
+        if longer:
+            break
     raise RecordingError(f"{path}: does not name the recording's file {file!r}")
-
-
-def _key(file: str) -> str:
-    return str(PurePosixPath(file).with_suffix("")) if PurePosixPath(file).name else file
