@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 from collections.abc import Iterator
@@ -167,6 +168,42 @@ def test_a_recording_that_an_executor_loses_is_tried_once_more(folder: Path) -> 
     assert {each.kind for each in twice.values()} == {"process"}
     words = "failed twice in its executor: CancelledError; then RuntimeError: the worker was lost"
     assert twice["0.csv"].text == words
+
+
+class Raising(Executor):
+    """Raises the same for all recordings, once for each."""
+
+    def __init__(self, failure: Exception) -> None:
+        self.failure = failure
+        self.seen: set[str] = set()
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        if args[0].key in self.seen:
+            future.set_result(fn(*args))
+        else:
+            self.seen.add(args[0].key)
+            future.set_exception(self.failure)
+        return future
+
+
+@pytest.mark.parametrize(
+    "failure",
+    [
+        OSError("in <TCP>: Stream is closed"),  # as Dask's CommClosedError
+        TimeoutError("no answer in 30 s"),
+        ConnectionResetError(errno.ECONNRESET, "reset by peer"),
+    ],
+)
+def test_a_lost_connection_is_tried_once_more(failure: Exception, folder: Path) -> None:
+    found = by_name(in_executor(Raising(failure), iter(tasks(folder, 3)), 2))
+    assert {each.kind for each in found.values()} == {"file"}
+
+
+def test_a_full_disk_ends_the_run(folder: Path) -> None:
+    full = OSError(errno.ENOSPC, "No space left on device")
+    with pytest.raises(OSError, match="No space left"):
+        list(in_executor(Raising(full), iter(tasks(folder, 3)), 2))
 
 
 def test_an_executor_that_has_broken_ends_the_run(folder: Path) -> None:

@@ -67,6 +67,7 @@ def in_executor(
 
     Raises:
         GeodesicOcpError: the executor itself is broken; what is finished stays.
+        OSError: a result cannot be written.
     """
     again: list[tuple[RecordingTask, str]] = []
     for task, future in completed(executor, tasks, window):
@@ -75,8 +76,8 @@ def in_executor(
             yield future.result()
         elif isinstance(failure, BrokenExecutor):
             raise _broken(executor, failure)
-        elif isinstance(failure, OSError):
-            raise failure  # the folder cannot be written to
+        elif _is_of_the_folder(failure):
+            raise failure
         else:
             again.append((task, _named(failure)))
     for task, first in again:
@@ -86,9 +87,20 @@ def in_executor(
                 yield future.result()
             elif isinstance(second, BrokenExecutor):
                 raise _broken(executor, second)
+            elif _is_of_the_folder(second):
+                raise second
             else:
                 text = f"failed twice in its executor: {first}; then {_named(second)}"
                 yield RecordingOutcome(task.source, "process", text)
+
+
+def _is_of_the_folder(failure: BaseException) -> bool:
+    """Whether a result could not be written; lost connections of a cluster are OSErrors, too.
+
+    Dask's own ones, such as CommClosedError, have no number of the system.
+    """
+    lost = isinstance(failure, (ConnectionError, TimeoutError))
+    return isinstance(failure, OSError) and failure.errno is not None and not lost
 
 
 def _named(failure: BaseException) -> str:
