@@ -110,6 +110,16 @@ def test_subjects_without_a_method_are_left_out_of_the_pairs_and_named() -> None
     assert complete[0].mean == 1.25
 
 
+def test_numbers_that_differ_by_rounding_alone_are_equal() -> None:
+    """0.1 + 0.2 is 0.30000000000000004: eight such pairs would give p = 2^-7."""
+    errors = {"riemannian": 0.1 + 0.2, "euclidean_same_segments": 0.3}
+    (test,) = study_of(*((name, name, errors) for name in "abcdefgh")).tests()
+    assert (test.test.ties, test.test.wilcoxon_p, test.effect) == (8, 1.0, 0.0)
+    errors["riemannian"] = 0.3 + 1e-9
+    (test,) = study_of(*((name, name, errors) for name in "abcdefgh")).tests()
+    assert (test.test.losses, test.test.wilcoxon_p) == (8, pytest.approx(2.0**-7))
+
+
 def test_no_pair_at_all_is_said_in_the_table() -> None:
     study = study_of(
         ("a", "Ann", {"riemannian": 1.0}), ("b", "Bob", {"euclidean_same_segments": 1.0})

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import isclose
 
 from geodesic_ocp.comparison.paired_test import PairedTest, paired_test
 from geodesic_ocp.studies.study.statistics.measures import StudyMeasure
 from geodesic_ocp.studies.study.statistics.multiple_tests import holm, rank_biserial
 from geodesic_ocp.studies.study.statistics.subjects import in_natural_order
+
+_ROUNDING = 1e-12  # of the numbers' size
 
 
 @dataclass(frozen=True, repr=False)
@@ -62,6 +65,8 @@ def subject_test(
 ) -> StudyTest | None:
     """Test the means of the subjects that are in both; None if there are none.
 
+    Means that differ by rounding alone, by less than 1e-12 of their size, are equal.
+
     Args:
         first, second: means by subject.
         everybody: all subjects; those without a pair are named.
@@ -73,7 +78,8 @@ def subject_test(
     if not subjects:
         return None
     a, b = [first[name] for name in subjects], [second[name] for name in subjects]
-    differences = {name: first[name] - second[name] for name in subjects}
+    b = [x if isclose(x, y, rel_tol=_ROUNDING) else y for x, y in zip(a, b, strict=True)]
+    differences = {name: x - y for name, x, y in zip(subjects, a, b, strict=True)}
     test = paired_test(a, b, confidence=confidence, seed=seed)
     return StudyTest(
         *names,
