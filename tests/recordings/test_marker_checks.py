@@ -130,6 +130,7 @@ def test_positions_in_a_room_have_no_fixed_base(walker: Markers) -> None:
         fit_motion(go.human_arm("right", HEIGHT), walker, base="fixed", estimate=())
 
 
+@pytest.mark.slow
 def test_names_that_are_permuted_are_no_fit(walker: Markers) -> None:
     arm_names = [name for name in walker.names if MMM_MARKERS.places[name][0] != "thorax"]
     mixed = dict(zip(arm_names, np.random.default_rng(1).permutation(arm_names), strict=True))
@@ -138,6 +139,7 @@ def test_names_that_are_permuted_are_no_fit(walker: Markers) -> None:
         fit_motion(go.human_arm("right", HEIGHT), replace(walker, names=names))
 
 
+@pytest.mark.slow
 def test_a_height_that_no_adult_has_is_not_believed(walker: Markers) -> None:
     """Unless it is given: then the model is of this height."""
     tall = replace(walker, positions=1.5 * walker.positions)

@@ -49,6 +49,7 @@ def by_name(outcomes: Iterator[RecordingOutcome]) -> dict[str, RecordingOutcome]
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "words"),
     [

@@ -164,6 +164,7 @@ def test_analyses_in_memory_give_the_rows_of_a_folder() -> None:
         study(analyses, names=["a", "a"])
 
 
+@pytest.mark.slow
 def test_the_command_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     recordings, synergies = drawn(4, 6, 2)
     written(tmp_path, recordings, synergies)
