@@ -16,7 +16,6 @@ from known_problems import PlaneAroundDisc
 from numpy.testing import assert_array_equal
 
 import geodesic_ocp as go
-from geodesic_ocp import records
 
 START, TARGET = (0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1), (0.10, 0.45, -0.05)  # [rad], [m]
 
@@ -79,23 +78,13 @@ def test_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.Mo
     file = solution.save(tmp_path / "solution.json")
     before = file.read_bytes()
 
-    class DiskFull:
-        """A file that holds the beginning of what is written to it."""
+    def disk_full(path: Path, text: str, **options: Any) -> None:
+        """The beginning is written before the disk is full."""
+        with path.open("w", **options) as stream:
+            stream.write(text[:100])
+        raise OSError("no space left on device")
 
-        def __init__(self, descriptor: int, *arguments: Any, **options: Any) -> None:
-            self.stream = open(descriptor, "w")  # noqa: SIM115
-
-        def __enter__(self) -> DiskFull:
-            return self
-
-        def __exit__(self, *reason: object) -> None:
-            self.stream.close()
-
-        def write(self, text: str) -> None:
-            self.stream.write(text[:100])
-            raise OSError("no space left on device")
-
-    monkeypatch.setattr(records, "open", DiskFull, raising=False)
+    monkeypatch.setattr(Path, "write_text", disk_full)
     with pytest.raises(OSError, match="no space left"):
         go.solve(PlaneAroundDisc(radius=0.4)).save(file)
     assert file.read_bytes() == before
