@@ -276,8 +276,8 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.recordings.markers.fit_motion import fit_motion
     from geodesic_ocp.recordings.markers.lost_markers import LostMarker
     from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
-    from geodesic_ocp.recordings.markers.marker_set import MarkerSet
     from geodesic_ocp.recordings.markers.markers import Markers
+    from geodesic_ocp.recordings.markers.sets.marker_set import MarkerSet
     from geodesic_ocp.recordings.opensim_models.osim_convention import OsimConvention
     from geodesic_ocp.recordings.read_markers import read_markers
     from geodesic_ocp.recordings.read_motion import read_motion
@@ -451,7 +451,7 @@ else:
         "recordings.skeletons.skeleton_convention": "SkeletonConvention",
         "recordings.markers.markers": "Markers",
         "recordings.read_markers": "read_markers",
-        "recordings.markers.marker_set": "MarkerSet",
+        "recordings.markers.sets.marker_set": "MarkerSet",
         "recordings.markers.marker_fit": "MarkerFit",
         "recordings.markers.fit_motion": "fit_motion",
         "recordings.markers.lost_markers": "LostMarker",

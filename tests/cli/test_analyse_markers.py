@@ -12,7 +12,7 @@ from marked_motion import HEIGHT, angles, marked
 
 import geodesic_ocp as go
 from geodesic_ocp.cli import main as cli
-from geodesic_ocp.recordings.markers.known_marker_sets import MMM_MARKERS
+from geodesic_ocp.recordings.markers.sets.known_marker_sets import MMM_MARKERS
 from geodesic_ocp.studies.batch.analyse_recordings import analyse_recordings
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
 

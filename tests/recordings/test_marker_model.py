@@ -14,13 +14,13 @@ from geodesic_ocp.model.adjustable_lengths import joint_poses, with_lengths
 from geodesic_ocp.model.human.human_upper_body import human_upper_body
 from geodesic_ocp.model.human.stature import stature
 from geodesic_ocp.recordings.markers.fit_motion import fit_motion
-from geodesic_ocp.recordings.markers.known_marker_sets import MARKER_SETS, MMM_MARKERS
 from geodesic_ocp.recordings.markers.lost_markers import lost_markers
-from geodesic_ocp.recordings.markers.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.markers.program.body import MarkedBody
 from geodesic_ocp.recordings.markers.program.smoothness import roughness
 from geodesic_ocp.recordings.markers.program.start import rigid_poses
+from geodesic_ocp.recordings.markers.sets.known_marker_sets import MARKER_SETS, MMM_MARKERS
+from geodesic_ocp.recordings.markers.sets.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.standing_height import standing_height
 
 

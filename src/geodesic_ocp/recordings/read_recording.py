@@ -21,7 +21,7 @@ from geodesic_ocp.model.human.human_arm import (
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.formats.recognise import MARKERS, recognise
 from geodesic_ocp.recordings.markers.marker_fit import DOUBTFUL, MarkerFit
-from geodesic_ocp.recordings.markers.marker_set import MarkerSet
+from geodesic_ocp.recordings.markers.sets.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.space_axes import Axis, as_axis
 from geodesic_ocp.recordings.named_failures import named_failures
 from geodesic_ocp.recordings.plausible import (

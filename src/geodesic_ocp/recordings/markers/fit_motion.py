@@ -16,7 +16,6 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.markers.check_fit import check_fit
 from geodesic_ocp.recordings.markers.fitted_values import as_marker_fit
 from geodesic_ocp.recordings.markers.marker_fit import DOUBTFUL, MarkerFit
-from geodesic_ocp.recordings.markers.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.markers.plausible_size import check_plausible_size
 from geodesic_ocp.recordings.markers.program.body import MarkedBody
@@ -26,7 +25,8 @@ from geodesic_ocp.recordings.markers.program.fit_problem import FitProblem
 from geodesic_ocp.recordings.markers.program.fit_settings import Base, FitSettings
 from geodesic_ocp.recordings.markers.program.known_height import known_height
 from geodesic_ocp.recordings.markers.program.solve_fit import solve_fit
-from geodesic_ocp.recordings.markers.read_marker_set import as_marker_set
+from geodesic_ocp.recordings.markers.sets.marker_set import MarkerSet
+from geodesic_ocp.recordings.markers.sets.read_marker_set import as_marker_set
 from geodesic_ocp.recordings.markers.space_axes import Axis, with_z_up
 
 _ESTIMATES = ("lengths", "offsets")

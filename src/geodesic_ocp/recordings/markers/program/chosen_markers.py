@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.recordings.markers.known_marker_sets import MARKER_SETS
-from geodesic_ocp.recordings.markers.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.markers.program.body import MarkedBody
+from geodesic_ocp.recordings.markers.sets.known_marker_sets import MARKER_SETS
+from geodesic_ocp.recordings.markers.sets.marker_set import MarkerSet
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.conventions.read_convention_record import read_convention_record
-from geodesic_ocp.recordings.markers.marker_set import MarkerSet
+from geodesic_ocp.recordings.markers.sets.marker_set import MarkerSet
 
 
 def as_marker_set(given: MarkerSet | str | PathLike[str] | None) -> MarkerSet | None:

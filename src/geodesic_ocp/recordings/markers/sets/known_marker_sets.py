@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from geodesic_ocp.recordings.markers.marker_set import MarkerSet, Place
+from geodesic_ocp.recordings.markers.sets.marker_set import MarkerSet, Place
 
 
 def _mirrored(places: Mapping[str, Place]) -> dict[str, Place]:

@@ -1,0 +1,1 @@
+"""Where markers are on a person or a model."""
