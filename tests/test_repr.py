@@ -28,7 +28,7 @@ OF_EXECUTION = {
     go.Replay,
     go.TrajectoryCheck,
 }
-# These in tests/recordings/test_reprs.py and test_fit_motion_recording.py.
+# These in tests/recordings/test_reprs.py and markers/test_fit_motion_recording.py.
 OF_RECORDINGS = {
     go.AngleConvention,
     go.AxisRotation,

@@ -15,7 +15,7 @@ from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrie
 from geodesic_ocp.recordings.formats.skeletons.amc import read_amc
 from geodesic_ocp.recordings.formats.skeletons.asf import read_asf
 
-CMU = Path(__file__).resolve().parents[3] / "shared" / "data" / "cmu"
+CMU = Path(__file__).resolve().parents[4] / "shared" / "data" / "cmu"
 METRES = 0.0254 / 0.45
 pytestmark = pytest.mark.skipif(
     not (CMU / "02_05.amc").is_file(), reason="the recordings beside the checkout are absent"

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from recordings.osim_files import Axis, Link, coupler, osim_text
+from recordings.opensim_models.osim_files import Axis, Link, coupler, osim_text
 
 import geodesic_ocp as go
 from geodesic_ocp.recordings.opensim_models.osim_poses import body_poses

@@ -11,7 +11,7 @@ import geodesic_ocp as go
 from geodesic_ocp.recordings.markers.fit_motion import fit_motion
 from geodesic_ocp.recordings.read_markers import read_markers
 
-KIT = Path(__file__).resolve().parents[3] / "shared" / "data" / "kit"
+KIT = Path(__file__).resolve().parents[4] / "shared" / "data" / "kit"
 NAME = "take_book_from_shelf_right_arm_02"
 pytestmark = pytest.mark.skipif(
     not (KIT / f"{NAME}.c3d").exists(), reason="the recordings of ../shared/data are not here"

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from recordings.osim_files import (
+from recordings.opensim_models.osim_files import (
     ARM,
     Axis,
     Link,

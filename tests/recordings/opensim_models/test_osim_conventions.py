@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from recordings.osim_files import Axis, Link, osim_text, write_table
+from recordings.opensim_models.osim_files import Axis, Link, osim_text, write_table
 
 import geodesic_ocp as go
 from geodesic_ocp.recordings.conventions.angle_convention import AngleConvention, direction

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recordings.skeleton_files import (
+from recordings.skeletons.skeleton_files import (
     TREE,
     root_positions,
     rotations_in_file,

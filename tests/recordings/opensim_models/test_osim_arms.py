@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from recordings.osim_files import (
+from recordings.opensim_models.osim_files import (
     ARM,
     TRUNK,
     Axis,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from recordings.skeleton_files import (
+from recordings.skeletons.skeleton_files import (
     FILE,
     ORDERS,
     SIDES,
