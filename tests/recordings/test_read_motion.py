@@ -143,7 +143,7 @@ def test_degrees_are_converted_to_radians(unit: str, tmp_path: Path) -> None:
         (
             "bomb.xml",
             '<!DOCTYPE MMM [\n<!ENTITY a "b">\n]><MMM>&a;</MMM>',
-            "line 2 defines the entity 'a': recordings have none",
+            "line 2 defines the entity 'a', which is not supported",
         ),
         ("letter.bvh", "Dear reader,\n", "it looks like text that begins with 'Dear reader,'"),
         ("figures.csv", "0, 1\n2, 3\n", "it looks like a table of numbers without the names"),

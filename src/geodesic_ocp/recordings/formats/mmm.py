@@ -9,17 +9,16 @@ trunk is read where the file has the root's pose, the joints of the trunk and th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree import ElementTree
-from xml.parsers import expat
 
 import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.formats.mmm_trunk import TRUNK_JOINTS, root_motion, thorax_motion
+from geodesic_ocp.recordings.formats.xml_root import xml_root
 from geodesic_ocp.trajectory.frame_motion import FrameMotion
 from geodesic_ocp.trajectory.motion import Motion, Subject
 
@@ -32,17 +31,7 @@ def read_mmm(file: Path, joints: Sequence[str] | None = None) -> Motion:
     Raises:
         RecordingError: the XML is broken, is not MMM, or has no such joints or no frames.
     """
-    try:
-        _refuse_entities(file)
-        root = ElementTree.parse(file).getroot()
-    except ElementTree.ParseError as failure:
-        line, column = failure.position
-        reason = str(failure).partition(": line ")[0]  # which names the place once more
-        raise RecordingError(
-            f"{file}: broken XML at line {line}, column {column}: {reason}; is the file cut off?"
-        ) from None
-    except LookupError as failure:
-        raise RecordingError(f"{file}: {failure}") from None
+    root = xml_root(file)
     motions = root.findall("Motion") if root.tag == "MMM" else []
     if not motions:
         raise RecordingError(
@@ -58,21 +47,6 @@ def read_mmm(file: Path, joints: Sequence[str] | None = None) -> Motion:
     if not missing:
         raise RecordingError(f"{file}: no <Motion> in it names any joints")
     raise RecordingError(f"{file}: there is no joint {', '.join(missing)} in this recording")
-
-
-def _refuse_entities(file: Path) -> None:
-    """RecordingError if the file defines entities, which can expand to more than memory holds."""
-    parser = expat.ParserCreate()
-
-    def refuse(name: str, *_: object) -> None:
-        raise RecordingError(
-            f"{file}: line {parser.CurrentLineNumber} defines the entity {name!r}: recordings have "
-            "none"
-        )
-
-    parser.EntityDeclHandler = refuse
-    with file.open("rb") as stream, suppress(expat.ExpatError):  # reported by ElementTree
-        parser.ParseFile(stream)
 
 
 @dataclass(frozen=True)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from pathlib import Path
 from xml.etree import ElementTree
-from xml.parsers import expat
 
 import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.formats.xml_root import xml_root
 from geodesic_ocp.recordings.opensim_models.osim_model import OsimFunction
 from geodesic_ocp.recordings.opensim_models.simm_spline import simm_spline
 
@@ -22,23 +21,13 @@ def model_element(file: Path) -> ElementTree.Element:
     """The element Model of the file.
 
     Raises:
-        RecordingError: the file is missing, is no XML, declares a document type (which could define
-            entities), or is not an OpenSim model of version 2 or later.
+        RecordingError: the file is missing, is no XML, defines entities, or is not an OpenSim model
+            of version 2 or later.
     """
     try:
-        _refuse_document_type(file)
-        root = ElementTree.parse(file).getroot()
+        root = xml_root(file)
     except OSError as failure:
         raise RecordingError(f"{file}: cannot be read: {failure.strerror or failure}") from None
-    except ElementTree.ParseError as failure:
-        line, column = failure.position
-        raise RecordingError(
-            f"{file}: broken XML at line {line}, column {column}: {failure}"
-        ) from None
-    except (LookupError, ValueError) as failure:
-        if isinstance(failure, RecordingError):
-            raise
-        raise RecordingError(f"{file}: broken XML: {failure}") from None
     model = root.find("Model") if root.tag == "OpenSimDocument" else None
     if model is None:
         raise RecordingError(
@@ -46,20 +35,6 @@ def model_element(file: Path) -> ElementTree.Element:
             "model of OpenSim 2 or later"
         )
     return model
-
-
-def _refuse_document_type(file: Path) -> None:
-    parser = expat.ParserCreate()
-
-    def refuse(name: str, *_: object) -> None:
-        raise RecordingError(
-            f"{file}: line {parser.CurrentLineNumber} declares the document type {name!r}: models "
-            "have none"
-        )
-
-    parser.StartDoctypeDeclHandler = refuse
-    with file.open("rb") as stream, suppress(expat.ExpatError):  # reported by ElementTree
-        parser.ParseFile(stream)
 
 
 def text_of(element: ElementTree.Element, tag: str) -> str:
