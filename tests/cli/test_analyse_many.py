@@ -102,6 +102,7 @@ def test_one_file_with_options_of_many_is_one_of_many(
     capsys.readouterr()
 
 
+@pytest.mark.slow
 def test_both_arms_of_one_recording_have_a_figure_each(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -304,6 +304,7 @@ def test_armature_of_the_models_is_saved(
         assert go.load_metric(file, model).matrix(q) == pytest.approx(expected, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_the_estimate_does_not_depend_on_the_initial_value(noisy: list[Any]) -> None:
     """On the same segments; from poor initial values the paths are found first."""
     values = [

@@ -102,6 +102,7 @@ def test_minimum_jerk_moves_all_hands(both: go.Model, arms: list[go.Model]) -> N
         assert together.select(arm.joint_names).q == pytest.approx(alone, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_the_table_names_each_hand(analysis: go.Analysis, tmp_path: Path) -> None:
     table = analysis.table()
     assert table.header == ("method", "segments", "joints [rad]", *NAMED)

@@ -214,6 +214,7 @@ def test_decimation_reaches_the_requested_number_of_triangles() -> None:
     assert moving > 2 * still
 
 
+@pytest.mark.slow
 def test_a_robots_own_meshes() -> None:
     if folder(ROBOTS["panda"].package) is None:
         pytest.skip("example-robot-data is not installed (make robots)")

@@ -18,6 +18,7 @@ pytestmark = pytest.mark.skipif(
 )
 
 
+@pytest.mark.slow
 def test_the_book_s_recording() -> None:
     markers = read_markers(KIT / f"{NAME}.c3d")
     fit = fit_motion(go.human_arm("right"), markers)

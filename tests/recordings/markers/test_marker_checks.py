@@ -52,6 +52,7 @@ def test_a_person_who_is_not_upright_is_asked_about(up: Axis, walker: Markers) -
     np.testing.assert_allclose(with_z_up(other, up).positions, walker.positions, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_person_may_lie_if_that_is_said(walker: Markers) -> None:
     arm = go.human_arm("right", HEIGHT)
     upright = fit_motion(arm, walker, estimate=())
@@ -66,6 +67,7 @@ def test_a_person_may_lie_if_that_is_said(walker: Markers) -> None:
     assert np.abs(fit.motion.trunk.rotations[:, 2, 2]).max() < 0.5
 
 
+@pytest.mark.slow
 def test_a_stray_marker_of_the_thorax_does_not_lay_a_person_down(walker: Markers) -> None:
     positions = walker.positions.copy()
     positions[:, walker.names.index("C7")] = 0.0
@@ -123,6 +125,7 @@ def test_single_markers_that_are_far_away_do_not_count(walker: Markers) -> None:
     check_plausible_size(replace(walker, positions=np.full_like(positions, np.nan)))
 
 
+@pytest.mark.slow
 def test_positions_in_a_room_have_no_fixed_base(walker: Markers) -> None:
     with pytest.raises(
         ValueError, match=r"not fitted: markers are typically .* Check base='fixed'"
@@ -184,6 +187,7 @@ def test_gaps_that_leave_nothing_are_named(walker: Markers) -> None:
         fit_motion(go.human_arm("right"), replace(walker, positions=positions))
 
 
+@pytest.mark.slow
 def test_constant_errors_grow_with_the_uncertainty_of_places(walker: Markers) -> None:
     """In proportion, if offsets are kept; estimates leave less than was unknown before."""
     arm, found = go.human_arm("right", HEIGHT), {}
