@@ -46,9 +46,9 @@ def command(*words: str) -> None:
 
 
 folder = str(files("geodesic_ocp") / "data")
-many = ("analyse", folder, "--side", "left", "--out", "many")
-assert list(Path("many").glob("*.csv"))  # of `geodesic-ocp analyse`; CSV needs no extra
-assert not list(Path("many").glob("*.parquet"))
+many = ("analyse", folder, "--side", "left", "--out", "plain")
+assert list(Path("plain").glob("*.csv"))  # of `geodesic-ocp analyse`; CSV needs no extra
+assert not list(Path("plain").glob("*.parquet"))
 Path("recordings.parquet").write_bytes(b"PAR1")
 
 NEEDED: list[tuple[str, Callable[[], object]]] = [
