@@ -1,8 +1,9 @@
-"""A path that ends the process which asks for its name."""
+"""Paths that end or hold the process which asks for their name."""
 
 from __future__ import annotations
 
 import os
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,3 +24,12 @@ class DeadlyPath:
                 os._exit(7)
             os.kill(os.getpid(), self.signal)
         return "deadly"
+
+
+class EndlessPath:
+    """Takes a minute to tell its name."""
+
+    @property
+    def stem(self) -> str:
+        time.sleep(60.0)
+        return "endless"

@@ -66,6 +66,7 @@ def test_patterns_and_several_files(
         ([], "several recordings need --out"),
         (["--curve", "--out", "out"], "--curve is of one recording"),
         (["--out", "out", "--scheduler", "tcp://a:1", "--jobs", "2"], "either --jobs"),
+        (["--out", "out", "--scheduler", "tcp://a:1", "--time-limit", "2"], "not for --scheduler"),
         (["--out", "out", "--jobs", "0"], "jobs must be a positive integer"),
         (["--out", "out", "--threshold", "-1"], "threshold must be positive"),
         (["--out", "out", "--subject-from", "x"], "must hold {subject} once"),

@@ -276,6 +276,8 @@ def test_both_sides_of_a_file(data: Path, tmp_path: Path) -> None:
     ("arguments", "words"),
     [
         ({"jobs": 0}, "jobs must be a positive integer or None, got 0"),
+        ({"time_limit": 0.0}, "time_limit must be positive"),
+        ({"time_limit": 9.0, "executor": Here()}, "either a time_limit or an executor"),
         ({"side": "up"}, "side must be 'right', 'left' or 'both', got 'up'"),
         ({"subject_pattern": "{name}"}, r"must hold \{subject\} once"),
     ],

@@ -7,12 +7,13 @@ import os
 import signal
 from collections.abc import Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from dataclasses import replace
 from itertools import count, islice
 from pathlib import Path
 from typing import Any
 
 import pytest
-from deadly_path import DeadlyPath
+from deadly_path import DeadlyPath, EndlessPath
 
 import geodesic_ocp as go
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
@@ -81,6 +82,17 @@ def test_a_process_that_dies_once_costs_nothing(folder: Path, number: int) -> No
     assert flag.exists()
     assert set(found) == {each.source.file for each in given}
     assert all(each.kind != "process" for each in found.values())
+
+
+@pytest.mark.slow
+def test_a_recording_that_takes_too_long_is_left_out(folder: Path) -> None:
+    given = tasks(folder, 4)
+    given[1] = replace(task(folder, "endless.csv", EndlessPath()), time_limit=0.5)
+    found = by_name(in_processes(iter(given), 2, folder))
+    endless = found.pop("endless.csv")
+    assert (endless.kind, endless.text) == ("process", "took longer than the time limit")
+    assert {each.kind for each in found.values()} == {"file"}
+    assert len(found) == 3
 
 
 @pytest.mark.slow

@@ -41,13 +41,27 @@ def add_many_options(command: argparse.ArgumentParser) -> None:
         ' "{subject}_*_{trial}" (default: the subject in the file, or the name of its folder)',
     )
     group.add_argument(
+        "--time-limit",
+        type=float,
+        metavar="SECONDS",
+        help="leave a recording out that takes longer; not with --scheduler",
+    )
+    group.add_argument(
         "--tables-only",
         action="store_true",
         help="only write the tables from the results so far, also while another run works",
     )
 
 
-_OF_MANY = ("jobs", "scheduler", "recursive", "subjects", "subject_from", "tables_only")
+_OF_MANY = (
+    "jobs",
+    "scheduler",
+    "recursive",
+    "subjects",
+    "subject_from",
+    "time_limit",
+    "tables_only",
+)
 
 
 def are_many(options: argparse.Namespace) -> bool:
@@ -69,4 +83,6 @@ def are_many(options: argparse.Namespace) -> bool:
         raise ValueError(f"{what} --out, the folder of their results")
     if options.jobs is not None and options.scheduler is not None:
         raise ValueError("give either --jobs, processes of this computer, or --scheduler")
+    if options.time_limit is not None and options.scheduler is not None:
+        raise ValueError("--time-limit is for processes of this computer, not for --scheduler")
     return True

@@ -49,6 +49,7 @@ def analyse_many(options: argparse.Namespace) -> int:
                 recursive=options.recursive,
                 subject_pattern=options.subject_from,
                 subjects=options.subjects,
+                time_limit=options.time_limit,
                 tables_only=options.tables_only,
                 progress=bar,
                 finished=show,

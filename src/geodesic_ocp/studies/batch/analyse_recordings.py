@@ -14,6 +14,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.model.human.anthropometry import Side
 from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.records import write_file
@@ -57,6 +58,7 @@ def analyse_recordings(
     recursive: bool = False,
     subject_pattern: str | None = None,
     subjects: str | PathLike[str] | None = None,
+    time_limit: float | None = None,
     tables_only: bool = False,
     progress: Progress | None = None,
     finished: Callable[[RecordingOutcome], object] | None = None,
@@ -87,6 +89,8 @@ def analyse_recordings(
         subjects: CSV file with the columns file and subject, and, if known, trial, height [m] and
             mass [kg], instead of a pattern; file is the
             end of the recording's path, with or without its suffix.
+        time_limit: of a recording [s], after which its process is ended and it is left out; not
+            with an executor.
         tables_only: write the tables from the results that there are, without any analysis, also
             while another run works in the folder.
         progress: called with the current step, the amount done, and the total.
@@ -102,6 +106,10 @@ def analyse_recordings(
         raise ValueError(f"jobs must be a positive integer or None, got {jobs!r}")
     if side not in (*get_args(Side), "both"):
         raise ValueError(f"side must be 'right', 'left' or 'both', got {side!r}")
+    if time_limit is not None:
+        as_positive("time_limit", time_limit, "s")
+        if executor is not None:
+            raise ValueError("give either a time_limit or an executor, which has limits of its own")
     settings = settings or AnalysisSettings()
     files: dict[str, Any] = {name: str(each.absolute()) for name, each in settings.files().items()}
     settings = replace(settings, **files)  # processes may work in other folders
@@ -115,7 +123,7 @@ def analyse_recordings(
     sources = [source for source in sources if source.path not in own]
     (folder / RESULTS).mkdir(parents=True, exist_ok=True)
     outcomes = _Outcomes(len(sources), progress or no_progress, finished)
-    tasks = _tasks(sources, settings, folder, outcomes)
+    tasks = _tasks(sources, settings, folder, time_limit, outcomes)
     with nullcontext() if tables_only else _alone_in(folder):
         with closing(_run(tasks, folder, jobs, executor, tables_only)) as run:
             for outcome in run:
@@ -194,6 +202,7 @@ def _tasks(
     sources: Sequence[RecordingSource],
     settings: AnalysisSettings,
     folder: Path,
+    time_limit: float | None,
     outcomes: _Outcomes,
 ) -> Iterator[RecordingTask]:
     """The recordings that are to be analysed; outcomes of the others are added on the way."""
@@ -212,7 +221,7 @@ def _tasks(
                 if same != source.name:
                     outcome = RecordingOutcome(source, "same", f"is the same file as {same}")
                 elif record is None:
-                    yield RecordingTask(source, settings, folder, key)
+                    yield RecordingTask(source, settings, folder, key, time_limit)
                     continue
                 else:
                     _rename(known[key], record, source)

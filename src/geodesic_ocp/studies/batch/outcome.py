@@ -21,12 +21,14 @@ class RecordingTask:
         settings: of the analysis.
         folder: of the output, absolute.
         key: of the result, see `result_key`.
+        time_limit: of the process that analyses it [s], or None.
     """
 
     source: RecordingSource
     settings: AnalysisSettings
     folder: Path
     key: str
+    time_limit: float | None = None
 
     def __repr__(self) -> str:
         return f"RecordingTask({self.source.name!r}, {self.key[:8]})"

@@ -21,6 +21,7 @@ from geodesic_ocp.records import write_file
 from geodesic_ocp.studies.batch.analyse_recording import analyse_recording, read_by_settings
 from geodesic_ocp.studies.batch.outcome import OutcomeKind, RecordingOutcome, RecordingTask
 from geodesic_ocp.studies.batch.person import identity, person_row, stature
+from geodesic_ocp.studies.batch.processes.time_limit import time_limit
 from geodesic_ocp.studies.batch.results.result_file import (
     FORMAT,
     RESULTS,
@@ -52,7 +53,8 @@ def run_task(task: RecordingTask) -> RecordingOutcome:
     with _one_at_a_time:
         note.write_text(task.key, encoding="utf-8")
         try:
-            return _analysed(task)
+            with time_limit(task.time_limit):
+                return _analysed(task)
         finally:
             note.unlink(missing_ok=True)
             gc.collect()  # models and compiled functions refer to each other

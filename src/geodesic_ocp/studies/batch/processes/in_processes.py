@@ -20,6 +20,7 @@ _RENEWAL = 100
 _AHEAD = 2  # tasks submitted for each process
 # Times in a row that processes may die without any outcome, and without a recording to name.
 _ATTEMPTS = 3
+_TOO_LONG = describe_end(-signal.SIGALRM)
 
 
 def in_processes(
@@ -28,7 +29,8 @@ def in_processes(
     """Outcomes from `jobs` processes, each with one thread.
 
     If a process dies, its recording is analysed once more, alone, and fails if that dies as well.
-    If it cannot be told whose process died, this is done with all that were being analysed.
+    If it cannot be told whose process died, this is done with all that were being analysed. What
+    took longer than its time limit is not analysed again.
 
     Args:
         tasks: are taken as processes become free.
@@ -47,7 +49,9 @@ def in_processes(
         suspects = run.suspects()
         upcoming.put_back([task for task in lost if task.key not in suspects])
         for task in lost:
-            if task.key in suspects:
+            if suspects.get(task.key) == _TOO_LONG:
+                yield RecordingOutcome(task.source, "process", _TOO_LONG)
+            elif task.key in suspects:
                 yield from _alone(task, folder, suspects[task.key])
         idle = idle + 1 if lost and not suspects and not run.count else 0
         if idle == _ATTEMPTS:

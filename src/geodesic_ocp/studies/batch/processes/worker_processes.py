@@ -59,6 +59,8 @@ def describe_end(code: int) -> str:
     if code >= 0:
         return f"ended with exit code {code}"
     name = signal.Signals(-code).name if -code in set(signal.Signals) else f"signal {-code}"
+    if -code == signal.SIGALRM:
+        return "took longer than the time limit"
     if -code == signal.SIGKILL:
         return f"was killed ({name}; the system does so when memory is short)"
     return f"crashed ({name})"
