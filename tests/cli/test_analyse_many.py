@@ -120,6 +120,7 @@ def test_both_arms_of_one_recording_have_a_figure_each(
     assert "human left arm" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_every_file_that_is_left_out_is_on_the_screen(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -268,6 +268,7 @@ def test_other_arm_is_suggested(bundled_file: Path, capsys: pytest.CaptureFixtur
     assert "try --side" not in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_models_lists_arms_robots_and_back_ends(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["models"]) == 0
     text = capsys.readouterr().out

@@ -28,6 +28,7 @@ def write_table(file: Path, recording: go.Motion, unit: str) -> Path:
     return file
 
 
+@pytest.mark.slow
 def test_every_recording_is_accepted_and_refused_in_degrees(shared: Path, tmp_path: Path) -> None:
     files = [*(shared / "data" / "kit").glob("*.xml"), shared / "data" / "cmu" / "02_05.amc"]
     assert len(files) == 7

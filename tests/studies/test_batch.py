@@ -189,6 +189,7 @@ def test_a_finished_recording_is_not_analysed_again(data: Path, tmp_path: Path) 
     assert {file.name: file.read_bytes() for file in out.glob("*.csv")} == tables
 
 
+@pytest.mark.slow
 def test_results_among_the_recordings_are_no_recordings(data: Path) -> None:
     folder = data / "An"
     assert run(folder, folder).analysed == 2
@@ -239,6 +240,7 @@ def test_a_fitted_metric_counts_by_its_content(tmp_path: Path) -> None:
     assert AnalysisSettings(metric=str(other)).digest() == digests[1]
 
 
+@pytest.mark.slow
 def test_subjects_that_are_known_later_need_no_new_analysis(data: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     first = run(data, out)
@@ -253,6 +255,7 @@ def test_subjects_that_are_known_later_need_no_new_analysis(data: Path, tmp_path
     }
 
 
+@pytest.mark.slow
 def test_heights_from_a_table_of_subjects(data: Path, tmp_path: Path) -> None:
     table = tmp_path / "subjects.csv"
     table.write_text("file,subject,trial,height,mass\nAn/reach_1.csv,A,x,1.6,60\nreach_2,A,y,,\n")
@@ -263,6 +266,7 @@ def test_heights_from_a_table_of_subjects(data: Path, tmp_path: Path) -> None:
     assert rows == {("x", 1.6, 60.0), ("y", 1.75, 70.0)}
 
 
+@pytest.mark.slow
 def test_both_sides_of_a_file(data: Path, tmp_path: Path) -> None:
     result = analyse_recordings(
         data / "An" / "reach_1.csv", tmp_path / "out", "both", METRIC, executor=Here()

@@ -76,6 +76,7 @@ def test_a_study_says_that_files_stand_for_persons(tmp_path: Path) -> None:
         assert words in table.note
 
 
+@pytest.mark.slow
 def test_results_of_other_recordings_are_counted(tmp_path: Path) -> None:
     analysed(tmp_path)
     text = (tmp_path / "data" / "second.csv").read_text()
@@ -91,6 +92,7 @@ def test_results_of_other_recordings_are_counted(tmp_path: Path) -> None:
     assert words in (tmp_path / "out" / "summary.md").read_text()
 
 
+@pytest.mark.slow
 def test_what_nobody_has_analysed_is_not_left_out(tmp_path: Path) -> None:
     write_stroke(tmp_path / "data" / "first.csv", 1)
     result = run(tmp_path / "data", tmp_path / "out", tables_only=True)

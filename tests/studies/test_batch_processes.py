@@ -200,6 +200,7 @@ class Raising(Executor):
         return future
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "failure",
     [

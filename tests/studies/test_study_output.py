@@ -37,6 +37,7 @@ def folder(eight: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.slow
 def test_all_files_are_written_and_latex_is_balanced(folder: Path) -> None:
     names = {file.name for file in folder.iterdir()}
     assert {f"{name}.{suffix}" for name in TABLES for suffix in ("csv", "md", "tex")} <= names

@@ -139,6 +139,7 @@ def test_the_result_hardly_depends_on_the_sampling_rate() -> None:
     assert np.abs(fast[::4] - slow).max() < 0.1 * smoothed
 
 
+@pytest.mark.slow
 def test_samples_may_be_unevenly_spaced() -> None:
     arm = go.human_arm("right", HEIGHT)
     time = (np.arange(150) + np.random.default_rng(3).uniform(-0.4, 0.4, 150)) / 75.0
