@@ -16,7 +16,7 @@ from geodesic_ocp.recordings.named_failures import named_failures
 def read_markers(path: str | PathLike[str], *, up: Axis | None = None) -> Markers:
     """Read the positions of markers from a file: c3d, TRC or a table with NAME_x, NAME_y, NAME_z.
 
-    The format is told by the content of the file. Positions are converted to metres, in the axes of
+    The content of the file tells its format. Positions are converted to metres, in the axes of
     the file unless `up` is given; a marker that was not seen is NaN.
 
     Args:

@@ -23,7 +23,7 @@ def read_motion(
     rate: float | None = None,
     unit: str | float | None = None,
 ) -> Motion:
-    """Read a recorded motion from a file, whose format is told by its content, not by its suffix.
+    """Read a recorded motion from a file, whose format its content tells, not its suffix.
 
     The formats are MMM XML of both layouts, tables of comma-separated values, ASF/AMC, BVH,
     OpenSim's .mot and .sto, and .npz as in AMASS. The angles of the first two are those in the
