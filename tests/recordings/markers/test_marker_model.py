@@ -18,10 +18,10 @@ from geodesic_ocp.recordings.markers.lost_markers import lost_markers
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.markers.program.body import MarkedBody
 from geodesic_ocp.recordings.markers.program.smoothness import roughness
-from geodesic_ocp.recordings.markers.program.start import rigid_poses
 from geodesic_ocp.recordings.markers.sets.known_marker_sets import MARKER_SETS, MMM_MARKERS
 from geodesic_ocp.recordings.markers.sets.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.standing_height import standing_height
+from geodesic_ocp.recordings.markers.start.frame_search import rigid_poses
 
 
 def test_an_arm_with_all_lengths_multiplied_is_the_arm_of_a_taller_person() -> None:

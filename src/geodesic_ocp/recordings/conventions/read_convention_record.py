@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from geodesic_ocp.errors import RecordingError
+
+Stated = TypeVar("Stated", bound=Any)
 
 
 def read_convention_record(file: Path, hint: str = "") -> Any:
@@ -32,6 +35,31 @@ def read_convention_record(file: Path, hint: str = "") -> Any:
         ) from None
     except (ValueError, RecursionError) as failure:
         raise RecordingError(f"{file}: is not a convention in JSON or TOML: {failure}") from None
+
+
+def from_record(kind: type[Stated], file: Path, required: str, what: str) -> Stated:
+    """The dataclass of this kind whose attributes are the keys of a JSON or TOML file.
+
+    Args:
+        kind: has the attribute `name`, for which the name of the file stands in.
+        file: to read.
+        required: attribute that the file must have.
+        what: the content is, for messages, such as "a convention".
+
+    Raises:
+        RecordingError: the file is missing or malformed, or its keys or values are others.
+    """
+    record = read_convention_record(file)
+    known = [each.name for each in fields(kind)]
+    if not isinstance(record, dict) or required not in record or not set(record) <= set(known):
+        raise RecordingError(
+            f"{file}: {what} has the keys {', '.join(known)}, of which {required!r} is required"
+        )
+    try:
+        stated: Stated = kind(**{"name": file.stem, **record})
+    except (AttributeError, TypeError, ValueError) as failure:
+        raise RecordingError(f"{file}: {failure}") from None
+    return stated
 
 
 def _from_toml(text: str) -> object:

@@ -19,7 +19,6 @@ from geodesic_ocp.recordings.markers.marker_fit import DOUBTFUL, MarkerFit
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.markers.plausible_size import check_plausible_size
 from geodesic_ocp.recordings.markers.program.body import MarkedBody
-from geodesic_ocp.recordings.markers.program.check_trunk import check_trunk
 from geodesic_ocp.recordings.markers.program.chosen_markers import ChosenMarkers, choose_markers
 from geodesic_ocp.recordings.markers.program.fit_problem import FitProblem
 from geodesic_ocp.recordings.markers.program.fit_settings import Base, FitSettings
@@ -28,6 +27,7 @@ from geodesic_ocp.recordings.markers.program.solve_fit import solve_fit
 from geodesic_ocp.recordings.markers.sets.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.sets.read_marker_set import as_marker_set
 from geodesic_ocp.recordings.markers.space_axes import Axis, with_z_up
+from geodesic_ocp.recordings.markers.start.check_trunk import check_trunk
 
 _ESTIMATES = ("lengths", "offsets")
 _FAR = 0.2  # median distance of the markers from their places at which a fit is refused [m]

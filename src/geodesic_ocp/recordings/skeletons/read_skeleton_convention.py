@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from pathlib import Path
 
-from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.recordings.conventions.read_convention_record import read_convention_record
+from geodesic_ocp.recordings.conventions.read_convention_record import from_record
 from geodesic_ocp.recordings.skeletons.skeleton_convention import SkeletonConvention
 
 
@@ -26,14 +24,4 @@ def as_skeleton_convention(
         return given
     if not isinstance(given, (str, Path)):
         raise ValueError(f"convention must be a SkeletonConvention or a file, got {given!r}")
-    file = Path(given)
-    record = read_convention_record(file)
-    known = [each.name for each in fields(SkeletonConvention)]
-    if not isinstance(record, dict) or "joints" not in record or not set(record) <= set(known):
-        raise RecordingError(
-            f"{file}: a convention has the keys {', '.join(known)}, of which 'joints' is required"
-        )
-    try:
-        return SkeletonConvention(**{"name": file.stem, **record})
-    except (TypeError, ValueError) as failure:
-        raise RecordingError(f"{file}: {failure}") from None
+    return from_record(SkeletonConvention, Path(given), "joints", "a convention")

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.recordings.markers.program.fit_problem import ROOT, FitProblem
-from geodesic_ocp.recordings.markers.program.rigid_markers import without_stray
-from geodesic_ocp.recordings.markers.program.start import FrameSearch, rigid_poses
 from geodesic_ocp.recordings.markers.program.undetermined import undetermined_joints
+from geodesic_ocp.recordings.markers.start.frame_search import FrameSearch, rigid_poses
+from geodesic_ocp.recordings.markers.start.rigid_markers import without_stray
 
 _COARSE_STEP = 0.05  # [s]
 _WIDE = 0.2  # outlier size of the first solution, to which few markers are lost [m]

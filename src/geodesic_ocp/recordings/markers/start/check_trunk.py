@@ -6,12 +6,12 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.recordings.markers.program.chosen_markers import ChosenMarkers
-from geodesic_ocp.recordings.markers.program.rigid_markers import (
+from geodesic_ocp.recordings.markers.start.frame_search import rigid_poses
+from geodesic_ocp.recordings.markers.start.rigid_markers import (
     RIGID,
     rigid_errors,
     without_stray,
 )
-from geodesic_ocp.recordings.markers.program.start import rigid_poses
 
 _LEANING = 60.0  # angle of the trunk from the vertical, in the mean over time, that is asked about
 _FRAMES = 200
