@@ -35,6 +35,8 @@ LAYERS = [
     ("execution",),
     ("retargeting",),
     ("validation",),
+    ("scenes",),
+    ("viewer",),
     ("reports",),
     ("cli",),
 ]

@@ -10,6 +10,14 @@ import numpy as np
 OBSERVED: dict[str, Any] = {"color": "#1b3a5c", "linewidth": 2.0}
 PREDICTED: dict[str, Any] = {"color": "#e07b00", "linewidth": 1.5, "linestyle": (0, (4, 1.5))}
 BASELINE: dict[str, Any] = {"color": "#6a9a3a", "linewidth": 1.3, "linestyle": (0, (1, 1))}
+NEUTRAL: dict[str, Any] = {"color": "#8a9099", "linewidth": 1.3}
+# By what a line, an arm or a path shows, in figures and in scenes.
+ROLES: dict[str, dict[str, Any]] = {
+    "observed": OBSERVED,
+    "predicted": PREDICTED,
+    "baseline": BASELINE,
+    "neutral": NEUTRAL,
+}
 # Of predictions that are compared: with joint inertia, kinetic energy alone, straight lines.
 COMPARED: tuple[dict[str, Any], ...] = (
     {"color": "#e07b00", "linestyle": "-", "linewidth": 2.0, "marker": "o"},

@@ -1,0 +1,1 @@
+"""Scenes drawn: pages for browsers and notebooks, and videos."""
