@@ -47,9 +47,12 @@ class Scene:
     @property
     def layers(self) -> tuple[str, ...]:
         """Names of the switches that it needs, in order of first use."""
-        kinds = (self.actors, self.trails, self.solids, self.clouds)
-        items = [*kinds, self.gaps, self.frames, self.ellipsoids]
-        return tuple(dict.fromkeys(item.layer for kind in items for item in kind if item.layer))
+        kinds = (
+            *(self.actors, self.trails, self.solids, self.clouds),
+            *(self.gaps, self.frames, self.ellipsoids),
+        )
+        names = [str(item.layer) for items in kinds for item in items]  # type: ignore[attr-defined]
+        return tuple(name for name in dict.fromkeys(names) if name)
 
     def bounds(self) -> tuple[Array, Array]:
         """Corners (3,) [m] of a box around the actors, the trails and obstacles of finite size."""
