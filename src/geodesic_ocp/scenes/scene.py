@@ -51,7 +51,7 @@ class Scene:
             *(self.actors, self.trails, self.solids, self.clouds),
             *(self.gaps, self.frames, self.ellipsoids),
         )
-        names = [str(item.layer) for items in kinds for item in items]  # type: ignore[attr-defined]
+        names = [str(item.layer) for items in kinds for item in items]
         return tuple(name for name in dict.fromkeys(names) if name)
 
     def bounds(self) -> tuple[Array, Array]:
