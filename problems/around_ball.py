@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import casadi as ca
-from matplotlib.axes import Axes
 
 import geodesic_ocp as go
 
@@ -28,8 +27,8 @@ class AroundBall(go.Problem):
         return go.KineticEnergy(self.arm)
 
     @property
-    def lamp(self) -> go.Ball:
-        return go.Ball(self.centre, self.radius, name="lamp")
+    def obstacles(self) -> Sequence[go.Ball]:
+        return [go.Ball(self.centre, self.radius, name="lamp")]
 
     def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
         return [(q0, self.start, "start"), (self.arm.hand_pose(q1)[1], self.target, "hand")]
@@ -37,8 +36,5 @@ class AroundBall(go.Problem):
     def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
         return [
             (self.arm.lower, q, self.arm.upper, "joint limits"),
-            *go.clearance_constraints(self.arm, q, [self.lamp], margin=self.margin),
+            *go.clearance_constraints(self.arm, q, self.obstacles, margin=self.margin),
         ]
-
-    def draw(self, axes: Axes, path: go.Path, columns: tuple[int, int]) -> None:
-        go.draw_obstacle(axes, self.lamp, columns, "lamp")

@@ -8,8 +8,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.patches import Circle
 
 import geodesic_ocp as go
 
@@ -33,8 +31,9 @@ class AroundDisc(go.Problem):
     def guess(self, s: np.ndarray) -> np.ndarray:
         return np.column_stack([2.0 * s - 1.0, np.sin(np.pi * s)])
 
-    def draw(self, axes: Axes, path: go.Path, columns: tuple[int, int]) -> None:
-        axes.add_artist(Circle((0.0, 0.0), self.radius, facecolor="#d9d2c5", edgecolor="#6b6257"))
+    @property
+    def obstacles(self) -> Sequence[go.Ball]:
+        return [go.Ball((0.0, 0.0, 0.0), self.radius, name="disc")]
 
     @property
     def exact_length(self) -> float:

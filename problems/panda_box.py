@@ -8,7 +8,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from matplotlib.axes import Axes
 
 import geodesic_ocp as go
 
@@ -36,7 +35,7 @@ class PandaBox(go.Problem):
         return go.KineticEnergy(self.robot)
 
     @property
-    def box(self) -> list[go.Ball]:
+    def obstacles(self) -> Sequence[go.Ball]:
         steps = [
             1.5 * self.radius * (np.arange(count) - (count - 1) / 2.0) for count in self.counts
         ]
@@ -53,7 +52,7 @@ class PandaBox(go.Problem):
         return [
             (self.robot.lower, q, self.robot.upper, "joint limits"),
             *go.clearance_constraints(
-                self.robot, q, self.box, links=self.links, margin=self.margin
+                self.robot, q, self.obstacles, links=self.links, margin=self.margin
             ),
         ]
 
@@ -66,7 +65,3 @@ class PandaBox(go.Problem):
             + s[:, None] * (goal - start)
             - np.outer(np.sin(np.pi * s), [0, 0.6, 0, 0.4, 0, 0, 0])
         )
-
-    def draw(self, axes: Axes, path: go.Path, columns: tuple[int, int]) -> None:
-        for number, ball in enumerate(self.box):
-            go.draw_obstacle(axes, ball, columns, "box of balls" if number == 0 else None)

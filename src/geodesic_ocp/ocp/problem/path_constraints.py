@@ -4,22 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import as_number, as_vector
-from geodesic_ocp.figures.obstacles import draw_obstacle
 from geodesic_ocp.model.geometry.signed_distances import as_pair, signed_distances
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.ocp.problem.keys import key_of
 from geodesic_ocp.ocp.problem.problem import Inequality, Problem
-from geodesic_ocp.trajectory.path import Path
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 _NEEDS_MODEL = {"limits": "limits", "obstacles": "bodies", "pairs": "bodies"}
 
@@ -113,11 +108,6 @@ class ConstrainedProblem(Problem):
                 margin=self.margin,
             )
         return conditions
-
-    def draw(self, axes: Axes, path: Path, columns: tuple[int, int]) -> None:
-        """Draw the outlines of stationary obstacles."""
-        for number, obstacle in enumerate(self.obstacles):
-            draw_obstacle(axes, obstacle, columns, "obstacle" if number == 0 else None)
 
     @property
     def constraint_key(self) -> tuple[Hashable, ...]:

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 import casadi as ca
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.figures.obstacles import draw_obstacle
 from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.ocp.nlp.conditions import Conditions
 from geodesic_ocp.ocp.nlp.definition import ProblemDefinition
 from geodesic_ocp.ocp.nlp.nlp import NLP, build_nlp
@@ -53,12 +55,16 @@ class Problem(ABC):
         continuous_velocity_at_via: whether the velocity is continuous at via points. The path of
             least energy generally has a corner at a via point; a path with continuous velocity
             rounds it within the two adjacent segments of the grid, more tightly the finer the grid.
+        obstacles: stationary obstacles, drawn in figures and by `show`, in the base frame of the
+            metric's model; without a model, in the space of the coordinates. They are no condition
+            by themselves: see `clearance_constraints`.
     """
 
     metric: Metric
     parameters: ClassVar[Sequence[str]] = ()
     via_parameters: ClassVar[Sequence[float] | None] = None
     continuous_velocity_at_via: ClassVar[bool] = True
+    obstacles: Sequence[Obstacle] = ()
 
     @abstractmethod
     def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Equality]:
@@ -89,14 +95,20 @@ class Problem(ABC):
         """
         return None
 
-    def draw(self, axes: Axes, path: Path, columns: tuple[int, int]) -> None:  # noqa: B027
-        """Draw additional items into a figure of the path, such as obstacles.
+    def draw(self, axes: Axes, path: Path, columns: tuple[int, int]) -> None:
+        """Draw additional items into a figure of the path: the outlines of obstacles by default.
 
         Args:
             axes: of the path in the plane of two coordinates, or of the hand's path.
             path: the path in the figure, not necessarily a solution.
             columns: indices of the two coordinates, or of the hand's x, y and z, on the axes.
         """
+        if getattr(path.metric, "model", None) is not None and path.metric.dim <= 2:
+            return  # the axes are those of two joints, not of space
+        several = len(self.obstacles) > 1
+        for number, obstacle in enumerate(self.obstacles):
+            label = "obstacles" if several else obstacle.name or "obstacle"
+            draw_obstacle(axes, obstacle, columns, label if number == 0 else None)
 
     @property
     def grid(self) -> Grid:
