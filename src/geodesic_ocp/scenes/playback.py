@@ -78,6 +78,7 @@ class Playback:
         time_label: `SECONDS` or `PARAMETER`.
         azimuth: initial direction from which the camera looks [deg]; at 0 it faces the models, from
             the front (+y), positive angles are to their right (+x).
+        hidden: layers that are not shown until they are switched on.
     """
 
     title: str
@@ -86,6 +87,7 @@ class Playback:
     plots: tuple[Plot, ...] = ()
     time_label: str = SECONDS
     azimuth: float = 50.0
+    hidden: tuple[str, ...] = ("clearances", "frames", "mobility ellipsoids")
 
     def __repr__(self) -> str:
         start, stop = self.range
