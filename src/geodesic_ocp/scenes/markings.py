@@ -119,7 +119,7 @@ class PointCloud:
 
     Attributes:
         name: for the legend.
-        positions: (k, m, 3) [m]; NaN where a point is not known.
+        positions: (k, m, 3), or (1, m, 3) if they do not move [m]; NaN where a point is not known.
         labels: names of the m points.
         layer: name of the switch that shows it.
     """

@@ -9,6 +9,7 @@ from geodesic_ocp.scenes.actor import Role
 from geodesic_ocp.scenes.scene import Scene
 
 SECONDS, PARAMETER = "time [s]", "path parameter s"
+OFF = ("frames", "mobility ellipsoids")
 
 
 @dataclass(frozen=True)
@@ -18,11 +19,13 @@ class Span:
     Attributes:
         name: shown on the slider.
         start, stop: in the playback's time.
+        text: that describes it in full, such as "synergy 3 (0.42 s)".
     """
 
     name: str
     start: float
     stop: float
+    text: str = ""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
