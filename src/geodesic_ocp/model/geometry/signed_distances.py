@@ -104,6 +104,23 @@ def _expressions(
     pairs: Sequence[tuple[str, str]],
 ) -> dict[str, ca.SX]:
     found: dict[str, ca.SX] = {}
+    for name, body, other in bodies_apart(model, obstacles, links, pairs):
+        for distance in _distances(model, q, body, other):
+            add_named(found, name, distance)
+    return found
+
+
+def bodies_apart(
+    model: Model,
+    obstacles: Sequence[Obstacle],
+    links: Sequence[str] | None,
+    pairs: Sequence[tuple[str, str]],
+) -> list[tuple[str, Body, Obstacle]]:
+    """Pairs of a body and an obstacle or body whose distance counts, each with a name.
+
+    The arguments and errors are those of `signed_distances`; names may occur more than once.
+    """
+    found: list[tuple[str, Body, Obstacle]] = []
     # Reading the bodies of a file is slow, so only if they are needed.
     moving = _moving_bodies(model) if links is None and obstacles else []
     if links is not None:
@@ -119,14 +136,14 @@ def _expressions(
         for body in moving:
             if joint is not None and joint == model.joint_of(str(body.link)):
                 continue  # parts of the same rigid body
-            for distance in _distances(model, q, body, obstacle):
-                _add(found, f"{_name(body)} to {other}", distance)
+            found.append((f"{_name(body)} to {other}", body, obstacle))
     for pair in pairs:
         one, other_one = (_bodies_of_links(model, [link], "pairs") for link in as_pair(pair))
-        for body in one:
-            for second in other_one:
-                for distance in _distances(model, q, body, second):
-                    _add(found, f"{_name(body)} to {_name(second)}", distance)
+        found += [
+            (f"{_name(body)} to {_name(second)}", body, second)
+            for body in one
+            for second in other_one
+        ]
     return found
 
 
@@ -137,12 +154,13 @@ def as_pair(pair: Any) -> tuple[str, str]:
     return pair[0], pair[1]
 
 
-def _add(found: dict[str, ca.SX], name: str, distance: ca.SX) -> None:
+def add_named(found: dict[str, Any], name: str, value: Any) -> None:
+    """Add a value under a name, with a number appended if the name is taken."""
     unique, number = name, 1
     while unique in found:
         number += 1
         unique = f"{name} ({number})"
-    found[unique] = distance
+    found[unique] = value
 
 
 def _name(body: Body) -> str:
