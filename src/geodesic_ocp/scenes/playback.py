@@ -9,7 +9,6 @@ from geodesic_ocp.scenes.actor import Role
 from geodesic_ocp.scenes.scene import Scene
 
 SECONDS, PARAMETER = "time [s]", "path parameter s"
-OFF = ("frames", "mobility ellipsoids")
 
 
 @dataclass(frozen=True)
