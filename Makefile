@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 PARALLEL ?= --numprocesses auto --dist loadfile
 
-.PHONY: demo test test-slow lint docs package notebooks bench robots pinocchio-casadi clean
+.PHONY: demo test test-slow lint docs package notebooks bench robots browser pinocchio-casadi clean
 
 demo: $(READY)  ## analyse the bundled recording; results go to geodesic_ocp_demo/
 	$(BIN)/geodesic-ocp demo
@@ -39,6 +39,17 @@ bench: $(READY)  ## speed and accuracy next to other solvers, into benchmarks/re
 
 robots: $(READY)  ## descriptions of robots, 190 MB, for load_model and its tests
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[robots]'
+
+browser:  ## a Chromium from the system's packages, in which the viewer's pages are tested
+	@for name in "$$GEODESIC_OCP_CHROMIUM" chromium chromium-browser google-chrome; do \
+	  command -v "$$name" && exit 0; \
+	done; \
+	if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	  apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium; \
+	else \
+	  echo "no Chromium: install one (as root: apt-get install chromium), put one into the"; \
+	  echo "environment (playwright install chromium), or name one in GEODESIC_OCP_CHROMIUM"; exit 1; \
+	fi
 
 pinocchio-casadi: $(READY)  ## build Pinocchio's CasADi bindings: half an hour, once; ARGS=--remove
 	@$(BIN)/python tools/pinocchio_casadi.py $(ARGS)

@@ -1,0 +1,159 @@
+"""Pages in a headless Chromium, watched for what they should not do."""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+ENVIRONMENT_VARIABLE = "GEODESIC_OCP_CHROMIUM"
+ON_PATH = ("chromium", "chromium-browser", "google-chrome")
+LOCAL = ("file:", "data:", "blob:", "about:")
+TIMEOUT = 30_000.0  # [ms]; software rendering on a busy machine takes seconds
+ARGUMENTS = (
+    "--no-sandbox",
+    "--no-first-run",
+    "--disable-quic",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+SOFTWARE_RENDERING = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+NO_WEBGL = ("--disable-gpu", "--disable-3d-apis")
+
+
+@dataclass
+class Watched:
+    """A page, and what it did that a self-contained page does not do.
+
+    Attributes:
+        page: of playwright.
+        complaints: warnings and errors on its console, uncaught errors.
+        requests: addresses outside the page and its file.
+    """
+
+    page: Any
+    complaints: list[str] = field(default_factory=list)
+    requests: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.page.on("console", self._console)
+        self.page.on("pageerror", lambda error: self.complaints.append(f"uncaught: {error}"))
+        self.page.on("request", lambda request: self._request(request.url))
+        self.page.on("websocket", lambda socket: self._request(socket.url))
+
+    def _console(self, message: Any) -> None:
+        # What a driver of the graphics card says about its own speed is not the page's doing.
+        if message.type in ("warning", "error") and "GL Driver Message" not in message.text:
+            self.complaints.append(f"{message.type}: {message.text}")
+
+    def _request(self, address: str) -> None:
+        if not address.startswith(LOCAL):
+            self.requests.append(address)
+
+    def check(self) -> None:
+        """It logged nothing, raised nothing, and asked nobody for anything."""
+        assert not self.complaints
+        assert not self.requests
+
+
+def find_chromium(playwright: Any) -> str | None:
+    """The program named by the environment variable, one on the path, or playwright's own."""
+    if named := os.environ.get(ENVIRONMENT_VARIABLE):
+        return named
+    for name in ON_PATH:
+        if found := shutil.which(name):
+            return found
+    own = playwright.chromium.executable_path
+    return own if Path(own).exists() else None
+
+
+@contextmanager
+def playwright_or_skip() -> Iterator[Any]:
+    """The driver of browsers.
+
+    An event loop runs as long as it is open, so that it must not outlast the tests of one file.
+    """
+    sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright (extra dev)")
+    with sync_api.sync_playwright() as playwright:
+        yield playwright
+
+
+@contextmanager
+def chromium(playwright: Any, *arguments: str) -> Iterator[Any]:
+    """A browser with software rendering, or with these arguments instead."""
+    program = find_chromium(playwright)
+    if program is None:
+        pytest.skip(f"no Chromium: set {ENVIRONMENT_VARIABLE}, or run: make browser")
+    from playwright.sync_api import Error
+
+    try:
+        browser = playwright.chromium.launch(
+            executable_path=program, args=[*ARGUMENTS, *(arguments or SOFTWARE_RENDERING)]
+        )
+    except Error as reason:
+        pytest.skip(f"{program} cannot be started: {str(reason).splitlines()[0]}")
+    try:
+        yield browser
+    finally:
+        browser.close()
+
+
+@contextmanager
+def opened(
+    browser: Any, file: Path, *, width: int = 1280, height: int = 900, javascript: bool = True
+) -> Iterator[Any]:
+    """A page from a file, without a network; it is checked at the end that it was quiet."""
+    context = browser.new_context(
+        viewport={"width": width, "height": height},
+        java_script_enabled=javascript,
+        offline=True,
+    )
+    context.set_default_timeout(TIMEOUT)
+    try:
+        watched = Watched(context.new_page())
+        watched.page.goto(file.as_uri())
+        yield watched.page
+        watched.check()
+    finally:
+        context.close()
+
+
+def picture(element: Any) -> np.ndarray:
+    """What is on the screen where an element is, (height, width, 3) from 0 to 1."""
+    return matplotlib.image.imread(io.BytesIO(element.screenshot()))[..., :3]
+
+
+def drawn_fraction(pixels: np.ndarray, tolerance: float = 0.04) -> float:
+    """The fraction of pixels that differ from the most frequent colour, the background."""
+    rounded = np.round(pixels * 255).astype(int) @ [65536, 256, 1]
+    values, counts = np.unique(rounded, return_counts=True)
+    most = values[np.argmax(counts)]
+    background = np.array([most >> 16, (most >> 8) & 255, most & 255]) / 255
+    return float(np.mean(np.abs(pixels - background).max(axis=2) > tolerance))
+
+
+def changed_fraction(before: np.ndarray, after: np.ndarray, tolerance: float = 0.04) -> float:
+    """The fraction of pixels that differ between two pictures of the same size."""
+    assert before.shape == after.shape
+    return float(np.mean(np.abs(before - after).max(axis=2) > tolerance))
+
+
+def hue_fraction(pixels: np.ndarray, colour: str, tolerance: float = 0.05) -> float:
+    """The fraction of pixels with the hue of a colour, in light and in shade."""
+    import matplotlib.colors
+
+    hue, saturation, _ = matplotlib.colors.rgb_to_hsv(matplotlib.colors.to_rgb(colour))
+    seen = matplotlib.colors.rgb_to_hsv(pixels)
+    distance = np.abs((seen[..., 0] - hue + 0.5) % 1.0 - 0.5)
+    coloured = (seen[..., 1] > 0.4 * saturation) & (seen[..., 2] > 0.1)
+    return float(np.mean((distance < tolerance) & coloured))
