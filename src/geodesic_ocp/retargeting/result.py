@@ -299,7 +299,7 @@ class Retargeting:
         save_figure(self.plot(), made)
         for number, arm in enumerate(self.arms):
             name = "synergies.json" if len(self.arms) == 1 else f"synergies_{number}.json"
-            save_synergies(made / name, arm.synergies, arm.robot.joint_names)
+            save_synergies(made / name, arm.synergies, arm.robot.joint_names, arm.robot)
 
 
 def _span(numbers: tuple[int, ...]) -> str:

@@ -11,26 +11,39 @@ import numpy as np
 
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.model.human.stature import stature
+from geodesic_ocp.model.model import Model
 from geodesic_ocp.records import read_record
 from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 from geodesic_ocp.trajectory.time_law import TimeLaw
 
-_FORMAT = "geodesic_ocp synergies"
-_VERSION = 1
+FORMAT, VERSION = "geodesic_ocp synergies", 1
 _SAME_LENGTH = 1e-6  # quadrature of the same path in the same metric
 
 
 def save_synergies(
-    file: str | FilePath, synergies: Sequence[Synergy], joint_names: Sequence[str]
+    file: str | FilePath,
+    synergies: Sequence[Synergy],
+    joint_names: Sequence[str],
+    model: Model | None = None,
 ) -> None:
-    """Write segments, paths and time laws of synergies in SI units, at full precision."""
+    """Write segments, paths and time laws of synergies in SI units, at full precision.
+
+    Args:
+        file: to write.
+        synergies: of one motion.
+        joint_names: of the coordinates.
+        model: whose name, and height if it is a person's, are written, by which `geodesic-ocp show`
+            knows what to draw.
+    """
     record = {
-        "format": _FORMAT,
-        "version": _VERSION,
+        "format": FORMAT,
+        "version": VERSION,
         "units": {"q": "rad or m", "time": "s", "length": "of the metric: sqrt(kg) m"},
         "joint_names": list(joint_names),
+        **({} if model is None else {"model": {"name": model.name, "height": stature(model)}}),
         "segments": [[synergy.start, synergy.stop] for synergy in synergies],
         "synergies": [_encode(synergy) for synergy in synergies],
     }
@@ -71,7 +84,7 @@ def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
             which its paths must have the lengths that were saved.
     """
     path = FilePath(file)
-    record = read_record(path, _FORMAT, _VERSION, "synergies")
+    record = read_record(path, FORMAT, VERSION, "synergies")
     names = metric.joint_names
     if names is not None and record.get("joint_names") != list(names):
         raise RecordingError(

@@ -117,7 +117,7 @@ def _result(task: RecordingTask) -> tuple[dict[str, Any], str]:
     }
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "synergies.json"
-        save_synergies(file, analysis.synergies, motion.joint_names)
+        save_synergies(file, analysis.synergies, motion.joint_names, analysis.model)
         return record, file.read_text(encoding="utf-8")
 
 
