@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.model.geometry.meshes import Indices
 from geodesic_ocp.scenes.actor import Role
 
 
@@ -44,7 +45,7 @@ class Solid:
 
     name: str
     vertices: Array
-    triangles: Array
+    triangles: Indices
     unbounded: bool = False
     layer: str = "obstacles"
 

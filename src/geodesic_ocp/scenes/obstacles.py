@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -47,7 +47,7 @@ def obstacle_solids(obstacles: Sequence[Obstacle], low: Array, high: Array) -> t
     return tuple(found)
 
 
-def carried(model: Model, q: Array, obstacles: Sequence[Obstacle]) -> Actor | None:
+def carried_obstacles(model: Model, q: Array, obstacles: Sequence[Obstacle]) -> Actor | None:
     """The obstacles that a link of the model carries, which move with it; None if there are none.
 
     Args:
@@ -65,7 +65,7 @@ def carried(model: Model, q: Array, obstacles: Sequence[Obstacle]) -> Actor | No
     return model_actor(model, q, name="carried obstacles", shown=meshes, layer="obstacles")
 
 
-def collision_bodies(model: Model, q: Array, links: Sequence[str] | None = None) -> Actor | None:
+def collision_bodies(model: Model, q: Array, links: Collection[str] | None = None) -> Actor | None:
     """The capsules and balls around the links, as an overlay; None if there are none.
 
     Args:
@@ -91,7 +91,7 @@ def _mesh(body: Body) -> Mesh:
 
 def _surface(body: Body) -> tuple[Array, Indices]:
     """Vertices (k, 3) [m] and triangles (m, 3) of a ball or capsule."""
-    from trimesh import creation, geometry
+    from trimesh import creation
 
     capsule = as_capsule(body)
     start, end = np.array(capsule.start), np.array(capsule.end)
@@ -99,7 +99,7 @@ def _surface(body: Body) -> tuple[Array, Indices]:
     if length == 0.0:
         return _arrays(creation.icosphere(_ROUND, capsule.radius), np.eye(3), start)
     shape = creation.capsule(length, capsule.radius, count=(_SIDES, _SIDES))
-    turn = geometry.align_vectors([0.0, 0.0, 1.0], (end - start) / length)[:3, :3]
+    turn = _axes_with((end - start) / length)
     return _arrays(shape, turn, (start + end) / 2.0)
 
 
@@ -108,11 +108,7 @@ def _slab(space: HalfSpace, low: Array, high: Array) -> tuple[Array, Indices]:
     from trimesh import creation
 
     normal, point = np.array(space.normal), np.array(space.point)
-    # Edges are parallel to the axes of the scene where the plane is.
-    axis = np.eye(3)[int(np.argmin(np.abs(normal)))]
-    across = np.cross(normal, axis)
-    across /= np.linalg.norm(across)
-    turn = np.column_stack([np.cross(across, normal), across, normal])
+    turn = _axes_with(normal)
     corners = (low + _CORNERS * (high - low) - point) @ turn
     size = float(np.max(high - low))
     least, most = corners.min(axis=0) - _MARGIN * size, corners.max(axis=0) + _MARGIN * size
@@ -123,3 +119,10 @@ def _slab(space: HalfSpace, low: Array, high: Array) -> tuple[Array, Indices]:
 def _arrays(shape: Any, turn: Array, position: Array) -> tuple[Array, Indices]:
     vertices = np.asarray(shape.vertices, dtype=float) @ turn.T + position
     return vertices, np.asarray(shape.faces, dtype=np.int64)
+
+
+def _axes_with(z: Array) -> Array:
+    """A rotation (3, 3) whose third column is z, and whose others are along axes where z is."""
+    across = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
+    across /= np.linalg.norm(across)
+    return np.column_stack([across, np.cross(z, across), z])

@@ -80,6 +80,7 @@ class Playback:
         time_label: `SECONDS` or `PARAMETER`.
         azimuth: initial direction from which the camera looks [deg]; at 0 it faces the models, from
             the front (+y), positive angles are to their right (+x).
+        elevation: initial height of the camera above the horizon [deg]; None: the viewer's choice.
         hidden: layers that are not shown until they are switched on.
     """
 
@@ -89,6 +90,7 @@ class Playback:
     plots: tuple[Plot, ...] = ()
     time_label: str = SECONDS
     azimuth: float = 50.0
+    elevation: float | None = None
     hidden: tuple[str, ...] = ("clearances", "frames", "mobility ellipsoids")
 
     def __repr__(self) -> str:
