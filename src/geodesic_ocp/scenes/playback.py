@@ -80,8 +80,8 @@ class Playback:
         time_label: `SECONDS` or `PARAMETER`.
         azimuth: initial direction from which the camera looks [deg]; at 0 it faces the models, from
             the front (+y), positive angles are to their right (+x).
-        elevation: initial height of the camera above the horizon [deg]; None: the viewer's choice.
         hidden: layers that are not shown until they are switched on.
+        elevation: initial height of the camera above the horizon [deg]; None: the viewer's choice.
     """
 
     title: str
@@ -90,8 +90,8 @@ class Playback:
     plots: tuple[Plot, ...] = ()
     time_label: str = SECONDS
     azimuth: float = 50.0
-    elevation: float | None = None
     hidden: tuple[str, ...] = ("clearances", "frames", "mobility ellipsoids")
+    elevation: float | None = None
 
     def __repr__(self) -> str:
         start, stop = self.range
