@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+import html
+import tempfile
+import webbrowser
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
+from geodesic_ocp.records import write_file
 from geodesic_ocp.scenes.playback import Playback
+from geodesic_ocp.viewer.page.document import document
+from geodesic_ocp.viewer.page.fragment import fragment
+
+PAGES = (".html", ".htm")
+PICTURES = (".mp4", ".gif", ".webp", ".png")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Viewer:
-    """An animated view of a playback.
+    """An animated view of a playback; a notebook displays it inline.
 
     Attributes:
         playback: what is shown.
@@ -21,14 +30,79 @@ class Viewer:
     playback: Playback
     height: int = 760
 
-    def html(self) -> str:
-        """A self-contained page, which opens from disk without a network."""
-        raise NotImplementedError
+    def __repr__(self) -> str:
+        return f"Viewer({self.playback!r})"
 
-    def save(self, file: str | PathLike[str], **options: float) -> Path:
-        """Write a page (.html), a video (.mp4), an animation (.gif, .webp) or a picture (.png)."""
-        raise NotImplementedError
+    def html(self) -> str:
+        """A self-contained page, which opens from disk without a network.
+
+        Raises:
+            ImportError: Meshcat, whose copy of three.js draws the scenes, is not installed.
+        """
+        title = self.playback.title
+        heading = f"<h1>{html.escape(title)}</h1>\n" if title else ""
+        return document(title, heading + fragment(self.playback))
+
+    def save(
+        self,
+        file: str | PathLike[str],
+        *,
+        rate: float = 25.0,
+        width: int = 960,
+        speed: float = 1.0,
+    ) -> Path:
+        """Write a page (.html), a video (.mp4), an animation (.gif, .webp) or a picture (.png).
+
+        Args:
+            file: path, whose folder must exist.
+            rate: of the frames of a video or animation [1 / s].
+            width: of a video, animation or picture [px].
+            speed: of a video or animation; at 2 it takes half of the time.
+
+        Returns:
+            Path of the file.
+
+        Raises:
+            ValueError: another suffix.
+            ImportError: Meshcat, or what a video needs, is not installed.
+            OSError: the file cannot be written; what was there is left as it was.
+        """
+        path = Path(file)
+        if path.suffix.lower() in PAGES:
+            return write_file(path, self.html())
+        if path.suffix.lower() not in PICTURES:
+            known = ", ".join((PAGES[0], *PICTURES))
+            raise ValueError(f"file: {path} must end in one of {known}")
+        from geodesic_ocp.viewer.video.save_video import save_video
+
+        return save_video(self.playback, path, rate=rate, width=width, speed=speed)
 
     def open(self) -> Path:
-        """Write the page to a temporary file and open it in a browser."""
-        raise NotImplementedError
+        """Write the page to a temporary file, open it in a browser, and return its path.
+
+        If no browser opens, the path is printed.
+
+        Raises:
+            ImportError: Meshcat, whose copy of three.js draws the scenes, is not installed.
+            OSError: the file cannot be written.
+        """
+        page = self.html()
+        path = write_file(Path(tempfile.mkdtemp(prefix="geodesic_ocp-")) / "viewer.html", page)
+        open_page(path)
+        return path
+
+    def _repr_html_(self) -> str:
+        return (
+            f'<iframe srcdoc="{html.escape(self.html())}" title="{html.escape(self.playback.title)}"'
+            f' style="border: 0; height: {self.height}px; width: 100%" allow="fullscreen"></iframe>'
+        )
+
+
+def open_page(path: Path) -> None:
+    """Open a page in a browser, or print where it is."""
+    try:
+        opened = webbrowser.open(path.resolve().as_uri())
+    except webbrowser.Error:
+        opened = False
+    if not opened:
+        print(f"No browser could be opened; the page is at {path}")

@@ -2,6 +2,17 @@
 
 from __future__ import annotations
 
+import html
+from importlib.resources import files
+from importlib.util import find_spec
+from pathlib import Path
+
+_SCRIPTS = ("shapes.js", "drawing.js", "pane.js", "bar.js", "plots.js", "page.js")
+# Whatever the body says, the page loads nothing from anywhere.
+_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+)
+
 
 def document(title: str, body: str) -> str:
     """A complete page with a stylesheet and the scripts that `fragment`s in its body need.
@@ -13,4 +24,40 @@ def document(title: str, body: str) -> str:
     Raises:
         ImportError: Meshcat, whose copy of three.js draws the scenes, is not installed.
     """
-    raise NotImplementedError
+    folder = files("geodesic_ocp.viewer.page")
+    style = (folder / "page.css").read_text(encoding="utf-8")
+    scripts = "\n".join((folder / name).read_text(encoding="utf-8") for name in _SCRIPTS)
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
+<title>{html.escape(title)}</title>
+<style>
+{style}</style>
+</head>
+<body>
+{body}
+<script>
+{_library()}
+</script>
+<script>
+(function () {{
+"use strict";
+{scripts}}})();
+</script>
+</body>
+</html>
+"""
+
+
+def _library() -> str:
+    """Meshcat's JavaScript with the licences of what it contains."""
+    found = find_spec("meshcat")  # importing it would import its web server
+    if found is None or found.origin is None:
+        raise ImportError("the viewer needs meshcat: pip install 'geodesic_ocp[viewer]'")
+    folder = Path(found.origin).parent / "viewer"
+    names = ("LICENSE", "dist/main.min.js.LICENSE.txt", "dist/main.min.js")
+    licence, others, script = ((folder / name).read_text(encoding="utf-8") for name in names)
+    return f"/*!\nMeshcat\n{licence}*/\n{others}\n{script}"

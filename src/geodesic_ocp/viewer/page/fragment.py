@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-from geodesic_ocp.scenes.playback import Playback
+import base64
+import html
+import json
+
+from geodesic_ocp.scenes.playback import Playback, Plot
+from geodesic_ocp.scenes.scene import Scene
+from geodesic_ocp.viewer.page.described import described
+from geodesic_ocp.viewer.plots import draw_plot
 
 
 def fragment(playback: Playback) -> str:
@@ -10,4 +17,44 @@ def fragment(playback: Playback) -> str:
 
     It may stand there several times, among other HTML; it has no heading of its own.
     """
-    raise NotImplementedError
+    first, *_ = *playback.spans.values(), ()
+    panes = "\n".join(_pane(scene) for scene in playback.scenes)
+    plots = "\n".join(
+        _figure(plot, draw_plot(plot, playback.range, playback.time_label, first))
+        for plot in playback.plots
+    )
+    # Without "<", nothing in the data can close its script element.
+    data = json.dumps(described(playback), separators=(",", ":")).replace("<", "\\u003c")
+    return f"""<section class="playback" aria-label="{html.escape(playback.title)}">
+<noscript><p class="playback-missing">The three-dimensional view needs JavaScript, which is
+disabled here.</p></noscript>
+<p class="playback-missing playback-no-webgl" hidden>The three-dimensional view needs WebGL, which
+this browser does not support or has disabled.</p>
+<div class="playback-panes">
+{panes}
+</div>
+<div class="playback-plots">
+{plots}
+</div>
+<script type="application/json">{data}</script>
+</section>"""
+
+
+def _pane(scene: Scene) -> str:
+    title, note = html.escape(scene.title), html.escape(scene.note)
+    return (
+        f'<figure class="playback-pane"><figcaption>{title} <span>{note}</span></figcaption>'
+        f'<div class="playback-view" role="img" aria-label="{title}"></div></figure>'
+    )
+
+
+def _figure(plot: Plot, drawing: tuple[str, float, float]) -> str:
+    svg, left, right = drawing
+    source = base64.b64encode(svg.encode()).decode("ascii")
+    text = f"{plot.title}: {plot.label}" if plot.title else plot.label
+    curves = ", ".join(curve.name for curve in plot.curves)
+    return (
+        f'<figure class="playback-plot" data-left="{left:.5f}" data-right="{right:.5f}">'
+        f'<img alt="{html.escape(f"{text} of {curves}")}" draggable="false" '
+        f'src="data:image/svg+xml;base64,{source}"></figure>'
+    )

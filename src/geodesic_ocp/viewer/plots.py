@@ -1,0 +1,56 @@
+"""Plots below the scenes, as SVG."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+
+from geodesic_ocp.figures.new_figure import new_figure
+from geodesic_ocp.figures.styles import NEUTRAL, ROLES, line_styles
+from geodesic_ocp.scenes.playback import Plot, Span
+
+_WIDTH, _HEIGHT = 5.4, 2.9  # [inch], of which a page shows one in about 72 pixels
+_SHADE = "#e9eef4"
+
+
+def draw_plot(
+    plot: Plot, limits: tuple[float, float], label: str, spans: Sequence[Span]
+) -> tuple[str, float, float]:
+    """An SVG of a plot, and where its time axis starts and ends as fractions of its width.
+
+    Args:
+        plot: what is drawn; every second span is shaded.
+        limits: of the time axis.
+        label: of the time axis.
+    """
+    import matplotlib
+
+    style = {
+        **{"svg.fonttype": "none", "svg.hashsalt": "plot", "font.size": 9.5},
+        **{"axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": "#667"},
+        **{"text.parse_math": False},  # names are text, not formulas
+    }
+    with matplotlib.rc_context(style):
+        figure = new_figure(_WIDTH, _HEIGHT)
+        axes = figure.subplots()
+        for span in spans[1::2]:
+            axes.axvspan(span.start, span.stop, color=_SHADE, linewidth=0.0, zorder=0)
+        for value in plot.marks:
+            axes.axhline(value, **{**NEUTRAL, "linewidth": 0.9}, zorder=1)
+        series = iter(line_styles(sum(curve.role is None for curve in plot.curves)))
+        for curve in plot.curves:
+            look = next(series) if curve.role is None else ROLES[curve.role]
+            axes.plot(curve.time, curve.values, label=curve.name, **look)
+        if limits[0] < limits[1]:
+            axes.set_xlim(*limits)
+        axes.set_xlabel(label)
+        axes.set_ylabel(plot.label)
+        axes.set_title(plot.title, fontsize=10, loc="left")
+        figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=8.5)
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")
+        place = axes.get_position()
+        file = io.StringIO()
+        figure.savefig(file, format="svg", metadata={"Date": None})
+    svg = file.getvalue()
+    return svg[svg.index("<svg") :], float(place.x0), float(place.x1)
