@@ -13,13 +13,14 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.figures.analysis_figure import INSTANTS, draw_analysis
-from geodesic_ocp.figures.arm_strip import strip_instants
+from geodesic_ocp.figures.arms.arm_strip import StripArm, strip_instants
+from geodesic_ocp.figures.arms.best_view import across, best_view
+from geodesic_ocp.figures.arms.posture import Postures
 from geodesic_ocp.figures.new_figure import new_figure, save_figure
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics.adjustable_kinetic_energy import AdjustableKineticEnergy
 from geodesic_ocp.model.hands import hand_labels
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.stick_figure import stick_figure
 from geodesic_ocp.records import write_together
 from geodesic_ocp.synergies.analysis_metrics import joint_inertia_of, method_of
 from geodesic_ocp.synergies.scores.evaluate import MotionErrors
@@ -121,7 +122,7 @@ class Analysis:
         errors = self.errors_unfiltered if unfiltered else self.errors
         columns = [f"{hand} [{unit}]" for hand in hand_labels(self.model.hands) for unit in _UNITS]
         rows: list[tuple[str | int | float, ...]] = []
-        for method, label in self._labels().items():
+        for method, label in self.labels().items():
             count = self.segment_counts.get(method, "-")
             if method in self.not_found:
                 rows.append((label, count, NOT_FOUND, *[NOT_FOUND] * len(columns)))
@@ -131,8 +132,8 @@ class Analysis:
                 rows.append((label, count, values.joint, *chain(*hands)))
         return Table(("method", "segments", "joints [rad]", *columns), tuple(rows))
 
-    def _labels(self) -> dict[str, str]:
-        """Labels of the rows of a table, by method."""
+    def labels(self) -> dict[str, str]:
+        """What tables and figures call the methods, by method."""
         own = method_of(self.metric)
         straight = _METRICS["euclidean_same_segments"]
         name = _METRICS.get(own, self.metric.label or type(self.metric).__name__)
@@ -141,6 +142,14 @@ class Analysis:
             if method != own and method in (*self.errors, *self.not_found):
                 labels[method] = label if label == straight else f"geodesics, {label}"
         return labels | _BASELINES
+
+    def on_same_segments(self) -> dict[str, str]:
+        """Short labels, by method, of the predictions that have the segments of this analysis."""
+        return {
+            method: label.removeprefix("geodesics, ").removesuffix(", same segments")
+            for method, label in self.labels().items()
+            if method not in (*_BASELINES, *self.not_found)
+        }
 
     def plot(self, curve: Callable[[Axes], object] | None = None) -> Figure:
         """The arm at some instants, errors over time on the same segments, and the hands' paths.
@@ -156,29 +165,31 @@ class Analysis:
         joints: dict[str, Array] = {}
         distances: dict[str, dict[str, Array]] = {label: {} for label in labels}
         predicted: dict[str, Array] = {}
-        for method, title in self._labels().items():
-            if method not in (*_BASELINES, *self.not_found):
-                q = self.predictions[method].q
-                name = title.removeprefix("geodesics, ").removesuffix(", same segments")
-                joints[name] = np.mean(np.abs(q - motion.q), axis=1)
-                for label, hand in named.items():
-                    way = model.frame_pose(hand, q)[1]
-                    distances[label][name] = np.linalg.norm(way - observed[label], axis=1)
-                    if method == "riemannian":
-                        predicted[label] = way
+        for method, name in self.on_same_segments().items():
+            q = self.predictions[method].q
+            joints[name] = np.mean(np.abs(q - motion.q), axis=1)
+            for label, hand in named.items():
+                way = model.frame_pose(hand, q)[1]
+                distances[label][name] = np.linalg.norm(way - observed[label], axis=1)
+                if method == "riemannian":
+                    predicted[label] = way
         several = len(labels) > 1
         # Both arms stretched out are twice as wide as one.
         instants = strip_instants(self.segments, INSTANTS // 2 + 1 if several else INSTANTS)
+        name = f"predicted, {next(iter(joints))}"
+        arms = (
+            StripArm(Postures.of(model, motion.q[instants]), "observed", "observed"),
+            StripArm(Postures.of(model, self.predicted.q[instants]), "predicted", name, False),
+        )
+        view = best_view(arms[0].postures, np.concatenate(list(observed.values())))
         figure = new_figure(10.0, 11.0 if several else 8.4)
         draw_analysis(
             figure,
             motion.time - motion.time[0],
             self.segments,
             instants,
-            (
-                stick_figure(model, motion.q[instants]),
-                stick_figure(model, self.predicted.q[instants]),
-            ),
+            (view, across(view, arms[0].postures)),
+            arms,
             {label: (observed[label], predicted[label]) for label in labels},
             joints,
             distances,
@@ -219,4 +230,6 @@ class Analysis:
             (folder / f"{name}.csv").write_text(table.csv(), encoding="utf-8")
             (folder / f"{name}.md").write_text(table.markdown(), encoding="utf-8")
         save_figure(self.plot(curve), folder)
-        save_synergies(folder / "synergies.json", self.synergies, self.motion.joint_names)
+        save_synergies(
+            folder / "synergies.json", self.synergies, self.motion.joint_names, self.model
+        )
