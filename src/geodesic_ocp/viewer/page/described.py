@@ -33,9 +33,11 @@ def described(playback: Playback) -> dict[str, Any]:
         "range": playback.range,
         "parameter": playback.time_label == PARAMETER,
         "azimuth": playback.azimuth,
+        "elevation": playback.elevation,
+        "elevation": playback.elevation,
         "layers": [[layer, layer not in playback.hidden] for layer in layers],
         "spans": [
-            [name, [[span.name, span.start, span.stop] for span in spans]]
+            [name, [[span.name, span.start, span.stop, span.text] for span in spans]]
             for name, spans in playback.spans.items()
         ],
         "roles": {role: _look(style) for role, style in ROLES.items()},
