@@ -123,12 +123,14 @@ class PointCloud:
         positions: (k, m, 3), or (1, m, 3) if they do not move [m]; NaN where a point is not known.
         labels: names of the m points.
         layer: name of the switch that shows it.
+        role: whose colour it has; None: that of markers.
     """
 
     name: str
     positions: Array
     labels: tuple[str, ...]
     layer: str = "markers"
+    role: Role | None = None
 
     def __repr__(self) -> str:
         return f"PointCloud({self.name!r}, {len(self.labels)} points)"

@@ -94,7 +94,7 @@ def _cuts(analysis: Analysis) -> tuple[PointCloud, ...]:
     clouds = []
     for label, hand in zip(hand_labels(model.hands), model.hands, strict=True):
         points = model.frame_pose(hand, analysis.motion.q[samples])[1]
-        clouds.append(PointCloud(f"cuts, {label}", points[None], names, CUTS))
+        clouds.append(PointCloud(f"cuts, {label}", points[None], names, CUTS, "observed"))
     return tuple(clouds)
 
 

@@ -55,7 +55,11 @@ def marker_fit_playback(
     shown, note = shown_samples(motion.time)
     time, q = motion.time[shown], motion.q[shown]
     scene = model_scene(model, time, q, title=title, note=note)
-    clouds = [PointCloud("markers on the person", fitted_positions(fit)[shown], fit.names)]
+    clouds = [
+        PointCloud(
+            "markers on the person", fitted_positions(fit)[shown], fit.names, role="predicted"
+        )
+    ]
     azimuth = viewed_from(model)
     if fit.base is not None:
         rotations, positions = fit.base.rotations[shown], fit.base.positions[shown]
@@ -63,7 +67,12 @@ def marker_fit_playback(
         azimuth += _heading(fit.base)
     if markers is not None:
         recorded = _at_times_of(fit, markers)
-        clouds.insert(0, PointCloud("recorded markers", recorded.positions[shown], markers.names))
+        clouds.insert(
+            0,
+            PointCloud(
+                "recorded markers", recorded.positions[shown], markers.names, role="observed"
+            ),
+        )
     scene = replace(scene, clouds=tuple(clouds))
     known = np.ma.masked_invalid(1000.0 * fit.errors[shown])
     curves = (

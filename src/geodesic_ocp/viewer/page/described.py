@@ -87,6 +87,7 @@ def _scene(scene: Scene, shapes: Shapes, bodies: list[dict[str, Any]]) -> dict[s
         "clouds": [
             {
                 **{"name": cloud.name, "layer": cloud.layer, "labels": cloud.labels},
+                "role": cloud.role,
                 "positions": packed(cloud.positions.reshape(len(cloud.positions), -1)),
             }
             for cloud in scene.clouds
