@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Sequence
 
 from geodesic_ocp.figures.new_figure import new_figure
@@ -11,12 +12,13 @@ from geodesic_ocp.scenes.playback import Plot, Span
 
 _WIDTH, _HEIGHT = 5.4, 2.9  # [inch], of which a page shows one in about 72 pixels
 _SHADE = "#e9eef4"
+_PATH, _DIGITS = re.compile(r'\bd="[^"]*"'), re.compile(r"(\.\d\d)\d+")  # more are not seen
 
 
 def draw_plot(
     plot: Plot, limits: tuple[float, float], label: str, spans: Sequence[Span]
-) -> tuple[str, float, float]:
-    """An SVG of a plot, and where its time axis starts and ends as fractions of its width.
+) -> tuple[str, tuple[float, float, float, float]]:
+    """An SVG of a plot, and left, right, bottom and top of its axes as fractions of its size.
 
     Args:
         plot: what is drawn; every second span is shaded.
@@ -53,4 +55,5 @@ def draw_plot(
         file = io.StringIO()
         figure.savefig(file, format="svg", metadata={"Date": None})
     svg = file.getvalue()
-    return svg[svg.index("<svg") :], float(place.x0), float(place.x1)
+    drawn = _PATH.sub(lambda path: _DIGITS.sub(r"\1", path[0]), svg[svg.index("<svg") :])
+    return drawn, (float(place.x0), float(place.x1), float(place.y0), float(place.y1))

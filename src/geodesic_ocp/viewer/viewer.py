@@ -16,6 +16,7 @@ from geodesic_ocp.viewer.page.fragment import fragment
 
 PAGES = (".html", ".htm")
 PICTURES = (".mp4", ".gif", ".webp", ".png")
+HEIGHT = 760  # of the frame in a notebook [px]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -28,7 +29,7 @@ class Viewer:
     """
 
     playback: Playback
-    height: int = 760
+    height: int = HEIGHT
 
     def __repr__(self) -> str:
         return f"Viewer({self.playback!r})"
@@ -92,9 +93,10 @@ class Viewer:
         return path
 
     def _repr_html_(self) -> str:
+        page, title = html.escape(self.html()), html.escape(self.playback.title)
+        style = f"border: 0; height: {self.height}px; width: 100%"
         return (
-            f'<iframe srcdoc="{html.escape(self.html())}" title="{html.escape(self.playback.title)}"'
-            f' style="border: 0; height: {self.height}px; width: 100%" allow="fullscreen"></iframe>'
+            f'<iframe srcdoc="{page}" title="{title}" style="{style}" allow="fullscreen"></iframe>'
         )
 
 

@@ -85,8 +85,8 @@ class Bar {
     const cursor = made("i");
     const track = made("div", { class: "playback-track playback-spans" });
     const line = made("div");
-    const pieces = spans.map(([span, from, to]) => {
-      const piece = button(span, made("span", {}, span), () => this.viewer.seek(from));
+    const pieces = spans.map(([span, from, to, text]) => {
+      const piece = button(text || span, made("span", {}, span), () => this.viewer.seek(from));
       piece.tabIndex = -1; // the keyboard has shift and arrows
       piece.style.left = share(from);
       piece.style.width = `calc(${share(to)} - ${share(from)})`;
@@ -123,7 +123,7 @@ class Bar {
       const now = spanAt(spans, time);
       cursor.style.left = `${(100 * (time - start)) / (stop - start)}%`;
       pieces.forEach((piece, index) => piece.classList.toggle("playback-now", index === now));
-      const text = now < 0 ? "–" : spans[now][0];
+      const text = now < 0 ? "–" : spans[now][3] || spans[now][0];
       if (current.textContent !== text) current.textContent = text;
       if (now >= 0) names.push(text);
     }

@@ -19,7 +19,7 @@ class Drawing {
     this.samples = new Float64Array(bytes(scene.time));
     this.surfaces = surfaces;
     this.roles = data.roles;
-    this.width = 0.0042 * size;
+    this.width = 0.0055 * size;
     for (const kind of ["actor", "trail", "solid", "frame", "ellipsoid", "gap", "cloud"]) {
       for (const item of scene[`${kind}s`]) this[kind](item);
     }
@@ -140,7 +140,7 @@ class Drawing {
 
   solid(solid) {
     const { THREE } = MeshCat;
-    const material = painted(OBSTACLE, solid.unbounded ? 0.25 : 0.55);
+    const material = painted(OBSTACLE, solid.unbounded ? 0.22 : 0.45);
     material.side = THREE.DoubleSide;
     material.depthWrite = false;
     const shape = this.surfaces[solid.body];
@@ -218,8 +218,8 @@ class Drawing {
   cloud(cloud) {
     const { THREE } = MeshCat;
     const place = this.rows(cloud.positions);
-    const ball = new THREE.SphereGeometry(1.5 * this.width, 16, 12);
-    const material = painted(MARKER);
+    const ball = new THREE.SphereGeometry(1.6 * this.width, 16, 12);
+    const material = painted(cloud.role ? this.roles[cloud.role].colour : MARKER);
     const balls = cloud.labels.map((label) => this.mesh(ball, material, label));
     this.moving.push((index, fraction) => {
       const row = place(index, fraction);

@@ -48,13 +48,14 @@ def _pane(scene: Scene) -> str:
     )
 
 
-def _figure(plot: Plot, drawing: tuple[str, float, float]) -> str:
-    svg, left, right = drawing
+def _figure(plot: Plot, drawing: tuple[str, tuple[float, ...]]) -> str:
+    svg, place = drawing
     source = base64.b64encode(svg.encode()).decode("ascii")
+    axes = " ".join(f"{edge:.5f}" for edge in place)
     text = f"{plot.title}: {plot.label}" if plot.title else plot.label
     curves = ", ".join(curve.name for curve in plot.curves)
     return (
-        f'<figure class="playback-plot" data-left="{left:.5f}" data-right="{right:.5f}">'
+        f'<figure class="playback-plot" data-axes="{axes}">'
         f'<img alt="{html.escape(f"{text} of {curves}")}" draggable="false" '
         f'src="data:image/svg+xml;base64,{source}"></figure>'
     )

@@ -75,7 +75,7 @@ class PlaybackViewer {
   fit() {
     for (const pane of this.panes) pane.resize();
     if (this.untouched) {
-      const views = this.panes.map((pane) => pane.fit(this.data.azimuth));
+      const views = this.panes.map((pane) => pane.fit(this.data.azimuth, this.data.elevation));
       const distance = Math.max(...views.map((view) => view.distance));
       this.panes.forEach((pane, index) => pane.look(views[index], distance));
     }
@@ -248,7 +248,7 @@ function legend(data, layer) {
       swatch.style.background = `repeating-linear-gradient(90deg, ${paint} 0 ${on}px, transparent 0 ${on + off}px)`;
     } else swatch.style.background = paint;
     swatch.className = line ? "playback-line" : "playback-patch";
-    return made("span", { class: "playback-entry" }, swatch, name);
+    return made("span", { class: "playback-entry" }, swatch, name === layer ? "" : name);
   });
 }
 

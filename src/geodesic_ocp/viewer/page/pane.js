@@ -15,7 +15,7 @@ class Pane {
     });
     renderer.outputEncoding = THREE.sRGBEncoding;
     renderer.shadowMap.enabled = true;
-    renderer.shadowMap.type = THREE.PCFSoftShadowMap;
+    renderer.shadowMap.type = THREE.VSMShadowMap;
     element.append(renderer.domElement);
     this.viewer = new Viewer(element, false, renderer);
     this.viewer.gui.destroy();
@@ -69,8 +69,8 @@ class Pane {
     };
     const key = from(-0.2, 0.75, 1.6, 0.72);
     key.castShadow = true;
-    key.shadow.mapSize.set(2048, 2048);
-    key.shadow.radius = 5;
+    key.shadow.mapSize.set(1024, 1024);
+    key.shadow.radius = 7;
     key.shadow.bias = -0.0005;
     Object.assign(key.shadow.camera, { left: -far, right: far, top: far, bottom: -far, near: 0.01, far: 5 * far });
     const fill = from(1.4, 0.3, 0.5, 0.3);
@@ -115,7 +115,7 @@ class Pane {
             float line = clamp(1.2 - min(near.x, near.y), 0.0, 1.0);
             float crowded = smoothstep(0.45, 0.1, max(step.x, step.y));
             float fade = smoothstep(1.0, 0.15, length(off) / reach);
-            gl_FragColor = vec4(0.28, 0.34, 0.42, 0.3 * line * crowded * fade);
+            gl_FragColor = vec4(0.28, 0.34, 0.42, 0.17 * line * crowded * fade);
           }`,
       })
     );
@@ -124,10 +124,11 @@ class Pane {
     return [grid, shadow];
   }
 
-  // Distance and middle from which everything just fits, seen from this azimuth [deg].
-  fit(azimuth) {
+  // Distance and middle from which everything just fits, seen from this direction [deg].
+  fit(azimuth, elevation) {
     const { THREE } = MeshCat;
-    const [turn, tilt] = [azimuth, ELEVATION].map(THREE.MathUtils.degToRad);
+    const steep = Math.min(89.9, Math.max(-89.9, elevation ?? ELEVATION)); // up is up
+    const [turn, tilt] = [azimuth, steep].map(THREE.MathUtils.degToRad);
     const back = new THREE.Vector3(
       ...[Math.sin(turn) * Math.cos(tilt), Math.cos(turn) * Math.cos(tilt), Math.sin(tilt)]
     );

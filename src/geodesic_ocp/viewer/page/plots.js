@@ -8,6 +8,8 @@ class Plots {
     this.figures = [...element.querySelectorAll(".playback-plot")];
     this.cursors = this.figures.map((figure) => {
       const cursor = made("i");
+      const [, , bottom, top] = this.place(figure);
+      [cursor.style.bottom, cursor.style.top] = [`${100 * bottom}%`, `${100 * (1 - top)}%`];
       figure.append(cursor);
       const seek = (event) => {
         if (event.type === "pointermove" && !figure.hasPointerCapture(event.pointerId)) return;
@@ -28,8 +30,9 @@ class Plots {
     this.turn(0);
   }
 
+  // Left, right, bottom and top of its axes.
   place(figure) {
-    return [Number(figure.dataset.left), Number(figure.dataset.right)];
+    return figure.dataset.axes.split(" ").map(Number);
   }
 
   // Buttons for the first six plots, the next six, and so on.
