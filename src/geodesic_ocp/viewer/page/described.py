@@ -34,7 +34,6 @@ def described(playback: Playback) -> dict[str, Any]:
         "parameter": playback.time_label == PARAMETER,
         "azimuth": playback.azimuth,
         "elevation": playback.elevation,
-        "elevation": playback.elevation,
         "layers": [[layer, layer not in playback.hidden] for layer in layers],
         "spans": [
             [name, [[span.name, span.start, span.stop, span.text] for span in spans]]
