@@ -15,6 +15,7 @@ from geodesic_ocp.cli.analyse.analyse_options import add_analyse_options
 from geodesic_ocp.cli.fit.fit_options import add_fit_options
 from geodesic_ocp.cli.interrupts import Interrupts, in_main_thread, on_interrupt
 from geodesic_ocp.cli.retarget.retarget_options import add_demo_options, add_retarget_options
+from geodesic_ocp.cli.show.show_options import add_show_options
 from geodesic_ocp.cli.solve.solve_options import add_solve_options
 from geodesic_ocp.cli.study.study_options import add_study_options
 from geodesic_ocp.cli.trajectory.check_trajectory_options import add_check_trajectory_options
@@ -98,6 +99,16 @@ def _parser() -> argparse.ArgumentParser:
     add_solve_options(
         command("solve", _solve, "solve and plot the problems that a Python file defines")
     )
+    add_show_options(
+        command(
+            "show",
+            _show,
+            "show recordings, results and robots in three dimensions and in motion",
+            description="Show what is in files in three dimensions and in motion, in a browser, or "
+            "in a page or video: recordings, results of the other commands, problems and robots. "
+            "Where there is no screen, a page is written to the current folder.",
+        )
+    )
     checked = command("check", _check, "check the installation against known geodesics")
     checked.add_argument(
         "file", type=Path, nargs="?", help="more known geodesics (.json), in the documented form"
@@ -156,6 +167,12 @@ def _solve(options: argparse.Namespace) -> None:
     from geodesic_ocp.cli.solve.solve_command import solve_file
 
     solve_file(options)
+
+
+def _show(options: argparse.Namespace) -> None:
+    from geodesic_ocp.cli.show.show_command import show_files
+
+    show_files(options)
 
 
 def _check(options: argparse.Namespace) -> int:

@@ -17,7 +17,7 @@ from geodesic_ocp.manifold.metrics.adjustable_kinetic_energy import AdjustableKi
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.records import read_record, write_file
 
-_FORMAT, _VERSION = "geodesic_ocp metric", 1
+FORMAT, _VERSION = "geodesic_ocp metric", 1
 
 
 def save_metric(
@@ -49,7 +49,7 @@ def save_metric(
             }
         )
     record = {
-        "format": _FORMAT,
+        "format": FORMAT,
         "version": _VERSION,
         "metric": type(fit.metric(fit.recordings[0].model)).__name__,
         "parameters": entries,
@@ -100,7 +100,7 @@ def load_metric(path: str | PathLike[str], model: Model) -> AdjustableKineticEne
         RecordingError: the file is missing or not of this format, its metric is a user's own class,
             or a parameter does not fit the model.
     """
-    record = read_record(path, _FORMAT, _VERSION, "a fitted metric")
+    record = read_record(path, FORMAT, _VERSION, "a fitted metric")
     if record.get("metric") != AdjustableKineticEnergy.__name__:
         raise RecordingError(
             f"{path}: holds parameters of {record.get('metric')}; only those of "

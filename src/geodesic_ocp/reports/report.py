@@ -1,4 +1,4 @@
-"""An HTML page with a person and a robot in motion side by side, tables and the figure."""
+"""report: a page with a person and robots in motion, tables, and the figure."""
 
 from __future__ import annotations
 
@@ -8,26 +8,20 @@ import io
 from os import PathLike
 from pathlib import Path
 
-import numpy as np
-
-from geodesic_ocp.arrays import Array
-from geodesic_ocp.reports.viewer import Actor, page, viewer
-from geodesic_ocp.retargeting.arm_result import RetargetedArm
+from geodesic_ocp.records import write_file
 from geodesic_ocp.retargeting.result import Retargeting
+from geodesic_ocp.scenes.of_retargeting import retargeting_playback
 from geodesic_ocp.table import Table
-
-# Half of the distance between the shoulders as a fraction of body height: Winter, Biomechanics and
-# Motor Control of Human Movement.
-_HALF_WIDTH = 0.129
-_HEIGHT = 1.75  # [m], if the recording does not give it
+from geodesic_ocp.viewer.page.document import document
+from geodesic_ocp.viewer.page.fragment import fragment
 
 
 def report(retargeting: Retargeting, file: str | PathLike[str]) -> Path:
-    """Write an HTML page of a retargeting: both arms in motion, tables and the figure.
+    """Write an HTML page of a retargeting: person and robots in motion, tables and the figure.
 
-    The page needs only a browser. The robot is drawn with the meshes of its file, or as
-    capsules (`Model.bodies`), rotated into the person's axes, with the paths of its hand and of the
-    person's, mapped to the robot.
+    The page needs only a browser. It has what `show` has of a retargeting; the paths of the robot's
+    hand, of the person's, mapped to the robot, and of inverse kinematics have the colours of the
+    figure below.
 
     Args:
         retargeting: result of `retarget`.
@@ -37,34 +31,22 @@ def report(retargeting: Retargeting, file: str | PathLike[str]) -> Path:
         Path of the file.
 
     Raises:
+        ImportError: the extra viewer is not installed.
         OSError: the file cannot be written.
     """
-    arms = retargeting.arms
-    title = " and ".join(arm.title for arm in arms)
-    left = all((arm.mapping.target.side or "right") == "left" for arm in arms)
-    scenes = [
-        ("person", [_person(arm, len(arms)) for arm in arms]),
-        (" and ".join(dict.fromkeys(arm.robot.name for arm in arms)), _robots(arms)),
-    ]
-    moving = viewer(
-        retargeting.motion.time,
-        scenes,
-        view=(-50.0 if left else 50.0, 22.0),
-        target="the person's, mapped to the robot",
-    )
+    playback = retargeting_playback(retargeting)
+    title = playback.title[:1].upper() + playback.title[1:]
     parts = [
-        f"<h1>{html.escape(title[:1].upper() + title[1:])}</h1>",
+        f"<h1>{html.escape(title)}</h1>",
         f"<p>{html.escape(_sentences(retargeting))}</p>",
-        moving,
+        fragment(playback),
         "<h2>Compared with inverse kinematics that tracks the whole path of the hand</h2>",
         _html_table(retargeting.table()),
         "<h2>The robot's synergies, and the person's synergies from which they are made</h2>",
         _html_table(retargeting.synergy_table()),
         f'<p><img alt="hand and joints over time" src="{_picture(retargeting)}"></p>',
     ]
-    target = Path(file)
-    target.write_text(page(title, "\n".join(parts)), encoding="utf-8")
-    return target
+    return write_file(file, document(title, "\n".join(parts)))
 
 
 def _sentences(retargeting: Retargeting) -> str:
@@ -88,62 +70,15 @@ def _sentences(retargeting: Retargeting) -> str:
     return f"{description} {time}{reach}"
 
 
-def _shoulder(arm: RetargetedArm, count: int) -> Array:
-    """Position of the person's shoulder in the scene: at the origin, or to one side of it."""
-    if count == 1:
-        return np.zeros(3)
-    height = arm.analysis.motion.subject.height or _HEIGHT
-    side = -1.0 if "left" in arm.analysis.model.name else 1.0
-    return np.array([side * _HALF_WIDTH * height, 0.0, 0.0])
-
-
-def _person(arm: RetargetedArm, count: int) -> Actor:
-    position = _shoulder(arm, count)
-    model = arm.analysis.model
-    return Actor(model.name, model, arm.analysis.motion.q, position=position)
-
-
-def _robots(arms: tuple[RetargetedArm, ...]) -> list[Actor]:
-    """Each robot with its shoulder at that of the person; two arms of one robot share its body."""
-    frames = [{str(frame.name) for frame in arm.robot.pin.frames} for arm in arms]
-    shoulders = np.array([np.asarray(arm.mapping.target.shoulder) for arm in arms])
-    are_distinct = len(np.unique(shoulders.round(6), axis=0)) == len(arms)
-    one_body = len(arms) > 1 and are_distinct and all(names == frames[0] for names in frames)
-    middle = shoulders.mean(axis=0)
-    actors = []
-    for number, arm in enumerate(arms):
-        back = np.asarray(arm.mapping.target.base).T
-        if one_body:
-            position = -back @ middle
-        else:
-            position = _shoulder(arm, len(arms)) - back @ np.asarray(arm.mapping.target.shoulder)
-        others = [other.robot for other in arms[:number] if one_body]
-        later = [other.robot for other in arms[number + 1 :] if one_body]
-        hidden = {name for name in frames[number] if any(robot.moves(name) for robot in later)}
-        if others:  # the first of which shows the body
-            hidden = {name for name in frames[number] if not arm.robot.moves(name)}
-        actors.append(
-            Actor(
-                arm.robot.name,
-                arm.robot,
-                arm.motion.q,
-                back,
-                position,
-                target=arm.target_poses[1] @ back.T + position,
-                hidden=frozenset(hidden),
-            )
-        )
-    return actors
-
-
 def _html_table(table: Table) -> str:
-    """A table as HTML."""
+    """A table as HTML, which scrolls sideways where it is wider than the page."""
     header, *rows = table.shown()
     head = "".join(f"<th>{html.escape(entry)}</th>" for entry in header)
     body = "".join(
         f"<tr>{''.join(f'<td>{html.escape(entry)}</td>' for entry in row)}</tr>" for row in rows
     )
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    found = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    return f'<div style="overflow-x: auto">{found}</div>'
 
 
 def _picture(retargeting: Retargeting) -> str:

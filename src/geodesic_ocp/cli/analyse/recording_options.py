@@ -34,7 +34,7 @@ def add_person(command: argparse.ArgumentParser, sides: Sequence[str]) -> None:
     add_format(command)
 
 
-def add_format(command: argparse.ArgumentParser) -> None:
+def add_format(command: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
     """Add what the formats of some files leave open."""
     command.add_argument(
         "--convention",

@@ -80,7 +80,7 @@ def _summary(name: str, model: Model) -> Iterator[str]:
     yield from _wrapped(model.joint_names, indent="    ")
 
 
-def _last_link(description: Description) -> str:
+def last_link(description: Description) -> str:
     """The link moved by the most joints, none of which mimics another or is mimicked."""
     model, mimics = description.pin, description.mimics
     coupled = {*mimics, *(mimic.leader for mimic in mimics.values())}
@@ -98,7 +98,7 @@ def _longest_chain(name: str, backend: str) -> Iterator[str]:
         warnings.simplefilter("ignore")
         try:
             description = read_file(described()[name], None, None)
-            model = load_model(name, hand=_last_link(description), backend=backend)
+            model = load_model(name, hand=last_link(description), backend=backend)
         except ValueError as error:
             reason = f"  {name:26} cannot be loaded: {error}"
             yield from textwrap.wrap(reason, _WIDTH, subsequent_indent="    ")

@@ -1,0 +1,124 @@
+"""What is in a file, told by its content."""
+
+from __future__ import annotations
+
+import json
+import re
+import zipfile
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.fitting.metric_file import FORMAT as METRIC
+from geodesic_ocp.ocp.solve.solution import FORMAT as SOLUTION
+from geodesic_ocp.recordings.formats.recognise import recognise
+from geodesic_ocp.recordings.formats.xml_root import xml_root
+from geodesic_ocp.retargeting.alignment.arm_alignment import FORMAT as ALIGNMENT
+from geodesic_ocp.studies.batch.results.result_file import FORMAT as RESULT
+from geodesic_ocp.synergies.synergy_files import FORMAT as SYNERGIES
+
+Kind: TypeAlias = Literal[
+    "recording",
+    "trajectory",
+    "synergies",
+    "solution",
+    "alignment",
+    "problems",
+    "robot",
+    "result",
+]
+
+_HEAD = 1 << 16  # bytes
+# A column of a table that a recording does not have.
+_OF_TRAJECTORY = re.compile(r"time_from_start.*|.+[ _./](position|velocity)( *[\[(].*)?", re.I)
+_RECORDS: dict[str, Kind] = {
+    SYNERGIES: "synergies",
+    SOLUTION: "solution",
+    ALIGNMENT: "alignment",
+    RESULT: "result",
+}
+_ROBOTS = ("robot", "mujoco")  # root elements of URDF and Simox files, and of MJCF
+
+
+def file_kind(file: Path) -> Kind:
+    """What is in a file; only Python files are told by their suffix.
+
+    Raises:
+        RecordingError: the file is of no known kind, or holds nothing that can be seen.
+        OSError: the file cannot be read.
+    """
+    if file.suffix == ".py":
+        return "problems"
+    with file.open("rb") as stream:
+        head = stream.read(_HEAD)
+    text = head.decode("utf-8-sig", errors="replace").lstrip()
+    if text.startswith(("{", "[")):
+        return _kind_of_json(file)
+    if text.startswith("<"):
+        return _kind_of_xml(file)
+    if head.startswith(b"PK"):
+        return "trajectory" if _has_positions(file) else "recording"
+    if _is_trajectory_table(text):
+        return "trajectory"
+    try:
+        recognise(file)
+    except RecordingError as failure:
+        if file.suffix == ".csv":  # such as table.csv of an analysis
+            raise RecordingError(
+                f"{file}: is neither a recording nor a trajectory, which have a column for time"
+            ) from None
+        raise RecordingError(f"{failure}; geodesic-ocp show --help lists what is shown") from None
+    return "recording"
+
+
+def _kind_of_json(file: Path) -> Kind:
+    try:
+        record = json.loads(file.read_text(encoding="utf-8-sig"))
+    except (ValueError, RecursionError) as failure:
+        raise RecordingError(f"{file}: is not JSON: {failure}") from None
+    if not isinstance(record, dict):
+        raise RecordingError(f"{file}: is a JSON list, which is nothing that can be shown")
+    kind = _RECORDS.get(str(record.get("format")))
+    if kind is not None:
+        return kind
+    if record.get("format") == METRIC:
+        raise RecordingError(
+            f"{file}: is a fitted metric, of which there is nothing to see; analyse a recording "
+            f"with it: geodesic-ocp analyse RECORDING --metric {file}"
+        )
+    if {"joint_names", "points"} <= set(record):
+        return "trajectory"
+    entries = ", ".join(map(repr, list(record)[:4])) or "none"
+    raise RecordingError(
+        f"{file}: is JSON, but neither synergies, a solution, an alignment nor a trajectory; its "
+        f"entries are {entries}"
+    )
+
+
+def _kind_of_xml(file: Path) -> Kind:
+    name = xml_root(file).tag.rpartition("}")[2]
+    if name.lower() in _ROBOTS:
+        return "robot"
+    if name == "OpenSimDocument":
+        raise RecordingError(
+            f"{file}: is a model of OpenSim; give a motion (.mot, .sto), and the model as "
+            f"--convention {file}"
+        )
+    if name == "sdf":
+        raise RecordingError(f"{file}: is SDF; robots are read from URDF and MJCF")
+    return "recording"
+
+
+def _is_trajectory_table(text: str) -> bool:
+    """Whether the header of a table has the columns of a joint trajectory."""
+    header = next((line for line in text.splitlines() if line and not line.startswith("#")), "")
+    return any(_OF_TRAJECTORY.fullmatch(name.strip(" \"'")) for name in header.split(","))
+
+
+def _has_positions(file: Path) -> bool:
+    """Whether a NumPy archive has the arrays of a joint trajectory."""
+    try:
+        with zipfile.ZipFile(file) as archive:
+            return {"position.npy", "joint_names.npy"} <= set(archive.namelist())
+    except zipfile.BadZipFile:
+        raise RecordingError(f"{file}: is a damaged archive") from None
