@@ -17,8 +17,9 @@ from geodesic_ocp.scenes.markings import Solid
 
 COLLISION_BODIES = "collision bodies"
 _GREY = (0.62, 0.65, 0.70)
-_SIDES = 24  # of a polygon in place of a circle
-_ROUND = 3  # subdivisions of an icosahedron in place of a sphere
+_SIDES = 32  # of a polygon in place of a circle
+_ROUND, _FINE = 3, 4  # subdivisions of an icosahedron in place of a sphere, of many and of few
+_FEW = 4
 _THICKNESS, _MARGIN = 0.01, 0.15  # of the piece of a half-space, relative to the size of the scene
 _CORNERS = np.array(np.meshgrid((0.0, 1.0), (0.0, 1.0), (0.0, 1.0))).reshape(3, -1).T
 
@@ -40,7 +41,8 @@ def obstacle_solids(obstacles: Sequence[Obstacle], low: Array, high: Array) -> t
         if isinstance(obstacle, HalfSpace):
             planes.append((name, obstacle))
         elif obstacle.link is None:
-            found.append(Solid(name, *_surface(obstacle)))
+            fine = len(obstacles) <= _FEW
+            found.append(Solid(name, *_surface(obstacle, _FINE if fine else _ROUND)))
     every = np.concatenate([[low, high], *(solid.vertices for solid in found)])
     box = every.min(axis=0), every.max(axis=0)
     found += [Solid(name, *_slab(plane, *box), unbounded=True) for name, plane in planes]
@@ -89,7 +91,7 @@ def _mesh(body: Body) -> Mesh:
     return Mesh(str(body.link), *_surface(body), _GREY)
 
 
-def _surface(body: Body) -> tuple[Array, Indices]:
+def _surface(body: Body, subdivisions: int = _ROUND) -> tuple[Array, Indices]:
     """Vertices (k, 3) [m] and triangles (m, 3) of a ball or capsule."""
     from trimesh import creation
 
@@ -97,7 +99,7 @@ def _surface(body: Body) -> tuple[Array, Indices]:
     start, end = np.array(capsule.start), np.array(capsule.end)
     length = float(np.linalg.norm(end - start))
     if length == 0.0:
-        return _arrays(creation.icosphere(_ROUND, capsule.radius), np.eye(3), start)
+        return _arrays(creation.icosphere(subdivisions, capsule.radius), np.eye(3), start)
     shape = creation.capsule(length, capsule.radius, count=(_SIDES, _SIDES))
     turn = _axes_with((end - start) / length)
     return _arrays(shape, turn, (start + end) / 2.0)
