@@ -11,6 +11,7 @@ from geodesic_ocp.figures.styles import NEUTRAL, ROLES, line_styles
 from geodesic_ocp.scenes.playback import Plot, Span
 
 _WIDTH, _HEIGHT = 5.4, 2.9  # [inch], of which a page shows one in about 72 pixels
+_CHARACTERS, _HANDLE = 84, 8  # of a legend's line at this width, and of the mark before a name
 _SHADE = "#e9eef4"
 _PATH, _DIGITS = re.compile(r'\bd="[^"]*"'), re.compile(r"(\.\d\d)\d+")  # more are not seen
 
@@ -48,7 +49,9 @@ def draw_plot(
         axes.set_xlabel(label)
         axes.set_ylabel(plot.label)
         axes.set_title(plot.title, fontsize=10, loc="left")
-        figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=8.5)
+        longest = max(len(curve.name) for curve in plot.curves)
+        columns = max(1, min(4, _CHARACTERS // (longest + _HANDLE)))
+        figure.legend(loc="outside lower center", ncols=columns, frameon=False, fontsize=8.5)
         figure.draw_without_rendering()
         figure.set_layout_engine("none")
         place = axes.get_position()
