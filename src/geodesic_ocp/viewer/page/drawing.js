@@ -7,14 +7,14 @@ const OVERLAP = "#c0202a";
 const MARKER = "#5a4a8a";
 const AXES = ["#c8372d", "#3d8f40", "#2f5fb3"];
 const OVERLAY = 0.38; // opacity of overlays
-const FAINT = 0.22; // and of lines behind bodies
+const FAINT = 0.3; // and of lines behind bodies
 
 class Drawing {
   // surfaces: those of data.bodies; size: of the scene [m], by which lines are as wide.
   constructor(scene, data, surfaces, size) {
     this.root = new MeshCat.THREE.Group();
     this.groups = {}; // by layer
-    this.labels = []; // {text, at: object, dx, dy}
+    this.labels = []; // {text: function, at: object, below or above it}
     this.moving = []; // functions of sample and fraction
     this.samples = new Float64Array(bytes(scene.time));
     this.surfaces = surfaces;
@@ -133,7 +133,7 @@ class Drawing {
       group.add(this.seen(tube(points, this.width / 2, dash), paint, trail.name, 3));
     }
     if (trail.dot) {
-      const ball = new THREE.SphereGeometry(1.9 * this.width, 24, 16);
+      const ball = new THREE.SphereGeometry(2.2 * this.width, 24, 16);
       group.add(this.placed(this.seen(ball, paint, trail.name, 4), trail.dot));
     }
   }
@@ -166,7 +166,7 @@ class Drawing {
       group.add(this.seen(shape, paint, `${frame.name}: ${"xyz"[axis]}`, 4));
     });
     this.layer(frame.layer).add(group);
-    this.labels.push({ at: group, text: () => frame.name });
+    this.labels.push({ at: group, below: true, text: () => frame.name });
   }
 
   ellipsoid(ellipsoid) {
@@ -212,7 +212,7 @@ class Drawing {
     });
     for (const each of [line, ...balls]) each.userData.name = gap.name;
     this.layer(gap.layer).add(group.add(line, ...balls, middle));
-    this.labels.push({ at: middle, text: () => `${(1000 * now).toFixed(0)} mm`.replace("-", "−") });
+    this.labels.push({ at: middle, below: false, text: () => `${(1000 * now).toFixed(0)} mm`.replace("-", "−") });
   }
 
   cloud(cloud) {

@@ -48,11 +48,11 @@ class PlaybackViewer {
     const observer = new ResizeObserver(() => this.fit());
     for (const pane of panes) {
       observer.observe(pane.element);
-      pane.controls.addEventListener("start", () => (this.untouched = false));
       pane.controls.addEventListener("change", () => {
-        for (const other of this.panes) if (other !== pane && !this.untouched) other.follow(pane);
+        if (this.fitting) return;
+        this.untouched = false;
+        this.moveCameras(() => panes.forEach((other) => other !== pane && other.follow(pane)));
       });
-      pane.element.addEventListener("wheel", () => (this.untouched = false), { capture: true });
       pane.element.addEventListener("dblclick", () => this.reset());
       this.nameOnRest(pane);
     }
@@ -77,9 +77,16 @@ class PlaybackViewer {
     if (this.untouched) {
       const views = this.panes.map((pane) => pane.fit(this.data.azimuth, this.data.elevation));
       const distance = Math.max(...views.map((view) => view.distance));
-      this.panes.forEach((pane, index) => pane.look(views[index], distance));
+      this.moveCameras(() => this.panes.forEach((pane, i) => pane.look(views[i], distance)));
     }
     this.draw();
+  }
+
+  // Cameras that move on their own tell of it as if someone had moved them.
+  moveCameras(move) {
+    this.fitting = true;
+    move();
+    this.fitting = false;
   }
 
   // Switches of layers with what their lines look like, and buttons for the view.
@@ -164,7 +171,7 @@ class PlaybackViewer {
 
   toggleFull() {
     if (document.fullscreenElement) document.exitFullscreen();
-    else this.root.requestFullscreen();
+    else if (document.fullscreenEnabled) this.root.requestFullscreen();
   }
 
   draw() {
@@ -173,7 +180,7 @@ class PlaybackViewer {
 
   step(now) {
     const [start, stop] = this.range;
-    const passed = (now - this.last) / 1000;
+    const passed = Math.min(0.5, (now - this.last) / 1000); // more if the page was hidden
     this.last = now;
     if (this.playing) {
       const rate = this.speed * (this.data.parameter ? (stop - start) / PASS : 1);
@@ -235,7 +242,8 @@ class PlaybackViewer {
 function legend(data, layer) {
   const entries = new Map();
   for (const scene of data.scenes) {
-    const named = [...scene.trails, ...scene.actors.filter((actor) => actor.role)];
+    const shown = [...scene.clouds, ...scene.actors].filter(({ role }) => role);
+    const named = [...scene.trails, ...shown];
     for (const { name, role, layer: own, points } of named) {
       if (own === layer) entries.set(`${role} ${name}`, [name, role, points !== undefined]);
     }

@@ -15,7 +15,7 @@ class Pane {
     });
     renderer.outputEncoding = THREE.sRGBEncoding;
     renderer.shadowMap.enabled = true;
-    renderer.shadowMap.type = THREE.VSMShadowMap;
+    renderer.shadowMap.type = THREE.PCFSoftShadowMap;
     element.append(renderer.domElement);
     this.viewer = new Viewer(element, false, renderer);
     this.viewer.gui.destroy();
@@ -67,15 +67,14 @@ class Pane {
       light.target.position.copy(middle);
       return light;
     };
-    const key = from(-0.2, 0.75, 1.6, 0.72);
+    const key = from(-0.15, 0.5, 1.6, 0.64);
     key.castShadow = true;
     key.shadow.mapSize.set(1024, 1024);
-    key.shadow.radius = 7;
     key.shadow.bias = -0.0005;
     Object.assign(key.shadow.camera, { left: -far, right: far, top: far, bottom: -far, near: 0.01, far: 5 * far });
     const fill = from(1.4, 0.3, 0.5, 0.3);
     const back = from(-1.2, -1.0, 0.6, 0.25);
-    const sky = new THREE.HemisphereLight(0xffffff, 0xb9b4ab, 0.5);
+    const sky = new THREE.HemisphereLight(0xffffff, 0xb5b0a8, 0.5);
     sky.position.set(0, 0, 1);
     return [key, fill, back, sky].flatMap((light) => (light.target ? [light, light.target] : [light]));
   }
@@ -195,7 +194,7 @@ class Pane {
     this.viewer.render();
     const [width, height] = [this.element.clientWidth, this.element.clientHeight];
     const at = new THREE.Vector3();
-    for (const { at: object, text, element } of this.labels) {
+    for (const { at: object, below, text, element } of this.labels) {
       let shown = true;
       object.traverseAncestors((parent) => (shown = shown && parent.visible));
       object.getWorldPosition(at).project(this.camera);
@@ -203,7 +202,7 @@ class Pane {
       if (element.hidden) continue;
       if (element.textContent !== text()) element.textContent = text();
       const [x, y] = [((1 + at.x) / 2) * width, ((1 - at.y) / 2) * height];
-      element.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
+      element.style.transform = `translate(${x.toFixed(1)}px, ${(below ? y + 4 : y - 24).toFixed(1)}px)`;
     }
   }
 
