@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from known_models import planar_arm
@@ -24,6 +26,21 @@ START = (0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1)
 TARGET = (0.10, 0.45, 0.10)
 LAMP = go.Ball((0.20, 0.35, -0.15), 0.06, name="lamp")
 STRAIGHT = go.Path(go.KineticEnergy(ARM), go.Grid(1, 2), np.linspace(START, np.add(START, 0.3), 3))
+
+
+@dataclass(frozen=True)
+class BesideLamp(go.Problem):
+    """Between two configurations; the lamp is only shown."""
+
+    arm: go.Model
+    obstacles: tuple[go.Ball, ...] = (LAMP,)
+
+    @property
+    def metric(self) -> go.Metric:
+        return go.KineticEnergy(self.arm)
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+        return [(q0, np.full(3, 0.3)), (q1, np.full(3, 0.6))]
 
 
 def check(playback: Playback) -> None:
@@ -172,6 +189,14 @@ def test_clearances_are_those_of_the_constraints() -> None:
     assert {mesh.link for mesh in bodies.meshes} == {"right hand", "right forearm"}
     assert "collision bodies" in playback.hidden
     assert "clearances" not in playback.hidden
+
+
+def test_obstacles_are_shown_beside_a_model_without_bodies() -> None:
+    arm = planar_arm((1.0, 1.0, 1.0), (1.0, 1.0, 1.0), (0.5, 0.5, 0.5), (0.1, 0.1, 0.1))
+    solution = go.solve(BesideLamp(arm))
+    (scene,) = solution_playback(solution).scenes
+    assert [solid.name for solid in scene.solids] == ["lamp"]
+    assert scene.gaps == ()
 
 
 def test_a_failed_solve_says_so() -> None:

@@ -73,7 +73,7 @@ def _with_bodies(
     margins = {each.name: float(each.lower[0]) for each in constraints if each.lower.size == 1}
     pairs = problem.pairs if isinstance(problem, ConstrainedProblem) else ()
     gaps: tuple[Gap, ...] = ()
-    if problem.obstacles or pairs:
+    if model.bodies and (problem.obstacles or pairs):
         gaps = clearances(model, q, problem.obstacles, pairs=pairs, names=margins)
         extra.append(collision_bodies(model, q, _considered(problem, model, pairs, margins)))
     kept = {margins[gap.name] for gap in gaps if gap.name in margins}
