@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -60,7 +61,11 @@ def analysis_playback(analysis: Analysis, *, title: str = "") -> Playback:
     for name in others:
         label = labels[name]
         actors.append(_overlay(model, predictions[name], label, "baseline", label))
-        trails += hand_trails(model, predictions[name], "baseline", name=label, layer=label)
+        trails += [
+            replace(trail, name=label)  # as its layer
+            for trail in hand_trails(model, predictions[name], "baseline", layer=label)
+        ]
+    metric = f"synergies: {analysis.metric_name}".replace("^2", "²")
     scene = Scene(
         model.name,
         motion.time[shown],
@@ -69,16 +74,15 @@ def analysis_playback(analysis: Analysis, *, title: str = "") -> Playback:
         frames=hand_frames(model, observed),
         ellipsoids=mobility_ellipsoids(model, observed, analysis.metric),
         clouds=_cuts(analysis),
-        note="; ".join(filter(None, (f"synergies: {analysis.metric_name}", note))),
+        note="; ".join(filter(None, (metric, note))),
     )
-    usual = Playback("", (scene,), {}).hidden
     return Playback(
         title or f"{model.name}, {len(analysis.synergies)} geodesic synergies",
         (scene,),
         {"synergies": synergy_spans(analysis.synergies)},
         _plots(analysis, shown),
         azimuth=viewed_from(model),
-        hidden=(*usual, *(labels[name] for name in others)),
+        hidden=(*Playback.hidden, *(labels[name] for name in others)),
     )
 
 

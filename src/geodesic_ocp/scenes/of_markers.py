@@ -54,25 +54,21 @@ def marker_fit_playback(
     model, motion = fit.model, fit.motion
     shown, note = shown_samples(motion.time)
     time, q = motion.time[shown], motion.q[shown]
-    scene = model_scene(model, time, q, title=title, note=note)
-    clouds = [
-        PointCloud(
-            "markers on the person", fitted_positions(fit)[shown], fit.names, role="predicted"
-        )
-    ]
+    notes = (
+        f"{len(fit.names)} markers, typically {1e3 * fit.typical_error:.0f} mm from their places",
+        *(f"doubtful: {doubt}" for doubt in fit.doubts),
+        note,
+    )
+    scene = model_scene(model, time, q, title=title, note="; ".join(filter(None, notes)))
+    on_person = fitted_positions(fit)[shown]
+    clouds = [PointCloud("markers on the person", on_person, fit.names, role="predicted")]
     azimuth = viewed_from(model)
     if fit.base is not None:
-        rotations, positions = fit.base.rotations[shown], fit.base.positions[shown]
-        scene = carried(scene, rotations, positions)
+        scene = carried(scene, fit.base.rotations[shown], fit.base.positions[shown])
         azimuth += _heading(fit.base)
     if markers is not None:
-        recorded = _at_times_of(fit, markers)
-        clouds.insert(
-            0,
-            PointCloud(
-                "recorded markers", recorded.positions[shown], markers.names, role="observed"
-            ),
-        )
+        recorded = _at_times_of(fit, markers).positions[shown]
+        clouds.append(PointCloud("recorded markers", recorded, markers.names, role="observed"))
     scene = replace(scene, clouds=tuple(clouds))
     known = np.ma.masked_invalid(1000.0 * fit.errors[shown])
     curves = (
