@@ -43,6 +43,7 @@ def beside(playbacks: Sequence[Playback], *, title: str = "") -> Playback:
         for plot in playback.plots
     ]
     hidden = dict.fromkeys(layer for playback in playbacks for layer in playback.hidden)
+    heights = {playback.elevation for playback in playbacks}
     return Playback(
         title or _listed(dict.fromkeys(playback.title for playback in playbacks)),
         _titled(titles, together),
@@ -51,6 +52,7 @@ def beside(playbacks: Sequence[Playback], *, title: str = "") -> Playback:
         together[0].time_label,
         float(np.mean([playback.azimuth for playback in playbacks])),
         tuple(hidden),
+        heights.pop() if len(heights) == 1 else None,
     )
 
 
