@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.figures.arm_strip import draw_arm_strip
+from geodesic_ocp.figures.arms.arm_strip import StripArm, draw_arm_strip
+from geodesic_ocp.figures.arms.view import View
 from geodesic_ocp.figures.error_over_time import draw_error_over_time
 from geodesic_ocp.figures.overview import draw_hand_path, widest_columns
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
     from matplotlib.gridspec import GridSpec, SubplotSpec
 
-INSTANTS = 9  # stick figures in the strip
+INSTANTS = 7  # arms in the strip
 _TITLE: dict[str, Any] = {"loc": "left", "fontsize": "medium"}
 _MARKS: dict[str, Any] = {"color": "0.3", "markersize": 5, "clip_on": False}
 _ABOVE_LEGEND = 22.0  # [pt] of the title, as few arms leave no room for both in a row
@@ -29,7 +30,8 @@ def draw_analysis(
     time: Array,
     segments: Sequence[tuple[int, int]],
     instants: Sequence[int],
-    links: tuple[Array, Array],
+    views: Sequence[View],
+    arms: Sequence[StripArm],
     hands: Mapping[str, tuple[Array, Array]],
     joints: Mapping[str, Array],
     distances: Mapping[str, Mapping[str, Array]],
@@ -41,9 +43,9 @@ def draw_analysis(
         figure: to draw in.
         time: of the samples (k,) [s].
         segments: (start, stop) samples of the segments.
-        instants: samples of the stick figures, see `strip_instants`.
-        links: end points of the observed and the predicted links at the instants,
-            (instants, links, 2, 3) each [m].
+        instants: samples at which the arms are drawn, see `strip_instants`.
+        views: from where the arms are seen.
+        arms: the observed and the predicted one at the instants.
         hands: by name, positions (k, 3) [m] of the observed and the predicted hand.
         joints: by prediction, error of the joints (k,) [rad] over time.
         distances: of each hand by prediction, error of its position (k,) [m] over time.
@@ -53,11 +55,11 @@ def draw_analysis(
     heights = (2.0 if several else 1.4, *[1.0] * (1 + len(hands)))
     grid = figure.add_gridspec(len(heights), 2, width_ratios=(1.6, 1.0), height_ratios=heights)
     strip = figure.add_subplot(grid[0, :])
-    names = "observed", f"predicted, {next(iter(joints))}"
-    draw_arm_strip(strip, time[list(instants)], *links, names)
+    texts = [f"{each:.1f} s" for each in time[list(instants)]]
+    handles = draw_arm_strip(strip, views, texts, arms)
     title = f"{'arms' if several else 'arm'}, halfway between cuts"
     strip.set_title(title, **_TITLE, pad=_ABOVE_LEGEND)
-    strip.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=2, **_LEGEND)
+    strip.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=2, **_LEGEND)
 
     panels: list[Axes] = []
     rows = [("joints [rad]", dict(joints))]

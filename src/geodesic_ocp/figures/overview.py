@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +18,7 @@ Names = tuple[str, str]
 NAMES: Names = ("observed", "predicted")
 _TICKS: dict[str, Any] = {"color": "#1b3a5c", "markersize": 9, "clip_on": False}
 _LONG = 12  # letters of an axis label beside a panel
+_STRIP = 1.7  # height of a strip of arms, relative to a panel's
 _SHADE = "#dfe6ee"
 
 
@@ -57,6 +58,7 @@ def draw_overview(
     names: Names = NAMES,
     other: str | None = None,
     ticks: Array | None = None,
+    strips: Sequence[Callable[[Axes], object]] = (),
 ) -> None:
     """Draw hand and joints over time in panels, and the path of the hand beside them.
 
@@ -69,14 +71,17 @@ def draw_overview(
         names: labels of the observed and the predicted hand.
         other: label of the joints drawn beside the predicted ones, if they are not observed ones.
         ticks: times [s] marked on the upper edge.
+        strips: each draws arms into axes of its own, above the panels.
     """
     columns = widest_columns(hands[0], 2)
     rows = [(f"hand {'xyz'[axis]}\n[m]", hands[0][:, axis], hands[1][:, axis]) for axis in columns]
     rows += joints
-    grid = figure.add_gridspec(len(rows), 2, width_ratios=(1.5, 1.0))
+    above = len(strips)
+    heights = [_STRIP] * above + [1.0] * len(rows)
+    grid = figure.add_gridspec(len(heights), 2, width_ratios=(1.5, 1.0), height_ratios=heights)
     panels: list[Axes] = []
     for row, (label, observed, predicted) in enumerate(rows):
-        axes = figure.add_subplot(grid[row, 0], sharex=panels[0] if panels else None)
+        axes = figure.add_subplot(grid[above + row, 0], sharex=panels[0] if panels else None)
         shade_segments(axes, time, segments)
         if other is None or row < len(columns):
             draw_over_time(axes, time, observed, predicted, label, names)
@@ -90,13 +95,15 @@ def draw_overview(
     panels[-1].set_xlabel("time [s]")
     figure.align_ylabels(panels)
 
-    path = figure.add_subplot(grid[:, 1])
+    path = figure.add_subplot(grid[above:, 1])
     axis_names = ("xyz"[columns[0]], "xyz"[columns[1]])
     observed, predicted = (hand[:, columns] for hand in hands)
     draw_hand_path(path, observed, predicted, segments, axis_names, names)
     shown = dict(zip(*path.get_legend_handles_labels()[::-1], strict=True))
     shown |= dict(zip(*panels[-1].get_legend_handles_labels()[::-1], strict=True))
     figure.legend(shown.values(), shown.keys(), loc="outside lower center", ncols=len(shown))
+    for row, draw in enumerate(strips):
+        draw(figure.add_subplot(grid[row, :]))
 
 
 def draw_hand_path(

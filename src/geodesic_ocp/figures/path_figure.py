@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from geodesic_ocp.arrays import Array, evaluate
+from geodesic_ocp.figures.arms.path_arms import draw_path_arms, moves_in_plane
 from geodesic_ocp.figures.new_figure import new_figure
 from geodesic_ocp.figures.overview import widest_columns
 from geodesic_ocp.figures.plane import draw_coordinates, draw_plane_path, draw_unit_balls
 from geodesic_ocp.figures.styles import OBSERVED
 from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.trajectory.path import Path
 
 if TYPE_CHECKING:
@@ -24,38 +26,62 @@ if TYPE_CHECKING:
 DrawExtra: TypeAlias = "Callable[[Axes, Path, tuple[int, int]], None]"
 
 _SAMPLES = 201
+_HEIGHT = 5.2  # [inch], without arms
+_ABOVE = 0.5  # [inch], of the title of the arms
 _BALLS, _RADIUS = 7, 0.06  # unit balls along the path, and their size relative to it
 _REACHED = 1e-6  # of the range between two limits
 
 
 def draw_path(
-    path: Path, title: str, draw_extra: DrawExtra | None = None, figure: Figure | None = None
+    path: Path,
+    title: str = "",
+    draw_extra: DrawExtra | None = None,
+    figure: Figure | None = None,
+    *,
+    obstacles: Sequence[Obstacle] = (),
+    links: Sequence[str] | None = None,
+    arms: bool = True,
 ) -> Figure:
-    """Draw a path: coordinates and speed over s, and the hand's path or the path in the plane.
+    """Draw a path: coordinates and speed over s, the hand's path or that in the plane, and the arm.
 
     Args:
         path: to be drawn.
         title: of the figure.
         draw_extra: draws additional items beside the path, such as obstacles.
         figure: to be cleared and drawn into; None: a new one.
+        obstacles: drawn beside the arm.
+        links: of the arm that keep clear of obstacles; None: all that move.
+        arms: whether the arm is drawn at some instants, if the metric is that of a model.
     """
-    model = getattr(path.metric, "model", None)
-    in_space = model is not None and len({model.moves(model.hand)}) and path.metric.dim > 2
+    model: Model | None = getattr(path.metric, "model", None)
+    in_space = model is not None and model.moves(model.hand) and path.metric.dim > 2
     beside = in_space or path.metric.dim == 2
+    shown = model if arms else None
+    flat = shown is not None and moves_in_plane(shown, path)
+    width = (11.0 if beside else 7.0) + 4.5 * flat
     if figure is None:
-        figure = new_figure(11.0 if beside else 7.0, 5.2)
+        figure = new_figure(width, _HEIGHT)
     else:
         figure.clear()
-    grid = figure.add_gridspec(2, 2 if beside else 1, height_ratios=(2.2, 1.0))
-    _draw_coordinates(figure.add_subplot(grid[0, 0]), path)
-    _draw_speed(figure.add_subplot(grid[1, 0]), path)
+    rows = (2.2, 1.0) if shown is None or flat else (1.0, 2.2, 1.0)
+    grid = figure.add_gridspec(len(rows), (2 if beside else 1) + flat, height_ratios=rows)
+    _draw_coordinates(figure.add_subplot(grid[-2, 0]), path)
+    _draw_speed(figure.add_subplot(grid[-1, 0]), path)
     if beside:
-        axes = figure.add_subplot(grid[:, 1])
+        axes = figure.add_subplot(grid[-2:, 1])
         if in_space:
             _draw_hand(axes, path, draw_extra)
         else:
             _draw_plane(axes, path, draw_extra)
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3, frameon=False)
+    if shown is not None:
+        axes = figure.add_subplot(grid[:, -1] if flat else grid[0, :])
+        draw_path_arms(axes, path, shown, obstacles, links)
+        if not flat:  # as high as the arms are in the width of the figure
+            above = float(np.divide(*(np.ptp(each) for each in (axes.get_ylim(), axes.get_xlim()))))
+            height = 0.96 * width * above + _ABOVE
+            grid.set_height_ratios((height, 2.2 / 3.2 * _HEIGHT, 1.0 / 3.2 * _HEIGHT))
+            figure.set_size_inches(width, _HEIGHT + height)
     figure.suptitle(title)
     return figure
 

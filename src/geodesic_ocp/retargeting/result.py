@@ -21,6 +21,7 @@ from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.equal_limits import compare_under_equal_limits
 from geodesic_ocp.retargeting.motion_clearance import TOUCHING, in_check
 from geodesic_ocp.retargeting.program.planned_paths import PlannedPaths
+from geodesic_ocp.retargeting.retargeting_strips import retargeting_strips
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.synergies.synergy_files import save_synergies
@@ -240,14 +241,16 @@ class Retargeting:
         return Table(header, tuple(rows))
 
     def plot(self) -> Figure:
-        """Hand and three joints over time, and the path of the hand, of every arm.
+        """Person and robot at some instants, the hand and three joints over time, and its path.
 
+        The robot is seen from where the person is, turned as the alignments are, and in a mirror if
+        left and right are exchanged; crosses mark where the person's hand is, mapped to the robot.
         The person's hand, mapped to the robot, is drawn beside the robot's. Time spans of the
         robot's synergies are shaded; marks on the upper edge are the starts of the person's
         synergies. The robot's joints are drawn beside those of inverse kinematics.
         """
         count = len(self.arms)
-        figure = new_figure(11.0, 7.5 * count)
+        figure = new_figure(11.0, 12.0 * count)
         parts = figure.subfigures(count, 1, squeeze=False)[:, 0]
         for arm, part in zip(self.arms, parts, strict=True):
             time = arm.motion.time
@@ -260,7 +263,8 @@ class Retargeting:
                 joints.append((label, arm.tracked.q[:, joint], arm.motion.q[:, joint]))
             ticks = time[[synergy.start for synergy in arm.analysis.synergies]]
             names, other = ("person's hand, mapped", "geodesic synergies"), _METHODS["ik"]
-            overview.draw_overview(part, time, segments, hands, joints, names, other, ticks)
+            strips = retargeting_strips(arm)
+            overview.draw_overview(part, time, segments, hands, joints, names, other, ticks, strips)
             part.suptitle(
                 f"{arm.title}: {len(arm.groups)} synergies of {len(arm.analysis.synergies)}"
             )

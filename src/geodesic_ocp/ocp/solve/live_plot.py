@@ -54,7 +54,7 @@ class LivePlot:
             f"{type(self._problem).__name__}, iteration {iterate.number}: objective "
             f"{iterate.objective:.6g}, largest violation {iterate.violation:.1e}"
         )
-        self._figure = draw_path(iterate.path, title, self._problem.draw, self._figure)
+        self._figure = draw_path(iterate.path, title, self._problem.draw, self._figure, arms=False)
         if self._handle is None:
             self._handle = self._display(self._figure, display_id=True)
         else:

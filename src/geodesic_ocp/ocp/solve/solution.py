@@ -137,12 +137,22 @@ class Solution:
         return motion_along(self.path, timing, rate)
 
     def plot(self) -> Figure:
-        """Coordinates and speed over s, beside the path of the hand or in the plane."""
+        """Coordinates and speed over s, beside the path of the hand or in the plane, and the arm.
+
+        The arm is drawn at some values of s, with the obstacles of the problem; where it comes
+        nearest to one of them, the distance of its collision bodies is given.
+        """
         title = (
             f"{type(self.problem).__name__}: energy {self.stats.energy:.4g}, "
             f"length {self.path.length:.4g}"
         )
-        return draw_path(self.path, title, self.problem.draw)
+        return draw_path(
+            self.path,
+            title,
+            self.problem.draw,
+            obstacles=self.problem.obstacles,
+            links=getattr(self.problem, "links", None),
+        )
 
 
 ITERATE_ARRAYS = ("p_values", "x", "lam_x", "lam_g", "fixed_x", "fixed_g")

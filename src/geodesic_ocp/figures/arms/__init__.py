@@ -1,0 +1,1 @@
+"""Arms, robots and people as outlines in a plane."""

@@ -1,0 +1,65 @@
+"""Person and robot at the same instants, above each other, for the figure of a retargeting."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from geodesic_ocp.figures.arms.arm_strip import StripArm, draw_arm_strip
+from geodesic_ocp.figures.arms.best_view import best_view
+from geodesic_ocp.figures.arms.posture import Postures
+from geodesic_ocp.figures.arms.view import View
+from geodesic_ocp.retargeting.arm_result import RetargetedArm
+from geodesic_ocp.retargeting.poses.pose_mapping import PoseMapping
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_INSTANTS = 6
+
+
+def retargeting_strips(arm: RetargetedArm) -> list[Callable[[Axes], object]]:
+    """What draws the person, and what draws the robot, at evenly spaced samples.
+
+    Both are seen from the same side, as the alignments have it. The hand's target is a cross.
+    """
+    samples = np.linspace(0, len(arm.motion.time) - 1, _INSTANTS).round().astype(int)
+    recorded, model = arm.analysis.motion, arm.analysis.model
+    person = Postures.of(model, recorded.q[samples])
+    robot = Postures.of(arm.robot, arm.motion.q[samples])
+    way = arm.robot.hand_pose(arm.motion.q)[1]
+    view = best_view(robot, way)
+    beside = _of_person(view, arm.mapping)
+    times = [recorded.time - recorded.time[0], arm.motion.time - arm.motion.time[0]]
+    labels = [[f"{each:.1f} s" for each in time[samples]] for time in times]
+    return [
+        partial(
+            draw_arm_strip,
+            views=[beside],
+            labels=labels[0],
+            arms=[StripArm(person, "observed")],
+            paths=[model.hand_pose(recorded.q)[1]],
+            title=f"{model.name}, {beside.name}",
+        ),
+        partial(
+            draw_arm_strip,
+            views=[view],
+            labels=labels[1],
+            arms=[StripArm(robot, "predicted")],
+            paths=[way],
+            targets=arm.target_poses[1][samples],
+            title=f"{arm.robot.name}, {view.name}; crosses: the person's hand, mapped",
+        ),
+    ]
+
+
+def _of_person(view: View, mapping: PoseMapping) -> View:
+    """The view of a person from where a robot is seen, in a mirror if left is right."""
+    source, target = np.asarray(mapping.source.base), np.asarray(mapping.target.base)
+    mirror = np.diag([-1.0 if mapping.mirror else 1.0, 1.0, 1.0])  # in the person's axes
+    from_robot = source @ mirror @ target.T
+    towards, up = from_robot @ view.towards, from_robot @ view.up
+    return View(np.cross(up, towards).round(12), up.round(12))
