@@ -4,15 +4,26 @@ from __future__ import annotations
 
 import io
 import re
+import warnings
 from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 from geodesic_ocp.figures.new_figure import new_figure
 from geodesic_ocp.figures.styles import NEUTRAL, ROLES, line_styles
 from geodesic_ocp.scenes.playback import Plot, Span
 
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+
 _WIDTH, _HEIGHT = 5.4, 2.9  # [inch], of which a page shows one in about 72 pixels
 _CHARACTERS, _HANDLE = 84, 8  # of a legend's line at this width, and of the mark before a name
 _SHADE = "#e9eef4"
+_STYLE: dict[Any, Any] = {
+    **{"svg.fonttype": "none", "svg.hashsalt": "plot", "font.size": 9.5},
+    **{"axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": "#667"},
+    **{"text.parse_math": False},  # names are text, not formulas
+}
+_LEGEND: dict[str, Any] = {"loc": "outside lower center", "frameon": False, "fontsize": 8.5}
 _PATH, _DIGITS = re.compile(r'\bd="[^"]*"'), re.compile(r"(\.\d\d)\d+")  # more are not seen
 
 
@@ -28,12 +39,9 @@ def draw_plot(
     """
     import matplotlib
 
-    style = {
-        **{"svg.fonttype": "none", "svg.hashsalt": "plot", "font.size": 9.5},
-        **{"axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": "#667"},
-        **{"text.parse_math": False},  # names are text, not formulas
-    }
-    with matplotlib.rc_context(style):
+    with matplotlib.rc_context(_STYLE), warnings.catch_warnings():
+        # The browser, which draws the text, has other fonts.
+        warnings.filterwarnings("ignore", "Glyph .* missing")
         figure = new_figure(_WIDTH, _HEIGHT)
         axes = figure.subplots()
         for span in spans[1::2]:
@@ -41,17 +49,20 @@ def draw_plot(
         for value in plot.marks:
             axes.axhline(value, **{**NEUTRAL, "linewidth": 0.9}, zorder=1)
         series = iter(line_styles(sum(curve.role is None for curve in plot.curves)))
+        lines: list[Artist] = []
         for curve in plot.curves:
             look = next(series) if curve.role is None else ROLES[curve.role]
-            axes.plot(curve.time, curve.values, label=curve.name, **look)
+            lines += axes.plot(curve.time, curve.values, **look)
         if limits[0] < limits[1]:
             axes.set_xlim(*limits)
         axes.set_xlabel(label)
-        axes.set_ylabel(plot.label)
-        axes.set_title(plot.title, fontsize=10, loc="left")
+        axes.set_ylabel(_plain(plot.label))
+        axes.set_title(_plain(plot.title), fontsize=10, loc="left")
         longest = max(len(curve.name) for curve in plot.curves)
         columns = max(1, min(4, _CHARACTERS // (longest + _HANDLE)))
-        figure.legend(loc="outside lower center", ncols=columns, frameon=False, fontsize=8.5)
+        # A space in front, because matplotlib leaves out names that start with an underscore.
+        names = [f" {_plain(curve.name)}" for curve in plot.curves]
+        figure.legend(lines, names, ncols=columns, **_LEGEND)
         figure.draw_without_rendering()
         figure.set_layout_engine("none")
         place = axes.get_position()
@@ -60,3 +71,8 @@ def draw_plot(
     svg = file.getvalue()
     drawn = _PATH.sub(lambda path: _DIGITS.sub(r"\1", path[0]), svg[svg.index("<svg") :])
     return drawn, (float(place.x0), float(place.x1), float(place.y0), float(place.y1))
+
+
+def _plain(text: str) -> str:
+    """Text without control characters, which XML cannot hold."""
+    return "".join(each if each.isprintable() else " " for each in text)

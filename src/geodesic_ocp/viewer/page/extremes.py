@@ -38,7 +38,8 @@ def _extreme(points: Array, directions: Array) -> Array:
     """The points among (k, 3) that are farthest in one of the directions (m, 3)."""
     if not len(points):
         return points
-    return points[np.unique(np.argmax(points @ directions.T, axis=0))]
+    farthest: Array = points[np.unique(np.argmax(points @ directions.T, axis=0))]
+    return farthest
 
 
 def _directions() -> Array:

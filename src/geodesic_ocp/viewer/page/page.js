@@ -99,8 +99,8 @@ class PlaybackViewer {
         const box = made("input", { type: "checkbox" });
         box.addEventListener("change", () => this.setLayer(name, box.checked));
         this.switches[name] = box;
-        tools.append(made("span", {}, made("label", {}, box, name), ...entries));
-      } else if (entries.length) tools.append(made("span", {}, ...entries));
+        if (this.panes.length) tools.append(made("span", {}, made("label", {}, box, name), ...entries));
+      } else if (entries.length && this.panes.length) tools.append(made("span", {}, ...entries));
     }
     const view = made("div", { class: "playback-buttons" });
     if (this.panes.length) view.append(button("first view", icon("reset"), () => this.reset()));
