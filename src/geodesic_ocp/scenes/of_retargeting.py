@@ -148,6 +148,11 @@ def _distinct(
 
 
 def _azimuth(retargeting: Retargeting) -> float:
-    """Direction from which an arm is seen from its side [deg]."""
-    left = all((arm.mapping.target.side or "right") == "left" for arm in retargeting.arms)
-    return -50.0 if left else 50.0
+    """Direction from which the arms are seen well [deg]: from their side if that is the same."""
+    arms = retargeting.arms
+    robots = {arm.mapping.target.side or "right" for arm in arms}
+    people = {arm.mapping.source.side or "right" for arm in arms}
+    if len(robots) > 1 or len(people) > 1:
+        return 20.0
+    sign = -1.0 if "left" in robots else 1.0
+    return sign * (50.0 if robots == people else 10.0)

@@ -45,8 +45,9 @@ class SavedSynergies:
 def read_saved_synergies(file: str | PathLike[str]) -> SavedSynergies:
     """The motion that the synergies in a file predict.
 
-    Paths of least energy have a constant speed in their metric, so the fraction of its length that
-    a synergy has covered is the parameter of its path: the metric is not needed.
+    A geodesic has a constant speed in its metric, so the fraction of its length that a synergy has
+    covered is the parameter of its path, and the metric is not needed. Paths of a robot under
+    constraints have so nearly (to some mrad), as their grids are coarse.
 
     Args:
         file: that `save_synergies` wrote.

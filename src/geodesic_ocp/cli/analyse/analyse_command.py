@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from pathlib import Path
 from typing import get_args
 
@@ -23,10 +24,21 @@ def analyse_files(options: argparse.Namespace) -> int:
     options.file = Path(options.file[0])
     if options.side != "both":
         save_analysis(analyse_file(options, options.side), options.out, with_curve=options.curve)
+        _tell_how_to_see(options, options.out)
         return 0
     folder = options.out
     for side in get_args(Side):
         options.out = None if folder is None else folder / side
         save_analysis(analyse_file(options, side), options.out, with_curve=options.curve)
         print()
+    _tell_how_to_see(options, folder)
     return 0
+
+
+def _tell_how_to_see(options: argparse.Namespace, folder: Path | None) -> None:
+    recording = f"{shlex.quote(str(options.file))} --side {options.side}"
+    if folder is None:
+        shown = f"{recording} --analyse"
+    else:
+        shown = shlex.quote(str(folder)) + (f" {recording}" if options.side != "both" else "")
+    print(f"\nto see it in motion: geodesic-ocp show {shown}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
@@ -18,6 +19,7 @@ from geodesic_ocp.cli.analyse.recording import (
 from geodesic_ocp.cli.interrupts import ProgressBar
 from geodesic_ocp.cli.notes import printed_warnings
 from geodesic_ocp.cli.trajectory.limit_values import given_limits
+from geodesic_ocp.cli.viewer_extra import require_pages, why_no_pages
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.human.anthropometry import Side
 from geodesic_ocp.model.model import Model
@@ -40,6 +42,8 @@ def retarget_file(options: argparse.Namespace) -> None:
     """`geodesic-ocp retarget`."""
     check_options(options)
     check_folder(options.out)
+    if options.report:
+        require_pages()
     sides: list[Side] = ["right", "left"] if options.side == "both" else [options.side]
     robots = _robots(options, options.robot, len(sides))
     analyses = []
@@ -52,7 +56,10 @@ def retarget_file(options: argparse.Namespace) -> None:
 def demo_on_robot(options: argparse.Namespace) -> None:
     """`geodesic-ocp demo --robot`."""
     robots = _robots(options, [options.robot], 1)
-    options.report = True
+    missing = why_no_pages()
+    options.report = not missing
+    if missing:
+        print(f"note: no {_REPORT} will be written: {missing}")
     analysis = analyse_bundled(options)
     save_analysis(analysis, options.out)
     print()
@@ -120,6 +127,8 @@ def _transfer(
             files.append(report(result, options.out / _REPORT))
         for file in files:
             print(f"wrote {file}")
+        if not options.report:
+            print(f"\nto see the robot move: geodesic-ocp show {shlex.quote(str(options.out))}")
 
 
 def _summarize(result: Retargeting) -> None:

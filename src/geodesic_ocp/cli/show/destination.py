@@ -8,27 +8,34 @@ import sys
 from pathlib import Path
 
 from geodesic_ocp.cli.analyse.recording import check_folder
+from geodesic_ocp.cli.viewer_extra import require_pages
 from geodesic_ocp.scenes.playback import Playback
-from geodesic_ocp.viewer.viewer import Viewer
+from geodesic_ocp.viewer.viewer import PAGES, PICTURES, Viewer
 
-_VIDEOS = (".mp4", ".gif", ".webp")
-_SUFFIXES = (".html", *_VIDEOS, ".png")
+_SUFFIXES = (PAGES[0], *PICTURES)
 _OF_VIDEOS = ("width", "rate", "speed")
 
 
 def check_destination(options: argparse.Namespace) -> None:
-    """Raise ValueError if --out or the options of videos cannot be met, before any work is done."""
+    """Check --out and the options of videos, before any work is done.
+
+    Raises:
+        ValueError: they cannot be met.
+        ImportError: the extra viewer is not installed.
+    """
     out: Path | None = options.out
     given = [name for name in _OF_VIDEOS if getattr(options, name) is not None]
-    if out is not None and out.suffix not in _SUFFIXES:
-        raise ValueError(f"--out {out}: the file must end in {', '.join(_SUFFIXES)}")
     if out is not None:
         if out.is_dir():
             raise ValueError(f"--out {out} is a folder, not a file")
+        if out.suffix.lower() not in (*PAGES, *PICTURES):
+            raise ValueError(f"--out {out}: the file must end in {', '.join(_SUFFIXES)}")
         check_folder(out.parent)
-    if given and (out is None or out.suffix not in (*_VIDEOS, ".png")):
-        named = " and ".join(f"--{name}" for name in given)
-        raise ValueError(f"{named}: of videos only; give --out FILE{_VIDEOS[0]} or FILE.gif")
+    if out is None or out.suffix.lower() in PAGES:
+        require_pages()
+        if given:
+            named = " and ".join(f"--{name}" for name in given)
+            raise ValueError(f"{named}: of videos only; give --out FILE.mp4 or FILE.gif")
 
 
 def present(playback: Playback, options: argparse.Namespace) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from geodesic_ocp.cli.notes import printed_warnings
 from geodesic_ocp.cli.show.file_kind import Kind, file_kind
 from geodesic_ocp.cli.show.folder_files import folder_files
-from geodesic_ocp.cli.show.recordings import analysed, recording_playback, recordings
+from geodesic_ocp.cli.show.recordings import analysed, recording_playbacks, recordings
 from geodesic_ocp.cli.show.robot_files import alignment_file, robot_playback, trajectory_file
 from geodesic_ocp.cli.show.solution_files import problem_playbacks, solution_file
 from geodesic_ocp.cli.show.synergy_playback import synergies_file
@@ -63,9 +63,10 @@ def _found(names: list[str]) -> Iterator[_Found]:
 def _of(
     file: Path, kind: Kind, options: argparse.Namespace, recorded: Path | str | None
 ) -> Iterator[Playback]:
-    if kind == "recording":
-        for recording in recordings(file, options):
-            yield analysed(recording) if options.analyse else recording_playback(recording)
+    if kind == "recording" and options.analyse:
+        yield from (analysed(recording) for recording in recordings(file, options))
+    elif kind == "recording":
+        yield from recording_playbacks(file, options)
     elif kind == "synergies":
         yield synergies_file(file, options, None if recorded is None else Path(recorded))
     elif kind == "trajectory":

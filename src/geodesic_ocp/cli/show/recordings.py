@@ -4,21 +4,32 @@ from __future__ import annotations
 
 import argparse
 import warnings
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import get_args
 
+import numpy as np
+
 from geodesic_ocp.cli.analyse.recording_options import stated
 from geodesic_ocp.cli.interrupts import ProgressBar
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.model.human.anthropometry import Side
+from geodesic_ocp.model.combine import combine
+from geodesic_ocp.model.human.anthropometry import Side, trunk
+from geodesic_ocp.model.human.human_arm import DEFAULT_HEIGHT
+from geodesic_ocp.model.human.stature import stature
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.recordings.read_markers import read_markers
 from geodesic_ocp.recordings.read_recording import read_recording
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.scenes.of_analysis import analysis_playback
+from geodesic_ocp.scenes.of_markers import marker_fit_playback
+from geodesic_ocp.scenes.of_motion import motion_playback
 from geodesic_ocp.scenes.playback import Playback
 from geodesic_ocp.scenes.playback_of import playback_of
 from geodesic_ocp.studies.batch.analyse_recording import analyse_recording
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
+from geodesic_ocp.trajectory.motion import Motion
 
 
 def recordings(file: Path, options: argparse.Namespace) -> list[Recording]:
@@ -49,9 +60,34 @@ def _read(file: Path, side: Side, options: argparse.Namespace) -> Recording:
     return read_recording(file, side, height=options.height, mass=options.mass, **stated(options))
 
 
-def recording_playback(recording: Recording) -> Playback:
-    """The motion of a recording, or the person that was fitted to its markers."""
-    return playback_of(recording, title=recording.name)
+def recording_playbacks(file: Path, options: argparse.Namespace) -> Iterator[Playback]:
+    """The motion of a recording, of both arms in one pane, or the person fitted to its markers.
+
+    Raises:
+        RecordingError: the file cannot be read, or has no such arm.
+    """
+    found = recordings(file, options)
+    if len(found) == 2 and not any(each.fit for each in found):
+        yield motion_playback(*_together(*found), title=f"{file.stem}, both arms")
+        return
+    for recording in found:
+        if recording.fit is None:
+            yield playback_of(recording, title=recording.name)
+        else:
+            markers = read_markers(file, up=options.up)
+            yield marker_fit_playback(recording.fit, markers, title=recording.name)
+
+
+def _together(right: Recording, left: Recording) -> tuple[Motion, Model]:
+    """Both arms of a person as one motion of one model, with the origin between the shoulders."""
+    height = stature(right.model) or DEFAULT_HEIGHT
+    across = trunk().half_width * height
+    model = combine(right.model, left.model, placements=[(across, 0.0, 0.0), (-across, 0.0, 0.0)])
+    motions = right.motion, left.motion
+    q = np.hstack([each.q for each in motions])
+    velocity = np.hstack([np.asarray(each.velocity) for each in motions])
+    one = motions[0]
+    return Motion(one.time, q, model.joint_names, velocity, one.subject, trunk=one.trunk), model
 
 
 def analysed(recording: Recording) -> Playback:

@@ -6,7 +6,6 @@ import argparse
 
 from geodesic_ocp.cli.show.destination import check_destination, present
 from geodesic_ocp.cli.show.file_playbacks import file_playbacks
-from geodesic_ocp.cli.viewer_extra import require_pages
 from geodesic_ocp.scenes.beside import beside
 
 
@@ -19,7 +18,5 @@ def show_files(options: argparse.Namespace) -> None:
         OSError: the page cannot be written.
     """
     check_destination(options)
-    if options.out is None or options.out.suffix == ".html":
-        require_pages()
     playbacks = file_playbacks(options)
     present(beside(playbacks, title=options.title), options)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import inspect
+import shlex
 
 from geodesic_ocp.cli.analyse.recording import check_folder
 from geodesic_ocp.cli.solve.problem_file import problem_classes, solution_table, with_fields
@@ -26,6 +27,7 @@ def solve_file(options: argparse.Namespace) -> None:
         if not equals:
             raise ValueError(f"--set {each}: must be FIELD=VALUE")
         settings[name.strip()] = value.strip()
+    written: list[str] = []
     for problem in [with_fields(each, settings) for each in classes]:
         name = type(problem).__name__
         solution = solve(problem, tolerance=options.tolerance)
@@ -37,3 +39,7 @@ def solve_file(options: argparse.Namespace) -> None:
             solution.plot().savefig(stem.with_suffix(".png"), dpi=110)
             solution.save(stem.with_suffix(".json"))
             print(f"\nwrote {stem}.png\nwrote {stem}.json")
+            written.append(f"{stem}.json")
+    if written:
+        shown = f"{shlex.join(written)} --problem {shlex.quote(str(options.file))}"
+        print(f"\nto see it in motion: geodesic-ocp show {shown}")

@@ -8,13 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.model.human.anthropometry import trunk
 from geodesic_ocp.model.human.human_arm import DEFAULT_HEIGHT
 from geodesic_ocp.model.human.stature import stature
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
-
-# Half of the distance between the shoulders as a fraction of body height: Winter, Biomechanics and
-# Motor Control of Human Movement.
-_HALF_WIDTH = 0.129
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +42,7 @@ def shoulder(arm: RetargetedArm, count: int) -> Array:
         return np.zeros(3)
     height = stature(model) or DEFAULT_HEIGHT
     side = -1.0 if "left" in model.name else 1.0
-    return np.array([side * _HALF_WIDTH * height, 0.0, 0.0])
+    return np.array([side * trunk().half_width * height, 0.0, 0.0])
 
 
 def share_a_body(arms: Sequence[RetargetedArm]) -> bool:
