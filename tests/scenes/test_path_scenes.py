@@ -49,7 +49,7 @@ def check(playback: Playback) -> None:
     count = len(scene.time)
     assert playback.time_label == PARAMETER
     assert (scene.time[0], scene.time[-1]) == (0.0, 1.0)
-    assert np.diff(scene.time).min() > 0.0
+    assert np.diff(scene.time).min() > 1e-9
     moving: list[Any] = []
     for actor in scene.actors:
         moving += [*actor.rotations.values(), *actor.positions.values()]

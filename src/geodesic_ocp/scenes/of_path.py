@@ -21,6 +21,7 @@ from geodesic_ocp.trajectory.path import Path, speeds_at
 
 VIA_POINTS = "via points"
 _SAMPLES = 101
+_SAME = 1e-9  # in s: equal but for rounding
 _REACHED = 1e-6  # of the range between two limits
 _IN_SPACE = 3  # coordinates of a curve that can be seen without a model
 
@@ -47,7 +48,7 @@ def path_playback(path: Path, model: Model | None = None, *, title: str = "") ->
     """
     title = title or f"{type(path).__name__}: length {path.length:.4g}"
     shown = model_of(path, model)
-    s = np.union1d(np.linspace(0.0, 1.0, _SAMPLES), path.breakpoints)
+    s = _samples(path)
     q = path(s)
     spans, plots = _between_via_points(path), (*_coordinates(path, shown, s, q), _speed(path, s, q))
     if shown is None:
@@ -87,6 +88,12 @@ def model_of(path: Path, model: Model | None = None) -> Model | None:
             f"model must have the path's {metric.dim} coordinates, {shown.name!r} has {shown.dof}"
         )
     return shown
+
+
+def _samples(path: Path) -> Array:
+    """Evenly spaced s from 0 to 1, and the breakpoints, where the path may have corners."""
+    s = np.union1d(np.linspace(0.0, 1.0, _SAMPLES), path.breakpoints)
+    return np.asarray(s[np.append(np.diff(s) > _SAME, True)])
 
 
 def _hands_at_via_points(path: Path, model: Model) -> Array:
