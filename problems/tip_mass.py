@@ -51,7 +51,8 @@ class TipMass(go.Problem):
         tips = self.arm.hand_pose([self.start, self.goal])[1][:, :2]
         x, y = (np.outer(1.0 - s, tips[0]) + np.outer(s, tips[1])).T
         a = float(self.arm.pin.jointPlacements[2].translation[0])
-        b = float(self.arm.pin.frames[-1].placement.translation[0])
+        tip = self.arm.pin.frames[self.arm.pin.getFrameId(self.arm.hand)]
+        b = float(tip.placement.translation[0])
         elbow = np.arccos((x**2 + y**2 - a**2 - b**2) / (2.0 * a * b))
         shoulder = np.arctan2(y, x) - np.arctan2(b * np.sin(elbow), a + b * np.cos(elbow))
         return np.column_stack([shoulder, elbow])
