@@ -12,6 +12,7 @@ import hypothesis
 import hypothesis.extra.numpy
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
 from geodesic_ocp.scenes.actor import model_actor
