@@ -160,6 +160,16 @@ def test_limits_that_are_reached_are_marked() -> None:
     assert path_playback(STRAIGHT).plots[0].marks == ()
 
 
+def test_a_limit_that_is_touched_between_samples_is_marked() -> None:
+    """A wrist that just reaches its limit does so at a node of the path."""
+    wrist = ARM.joint_names.index("RWx_joint")
+    grid = go.Grid(1, 4)
+    nodes = np.tile(START, (grid.size, 1))
+    nodes[:, wrist] = ARM.upper[wrist] - 10.0 * (grid.nodes - grid.nodes[1]) ** 2
+    path = go.Path(STRAIGHT.metric, grid, nodes)
+    assert path_playback(path).plots[0].marks == pytest.approx((ARM.upper[wrist],))
+
+
 def test_via_points_divide_the_path() -> None:
     mark = (0.30, 0.30, -0.20)
     solution = go.solve(go.Reach(ARM, START, (0.10, 0.45, -0.05), through=[mark]))

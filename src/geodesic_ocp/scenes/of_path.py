@@ -118,7 +118,9 @@ def _coordinates(path: Path, model: Model | None, s: Array, q: Array) -> tuple[P
         names = path.metric.joint_names or [f"q[{index}]" for index in range(path.metric.dim)]
         curves = (Curve(name, s, column) for name, column in zip(names, q.T, strict=True))
         return (Plot("coordinates q", tuple(curves)),)
-    reached = dict(zip(map(short_name, model.joint_names), limits_reached(model, q), strict=True))
+    reached = dict(
+        zip(map(short_name, model.joint_names), limits_reached(model, path.nodes), strict=True)
+    )
     return tuple(
         replace(plot, marks=tuple(x for curve in plot.curves for x in reached[curve.name]))
         for plot in joint_plots(model, s, q, POSITIONS)
