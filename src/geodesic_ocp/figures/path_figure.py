@@ -98,7 +98,8 @@ def _draw_coordinates(axes: Axes, path: Path) -> None:
     s = np.linspace(0.0, 1.0, _SAMPLES)
     names, units = _names(path)
     draw_coordinates(axes, s, path(s), names)
-    for line, limit in zip(axes.get_lines(), _limits_reached(path), strict=True):
+    limits = limits_reached(path, getattr(path.metric, "model", None))
+    for line, limit in zip(axes.get_lines(), limits, strict=True):
         for value in limit:
             axes.axhline(value, color=line.get_color(), linewidth=0.8, linestyle=":")
     for at_via in path.grid.via_s:
@@ -108,9 +109,8 @@ def _draw_coordinates(axes: Axes, path: Path) -> None:
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
 
 
-def _limits_reached(path: Path) -> list[list[float]]:
-    """The joint limits that each coordinate reaches."""
-    model: Model | None = getattr(path.metric, "model", None)
+def limits_reached(path: Path, model: Model | None) -> list[list[float]]:
+    """The joint limits of a model that each coordinate reaches, if it moves; without one, none."""
     if model is None:
         return [[] for _ in range(path.metric.dim)]
     near = _REACHED * np.minimum(model.upper - model.lower, 1.0)

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.figures.path_figure import limits_reached
 from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.scenes.ellipsoids import mobility_ellipsoids
@@ -22,7 +23,6 @@ from geodesic_ocp.trajectory.path import Path, speeds_at
 VIA_POINTS = "via points"
 _SAMPLES = 101
 _SAME = 1e-9  # in s: equal but for rounding
-_REACHED = 1e-6  # of the range between two limits
 _IN_SPACE = 3  # coordinates of a curve that can be seen without a model
 
 
@@ -119,25 +119,12 @@ def _coordinates(path: Path, model: Model | None, s: Array, q: Array) -> tuple[P
         curves = (Curve(name, s, column) for name, column in zip(names, q.T, strict=True))
         return (Plot("coordinates q", tuple(curves)),)
     reached = dict(
-        zip(map(short_name, model.joint_names), limits_reached(model, path.nodes), strict=True)
+        zip(map(short_name, model.joint_names), limits_reached(path, model), strict=True)
     )
     return tuple(
         replace(plot, marks=tuple(x for curve in plot.curves for x in reached[curve.name]))
         for plot in joint_plots(model, s, q, POSITIONS)
     )
-
-
-def limits_reached(model: Model, q: Array) -> list[list[float]]:
-    """The joint limits that each joint reaches in configurations q (k, n), if it moves."""
-    near = _REACHED * np.minimum(model.upper - model.lower, 1.0)
-    return [
-        [
-            float(limit)
-            for limit in limits
-            if np.any(np.abs(column - limit) <= close) and np.ptp(column) > 0.0
-        ]
-        for column, *limits, close in zip(q.T, model.lower, model.upper, near, strict=True)
-    ]
 
 
 def _speed(path: Path, s: Array, q: Array) -> Plot:
