@@ -96,9 +96,9 @@ def _cuts(analysis: Analysis) -> tuple[PointCloud, ...]:
     samples = [analysis.segments[0][0], *(stop for _, stop in analysis.segments)]
     names = tuple(f"{time:.2f} s" for time in analysis.motion.time[samples])
     clouds = []
-    for label, hand in zip(hand_labels(model.hands), model.hands, strict=True):
+    for hand in model.hands:
         points = model.frame_pose(hand, analysis.motion.q[samples])[1]
-        clouds.append(PointCloud(f"cuts, {label}", points[None], names, CUTS, "observed"))
+        clouds.append(PointCloud(CUTS, points[None], names, CUTS, "observed"))
     return tuple(clouds)
 
 
