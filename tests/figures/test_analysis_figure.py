@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+import geodesic_ocp as go
 from geodesic_ocp.figures.analysis_figure import draw_analysis
-from geodesic_ocp.figures.arm_strip import strip_instants
+from geodesic_ocp.figures.arms.arm_strip import StripArm, strip_instants
+from geodesic_ocp.figures.arms.posture import Postures
+from geodesic_ocp.figures.arms.view import View
 from geodesic_ocp.figures.error_over_time import draw_error_over_time
 
 TIME = np.linspace(0.0, 2.0, 101)
@@ -19,20 +22,27 @@ def test_instants_are_halfway_between_cuts_and_follow_the_longest_segments() -> 
     assert strip_instants(SEGMENTS, 100) == [5, 40, 72, 87]
 
 
+@pytest.fixture(scope="module")
+def arms() -> tuple[StripArm, StripArm]:
+    """A person's arm, and a prediction."""
+    q = np.outer([0.0, 0.5, 1.0], [1.0, 0.2, -0.5, 0.6, 0.1, 0.2, 0.1])
+    model = go.human_arm("right")
+    observed, predicted = Postures.of(model, q), Postures.of(model, q + 0.05)
+    return StripArm(observed), StripArm(predicted, "predicted", "predicted", False)
+
+
 @pytest.fixture
-def figure() -> Figure:
+def figure(arms: tuple[StripArm, StripArm]) -> Figure:
     """Of an arm with two links, a prediction and two others that are worse."""
-    links = np.zeros((3, 2, 2, 3))
-    links[:, 0, 1] = links[:, 1, 0] = [0.0, 0.3, -0.1]
-    links[:, 1, 1] = [0.1, 0.5, 0.2]
     hand = np.stack([TIME, TIME**2, 0 * TIME], axis=1)
     bump = np.sin(np.pi * TIME / 2.0)
     joints = {"good": 0.01 * bump, "worse": 0.02 * bump, "far worse": 0.5 * bump}
     distances = {"good": 0.002 * bump, "worse": 0.003 * bump, "far worse": 0.004 * bump}
     drawn = Figure(layout="constrained")
-    both = links, links + 0.01
+    views = View.of_axes((1, 2)), View.of_axes((0, 2))
     hands, each = {"hand": (hand, hand + 0.01)}, {"hand": distances}
-    draw_analysis(drawn, TIME, SEGMENTS, [5, 40, 87], both, hands, joints, each, draw)
+    instants = [5, 40, 87]
+    draw_analysis(drawn, TIME, SEGMENTS, instants, views, arms, hands, joints, each, draw)
     return drawn
 
 
@@ -42,13 +52,15 @@ def draw(axes: object) -> None:
 
 def test_arms_are_drawn_in_both_views(figure: Figure) -> None:
     strip = figure.axes[0]
-    lines = [line.get_xydata() for line in strip.get_lines() if len(line.get_xydata()) == 6]
-    assert len(lines) == 3 * 2 * 2  # instants, views, and observed or predicted
-    for along_x, along_y in zip(lines[:6], lines[6:], strict=True):
-        for line, extent in ((along_x, (0.5, 0.2)), (along_y, (0.1, 0.2))):
-            assert line[4] - line[0] == pytest.approx(extent, abs=1e-12)  # to scale
+    outlines = [line for line in strip.get_lines() if line.get_linestyle() != "-"]
+    assert len(outlines) == 3 * 2  # a predicted arm in each view at each instant
+    bodies = [path for each in strip.collections for path in each.get_paths()]
+    assert len(bodies) >= 3 * 2 * 6  # upper arm, forearm, hand, head, thorax and more
     times = [text.get_text() for text in strip.texts if text.get_text().endswith(" s")]
     assert times == ["0.1 s", "0.8 s", "1.7 s"]
+    assert {"seen along \u2212x", "seen along y"} <= {text.get_text() for text in strip.texts}
+    legend = [text.get_text() for text in strip.get_legend().get_texts()]
+    assert legend == ["arm", "predicted"]
 
 
 def test_panels_have_units_and_the_curve_is_drawn(figure: Figure) -> None:

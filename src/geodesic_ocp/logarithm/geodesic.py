@@ -5,12 +5,14 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_vector
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
+from geodesic_ocp.figures.path_figure import draw_path
 from geodesic_ocp.logarithm.connecting_geodesic import (
     CHECK_TOLERANCE,
     TOLERANCE,
@@ -22,6 +24,9 @@ from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.ocp.solve.certificate import Certificate, certify
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -56,6 +61,10 @@ class Geodesic(Path):
         lines = [f"Geodesic(length {length:.6g}, from {start}", f"to {end}"]
         lines += [] if certificate is None else [str(certificate)]
         return ",\n  ".join(lines) + ")"
+
+    def plot(self) -> Figure:
+        """Coordinates and speed over s, the path of the hand or in the plane, and the arm."""
+        return draw_path(self, f"geodesic of length {self.length:.4g}")
 
 
 def geodesic(

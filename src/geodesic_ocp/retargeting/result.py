@@ -243,8 +243,9 @@ class Retargeting:
     def plot(self) -> Figure:
         """Person and robot at some instants, the hand and three joints over time, and its path.
 
-        The robot is seen from where the person is, turned as the alignments are, and in a mirror if
-        left and right are exchanged; crosses mark where the person's hand is, mapped to the robot.
+        Crosses beside the robot mark where the person's hand is, mapped to the robot. Both are seen
+        from the same side, the person in a mirror if left and right are exchanged, unless the
+        alignments turn what is up.
         The person's hand, mapped to the robot, is drawn beside the robot's. Time spans of the
         robot's synergies are shaded; marks on the upper edge are the starts of the person's
         synergies. The robot's joints are drawn beside those of inverse kinematics.

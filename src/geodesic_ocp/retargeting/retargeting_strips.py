@@ -24,7 +24,8 @@ _INSTANTS = 6
 def retargeting_strips(arm: RetargetedArm) -> list[Callable[[Axes], object]]:
     """What draws the person, and what draws the robot, at evenly spaced samples.
 
-    Both are seen from the same side, as the alignments have it. The hand's target is a cross.
+    Both are seen from the same side, if the alignments leave what is up as it is; otherwise each
+    is seen from where most is seen. The hand's target is a cross.
     """
     samples = np.linspace(0, len(arm.motion.time) - 1, _INSTANTS).round().astype(int)
     recorded, model = arm.analysis.motion, arm.analysis.model
@@ -32,7 +33,10 @@ def retargeting_strips(arm: RetargetedArm) -> list[Callable[[Axes], object]]:
     robot = Postures.of(arm.robot, arm.motion.q[samples])
     way = arm.robot.hand_pose(arm.motion.q)[1]
     view = best_view(robot, way)
+    walk = model.hand_pose(recorded.q)[1]
     beside = _of_person(view, arm.mapping)
+    if not np.allclose(beside.up, view.up):  # lying
+        beside = best_view(person, walk)
     times = [recorded.time - recorded.time[0], arm.motion.time - arm.motion.time[0]]
     labels = [[f"{each:.1f} s" for each in time[samples]] for time in times]
     return [
@@ -41,7 +45,7 @@ def retargeting_strips(arm: RetargetedArm) -> list[Callable[[Axes], object]]:
             views=[beside],
             labels=labels[0],
             arms=[StripArm(person, "observed")],
-            paths=[model.hand_pose(recorded.q)[1]],
+            paths=[walk],
             title=f"{model.name}, {beside.name}",
         ),
         partial(

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
-_GAP = 0.12  # between figures and between views, of the largest extent
+_GAP = 0.18  # between figures and between views, of the largest extent
 _NOTE: dict[str, Any] = {"color": "0.3", "fontsize": "small"}
 _PATH: dict[str, Any] = {"linewidth": 0.9, "zorder": 4.0}
 _OUTLINE: dict[str, Any] = {"linewidth": 1.0, "linestyle": (0, (3.0, 1.2)), "zorder": 3.0}
@@ -132,7 +132,7 @@ def draw_arm_strip(
     draw_scale(axes, (len(labels) - 0.5) * pitch, bottom, tallest)
     axes.set_xlim(-0.55 * pitch, (len(labels) - 0.4) * pitch)
     axes.set_ylim(bottom - gap, 0.5 * gap)
-    axes.set_aspect("equal")
+    axes.set_aspect("equal", adjustable="datalim")
     axes.set_axis_off()
     if title:
         axes.set_title(title, loc="left", fontsize="medium")
