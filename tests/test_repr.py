@@ -79,6 +79,7 @@ def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go
     values = [
         solution,
         solution.certificate,
+        go.show(arm, open_browser=False),
         solution.violations,
         iterates[0],
         failure.value,

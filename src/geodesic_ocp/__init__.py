@@ -91,6 +91,7 @@ __all__ = [
     "TimeLaw",
     "ToPose",
     "TrajectoryCheck",
+    "Viewer",
     "alignment",
     "analyse",
     "analyse_recordings",
@@ -167,6 +168,7 @@ __all__ = [
     "segment_optimal",
     "segment_zero_velocity",
     "separate_fits",
+    "show",
     "signed_distances",
     "solve",
     "study",
@@ -337,11 +339,15 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.trajectory.path import Path
     from geodesic_ocp.trajectory.read_trajectory import read_trajectory
     from geodesic_ocp.trajectory.time_law import TimeLaw, time_law
+    from geodesic_ocp.viewer.show import show
+    from geodesic_ocp.viewer.viewer import Viewer
 
     __version__: str
 else:
     # Public names by the module that defines them (PEP 562).
     _HOMES = {
+        "viewer.show": "show",
+        "viewer.viewer": "Viewer",
         "model.inertias.known_armature": "RobotArmature robot_armature with_rotor_inertia",
         "trajectory.read_trajectory": "read_trajectory",
         "trajectory.joint_trajectory": "JointTrajectory",
