@@ -429,17 +429,6 @@ def test_saved_files_can_be_read(found: go.Retargeting, tmp_path: Path) -> None:
         assert_allclose(again.accelerations, found.trajectory.accelerations, atol=1e-12)
 
 
-def test_report_is_one_page(found: go.Retargeting, tmp_path: Path) -> None:
-    file = go.report(found, tmp_path / "report.html")
-    text = file.read_text(encoding="utf-8")
-    assert "Human left arm (mirrored) on human right arm" in text
-    assert text.count("<canvas") == 2
-    assert text.count("<table>") == 2
-    assert "data:image/png;base64," in text
-    assert "http://" not in text
-    assert "https://" not in text
-
-
 def test_reprs_are_short(found: go.Retargeting) -> None:
     values = [found, found.motion, found.trajectory, dict(found.arms[0].statistics)]
     assert check_reprs(values) >= {go.Retargeting, go.RetargetedArm, go.SynergyGroup}

@@ -1,0 +1,47 @@
+"""A retargeting that is found in a few seconds: a reach on another person's arm."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+import geodesic_ocp as go
+
+_FILE = Path(__file__).resolve().parents[1] / "src" / "geodesic_ocp" / "data" / "climb.csv"
+
+
+@cache
+def small_analysis() -> go.Analysis:
+    """Of the reach for the box in the bundled recording."""
+    motion, reach = go.read_motion(_FILE).filtered(), slice(260, 430)
+    velocity = np.asarray(motion.velocity)[reach]
+    cut = go.Motion(motion.time[reach], motion.q[reach], motion.joint_names, velocity)
+    return go.analyse(go.human_arm("left", 1.78), cut, metric="kinetic")
+
+
+@cache
+def small_retargeting(speed: float = 2.5, name: str = "robot") -> go.Retargeting:
+    """On an arm of the other side whose joints have this speed limit [rad/s]."""
+    arm = go.human_arm("right", 1.95, 90.0)
+    chain = arm.pin.copy()
+    chain.velocityLimit = np.full(7, speed)
+    chain.name = name
+    robot = go.Model(chain, "hand", shapes=arm.bodies)
+    aligned = go.alignment(arm)
+    return go.retarget(small_analysis(), robot, alignment=aligned, tolerance=1e-4)
+
+
+@cache
+def both_arms() -> go.Retargeting:
+    """Both arms of a person on two robots; the right one moves as the mirrored left one."""
+    analysis = small_analysis()
+    motion = analysis.motion
+    mirrored = np.array([1.0, -1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
+    names = tuple("R" + name[1:] for name in motion.joint_names)
+    other = go.Motion(motion.time, motion.q * mirrored, names, motion.velocity * mirrored)
+    right = go.analyse(go.human_arm("right", 1.78), other, metric="kinetic")
+    robots = [go.human_arm(side, 1.95) for side in ("right", "left")]
+    settings = go.RetargetingSettings(merge=0.4, drop=0.3, speed_limits=False)
+    return go.retarget_arms([right, analysis], robots, tolerance=1e-4, settings=settings)
