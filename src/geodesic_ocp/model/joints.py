@@ -76,6 +76,15 @@ def restore_frames(model: pin.Model, original: Mapping[str, str]) -> None:
         frame.name = original.get(str(frame.name), str(frame.name))
 
 
+def with_joint_frames(model: pin.Model) -> pin.Model:
+    """The same model, in which each joint that carried no frame now has one of its own name."""
+    carried = {int(frame.parentJoint) for frame in model.frames}
+    for index in range(1, model.njoints):
+        if index not in carried:
+            model.addJointFrame(index)
+    return model
+
+
 def frame_index(model: pin.Model, name: str) -> int:
     """Index of the frame of that name; the link's, if a link and a joint share the name."""
     named = [number for number, frame in enumerate(model.frames) if frame.name == name]

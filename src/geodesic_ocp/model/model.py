@@ -23,6 +23,7 @@ from geodesic_ocp.model.joints import (
     frame_index,
     merge_limits,
     motion_subspace,
+    with_joint_frames,
 )
 from geodesic_ocp.model.max_reach import max_reach
 from geodesic_ocp.model.primitives import Ball, Bodies, Body, Capsule
@@ -67,7 +68,7 @@ class Model:
                 raise ValueError(f"continuous: {name!r} is not a joint of the model")
         periodic = {*self.continuous, *continuous_joints(self.pin)}
         continuous = tuple(str(name) for name in self.pin.names if name in periodic)
-        object.__setattr__(self, "pin", with_angles(self.pin))
+        object.__setattr__(self, "pin", with_joint_frames(with_angles(self.pin)))
         object.__setattr__(self, "backend", choose_backend(self.backend))
         object.__setattr__(self, "_hand_id", frame_index(self.pin, self.hand))
         object.__setattr__(self, "continuous", continuous)

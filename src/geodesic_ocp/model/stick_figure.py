@@ -28,7 +28,7 @@ def stick_figure(model: Model, q: ArrayLike) -> Array:
         End points (k, links, 2, 3) [m].
     """
     data = model.pin.createData()
-    frames = _ends(model)
+    frames = chain_ends(model)
     figures = []
     for row in np.atleast_2d(np.asarray(q, dtype=float)):
         pin.forwardKinematics(model.pin, data, row)
@@ -48,8 +48,8 @@ def stick_figure(model: Model, q: ArrayLike) -> Array:
     return np.array(links[:, lengths.max(axis=0) > _SHORTEST])
 
 
-def _ends(model: Model) -> list[int]:
-    """Indices of the hands and of one frame at the end of every other chain."""
+def chain_ends(model: Model) -> list[int]:
+    """Indices in `pin` of the hand frames and of the farthest frame of every other chain."""
     ends = [frame_index(model.pin, hand) for hand in model.hands]
     parents = set(model.pin.parents)
     for joint in range(1, model.pin.njoints):
