@@ -41,7 +41,8 @@ class Viewer:
             ImportError: Meshcat, whose copy of three.js draws the scenes, is not installed.
         """
         title = self.playback.title
-        heading = f"<h1>{html.escape(title)}</h1>\n" if title else ""
+        only = self.playback.scenes[0].title if len(self.playback.scenes) == 1 else ""
+        heading = f"<h1>{html.escape(title)}</h1>\n" if title not in ("", only) else ""
         return document(title, heading + fragment(self.playback))
 
     def save(

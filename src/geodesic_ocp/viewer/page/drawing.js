@@ -14,7 +14,7 @@ class Drawing {
   constructor(scene, data, surfaces, size) {
     this.root = new MeshCat.THREE.Group();
     this.groups = {}; // by layer
-    this.labels = []; // {text: function, at: object, below or above it}
+    this.labels = []; // {at: object, below or above it, functions text and rank: lower comes first}
     this.moving = []; // functions of sample and fraction
     this.samples = new Float64Array(bytes(scene.time));
     this.surfaces = surfaces;
@@ -141,7 +141,7 @@ class Drawing {
   solid(solid) {
     const { THREE } = MeshCat;
     const material = painted(OBSTACLE, solid.unbounded ? 0.22 : 0.45);
-    material.side = THREE.DoubleSide;
+    if (solid.unbounded) material.side = THREE.DoubleSide;
     material.depthWrite = false;
     const shape = this.surfaces[solid.body];
     const made = this.mesh(shape, material, solid.name);
@@ -166,7 +166,7 @@ class Drawing {
       group.add(this.seen(shape, paint, `${frame.name}: ${"xyz"[axis]}`, 4));
     });
     this.layer(frame.layer).add(group);
-    this.labels.push({ at: group, below: true, text: () => frame.name });
+    this.labels.push({ at: group, below: true, text: () => frame.name, rank: () => -Infinity });
   }
 
   ellipsoid(ellipsoid) {
@@ -212,7 +212,8 @@ class Drawing {
     });
     for (const each of [line, ...balls]) each.userData.name = gap.name;
     this.layer(gap.layer).add(group.add(line, ...balls, middle));
-    this.labels.push({ at: middle, below: false, text: () => `${(1000 * now).toFixed(0)} mm`.replace("-", "−") });
+    const text = () => `${(1000 * now).toFixed(0)} mm`.replace("-", "−");
+    this.labels.push({ at: middle, below: false, text, rank: () => now });
   }
 
   cloud(cloud) {

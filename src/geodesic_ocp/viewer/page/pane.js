@@ -190,20 +190,27 @@ class Pane {
   }
 
   render() {
-    const { THREE } = MeshCat;
     this.viewer.render();
-    const [width, height] = [this.element.clientWidth, this.element.clientHeight];
-    const at = new THREE.Vector3();
-    for (const { at: object, below, text, element } of this.labels) {
-      let shown = true;
-      object.traverseAncestors((parent) => (shown = shown && parent.visible));
-      object.getWorldPosition(at).project(this.camera);
-      element.hidden = !shown || at.z > 1;
-      if (element.hidden) continue;
-      if (element.textContent !== text()) element.textContent = text();
-      const [x, y] = [((1 + at.x) / 2) * width, ((1 - at.y) / 2) * height];
-      element.style.transform = `translate(${x.toFixed(1)}px, ${(below ? y + 4 : y - 24).toFixed(1)}px)`;
+    const placed = [];
+    for (const label of this.labels.sort((a, b) => a.rank() - b.rank())) {
+      label.element.hidden = !this.placed(label, placed);
     }
+  }
+
+  // Puts a label at its object, unless that is not seen or another label is there.
+  placed({ at, below, text, element }, others) {
+    let shown = true;
+    at.traverseAncestors((parent) => (shown = shown && parent.visible));
+    const spot = at.getWorldPosition(new MeshCat.THREE.Vector3()).project(this.camera);
+    if (!shown || spot.z > 1) return false;
+    const x = ((1 + spot.x) / 2) * this.element.clientWidth;
+    const y = ((1 - spot.y) / 2) * this.element.clientHeight + (below ? 4 : -24);
+    const wide = 8 * text().length + 14; // about as wide as it is written
+    if (others.some((o) => x < o.x + o.wide && o.x < x + wide && Math.abs(y - o.y) < 19)) return false;
+    others.push({ x, y, wide });
+    if (element.textContent !== text()) element.textContent = text();
+    element.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
+    return true;
   }
 
   // Name of what is seen at a place on the screen, "" if it has none.
