@@ -42,7 +42,6 @@ def beside(playbacks: Sequence[Playback], *, title: str = "") -> Playback:
         for name, playback in zip(titles, together, strict=True)
         for plot in playback.plots
     ]
-    hidden = dict.fromkeys(layer for playback in playbacks for layer in playback.hidden)
     heights = {playback.elevation for playback in playbacks}
     return Playback(
         title or _listed(dict.fromkeys(playback.title for playback in playbacks)),
@@ -51,9 +50,19 @@ def beside(playbacks: Sequence[Playback], *, title: str = "") -> Playback:
         tuple(plots),
         together[0].time_label,
         float(np.mean([playback.azimuth for playback in playbacks])),
-        tuple(hidden),
+        _hidden(playbacks),
         heights.pop() if len(heights) == 1 else None,
     )
+
+
+def _hidden(playbacks: Sequence[Playback]) -> tuple[str, ...]:
+    """The layers that are hidden wherever there are such."""
+    shown = set[str]()
+    for playback in playbacks:
+        layers = {layer for scene in playback.scenes for layer in scene.layers}
+        shown |= layers - set(playback.hidden)
+    every = dict.fromkeys(each for one in playbacks for each in one.hidden)
+    return tuple(each for each in every if each not in shown)
 
 
 def _titled(titles: Sequence[str], playbacks: Sequence[Playback]) -> tuple[Scene, ...]:

@@ -106,13 +106,14 @@ def _playback(title: str, group: tuple[Any, ...]) -> Playback:
     first, *others = group
     kind = _kind(first)
     if kind not in _BUILDERS:
-        raise TypeError(f"cannot show a {type(first).__name__}; what can be shown is {_KINDS}")
+        given = type(first).__name__
+        raise TypeError(f"{given} cannot be shown; what can be shown is {_KINDS}")
     wanted = _FOLLOWED_BY.get(kind, "")
     many = len(others) > 1 and kind not in _ANY_NUMBER
     if many or any(_kind(each) != wanted for each in others):
         given = ", ".join(type(each).__name__ for each in others)
         allowed = f"its {wanted}" if wanted else "nothing"
-        raise TypeError(f"a {kind} is followed by {allowed}, got {given}")
+        raise TypeError(f"{kind} may be followed by {allowed}, got {given}")
     playback = _BUILDERS[kind](first, *others)
     if not title:
         return playback
