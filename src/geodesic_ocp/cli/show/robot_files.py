@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from geodesic_ocp.cli.show.shown_robot import shown_robot
+from geodesic_ocp.cli.show.shown_robot import is_installed, shown_robot
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.alignment.arm_alignment import check_joints
@@ -86,17 +86,16 @@ def _parts(
 
 
 def _named_beside(file: Path) -> list[str]:
-    """Names of the robots in the files of synergies beside a trajectory."""
-    one, found = file.with_name("synergies.json"), []
-    several = sorted(file.parent.glob("synergies_[0-9].json"))
-    for each in [one] if one.is_file() else several:
-        name = read_saved_synergies(each).model
-        if not name:
-            return []
-        found.append(name.partition(" with ")[0])  # a payload
-    if found:
-        print(f"note: {file}: of {' and '.join(found)}, which is named beside it")
-    return found
+    """Names of the robots in the files of synergies beside a trajectory, if all are known."""
+    one = file.with_name("synergies.json")
+    beside = [one] if one.is_file() else sorted(file.parent.glob("synergies_[0-9].json"))
+    names = [
+        read_saved_synergies(each).model.partition(" with ")[0] for each in beside
+    ]  # a payload
+    if not names or not all(is_installed(name) for name in names):
+        return []
+    print(f"note: {file}: of {' and '.join(names)}, which is named beside it")
+    return names
 
 
 def alignment_file(file: Path, options: argparse.Namespace) -> Playback:

@@ -8,7 +8,7 @@ from geodesic_ocp.cli.notes import printed_warnings
 from geodesic_ocp.model.formats.catalogue import last_link
 from geodesic_ocp.model.formats.description import read_file
 from geodesic_ocp.model.formats.load_model import load_model
-from geodesic_ocp.model.formats.robots import ROBOTS, locate
+from geodesic_ocp.model.formats.robots import ROBOTS, folder, locate
 from geodesic_ocp.model.model import Model
 
 
@@ -30,3 +30,8 @@ def shown_robot(name: str, hand: str | None = None, base: str | None = None) -> 
                 hand = last_link(read_file(file, None, None))
                 print(f"note: {name}: the hand is {hand!r}; --hand FRAME chooses another")
         return load_model(name, hand=hand, base=base)
+
+
+def is_installed(name: str) -> bool:
+    """Whether it is the name of a known robot whose package is installed."""
+    return name in ROBOTS and folder(ROBOTS[name].package) is not None

@@ -6,9 +6,8 @@ import argparse
 from pathlib import Path
 
 from geodesic_ocp.cli.show.recordings import recordings
-from geodesic_ocp.cli.show.shown_robot import shown_robot
+from geodesic_ocp.cli.show.shown_robot import is_installed, shown_robot
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.model.formats.robots import ROBOTS, folder
 from geodesic_ocp.model.human.human_arm import DEFAULT_HEIGHT, human_arm
 from geodesic_ocp.model.human.human_upper_body import human_upper_body
 from geodesic_ocp.model.model import Model
@@ -58,7 +57,7 @@ def _model(file: Path, saved: SavedSynergies, options: argparse.Namespace) -> Mo
         if person.dof > 7:
             return human_upper_body(assumed)
         return human_arm("left" if "left" in person.name else "right", assumed)
-    if saved.model in ROBOTS and folder(ROBOTS[saved.model].package) is not None:
+    if is_installed(saved.model):
         return shown_robot(saved.model, options.hand, options.base)
     of = f" of {saved.model!r}" if saved.model else ""
     raise RecordingError(f"{file}: has synergies{of}; say which robot it is: --robot NAME or FILE")

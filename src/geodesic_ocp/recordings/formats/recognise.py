@@ -61,7 +61,8 @@ def recognise(file: Path) -> str:
         raise RecordingError(f"{file}: is empty")
     if head.startswith((b"PK\x03\x04", b"PK\x05\x06")):
         return "smpl"
-    if head[1:2] == b"\x50" and b"\0" in head[:512] and not head.startswith(b"\x89PNG"):
+    others = tuple(magic for magic, _ in _OTHERS if len(magic) > 2)  # some have the same "P"
+    if head[1:2] == b"\x50" and b"\0" in head[:512] and not head.startswith(others):
         return "c3d"
     lines = [line.strip() for line in _text(head).splitlines() if line.strip()]
     for name, is_format in _RECOGNISERS:
