@@ -152,13 +152,13 @@ function spanAt(spans, time) {
   return found;
 }
 
-function help() {
+function help(scale) {
   const list = made("dl");
   for (const [keys, meaning] of KEYS) list.append(made("dt", {}, keys), made("dd", {}, meaning));
   const dialog = made("dialog", { class: "playback-help", "aria-label": "help" }, list);
   dialog.append(
     made("p", {}, "Drag to turn, wheel or two fingers to zoom, right button or two fingers to move, " +
-      "double-click for the first view. All panes have one scale."),
+      "double-click for the first view. All panes have one scale." + scale),
     button("close", "Close", () => dialog.close())
   );
   dialog.addEventListener("click", (event) => event.target === dialog && dialog.close());

@@ -140,7 +140,7 @@ class Drawing {
 
   solid(solid) {
     const { THREE } = MeshCat;
-    const material = painted(OBSTACLE, solid.unbounded ? 0.22 : 0.45);
+    const material = painted(OBSTACLE, solid.unbounded ? 0.22 : 0.58);
     if (solid.unbounded) material.side = THREE.DoubleSide;
     material.depthWrite = false;
     const shape = this.surfaces[solid.body];

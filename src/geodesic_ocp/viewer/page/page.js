@@ -24,7 +24,7 @@ class PlaybackViewer {
     root.querySelector(".playback-no-webgl").hidden = supported();
     const panes = root.querySelector(".playback-panes");
     panes.hidden = !supported();
-    this.help = help();
+    this.help = help(this.scale());
     root.append(this.help);
     panes.after(this.tools(data));
     if (data.range[1] > data.range[0]) {
@@ -87,6 +87,13 @@ class PlaybackViewer {
     this.fitting = true;
     move();
     this.fitting = false;
+  }
+
+  // A sentence about the size of the floor's squares, where they have one.
+  scale() {
+    const squares = [...new Set(this.panes.map((pane) => pane.square))];
+    const bodies = this.data.scenes.every((scene) => scene.actors.length);
+    return squares.length === 1 && bodies ? ` Squares of the floor are ${squares[0]} m wide.` : "";
   }
 
   // Switches of layers with what their lines look like, and buttons for the view.
@@ -248,7 +255,15 @@ function legend(data, layer) {
       if (own === layer) entries.set(`${role} ${name}`, [name, role, points !== undefined]);
     }
   }
-  return [...entries.values()].map(([name, role, line]) => {
+  const kinds = [["solids", OBSTACLE], ["ellipsoids", BALL], ["clouds", MARKER]].filter(([kind]) =>
+    data.scenes.some((scene) => scene[kind].some((item) => item.layer === layer))
+  );
+  const patches = kinds.map(([, paint]) => {
+    const swatch = made("i", { class: "playback-patch" });
+    swatch.style.background = paint;
+    return made("span", { class: "playback-entry" }, swatch);
+  });
+  const lines = [...entries.values()].map(([name, role, line]) => {
     const { colour: paint, dash } = data.roles[role];
     const swatch = made("i");
     if (line && dash) {
@@ -258,13 +273,16 @@ function legend(data, layer) {
     swatch.className = line ? "playback-line" : "playback-patch";
     return made("span", { class: "playback-entry" }, swatch, name === layer ? "" : name);
   });
+  return [...patches, ...lines];
 }
 
 let canDraw;
 function supported() {
   if (canDraw === undefined) {
     const canvas = document.createElement("canvas");
-    canDraw = Boolean(canvas.getContext("webgl2") || canvas.getContext("webgl"));
+    const context = canvas.getContext("webgl2") || canvas.getContext("webgl");
+    canDraw = Boolean(context);
+    context?.getExtension("WEBGL_lose_context")?.loseContext(); // browsers allow only a few
   }
   return canDraw;
 }

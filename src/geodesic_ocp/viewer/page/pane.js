@@ -2,6 +2,7 @@
 
 const ANGLE = 26; // vertical angle of view [deg]
 const ELEVATION = 17; // of the first view [deg]
+const STEEP = 60; // from which on shadows hide more than they tell [deg]
 const MARGIN = 0.88; // share of the view that everything fills
 
 class Pane {
@@ -32,7 +33,7 @@ class Pane {
     this.box = new THREE.Box3().setFromPoints(this.points);
     this.size = Math.max(0.05, this.box.getSize(new THREE.Vector3()).length() / 2);
     this.drawing = new Drawing(scene, data, surfaces, this.size);
-    this.viewer.scene = new THREE.Scene().add(this.drawing.root, ...this.lights(), ...this.floor());
+    this.viewer.scene = new THREE.Scene().add(this.drawing.root, ...this.lights(data.elevation ?? ELEVATION), ...this.floor());
     this.labels = this.drawing.labels.map((label) => {
       const element = document.createElement("span");
       element.className = "playback-label";
@@ -57,7 +58,7 @@ class Pane {
     return this.viewer.controls;
   }
 
-  lights() {
+  lights(elevation) {
     const { THREE } = MeshCat;
     const middle = this.box.getCenter(new THREE.Vector3());
     const far = 2 * this.size;
@@ -67,14 +68,14 @@ class Pane {
       light.target.position.copy(middle);
       return light;
     };
-    const key = from(-0.15, 0.5, 1.6, 0.64);
-    key.castShadow = true;
+    const key = from(-0.15, 0.5, 1.6, 0.6);
+    key.castShadow = elevation < STEEP;
     key.shadow.mapSize.set(1024, 1024);
     key.shadow.bias = -0.0005;
     Object.assign(key.shadow.camera, { left: -far, right: far, top: far, bottom: -far, near: 0.01, far: 5 * far });
-    const fill = from(1.4, 0.3, 0.5, 0.3);
+    const fill = from(1.4, 0.3, 0.5, 0.26);
     const back = from(-1.2, -1.0, 0.6, 0.25);
-    const sky = new THREE.HemisphereLight(0xffffff, 0xb5b0a8, 0.5);
+    const sky = new THREE.HemisphereLight(0xffffff, 0xb5b0a8, 0.46);
     sky.position.set(0, 0, 1);
     return [key, fill, back, sky].flatMap((light) => (light.target ? [light, light.target] : [light]));
   }
