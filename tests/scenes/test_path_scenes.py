@@ -151,6 +151,14 @@ def test_few_coordinates_are_a_curve(dim: int) -> None:
         assert_allclose(np.linalg.norm(offsets, axis=1), 0.08 * np.ptp(nodes, axis=0).max())
 
 
+def test_a_path_that_stays_where_it_is_is_shown() -> None:
+    for metric in (go.Euclidean(2), go.KineticEnergy(ARM)):
+        path = go.Path(metric, go.Grid(1, 2), np.tile(START[: metric.dim], (3, 1)))
+        playback = path_playback(path)
+        check(playback)
+        assert not playback.plots[-1].curves[0].values.any()
+
+
 def test_limits_that_are_reached_are_marked() -> None:
     wrist = ARM.joint_names.index("RWx_joint")
     nodes = np.array(STRAIGHT.nodes)

@@ -57,7 +57,7 @@ def scaled_ellipsoids(
     The longest semi-axis of all has this size [m]; none is drawn thinner than 2% of it.
     """
     longest = max((float(lengths.max()) for *_, lengths in tracks), default=0.0)
-    if not longest > 0.0:
+    if not (longest > 0.0 and size > 0.0):
         return ()
     return tuple(
         EllipsoidTrack(

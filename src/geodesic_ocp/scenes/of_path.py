@@ -23,6 +23,7 @@ from geodesic_ocp.trajectory.path import Path, speeds_at
 VIA_POINTS = "via points"
 _SAMPLES = 101
 _SAME = 1e-9  # in s: equal but for rounding
+_AZIMUTH = 210.0  # [deg], from which a first coordinate x increases to the right
 _IN_SPACE = 3  # coordinates of a curve that can be seen without a model
 
 
@@ -62,12 +63,12 @@ def path_playback(path: Path, model: Model | None = None, *, title: str = "") ->
         names = tuple(f"via point {number + 1}" for number in range(len(path.grid.via_nodes)))
         labels = names * (len(via) // len(names))
         scene = replace(scene, clouds=(PointCloud(VIA_POINTS, via[None], labels, VIA_POINTS),))
-    azimuth, elevation = 50.0 if shown is None else viewed_from(shown), None
-    seen = seen_from(np.concatenate([trail.points for trail in scene.trails] or [np.zeros((1, 3))]))
-    if seen is not None:
-        azimuth, elevation = seen
-    playback = Playback(title, (scene,), spans, plots, PARAMETER, azimuth)
-    return replace(playback, elevation=elevation)
+    points = np.concatenate([np.zeros((0, 3)), *(trail.points for trail in scene.trails)])
+    usual = _AZIMUTH if shown is None else viewed_from(shown), None
+    azimuth, elevation = seen_from(points) or usual
+    return Playback(
+        *(title, (scene,), spans, plots, PARAMETER), azimuth=azimuth, elevation=elevation
+    )
 
 
 def model_of(path: Path, model: Model | None = None) -> Model | None:

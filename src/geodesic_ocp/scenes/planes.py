@@ -36,7 +36,7 @@ def coordinate_scene(metric: Metric, s: Array, q: Array) -> Scene:
     directions, lengths = principal_axes(images)
     ball = scaled_ellipsoids([("unit ball of the metric", points, directions, lengths)], size)
     rings: list[Trail] = []
-    if metric.dim == 2 and lengths.max() > 0.0:
+    if metric.dim == 2 and size > 0.0 and lengths.max() > 0.0:
         angles = np.linspace(0.0, 2.0 * np.pi, _SIDES + 1)
         circle = np.column_stack([np.cos(angles), np.sin(angles)])
         axes = directions * (size * lengths / lengths.max())[:, None]
@@ -58,6 +58,8 @@ def seen_from(points: Array) -> tuple[float, float] | None:
 
     None if they lie in no such plane, or on a line.
     """
+    if not len(points):
+        return None
     ranges = np.ptp(points, axis=0)
     thin = ranges <= _FLAT * float(ranges.max())
     if thin.sum() != 1:
