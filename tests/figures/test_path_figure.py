@@ -30,7 +30,7 @@ def test_the_arm_is_drawn_along_the_path_and_where_it_is_nearest(path: go.Path) 
     model = path.metric.model  # type: ignore[attr-defined]
     lamp = go.Ball(tuple(model.hand_pose(path(0.37))[1] + [0.0, 0.12, 0.0]), 0.05, name="lamp")
     figure = draw_path(path, "reach", obstacles=[lamp])
-    strip = figure.axes[-1]
+    strip, close_up = figure.axes[3:]
     texts = [text.get_text() for text in strip.texts]
     below = [text for text in texts if text.startswith("s = ")]
     assert len(below) == 6
@@ -42,6 +42,11 @@ def test_the_arm_is_drawn_along_the_path_and_where_it_is_nearest(path: go.Path) 
     ]
     assert s == pytest.approx(np.argmin(distances) / 100.0)
     assert f"{1000.0 * min(distances):.0f} mm" in nearest
+    assert f"{1000.0 * min(distances):.0f} mm" in close_up.get_title("left")
+    gap = close_up.get_lines()[-2].get_xydata()  # the last line is the scale
+    assert np.linalg.norm(gap[1] - gap[0]) <= abs(min(distances)) + 1e-9  # as it is projected
+    middle = np.mean([close_up.get_xlim(), close_up.get_ylim()], axis=1)
+    assert gap.mean(axis=0) == pytest.approx(middle)
     assert len([each for each in strip.collections if each.get_hatch()]) == 6
     assert len(draw_path(path, "while it is found", arms=False).axes) == 3
 

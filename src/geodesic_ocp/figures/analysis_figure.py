@@ -52,7 +52,7 @@ def draw_analysis(
         curve: draws the error against the number of synergies; None leaves that panel out.
     """
     several = len(hands) > 1
-    heights = (2.0 if several else 1.4, *[1.0] * (1 + len(hands)))
+    heights = (2.8 if several else 2.1, *[1.0] * (1 + len(hands)))
     grid = figure.add_gridspec(len(heights), 2, width_ratios=(1.6, 1.0), height_ratios=heights)
     strip = figure.add_subplot(grid[0, :])
     texts = [f"{each:.1f} s" for each in time[list(instants)]]

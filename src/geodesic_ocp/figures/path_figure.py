@@ -56,15 +56,19 @@ def draw_path(
     model: Model | None = getattr(path.metric, "model", None)
     in_space = model is not None and model.moves(model.hand) and path.metric.dim > 2
     beside = in_space or path.metric.dim == 2
-    shown = model if arms else None
+    # What only slides looks the same everywhere.
+    shown = model if arms and model is not None and "rad" in model.units else None
     flat = shown is not None and moves_in_plane(shown, path)
-    width = (11.0 if beside else 7.0) + 4.5 * flat
+    close = shown is not None and not flat and bool(obstacles)
+    width = (11.0 if beside else 7.0) + 4.5 * (flat or close)
     if figure is None:
         figure = new_figure(width, _HEIGHT)
     else:
         figure.clear()
     rows = (2.2, 1.0) if shown is None or flat else (1.0, 2.2, 1.0)
-    grid = figure.add_gridspec(len(rows), (2 if beside else 1) + flat, height_ratios=rows)
+    grid = figure.add_gridspec(
+        len(rows), (2 if beside else 1) + (flat or close), height_ratios=rows
+    )
     _draw_coordinates(figure.add_subplot(grid[-2, 0]), path)
     _draw_speed(figure.add_subplot(grid[-1, 0]), path)
     if beside:
@@ -76,7 +80,8 @@ def draw_path(
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3, frameon=False)
     if shown is not None:
         axes = figure.add_subplot(grid[:, -1] if flat else grid[0, :])
-        draw_path_arms(axes, path, shown, obstacles, links)
+        zoom = figure.add_subplot(grid[-2:, -1]) if close else None
+        draw_path_arms(axes, path, shown, obstacles, links, zoom)
         if not flat:  # as high as the arms are in the width of the figure
             above = float(np.divide(*(np.ptp(each) for each in (axes.get_ylim(), axes.get_xlim()))))
             height = 0.96 * width * above + _ABOVE

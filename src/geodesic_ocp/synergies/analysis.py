@@ -182,7 +182,7 @@ class Analysis:
             StripArm(Postures.of(model, self.predicted.q[instants]), "predicted", name, False),
         )
         view = best_view(arms[0].postures, np.concatenate(list(observed.values())))
-        figure = new_figure(10.0, 11.0 if several else 8.4)
+        figure = new_figure(10.0, 12.0 if several else 9.6)
         draw_analysis(
             figure,
             motion.time - motion.time[0],

@@ -103,7 +103,7 @@ def test_figures_show_coordinates_speed_path_and_obstacles(arm: go.Model, tmp_pa
     reach = go.Reach(arm, START, TARGET, obstacles=[post, table], through=[(0.3, 0.3, -0.2)])
     with pytest.warns(RuntimeWarning, match="between them joint RWx_joint"):
         figure = go.solve(reach, grid=go.Grid(6, 3)).plot()
-    joints, speed, hand, arm_along = figure.axes
+    joints, speed, hand, arm_along, close_up = figure.axes
     assert [line.get_label() for line in joints.get_lines()][:7] == list(arm.joint_names)
     assert joints.get_ylabel() == "coordinates q [rad]"
     assert speed.get_xlabel() == "path parameter s"
@@ -113,6 +113,7 @@ def test_figures_show_coordinates_speed_path_and_obstacles(arm: go.Model, tmp_pa
     texts = [text.get_text() for text in arm_along.texts]
     assert len([text for text in texts if text.startswith("s = ")]) == 6
     assert len([text for text in texts if "nearest" in text]) == 1
+    assert close_up.get_title("left").startswith("nearest at s = ")
     figure.savefig(tmp_path / "reach.png", dpi=20)
 
     flat = go.solve(PlaneAroundDisc()).plot()

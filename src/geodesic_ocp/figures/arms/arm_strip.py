@@ -132,7 +132,7 @@ def draw_arm_strip(
     draw_scale(axes, (len(labels) - 0.5) * pitch, bottom, tallest)
     axes.set_xlim(-0.55 * pitch, (len(labels) - 0.4) * pitch)
     axes.set_ylim(bottom - gap, 0.5 * gap)
-    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_aspect("equal", anchor="W")
     axes.set_axis_off()
     if title:
         axes.set_title(title, loc="left", fontsize="medium")

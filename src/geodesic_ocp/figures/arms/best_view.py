@@ -19,6 +19,7 @@ _HIDDEN = 0.6  # what it costs if the hand is always hidden
 _STEEP = 0.1  # what it costs to look straight down
 _OVERLAP = 0.5  # what it costs if arm and obstacles overlap
 _GAP = 0.6  # what it costs if the line between nearest points is seen end-on
+_BEHIND = 0.2  # what it costs if the arm is as far behind the body as it is long
 _EDGE_ON = 1.0  # what it costs if a plane is not seen edge-on
 _SEEN = 1e-6
 _ROUGH = DIRECTIONS[::4]
@@ -91,6 +92,9 @@ def _worth(
     worth = float(spread / np.linalg.norm(way - way.mean(axis=0), ord="nuc"))
     worth += _SIMPLE * (view.axis is not None) - _HIDDEN * _hidden(view, postures)
     worth -= _STEEP * abs(float(view.towards[2]))
+    if bodies := postures.still():
+        behind = view.depth(np.concatenate(bodies)).mean() - view.depth(postures.joints).mean()
+        worth -= _BEHIND * float(np.clip(behind / np.ptp(way, axis=0).max(), -1.0, 1.0))
     if len(lines):
         worth -= _GAP * float(np.mean(np.abs(lines @ view.towards)))
     for obstacle in obstacles:

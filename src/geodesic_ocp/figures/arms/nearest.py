@@ -24,10 +24,12 @@ class Approach:
         distances: least one in each of k configurations, (k,) [m].
         directions: unit vectors (m, 3) along the lines between the points that are nearest, of all
             bodies and configurations in which they are about as near as they ever come.
+        points: the two that are nearest of all, (2, 3) [m].
     """
 
     distances: Array
     directions: Array
+    points: Array
 
     def __repr__(self) -> str:
         return f"Approach(least {self.distances.min():.3g} m)"
@@ -57,4 +59,7 @@ def approach(
     lines = np.array([each.ends - each.starts for each in found.values()])
     near = (apart < apart.min() + _NEAR) & (np.abs(apart) > _TINY)
     directions = lines[near] / np.linalg.norm(lines[near], axis=1, keepdims=True)
-    return Approach(apart.min(axis=0), directions)
+    pair, instant = np.unravel_index(int(np.argmin(apart)), apart.shape)
+    nearest = list(found.values())[pair]
+    points = np.array([nearest.starts[instant], nearest.ends[instant]])
+    return Approach(apart.min(axis=0), directions, points)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 _LIGHTEST = 0.3  # ink of the first
 _MARGIN = 0.08  # around everything, of its size
+_NEAR = 0.07  # least distance between labels, of the size
 _AWAY = 11.0  # [pt], from the hand to what is written beside it
 _DOT: dict[str, Any] = {"color": "white", "markeredgecolor": OBSERVED["color"], "markersize": 4.0}
 _DOT |= {"zorder": 4.1}
@@ -69,13 +70,25 @@ def draw_overlay(
     hands = view.plane(postures.hands[:, 0])
     axes.plot(*hands.T, "o", **_DOT)
     centre = view.plane(postures.joints).mean(axis=(0, 1))
-    for label, hand in zip(labels, hands, strict=True):
+    for label, hand in _apart(labels, hands, _NEAR * size):
         outward = hand - centre
         away = _AWAY * outward / max(float(np.linalg.norm(outward)), 1e-12)
-        axes.annotate(label, hand, away, textcoords="offset points", **_LABEL)
+        place, offset = (float(hand[0]), float(hand[1])), (float(away[0]), float(away[1]))
+        axes.annotate(label, place, offset, textcoords="offset points", **_LABEL)
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     axes.set_aspect("equal", adjustable="box")
     names = ["xyz"[int(np.argmax(np.abs(side)))] for side in (view.right, view.up)]
     axes.set_xlabel(f"{names[0]} [m]")
     axes.set_ylabel(f"{names[1]} [m]")
+
+
+def _apart(labels: Sequence[str], hands: Array, least: float) -> list[tuple[str, Array]]:
+    """The labels, without those too near to others; the first and the last are kept."""
+    order = [0, len(labels) - 1, *range(1, len(labels) - 1)]
+    kept: list[int] = []
+    for index in order:
+        distances = np.linalg.norm(hands[kept] - hands[index], axis=1)
+        if index in order[:2] or np.all(distances >= least):
+            kept.append(index)
+    return [(labels[index], hands[index]) for index in sorted(set(kept))]

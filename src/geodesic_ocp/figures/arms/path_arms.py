@@ -10,6 +10,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.figures.arms.arm_strip import StripArm, draw_arm_strip
 from geodesic_ocp.figures.arms.best_view import best_view, plane_of
+from geodesic_ocp.figures.arms.close_up import draw_close_up
 from geodesic_ocp.figures.arms.nearest import Approach, approach
 from geodesic_ocp.figures.arms.overlay import draw_overlay
 from geodesic_ocp.figures.arms.posture import Postures
@@ -35,6 +36,7 @@ def draw_path_arms(
     model: Model,
     obstacles: Sequence[Obstacle] = (),
     links: Sequence[str] | None = None,
+    close: Axes | None = None,
 ) -> None:
     """Draw a model at some instants of a path, one of them where it is nearest to an obstacle.
 
@@ -44,6 +46,7 @@ def draw_path_arms(
         model: the arm.
         obstacles: that do not move.
         links: that keep clear of obstacles; None: all that move.
+        close: where it is nearest to an obstacle is drawn here, too; removed if that is not known.
     """
     fine = path(np.linspace(0.0, 1.0, _SAMPLES))
     near = approach(model, fine, obstacles, links)
@@ -58,6 +61,14 @@ def draw_path_arms(
         return
     lines = None if near is None else near.directions
     view = best_view(postures, np.concatenate(ways), obstacles, lines, closest)
+    if near is not None and closest is not None and close is not None:
+        nearest = path(s[closest])
+        draw_close_up(close, view, model, nearest, near.points, obstacles, links=links, paths=ways)
+        gap = f"{1000.0 * near.distances.min():.0f} mm"
+        close.set_title(f"nearest at s = {s[closest]:.2g}, {gap}", **_TITLE)
+        close.set_xlabel("dashed: collision bodies", color="0.3", fontsize="small")
+    elif close is not None:
+        close.remove()
     title = f"{model.name} along the path, {view.name}"
     arms = [StripArm(postures)]
     draw_arm_strip(axes, [view], texts, arms, obstacles=obstacles, paths=ways, title=title)
