@@ -17,7 +17,7 @@ from geodesic_ocp.manifold.metric import Metric, as_metric
 _MAX_STEPS = 20_000  # between two breakpoints
 
 
-class Curve(Protocol):
+class ParametricCurve(Protocol):
     """A curve in R^n that is smooth between its breakpoints, such as a Path or a Motion."""
 
     @property
@@ -29,7 +29,7 @@ class Curve(Protocol):
 
 
 def parallel_transport(
-    metric: Metric, path_or_motion: Curve, v: ArrayLike, *, tolerance: float = 1e-9
+    metric: Metric, path_or_motion: ParametricCurve, v: ArrayLike, *, tolerance: float = 1e-9
 ) -> Array:
     """Parallel-transport a vector v (n,) from the start of a curve to its end, (n,).
 
@@ -58,7 +58,7 @@ def parallel_transport(
 
 
 def transport_between(
-    metric: Metric, curve: Curve, v: ArrayLike, stops: Array, *, tolerance: float = 1e-9
+    metric: Metric, curve: ParametricCurve, v: ArrayLike, stops: Array, *, tolerance: float = 1e-9
 ) -> Array:
     """Parallel-transport v (n,) from stops[0] along the curve to each of the k stops, (k, n).
 
@@ -84,7 +84,7 @@ def transport_between(
 
 
 def _interpreted(
-    metric: Metric, curve: Curve, vector: Array, stops: Array, tolerance: float
+    metric: Metric, curve: ParametricCurve, vector: Array, stops: Array, tolerance: float
 ) -> Array:
     """Transported vectors at the stops (k, n), with adaptive steps of this tolerance."""
     result = [vector]
@@ -103,7 +103,7 @@ def _interpreted(
     return np.array(result)
 
 
-def _states(curve: Curve, times: Array, start: ArrayLike, stop: ArrayLike) -> Array:
+def _states(curve: ParametricCurve, times: Array, start: ArrayLike, stop: ArrayLike) -> Array:
     """Positions and velocities (k, 2 n) at times (k,) between start and stop.
 
     One-sided at the ends, to exclude the derivative of the adjacent piece.
@@ -113,7 +113,9 @@ def _states(curve: Curve, times: Array, start: ArrayLike, stop: ArrayLike) -> Ar
     return np.hstack([curve(inside), curve(inside, 1)])
 
 
-def _compiled(metric: Metric, curve: Curve, vector: Array, stops: Array, tolerance: float) -> Array:
+def _compiled(
+    metric: Metric, curve: ParametricCurve, vector: Array, stops: Array, tolerance: float
+) -> Array:
     """The same, with equal steps between two stops, as many as each piece needs."""
     counts = np.ones(len(stops) - 1, dtype=int)
     while True:
