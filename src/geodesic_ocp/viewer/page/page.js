@@ -256,7 +256,7 @@ function legend(data, layer) {
     }
   }
   const kinds = [["solids", OBSTACLE], ["ellipsoids", BALL], ["clouds", MARKER]].filter(([kind]) =>
-    data.scenes.some((scene) => scene[kind].some((item) => item.layer === layer))
+    data.scenes.some((scene) => scene[kind].some((item) => item.layer === layer && !item.role))
   );
   const patches = kinds.map(([, paint]) => {
     const swatch = made("i", { class: "playback-patch" });
