@@ -29,6 +29,8 @@ ARGUMENTS = (
 )
 SOFTWARE_RENDERING = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 NO_WEBGL = ("--disable-gpu", "--disable-3d-apis")
+WIDTH = 720  # of the window [px], in which two panes are side by side
+BODY = 0.25  # by how much bodies differ from the background at least; lines of the floor less
 
 
 @dataclass
@@ -110,9 +112,23 @@ def chromium(playwright: Any, *arguments: str) -> Iterator[Any]:
 
 @contextmanager
 def opened(
-    browser: Any, file: Path, *, width: int = 1280, height: int = 900, javascript: bool = True
+    browser: Any,
+    file: Path,
+    *,
+    width: int = 1280,
+    height: int = 900,
+    javascript: bool = True,
+    clock: bool = False,
 ) -> Iterator[Any]:
-    """A page from a file, without a network; it is checked at the end that it was quiet."""
+    """A page from a file, without a network; it is checked at the end that it was quiet.
+
+    Args:
+        browser: of playwright.
+        file: with the page.
+        width, height: of the window [px].
+        javascript: whether it is enabled.
+        clock: whether the test can stop its clock, which begins at 0 (`page.clock`).
+    """
     context = browser.new_context(
         viewport={"width": width, "height": height},
         java_script_enabled=javascript,
@@ -121,6 +137,8 @@ def opened(
     context.set_default_timeout(TIMEOUT)
     try:
         watched = Watched(context.new_page())
+        if clock:
+            watched.page.clock.install(time=0)
         watched.page.goto(file.as_uri())
         yield watched.page
         watched.check()
@@ -128,18 +146,29 @@ def opened(
         context.close()
 
 
-def picture(element: Any) -> np.ndarray:
-    """What is on the screen where an element is, (height, width, 3) from 0 to 1."""
-    return matplotlib.image.imread(io.BytesIO(element.screenshot()))[..., :3]
+def pictures(page: Any, selector: str) -> list[np.ndarray]:
+    """What is on the screen where elements are, (height, width, 3) from 0 to 1 each."""
+    page.evaluate("scrollTo(0, 0)")
+    screen = matplotlib.image.imread(io.BytesIO(page.screenshot()))[..., :3]
+    boxes = [element.bounding_box() for element in page.locator(selector).all()]
+    found = []
+    for box in boxes:
+        left, top, width, height = (round(box[name]) for name in ("x", "y", "width", "height"))
+        found.append(screen[top : top + height, left : left + width])
+    return found
 
 
-def drawn_fraction(pixels: np.ndarray, tolerance: float = 0.04) -> float:
-    """The fraction of pixels that differ from the most frequent colour, the background."""
-    rounded = np.round(pixels * 255).astype(int) @ [65536, 256, 1]
-    values, counts = np.unique(rounded, return_counts=True)
-    most = values[np.argmax(counts)]
-    background = np.array([most >> 16, (most >> 8) & 255, most & 255]) / 255
-    return float(np.mean(np.abs(pixels - background).max(axis=2) > tolerance))
+def ask(page: Any, expression: str) -> Any:
+    """What an expression gives of the first viewer of a page."""
+    return page.evaluate(f"() => {{ const viewer = geodesicOcp.viewers[0]; return {expression}; }}")
+
+
+def panes(page: Any, canvas: bool = True) -> list[np.ndarray]:
+    """What is seen in each pane, with what is drawn there or the background alone."""
+    style = f"canvas => canvas.style.visibility = {'visible' if canvas else 'hidden'!r}"
+    for element in page.locator("canvas").all():
+        element.evaluate(style)
+    return pictures(page, ".playback-view")
 
 
 def changed_fraction(before: np.ndarray, after: np.ndarray, tolerance: float = 0.04) -> float:
