@@ -87,7 +87,7 @@ class Drawing {
 
   actor(actor) {
     const { THREE } = MeshCat;
-    const hidden = new THREE.MeshBasicMaterial({ colorWrite: false, transparent: true });
+    const hidden = new THREE.MeshBasicMaterial({ colorWrite: false, transparent: true, ...BEHIND });
     const materials = {};
     for (const link of actor.links) {
       const group = this.posed(new THREE.Group(), link);

@@ -1,5 +1,7 @@
 // Numbers and surfaces from the data that described.py writes.
 
+// An overlay that covers something exactly is behind all of it, not in spots.
+const BEHIND = { polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 };
 const MISSING = -32768;
 const CREASE = Math.cos((38 * Math.PI) / 180); // faces that differ by less look like one
 
@@ -88,5 +90,6 @@ function painted(value, opacity = 1) {
     metalness: 0.04,
     opacity,
     transparent: opacity < 1,
+    ...(opacity < 1 ? BEHIND : {}),
   });
 }
