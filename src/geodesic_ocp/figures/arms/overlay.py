@@ -26,6 +26,7 @@ _AWAY = 11.0  # [pt], from the hand to what is written beside it
 _DOT: dict[str, Any] = {"color": "white", "markeredgecolor": OBSERVED["color"], "markersize": 4.0}
 _DOT |= {"zorder": 4.1}
 _LABEL: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": "small", "zorder": 5.0}
+_LABEL |= {"bbox": {"boxstyle": "round,pad=0.1", "color": "white", "alpha": 0.75, "linewidth": 0}}
 
 
 def draw_overlay(
