@@ -107,7 +107,7 @@ def test_the_title_is_text() -> None:
 def test_models_are_shown_by_their_type(opened: list[str]) -> None:
     viewer = show(ARM, go.human_arm("left"), open_browser=False)
     assert len(viewer.playback.scenes) == 2
-    with pytest.raises(TypeError, match="cannot show a float"):
+    with pytest.raises(TypeError, match="float"):
         show(1.0)
     assert not opened
 

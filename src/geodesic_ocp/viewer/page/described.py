@@ -24,7 +24,7 @@ Shapes = dict[tuple[bytes, bytes], int]  # numbers of the meshes that were met s
 
 
 def described(playback: Playback) -> dict[str, Any]:
-    """Everything that is drawn in three dimensions, and the spans; see page.js."""
+    """Everything that is drawn in three dimensions, and the spans; see scripts/page.js."""
     shapes: Shapes = {}
     bodies: list[dict[str, Any]] = []
     scenes = [_scene(scene, shapes, bodies) for scene in playback.scenes]

@@ -7,7 +7,7 @@ from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
 
-_SCRIPTS = ("shapes.js", "drawing.js", "pane.js", "bar.js", "plots.js", "page.js")
+_SCRIPTS = ("shapes.js", "drawing.js", "pane.js", "bar.js", "keys.js", "plots.js", "page.js")
 # Whatever the body says, the page loads nothing from anywhere.
 _POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
@@ -26,7 +26,9 @@ def document(title: str, body: str) -> str:
     """
     folder = files("geodesic_ocp.viewer.page")
     style = (folder / "page.css").read_text(encoding="utf-8")
-    scripts = "\n".join((folder / name).read_text(encoding="utf-8") for name in _SCRIPTS)
+    scripts = "\n".join(
+        (folder / "scripts" / name).read_text(encoding="utf-8") for name in _SCRIPTS
+    )
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>

@@ -199,50 +199,6 @@ class PlaybackViewer {
     this.draw();
     requestAnimationFrame((next) => this.step(next));
   }
-
-  // To a time that is a number of samples, or of spans, away.
-  bySamples(count) {
-    const times = this.data.scenes.flatMap((scene) => [...new Float64Array(bytes(scene.time))]);
-    this.byTimes(times, count);
-  }
-
-  bySpans(count) {
-    this.byTimes([...this.data.spans.flatMap(([, spans]) => spans.map(([, from]) => from)), ...this.range], count);
-  }
-
-  byTimes(times, count) {
-    const close = 1e-6 * (this.range[1] - this.range[0]);
-    const after = times.filter((time) => (count > 0 ? time > this.time + close : time < this.time - close));
-    if (after.length) this.seek(after.reduce((a, b) => (count > 0 ? Math.min(a, b) : Math.max(a, b))));
-  }
-
-  key(event) {
-    const step = this.data.parameter ? (this.range[1] - this.range[0]) / 40 : 0.1;
-    const faster = (by) => {
-      const index = SPEEDS.indexOf(this.speed) + by;
-      this.speed = SPEEDS[Math.min(SPEEDS.length - 1, Math.max(0, index))];
-    };
-    const actions = {
-      " ": () => (this.playing ? this.pause() : this.play()),
-      ArrowLeft: () => (event.shiftKey ? this.bySpans(-1) : this.seek(this.time - step)),
-      ArrowRight: () => (event.shiftKey ? this.bySpans(1) : this.seek(this.time + step)),
-      ",": () => this.bySamples(-1),
-      ".": () => this.bySamples(1),
-      Home: () => this.seek(this.range[0]),
-      End: () => this.seek(this.range[1]),
-      "+": () => faster(1),
-      "-": () => faster(-1),
-      l: () => (this.loop = !this.loop),
-      r: () => this.reset(),
-      f: () => this.toggleFull(),
-      "?": () => this.help.showModal(),
-    };
-    const still = !this.bar && !["r", "f", "?"].includes(event.key.toLowerCase());
-    const action = actions[event.key] ?? actions[event.key.toLowerCase()];
-    if (!action || still) return;
-    event.preventDefault();
-    action();
-  }
 }
 
 // Lines and colours of a layer with their names, as in the plots.
@@ -304,7 +260,7 @@ function start() {
     if (target.isContentEditable || ["select", "textarea", "summary", "a"].includes(kind)) return;
     if (target.tagName === "INPUT" && !["range", "checkbox"].includes(kind)) return;
     if (event.key === " " && ["button", "checkbox"].includes(kind)) return; // these have a use for it
-    used.key(event);
+    press(used, event);
   });
 }
 start();

@@ -2,18 +2,6 @@
 
 const SPEEDS = [0.25, 0.5, 1, 2, 4];
 const PASS = 4; // [s] in which a path parameter goes from its start to its end
-const KEYS = [
-  ["Space", "play or pause"],
-  ["← →", "back or on by 0.1 s"],
-  [", .", "back or on by one sample"],
-  ["Shift + ← →", "to the previous or next span"],
-  ["Home End", "to the start or the end"],
-  ["+ −", "faster or slower"],
-  ["L", "play again from the start at the end"],
-  ["R", "first view again"],
-  ["F", "full screen"],
-  ["?", "this list"],
-];
 const ICONS = {
   play: "M5 3 L19 12 L5 21 Z",
   pause: "M5 3 H10 V21 H5 Z M14 3 H19 V21 H14 Z",
@@ -150,17 +138,4 @@ function spanAt(spans, time) {
     if (from <= time && time <= to) found = index;
   });
   return found;
-}
-
-function help(scale) {
-  const list = made("dl");
-  for (const [keys, meaning] of KEYS) list.append(made("dt", {}, keys), made("dd", {}, meaning));
-  const dialog = made("dialog", { class: "playback-help", "aria-label": "help" }, list);
-  dialog.append(
-    made("p", {}, "Drag to turn, wheel or two fingers to zoom, right button or two fingers to move, " +
-      "double-click for the first view. All panes have one scale." + scale),
-    button("close", "Close", () => dialog.close())
-  );
-  dialog.addEventListener("click", (event) => event.target === dialog && dialog.close());
-  return dialog;
 }
