@@ -114,9 +114,9 @@ def _hidden(view: View, postures: Postures) -> float:
         return 0.0
     joints = postures.joints[:, moves].reshape(-1, 3)
     hidden = np.zeros(len(joints), dtype=bool)
-    places, depths = view.plane(joints) @ DIRECTIONS.T, view.depth(joints)
+    places, depths = view.plane(joints) @ _ROUGH.T, view.depth(joints)
     for body in postures.still():
-        inside = np.all(places < (view.plane(body) @ DIRECTIONS.T).max(axis=0), axis=1)
+        inside = np.all(places < (view.plane(body[::4]) @ _ROUGH.T).max(axis=0), axis=1)
         hidden |= inside & (depths < view.depth(body).mean())
     return float(hidden.mean())
 

@@ -12,7 +12,7 @@ from geodesic_ocp.figures.styles import NEUTRAL, ROLES
 
 TINT = 0.76  # share of white in the fill of what moves
 _STILL = 0.86  # of what does not
-_STEPS = 8  # of the pieces into which the sides of an outline are cut
+_STEPS = 4  # of the pieces into which the sides of an outline are cut
 
 
 def posture_shapes(
@@ -63,7 +63,12 @@ def outline_of_all(shapes: list[Shape]) -> Array:
         after = np.roll(outline, -1, axis=0)
         line = (outline[:, None] + shares * (after - outline)[:, None]).reshape(-1, 2)
         line = np.concatenate([line, line[:1]])
-        others = outlines[:number] + outlines[number + 1 :]
+        low, high = outline.min(axis=0), outline.max(axis=0)
+        others = [
+            other
+            for other in outlines[:number] + outlines[number + 1 :]
+            if np.all(other.min(axis=0) < high) and np.all(other.max(axis=0) > low)
+        ]
         covered = np.any([_inside(line, other) for other in others], axis=0) if others else False
         pieces += [np.where(np.reshape(covered, (-1, 1)), np.nan, line), np.full((1, 2), np.nan)]
     return np.concatenate(pieces) if pieces else np.zeros((0, 2))

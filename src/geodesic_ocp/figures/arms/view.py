@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -42,7 +43,7 @@ class View:
         towards = [np.cos(around) * np.cos(above), np.sin(around) * np.cos(above), np.sin(above)]
         return cls(right.round(12), np.cross(towards, right).round(12))
 
-    @property
+    @cached_property
     def towards(self) -> Array:
         """Direction towards the observer, a unit vector (3,)."""
         return np.cross(self.right, self.up)
