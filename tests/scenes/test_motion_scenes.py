@@ -159,6 +159,7 @@ def test_configurations_are_shown_one_after_the_other(arm: go.Model) -> None:
     rows = np.random.default_rng(1).uniform(0.0, 0.3, (3, 7))
     playback = model_playback(arm, rows)
     (scene,) = playback.scenes
+    assert scene.trails == ()  # what lies between them is not known
     spans = playback.spans["configurations"]
     assert [span.name for span in spans] == ["1", "2", "3"]
     for row, span in zip(rows, spans, strict=True):

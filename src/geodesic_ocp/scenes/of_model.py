@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -45,4 +47,5 @@ def model_playback(model: Model, q: ArrayLike | None = None, *, title: str = "")
         spans = {"configurations": (*each, last)}
         note = f"{len(rows)} configurations, one a second"
     scene = model_scene(model, time, configurations, title=title, note=note, joints=True)
+    scene = replace(scene, trails=())
     return Playback(scene.title, (scene,), spans, azimuth=viewed_from(model))
