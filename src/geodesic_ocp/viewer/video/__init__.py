@@ -1,0 +1,1 @@
+"""Playbacks drawn as pictures and videos, without a screen, a browser or a graphics card."""
