@@ -36,6 +36,8 @@ class PlaybackViewer {
     for (const [name, on] of data.layers) this.setLayer(name, on);
     this.seek(this.time);
     this.last = performance.now();
+    // Nothing is played while the page is hidden.
+    document.addEventListener("visibilitychange", () => (this.last = performance.now()));
     requestAnimationFrame((now) => this.step(now));
   }
 
@@ -187,7 +189,7 @@ class PlaybackViewer {
 
   step(now) {
     const [start, stop] = this.range;
-    const passed = Math.min(0.5, (now - this.last) / 1000); // more if the page was hidden
+    const passed = Math.max(0, now - this.last) / 1000;
     this.last = now;
     if (this.playing) {
       const rate = this.speed * (this.data.parameter ? (stop - start) / PASS : 1);
