@@ -131,8 +131,8 @@ def _span(number: int, group: SynergyGroup, time: Array) -> Span:
     if group.kind == "rest":
         return Span("rest", start, stop, f"rest ({stop - start:.2f} s)")
     first, last = group.members[0], group.members[-1]
-    made_of = f"{first}" if first == last else f"{first} to {last}"
-    text = f"synergy {number} ({stop - start:.2f} s), of the person's {made_of}"
+    made_of = f"{first}" if first == last else f"{first}-{last}"
+    text = f"synergy {number} ({stop - start:.2f} s), person's {made_of}"
     return Span(str(number), start, stop, text)
 
 

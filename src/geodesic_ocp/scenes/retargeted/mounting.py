@@ -14,8 +14,8 @@ from geodesic_ocp.model.human.stature import stature
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 
 
-@dataclass(frozen=True, eq=False)
-class Mounting:
+@dataclass(frozen=True, eq=False, repr=False)
+class BasePose:
     """Where the base of a model is in a scene.
 
     Attributes:
@@ -25,6 +25,9 @@ class Mounting:
 
     rotation: Array
     position: Array
+
+    def __repr__(self) -> str:
+        return f"BasePose(at {self.position.round(3).tolist()} m)"
 
     def points(self, positions: Array) -> Array:
         """Points (..., 3) [m] of the base frame, in the scene."""
@@ -53,7 +56,7 @@ def share_a_body(arms: Sequence[RetargetedArm]) -> bool:
     return len(arms) > 1 and are_distinct and all(names == frames[0] for names in frames)
 
 
-def mountings(arms: Sequence[RetargetedArm]) -> tuple[Mounting, ...]:
+def mountings(arms: Sequence[RetargetedArm]) -> tuple[BasePose, ...]:
     """Where each robot's base is: its axes along the person's, its shoulder at the person's.
 
     The arms of one robot keep their distance from each other, and their middle is the origin.
@@ -67,5 +70,5 @@ def mountings(arms: Sequence[RetargetedArm]) -> tuple[Mounting, ...]:
             position = -back @ middle
         else:
             position = shoulder(arm, len(arms)) - back @ np.asarray(arm.mapping.target.shoulder)
-        placed.append(Mounting(back, position))
+        placed.append(BasePose(back, position))
     return tuple(placed)

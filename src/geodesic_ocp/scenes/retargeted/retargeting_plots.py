@@ -35,8 +35,10 @@ def retargeting_plots(
     time = retargeting.motion.time
     several = name or len(retargeting.arms) > 1
     plots: list[Plot] = []
+    names = [arm.robot.name for arm in retargeting.arms]
     for arm in retargeting.arms:
-        title = arm.title if several else ""
+        alike = names.count(arm.robot.name) > 1
+        title = (arm.title if alike else arm.robot.name) if several else ""
         plots += _of_arm(arm, time[shown] - time[0] + start, shown, title)
     return tuple(plots)
 

@@ -16,7 +16,7 @@ from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.scenes.actor import Actor, model_actor
 from geodesic_ocp.scenes.markings import FrameTrack, Solid, Trail
 from geodesic_ocp.scenes.obstacles import obstacle_solids
-from geodesic_ocp.scenes.retargeted.mounting import Mounting, mountings, share_a_body
+from geodesic_ocp.scenes.retargeted.mounting import BasePose, mountings, share_a_body
 from geodesic_ocp.scenes.scene import Scene
 
 #: Layer of the motion by inverse kinematics, which tracks the whole path of the hand.
@@ -70,7 +70,7 @@ def robot_pane(retargeting: Retargeting, shown: Indices, *, start: float = 0.0) 
 
 
 def _actors(
-    arm: RetargetedArm, placed: Mounting, shown: Indices, hidden: frozenset[str]
+    arm: RetargetedArm, placed: BasePose, shown: Indices, hidden: frozenset[str]
 ) -> list[Actor]:
     """The robot as it moves, and what moves of it by inverse kinematics."""
     robot, parts = arm.robot, meshes(arm.robot)
@@ -100,7 +100,7 @@ def _hidden(arms: tuple[RetargetedArm, ...], number: int) -> frozenset[str]:
     return frozenset(name for name in links if any(other.moves(name) for other in others))
 
 
-def _obstacles(obstacles: Sequence[Obstacle], placed: Mounting, points: Array) -> Iterator[Solid]:
+def _obstacles(obstacles: Sequence[Obstacle], placed: BasePose, points: Array) -> Iterator[Solid]:
     """Obstacles in the base frame, in the scene; half-spaces as wide as the points (k, 3) [m]."""
     for solid in obstacle_solids(obstacles, points.min(axis=0), points.max(axis=0)):
         yield replace(solid, vertices=placed.points(solid.vertices))
