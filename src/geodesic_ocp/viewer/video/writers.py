@@ -12,7 +12,8 @@ import numpy as np
 
 from geodesic_ocp.viewer.video.frames import Frame
 
-_COLOURS = 255  # of a GIF, and one that is transparent
+_COLOURS = 127  # of a GIF, and one that is transparent
+_SETTLED = 6  # largest change of a colour, of 255, that a GIF leaves out
 _LOOKED_AT = 12  # frames from which a GIF takes its colours
 HOLD = 0.5  # [s], for which the last frame stays
 
@@ -28,9 +29,26 @@ def write_gif(
         _COLOURS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE
     )
 
+    clear = _COLOURS
+    palette = [*(colours.getpalette() or [])[: 3 * clear]]
+    palette += [255] * (3 * (clear + 1) - len(palette))
+
     def reduced() -> Iterator[Image.Image]:
+        """Frames whose pixels are transparent where they stay as they are, which saves most."""
+        shown: Frame | None = None
+        before = np.zeros(0)
         for picture in pictures:
-            yield Image.fromarray(picture).quantize(palette=colours, dither=Image.Dither.NONE)
+            if shown is None:
+                shown = picture.copy()
+            moved = np.abs(picture.astype(np.int16) - shown).max(axis=2) > _SETTLED
+            shown[moved] = picture[moved]
+            image = Image.fromarray(shown).quantize(palette=colours, dither=Image.Dither.NONE)
+            now = np.array(image)
+            fresh = now if not before.size else np.where(now == before, clear, now)
+            before = now
+            made = Image.frombytes("P", image.size, fresh.astype(np.uint8).tobytes())
+            made.putpalette(palette)
+            yield made
 
     each = reduced()
     first = next(each)
@@ -42,6 +60,8 @@ def write_gif(
         duration=times,
         loop=0,
         optimize=False,
+        transparency=clear,
+        disposal=1,
     )
 
 
