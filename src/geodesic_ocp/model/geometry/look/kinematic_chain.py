@@ -44,8 +44,8 @@ def kinematic_chain(model: Model, drawn: Collection[int] = ()) -> Iterator[Mesh]
 
     Args:
         model: any; its configuration does not matter.
-        drawn: indices in `pin` of the joints whose links have geometry; their struts are left out,
-            as are joints to which no strut leads, if there are any.
+        drawn: indices in `pin` of the joints whose links have geometry: these links, their joints,
+            and joints to which no strut leads, are left out.
     """
     struts = [each for each in _struts(model) if each[0] not in drawn]
     extent = _extent(model)
@@ -59,7 +59,7 @@ def kinematic_chain(model: Model, drawn: Collection[int] = ()) -> Iterator[Mesh]
             vertices, triangles = ellipsoid(_HAND * radius)
             yield from _mesh(model, joint, (vertices + end, triangles), _JOINT)
     for joints in _places(model, extent):
-        if not touched.isdisjoint(joints) or not drawn:
+        if joints[0] not in drawn and (not drawn or not touched.isdisjoint(joints)):
             yield from _joint(model, joints, radius, extent)
 
 

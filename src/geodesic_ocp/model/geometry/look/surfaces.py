@@ -58,14 +58,14 @@ def strut(start: Array, end: Array, radii: float | tuple[float, float]) -> Surfa
     return moved((size * revolved(profile)[0], revolved(profile)[1]), turn_to(end - start), start)
 
 
-def revolved(profile: ArrayLike) -> Surface:
+def revolved(profile: ArrayLike, sides: int = SIDES) -> Surface:
     """A profile (k, 2) of radii and increasing heights turned about z; its ends are on the axis.
 
     It is of unit size: triangles far smaller than that are lost.
     """
     import trimesh
 
-    return _surface(trimesh.creation.revolve(np.asarray(profile, dtype=float), sections=SIDES))
+    return _surface(trimesh.creation.revolve(np.asarray(profile, dtype=float), sections=sides))
 
 
 def loft(sections: ArrayLike, caps: tuple[float, float], roundness: float = 2.0) -> Surface:
@@ -79,15 +79,15 @@ def loft(sections: ArrayLike, caps: tuple[float, float], roundness: float = 2.0)
     """
     rows = np.asarray(sections, dtype=float)
     low, high = rows[0, 0], rows[-1, 0]
-    lower, upper = (np.pi / 2.0 * np.linspace(0.0, 1.0, SIDES // 4 + 1) for _ in caps)
-    middle = np.linspace(low + caps[0], high - caps[1], SIDES // 2 + 1)[1:-1]
+    lower, upper = (np.pi / 2.0 * np.linspace(0.0, 1.0, SIDES // 6) for _ in caps)
+    middle = np.linspace(low + caps[0], high - caps[1], SIDES // 4 + 1)[1:-1]
     heights = np.concatenate(
         [low + caps[0] * (1.0 - np.cos(lower)), middle, high - caps[1] * (1.0 - np.sin(upper))]
     )
     shrunk = np.concatenate([np.sin(lower), np.ones(len(middle)), np.cos(upper)])
     levels = np.arange(len(heights)) / (len(heights) - 1.0)
     unit = np.column_stack([np.ones(len(heights)), levels])
-    vertices, triangles = revolved([(0.0, 0.0), *unit[1:-1], (0.0, 1.0)])
+    vertices, triangles = revolved([(0.0, 0.0), *unit[1:-1], (0.0, 1.0)], 3 * SIDES // 4)
     level = np.rint(vertices[:, 2] * (len(heights) - 1)).astype(np.int64)
     form = scipy.interpolate.PchipInterpolator(rows[:, 0], rows[:, 1:])(heights)[level]
     around = np.sign(vertices[:, :2]) * np.abs(vertices[:, :2]) ** (2.0 / roundness)
