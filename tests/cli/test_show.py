@@ -103,6 +103,7 @@ def test_a_recording_analysed(show: Show, bundled_file: Path) -> None:
     assert len(spans) > 10
 
 
+@pytest.mark.slow
 def test_both_arms_are_one_person(show: Show, shared: Path) -> None:
     playback = show(shared / "data" / "kit" / "Trial_75.xml", "--side", "both")
     (scene,) = playback.scenes
@@ -189,6 +190,7 @@ def test_damaged_synergies_are_named(analysed: Path, tmp_path: Path) -> None:
             read_saved_synergies(file)
 
 
+@pytest.mark.slow
 def test_what_retarget_wrote(show: Show, refused: Refused, retargeted: Path) -> None:
     """On an arm that no package knows, which must be given, but whose joints are a person's."""
     message = refused(retargeted)
@@ -216,11 +218,19 @@ def test_a_trajectory_of_two_robots(show: Show, robot_file: Path, tmp_path: Path
 
 
 @needs_robots
-def test_robots_by_name(show: Show) -> None:
+@pytest.mark.slow
+def test_robots_by_name(
+    show: Show, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Also where there is a folder of that name, such as that of the demo's results."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "panda").mkdir()
     assert [scene.title for scene in show("panda", "ur5").scenes] == ["panda", "ur5"]
+    assert "the folder is ./panda" in capsys.readouterr().out
 
 
 @needs_robots
+@pytest.mark.slow
 def test_the_robot_of_a_trajectory_is_named_beside_it(
     show: Show, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

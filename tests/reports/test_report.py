@@ -67,6 +67,7 @@ def test_tables_are_those_of_the_result(page: Path) -> None:
             assert all(entry in text for entry in row)
 
 
+@pytest.mark.slow
 def test_the_time_is_told(page: Path, tmp_path: Path) -> None:
     assert "the person's time" in elements(page.read_text(encoding="utf-8")).text
     slow = small_retargeting(0.8, "slow")

@@ -11,6 +11,7 @@ from geodesic_ocp.cli.show.file_kind import Kind, file_kind
 from geodesic_ocp.cli.show.folder_files import folder_files
 from geodesic_ocp.cli.show.recordings import analysed, recording_playbacks, recordings
 from geodesic_ocp.cli.show.robot_files import alignment_file, robot_playback, trajectory_file
+from geodesic_ocp.cli.show.shown_robot import is_installed
 from geodesic_ocp.cli.show.solution_files import problem_playbacks, solution_file
 from geodesic_ocp.cli.show.synergy_playback import synergies_file
 from geodesic_ocp.errors import RecordingError
@@ -47,7 +48,11 @@ def _found(names: list[str]) -> Iterator[_Found]:
     """Files with what is in them, those in folders included, and names of robots."""
     for name in names:
         path = Path(name)
-        if path.is_dir():
+        if is_installed(name):
+            if path.is_dir():
+                print(f"note: {name} is the robot of that name; the folder is ./{name}")
+            yield name, "robot"
+        elif path.is_dir():
             yield from ((file, file_kind(file)) for file in folder_files(path))
         elif not path.exists():
             if path.suffix and not path.suffix[1:].isdigit():
