@@ -41,8 +41,9 @@ def test_the_arm_is_drawn_along_the_path_and_where_it_is_nearest(path: go.Path) 
         for each in np.linspace(0.0, 1.0, 101)
     ]
     assert s == pytest.approx(np.argmin(distances) / 100.0)
-    assert f"{1000.0 * min(distances):.0f} mm" in nearest
-    assert f"{1000.0 * min(distances):.0f} mm" in close_up.get_title("left")
+    least = f"{1000.0 * min(distances):.0f} mm".replace("-", "\u2212")
+    assert least in nearest
+    assert least in close_up.get_title("left")
     gap = close_up.get_lines()[-2].get_xydata()  # the last line is the scale
     assert np.linalg.norm(gap[1] - gap[0]) <= abs(min(distances)) + 1e-9  # as it is projected
     middle = np.mean([close_up.get_xlim(), close_up.get_ylim()], axis=1)

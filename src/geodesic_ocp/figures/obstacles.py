@@ -39,7 +39,7 @@ def draw_obstacle(
     style: dict[str, Any] = {
         "facecolor": _FACE,
         "edgecolor": _EDGE,
-        "linewidth": shape.width,
+        "linewidth": 0.9,
         "hatch": _HATCH,
         "label": label,
         "zorder": 0,
@@ -66,7 +66,7 @@ def obstacle_shape(
         if box is None or np.linalg.norm(normal) < 1.0 - _ROUNDING:
             return None
         outline = _behind(*box, view.plane(obstacle.point), normal)
-        return None if len(outline) < 3 else Shape((outline,), _FAR, _FACE, _EDGE, 0.6, _HATCH)
+        return None if len(outline) < 3 else Shape((outline,), _FAR, _FACE, _EDGE, 0.0, _HATCH)
     if obstacle.link is not None:
         return None
     body: Capsule = as_capsule(obstacle)

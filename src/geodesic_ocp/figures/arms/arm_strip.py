@@ -99,7 +99,7 @@ def draw_arm_strip(
         height = float(high[1] - low[1])
         origin = np.array([(low[0] + high[0]) / 2.0, high[1] - top])
         shifts = [np.array([column * pitch, 0.0]) - origin for column in range(len(labels))]
-        cell = np.array([-pitch / 2.0, -height - gap / 3.0]), np.array([pitch / 2.0, gap / 3.0])
+        cell = np.array([-pitch / 2.0, -height - gap / 4.0]), np.array([pitch / 2.0, gap / 3.0])
         for column, (shapes, shift) in enumerate(zip(columns, shifts, strict=True)):
             here = cell[0] - shift + [column * pitch, top], cell[1] - shift + [column * pitch, top]
             planes = [each for each in obstacles if isinstance(each, HalfSpace)]
@@ -128,7 +128,7 @@ def draw_arm_strip(
         top -= height + gap
     bottom = top + gap
     for column, label in enumerate(labels):
-        axes.text(column * pitch, bottom - 0.3 * gap, label, ha="center", va="top")
+        axes.text(column * pitch, bottom - 0.35 * gap, label, ha="center", va="top")
     draw_scale(axes, (len(labels) - 0.5) * pitch, bottom, tallest)
     axes.set_xlim(-0.55 * pitch, (len(labels) - 0.4) * pitch)
     axes.set_ylim(bottom - gap, 0.5 * gap)

@@ -17,9 +17,9 @@ from geodesic_ocp.model.model import Model
 _DIRECTIONS = 400  # in which the extreme points of a part are kept
 _DENSE = 0.08  # longest edge of the triangles that are divided, relative to the size of the link
 _TESTED = 500  # points of the hulls whose volumes are compared
-_SMALLER = 0.85  # volume of two halves, relative to the whole, for which a part is divided
+_SMALLER = 0.9  # volume of two halves, relative to the whole, for which a part is divided
 _DEPTH = 3  # divisions of a part
-_OVERLAP = 0.04  # of two halves, relative to their length
+_OVERLAP = 0.07  # of two halves, relative to their length
 
 
 @dataclass(frozen=True, eq=False, repr=False)

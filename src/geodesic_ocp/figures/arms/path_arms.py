@@ -64,7 +64,7 @@ def draw_path_arms(
     if near is not None and closest is not None and close is not None:
         nearest = path(s[closest])
         draw_close_up(close, view, model, nearest, near.points, obstacles, links=links, paths=ways)
-        gap = f"{1000.0 * near.distances.min():.0f} mm"
+        gap = _millimetres(near)
         close.set_title(f"nearest at s = {s[closest]:.2g}, {gap}", **_TITLE)
         close.set_xlabel("dashed: collision bodies", color="0.3", fontsize="small")
     elif close is not None:
@@ -83,5 +83,10 @@ def _instants(near: Approach | None) -> tuple[Array, list[str], int | None]:
     number = round(least / (_SAMPLES - 1) * (_INSTANTS - 1))
     s[number] = least / (_SAMPLES - 1)
     texts = [f"s = {each:.2g}" for each in s]
-    texts[number] += f"\nnearest, {1000.0 * near.distances[least]:.0f} mm"
+    texts[number] += f"\nnearest, {_millimetres(near)}"
     return s, texts, number
+
+
+def _millimetres(near: Approach) -> str:
+    """The least distance."""
+    return f"{round(1000.0 * float(near.distances.min()))} mm".replace("-", "\u2212")
