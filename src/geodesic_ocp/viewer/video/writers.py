@@ -12,8 +12,9 @@ import numpy as np
 
 from geodesic_ocp.viewer.video.frames import Frame
 
-_COLOURS = 127  # of a GIF, and one that is transparent
-_SETTLED = 6  # largest change of a colour, of 255, that a GIF leaves out
+_FREQUENT, _RARE = 180, 75  # colours of a GIF, and one that is transparent
+_COLOURS = _FREQUENT + _RARE
+_SETTLED = 3  # largest change of a colour, of 255, that a GIF leaves out
 _LOOKED_AT = 12  # frames from which a GIF takes its colours
 HOLD = 0.5  # [s], for which the last frame stays
 
@@ -25,13 +26,10 @@ def write_gif(
     from PIL import Image
 
     chosen = samples[:: max(1, len(samples) // _LOOKED_AT)]
-    colours = Image.fromarray(np.concatenate(chosen)).quantize(
-        _COLOURS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE
-    )
-
     clear = _COLOURS
-    palette = [*(colours.getpalette() or [])[: 3 * clear]]
-    palette += [255] * (3 * (clear + 1) - len(palette))
+    colours = Image.new("P", (1, 1))
+    palette = _palette(np.concatenate(chosen))
+    colours.putpalette(palette)
 
     def reduced() -> Iterator[Image.Image]:
         """Frames whose pixels are transparent where they stay as they are, which saves most."""
@@ -44,6 +42,7 @@ def write_gif(
             shown[moved] = picture[moved]
             image = Image.fromarray(shown).quantize(palette=colours, dither=Image.Dither.NONE)
             now = np.array(image)
+            now[now == clear] = 0  # the same colour
             fresh = now if not before.size else np.where(now == before, clear, now)
             before = now
             made = Image.frombytes("P", image.size, fresh.astype(np.uint8).tobytes())
@@ -63,6 +62,19 @@ def write_gif(
         transparency=clear,
         disposal=1,
     )
+
+
+def _palette(pixels: Frame) -> list[int]:
+    """Red, green and blue of 256 colours: the most frequent ones, and those far from them."""
+    from PIL import Image
+
+    image, found = Image.fromarray(pixels), list[int]()
+    kinds = (Image.Quantize.MEDIANCUT, _FREQUENT), (Image.Quantize.MAXCOVERAGE, _RARE)
+    for method, count in kinds:
+        some = image.quantize(count, method=method, dither=Image.Dither.NONE).getpalette() or []
+        found += some[: 3 * count]
+    # What is left, and the transparent one, are the first colour again.
+    return (found + found[:3] * (_COLOURS + 1))[: 3 * (_COLOURS + 1)]
 
 
 def write_webp(file: Path, pictures: Iterable[Frame], times: list[int]) -> None:
