@@ -83,11 +83,13 @@ def test_names_are_text(tmp_path: Path) -> None:
     assert EVIL in elements(text).text
 
 
+@pytest.mark.slow
 def test_a_failure_leaves_what_was_there(page: Path, tmp_path: Path) -> None:
     with pytest.raises(OSError, match="missing"):
         go.report(small_retargeting(), tmp_path / "missing" / "report.html")
 
 
+@pytest.mark.slow
 def test_without_the_viewer_the_extra_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
