@@ -34,14 +34,30 @@ def small_retargeting(speed: float = 2.5, name: str = "robot") -> go.Retargeting
 
 
 @cache
-def both_arms() -> go.Retargeting:
-    """Both arms of a person on two robots; the right one moves as the mirrored left one."""
+def both_analyses() -> tuple[go.Analysis, go.Analysis]:
+    """Of the right and the left arm; the right one moves as the mirrored left one."""
     analysis = small_analysis()
     motion = analysis.motion
     mirrored = np.array([1.0, -1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
     names = tuple("R" + name[1:] for name in motion.joint_names)
-    other = go.Motion(motion.time, motion.q * mirrored, names, motion.velocity * mirrored)
-    right = go.analyse(go.human_arm("right", 1.78), other, metric="kinetic")
+    velocity = np.asarray(motion.velocity) * mirrored
+    other = go.Motion(motion.time, motion.q * mirrored, names, velocity)
+    return go.analyse(go.human_arm("right", 1.78), other, metric="kinetic"), analysis
+
+
+@cache
+def both_arms() -> go.Retargeting:
+    """Both arms of a person on two robots, a right arm and a left one."""
     robots = [go.human_arm(side, 1.95) for side in ("right", "left")]
     settings = go.RetargetingSettings(merge=0.4, drop=0.3, speed_limits=False)
-    return go.retarget_arms([right, analysis], robots, tolerance=1e-4, settings=settings)
+    return go.retarget_arms(both_analyses(), robots, tolerance=1e-4, settings=settings)
+
+
+@cache
+def both_arms_of_talos() -> go.Retargeting:
+    """Both arms of a person on those of a humanoid robot."""
+    robots = [go.load_model(f"talos-{side}-arm") for side in ("right", "left")]
+    settings = go.RetargetingSettings(
+        merge=0.6, drop=0.4, limits=False, self_collision=False, orientation_weight=0.0, rest=False
+    )
+    return go.retarget_arms(both_analyses(), robots, tolerance=1e-3, settings=settings)
