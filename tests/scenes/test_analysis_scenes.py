@@ -13,13 +13,13 @@ from geodesic_ocp.recordings.markers.fit_motion import fit_motion
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.markers.sets.known_marker_sets import MMM_MARKERS
-from geodesic_ocp.scenes.of_analysis import CUTS, analysis_playback
-from geodesic_ocp.scenes.of_markers import (
+from geodesic_ocp.scenes.playback import Playback
+from geodesic_ocp.scenes.recorded.of_analysis import CUTS, analysis_playback
+from geodesic_ocp.scenes.recorded.of_markers import (
     fitted_positions,
     marker_fit_playback,
     markers_playback,
 )
-from geodesic_ocp.scenes.playback import Playback
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from known_models import planar_arm
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.scenes.ellipsoids import SIZE, mobility_ellipsoids, principal_axes
+from geodesic_ocp.scenes.around.ellipsoids import SIZE, mobility_ellipsoids, principal_axes
 
 ARM = go.human_arm()
 Q = np.linspace([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1], [0.9, 0.3, -0.2, 1.5, 0.0, 0.1, 0.0], 21)

@@ -10,7 +10,11 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.scenes.obstacles import carried_obstacles, collision_bodies, obstacle_solids
+from geodesic_ocp.scenes.around.obstacles import (
+    carried_obstacles,
+    collision_bodies,
+    obstacle_solids,
+)
 
 ARM = go.human_arm()
 Q = np.linspace([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1], [0.9, 0.3, -0.2, 1.5, 0.0, 0.1, 0.0], 5)

@@ -15,9 +15,9 @@ from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 from geodesic_ocp.cli.solve.problem_file import problem_classes
-from geodesic_ocp.scenes.of_path import path_playback
-from geodesic_ocp.scenes.of_solution import solution_playback
-from geodesic_ocp.scenes.planes import UNIT_BALLS
+from geodesic_ocp.scenes.paths.of_path import path_playback
+from geodesic_ocp.scenes.paths.of_solution import solution_playback
+from geodesic_ocp.scenes.paths.planes import UNIT_BALLS
 from geodesic_ocp.scenes.playback import PARAMETER, Playback
 
 GALLERY = Path(__file__).resolve().parents[2] / "problems"

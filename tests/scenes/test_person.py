@@ -14,7 +14,7 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.geometry.meshes import meshes
 from geodesic_ocp.model.human.anthropometry import Sex
 from geodesic_ocp.scenes.actor import Actor, model_actor
-from geodesic_ocp.scenes.person import rest_of_person
+from geodesic_ocp.scenes.around.person import rest_of_person
 
 
 def points(actor: Actor, *links: str) -> Array:

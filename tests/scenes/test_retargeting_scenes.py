@@ -15,9 +15,12 @@ from geodesic_ocp.model.formats.robots import folder
 from geodesic_ocp.model.geometry.meshes import meshes
 from geodesic_ocp.scenes.actor import Actor
 from geodesic_ocp.scenes.markings import Trail
-from geodesic_ocp.scenes.of_alignment import alignment_playback
-from geodesic_ocp.scenes.of_retargeting import retargeting_playback, retargetings_playback
 from geodesic_ocp.scenes.playback import Playback
+from geodesic_ocp.scenes.retargeted.of_alignment import alignment_playback
+from geodesic_ocp.scenes.retargeted.of_retargeting import (
+    retargeting_playback,
+    retargetings_playback,
+)
 from geodesic_ocp.scenes.retargeted.robot_pane import BASELINE
 from geodesic_ocp.scenes.scene import Scene
 

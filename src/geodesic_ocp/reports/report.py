@@ -10,7 +10,7 @@ from pathlib import Path
 
 from geodesic_ocp.records import write_file
 from geodesic_ocp.retargeting.result import Retargeting
-from geodesic_ocp.scenes.of_retargeting import retargeting_playback
+from geodesic_ocp.scenes.retargeted.of_retargeting import retargeting_playback
 from geodesic_ocp.table import Table
 from geodesic_ocp.viewer.page.document import document
 from geodesic_ocp.viewer.page.fragment import fragment

@@ -127,8 +127,8 @@ def _playback(title: str, group: tuple[Any, ...]) -> Playback:
 
 
 def _motion(motion: Motion, model: Model | None = None) -> Playback:
-    from geodesic_ocp.scenes.body_of import body_of
-    from geodesic_ocp.scenes.of_motion import motion_playback
+    from geodesic_ocp.scenes.motions.body_of import body_of
+    from geodesic_ocp.scenes.motions.of_motion import motion_playback
 
     if model is not None:
         return motion_playback(motion, model)
@@ -137,26 +137,26 @@ def _motion(motion: Motion, model: Model | None = None) -> Playback:
 
 
 def _recording(recording: Recording) -> Playback:
-    from geodesic_ocp.scenes.of_motion import motion_playback
+    from geodesic_ocp.scenes.motions.of_motion import motion_playback
 
     return motion_playback(recording.motion, recording.model, title=recording.name)
 
 
 def _reconstruction(reconstruction: Reconstruction, model: Model | None = None) -> Playback:
-    from geodesic_ocp.scenes.of_analysis import synergy_spans
+    from geodesic_ocp.scenes.recorded.of_analysis import synergy_spans
 
     playback = _motion(reconstruction.predicted, model)
     return replace(playback, spans={"synergies": synergy_spans(reconstruction.synergies)})
 
 
 def _model(model: Model, q: Array | None = None) -> Playback:
-    from geodesic_ocp.scenes.of_model import model_playback
+    from geodesic_ocp.scenes.motions.of_model import model_playback
 
     return model_playback(model, q)
 
 
 def _trajectory(trajectory: JointTrajectory, model: Model | None = None) -> Playback:
-    from geodesic_ocp.scenes.of_trajectory import trajectory_playback
+    from geodesic_ocp.scenes.motions.of_trajectory import trajectory_playback
 
     if model is None:
         raise ValueError(
@@ -167,7 +167,7 @@ def _trajectory(trajectory: JointTrajectory, model: Model | None = None) -> Play
 
 
 def _alignment(aligned: Alignment, robot: Model | None = None) -> Playback:
-    from geodesic_ocp.scenes.of_alignment import alignment_playback
+    from geodesic_ocp.scenes.retargeted.of_alignment import alignment_playback
 
     if robot is None:
         raise ValueError("an alignment is shown with its robot: give the Model after it")
@@ -175,7 +175,7 @@ def _alignment(aligned: Alignment, robot: Model | None = None) -> Playback:
 
 
 def _retargetings(*each: Retargeting) -> Playback:
-    from geodesic_ocp.scenes.of_retargeting import retargetings_playback
+    from geodesic_ocp.scenes.retargeted.of_retargeting import retargetings_playback
 
     return retargetings_playback(each)
 
@@ -196,7 +196,7 @@ def _from(module: str, builder: str) -> Callable[..., Playback]:
     return build
 
 
-_path = _from("of_path", "path_playback")
+_path = _from("paths.of_path", "path_playback")
 _BUILDERS: dict[str, Callable[..., Playback]] = {
     "Playback": lambda playback: playback,
     "Motion": _motion,
@@ -204,15 +204,15 @@ _BUILDERS: dict[str, Callable[..., Playback]] = {
     "Reconstruction": _reconstruction,
     "Model": _model,
     "JointTrajectory": _trajectory,
-    "PlannedTrajectory": _from("of_trajectory", "planned_playback"),
-    "Replay": _from("of_replay", "replay_playback"),
+    "PlannedTrajectory": _from("motions.of_trajectory", "planned_playback"),
+    "Replay": _from("motions.of_replay", "replay_playback"),
     "Path": _path,
     "ToPose": _to_pose,
-    "Solution": _from("of_solution", "solution_playback"),
-    "Analysis": _from("of_analysis", "analysis_playback"),
+    "Solution": _from("paths.of_solution", "solution_playback"),
+    "Analysis": _from("recorded.of_analysis", "analysis_playback"),
     "Retargeting": _retargetings,
     "Alignment": _alignment,
-    "MarkerFit": _from("of_markers", "marker_fit_playback"),
-    "Markers": _from("of_markers", "markers_playback"),
+    "MarkerFit": _from("recorded.of_markers", "marker_fit_playback"),
+    "Markers": _from("recorded.of_markers", "markers_playback"),
 }
 _KINDS = ", ".join(_BUILDERS)

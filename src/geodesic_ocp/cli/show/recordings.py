@@ -22,11 +22,11 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.read_markers import read_markers
 from geodesic_ocp.recordings.read_recording import read_recording
 from geodesic_ocp.recordings.recording import Recording
-from geodesic_ocp.scenes.of_analysis import analysis_playback
-from geodesic_ocp.scenes.of_markers import marker_fit_playback
-from geodesic_ocp.scenes.of_motion import motion_playback
+from geodesic_ocp.scenes.motions.of_motion import motion_playback
 from geodesic_ocp.scenes.playback import Playback
 from geodesic_ocp.scenes.playback_of import playback_of
+from geodesic_ocp.scenes.recorded.of_analysis import analysis_playback
+from geodesic_ocp.scenes.recorded.of_markers import marker_fit_playback
 from geodesic_ocp.studies.batch.analyse_recording import analyse_recording
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
 from geodesic_ocp.trajectory.motion import Motion

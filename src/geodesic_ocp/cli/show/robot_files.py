@@ -13,10 +13,10 @@ from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.alignment.arm_alignment import check_joints
 from geodesic_ocp.retargeting.alignment.read_alignment import read_alignment
-from geodesic_ocp.scenes.of_alignment import alignment_playback
-from geodesic_ocp.scenes.of_model import model_playback
-from geodesic_ocp.scenes.of_trajectory import trajectory_playback
+from geodesic_ocp.scenes.motions.of_model import model_playback
+from geodesic_ocp.scenes.motions.of_trajectory import trajectory_playback
 from geodesic_ocp.scenes.playback import Playback
+from geodesic_ocp.scenes.retargeted.of_alignment import alignment_playback
 from geodesic_ocp.synergies.saved_synergies import read_saved_synergies
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.read_trajectory import read_trajectory

@@ -11,8 +11,8 @@ from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.human.human_arm import DEFAULT_HEIGHT, human_arm
 from geodesic_ocp.model.human.human_upper_body import human_upper_body
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.scenes.of_saved_synergies import saved_synergies_playback
 from geodesic_ocp.scenes.playback import Playback
+from geodesic_ocp.scenes.recorded.of_saved_synergies import saved_synergies_playback
 from geodesic_ocp.synergies.saved_synergies import SavedSynergies, read_saved_synergies
 
 

@@ -12,7 +12,7 @@ from geodesic_ocp.model.geometry.meshes import Indices
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.scenes.actor import model_actor
-from geodesic_ocp.scenes.model_scene import hand_frames, hand_trails, rest_of
+from geodesic_ocp.scenes.motions.model_scene import hand_frames, hand_trails, rest_of
 from geodesic_ocp.scenes.retargeted.mounting import shoulder
 from geodesic_ocp.scenes.scene import Scene
 from geodesic_ocp.synergies.analysis import Analysis

@@ -11,7 +11,7 @@ from geodesic_ocp.figures.overview import widest_of_thirds
 from geodesic_ocp.model.geometry.meshes import Indices
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.result import Retargeting
-from geodesic_ocp.scenes.joint_plots import HAND_SPEED, short_name
+from geodesic_ocp.scenes.motions.joint_plots import HAND_SPEED, short_name
 from geodesic_ocp.scenes.playback import Curve, Plot
 from geodesic_ocp.scenes.retargeted.robot_pane import BASELINE, TARGET
 from geodesic_ocp.synergies.scores.hand_speed import hand_speeds

@@ -14,8 +14,8 @@ from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.scenes.actor import Actor, model_actor
+from geodesic_ocp.scenes.around.obstacles import obstacle_solids
 from geodesic_ocp.scenes.markings import FrameTrack, Solid, Trail
-from geodesic_ocp.scenes.obstacles import obstacle_solids
 from geodesic_ocp.scenes.retargeted.mounting import BasePose, mountings, share_a_body
 from geodesic_ocp.scenes.scene import Scene
 

@@ -10,14 +10,14 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.markers.program.body import MarkedBody
-from geodesic_ocp.scenes.carried import carried
-from geodesic_ocp.scenes.joint_plots import POSITIONS, joint_plots
+from geodesic_ocp.scenes.around.carried import carried
 from geodesic_ocp.scenes.markings import PointCloud
-from geodesic_ocp.scenes.model_scene import model_scene
-from geodesic_ocp.scenes.of_motion import viewed_from
+from geodesic_ocp.scenes.motions.joint_plots import POSITIONS, joint_plots
+from geodesic_ocp.scenes.motions.model_scene import model_scene
+from geodesic_ocp.scenes.motions.of_motion import viewed_from
+from geodesic_ocp.scenes.motions.shown_samples import shown_samples
 from geodesic_ocp.scenes.playback import Curve, Playback, Plot
 from geodesic_ocp.scenes.scene import Scene
-from geodesic_ocp.scenes.shown_samples import shown_samples
 from geodesic_ocp.trajectory.frame_motion import FrameMotion
 
 _SAME = 1e-6  # [s] between a sample of the markers and that of the fit

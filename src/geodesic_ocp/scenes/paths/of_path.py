@@ -11,12 +11,12 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.figures.path_figure import limits_reached
 from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.scenes.ellipsoids import mobility_ellipsoids
-from geodesic_ocp.scenes.joint_plots import POSITIONS, joint_plots, short_name
+from geodesic_ocp.scenes.around.ellipsoids import mobility_ellipsoids
 from geodesic_ocp.scenes.markings import PointCloud
-from geodesic_ocp.scenes.model_scene import model_scene
-from geodesic_ocp.scenes.of_motion import viewed_from
-from geodesic_ocp.scenes.planes import coordinate_scene, seen_from
+from geodesic_ocp.scenes.motions.joint_plots import POSITIONS, joint_plots, short_name
+from geodesic_ocp.scenes.motions.model_scene import model_scene
+from geodesic_ocp.scenes.motions.of_motion import viewed_from
+from geodesic_ocp.scenes.paths.planes import coordinate_scene, seen_from
 from geodesic_ocp.scenes.playback import PARAMETER, Curve, Playback, Plot, Span
 from geodesic_ocp.trajectory.path import Path, speeds_at
 

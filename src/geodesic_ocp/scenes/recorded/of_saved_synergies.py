@@ -6,11 +6,11 @@ from dataclasses import replace
 
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.scenes.actor import Role, model_actor
-from geodesic_ocp.scenes.joint_plots import hand_speed_plots
-from geodesic_ocp.scenes.model_scene import hand_trails
-from geodesic_ocp.scenes.of_motion import motion_playback, of_joints
+from geodesic_ocp.scenes.motions.joint_plots import hand_speed_plots
+from geodesic_ocp.scenes.motions.model_scene import hand_trails
+from geodesic_ocp.scenes.motions.of_motion import motion_playback, of_joints
+from geodesic_ocp.scenes.motions.shown_samples import shown_samples
 from geodesic_ocp.scenes.playback import Playback, Span
-from geodesic_ocp.scenes.shown_samples import shown_samples
 from geodesic_ocp.synergies.saved_synergies import SavedSynergies
 from geodesic_ocp.trajectory.motion import Motion
 

@@ -12,15 +12,15 @@ from geodesic_ocp.ocp.problem.parse_conditions import parse_conditions
 from geodesic_ocp.ocp.problem.path_constraints import ConstrainedProblem
 from geodesic_ocp.ocp.problem.problem import Problem
 from geodesic_ocp.ocp.solve.solution import Solution
-from geodesic_ocp.scenes.clearances import clearances
-from geodesic_ocp.scenes.markings import Gap
-from geodesic_ocp.scenes.obstacles import (
+from geodesic_ocp.scenes.around.clearances import clearances
+from geodesic_ocp.scenes.around.obstacles import (
     COLLISION_BODIES,
     carried_obstacles,
     collision_bodies,
     obstacle_solids,
 )
-from geodesic_ocp.scenes.of_path import model_of, path_playback
+from geodesic_ocp.scenes.markings import Gap
+from geodesic_ocp.scenes.paths.of_path import model_of, path_playback
 from geodesic_ocp.scenes.playback import Curve, Playback, Plot
 from geodesic_ocp.scenes.scene import Scene
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.scenes.joint_plots import POSITIONS, hand_speed_plots, joint_plots
-from geodesic_ocp.scenes.model_scene import model_scene
+from geodesic_ocp.scenes.motions.joint_plots import POSITIONS, hand_speed_plots, joint_plots
+from geodesic_ocp.scenes.motions.model_scene import model_scene
+from geodesic_ocp.scenes.motions.shown_samples import shown_samples
 from geodesic_ocp.scenes.playback import Playback
-from geodesic_ocp.scenes.shown_samples import shown_samples
 from geodesic_ocp.trajectory.motion import Motion
 
 

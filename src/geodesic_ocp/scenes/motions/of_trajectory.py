@@ -13,20 +13,20 @@ from geodesic_ocp.execution.joint_limits import JointLimits, joint_limits
 from geodesic_ocp.execution.planned_trajectory import PlannedTrajectory
 from geodesic_ocp.model.joint_axes import upward
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.scenes.around.carried import upright
 from geodesic_ocp.scenes.beside import beside
-from geodesic_ocp.scenes.carried import upright
-from geodesic_ocp.scenes.joint_plots import (
+from geodesic_ocp.scenes.motions.joint_plots import (
     POSITIONS,
     TORQUES,
     VELOCITIES,
     hand_speed_plots,
     joint_plots,
 )
-from geodesic_ocp.scenes.model_scene import model_scene
-from geodesic_ocp.scenes.of_motion import of_joints, viewed_from
+from geodesic_ocp.scenes.motions.model_scene import model_scene
+from geodesic_ocp.scenes.motions.of_motion import of_joints, viewed_from
+from geodesic_ocp.scenes.motions.shown_samples import shown_samples
 from geodesic_ocp.scenes.playback import Playback, Plot, Span
 from geodesic_ocp.scenes.scene import Scene
-from geodesic_ocp.scenes.shown_samples import shown_samples
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion
 

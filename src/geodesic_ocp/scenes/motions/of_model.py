@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.scenes.model_scene import model_scene
-from geodesic_ocp.scenes.of_motion import viewed_from
+from geodesic_ocp.scenes.motions.model_scene import model_scene
+from geodesic_ocp.scenes.motions.of_motion import viewed_from
 from geodesic_ocp.scenes.playback import Playback, Span
 
 _HELD = 0.98  # of a second, for which each of several configurations is shown

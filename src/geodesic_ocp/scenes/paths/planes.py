@@ -8,7 +8,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.scenes.ellipsoids import inverse_tensor, principal_axes, scaled_ellipsoids
+from geodesic_ocp.scenes.around.ellipsoids import inverse_tensor, principal_axes, scaled_ellipsoids
 from geodesic_ocp.scenes.markings import Trail
 from geodesic_ocp.scenes.scene import Scene
 

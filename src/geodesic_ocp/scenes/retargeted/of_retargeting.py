@@ -10,12 +10,12 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.retargeting.merge_synergies import SynergyGroup
 from geodesic_ocp.retargeting.result import Retargeting
+from geodesic_ocp.scenes.motions.shown_samples import shown_samples
 from geodesic_ocp.scenes.playback import Playback, Plot, Span
 from geodesic_ocp.scenes.retargeted.person_pane import observed, person_pane
 from geodesic_ocp.scenes.retargeted.retargeting_plots import retargeting_plots
 from geodesic_ocp.scenes.retargeted.robot_pane import BASELINE, robot_pane
 from geodesic_ocp.scenes.scene import Scene
-from geodesic_ocp.scenes.shown_samples import shown_samples
 
 _SAME_TIME = 1e-9  # [s]
 _HIDDEN = (*Playback.hidden, BASELINE)

@@ -13,18 +13,18 @@ from geodesic_ocp.model.geometry.meshes import Indices
 from geodesic_ocp.model.hands import hand_labels
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.scenes.actor import Actor, Role, model_actor
-from geodesic_ocp.scenes.ellipsoids import mobility_ellipsoids
-from geodesic_ocp.scenes.joint_plots import hand_speed_plots, joint_groups, short_name
+from geodesic_ocp.scenes.around.ellipsoids import mobility_ellipsoids
 from geodesic_ocp.scenes.markings import PointCloud
-from geodesic_ocp.scenes.model_scene import (
+from geodesic_ocp.scenes.motions.joint_plots import hand_speed_plots, joint_groups, short_name
+from geodesic_ocp.scenes.motions.model_scene import (
     hand_frames,
     hand_trails,
     rest_of,
 )
-from geodesic_ocp.scenes.of_motion import viewed_from
+from geodesic_ocp.scenes.motions.of_motion import viewed_from
+from geodesic_ocp.scenes.motions.shown_samples import shown_samples
 from geodesic_ocp.scenes.playback import Curve, Playback, Plot, Span
 from geodesic_ocp.scenes.scene import Scene
-from geodesic_ocp.scenes.shown_samples import shown_samples
 from geodesic_ocp.synergies.analysis import Analysis
 from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.trajectory.motion import Motion

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 from geodesic_ocp.execution.replay.result import Replay
 from geodesic_ocp.scenes.actor import model_actor
-from geodesic_ocp.scenes.joint_plots import joint_plots
-from geodesic_ocp.scenes.model_scene import hand_trails
-from geodesic_ocp.scenes.of_motion import motion_playback
-from geodesic_ocp.scenes.of_trajectory import torque_plots
+from geodesic_ocp.scenes.motions.joint_plots import joint_plots
+from geodesic_ocp.scenes.motions.model_scene import hand_trails
+from geodesic_ocp.scenes.motions.of_motion import motion_playback
+from geodesic_ocp.scenes.motions.of_trajectory import torque_plots
+from geodesic_ocp.scenes.motions.shown_samples import shown_samples
 from geodesic_ocp.scenes.playback import Curve, Playback, Plot
-from geodesic_ocp.scenes.shown_samples import shown_samples
 
 _ERRORS = {"rad": "joint errors [rad]", "m": "prismatic joint errors [m]"}
 

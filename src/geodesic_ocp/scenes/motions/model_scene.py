@@ -8,9 +8,9 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.hands import hand_labels
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.scenes.actor import Actor, Role, model_actor
-from geodesic_ocp.scenes.ellipsoids import mobility_ellipsoids
+from geodesic_ocp.scenes.around.ellipsoids import mobility_ellipsoids
+from geodesic_ocp.scenes.around.person import rest_of_person
 from geodesic_ocp.scenes.markings import FrameTrack, Trail
-from geodesic_ocp.scenes.person import rest_of_person
 from geodesic_ocp.scenes.scene import Scene
 
 

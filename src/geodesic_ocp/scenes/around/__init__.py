@@ -1,0 +1,1 @@
+"""What is around the actors: the rest of a person, obstacles, distances, ellipsoids."""

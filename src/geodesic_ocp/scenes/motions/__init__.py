@@ -1,0 +1,1 @@
+"""Models that move over time: motions, trajectories, replays."""

@@ -1,0 +1,1 @@
+"""Recordings of people and their synergies."""
