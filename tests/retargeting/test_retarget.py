@@ -226,7 +226,7 @@ def test_poses_out_of_reach_are_reported_before_and_replaced_by_the_nearest(
 
     with pytest.warns(
         UserWarning, match=r"out of reach, the nearest pose is taken: .* by at least 0\.\d+ m"
-    ):
+    ) as caught:
         found = go.retarget(
             analysis,
             robot,
@@ -237,7 +237,9 @@ def test_poses_out_of_reach_are_reported_before_and_replaced_by_the_nearest(
     assert reported[0].startswith("choosing")
     (arm,) = found.arms
     assert arm.out_of_reach
+    said = " ".join(str(each.message) for each in caught)
     for number, (distance, _) in arm.out_of_reach.items():
+        assert (f"the end of synergy {number} of" if number > 0 else "the first pose of") in said
         if number > 0:
             transfer = arm.transfers[number - 1]
             assert not transfer.within_reach
@@ -376,8 +378,10 @@ def test_tables_and_figure_show_both_methods(found: go.Retargeting) -> None:
     (arm,) = found.arms
     assert len(synergies.rows) == len(arm.groups)
     assert [row[4] for row in synergies.rows] == [group.kind for group in arm.groups]
-    last = arm.groups[-1].members
-    assert str(synergies.rows[-1][2]).endswith(str(last[-1]))
+    # Numbers count from 1, those of the robot and those of the person.
+    assert [row[1] for row in synergies.rows] == list(range(1, len(arm.groups) + 1))
+    assert str(synergies.rows[0][2]).startswith("1")
+    assert str(synergies.rows[-1][2]).endswith(str(len(arm.analysis.synergies)))
     figure = found.plot()
     (part,) = figure.subfigs
     panels = part.axes

@@ -125,8 +125,13 @@ def test_spans_are_the_synergies(found: go.Retargeting, playback: Playback) -> N
         assert (spans[0].start, spans[-1].stop) == playback.range
         for before, after in pairwise(spans):
             assert before.stop == after.start
-    last = arm.groups[-1].members[-1]
-    assert rows[arm.robot.name][-1].text.endswith(f"{last}")
+    persons, robots = rows["person"], rows[arm.robot.name]
+    assert [span.name for span in persons] == [f"{k}" for k in range(1, len(persons) + 1)]
+    for number, (span, group) in enumerate(zip(robots, arm.groups, strict=True), 1):
+        assert span.name == ("rest" if group.kind == "rest" else f"{number}")
+        if group.kind != "rest":
+            first, last = (persons[group.members[k]].name for k in (0, -1))
+            assert span.text.endswith(f"person's {first if first == last else f'{first}-{last}'}")
 
 
 def test_without_the_person(found: go.Retargeting) -> None:

@@ -64,7 +64,7 @@ class RetargetedArm:
             path, in the same time.
         gravity: in the axes of the robot's base (3,) [m/s^2].
         out_of_reach: distance [m] and angle [rad] of the nearest pose, for poses out of reach, by
-            number of the pose (0 is the first, k + 1 the end of synergy k).
+            number of the pose: 0 is the first pose, k the end of synergy k, counted from 1.
     """
 
     analysis: Analysis

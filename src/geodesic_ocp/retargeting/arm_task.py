@@ -183,10 +183,10 @@ class ArmTask:
 
     @property
     def out_of_reach(self) -> dict[int, tuple[float, float]]:
-        """Error [m], [rad] of the nearest pose by number of the pose; 0 is the first."""
+        """Error [m], [rad] of the nearest pose; 0 is the first pose, k the end of synergy k."""
         far = {
-            number + 1: target.error
-            for number, target in enumerate(self.targets)
+            number: target.error
+            for number, target in enumerate(self.targets, 1)
             if target is not None and not target.within_reach
         }
         # A given start need not have the first pose.

@@ -49,7 +49,7 @@ def warn_of_detours(result: Retargeting) -> None:
 def _of_arm(arm: RetargetedArm) -> Iterator[str]:
     time = arm.analysis.motion.time
     for number, (group, transfer, synergy) in enumerate(
-        zip(arm.groups, arm.transfers, arm.synergies, strict=True)
+        zip(arm.groups, arm.transfers, arm.synergies, strict=True), 1
     ):
         where = (
             f"synergy {number} of {arm.robot.name} ({time[group.start]:.2f} to "

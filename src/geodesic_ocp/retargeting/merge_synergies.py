@@ -25,8 +25,8 @@ class SynergyGroup:
 
     Attributes:
         start, stop: indices of its first and last sample in the recording.
-        members: numbers of the person's synergies in this time span.
-        dropped: those of them that were dropped as too short.
+        members: indices of the person's synergies in this time span, from 0.
+        dropped: indices of those that were dropped as too short.
         kind: "kept", a single synergy; "merged", several; or "rest", during which the arm does not
             move, as all members were dropped.
     """

@@ -198,7 +198,7 @@ class Retargeting:
         return Table(header, tuple(rows), note)
 
     def synergy_table(self) -> Table:
-        """The robot's synergies, with the person's synergies from which they are made."""
+        """The robot's synergies, with the person's from which they are made; both count from 1."""
         header = (
             "arm",
             "synergy",
@@ -218,7 +218,7 @@ class Retargeting:
         for arm in self.arms:
             time = arm.analysis.motion.time
             for number, (group, synergy, transfer) in enumerate(
-                zip(arm.groups, arm.synergies, arm.transfers, strict=True)
+                zip(arm.groups, arm.synergies, arm.transfers, strict=True), 1
             ):
                 seconds = float(time[group.stop] - time[group.start])
                 rows.append(
@@ -307,11 +307,11 @@ class Retargeting:
             save_synergies(made / name, arm.synergies, arm.robot.joint_names, arm.robot)
 
 
-def _span(numbers: tuple[int, ...]) -> str:
-    """Numbers as text: "3", "3-5", "3, 5", or "-" for none."""
+def _span(indices: tuple[int, ...]) -> str:
+    """Numbers, from 1, of indices as text: "3", "3-5", "3, 5", or "-" for none."""
     parts: list[str] = []
     first = last = None
-    for number in (*numbers, None):
+    for number in (*(index + 1 for index in indices), None):
         if last is not None and number == last + 1:
             last = number
             continue

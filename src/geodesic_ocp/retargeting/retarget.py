@@ -297,7 +297,7 @@ def _warn_out_of_reach(tasks: Sequence[ArmTask]) -> None:
     lines = []
     for task in tasks:
         for number, (distance, angle) in task.out_of_reach.items():
-            which = "the first pose" if number == 0 else f"the end of synergy {number - 1}"
+            which = "the first pose" if number == 0 else f"the end of synergy {number}"
             error = f"{distance:.3g} m and {angle:.3g} rad"
             lines.append(f"{which} of {task.robot.name} by at least {error}")
     if not lines:

@@ -77,7 +77,7 @@ def plan_transfers(
     """
     metric, q = metric_of(finder.arm), start
     transfers: list[Transfer] = []
-    for number, target in enumerate(targets):
+    for number, target in enumerate(targets, 1):
         if target is None:
             planned = rest_at(metric, q)
         else:
@@ -86,7 +86,7 @@ def plan_transfers(
         transfers.append(planned)
         q = planned.path.nodes[-1]
         if progress is not None:
-            progress(number + 1)
+            progress(number)
     return transfers
 
 

@@ -104,13 +104,13 @@ def _common_time(robots: Sequence[Retargeting]) -> Array:
 
 
 def _spans_of_person(retargeting: Retargeting, time: Array) -> dict[str, tuple[Span, ...]]:
-    """The person's synergies, in a row for each arm."""
+    """The person's synergies, in a row for each arm, numbered from 1."""
     analyses = observed(retargeting.arms)
     found = {}
     for analysis in analyses:
         row = "person" if len(analyses) == 1 else analysis.model.name.removeprefix("human ")
         spans = []
-        for number, each in enumerate(analysis.synergies):
+        for number, each in enumerate(analysis.synergies, 1):
             start, stop = (float(time[sample]) for sample in (each.start, each.stop))
             spans.append(Span(str(number), start, stop, f"synergy {number} ({stop - start:.2f} s)"))
         found[row] = tuple(spans)
@@ -118,10 +118,10 @@ def _spans_of_person(retargeting: Retargeting, time: Array) -> dict[str, tuple[S
 
 
 def _spans_of_robots(retargeting: Retargeting, time: Array) -> dict[str, tuple[Span, ...]]:
-    """The synergies of each robot, named with those of the person of which they are made."""
+    """The synergies of each robot, with the numbers of the person's of which they are made."""
     found: dict[str, tuple[Span, ...]] = {}
     for arm in retargeting.arms:
-        spans = tuple(_span(number, group, time) for number, group in enumerate(arm.groups))
+        spans = tuple(_span(number, group, time) for number, group in enumerate(arm.groups, 1))
         found |= _distinct({arm.robot.name: spans}, found)
     return found
 
@@ -130,7 +130,7 @@ def _span(number: int, group: SynergyGroup, time: Array) -> Span:
     start, stop = (float(time[sample]) for sample in (group.start, group.stop))
     if group.kind == "rest":
         return Span("rest", start, stop, f"rest ({stop - start:.2f} s)")
-    first, last = group.members[0], group.members[-1]
+    first, last = group.members[0] + 1, group.members[-1] + 1
     made_of = f"{first}" if first == last else f"{first}-{last}"
     text = f"synergy {number} ({stop - start:.2f} s), person's {made_of}"
     return Span(str(number), start, stop, text)
