@@ -316,10 +316,35 @@ def test_where_to_write_is_checked_first(refused: Refused, tmp_path: Path) -> No
     for arguments, message in (
         (["--out", tmp_path / "arm.txt"], "must end in .html, .mp4"),
         (["--out", tmp_path], "is a folder, not a file"),
-        (["--speed", "2"], "--speed: of videos only"),
+        (["--speed", "2"], "--speed: of videos and pictures only"),
         (["--out", "arm.html", "--rate", "9", "--width", "9"], "--width and --rate: of videos"),
+        (["--out", "arm.gif", "--at", "2"], "--at: of a picture only; give --out FILE.png"),
+        (["--out", "arm.png", "--rate", "9"], "--rate: of videos only"),
     ):
         assert message in refused("missing", *arguments)  # before anything is read
+
+
+def test_layers_and_the_time_of_a_picture(
+    robot_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Are those that the command is given; a picture of frames differs from one without."""
+    base = ["show", str(swing(tmp_path / "swing.csv")), "--robot", str(robot_file)]
+    base += ["--width", "200", "--out"]
+    seen = set()
+    for number, more in enumerate(
+        (["--at", "0"], ["--at", "1"], ["--at", "1", "--layers", "frames"])
+    ):
+        file = tmp_path / f"{number}.png"
+        assert cli.main([*base, str(file), *more]) == 0
+        seen.add(file.read_bytes())
+    assert len(seen) == 3
+    for more, message in (
+        (["--at", "9"], "at must be from 0 to 1, got 9"),
+        (["--layers", "walls"], "layers: 'walls' must be one of frames"),
+    ):
+        assert cli.main([*base, str(tmp_path / "no.png"), *more]) == 2
+        assert message in capsys.readouterr().err
+    assert not (tmp_path / "no.png").exists()
 
 
 def test_without_the_viewer_the_extra_is_named(
@@ -346,6 +371,10 @@ def test_without_a_screen_a_page_is_written(
     assert cli.main(["show", str(robot_file)]) == 0
     assert "wrote pendulum.html" in capsys.readouterr().out
     assert "pendulum" in (tmp_path / "pendulum.html").read_text(encoding="utf-8")
+    (tmp_path / "pendulum.html").write_text("kept")
+    assert cli.main(["show", str(robot_file)]) == 0  # what is there may be somebody's
+    assert "wrote pendulum_2.html" in capsys.readouterr().out
+    assert (tmp_path / "pendulum.html").read_text() == "kept"
     opened: list[str] = []
     monkeypatch.setenv("DISPLAY", ":0")
 

@@ -213,7 +213,7 @@ def test_postures_of_an_alignment_correspond() -> None:
     assert_allclose(ways[0], trail(person, "hand").points * 1.5 / 1.75, atol=1e-9)
     (plot,) = playback.plots
     assert plot.curves[0].values.max() < 1e-3
-    scaled = actor(scene, "person's arm, scaled")
+    scaled = actor(scene, "scaled person's arm")
     assert scaled.layer in playback.hidden
     hand = scaled.meshes[-1].link  # the pose of the hand determines where it is
     assert_allclose(

@@ -143,7 +143,7 @@ def test_pictures_are_drawn_by_the_video_part(
     module = ModuleType("geodesic_ocp.viewer.video.save_video")
     calls: list[tuple[object, ...]] = []
 
-    def save_video(playback: Playback, path: Path, **options: float) -> Path:
+    def save_video(playback: Playback, path: Path, **options: object) -> Path:
         calls.append((playback, path, options))
         return path
 
@@ -151,7 +151,32 @@ def test_pictures_are_drawn_by_the_video_part(
     monkeypatch.setitem(sys.modules, module.__name__, module)
     file = tmp_path / "arm.mp4"
     assert Viewer(STILL).save(file, speed=2.0) == file
-    assert calls == [(STILL, file, {"rate": 25.0, "width": 960, "speed": 2.0})]
+    default = {"rate": 25.0, "width": 960, "at": None, "layers": None, "progress": None}
+    assert calls.pop() == (STILL, file, default | {"speed": 2.0})
+    chosen = {"at": 0.5, "layers": ("frames",), "progress": lambda label, done, total: None}
+    Viewer(STILL).save(tmp_path / "arm.png", **chosen)  # type: ignore[arg-type]
+    assert calls.pop() == (STILL, tmp_path / "arm.png", default | {"speed": 1.0} | chosen)
+
+
+def test_layers_are_shown_at_first(tmp_path: Path) -> None:
+    """In what is shown, or in a file alone."""
+    usual = show(ARM, open_browser=False)
+    wanted = ("frames", "mobility ellipsoids")
+    assert set(wanted) <= set(usual.playback.layers) & set(usual.playback.hidden)
+    viewer = show(ARM, layers=wanted, open_browser=False)
+    assert not set(wanted) & set(viewer.playback.hidden)
+    page = usual.save(tmp_path / "arm.html", layers=wanted).read_text(encoding="utf-8")
+    assert page == viewer.html()
+    assert page != usual.html()
+    one = show(ARM, layers="frames", open_browser=False).playback
+    assert set(one.layers) - set(one.hidden) == {"frames"}
+    with pytest.raises(ValueError, match=r"layers: 'walls' must be one of .*frames, mobility"):
+        show(ARM, layers=["frames", "walls"], open_browser=False)
+    with pytest.raises(ValueError, match="layers: 'walls'"):
+        usual.save(tmp_path / "no.html", layers=["walls"])
+    with pytest.raises(ValueError, match=r"at is the time of a \.png"):
+        usual.save(tmp_path / "no.html", at=0.0)
+    assert not (tmp_path / "no.html").exists()
 
 
 def test_a_viewer_is_short_when_printed() -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.scenes.actor import Role
@@ -56,12 +57,14 @@ class Plot:
         curves: at least one.
         title: above the plot; usually what several plots of the same label differ in.
         marks: values of horizontal lines, such as limits.
+        marked: what these are, for the legend.
     """
 
     label: str
     curves: tuple[Curve, ...]
     title: str = ""
     marks: tuple[float, ...] = ()
+    marked: str = ""
 
     def __repr__(self) -> str:
         return f"Plot({self.label!r}, {len(self.curves)} curves)"
@@ -104,3 +107,21 @@ class Playback:
             min(float(scene.time[0]) for scene in self.scenes),
             max(float(scene.time[-1]) for scene in self.scenes),
         )
+
+    @property
+    def layers(self) -> tuple[str, ...]:
+        """Names of the switches of all scenes, in order of first use."""
+        return tuple(dict.fromkeys(name for scene in self.scenes for name in scene.layers))
+
+    def showing(self, layers: Collection[str]) -> Playback:
+        """The same with these layers shown at first, and all others hidden.
+
+        Raises:
+            ValueError: there is no such layer.
+        """
+        chosen = [layers] if isinstance(layers, str) else list(layers)
+        for name in chosen:
+            if name not in self.layers:
+                known = ", ".join(self.layers) or "none"
+                raise ValueError(f"layers: {name!r} must be one of {known}")
+        return replace(self, hidden=tuple(name for name in self.layers if name not in chosen))

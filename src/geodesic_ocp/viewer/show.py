@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Collection
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ def show(
     *items: Any,
     file: str | PathLike[str] | None = None,
     title: str = "",
+    layers: Collection[str] | None = None,
     open_browser: bool | None = None,
     height: int = HEIGHT,
 ) -> Viewer:
@@ -35,6 +37,8 @@ def show(
             `Analysis`, `Retargeting`, `Model`, ...: see `playback_of`.
         file: to be written; its suffix says what it is.
         title: of the whole.
+        layers: names of those that are shown at first, such as "hand path", "obstacles", "frames"
+            or "mobility ellipsoids"; the others can be switched on. By default most are shown.
         open_browser: whether a browser shows the page; None: outside notebooks, if no file is
             written.
         height: of the frame in a notebook [px].
@@ -43,11 +47,13 @@ def show(
         The viewer, whose `save` writes further files.
 
     Raises:
-        TypeError, ValueError: items of which there is nothing to show, or a file of another suffix.
+        TypeError, ValueError: items of which there is nothing to show, a layer that does not exist,
+            or a file of another suffix.
         ImportError: Meshcat, whose copy of three.js draws the scenes, is not installed.
         OSError: the file cannot be written.
     """
-    viewer = Viewer(playback_of(*items, title=title), height)
+    playback = playback_of(*items, title=title)
+    viewer = Viewer(playback if layers is None else playback.showing(layers), height)
     written = None if file is None else viewer.save(file)
     if open_browser is None:
         open_browser = file is None and not _in_notebook()

@@ -5,10 +5,12 @@ from __future__ import annotations
 import html
 import tempfile
 import webbrowser
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 
+from geodesic_ocp.progress import Progress
 from geodesic_ocp.records import write_file
 from geodesic_ocp.scenes.playback import Playback
 from geodesic_ocp.viewer.page.document import document
@@ -52,6 +54,9 @@ class Viewer:
         rate: float = 25.0,
         width: int = 960,
         speed: float = 1.0,
+        at: float | None = None,
+        layers: Collection[str] | None = None,
+        progress: Progress | None = None,
     ) -> Path:
         """Write a page (.html), a video (.mp4), an animation (.gif, .webp) or a picture (.png).
 
@@ -60,24 +65,40 @@ class Viewer:
             rate: of the frames of a video or animation [1 / s].
             width: of a video, animation or picture [px].
             speed: of a video or animation; at 2 it takes half of the time.
+            at: time of a picture, in the playback's; the middle by default.
+            layers: those that are shown, in a page at first; all but `playback.hidden` by default.
+            progress: of a video or animation: called with what is done, the number of frames drawn,
+                and the total.
 
         Returns:
             Path of the file.
 
         Raises:
-            ValueError: another suffix.
+            ValueError: another suffix, an argument out of range, or a layer that does not exist.
             ImportError: Meshcat, or what a video needs, is not installed.
             OSError: the file cannot be written; what was there is left as it was.
         """
         path = Path(file)
         if path.suffix.lower() in PAGES:
-            return write_file(path, self.html())
+            if at is not None:
+                raise ValueError("at is the time of a .png, not of a page")
+            shown = self.playback if layers is None else self.playback.showing(layers)
+            return write_file(path, replace(self, playback=shown).html())
         if path.suffix.lower() not in PICTURES:
             known = ", ".join((PAGES[0], *PICTURES))
             raise ValueError(f"file: {path} must end in one of {known}")
         from geodesic_ocp.viewer.video.save_video import save_video
 
-        return save_video(self.playback, path, rate=rate, width=width, speed=speed)
+        return save_video(
+            self.playback,
+            path,
+            rate=rate,
+            width=width,
+            speed=speed,
+            at=at,
+            layers=layers,
+            progress=progress,
+        )
 
     def open(self) -> Path:
         """Write the page to a temporary file, open it in a browser, and return its path.

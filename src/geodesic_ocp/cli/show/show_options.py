@@ -31,6 +31,12 @@ def add_show_options(command: argparse.ArgumentParser) -> None:
         "in place of opening a browser",
     )
     command.add_argument("--title", default="", help="of the page")
+    command.add_argument(
+        "--layers",
+        metavar="NAME[,NAME...]",
+        help="what is shown, in a page at first, such as 'hand path,mobility ellipsoids'; a "
+        "name that does not exist lists those that do (default: most of them)",
+    )
 
     group = command.add_argument_group("recordings")
     group.add_argument(
@@ -68,7 +74,10 @@ def add_show_options(command: argparse.ArgumentParser) -> None:
         "--problem", type=Path, metavar="FILE", help="Python file of the problem of a solution"
     )
 
-    group = command.add_argument_group("videos and animations")
+    group = command.add_argument_group("videos, animations and pictures")
     group.add_argument("--width", type=int, metavar="PIXELS", help="of the picture")
+    group.add_argument(
+        "--at", type=float, metavar="S", help="time of a picture (.png); default: the middle"
+    )
     group.add_argument("--rate", type=float, metavar="HZ", help="pictures per second")
     group.add_argument("--speed", type=float, metavar="FACTOR", help="1 is as fast as it was")

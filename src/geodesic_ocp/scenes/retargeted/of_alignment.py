@@ -26,7 +26,7 @@ _POSTURES = {
 }
 _SECONDS, _RATE = 1.5, 20.0  # from one posture to the next [s], samples [Hz]
 _STARTS, _STEPS = 30, 60
-_TARGET, _ROBOT, _SCALED = "person's hand, mapped", "robot's hand", "person's arm, scaled"
+_TARGET, _ROBOT, _SCALED = "person's hand, mapped", "robot's hand", "scaled person's arm"
 
 
 def alignment_playback(aligned: Alignment, robot: Model) -> Playback:

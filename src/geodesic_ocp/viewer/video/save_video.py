@@ -148,11 +148,5 @@ def _time(playback: Playback, at: float | None) -> float:
 
 
 def _layers(playback: Playback, layers: Collection[str] | None) -> Sequence[str]:
-    known = list(dict.fromkeys(name for scene in playback.scenes for name in scene.layers))
-    if layers is None:
-        return [name for name in known if name not in playback.hidden]
-    chosen = [layers] if isinstance(layers, str) else list(layers)
-    unknown = [name for name in chosen if name not in known]
-    if unknown:
-        raise ValueError(f"layers: {unknown[0]!r} must be one of {', '.join(known) or 'none'}")
-    return chosen
+    shown = playback if layers is None else playback.showing(layers)
+    return [name for name in shown.layers if name not in shown.hidden]
