@@ -16,6 +16,7 @@ import geodesic_ocp as go
 from geodesic_ocp.cli import main as cli
 from geodesic_ocp.cli.show import destination, show_command
 from geodesic_ocp.model.formats.robots import folder
+from geodesic_ocp.model.geometry.meshes import meshes
 from geodesic_ocp.scenes.playback import Playback
 from geodesic_ocp.synergies.saved_synergies import read_saved_synergies
 
@@ -214,7 +215,33 @@ def test_a_trajectory_of_two_robots(show: Show, robot_file: Path, tmp_path: Path
     names = ("0/hinge", "1/hinge")
     both = go.JointTrajectory.side_by_side([one, replace(one, positions=-one.positions)], names)
     playback = show(both.save(tmp_path / "both.csv"), "--robot", robot_file, "--robot", robot_file)
-    assert len(playback.scenes) == 2
+    assert [scene.title for scene in playback.scenes] == ["pendulum (1)", "pendulum (2)"]
+    assert playback.title == "pendulum, both.csv"
+
+
+@needs_robots
+@pytest.mark.slow
+def test_a_trajectory_of_both_arms_of_a_robot(show: Show, tmp_path: Path) -> None:
+    """Is shown with one body, of which each link is drawn once."""
+    names = ("talos-right-arm", "talos-left-arm")
+    robots = [go.load_model(name) for name in names]
+    time, parts = np.linspace(0.0, 1.0, 5), []
+    for robot in robots:
+        q = np.clip(0.0, robot.lower, robot.upper) + 0.1 * np.outer(time, np.ones(robot.dof))
+        parts.append(go.JointTrajectory.from_positions(time, q, robot.joint_names))
+    joints = [joint for robot in robots for joint in robot.joint_names]
+    file = go.JointTrajectory.side_by_side(parts, joints).save(tmp_path / "both.csv")
+    playback = show(file, "--robot", names[0], "--robot", names[1])
+    (scene,) = playback.scenes
+    assert playback.title == "talos-right-arm and talos-left-arm, both.csv"
+    links = [{mesh.link for mesh in actor.meshes} for actor in scene.actors]
+    assert not links[0] & links[1]
+    assert links[0] | links[1] == {mesh.link for mesh in meshes(robots[0])}
+    for trail, name, robot, part in zip(scene.trails, names, robots, parts, strict=True):
+        assert trail.name == f"hand, {name}"
+        np.testing.assert_allclose(
+            trail.points[[0, -1]], robot.hand_pose(part.positions[[0, -1]])[1], atol=1e-9
+        )
 
 
 @needs_robots

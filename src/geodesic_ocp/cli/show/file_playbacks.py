@@ -75,7 +75,7 @@ def _of(
     elif kind == "synergies":
         yield synergies_file(file, options, None if recorded is None else Path(recorded))
     elif kind == "trajectory":
-        yield from trajectory_file(file, options)
+        yield trajectory_file(file, options)
     elif kind == "alignment":
         yield alignment_file(file, options)
     elif kind == "solution":

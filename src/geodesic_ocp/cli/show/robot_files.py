@@ -14,6 +14,7 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.alignment.arm_alignment import check_joints
 from geodesic_ocp.retargeting.alignment.read_alignment import read_alignment
 from geodesic_ocp.scenes.motions.of_model import model_playback
+from geodesic_ocp.scenes.motions.of_robots import robots_playback
 from geodesic_ocp.scenes.motions.of_trajectory import trajectory_playback
 from geodesic_ocp.scenes.playback import Playback
 from geodesic_ocp.scenes.retargeted.of_alignment import alignment_playback
@@ -31,8 +32,8 @@ def robot_playback(name: str, options: argparse.Namespace) -> Playback:
     return model_playback(shown_robot(name, options.hand, options.base))
 
 
-def trajectory_file(file: Path, options: argparse.Namespace) -> Iterator[Playback]:
-    """The robot, or several, that follow a trajectory.
+def trajectory_file(file: Path, options: argparse.Namespace) -> Playback:
+    """The robot, or several, that follow a trajectory; two arms of one robot share its body.
 
     Without --robot, those that the synergies name which retarget wrote beside it.
 
@@ -47,12 +48,14 @@ def trajectory_file(file: Path, options: argparse.Namespace) -> Iterator[Playbac
             "which robot: --robot NAME or FILE"
         )
     robots = [shown_robot(name, options.hand, options.base) for name in names]
+    parts = []
     for robot, part in zip(robots, _parts(file, trajectory, robots), strict=True):
-        title = f"{robot.name}, {file.name}"
         try:
-            yield trajectory_playback(part, robot, title=title)
+            parts.append(trajectory_playback(part, robot, title=robot.name))
         except ValueError as error:
             raise RecordingError(f"{file}: {error}") from None
+    names = list(dict.fromkeys(robot.name for robot in robots))
+    return robots_playback(robots, parts, title=f"{' and '.join(names)}, {file.name}")
 
 
 def _parts(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,6 @@ from geodesic_ocp.execution.planned_trajectory import PlannedTrajectory
 from geodesic_ocp.model.joint_axes import upward
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.scenes.around.carried import upright
-from geodesic_ocp.scenes.beside import beside
 from geodesic_ocp.scenes.motions.joint_plots import (
     POSITIONS,
     TORQUES,
@@ -24,9 +23,9 @@ from geodesic_ocp.scenes.motions.joint_plots import (
 )
 from geodesic_ocp.scenes.motions.model_scene import model_scene
 from geodesic_ocp.scenes.motions.of_motion import of_joints, viewed_from
+from geodesic_ocp.scenes.motions.of_robots import robots_playback
 from geodesic_ocp.scenes.motions.shown_samples import shown_samples
 from geodesic_ocp.scenes.playback import Playback, Plot, Span
-from geodesic_ocp.scenes.scene import Scene
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion
 
@@ -142,47 +141,8 @@ def planned_playback(
         )
         part = trajectory_playback(trajectory, arm.robot, limits=arm.limits, gravity=arm.gravity)
         parts.append(replace(part, spans={"paths": _path_spans(planned, number)}))
-    together = beside(parts)
     robots = [arm.robot for arm in planned.arms]
-    if _are_one_body(robots):
-        scene = _in_one_body(robots, [part.scenes[0] for part in parts])
-        together = replace(together, scenes=(scene,))
-    return replace(together, title=title or together.title)
-
-
-def _are_one_body(robots: Sequence[Model]) -> bool:
-    """Whether several models are arms of one robot: the same links, each moved by one at most."""
-    links = [{str(frame.name) for frame in robot.pin.frames} for robot in robots]
-    if len(robots) < 2 or any(each != links[0] for each in links):
-        return False
-    return all(sum(robot.moves(link) for robot in robots) <= 1 for link in links[0])
-
-
-def _in_one_body(robots: Sequence[Model], scenes: Sequence[Scene]) -> Scene:
-    """One scene of the arms of a robot; what none of them moves is shown with the first."""
-    actors = []
-    for number, (robot, scene) in enumerate(zip(robots, scenes, strict=True)):
-        others = [*robots[:number], *robots[number + 1 :]]
-        for actor in scene.actors:
-            kept = tuple(
-                mesh
-                for mesh in actor.meshes
-                if robot.moves(mesh.link)
-                or (number == 0 and not any(other.moves(mesh.link) for other in others))
-            )
-            actors.append(replace(actor, meshes=kept))
-    return replace(
-        scenes[0],
-        title=" and ".join(dict.fromkeys(robot.name for robot in robots)),
-        actors=tuple(actors),
-        trails=tuple(
-            replace(trail, name=f"{trail.name} of arm {number}")
-            for number, scene in enumerate(scenes, 1)
-            for trail in scene.trails
-        ),
-        frames=tuple(frame for scene in scenes for frame in scene.frames),
-        ellipsoids=tuple(each for scene in scenes for each in scene.ellipsoids),
-    )
+    return robots_playback(robots, parts, title=title)
 
 
 def _path_spans(planned: PlannedTrajectory, number: int) -> tuple[Span, ...]:
