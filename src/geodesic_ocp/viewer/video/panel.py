@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ _BARS, _NOW = ("#d5dde6", "#b9c5d2"), "#1b3a5c"
 _SHADE = "#f0f3f7"
 _NAMES, _TIME = 0.12, 0.09  # widths of names and of the time beside the bars, relative to them
 _MOST_NAMED = 8  # curves in a legend
-_LEGEND, _LETTERS = 76, 14  # its width [px], of 960, and that of names
+_LEGEND, _LETTERS, _LINES = 100, 18, 2  # its width [px], of 960, and the names in it
 _STYLE: dict[Any, Any] = {
     **{"axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": "#8a939c"},
     **{"text.parse_math": False, "text.usetex": False},  # names are text, not formulas
@@ -102,6 +103,7 @@ def panel(playback: Playback, place: Layout) -> Panel:
         for plot, box in zip(playback.plots, place.plots, strict=False):
             axes = _axes(figure, place, _within(box, plot, place.unit))
             _plot(axes, plot, playback, shaded)
+            _head(axes, plot, box[2] - 46 * place.unit)
             if place.bars:
                 cursors.append(axes.axvline(np.nan, color=_INK, linewidth=1.0, animated=True))
                 if len(plot.curves) <= _MOST_NAMED:
@@ -207,14 +209,28 @@ def _plot(axes: Any, plot: Plot, playback: Playback, shaded: Sequence[Span]) -> 
     axes.set_xlabel(plain_text(playback.time_label), fontsize=7.5, color=_SOFT, labelpad=1)
     axes.tick_params(labelsize=7, length=2.5, pad=2)
     axes.locator_params(axis="y", nbins=4)
-    heading = f"{plot.title}: {plot.label}" if plot.title else plot.label
-    axes.set_title(plain_text(heading), fontsize=8.5, loc="left", color=_INK, pad=4)
     if _has_legend(plot):
         # A space in front, because matplotlib leaves out names that start with an underscore.
-        names = [f" {plain_text(curve.name)}"[:_LETTERS] for curve in plot.curves]
+        names = [f" {_wrapped(curve.name)}" for curve in plot.curves]
         look = {"fontsize": 6.5, "frameon": False, "bbox_to_anchor": (1.0, 1.05)}
         spacing = {"handlelength": 1.8, "labelspacing": 0.2, "borderpad": 0.2}
         axes.legend(lines, names, loc="upper left", **look, **spacing)
+
+
+def _head(axes: Any, plot: Plot, width: float) -> None:
+    """Write what a plot shows above it, with its title if that fits into this width [px]."""
+    label, title = plain_text(plot.label), plain_text(plot.title)
+    look = {"fontsize": 8.5, "loc": "left", "color": _INK, "pad": 4}
+    text = axes.set_title(f"{title}: {label}" if title else label, **look)
+    if text.get_window_extent().width > width:
+        text.set_text(label)
+        _shorten(text, width)
+
+
+def _wrapped(name: str) -> str:
+    lines = textwrap.wrap(plain_text(name), _LETTERS) or [""]
+    more = "…" if len(lines) > _LINES else ""
+    return "\n ".join(lines[:_LINES]) + more
 
 
 def _bars(
