@@ -72,6 +72,7 @@ def test_every_other_prediction_is_a_layer_that_is_off_at_first(
 ) -> None:
     (scene,) = climb.scenes
     labels = bundled_analysis.labels()
+    styles = set()
     for method, label in labels.items():
         if method == "riemannian":
             continue
@@ -80,7 +81,11 @@ def test_every_other_prediction_is_a_layer_that_is_off_at_first(
         q = bundled_analysis.predictions[method].q
         expected = bundled_analysis.model.frame_pose("left hand", q)[1]
         np.testing.assert_allclose(overlay.positions["left hand"], expected, atol=1e-12)
-        assert (overlay.role, overlay.translucent) == ("baseline", True)
+        assert overlay.translucent
+        assert {trail.role for trail in scene.trails if trail.layer == label} == {overlay.role}
+        styles.add(overlay.role)
+    assert len(styles) == len(labels) - 1
+    assert not {"observed", "predicted"} & styles
     assert not {"predicted", "hand path", CUTS} & set(climb.hidden)
 
 
@@ -130,7 +135,7 @@ def test_both_hands_of_a_person_are_shown() -> None:
         f"{side} hand, {what}" for side in ("left", "right") for what in ("observed", "predicted")
     }
     labels = [(plot.label, plot.title) for plot in playback.plots]
-    assert ("right hand error [mm]", "same segments") in labels
+    assert ("right hand error [mm]", "predictions on the same segments") in labels
     assert ("hand speed [m/s]", "left hand") in labels
     assert len(scene.clouds) == 2
 

@@ -9,20 +9,23 @@ import numpy as np
 # Dark blue and orange differ in hue and in lightness, and remain distinct in greyscale print.
 OBSERVED: dict[str, Any] = {"color": "#1b3a5c", "linewidth": 2.0}
 PREDICTED: dict[str, Any] = {"color": "#e07b00", "linewidth": 1.5, "linestyle": (0, (4, 1.5))}
-BASELINE: dict[str, Any] = {"color": "#6a9a3a", "linewidth": 1.3, "linestyle": (0, (1, 1))}
+BASELINE: dict[str, Any] = {"color": "#4f8a2e", "linewidth": 1.5, "linestyle": (0, (1, 1))}
 NEUTRAL: dict[str, Any] = {"color": "#8a9099", "linewidth": 1.3}
-# By what a line, an arm or a path shows, in figures and in scenes.
+# By what a line, an arm or a path shows, in figures and in scenes; several baselines differ.
 ROLES: dict[str, dict[str, Any]] = {
     "observed": OBSERVED,
     "predicted": PREDICTED,
     "baseline": BASELINE,
+    "second baseline": {"color": "#333333", "linewidth": 1.5, "linestyle": (0, (5, 2))},
+    "third baseline": {"color": "#a3478f", "linewidth": 1.5, "linestyle": (0, (6, 2, 1, 2))},
+    "fourth baseline": {"color": "#1f9aa8", "linewidth": 1.5, "linestyle": (0, (2, 2))},
     "neutral": NEUTRAL,
 }
 # Of predictions that are compared: with joint inertia, kinetic energy alone, straight lines.
 COMPARED: tuple[dict[str, Any], ...] = (
-    {"color": "#e07b00", "linestyle": "-", "linewidth": 2.0, "marker": "o"},
-    {"color": "#4f8a2e", "linestyle": (0, (1, 1)), "linewidth": 1.7, "marker": "^"},
-    {"color": "#333333", "linestyle": (0, (5, 2)), "linewidth": 1.5, "marker": "s"},
+    {**PREDICTED, "linestyle": "-", "linewidth": 2.0, "marker": "o"},
+    {**BASELINE, "linewidth": 1.7, "marker": "^"},
+    {**ROLES["second baseline"], "marker": "s"},
 )
 _DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
 

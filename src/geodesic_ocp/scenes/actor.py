@@ -14,7 +14,15 @@ from geodesic_ocp.model.geometry.meshes import Mesh, meshes
 from geodesic_ocp.model.model import Model
 
 # What something shows; each role has one colour in scenes, plots and figures.
-Role: TypeAlias = Literal["observed", "predicted", "baseline", "neutral"]
+Role: TypeAlias = Literal[
+    "observed",
+    "predicted",
+    "baseline",
+    "second baseline",
+    "third baseline",
+    "fourth baseline",
+    "neutral",
+]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import textwrap
 import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
 
 _WIDTH, _HEIGHT = 5.4, 2.9  # [inch], of which a page shows one in about 72 pixels
+_TITLE = 66  # characters of a line of the title at this width
 _CHARACTERS, _HANDLE = 84, 8  # of a legend's line at this width, and of the mark before a name
 _SHADE = "#e9eef4"
 _STYLE: dict[Any, Any] = {
@@ -23,6 +25,7 @@ _STYLE: dict[Any, Any] = {
     **{"axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": "#667"},
     **{"text.parse_math": False},  # names are text, not formulas
 }
+_MARK: dict[str, Any] = {**NEUTRAL, "linewidth": 0.9, "zorder": 1}
 _LEGEND: dict[str, Any] = {"loc": "outside lower center", "frameon": False, "fontsize": 8.5}
 _PATH, _DIGITS = re.compile(r'\bd="[^"]*"'), re.compile(r"(\.\d\d)\d+")  # more are not seen
 
@@ -46,8 +49,7 @@ def draw_plot(
         axes = figure.subplots()
         for span in spans[1::2]:
             axes.axvspan(span.start, span.stop, color=_SHADE, linewidth=0.0, zorder=0)
-        for value in plot.marks:
-            axes.axhline(value, **{**NEUTRAL, "linewidth": 0.9}, zorder=1)
+        marks = [axes.axhline(value, **_MARK) for value in plot.marks]
         series = iter(line_styles(sum(curve.role is None for curve in plot.curves)))
         lines: list[Artist] = []
         for curve in plot.curves:
@@ -57,11 +59,12 @@ def draw_plot(
             axes.set_xlim(*limits)
         axes.set_xlabel(label)
         axes.set_ylabel(_plain(plot.label))
-        axes.set_title(_plain(plot.title), fontsize=10, loc="left")
-        longest = max(len(curve.name) for curve in plot.curves)
-        columns = max(1, min(4, _CHARACTERS // (longest + _HANDLE)))
+        axes.set_title(textwrap.fill(_plain(plot.title), _TITLE), fontsize=10, loc="left")
         # A space in front, because matplotlib leaves out names that start with an underscore.
         names = [f" {_plain(curve.name)}" for curve in plot.curves]
+        if marks and plot.marked:
+            lines, names = [*lines, marks[0]], [*names, f" {_plain(plot.marked)}"]
+        columns = max(1, min(4, _CHARACTERS // (max(map(len, names)) + _HANDLE)))
         figure.legend(lines, names, ncols=columns, **_LEGEND)
         figure.draw_without_rendering()
         figure.set_layout_engine("none")

@@ -42,7 +42,7 @@ def joint_plots(
         values: (k, n), in the order of `Model.joint_names`.
         labels: of the axes, by the unit of the coordinate, "rad" or "m"; joints whose labels
             differ are in different plots.
-        marks: values of horizontal lines.
+        marks: values of horizontal lines, which are limits.
         title: of the plots, before the names of the groups if there are several.
     """
     names = [short_name(name) for name in model.joint_names]
@@ -51,7 +51,8 @@ def joint_plots(
         for label in dict.fromkeys(labels[model.units[column]] for column in columns):
             shown = [column for column in columns if labels[model.units[column]] == label]
             curves = tuple(Curve(names[column], time, values[:, column]) for column in shown)
-            plots.append(Plot(label, curves, ", ".join(filter(None, (title, group))), marks))
+            said = ", ".join(filter(None, (title, group)))
+            plots.append(Plot(label, curves, said, marks, "limit" if marks else ""))
     return tuple(plots)
 
 

@@ -31,14 +31,17 @@ def model_scene(
         time: of the configurations (k,) [s].
         q: configurations (k, n) [rad or m].
         title: of the pane; the model's name by default.
-        role: whose colour the paths of its hands have.
+        role: whose colour the paths of its hands have, and the arms of a person of whom the rest is
+            shown, too.
         note: beside the title.
         joints: whether the joints have frames, too.
     """
+    rest = rest_of(model)
     return Scene(
         title or model.name,
         time,
-        (model_actor(model, q), *rest_of(model)),
+        # What moves stands out from the rest of the person.
+        (model_actor(model, q, role=role if rest else None), *rest),
         hand_trails(model, q, role),
         frames=(
             FrameTrack("base", np.eye(3)[None], np.zeros((1, 3))),

@@ -11,6 +11,8 @@ from geodesic_ocp.scenes.motions.shown_samples import shown_samples
 from geodesic_ocp.scenes.playback import Playback
 from geodesic_ocp.trajectory.motion import Motion
 
+_NOT_FILTERED = "speed of the recorded motion, without filtering"
+
 
 def motion_playback(motion: Motion, model: Model, *, title: str = "", note: str = "") -> Playback:
     """A model that follows a motion: the path of the hand, joint angles and hand speed.
@@ -44,7 +46,7 @@ def motion_playback(motion: Motion, model: Model, *, title: str = "", note: str 
     scene = model_scene(model, time, q, title=title, note="; ".join(filter(None, notes)))
     speeds = hand_speed_plots(model, {"hand": (chosen, "observed")}, shown)
     if chosen.velocity is None:  # the noise of the recording is in the speed
-        speeds = tuple(replace(plot, title="motion not filtered") for plot in speeds)
+        speeds = tuple(replace(plot, title=_NOT_FILTERED) for plot in speeds)
     plots = (*joint_plots(model, time, q, POSITIONS), *speeds)
     return Playback(scene.title, (scene,), {}, plots, azimuth=viewed_from(model))
 

@@ -123,7 +123,11 @@ def _coordinates(path: Path, model: Model | None, s: Array, q: Array) -> tuple[P
         zip(map(short_name, model.joint_names), limits_reached(path, model), strict=True)
     )
     return tuple(
-        replace(plot, marks=tuple(x for curve in plot.curves for x in reached[curve.name]))
+        replace(
+            plot,
+            marks=tuple(x for curve in plot.curves for x in reached[curve.name]),
+            marked="limits reached",
+        )
         for plot in joint_plots(model, s, q, POSITIONS)
     )
 

@@ -58,7 +58,7 @@ def solution_playback(
         scene, margins = _with_bodies(scene, problem, shown, solution)
         if scene.gaps:
             curves = tuple(Curve(gap.name, scene.time, gap.distances) for gap in scene.gaps)
-            plots = (*plots, Plot("clearance [m]", curves, marks=margins))
+            plots = (*plots, Plot("clearance [m]", curves, marks=margins, marked="required"))
     hidden = (*(layer for layer in playback.hidden if layer != "clearances"), COLLISION_BODIES)
     return replace(playback, scenes=(scene,), plots=plots, hidden=hidden)
 

@@ -30,8 +30,17 @@ from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.trajectory.motion import Motion
 
 CUTS = "cuts"
+_ERRORS = "predictions on the same segments"
 _NAME = "riemannian"  # of the method by which the motion was cut
-_ROLES: tuple[Role, ...] = ("predicted", "baseline", "neutral")
+# Of the methods in the order of the table; more than six are never compared.
+_ROLES: tuple[Role, ...] = (
+    "predicted",
+    "baseline",
+    "second baseline",
+    "third baseline",
+    "fourth baseline",
+    "neutral",
+)
 
 
 def analysis_playback(analysis: Analysis, *, title: str = "") -> Playback:
@@ -59,11 +68,11 @@ def analysis_playback(analysis: Analysis, *, title: str = "") -> Playback:
         *hand_trails(model, predicted, "predicted", name="predicted"),
     ]
     for name in others:
-        label = labels[name]
-        actors.append(_overlay(model, predictions[name], label, "baseline", label))
+        label, role = labels[name], _role(analysis, name)
+        actors.append(_overlay(model, predictions[name], label, role, label))
         trails += [
             replace(trail, name=label)  # as its layer
-            for trail in hand_trails(model, predictions[name], "baseline", layer=label)
+            for trail in hand_trails(model, predictions[name], role, layer=label)
         ]
     metric = f"synergies: {analysis.metric_name}".replace("^2", "²")
     scene = Scene(
@@ -88,6 +97,10 @@ def analysis_playback(analysis: Analysis, *, title: str = "") -> Playback:
 
 def _overlay(model: Model, q: Array, name: str, role: Role, layer: str) -> Actor:
     return model_actor(model, q, name=name, role=role, translucent=True, layer=layer)
+
+
+def _role(analysis: Analysis, method: str) -> Role:
+    return _ROLES[list(analysis.labels()).index(method)]
 
 
 def _cuts(analysis: Analysis) -> tuple[PointCloud, ...]:
@@ -117,8 +130,8 @@ def _plots(analysis: Analysis, shown: Indices) -> tuple[Plot, ...]:
     time = motion.time[shown]
     joints: list[Curve] = []
     hands: dict[str, list[Curve]] = {label: [] for label in hand_labels(model.hands)}
-    for number, (method, name) in enumerate(analysis.on_same_segments().items()):
-        role = _ROLES[number] if number < len(_ROLES) else None
+    for method, name in analysis.on_same_segments().items():
+        role = _role(analysis, method)
         q = analysis.predictions[method].q[shown]
         error = np.mean(np.abs(q - motion.q[shown]), axis=1)
         joints.append(Curve(name, time, error, role))
@@ -126,9 +139,9 @@ def _plots(analysis: Analysis, shown: Indices) -> tuple[Plot, ...]:
             ways = [model.frame_pose(hand, each)[1] for each in (q, motion.q[shown])]
             distance = 1000.0 * np.linalg.norm(ways[0] - ways[1], axis=1)
             hands[label].append(Curve(name, time, distance, role))
-    plots = [Plot("mean joint error [rad]", tuple(joints), "same segments")]
+    plots = [Plot("mean joint error [rad]", tuple(joints), _ERRORS)]
     for label, errors in hands.items():
-        plots.append(Plot(f"{label} error [mm]", tuple(errors), "same segments"))
+        plots.append(Plot(f"{label} error [mm]", tuple(errors), _ERRORS))
     both: dict[str, tuple[Motion, Role]] = {
         "observed": (motion, "observed"),
         "predicted": (predicted, "predicted"),

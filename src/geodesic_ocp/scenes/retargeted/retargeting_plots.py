@@ -72,7 +72,7 @@ def _of_arm(arm: RetargetedArm, time: Array, shown: Indices, title: str) -> Iter
             for label, motion in motions.items()
         }
         what = _joined(title, "largest share of the limits")
-        yield Plot("joint speed / limit", both(shares), what, (1.0,))
+        yield Plot("joint speed / limit", both(shares), what, (1.0,), "limit")
 
 
 def _joined(title: str, what: str) -> str:

@@ -17,6 +17,8 @@ from geodesic_ocp.scenes.playback import PARAMETER, Playback
 from geodesic_ocp.scenes.scene import Scene
 from geodesic_ocp.viewer.page.extremes import extremes
 from geodesic_ocp.viewer.page.packed import encoded, packed
+from geodesic_ocp.viewer.video.part import smooth_surface
+from geodesic_ocp.viewer.video.scene_parts import role_tint
 
 _FINEST, _FEWEST, _MOST = 0.004, 8, 900  # [m] between points of a drawn trail, and their number
 
@@ -28,27 +30,27 @@ def described(playback: Playback) -> dict[str, Any]:
     shapes: Shapes = {}
     bodies: list[dict[str, Any]] = []
     scenes = [_scene(scene, shapes, bodies) for scene in playback.scenes]
-    layers = dict.fromkeys(layer for scene in playback.scenes for layer in scene.layers)
     return {
         "range": playback.range,
         "parameter": playback.time_label == PARAMETER,
         "azimuth": playback.azimuth,
         "elevation": playback.elevation,
-        "layers": [[layer, layer not in playback.hidden] for layer in layers],
+        "layers": [[layer, layer not in playback.hidden] for layer in playback.layers],
         "spans": [
             [name, [[span.name, span.start, span.stop, span.text] for span in spans]]
             for name, spans in playback.spans.items()
         ],
-        "roles": {role: _look(style) for role, style in ROLES.items()},
+        "roles": {role: _look(role, style) for role, style in ROLES.items()},
         "bodies": bodies,
         "scenes": scenes,
     }
 
 
-def _look(style: Mapping[str, Any]) -> dict[str, Any]:
-    """Colour, and lengths of dash and gap in widths of the line."""
+def _look(role: str, style: Mapping[str, Any]) -> dict[str, Any]:
+    """Colours of lines and bodies, and lengths of dash and gap in widths of the line."""
     line = style.get("linestyle")
-    return {"colour": style["color"], "dash": line[1] if line else None}
+    body = [round(each, 4) for each in role_tint(role)]
+    return {"colour": style["color"], "body": body, "dash": line[1] if line else None}
 
 
 def _scene(scene: Scene, shapes: Shapes, bodies: list[dict[str, Any]]) -> dict[str, Any]:
@@ -119,14 +121,19 @@ def _actor(actor: Actor, shapes: Shapes, bodies: list[dict[str, Any]]) -> dict[s
 
 
 def _body(vertices: Array, triangles: Any, shapes: Shapes, bodies: list[dict[str, Any]]) -> int:
-    """Number of a body, which is stored once however often it is shown."""
-    corners = np.ascontiguousarray(triangles, dtype="<u4" if len(vertices) > 2**16 else "<u2")
+    """Number of a body, which is stored once however often it is shown.
+
+    Its faces share vertices where it looks smooth.
+    """
+    corners = np.asarray(triangles, dtype=np.int64)
     key = (np.asarray(vertices, dtype=float).tobytes(), corners.tobytes())
     if key not in shapes:
         shapes[key] = len(bodies)
+        points, _, faces = smooth_surface(np.asarray(vertices), np.asarray(triangles), len(corners))
+        corners = np.ascontiguousarray(faces, dtype="<u4" if len(points) > 2**16 else "<u2")
         bodies.append(
             {
-                "vertices": packed(vertices),
+                "vertices": packed(points),
                 "triangles": encoded(corners),
                 "bits": 8 * corners.itemsize,
             }

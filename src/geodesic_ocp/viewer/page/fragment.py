@@ -26,7 +26,8 @@ def fragment(playback: Playback) -> str:
     # Without "<", nothing in the data can close its script element.
     data = json.dumps(described(playback), separators=(",", ":")).replace("<", "\\u003c")
     return f"""<section class="playback" aria-label="{html.escape(playback.title)}">
-<noscript><p class="playback-missing">The three-dimensional view needs JavaScript, which is
+<noscript><style>.playback-panes {{ display: none; }}</style>
+<p class="playback-missing">The three-dimensional view needs JavaScript, which is
 disabled here.</p></noscript>
 <p class="playback-missing playback-no-webgl" hidden>The three-dimensional view needs WebGL, which
 this browser does not support or has disabled.</p>

@@ -69,7 +69,7 @@ class Bar {
     const [start, stop] = this.data.range;
     const share = (time) => `${(100 * (time - start)) / (stop - start)}%`;
     const current = made("b");
-    const label = made("div", { class: "playback-row" }, `${name} `, current);
+    const label = made("div", { class: "playback-row" }, made("span", { title: name }, name), current);
     const cursor = made("i");
     const track = made("div", { class: "playback-track playback-spans" });
     const line = made("div");

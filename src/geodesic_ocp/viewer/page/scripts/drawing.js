@@ -6,7 +6,6 @@ const GAP = "#444b54";
 const OVERLAP = "#c0202a";
 const MARKER = "#5a4a8a";
 const AXES = ["#c8372d", "#3d8f40", "#2f5fb3"];
-const OVERLAY = 0.38; // opacity of overlays
 const FAINT = 0.3; // and of lines behind bodies
 
 class Drawing {
@@ -78,25 +77,24 @@ class Drawing {
     return this.placed(object, positions);
   }
 
-  mesh(shape, material, name) {
-    const made = new MeshCat.THREE.Mesh(shape, material);
-    made.castShadow = true;
+  mesh(shape, material, name, castShadow = true) {
+    const made = Object.assign(new MeshCat.THREE.Mesh(shape, material), { castShadow });
     made.userData.name = name;
     return made;
   }
 
   actor(actor) {
     const { THREE } = MeshCat;
-    const hidden = new THREE.MeshBasicMaterial({ colorWrite: false, transparent: true, ...BEHIND });
+    const around = this.width / 2; // so that an overlay is not in spots on what it covers
+    const hidden = hull(new THREE.MeshBasicMaterial({ colorWrite: false }), around);
     const materials = {};
     for (const link of actor.links) {
       const group = this.posed(new THREE.Group(), link);
       const name = actor.name === link.name ? link.name : `${actor.name}: ${link.name}`;
       for (const part of link.parts) {
-        const paint = actor.role ? this.roles[actor.role].colour : part.colour;
-        materials[paint] ??= painted(paint, actor.translucent ? OVERLAY : 1);
-        const body = this.mesh(this.surfaces[part.body], materials[paint], name);
-        body.castShadow = !actor.translucent;
+        const paint = actor.role ? this.roles[actor.role].body : part.colour;
+        materials[paint] ??= actor.translucent ? hull(painted(paint), around) : painted(paint);
+        const body = this.mesh(this.surfaces[part.body], materials[paint], name, !actor.translucent);
         if (actor.translucent) {
           // Its own depth comes first, so that only its outside is seen.
           const depth = new THREE.Mesh(body.geometry, hidden);
@@ -144,8 +142,7 @@ class Drawing {
     if (solid.unbounded) material.side = THREE.DoubleSide;
     material.depthWrite = false;
     const shape = this.surfaces[solid.body];
-    const made = this.mesh(shape, material, solid.name);
-    made.castShadow = !solid.unbounded;
+    const made = this.mesh(shape, material, solid.name, !solid.unbounded);
     made.renderOrder = 5;
     const edges = new THREE.LineSegments(
       new THREE.EdgesGeometry(shape, 30),
@@ -221,7 +218,7 @@ class Drawing {
     const place = this.rows(cloud.positions);
     const ball = new THREE.SphereGeometry(1.6 * this.width, 16, 12);
     const material = painted(cloud.role ? this.roles[cloud.role].colour : MARKER);
-    const balls = cloud.labels.map((label) => this.mesh(ball, material, label));
+    const balls = cloud.labels.map((label) => this.mesh(ball, material, label, false));
     this.moving.push((index, fraction) => {
       const row = place(index, fraction);
       balls.forEach((each, i) => {

@@ -10,11 +10,28 @@ const KEYS = [
   ["L", "play again from the start at the end"],
   ["R", "first view again"],
   ["F", "full screen"],
+  ["Tab", "to a view, which then turns by ← → ↑ ↓ and zooms by Page ↑ ↓"],
   ["?", "this list"],
 ];
+// Angles [rad] to the right and upwards, and distances, by which keys move a camera.
+const MOVES = {
+  ArrowLeft: [-0.15, 0, 1],
+  ArrowRight: [0.15, 0, 1],
+  ArrowUp: [0, 0.15, 1],
+  ArrowDown: [0, -0.15, 1],
+  PageUp: [0, 0, 0.87],
+  PageDown: [0, 0, 1.15],
+};
+
 // Does what a key stands for, if it stands for something.
 function press(viewer, event) {
   const { range, data } = viewer;
+  const pane = viewer.panes.find(({ element, byKeys }) => byKeys && element === event.target);
+  if (pane && MOVES[event.key] && !event.shiftKey) {
+    event.preventDefault();
+    pane.turn(...MOVES[event.key]);
+    return;
+  }
   const step = data.parameter ? (range[1] - range[0]) / 40 : 0.1;
   const samples = () => viewer.panes.flatMap((pane) => [...pane.drawing.samples]);
   const starts = () => [...data.spans.flatMap(([, spans]) => spans.map(([, from]) => from)), ...range];
@@ -58,8 +75,9 @@ function help(scale) {
   for (const [keys, meaning] of KEYS) list.append(made("dt", {}, keys), made("dd", {}, meaning));
   const dialog = made("dialog", { class: "playback-help", "aria-label": "help" }, list);
   dialog.append(
-    made("p", {}, "Drag to turn, wheel or two fingers to zoom, right button or two fingers to move, " +
-      "double-click for the first view. All panes have one scale." + scale),
+    made("p", {}, "Drag to turn, right button or two fingers to move, double-click for the first view. " +
+      "Two fingers or the wheel zoom: the wheel after a click on the view or with Ctrl, otherwise it " +
+      "scrolls the page. All panes have one scale." + scale),
     button("close", "Close", () => dialog.close())
   );
   dialog.addEventListener("click", (event) => event.target === dialog && dialog.close());

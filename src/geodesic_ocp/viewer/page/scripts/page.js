@@ -98,18 +98,22 @@ class PlaybackViewer {
     return squares.length === 1 && bodies ? ` Squares of the floor are ${squares[0]} m wide.` : "";
   }
 
-  // Switches of layers with what their lines look like, and buttons for the view.
+  // Switches of layers with the colours of what they show, and buttons for the view.
   tools(data) {
-    const tools = made("div", { class: "playback-tools" });
+    const list = made("div", { class: "playback-layers" });
     this.switches = {};
     for (const name of ["", ...Object.keys(this.layers)]) {
-      const entries = legend(data, name);
+      const marks = legend(data, name);
+      if (name && marks.length === 1) marks[0].lastChild.remove(); // the layer's name says enough
+      const alone = marks.filter((mark) => !mark.textContent);
+      const group = made("div");
       if (name) {
-        const box = made("input", { type: "checkbox" });
+        const box = (this.switches[name] = made("input", { type: "checkbox" }));
         box.addEventListener("change", () => this.setLayer(name, box.checked));
-        this.switches[name] = box;
-        if (this.panes.length) tools.append(made("span", {}, made("label", {}, box, name), ...entries));
-      } else if (entries.length && this.panes.length) tools.append(made("span", {}, ...entries));
+        group.append(made("label", {}, box, ...alone, name));
+      }
+      group.append(...marks.filter((mark) => mark.textContent));
+      if (group.children.length) list.append(group);
     }
     const view = made("div", { class: "playback-buttons" });
     if (this.panes.length) view.append(button("first view", icon("reset"), () => this.reset()));
@@ -117,8 +121,9 @@ class PlaybackViewer {
       view.append(button("full screen", icon("full"), () => this.toggleFull()));
     }
     view.append(button("help", "?", () => this.help.showModal()));
-    tools.append(view);
-    return tools;
+    const shown = made("details", { open: "" }, made("summary", {}, "Show"), list);
+    if (!this.panes.length || !list.children.length) shown.hidden = true;
+    return made("div", { class: "playback-tools" }, shown, view);
   }
 
   get speed() {
@@ -203,35 +208,37 @@ class PlaybackViewer {
   }
 }
 
-// Lines and colours of a layer with their names, as in the plots.
+// What the colours of a layer mean, as in the plots: an entry for each.
 function legend(data, layer) {
-  const entries = new Map();
+  const found = new Map(); // by colour: the names that have it, and whether it is that of a line
+  const add = (paint, name, dash = null) => {
+    if (!found.has(paint)) found.set(paint, { names: new Set(), dash });
+    found.get(paint).names.add(name);
+    found.get(paint).dash ??= dash;
+  };
   for (const scene of data.scenes) {
-    const shown = [...scene.clouds, ...scene.actors].filter(({ role }) => role);
-    const named = [...scene.trails, ...shown];
-    for (const { name, role, layer: own, points } of named) {
-      if (own === layer) entries.set(`${role} ${name}`, [name, role, points !== undefined]);
+    const own = (kind) => scene[kind].filter((item) => item.layer === layer);
+    for (const { role, name } of own("trails")) add(data.roles[role].colour, name, data.roles[role].dash ?? [1, 0]);
+    for (const { role, name } of own("actors")) if (role) add(data.roles[role].colour, name);
+    for (const { role, name } of own("clouds")) add(role ? data.roles[role].colour : MARKER, name);
+    for (const [kind, paint] of [["solids", OBSTACLE], ["ellipsoids", BALL]]) {
+      if (own(kind).length) add(paint, layer);
     }
   }
-  const kinds = [["solids", OBSTACLE], ["ellipsoids", BALL], ["clouds", MARKER]].filter(([kind]) =>
-    data.scenes.some((scene) => scene[kind].some((item) => item.layer === layer && !item.role))
-  );
-  const patches = kinds.map(([, paint]) => {
-    const swatch = made("i", { class: "playback-patch" });
-    swatch.style.background = paint;
-    return made("span", { class: "playback-entry" }, swatch);
+  return [...found].map(([paint, { names, dash }]) => {
+    const swatch = made("i", { class: dash ? "playback-line" : "playback-patch" });
+    const [on, off] = (dash ?? [1, 0]).map((each) => 3 * each);
+    swatch.style.background = `repeating-linear-gradient(90deg, ${paint} 0 ${on}px, transparent 0 ${on + off}px)`;
+    return made("span", { class: "playback-entry", title: [...names].join(", ") }, swatch, common([...names], layer));
   });
-  const lines = [...entries.values()].map(([name, role, line]) => {
-    const { colour: paint, dash } = data.roles[role];
-    const swatch = made("i");
-    if (line && dash) {
-      const [on, off] = dash.map((each) => 3 * each);
-      swatch.style.background = `repeating-linear-gradient(90deg, ${paint} 0 ${on}px, transparent 0 ${on + off}px)`;
-    } else swatch.style.background = paint;
-    swatch.className = line ? "playback-line" : "playback-patch";
-    return made("span", { class: "playback-entry" }, swatch, name === layer ? "" : name);
-  });
-  return [...patches, ...lines];
+}
+
+// One name for several: the part that they share, or all; none if the layer's says it already.
+function common(names, layer) {
+  if (names.some((name) => layer && name.includes(layer))) return "";
+  const shared = names.find((name) => names.every((other) => other.includes(name)));
+  const short = names.length > 2 ? new Set(names.map((name) => name.split(", ")[0])) : names;
+  return shared ?? [...short].join(", ");
 }
 
 let canDraw;

@@ -17,6 +17,7 @@ class Pane {
     renderer.outputEncoding = THREE.sRGBEncoding;
     renderer.shadowMap.enabled = true;
     renderer.shadowMap.type = THREE.PCFSoftShadowMap;
+    renderer.shadowMap.autoUpdate = false; // the camera does not change shadows
     element.append(renderer.domElement);
     this.viewer = new Viewer(element, false, renderer);
     this.viewer.gui.destroy();
@@ -48,6 +49,41 @@ class Pane {
     this.controls.rotateSpeed = 0.7;
     element.style.touchAction = "pan-y"; // fingers scroll the page, and turn the scene sideways
     this.home = new THREE.Vector3();
+    this.focusable();
+  }
+
+  // The wheel scrolls the page until the pane has the focus; arrows turn the scene once Tab gave it.
+  focusable() {
+    const { element } = this;
+    element.tabIndex = 0;
+    element.setAttribute("role", "application");
+    const hint = made("span", { class: "playback-hint" }, "click, or hold Ctrl, to zoom");
+    element.append(hint);
+    element.addEventListener("focus", () => (this.byKeys = element.matches(":focus-visible")));
+    element.addEventListener("pointerdown", () => {
+      element.focus({ preventScroll: true });
+      this.byKeys = false;
+    });
+    const wheel = ({ ctrlKey }) => {
+      this.controls.enableZoom = ctrlKey || document.activeElement === element;
+      if (this.controls.enableZoom) return;
+      hint.classList.add("playback-seen");
+      clearTimeout(this.fading);
+      this.fading = setTimeout(() => hint.classList.remove("playback-seen"), 1200);
+    };
+    element.addEventListener("wheel", wheel, { capture: true, passive: true });
+  }
+
+  // By angles [rad] to the right and upwards, and to a multiple of the distance.
+  turn(right, up, farther) {
+    const { Spherical, Vector3 } = MeshCat.THREE;
+    const { target } = this.controls;
+    const { x, y, z } = this.camera.position.clone().sub(target);
+    const place = new Spherical().setFromCartesianCoords(y, z, x);
+    place.set(place.radius * farther, place.phi - up, place.theta + right).makeSafe();
+    const back = new Vector3().setFromSpherical(place);
+    this.camera.position.set(back.z, back.x, back.y).add(target);
+    this.controls.update();
   }
 
   get camera() {
@@ -175,18 +211,25 @@ class Pane {
 
   resize() {
     const [width, height] = [this.element.clientWidth, this.element.clientHeight];
-    if (width && height) {
-      MeshCat.Viewer.prototype.set_3d_pane_size.call(this.viewer, width, height);
-    }
+    const size = `${width} ${height}`;
+    if (!width || !height || size === this.drawn) return;
+    this.drawn = size;
+    MeshCat.Viewer.prototype.set_3d_pane_size.call(this.viewer, width, height);
   }
 
   show(time) {
     this.drawing.show(time);
-    this.viewer.set_dirty();
+    this.changed();
   }
 
   setLayer(name, on) {
-    if (this.drawing.groups[name]) this.drawing.groups[name].visible = on;
+    if (!this.drawing.groups[name] || this.drawing.groups[name].visible === on) return;
+    this.drawing.groups[name].visible = on;
+    this.changed();
+  }
+
+  changed() {
+    this.viewer.renderer.shadowMap.needsUpdate = true;
     this.viewer.set_dirty();
   }
 

@@ -1,9 +1,8 @@
-// Numbers and surfaces from the data that described.py writes.
+// Numbers, surfaces and materials from the data that described.py writes.
 
-// An overlay that covers something exactly is behind all of it, not in spots.
-const BEHIND = { polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 };
 const MISSING = -32768;
-const CREASE = Math.cos((38 * Math.PI) / 180); // faces that differ by less look like one
+const CLEAR = "0.08"; // opacity of the middle of a hull
+const RIM = "0.2, 0.75"; // cosines of angles from which its rim fades, and to which
 
 function bytes(text) {
   return Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer;
@@ -18,39 +17,13 @@ function unpacked({ middle, step, data }) {
   );
 }
 
-// A surface whose edges are crisp where faces meet at an angle, and smooth elsewhere.
-function surface(body) {
-  const places = unpacked(body.vertices);
-  const corners = new (body.bits === 16 ? Uint16Array : Uint32Array)(bytes(body.triangles));
-  const faces = new Float32Array(corners.length); // normals, as long as twice the area
-  const around = Array.from({ length: places.length / 3 }, () => []);
-  for (let i = 0; i < corners.length; i += 3) {
-    const [a, b, c] = [3 * corners[i], 3 * corners[i + 1], 3 * corners[i + 2]];
-    const u = [0, 1, 2].map((k) => places[b + k] - places[a + k]);
-    const v = [0, 1, 2].map((k) => places[c + k] - places[a + k]);
-    faces[i] = u[1] * v[2] - u[2] * v[1];
-    faces[i + 1] = u[2] * v[0] - u[0] * v[2];
-    faces[i + 2] = u[0] * v[1] - u[1] * v[0];
-    for (let k = 0; k < 3; k++) around[corners[i + k]].push(i);
-  }
-  const size = (i) => Math.hypot(faces[i], faces[i + 1], faces[i + 2]);
-  const points = new Float32Array(3 * corners.length);
-  const normals = new Float32Array(3 * corners.length);
-  corners.forEach((corner, at) => {
-    const own = at - (at % 3);
-    for (let k = 0; k < 3; k++) points[3 * at + k] = places[3 * corner + k];
-    for (const face of around[corner]) {
-      let along = 0;
-      for (let k = 0; k < 3; k++) along += faces[own + k] * faces[face + k];
-      if (face !== own && along < CREASE * size(own) * size(face)) continue;
-      for (let k = 0; k < 3; k++) normals[3 * at + k] += faces[face + k];
-    }
-    const length = Math.hypot(...normals.subarray(3 * at, 3 * at + 3)) || 1;
-    for (let k = 0; k < 3; k++) normals[3 * at + k] /= length;
-  });
-  const made = new MeshCat.THREE.BufferGeometry();
-  made.setAttribute("position", new MeshCat.THREE.BufferAttribute(points, 3));
-  made.setAttribute("normal", new MeshCat.THREE.BufferAttribute(normals, 3));
+// A surface, smooth where its triangles share vertices.
+function surface({ vertices, triangles, bits }) {
+  const { BufferAttribute, BufferGeometry } = MeshCat.THREE;
+  const corners = new (bits === 16 ? Uint16Array : Uint32Array)(bytes(triangles));
+  const made = new BufferGeometry().setIndex(new BufferAttribute(corners, 1));
+  made.setAttribute("position", new BufferAttribute(unpacked(vertices), 3));
+  made.computeVertexNormals();
   return made;
 }
 
@@ -84,12 +57,24 @@ function colour(value) {
 }
 
 function painted(value, opacity = 1) {
-  return new MeshCat.THREE.MeshStandardMaterial({
-    color: colour(value),
-    roughness: 0.62,
-    metalness: 0.04,
-    opacity,
-    transparent: opacity < 1,
-    ...(opacity < 1 ? BEHIND : {}),
+  return new MeshCat.THREE.MeshPhongMaterial({
+    ...{ color: colour(value), specular: 0x0e0e0e, shininess: 20 },
+    ...{ opacity, transparent: opacity < 1 },
   });
+}
+
+// Makes a material one of a hull that encloses its surface at some distance.
+function hull(material, distance) {
+  material.transparent = true;
+  material.onBeforeCompile = (shader) => {
+    const moved = `vec3 transformed = position + ${distance.toFixed(6)} * normal;`;
+    shader.vertexShader = shader.vertexShader.replace("#include <begin_vertex>", moved);
+    if (!material.isMeshPhongMaterial) return;
+    // Its rim is seen, and through its middle what is inside.
+    const rim = `float facing = abs(dot(normalize(vNormal), normalize(vViewPosition)));
+      gl_FragColor.a *= mix(1.0, ${CLEAR}, smoothstep(${RIM}, facing));\n`;
+    const last = "#include <dithering_fragment>";
+    shader.fragmentShader = shader.fragmentShader.replace(last, rim + last);
+  };
+  return material;
 }
