@@ -146,7 +146,9 @@ def _style() -> Any:
 
 
 def _titles(figure: Any, playback: Playback, place: Layout) -> None:
-    _write(figure, place, place.width / 2, 18 * place.unit, heading(playback), 11, ha="center")
+    middle = place.width / 2
+    whole = _write(figure, place, middle, 18 * place.unit, heading(playback), 11, ha="center")
+    _shorten(whole, place.width - 24 * place.unit)
     for scene, (left, top, width, _) in zip(playback.scenes, place.panes, strict=True):
         across, down = left + 8 * place.unit, top - 13 * place.unit
         title = _write(figure, place, across, down, scene.title, 9.5, weight="bold")
