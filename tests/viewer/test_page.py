@@ -25,6 +25,7 @@ from geodesic_ocp.viewer.page.document import document
 from geodesic_ocp.viewer.page.extremes import extremes
 from geodesic_ocp.viewer.page.fragment import fragment
 from geodesic_ocp.viewer.page.packed import packed
+from geodesic_ocp.viewer.viewer import Viewer
 
 EVIL = '</script><script>alert("&1")</script>'
 TETRAHEDRON = np.array([[0.0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]])
@@ -232,3 +233,11 @@ def test_a_missing_meshcat_is_named_with_its_extra(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(document_module, "find_spec", lambda name: None)
     with pytest.raises(ImportError, match=r"meshcat: pip install 'geodesic_ocp\[viewer\]'"):
         document("t", "")
+
+
+def test_names_that_no_file_can_hold_are_made_plain() -> None:
+    shown = everything("a\0b\u202ec\udce9")
+    page = Viewer(shown).html()
+    assert "a b c\ufffd" in page
+    assert not any(each in page for each in ("\0", "\u202e", "\udce9", "u202e", "udce9", "u0000b"))
+    page.encode()

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.records import write_file
+from geodesic_ocp.scenes.plain_text import plain_text
 from geodesic_ocp.scenes.playback import Playback
 from geodesic_ocp.viewer.page.document import document
 from geodesic_ocp.viewer.page.fragment import fragment
@@ -42,8 +43,8 @@ class Viewer:
         Raises:
             ImportError: Meshcat, whose copy of three.js draws the scenes, is not installed.
         """
-        title = self.playback.title
-        only = self.playback.scenes[0].title if len(self.playback.scenes) == 1 else ""
+        title = plain_text(self.playback.title)
+        only = plain_text(self.playback.scenes[0].title) if len(self.playback.scenes) == 1 else ""
         heading = f"<h1>{html.escape(title)}</h1>\n" if title not in ("", only) else ""
         return document(title, heading + fragment(self.playback))
 
@@ -115,7 +116,7 @@ class Viewer:
         return path
 
     def _repr_html_(self) -> str:
-        page, title = html.escape(self.html()), html.escape(self.playback.title)
+        page, title = html.escape(self.html()), html.escape(plain_text(self.playback.title))
         style = f"border: 0; height: {self.height}px; width: 100%"
         return (
             f'<iframe srcdoc="{page}" title="{title}" style="{style}" allow="fullscreen"></iframe>'

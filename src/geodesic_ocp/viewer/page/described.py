@@ -13,6 +13,7 @@ from geodesic_ocp.figures.styles import ROLES
 from geodesic_ocp.model.geometry.meshes import Mesh
 from geodesic_ocp.scenes.actor import Actor
 from geodesic_ocp.scenes.markings import Trail
+from geodesic_ocp.scenes.plain_text import plain_text
 from geodesic_ocp.scenes.playback import PARAMETER, Playback
 from geodesic_ocp.scenes.scene import Scene
 from geodesic_ocp.viewer.page.extremes import extremes
@@ -30,7 +31,7 @@ def described(playback: Playback) -> dict[str, Any]:
     shapes: Shapes = {}
     bodies: list[dict[str, Any]] = []
     scenes = [_scene(scene, shapes, bodies) for scene in playback.scenes]
-    return {
+    data = {
         "range": playback.range,
         "parameter": playback.time_label == PARAMETER,
         "azimuth": playback.azimuth,
@@ -44,6 +45,16 @@ def described(playback: Playback) -> dict[str, Any]:
         "bodies": bodies,
         "scenes": scenes,
     }
+    return {name: _plain(value) for name, value in data.items()}
+
+
+def _plain(data: Any) -> Any:
+    """The same with all texts, most of which are names from files, as `plain_text`."""
+    if isinstance(data, str):
+        return plain_text(data)
+    if isinstance(data, dict):
+        return {name: _plain(value) for name, value in data.items()}
+    return [_plain(value) for value in data] if isinstance(data, list | tuple) else data
 
 
 def _look(role: str, style: Mapping[str, Any]) -> dict[str, Any]:

@@ -7,6 +7,8 @@ from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
 
+from geodesic_ocp.scenes.plain_text import plain_text
+
 _SCRIPTS = ("shapes.js", "drawing.js", "pane.js", "bar.js", "keys.js", "plots.js", "page.js")
 # Whatever the body says, the page loads nothing from anywhere.
 _POLICY = (
@@ -35,7 +37,7 @@ def document(title: str, body: str) -> str:
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta http-equiv="Content-Security-Policy" content="{_POLICY}">
-<title>{html.escape(title)}</title>
+<title>{html.escape(plain_text(title))}</title>
 <style>
 {style}</style>
 </head>

@@ -6,6 +6,7 @@ import base64
 import html
 import json
 
+from geodesic_ocp.scenes.plain_text import plain_text
 from geodesic_ocp.scenes.playback import Playback, Plot
 from geodesic_ocp.scenes.scene import Scene
 from geodesic_ocp.viewer.page.described import described
@@ -25,7 +26,7 @@ def fragment(playback: Playback) -> str:
     )
     # Without "<", nothing in the data can close its script element.
     data = json.dumps(described(playback), separators=(",", ":")).replace("<", "\\u003c")
-    return f"""<section class="playback" aria-label="{html.escape(playback.title)}">
+    return f"""<section class="playback" aria-label="{_escaped(playback.title)}">
 <noscript><style>.playback-panes {{ display: none; }}</style>
 <p class="playback-missing">The three-dimensional view needs JavaScript, which is
 disabled here.</p></noscript>
@@ -42,7 +43,7 @@ this browser does not support or has disabled.</p>
 
 
 def _pane(scene: Scene) -> str:
-    title, note = html.escape(scene.title), html.escape(scene.note)
+    title, note = _escaped(scene.title), _escaped(scene.note)
     return (
         f'<figure class="playback-pane"><figcaption>{title} <span>{note}</span></figcaption>'
         f'<div class="playback-view" role="img" aria-label="{title}"></div></figure>'
@@ -57,6 +58,10 @@ def _figure(plot: Plot, drawing: tuple[str, tuple[float, ...]]) -> str:
     curves = ", ".join(curve.name for curve in plot.curves)
     return (
         f'<figure class="playback-plot" data-axes="{axes}">'
-        f'<img alt="{html.escape(f"{text} of {curves}")}" draggable="false" '
+        f'<img alt="{_escaped(f"{text} of {curves}")}" draggable="false" '
         f'src="data:image/svg+xml;base64,{source}"></figure>'
     )
+
+
+def _escaped(text: str) -> str:
+    return html.escape(plain_text(text))
