@@ -161,6 +161,37 @@ def test_several_robots_share_the_person(found: go.Retargeting) -> None:
         retargetings_playback([])
 
 
+def test_a_slowed_person_is_said_to_be_and_keeps_the_durations_of_the_analysis() -> None:
+    slow = small_retargeting(0.8, "slow")
+    playback = retargeting_playback(slow)
+    (arm,) = slow.arms
+    for number, (span, synergy) in enumerate(
+        zip(playback.spans["person"], arm.analysis.synergies, strict=True), 1
+    ):
+        assert span.text == f"synergy {number} ({synergy.duration:.2f} s)"
+    first, last = playback.spans["person"][0], playback.spans["person"][-1]
+    recorded = float(np.ptp(arm.analysis.motion.time))
+    assert last.stop - first.start == pytest.approx(slow.stretch * recorded)
+    assert playback.scenes[0].note.endswith("slowed to the robot's time")
+
+
+def test_a_person_in_the_time_of_the_recording_is_not_slowed(found: go.Retargeting) -> None:
+    for shown in (
+        retargeting_playback(found),
+        retargetings_playback([found, small_retargeting(0.8, "slow")]),
+    ):
+        assert "slowed" not in shown.scenes[0].note
+
+
+def test_two_motions_of_one_robot_have_different_titles(found: go.Retargeting) -> None:
+    slow = small_retargeting(0.8)
+    together = retargetings_playback([found, slow])
+    assert [scene.title for scene in together.scenes] == ["person", "robot", "robot (2)"]
+    assert list(together.spans) == ["person", "robot", "robot (2)"]
+    assert len({(plot.label, plot.title) for plot in together.plots}) == len(together.plots)
+    assert any(plot.title.startswith("robot (2)") for plot in together.plots)
+
+
 def test_obstacles_are_where_they_are_on_the_robot(found: go.Retargeting) -> None:
     (arm,) = found.arms
     centre = np.array(arm.robot.hand_pose(arm.motion.q[-1])[1])

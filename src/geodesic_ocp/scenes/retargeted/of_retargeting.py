@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import chain
 
 import numpy as np
@@ -14,7 +16,7 @@ from geodesic_ocp.scenes.motions.shown_samples import shown_samples
 from geodesic_ocp.scenes.playback import Playback, Plot, Span
 from geodesic_ocp.scenes.retargeted.person_pane import observed, person_pane
 from geodesic_ocp.scenes.retargeted.retargeting_plots import retargeting_plots
-from geodesic_ocp.scenes.retargeted.robot_pane import BASELINE, robot_pane
+from geodesic_ocp.scenes.retargeted.robot_pane import BASELINE, robot_pane, robot_title
 from geodesic_ocp.scenes.scene import Scene
 
 _SAME_TIME = 1e-9  # [s]
@@ -54,7 +56,7 @@ def retargetings_playback(retargetings: Sequence[Retargeting]) -> Playback:
     """Several robots that move like one person, or like several, each person shown once.
 
     All begin at the same time. If the robots take different times, the person takes the time of the
-    recording, and each robot its own.
+    recording, and each robot its own. Panes and plots of equal title are numbered.
 
     Args:
         retargetings: results of `retarget`, at least one.
@@ -73,16 +75,24 @@ def retargetings_playback(retargetings: Sequence[Retargeting]) -> Playback:
     scenes: list[Scene] = []
     plots: list[Plot] = []
     spans: dict[str, tuple[Span, ...]] = {}
+    met = Counter[str]()
+
+    def titled(scene: Scene) -> Scene:
+        met[scene.title] += 1
+        number = met[scene.title]
+        return replace(scene, title=f"{scene.title} ({number})") if number > 1 else scene
+
     for robots in groups.values():
         time = _common_time(robots)
         shown, _ = shown_samples(time)
-        scenes.append(person_pane(robots[0].arms, time[shown], shown))
+        scenes.append(titled(person_pane(robots[0].arms, time[shown], shown)))
         spans |= _distinct(_spans_of_person(robots[0], time), spans)
         for each in robots:
             own = each.motion.time - each.motion.time[0]
-            scenes.append(robot_pane(each, shown))
+            scenes.append(titled(robot_pane(each, shown)))
             spans |= _distinct(_spans_of_robots(each, own), spans)
-            plots += retargeting_plots(each, shown, name=True)
+            number = met[robot_title(each.arms)]
+            plots += retargeting_plots(each, shown, name=True, number=number)
     titles = dict.fromkeys(chain(*((arm.title for arm in each.arms) for each in retargetings)))
     return Playback(
         ", ".join(titles),
@@ -104,7 +114,11 @@ def _common_time(robots: Sequence[Retargeting]) -> Array:
 
 
 def _spans_of_person(retargeting: Retargeting, time: Array) -> dict[str, tuple[Span, ...]]:
-    """The person's synergies, in a row for each arm, numbered from 1."""
+    """The person's synergies, in a row for each arm, numbered from 1.
+
+    They are where they are at these times of the samples (k,) [s]; their texts say how long they
+    took the person.
+    """
     analyses = observed(retargeting.arms)
     found = {}
     for analysis in analyses:
@@ -112,7 +126,9 @@ def _spans_of_person(retargeting: Retargeting, time: Array) -> dict[str, tuple[S
         spans = []
         for number, each in enumerate(analysis.synergies, 1):
             start, stop = (float(time[sample]) for sample in (each.start, each.stop))
-            spans.append(Span(str(number), start, stop, f"synergy {number} ({stop - start:.2f} s)"))
+            spans.append(
+                Span(str(number), start, stop, f"synergy {number} ({each.duration:.2f} s)")
+            )
         found[row] = tuple(spans)
     return found
 

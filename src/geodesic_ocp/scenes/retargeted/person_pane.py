@@ -14,12 +14,15 @@ from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.scenes.actor import model_actor
 from geodesic_ocp.scenes.motions.model_scene import hand_frames, hand_trails, rest_of
 from geodesic_ocp.scenes.retargeted.mounting import shoulder
+from geodesic_ocp.scenes.retargeted.robot_pane import LONGER
 from geodesic_ocp.scenes.scene import Scene
 from geodesic_ocp.synergies.analysis import Analysis
 
 
 def person_pane(arms: Sequence[RetargetedArm], time: Array, shown: Indices) -> Scene:
     """The person in motion, as recorded, with the path of the hand.
+
+    If the times last longer than the recording, the note says so.
 
     Args:
         arms: of a retargeting, of one arm of the person or of both.
@@ -28,19 +31,27 @@ def person_pane(arms: Sequence[RetargetedArm], time: Array, shown: Indices) -> S
     """
     analyses = observed(arms)
     model, q = _whole(arms, analyses)
+    names = " and ".join(dict.fromkeys(each.model.name for each in analyses))
     return Scene(
         "person",
         time,
         (model_actor(model, q[shown], role="observed"), *rest_of(model)),
         hand_trails(model, q[shown], "observed"),
         frames=hand_frames(model, q[shown]),
-        note=" and ".join(dict.fromkeys(each.model.name for each in analyses)),
+        note=" and ".join(dict.fromkeys(each.model.name for each in analyses))
+        + _slowed(arms, time),
     )
 
 
 def observed(arms: Sequence[RetargetedArm]) -> tuple[Analysis, ...]:
     """The analyses of the person's motion, each once."""
     return tuple({id(arm.analysis): arm.analysis for arm in arms}.values())
+
+
+def _slowed(arms: Sequence[RetargetedArm], time: Array) -> str:
+    recorded = arms[0].analysis.motion.time
+    longer = float(time[-1] - time[0]) > LONGER * float(recorded[-1] - recorded[0])
+    return "; slowed to the robot's time" if longer else ""
 
 
 def _whole(arms: Sequence[RetargetedArm], analyses: Sequence[Analysis]) -> tuple[Model, Array]:

@@ -22,7 +22,12 @@ _UNITS = {"rad": "joint angle [rad]", "m": "prismatic joint [m]"}
 
 
 def retargeting_plots(
-    retargeting: Retargeting, shown: Indices, *, start: float = 0.0, name: bool = False
+    retargeting: Retargeting,
+    shown: Indices,
+    *,
+    start: float = 0.0,
+    name: bool = False,
+    number: int = 1,
 ) -> tuple[Plot, ...]:
     """Distance of the hand from the person's, its speed, joints, and shares of speed limits.
 
@@ -31,6 +36,7 @@ def retargeting_plots(
         shown: indices of the samples that are drawn.
         start: of the motion in the playback's time [s].
         name: whether titles name the robot, although there is only one.
+        number: of the retargeting among those of robots of this name; titles say it from 2 on.
     """
     time = retargeting.motion.time
     several = name or len(retargeting.arms) > 1
@@ -39,6 +45,7 @@ def retargeting_plots(
     for arm in retargeting.arms:
         alike = names.count(arm.robot.name) > 1
         title = (arm.title if alike else arm.robot.name) if several else ""
+        title += f" ({number})" if number > 1 else ""
         plots += _of_arm(arm, time[shown] - time[0] + start, shown, title)
     return tuple(plots)
 

@@ -22,7 +22,7 @@ from geodesic_ocp.scenes.scene import Scene
 #: Layer of the motion by inverse kinematics, which tracks the whole path of the hand.
 BASELINE = "inverse kinematics (QP)"
 TARGET, SYNERGIES = "person's hand, mapped", "robot's hand"
-_LONGER = 1.005  # times the person's time, as it is shown
+LONGER = 1.005  # times the person's time, from which it is said
 
 
 def robot_pane(retargeting: Retargeting, shown: Indices, *, start: float = 0.0) -> Scene:
@@ -59,7 +59,7 @@ def robot_pane(retargeting: Retargeting, shown: Indices, *, start: float = 0.0) 
             solids += _obstacles(retargeting.settings.obstacles, placed, around)
     time = retargeting.motion.time[shown]
     return Scene(
-        " and ".join(dict.fromkeys(arm.robot.name for arm in arms)),
+        robot_title(arms),
         time - time[0] + start,
         tuple(actors),
         tuple(trails),
@@ -67,6 +67,11 @@ def robot_pane(retargeting: Retargeting, shown: Indices, *, start: float = 0.0) 
         frames=tuple(frames),
         note=_note(retargeting),
     )
+
+
+def robot_title(arms: Sequence[RetargetedArm]) -> str:
+    """Names of the robots, each once."""
+    return " and ".join(dict.fromkeys(arm.robot.name for arm in arms))
 
 
 def _actors(
@@ -108,4 +113,4 @@ def _obstacles(obstacles: Sequence[Obstacle], placed: BasePose, points: Array) -
 
 def _note(retargeting: Retargeting) -> str:
     stretch = retargeting.stretch
-    return f"{stretch:.2f} times the person's time" if stretch > _LONGER else ""
+    return f"{stretch:.2f} times the person's time" if stretch > LONGER else ""
