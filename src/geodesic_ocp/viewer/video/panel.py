@@ -22,6 +22,7 @@ _SHADE = "#f0f3f7"
 _NAMES, _TIME = 0.12, 0.09  # widths of names and of the time beside the bars, relative to them
 _MOST_NAMED = 8  # curves in a legend
 _LEGEND, _LETTERS, _LINES = 100, 18, 2  # its width [px], of 960, and the names in it
+_LEAST_OF_TITLE = 3  # letters
 _STYLE: dict[Any, Any] = {
     **{"axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": "#8a939c"},
     **{"text.parse_math": False, "text.usetex": False},  # names are text, not formulas
@@ -220,13 +221,15 @@ def _plot(axes: Any, plot: Plot, playback: Playback, shaded: Sequence[Span]) -> 
 
 
 def _head(axes: Any, plot: Plot, width: float) -> None:
-    """Write what a plot shows above it, with its title if that fits into this width [px]."""
+    """Write what a plot shows above it, with as much of its title as fits into this width [px]."""
     label, title = plain_text(plot.label), plain_text(plot.title)
     look = {"fontsize": 8.5, "loc": "left", "color": _INK, "pad": 4}
     text = axes.set_title(f"{title}: {label}" if title else label, **look)
-    if text.get_window_extent().width > width:
-        text.set_text(label)
-        _shorten(text, width)
+    for kept in range(len(title) - 1, -1, -1):
+        if text.get_window_extent().width <= width:
+            return
+        text.set_text(f"{title[:kept].rstrip()}…: {label}" if kept > _LEAST_OF_TITLE else label)
+    _shorten(text, width)
 
 
 def _wrapped(name: str) -> str:
