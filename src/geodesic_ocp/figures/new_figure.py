@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from geodesic_ocp.figures.own_style import added_style
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -22,9 +24,7 @@ def save_figure(figure: Figure, folder: Path, name: str = "figure", dpi: float =
 
     Text in the PDF is text, in embedded TrueType fonts, which journals ask for.
     """
-    import matplotlib
-
     figure.savefig(folder / f"{name}.png", dpi=dpi)
     figure.set_layout_engine("none")  # finding the layout takes as long as drawing
-    with matplotlib.rc_context({"pdf.fonttype": 42}):
+    with added_style({"pdf.fonttype": 42}):
         figure.savefig(folder / f"{name}.pdf", dpi=dpi)

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from geodesic_ocp.figures.new_figure import new_figure
+from geodesic_ocp.figures.own_style import own_style
 from geodesic_ocp.figures.styles import NEUTRAL, ROLES, line_styles
 from geodesic_ocp.scenes.playback import Plot, Span
 
@@ -40,9 +41,7 @@ def draw_plot(
         limits: of the time axis.
         label: of the time axis.
     """
-    import matplotlib
-
-    with matplotlib.rc_context(_STYLE), warnings.catch_warnings():
+    with own_style(_STYLE), warnings.catch_warnings():
         # The browser, which draws the text, has other fonts.
         warnings.filterwarnings("ignore", "Glyph .* missing")
         figure = new_figure(_WIDTH, _HEIGHT)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.figures.own_style import added_style
 from geodesic_ocp.figures.styles import COMPARED, OBSERVED
 
 if TYPE_CHECKING:
@@ -46,9 +47,7 @@ STYLES: tuple[dict[str, Any], ...] = (
 @contextmanager
 def paper_style() -> Iterator[None]:
     """Draw and save figures with the fonts and lines of a paper."""
-    import matplotlib
-
-    with matplotlib.rc_context(_PAPER):
+    with added_style(_PAPER):
         yield
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from geodesic_ocp.figures.own_style import own_style
 from geodesic_ocp.figures.styles import NEUTRAL, ROLES, line_styles
 from geodesic_ocp.scenes.playback import PARAMETER, Curve, Playback, Plot, Span
 from geodesic_ocp.viewer.video.layout import Box, Layout, heading
@@ -25,7 +26,7 @@ _LEGEND, _LETTERS, _LINES = 100, 18, 2  # its width [px], of 960, and the names 
 _LEAST_OF_TITLE = 3  # letters
 _STYLE: dict[Any, Any] = {
     **{"axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": "#8a939c"},
-    **{"text.parse_math": False, "text.usetex": False},  # names are text, not formulas
+    **{"text.parse_math": False},  # names are text, not formulas
     **{"font.family": "DejaVu Sans", "xtick.color": _SOFT, "ytick.color": _SOFT},
 }
 
@@ -73,7 +74,7 @@ class Panel:
             dot.set_data([instant], [value])
         if self.clock:
             self.clock[0].set_text(clock_text(self.playback, instant))
-        with warnings.catch_warnings(), _style():
+        with own_style(_STYLE), warnings.catch_warnings():
             warnings.filterwarnings("ignore", "Glyph .* missing")
             marks = [mark for _, mark, _ in self.rows]
             names = [name for _, _, name in self.rows]
@@ -91,7 +92,7 @@ def panel(playback: Playback, place: Layout) -> Panel:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    with _style(), warnings.catch_warnings():
+    with own_style(_STYLE), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing")
         dpi = _DPI * place.unit
         size = ((place.width + 1e-3) / dpi, (place.height + 1e-3) / dpi)
@@ -138,12 +139,6 @@ def clock_text(playback: Playback, instant: float) -> str:
         return f"s = {instant:.2f}"
     unit = playback.time_label.partition("[")[2].partition("]")[0]
     return f"{instant:.2f} {plain_text(unit)}"
-
-
-def _style() -> Any:
-    import matplotlib
-
-    return matplotlib.rc_context(_STYLE)
 
 
 def _titles(figure: Any, playback: Playback, place: Layout) -> None:
