@@ -1,4 +1,4 @@
-"""A figure of an alignment: stick figures of the robot and of a person's arm in some postures."""
+"""A figure of an alignment: the robot and a person's arm in corresponding postures."""
 
 from __future__ import annotations
 
@@ -7,10 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.figures.arms.posture import Postures
+from geodesic_ocp.figures.arms.posture_shapes import TINT, outline_of_all, posture_shapes
+from geodesic_ocp.figures.arms.shapes import draw_shapes, mixed
+from geodesic_ocp.figures.arms.view import View
 from geodesic_ocp.figures.new_figure import new_figure
-from geodesic_ocp.figures.styles import OBSERVED, PREDICTED
+from geodesic_ocp.figures.styles import ROLES
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.stick_figure import stick_figure
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
 from geodesic_ocp.retargeting.poses.nearest_poses import nearest_poses, search_range
 
@@ -24,18 +27,27 @@ _POSTURES = {
     "elbow bent": (0.2, 1.6),
     "reaching forward": (1.2, 0.4),
 }
+# Columns of the person's axes, which are right, forward and up.
 _VIEWS = {"seen from behind": (0, "right"), "seen from the right": (1, "forward")}
 _STARTS, _STEPS = 30, 60
-_ARROW = 0.22  # length of arrows, relative to the arm's
-_FINGERS, _ACROSS = "#b2432f", "#3f7f5f"
+_MARGIN = 0.06  # [m], around everything
+_PANEL, _TALLEST, _AROUND = 2.5, 1.6, 1.9  # width [inch], height over it, what is not panels [inch]
+_STILL = 0.5  # how dark the outlines of what does not move are
+_ARROW, _END_ON = 0.22, 0.25  # length relative to the arm's; share of it that is seen at least
+_PERSON: dict[str, Any] = {"color": ROLES["observed"]["color"], "linewidth": 1.4, "zorder": 3.0}
+_PERSON |= {"linestyle": (0, (3.5, 1.5))}
+_MARK: dict[str, Any] = {"color": "0.15", "markeredgecolor": "white", "zorder": 4.0}
+_FINGERS: dict[str, Any] = {"color": "0.05", "linewidth": 2.0, "markerfacecolor": "0.05"}
+_RIGHT: dict[str, Any] = {"color": "0.05", "linewidth": 1.2, "markerfacecolor": "white"}
 
 
 def alignment_figure(robot: Model, aligned: Alignment, person: Model) -> Figure:
-    """Stick figures of a robot with the hand where that of a person's arm is, in three postures.
+    """A robot with the hand where that of a person's arm is, in three postures, from two sides.
 
-    Everything is in the person's axes and relative to the shoulder [m]; the person's arm has the
-    length of the robot's. Arrows show where the fingers point, and what points to the right when
-    the arm hangs down.
+    Everything is in the person's axes and relative to the shoulder [m]; the person's arm, an
+    outline, has the length of the robot's. Arrows show where the fingers point, and what points to
+    the right when the arm hangs down; a circle is one that points to the observer (with a dot) or
+    away (with a cross).
 
     Args:
         robot: the arm.
@@ -45,44 +57,54 @@ def alignment_figure(robot: Model, aligned: Alignment, person: Model) -> Figure:
     q = np.zeros((len(_POSTURES), person.dof))
     q[:, [0, 3]] = list(_POSTURES.values())
     scale = aligned.length / person.reach
-    rotations, positions = person.hand_pose(q)
-    turned, placed = aligned.to_robot(rotations, positions, scale=scale)
+    turned, placed = aligned.to_robot(*person.hand_pose(q), scale=scale)
     lower, upper = search_range(robot)
     random = np.random.default_rng(0).uniform(lower, upper, (_STARTS, robot.dof))
     random[0] = np.clip(0.0, lower, upper)
-    starts = np.repeat(random[None], len(q), axis=0)
-    found = nearest_poses(robot, turned, placed, starts, _STEPS)
+    found = nearest_poses(robot, turned, placed, np.repeat(random[None], len(q), axis=0), _STEPS)
     base, shoulder = np.asarray(aligned.base), np.asarray(aligned.shoulder)
-    figure = new_figure(9.0, 6.2)
-    panels = figure.subplots(len(_VIEWS), len(q), sharex=True, sharey=True, squeeze=False)
-    for column, posture in enumerate(_POSTURES):
-        links = (stick_figure(robot, found.q[column])[0] - shoulder) @ base
-        reached, _ = robot.hand_pose(found.q[column])
-        arrows = base.T @ reached @ np.asarray(aligned.hand).T
-        hand = (robot.hand_pose(found.q[column])[1] - shoulder) @ base
-        marks = _marks(robot, aligned, found.q[column])
-        for row, (view, (axis, name)) in enumerate(_VIEWS.items()):
+    bodies, human = Postures.of(robot, found.q), Postures.of(person, q)
+    reached, hands = robot.hand_pose(found.q)
+    arrows = _ARROW * aligned.length * (base.T @ reached @ np.asarray(aligned.hand).T)
+    figure = new_figure(9.0, 6.9)
+    figure.set_layout_engine("compressed")
+    panels = figure.subplots(len(_VIEWS), len(q), sharex="row", sharey="row", squeeze=False)
+    corners: list[Array] = []
+    for row, (seen, (axis, name)) in enumerate(_VIEWS.items()):
+        view = View.of_axes((axis, 2))
+        of_robot = view.turned(base)
+        shift = -of_robot.plane(shoulder)
+        drawn = []
+        for column in range(len(q)):
             axes = panels[row][column]
-            human = scale * stick_figure(person, q[column])[0]
-            _draw_links(axes, human, axis, {**PREDICTED, "linewidth": 2.0}, "person, scaled")
-            _draw_links(axes, links, axis, {**OBSERVED, "linewidth": 3.0}, robot.name)
-            for label, (point, marker) in marks.items():
-                axes.plot(*point[[axis, 2]], marker, color="0.2", markersize=7, label=label)
-            for arrow, colour in ((arrows[:, 2], _FINGERS), (arrows[:, 0], _ACROSS)):
-                tip = hand + _ARROW * aligned.length * arrow
-                _draw_arrow(axes, hand[[axis, 2]], tip[[axis, 2]], colour)
+            shapes = posture_shapes(bodies, column, of_robot, ink=_STILL)
+            moving = posture_shapes(bodies, column, of_robot, "predicted", still=False)
+            # What does not move is pale and behind, so that the arm is seen from either side.
+            draw_shapes(axes, [each.moved(shift) for each in shapes], 1.0)
+            draw_shapes(axes, [each.moved(shift) for each in moving], 2.0)
+            outline = scale * outline_of_all(posture_shapes(human, column, view, still=False))
+            axes.plot(*outline.T, **_PERSON, label="person, scaled")
+            for label, (point, marker) in _marks(robot, aligned, found.q[column]).items():
+                drawn.append(view.plane(point)[None])
+                axes.plot(*drawn[-1].T, marker, markersize=7, linestyle="", label=label, **_MARK)
+            hand = (hands[column] - shoulder) @ base
+            for way, style in ((arrows[column, :, 2], _FINGERS), (arrows[column, :, 0], _RIGHT)):
+                drawn.append(_draw_arrow(axes, view, hand, way, style))
+            drawn += [outline, *(each + shift for shape in moving for each in shape.outlines)]
             axes.set_aspect("equal")
             axes.set_xlabel(f"{name} [m]")
-            if column == 0:
-                axes.set_ylabel(f"{view}\nup [m]")
-        error = f"{found.distances[column]:.2g} m, {found.angles[column]:.2g} rad"
-        exact = max(found.distances[column], found.angles[column]) < 1e-3
-        panels[0][column].set_title(posture if exact else f"{posture}\nout of reach by {error}")
-    handles, labels = panels[0][0].get_legend_handles_labels()
-    for colour, label in ((_FINGERS, "fingers"), (_ACROSS, "right, when hanging")):
-        handles += panels[0][0].plot([], [], color=colour, linewidth=2.0)
-        labels.append(label)
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
+        panels[row][0].set_ylabel(f"{seen}\nup [m]")
+        corners.append(np.concatenate(drawn))
+    half = _set_limits(panels, corners)
+    figure.set_figheight(2.0 * _PANEL * min(half[1] / half[0], _TALLEST) + _AROUND)
+    for axes, posture, *errors in zip(
+        panels[0], _POSTURES, found.distances, found.angles, strict=True
+    ):
+        error = f"out of reach by {errors[0]:.2g} m, {errors[1]:.2g} rad"
+        axes.set_title(posture)
+        if max(errors) >= 1e-3:
+            axes.set_title(f"{posture}\n{error}", fontsize="medium")
+    _add_legend(figure, panels[0][0], robot.name)
     return figure
 
 
@@ -96,12 +118,40 @@ def _marks(robot: Model, aligned: Alignment, q: Array) -> dict[str, tuple[Array,
     return marks
 
 
-def _draw_links(axes: Axes, links: Array, axis: int, style: dict[str, Any], label: str) -> None:
-    line = np.concatenate([links, np.full((len(links), 1, 3), np.nan)], axis=1).reshape(-1, 3)
-    axes.plot(line[:, axis], line[:, 2], **style, label=label)
+def _draw_arrow(axes: Axes, view: View, start: Array, way: Array, style: dict[str, Any]) -> Array:
+    """An arrow, or a circle if it is seen end-on; returns its ends in the plane (2, 2)."""
+    ends = view.plane(np.array([start, start + way]))
+    if np.linalg.norm(ends[1] - ends[0]) < _END_ON * np.linalg.norm(way):
+        circle = {"color": style["markerfacecolor"], "markeredgecolor": style["color"]}
+        inside = "." if view.depth(way) > 0.0 else "x"
+        other = "white" if style is _FINGERS else style["color"]
+        axes.plot(*ends[0], "o", markersize=9, zorder=5.0, **circle)
+        axes.plot(*ends[0], inside, markersize=5, zorder=5.1, color=other)
+        return ends
+    arrow = {"arrowstyle": "-|>", "mutation_scale": 14, "shrinkA": 0, "shrinkB": 0, "zorder": 5.0}
+    arrow |= {"edgecolor": style["color"], "facecolor": style["markerfacecolor"]}
+    axes.annotate("", ends[1], ends[0], arrowprops=arrow | {"linewidth": style["linewidth"]})
+    return ends
 
 
-def _draw_arrow(axes: Axes, start: Array, end: Array, colour: str) -> None:
-    style = {"arrowstyle": "-|>", "color": colour, "linewidth": 2.0}
-    axes.annotate("", (end[0], end[1]), (start[0], start[1]), arrowprops=style)
-    axes.update_datalim([end])
+def _set_limits(panels: Any, corners: list[Array]) -> Array:
+    """Panels of one size around the points (k, 2) of each row; half of it (2,) [m]."""
+    lows = np.array([np.nanmin(points, axis=0) for points in corners]) - _MARGIN
+    highs = np.array([np.nanmax(points, axis=0) for points in corners]) + _MARGIN
+    half = (highs - lows).max(axis=0) / 2.0
+    for row, centre in zip(panels, (lows + highs) / 2.0, strict=True):
+        row[0].set_xlim(centre[0] - half[0], centre[0] + half[0])
+        row[0].set_ylim(centre[1] - half[1], centre[1] + half[1])
+    return np.asarray(half)
+
+
+def _add_legend(figure: Figure, axes: Axes, name: str) -> None:
+    from matplotlib.patches import Patch
+
+    handles, labels = axes.get_legend_handles_labels()
+    known = dict(zip(labels, handles, strict=True))
+    colour = ROLES["predicted"]["color"]
+    known[name] = Patch(facecolor=mixed(colour, TINT), edgecolor=colour)
+    for label, style in (("fingers", _FINGERS), ("right, when hanging", _RIGHT)):
+        (known[label],) = axes.plot([], [], marker=">", markersize=8, **style)
+    figure.legend(known.values(), known.keys(), loc="outside lower center", ncols=4, frameon=False)
