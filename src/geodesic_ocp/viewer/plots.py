@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from geodesic_ocp.figures.new_figure import new_figure
 from geodesic_ocp.figures.own_style import own_style
 from geodesic_ocp.figures.styles import NEUTRAL, ROLES, line_styles
+from geodesic_ocp.scenes.plain_text import plain_text
 from geodesic_ocp.scenes.playback import Plot, Span
 
 if TYPE_CHECKING:
@@ -56,13 +57,13 @@ def draw_plot(
             lines += axes.plot(curve.time, curve.values, **look)
         if limits[0] < limits[1]:
             axes.set_xlim(*limits)
-        axes.set_xlabel(label)
-        axes.set_ylabel(_plain(plot.label))
-        axes.set_title(textwrap.fill(_plain(plot.title), _TITLE), fontsize=10, loc="left")
+        axes.set_xlabel(plain_text(label))
+        axes.set_ylabel(plain_text(plot.label))
+        axes.set_title(textwrap.fill(plain_text(plot.title), _TITLE), fontsize=10, loc="left")
         # A space in front, because matplotlib leaves out names that start with an underscore.
-        names = [f" {_plain(curve.name)}" for curve in plot.curves]
+        names = [f" {plain_text(curve.name)}" for curve in plot.curves]
         if marks and plot.marked:
-            lines, names = [*lines, marks[0]], [*names, f" {_plain(plot.marked)}"]
+            lines, names = [*lines, marks[0]], [*names, f" {plain_text(plot.marked)}"]
         columns = max(1, min(4, _CHARACTERS // (max(map(len, names)) + _HANDLE)))
         figure.legend(lines, names, ncols=columns, **_LEGEND)
         figure.draw_without_rendering()
@@ -73,8 +74,3 @@ def draw_plot(
     svg = file.getvalue()
     drawn = _PATH.sub(lambda path: _DIGITS.sub(r"\1", path[0]), svg[svg.index("<svg") :])
     return drawn, (float(place.x0), float(place.x1), float(place.y0), float(place.y1))
-
-
-def _plain(text: str) -> str:
-    """Text without control characters, which XML cannot hold."""
-    return "".join(each if each.isprintable() else " " for each in text)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from geodesic_ocp.figures.own_style import own_style
 from geodesic_ocp.figures.styles import NEUTRAL, ROLES, line_styles
+from geodesic_ocp.scenes.plain_text import plain_text
 from geodesic_ocp.scenes.playback import PARAMETER, Curve, Playback, Plot, Span
 from geodesic_ocp.viewer.video.layout import Box, Layout, heading
 
@@ -126,11 +127,6 @@ def _place_name(name: Any, mark: Any) -> None:
     middle = (mark.get_x() + mark.get_width() / 2.0 - start) / (stop - start)
     half = 0.5 * name.get_window_extent().width / axes.bbox.width + 0.005
     name.set_x(min(max(middle, half), max(1.0 - half, half)))
-
-
-def plain_text(text: str) -> str:
-    """Text on one line, without control characters."""
-    return "".join(each if each.isprintable() else " " for each in text)
 
 
 def clock_text(playback: Playback, instant: float) -> str:
