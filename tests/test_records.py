@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import stat
 from pathlib import Path
 
 import pytest
 
-from geodesic_ocp.records import write_file
+from geodesic_ocp.records import TEMPORARY, write_file
 from geodesic_ocp.studies.tables.write_rows import write_rows
 
 
@@ -33,3 +34,26 @@ def test_a_failure_leaves_the_file_as_it_was(tmp_path: Path) -> None:
         write_file(file, "half of it and \ud800")
     assert file.read_text() == "before"
     assert list(tmp_path.iterdir()) == [file]
+
+
+def test_failures_name_the_file_that_was_to_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    absent = tmp_path / "absent" / "a.txt"
+    with pytest.raises(FileNotFoundError) as missing:
+        write_file(absent, "text")
+    assert str(missing.value) == f"{absent}: there is no folder {absent.parent}"
+    file = tmp_path / "a.txt"
+    file.mkdir()
+    with pytest.raises(OSError, match=r"a\.txt'$") as folder:
+        write_file(file, "text")
+    assert TEMPORARY not in str(folder.value)
+
+    def refuse(self: Path, *_: object, **__: object) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied", str(self))
+
+    monkeypatch.setattr(Path, "write_text", refuse)  # as in a folder that is read only
+    with pytest.raises(PermissionError) as denied:
+        write_file(tmp_path / "b.txt", "text")
+    assert denied.value.filename == str(tmp_path / "b.txt")
+    assert [each.name for each in tmp_path.iterdir()] == ["a.txt"]

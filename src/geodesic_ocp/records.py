@@ -73,14 +73,19 @@ def replacing(target: Path, *, lasting: bool = False) -> Iterator[Path]:
     Raises:
         OSError: the file cannot be written.
     """
+    if not target.parent.is_dir():
+        raise FileNotFoundError(f"{target}: there is no folder {target.parent}")
     temporary = target.with_name(f"{TEMPORARY}{secrets.token_hex(8)}")
     try:
         yield temporary
         if lasting:
             _to_disk(temporary)
         temporary.replace(target)
-    except BaseException:
+    except BaseException as failure:
         temporary.unlink(missing_ok=True)
+        if isinstance(failure, OSError) and str(failure.filename) == str(temporary):
+            failure.filename = str(target)  # the one that the user knows
+            del failure.filename2
         raise
     if lasting:
         _to_disk(target.parent)
