@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,7 +13,13 @@ from known_models import planar_arm
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.scenes.around.ellipsoids import SIZE, mobility_ellipsoids, principal_axes
+from geodesic_ocp.scenes.around.ellipsoids import (
+    SIZE,
+    inverse_tensors,
+    mobility_ellipsoids,
+    scaled_ellipsoids,
+)
+from geodesic_ocp.scenes.markings import EllipsoidTrack
 
 ARM = go.human_arm()
 Q = np.linspace([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1], [0.9, 0.3, -0.2, 1.5, 0.0, 0.1, 0.0], 21)
@@ -36,7 +45,7 @@ def test_hand_velocities_of_unit_energy_lie_in_the_ellipsoid() -> None:
 
 def test_one_scale_holds_for_all_times() -> None:
     (track,) = mobility_ellipsoids(ARM, Q)
-    lengths = np.linalg.norm(track.axes, axis=1)
+    lengths = semi_axes(track)
     assert lengths.max() == pytest.approx(SIZE * ARM.reach)
     hand = ARM.hand_jacobian(Q[0])[:3], ARM.hand_jacobian(Q[-1])[:3]
     metric = go.KineticEnergy(ARM)
@@ -52,7 +61,7 @@ def test_directions_of_no_motion_are_thin() -> None:
     """A planar arm cannot leave its plane; stretched out, it cannot move along itself."""
     arm = planar_arm((1.0, 0.8), (1.0, 1.0), (0.5, 0.4), (0.1, 0.1))
     (track,) = mobility_ellipsoids(arm, np.array([[0.3, 1.2], [0.3, 0.0]]))
-    lengths = np.sort(np.linalg.norm(track.axes, axis=1), axis=1)
+    lengths = semi_axes(track)
     thin = 0.02 * lengths.max()
     assert_allclose(lengths[0, 0], thin)
     assert lengths[0, 1] > 5.0 * thin
@@ -64,21 +73,54 @@ def test_a_motion_with_both_hands_has_two() -> None:
     assert len(mobility_ellipsoids(arms, np.zeros((1, arms.dof)))) == 2
 
 
-@given(st.lists(st.floats(0.0, 3.0), min_size=3, max_size=3), st.integers(0, 100))
+@given(st.lists(st.floats(0.1, 3.0), min_size=3, max_size=3), st.integers(0, 100))
 def test_axes_turn_steadily(lengths: list[float], seed: int) -> None:
     """Of an ellipsoid that turns by small steps, also where its semi-axes are equally long."""
     rng = np.random.default_rng(seed)
     axis = rng.normal(size=3)
     turns = rotations_about(axis / np.linalg.norm(axis), np.linspace(0.0, 3.0, 60))
     images = turns @ np.diag(np.square(lengths)) @ turns.transpose(0, 2, 1)
-    directions, found = principal_axes(images)
-    rebuilt = directions * found[:, None]
-    assert_allclose(rebuilt @ rebuilt.transpose(0, 2, 1), images, rtol=0, atol=1e-9)
-    assert_allclose(np.linalg.det(directions), 1.0)
-    gaps = np.diff(np.sort(lengths))
-    if gaps.min() > 0.05:
-        between = np.einsum("kij,kij->kj", directions[1:], directions[:-1])
-        assert between.min() > 0.9
+    (track,) = scaled_ellipsoids([("ball", np.zeros((60, 3)), images)], max(lengths))
+    assert_allclose(track.axes @ track.axes.transpose(0, 2, 1), images, rtol=0, atol=1e-9)
+    steps = np.abs(np.diff(track.axes, axis=0)).max()
+    assert steps <= 2.0 * (3.0 / 59.0) * np.ptp(lengths) + 1e-9
+
+
+def test_a_nearly_singular_sample_leaves_the_others_their_size() -> None:
+    """It is cut at three times the median, in place of making all others thin."""
+    images = np.tile(np.diag([1.0, 0.25, 0.09]), (9, 1, 1))
+    images[4] *= 1e8
+    (track,) = scaled_ellipsoids([("ball", np.zeros((9, 3)), images)], 0.3)
+    lengths = semi_axes(track)
+    assert_allclose(np.delete(lengths, 4, axis=0), np.tile([0.03, 0.05, 0.1], (8, 1)))
+    assert_allclose(lengths[4], 0.3)
+
+
+def test_between_the_samples_of_a_long_motion_they_are_close_to_the_exact_ones() -> None:
+    turns = np.linspace(0.0, 20.0 * np.pi, 6001)[:, None] + np.arange(7)  # ten turns in 60 s
+    q = Q[0] + 0.3 * np.sin(turns)
+    (track,) = mobility_ellipsoids(ARM, q)
+    shown = np.arange(0, 6001, 7)
+    (exact,) = mobility_ellipsoids(ARM, q[shown])
+    scale = SIZE * ARM.reach
+    assert len(track.axes) == len(track.centres) == len(q)
+    assert np.abs(track.axes[shown] - exact.axes).max() < 0.01 * scale
+
+
+def test_inverses_are_zero_where_there_is_no_metric() -> None:
+    class Indefinite(go.Metric):
+        dim = 2
+
+        def matrix(self, q: Any) -> Any:
+            return ca.diag(ca.vertcat(q[0], 2.0))
+
+    found = inverse_tensors(Indefinite(), np.array([[4.0, 0.0], [-1.0, 0.0], [0.0, 0.0]]))
+    assert_allclose(found, [np.diag([0.25, 0.5]), np.zeros((2, 2)), np.zeros((2, 2))])
+
+
+def semi_axes(track: EllipsoidTrack) -> np.ndarray:
+    """Lengths (k, 3) [m] in increasing order."""
+    return np.linalg.svd(track.axes, compute_uv=False)[:, ::-1]
 
 
 def rotations_about(axis: np.ndarray, angles: np.ndarray) -> np.ndarray:

@@ -80,7 +80,8 @@ class EllipsoidTrack:
     Attributes:
         name: for the legend.
         centres: (k, 3) [m].
-        axes: semi-axes as columns, (k, 3, 3) [m, as drawn].
+        axes: matrices (k, 3, 3) that map the unit ball onto the ellipsoid around its centre [m, as
+            drawn], such as those whose columns are the semi-axes.
         layer: name of the switch that shows it.
     """
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.scenes.around.ellipsoids import inverse_tensor, principal_axes, scaled_ellipsoids
+from geodesic_ocp.scenes.around.ellipsoids import inverse_tensors, longest_drawn, scaled_ellipsoids
 from geodesic_ocp.scenes.markings import Trail
 from geodesic_ocp.scenes.scene import Scene
 
@@ -32,18 +32,18 @@ def coordinate_scene(metric: Metric, s: Array, q: Array) -> Scene:
     points = _in_space(q)
     size = _SIZE * float(np.ptp(points, axis=0).max())
     images = np.zeros((len(q), 3, 3))
-    images[:, : metric.dim, : metric.dim] = [inverse_tensor(metric, row) for row in q]
-    directions, lengths = principal_axes(images)
-    ball = scaled_ellipsoids([("unit ball of the metric", points, directions, lengths)], size)
+    images[:, : metric.dim, : metric.dim] = inverse_tensors(metric, q)
+    squares, directions = np.linalg.eigh(images)
+    lengths, longest = np.sqrt(np.maximum(squares, 0.0)), longest_drawn(squares[:, -1])
+    ball = scaled_ellipsoids([("unit ball of the metric", points, images)], size)
     rings: list[Trail] = []
-    if metric.dim == 2 and size > 0.0 and lengths.max() > 0.0:
+    if metric.dim == 2 and size > 0.0 and longest > 0.0:
         angles = np.linspace(0.0, 2.0 * np.pi, _SIDES + 1)
         circle = np.column_stack([np.cos(angles), np.sin(angles)])
-        axes = directions * (size * lengths / lengths.max())[:, None]
+        axes = directions * (size * np.minimum(lengths / longest, 1.0))[:, None]
         for k in np.linspace(0, len(q) - 1, _RINGS).astype(int):
             if lengths[k].max() > 0.0:
-                flat = axes[k][:, np.argsort(lengths[k])[1:]]
-                outline = points[k] + circle @ flat.T
+                outline = points[k] + circle @ axes[k][:, 1:].T
                 rings.append(Trail(UNIT_BALLS, outline, "neutral", layer=UNIT_BALLS))
     path = Trail("path", points, "observed", points, layer="path")
     names = metric.joint_names or [f"q[{index}]" for index in range(metric.dim)]

@@ -38,8 +38,7 @@ def person_pane(arms: Sequence[RetargetedArm], time: Array, shown: Indices) -> S
         (model_actor(model, q[shown], role="observed"), *rest_of(model)),
         hand_trails(model, q[shown], "observed"),
         frames=hand_frames(model, q[shown]),
-        note=" and ".join(dict.fromkeys(each.model.name for each in analyses))
-        + _slowed(arms, time),
+        note=names + _slowed(arms, time),
     )
 
 
