@@ -56,6 +56,33 @@ def test_several_results_are_side_by_side(arm: go.Model, arm_metric: go.KineticE
     assert len(set(titles)) == 4
 
 
+def test_synergies_are_shown_with_the_model_of_their_metric(
+    arm: go.Model, arm_metric: go.KineticEnergy
+) -> None:
+    """Those of a file, say, all in one pane, or a part of them; or with a model that is given."""
+    q = 0.2 * np.sin(np.arange(9)[:, None] + np.arange(7))
+    velocity = np.full_like(q, 0.1)
+    motion = go.Motion(0.5 + np.arange(9) / 10.0, q, arm.joint_names, velocity)
+    cuts = [(0, 3), (3, 5), (5, 8)]
+    synergies, predicted = go.reconstruct(arm_metric, motion, cuts)
+    straight, _ = go.reconstruct(go.Euclidean(7), motion, cuts)
+    for items in ((synergies,), (list(synergies),), (synergies, arm), ((straight, arm),)):
+        playback = playback_of(*items)
+        (scene,) = playback.scenes
+        assert scene.title == arm.name
+        (trail,) = scene.trails
+        assert trail.role == "predicted"
+        ends = arm.hand_pose(predicted.q[[0, -1]])[1]
+        np.testing.assert_allclose(trail.points[[0, -1]], ends, atol=1e-9)
+        spans = playback.spans["synergies"]
+        assert [span.name for span in spans] == ["1", "2", "3"]
+        np.testing.assert_allclose([span.stop for span in spans], motion.time[[3, 5, 8]])
+    assert playback_of(synergies[1]).range == pytest.approx((0.8, 1.0))
+    assert len(playback_of({"before": synergies, "after": [synergies[0]]}).scenes) == 2
+    with pytest.raises(ValueError, match="give the model"):
+        playback_of(straight)
+
+
 def test_a_dictionary_gives_titles(arm: go.Model) -> None:
     motion = moved(arm.joint_names)
     playback = playback_of({"first": (motion, arm), "second": arm, "more": [arm, arm]})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
     from geodesic_ocp.retargeting.result import Retargeting
     from geodesic_ocp.synergies.reconstruct import Reconstruction
+    from geodesic_ocp.synergies.synergy import Synergy
     from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
     from geodesic_ocp.trajectory.motion import Motion
 
@@ -32,6 +33,8 @@ _FOLLOWED_BY = {
     "Solution": "Model",
     "Alignment": "Model",
     "Reconstruction": "Model",
+    "Synergies": "Model",
+    "Synergy": "Model",
     "MarkerFit": "Markers",
     "Model": "ndarray",
     "Retargeting": "Retargeting",
@@ -49,11 +52,11 @@ def playback_of(*items: Any, title: str = "") -> Playback:
     Args:
         items: each of them a `Motion`, `JointTrajectory` or `Alignment` followed by its `Model`
             or in a tuple with it; a `Path`, `Geodesic` or `Solution`, whose `Model` may follow
-            where its metric has none; a `Recording`, `Analysis`, `Retargeting`,
-            `PlannedTrajectory`, `Replay` or `ToPose`; a `MarkerFit`, which the `Markers` may
-            follow; `Markers`; a `Model`, which a configuration may follow; a `Playback`; a list of
-            these, or a dictionary whose keys are their titles. The model of a motion of a person's
-            arms may be left out.
+            where its metric has none; a tuple or list of `Synergy`, likewise; a `Recording`,
+            `Analysis`, `Retargeting`, `PlannedTrajectory`, `Replay` or `ToPose`; a `MarkerFit`,
+            which the `Markers` may follow; `Markers`; a `Model`, which a configuration may follow;
+            a `Playback`; a list of these, or a dictionary whose keys are their titles. The model of
+            a motion of a person's arms may be left out.
         title: of the whole.
 
     Raises:
@@ -83,7 +86,7 @@ def _groups(items: Iterable[Any]) -> list[_Group]:
                 numbered = [f"{name} ({k})" for k in range(1, len(inner) + 1)]
                 titles = [str(name)] if len(inner) == 1 else numbered
                 groups += list(zip(titles, inner, strict=True))
-        elif isinstance(item, list):
+        elif isinstance(item, list) and not kind:
             groups += _groups(item)
         elif isinstance(item, tuple) and not kind and item:
             groups.append(("", item))
@@ -95,6 +98,8 @@ def _groups(items: Iterable[Any]) -> list[_Group]:
 
 def _kind(item: Any) -> str:
     """The name of the class by which something is shown; empty if it cannot be."""
+    if isinstance(item, (tuple, list)) and item and {_kind(each) for each in item} == {"Synergy"}:
+        return "Synergies"
     for each in type(item).__mro__:
         own = each.__module__.partition(".")[0] == "geodesic_ocp"
         if (own and each.__name__ in _BUILDERS) or each is np.ndarray:
@@ -180,6 +185,12 @@ def _retargetings(*each: Retargeting) -> Playback:
     return retargetings_playback(each)
 
 
+def _synergies(synergies: Sequence[Synergy], model: Model | None = None) -> Playback:
+    from geodesic_ocp.scenes.recorded.of_saved_synergies import synergies_playback
+
+    return synergies_playback(synergies, model)
+
+
 def _to_pose(found: ToPose) -> Playback:
     if found.path is None:
         raise ValueError(f"there is no path to be shown: {found.status}")
@@ -202,6 +213,8 @@ _BUILDERS: dict[str, Callable[..., Playback]] = {
     "Motion": _motion,
     "Recording": _recording,
     "Reconstruction": _reconstruction,
+    "Synergies": _synergies,
+    "Synergy": lambda synergy, *model: _synergies([synergy], *model),
     "Model": _model,
     "JointTrajectory": _trajectory,
     "PlannedTrajectory": _from("motions.of_trajectory", "planned_playback"),

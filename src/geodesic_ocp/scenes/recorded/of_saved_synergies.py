@@ -1,8 +1,11 @@
-"""saved_synergies_playback: the motion that synergies from a file predict."""
+"""The motion that synergies predict, those of a file among them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.scenes.actor import Role, model_actor
@@ -10,11 +13,40 @@ from geodesic_ocp.scenes.motions.joint_plots import hand_speed_plots
 from geodesic_ocp.scenes.motions.model_scene import hand_trails
 from geodesic_ocp.scenes.motions.of_motion import motion_playback, of_joints
 from geodesic_ocp.scenes.motions.shown_samples import shown_samples
+from geodesic_ocp.scenes.paths.of_path import model_of
 from geodesic_ocp.scenes.playback import Playback, Span
 from geodesic_ocp.synergies.saved_synergies import SavedSynergies
+from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.trajectory.motion import Motion
 
 _PREDICTED: Role = "predicted"
+_RATE = 100.0  # [Hz]
+
+
+def synergies_playback(synergies: Sequence[Synergy], model: Model | None = None) -> Playback:
+    """The motion that synergies predict, one after the other.
+
+    Args:
+        synergies: in the order of their times, at least one; between them the arm rests.
+        model: with their joints; None: that of their metric.
+
+    Raises:
+        ValueError: none is given, and the metric has none; or it has other joints.
+    """
+    whole = model_of(synergies[0].path, model)
+    if whole is None:
+        raise ValueError("synergies are shown with their model: give it after them")
+    starts = [synergy.start_time for synergy in synergies]
+    spans = tuple((each.start_time, each.start_time + each.duration) for each in synergies)
+    count = max(2, 1 + round((spans[-1][1] - starts[0]) * _RATE))
+    time = np.linspace(starts[0], spans[-1][1], count)
+    owner = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, len(starts) - 1)
+    q = np.empty((count, whole.dof))
+    for number, (synergy, span) in enumerate(zip(synergies, spans, strict=True)):
+        own = owner == number
+        q[own] = synergy(time[own].clip(*span))
+    saved = SavedSynergies(Motion(time, q, whole.joint_names), spans, whole.name)
+    return saved_synergies_playback(saved, whole)
 
 
 def saved_synergies_playback(
