@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import pairwise
 
+import casadi as ca
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -195,12 +196,40 @@ def test_two_motions_of_one_robot_have_different_titles(found: go.Retargeting) -
 def test_obstacles_are_where_they_are_on_the_robot(found: go.Retargeting) -> None:
     (arm,) = found.arms
     centre = np.array(arm.robot.hand_pose(arm.motion.q[-1])[1])
-    ball = go.Ball(tuple(centre), 0.1)
+    ball = go.Ball(tuple(centre), 0.1, name="lamp")
     settings = replace(found.settings, obstacles=[ball])
     robot = retargeting_playback(replace(found, settings=settings)).scenes[1]
     (solid,) = robot.solids
     around = (solid.vertices.min(axis=0) + solid.vertices.max(axis=0)) / 2.0
     assert_allclose(around, trail(robot, "robot's hand").points[-1], atol=1e-3)
+    assert "clearances" in robot.layers
+    for gap in robot.gaps:
+        assert gap.name.endswith("lamp")
+        assert_allclose(np.linalg.norm(gap.ends - gap.starts, axis=1), np.abs(gap.distances))
+        offsets = np.stack([gap.starts, gap.ends]) - around
+        on_ball = np.abs(np.linalg.norm(offsets, axis=2) - 0.1).min(axis=0)
+        assert_allclose(on_ball, 0.0, atol=1e-3)
+    assert min(gap.distances.min() for gap in robot.gaps) < 0.0
+
+
+def test_mobility_ellipsoids_are_at_the_hand(found: go.Retargeting, playback: Playback) -> None:
+    """With the axes of the metric in which the paths were planned."""
+    (arm,) = found.arms
+    robot = playback.scenes[1]
+    (track,) = robot.ellipsoids
+    assert track.layer in playback.hidden
+    assert_allclose(track.centres, trail(robot, "robot's hand").points, atol=1e-12)
+    turn = np.asarray(arm.mapping.target.base).T
+    images = [(turn.T @ axes) @ (turn.T @ axes).T for axes in track.axes[[0, -1]]]
+    for image, q in zip(images, arm.motion.q[[0, -1]], strict=True):
+        x = ca.SX.sym("q", arm.robot.dof)
+        both = ca.Function(
+            "both", [x], [arm.robot.hand_jacobian(x), arm.synergies[0].path.metric.matrix(x)]
+        )
+        jacobian, tensor = (np.asarray(each) for each in both(q))
+        wanted = jacobian[:3] @ np.linalg.solve(tensor, jacobian[:3].T)
+        ratio = np.linalg.eigvalsh(image)[-1] / np.linalg.eigvalsh(wanted)[-1]
+        assert_allclose(image, ratio * wanted, atol=0.02 * np.abs(image).max())
 
 
 def test_both_arms_are_those_of_one_person() -> None:

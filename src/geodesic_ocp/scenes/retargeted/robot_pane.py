@@ -14,8 +14,10 @@ from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.scenes.actor import Actor, model_actor
+from geodesic_ocp.scenes.around.clearances import clearances
+from geodesic_ocp.scenes.around.ellipsoids import mobility_ellipsoids
 from geodesic_ocp.scenes.around.obstacles import obstacle_solids
-from geodesic_ocp.scenes.markings import FrameTrack, Solid, Trail
+from geodesic_ocp.scenes.markings import EllipsoidTrack, FrameTrack, Gap, Solid, Trail
 from geodesic_ocp.scenes.retargeted.mounting import BasePose, mountings, share_a_body
 from geodesic_ocp.scenes.scene import Scene
 
@@ -28,6 +30,9 @@ LONGER = 1.005  # times the person's time, from which it is said
 def robot_pane(retargeting: Retargeting, shown: Indices, *, start: float = 0.0) -> Scene:
     """The robots in motion, with the paths of their hands and of the person's.
 
+    Mobility ellipsoids are those of the metric in which the paths were planned, clearances those
+    from obstacles.
+
     Args:
         retargeting: result of `retarget`.
         shown: indices of the samples that are drawn.
@@ -38,6 +43,8 @@ def robot_pane(retargeting: Retargeting, shown: Indices, *, start: float = 0.0) 
     trails: list[Trail] = []
     frames: list[FrameTrack] = []
     solids: list[Solid] = []
+    ellipsoids: list[EllipsoidTrack] = []
+    gaps: list[Gap] = []
     for number, (arm, placed) in enumerate(zip(arms, mountings(arms), strict=True)):
         which = f", {arm.robot.name}" if len(arms) > 1 else ""
         hidden = _hidden(arms, number)
@@ -54,6 +61,11 @@ def robot_pane(retargeting: Retargeting, shown: Indices, *, start: float = 0.0) 
             trails.append(Trail(f"{name}{which}", line, role, line, layer))  # type: ignore[arg-type]
         for name, axes, line in ((SYNERGIES, rotations, positions), (TARGET, turned, points)):
             frames.append(FrameTrack(f"{name}{which}", placed.rotations(axes), placed.points(line)))
+        for each in mobility_ellipsoids(arm.robot, q, arm.transfers[0].path.metric):
+            centres, axes = placed.points(each.centres), placed.rotations(each.axes)
+            named = f"{each.name}{which}"
+            ellipsoids.append(replace(each, name=named, centres=centres, axes=axes))
+        gaps += _gaps(arm, q, retargeting, placed, which)
         if number == 0 or not share_a_body(arms):
             around = np.vstack([points, positions, np.zeros(3)])
             solids += _obstacles(retargeting.settings.obstacles, placed, around)
@@ -65,6 +77,8 @@ def robot_pane(retargeting: Retargeting, shown: Indices, *, start: float = 0.0) 
         tuple(trails),
         tuple(solids),
         frames=tuple(frames),
+        ellipsoids=tuple(ellipsoids),
+        gaps=tuple(gaps),
         note=_note(retargeting),
     )
 
@@ -109,6 +123,16 @@ def _obstacles(obstacles: Sequence[Obstacle], placed: BasePose, points: Array) -
     """Obstacles in the base frame, in the scene; half-spaces as wide as the points (k, 3) [m]."""
     for solid in obstacle_solids(obstacles, points.min(axis=0), points.max(axis=0)):
         yield replace(solid, vertices=placed.points(solid.vertices))
+
+
+def _gaps(
+    arm: RetargetedArm, q: Array, retargeting: Retargeting, placed: BasePose, which: str
+) -> Iterator[Gap]:
+    """Distances of the links from obstacles, in the scene."""
+    obstacles, links, _, _ = retargeting.settings.collisions
+    for gap in clearances(arm.robot, q, obstacles, links=links) if obstacles else ():
+        starts, ends = placed.points(gap.starts), placed.points(gap.ends)
+        yield replace(gap, name=f"{gap.name}{which}", starts=starts, ends=ends)
 
 
 def _note(retargeting: Retargeting) -> str:
