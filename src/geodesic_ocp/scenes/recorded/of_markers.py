@@ -59,7 +59,8 @@ def marker_fit_playback(
         *(f"doubtful: {doubt}" for doubt in fit.doubts),
         note,
     )
-    scene = model_scene(model, time, q, title=title, note="; ".join(filter(None, notes)))
+    noted = "; ".join(filter(None, notes))
+    scene = model_scene(model, time, q, title=title, role="predicted", note=noted)
     on_person = fitted_positions(fit)[shown]
     clouds = [PointCloud("markers on the person", on_person, fit.names, role="predicted")]
     azimuth = viewed_from(model)

@@ -93,7 +93,8 @@ class Drawing {
       const name = actor.name === link.name ? link.name : `${actor.name}: ${link.name}`;
       for (const part of link.parts) {
         const paint = actor.role ? this.roles[actor.role].body : part.colour;
-        materials[paint] ??= actor.translucent ? hull(painted(paint), around) : painted(paint);
+        const overlay = () => hull(new THREE.MeshPhongMaterial({ color: colour(paint), shininess: 10 }), around);
+        materials[paint] ??= actor.translucent ? overlay() : painted(paint);
         const body = this.mesh(this.surfaces[part.body], materials[paint], name, !actor.translucent);
         if (actor.translucent) {
           // Its own depth comes first, so that only its outside is seen.

@@ -222,23 +222,21 @@ function legend(data, layer) {
     for (const { role, name } of own("actors")) if (role) add(data.roles[role].colour, name);
     for (const { role, name } of own("clouds")) add(role ? data.roles[role].colour : MARKER, name);
     for (const [kind, paint] of [["solids", OBSTACLE], ["ellipsoids", BALL]]) {
-      if (own(kind).length) add(paint, layer);
+      for (const { name } of own(kind)) add(paint, name);
     }
   }
   return [...found].map(([paint, { names, dash }]) => {
     const swatch = made("i", { class: dash ? "playback-line" : "playback-patch" });
     const [on, off] = (dash ?? [1, 0]).map((each) => 3 * each);
     swatch.style.background = `repeating-linear-gradient(90deg, ${paint} 0 ${on}px, transparent 0 ${on + off}px)`;
-    return made("span", { class: "playback-entry", title: [...names].join(", ") }, swatch, common([...names], layer));
+    return made("span", { class: "playback-entry", title: [...names].join(", ") }, swatch, common([...names]));
   });
 }
 
-// One name for several: the part that they share, or all; none if the layer's says it already.
-function common(names, layer) {
-  if (names.some((name) => layer && name.includes(layer))) return "";
+// One name for several: the one that all have in theirs, or the starts of all.
+function common(names) {
   const shared = names.find((name) => names.every((other) => other.includes(name)));
-  const short = names.length > 2 ? new Set(names.map((name) => name.split(", ")[0])) : names;
-  return shared ?? [...short].join(", ");
+  return shared ?? [...new Set(names.map((name) => name.split(", ")[0]))].join(", ");
 }
 
 let canDraw;

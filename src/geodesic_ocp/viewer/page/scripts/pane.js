@@ -10,7 +10,7 @@ class Pane {
     const { THREE, Viewer } = MeshCat;
     this.element = element;
     const renderer = new THREE.WebGLRenderer({
-      antialias: true,
+      antialias: window.devicePixelRatio < 2, // finer pixels need none
       alpha: true,
       preserveDrawingBuffer: true, // for printing
     });

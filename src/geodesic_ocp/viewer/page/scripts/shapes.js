@@ -57,13 +57,11 @@ function colour(value) {
 }
 
 function painted(value, opacity = 1) {
-  return new MeshCat.THREE.MeshPhongMaterial({
-    ...{ color: colour(value), specular: 0x0e0e0e, shininess: 20 },
-    ...{ opacity, transparent: opacity < 1 },
-  });
+  const how = { color: colour(value), opacity, transparent: opacity < 1 };
+  return new MeshCat.THREE.MeshLambertMaterial(how);
 }
 
-// Makes a material one of a hull that encloses its surface at some distance.
+// Makes a material one of a hull that encloses a surface at some distance [m].
 function hull(material, distance) {
   material.transparent = true;
   material.onBeforeCompile = (shader) => {
