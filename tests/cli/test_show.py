@@ -363,6 +363,7 @@ def test_layers_and_the_time_of_a_picture(
     ):
         file = tmp_path / f"{number}.png"
         assert cli.main([*base, str(file), *more]) == 0
+        assert f"wrote {file} (" in capsys.readouterr().out
         seen.add(file.read_bytes())
     assert len(seen) == 3
     for more, message in (

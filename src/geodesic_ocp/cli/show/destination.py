@@ -18,6 +18,7 @@ from geodesic_ocp.viewer.viewer import PAGES, PICTURES, Viewer
 
 _SUFFIXES = (PAGES[0], *PICTURES)
 _PICTURE = ".png"
+_LITTLE = 0.1  # [MB]
 _OF_MOTION, _OF_PICTURE = ("rate", "speed"), ("at",)
 _GIVEN = ("width", *_OF_MOTION, *_OF_PICTURE)
 
@@ -73,7 +74,9 @@ def present(playback: Playback, options: argparse.Namespace) -> None:
     out.parent.mkdir(parents=True, exist_ok=True)
     with closing(ProgressBar()) as bar:
         written = shown.save(out, **given, progress=bar)
-    print(f"wrote {written} ({written.stat().st_size / 1e6:.1f} MB)")
+    megabytes = written.stat().st_size / 1e6
+    size = f"{megabytes:.1f} MB" if megabytes >= _LITTLE else f"{1e3 * megabytes:.0f} kB"
+    print(f"wrote {written} ({size})")
 
 
 def _has_screen() -> bool:

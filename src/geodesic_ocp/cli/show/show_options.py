@@ -77,7 +77,10 @@ def add_show_options(command: argparse.ArgumentParser) -> None:
     group = command.add_argument_group("videos, animations and pictures")
     group.add_argument("--width", type=int, metavar="PIXELS", help="of the picture")
     group.add_argument(
-        "--at", type=float, metavar="S", help="time of a picture (.png); default: the middle"
+        "--at",
+        type=float,
+        metavar="S",
+        help="time [s], or path parameter, of a picture (.png); default: the middle",
     )
     group.add_argument("--rate", type=float, metavar="HZ", help="pictures per second")
     group.add_argument("--speed", type=float, metavar="FACTOR", help="1 is as fast as it was")
