@@ -234,6 +234,52 @@ def test_panes_share_a_camera(page_of: Callable[[str], Any]) -> None:
     assert ask(page, views) == [pytest.approx(one), pytest.approx(other)]
 
 
+def test_the_wheel_scrolls_the_page_until_a_view_is_clicked(page_of: Callable[[str], Any]) -> None:
+    page = page_of("path")
+    page.set_viewport_size({"width": WIDTH, "height": 300})
+    ask(page, "scrollTo(0, 0)")
+    distance = "viewer.panes[0].camera.position.distanceTo(viewer.panes[0].controls.target)"
+    box = page.locator(".playback-view").bounding_box()
+    page.locator("h1").click()
+    before = ask(page, distance)
+    page.mouse.move(box["x"] + 60, box["y"] + 60)
+    page.mouse.wheel(0, 120)
+    page.evaluate("""async () => {
+      while (!scrollY) await new Promise(requestAnimationFrame);
+    }""")
+    assert ask(page, distance) == pytest.approx(before)
+    ask(page, "scrollTo(0, 0)")
+    page.mouse.click(box["x"] + 60, box["y"] + 60)
+    page.mouse.wheel(0, 120)
+    assert ask(page, distance) > 1.01 * before
+    assert ask(page, "scrollY") == 0.0
+
+
+def test_keys_turn_a_view_that_was_reached_by_keys(page_of: Callable[[str], Any]) -> None:
+    page = page_of("path")
+    view = "viewer.panes[0].camera.position.toArray()"
+    page.locator("h1").click()
+    page.keyboard.press("Tab")
+    assert ask(page, "document.activeElement.className") == "playback-view"
+    before = ask(page, view)
+    page.keyboard.press("ArrowRight")
+    assert ask(page, "viewer.time") == 0.0
+    assert np.linalg.norm(np.subtract(ask(page, view), before)) > 0.1
+    page.keyboard.press("ArrowLeft")
+    assert ask(page, view) == pytest.approx(before)
+    page.keyboard.press("Shift+ArrowRight")
+    assert ask(page, "viewer.time") > 0.0
+    page.locator("h1").click()
+
+
+def test_a_layer_names_each_colour_once(page_of: Callable[[str], Any]) -> None:
+    groups = page_of("retargeting").locator(".playback-layers > div").all()
+    colours = "each => [...each.querySelectorAll('i')].map(i => i.style.background)"
+    found = [group.evaluate(colours) for group in groups]
+    assert sum(map(len, found)) > 3
+    assert all(len(set(each)) == len(each) for each in found)
+
+
 def test_fits_a_phone(page_of: Callable[[str], Any]) -> None:
     page = page_of("several")
     page.set_viewport_size({"width": 1280, "height": 800})
@@ -268,6 +314,7 @@ def test_without_javascript_the_page_says_so(browser: Any, file: File) -> None:
         sentence = page.locator("noscript p")
         assert sentence.is_visible()
         assert "needs JavaScript" in sentence.inner_text()
+        assert not page.locator(".playback-panes").is_visible()
 
 
 def test_a_notebook_shows_the_same_in_a_frame(

@@ -79,6 +79,12 @@ def test_every_second_span_is_shaded() -> None:
     assert count[1] == count[0] + 1
 
 
+def test_lines_that_are_marked_have_a_name() -> None:
+    plot = Plot("x [m]", (Curve("c", TIME, TIME),), marks=(0.5, 1.5), marked="limits")
+    svg, _ = draw_plot(plot, (0.0, 2.0), SECONDS, ())
+    assert texts(ElementTree.fromstring(svg)).count("limits") == 1
+
+
 def test_a_plot_is_small_and_always_the_same() -> None:
     plot = Plot("x [m]", (Curve("c", TIME, np.sin(9.0 * TIME), "observed"),), marks=(0.5,))
     first, again = (draw_plot(plot, (0.0, 2.0), SECONDS, SPANS) for _ in range(2))

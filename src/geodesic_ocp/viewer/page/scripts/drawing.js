@@ -19,6 +19,7 @@ class Drawing {
     this.surfaces = surfaces;
     this.roles = data.roles;
     this.width = 0.0055 * size;
+    this.overlays = 0;
     for (const kind of ["actor", "trail", "solid", "frame", "ellipsoid", "gap", "cloud"]) {
       for (const item of scene[`${kind}s`]) this[kind](item);
     }
@@ -85,7 +86,9 @@ class Drawing {
 
   actor(actor) {
     const { THREE } = MeshCat;
-    const around = this.width / 2; // so that an overlay is not in spots on what it covers
+    // So that an overlay is not in spots on what it covers, such as another overlay.
+    if (actor.translucent) this.overlays += 1;
+    const around = (0.35 + 0.2 * this.overlays) * this.width;
     const hidden = hull(new THREE.MeshBasicMaterial({ colorWrite: false }), around);
     const materials = {};
     for (const link of actor.links) {
@@ -173,13 +176,11 @@ class Drawing {
     const made = this.mesh(new THREE.SphereGeometry(1, 48, 32), material, ellipsoid.name);
     made.renderOrder = 6;
     made.matrixAutoUpdate = false;
-    const place = this.rows(ellipsoid.positions);
-    const axes = unpacked(ellipsoid.axes);
+    const [place, axes] = [this.rows(ellipsoid.positions), this.rows(ellipsoid.axes)];
     const columns = [0, 1, 2].map(() => new THREE.Vector3());
     this.moving.push((index, fraction) => {
-      // Its axes may change places between samples: the nearest sample's are shown.
-      const nearest = 9 * Math.min(axes.length / 9 - 1, index + Math.round(fraction));
-      columns.forEach((column, axis) => column.fromArray(axes, nearest + 3 * axis));
+      const row = axes(index, fraction);
+      columns.forEach((column, axis) => column.fromArray(row, 3 * axis));
       made.matrix.makeBasis(...columns).setPosition(...place(index, fraction));
       made.matrixWorldNeedsUpdate = true;
     });

@@ -64,6 +64,7 @@ function painted(value, opacity = 1) {
 // Makes a material one of a hull that encloses a surface at some distance [m].
 function hull(material, distance) {
   material.transparent = true;
+  material.customProgramCacheKey = () => `hull ${distance}`;
   material.onBeforeCompile = (shader) => {
     const moved = `vec3 transformed = position + ${distance.toFixed(6)} * normal;`;
     shader.vertexShader = shader.vertexShader.replace("#include <begin_vertex>", moved);
