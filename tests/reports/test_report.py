@@ -110,7 +110,7 @@ def test_the_page_opens_in_a_browser(tmp_path: Path) -> None:
     with playwright_or_skip() as driver, chromium(driver) as browser:
         for file in files:
             with opened(browser, file) as page:
-                page.wait_for_function("window.geodesicOcp && geodesicOcp.viewers.length")
+                page.locator("canvas").first.wait_for()
                 assert page.locator("canvas").count() == 2
                 shown: Any = page.locator("body").inner_text()
                 assert (EVIL in shown) == (file is files[0])

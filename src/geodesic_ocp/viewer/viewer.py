@@ -104,7 +104,8 @@ class Viewer:
     def open(self) -> Path:
         """Write the page to a temporary file, open it in a browser, and return its path.
 
-        If no browser opens, the path is printed.
+        If no browser opens, the path is printed. The file stays among the system's temporary
+        files, because the browser may read it later.
 
         Raises:
             ImportError: Meshcat, whose copy of three.js draws the scenes, is not installed.
@@ -116,11 +117,16 @@ class Viewer:
         return path
 
     def _repr_html_(self) -> str:
-        page, title = html.escape(self.html()), html.escape(plain_text(self.playback.title))
+        page, title = _ascii(self.html()), _ascii(plain_text(self.playback.title))
         style = f"border: 0; height: {self.height}px; width: 100%"
-        return (
-            f'<iframe srcdoc="{page}" title="{title}" style="{style}" allow="fullscreen"></iframe>'
-        )
+        # In a sandbox, its scripts cannot reach the notebook.
+        allowed = 'sandbox="allow-scripts" allow="fullscreen"'
+        return f'<iframe srcdoc="{page}" title="{title}" style="{style}" {allowed}></iframe>'
+
+
+def _ascii(text: str) -> str:
+    """Text for an attribute, the same whatever encoding the document around it has."""
+    return html.escape(text).encode("ascii", "xmlcharrefreplace").decode("ascii")
 
 
 def open_page(path: Path) -> None:
