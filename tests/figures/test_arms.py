@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import matplotlib.colors
+import matplotlib.style
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -202,6 +206,30 @@ def test_a_strip_is_to_scale_and_marks_targets(lifted: Postures) -> None:
     assert {"a", "b", "c"} <= {text.get_text() for text in axes.texts}
     hatched = [each for each in axes.collections if each.get_hatch()]
     assert len(hatched) == 3  # the table below each
+
+
+@pytest.mark.parametrize("style", ["default", "dark_background"])
+def test_what_is_written_in_a_strip_is_read_on_white_and_on_black(
+    style: str, lifted: Postures
+) -> None:
+    """By https://www.w3.org/TR/WCAG22/#dfn-contrast-ratio."""
+    with matplotlib.style.context(style):
+        figure = Figure()
+        axes = figure.add_subplot()
+        arms, views = [StripArm(lifted)], [View.of_axes((1, 2)), View.around_z(30.0, 20.0)]
+        draw_arm_strip(axes, views, ["a", "b", "c"], arms, title="robot $x^$ of _a & b")
+        figure.draw_without_rendering()  # the title is text, not a formula
+    written = [*(text.get_color() for text in axes.texts), axes.get_lines()[-1].get_color()]
+    behind = luminance(figure.get_facecolor())
+    for colour in written:
+        low, high = sorted([luminance(colour), behind])
+        assert (high + 0.05) / (low + 0.05) > 4.0
+
+
+def luminance(colour: Any) -> float:
+    rgb = np.array(matplotlib.colors.to_rgb(colour))
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
 
 
 def test_an_overlay_grows_darker_and_has_units() -> None:

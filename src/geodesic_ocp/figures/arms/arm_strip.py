@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _GAP = 0.18  # between figures and between views, of the largest extent
-_NOTE: dict[str, Any] = {"color": "0.3", "fontsize": "small"}
+_NOTE: dict[str, Any] = {"color": "0.45", "fontsize": "small"}
 _PATH: dict[str, Any] = {"linewidth": 0.9, "zorder": 4.0}
 _OUTLINE: dict[str, Any] = {"linewidth": 1.0, "linestyle": (0, (3.0, 1.2)), "zorder": 3.0}
 _TARGET: dict[str, Any] = {"markersize": 6.0, "markeredgewidth": 1.2, "zorder": 4.1}
@@ -135,7 +135,7 @@ def draw_arm_strip(
     axes.set_aspect("equal", anchor="W")
     axes.set_axis_off()
     if title:
-        axes.set_title(title, loc="left", fontsize="medium")
+        axes.set_title(title, loc="left", fontsize="medium", parse_math=False)
     return [_handle(arm) for arm in arms]
 
 

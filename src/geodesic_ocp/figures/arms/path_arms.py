@@ -57,7 +57,7 @@ def draw_path_arms(
     if view is not None:
         texts = [text.removeprefix("s = ") for text in texts]
         draw_overlay(axes, view, postures, texts, obstacles=obstacles, path=ways[0])
-        axes.set_title(f"{model.name} at values of s, {view.name}", **_TITLE)
+        axes.set_title(f"{model.name} at values of s, {view.name}", **_TITLE, parse_math=False)
         return
     lines = None if near is None else near.directions
     view = best_view(postures, np.concatenate(ways), obstacles, lines, closest)
@@ -66,7 +66,7 @@ def draw_path_arms(
         draw_close_up(close, view, model, nearest, near.points, obstacles, links=links, paths=ways)
         gap = _millimetres(near)
         close.set_title(f"nearest at s = {s[closest]:.2g}, {gap}", **_TITLE)
-        close.set_xlabel("dashed: collision bodies", color="0.3", fontsize="small")
+        close.set_xlabel("dashed: collision bodies", color="0.45", fontsize="small")
     elif close is not None:
         close.remove()
     title = f"{model.name} along the path, {view.name}"
