@@ -54,7 +54,8 @@ def draw_plot(
         lines: list[Artist] = []
         for curve in plot.curves:
             look = next(series) if curve.role is None else ROLES[curve.role]
-            lines += axes.plot(curve.time, curve.values, **look)
+            front = 2.1 if curve.role == "predicted" else 2.0
+            lines += axes.plot(curve.time, curve.values, **look, zorder=front)
         if limits[0] < limits[1]:
             axes.set_xlim(*limits)
         axes.set_xlabel(plain_text(label))
