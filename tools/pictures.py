@@ -53,7 +53,7 @@ def make_reach(path: Path) -> None:
     arm = go.human_arm(side="right", height=1.75, mass=70.0)
     start = [0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1]  # [rad]
     lamp = go.Ball(centre=(0.20, 0.35, -0.15), radius=0.06, name="lamp")  # [m], from the shoulder
-    reach = go.Reach(arm, start, position=(0.10, 0.45, 0.10), obstacles=[lamp])
+    reach = go.Reach(arm, start, position=(0.10, 0.45, 0.10), obstacles=(lamp,))
     playback = playback_of(go.solve(reach, tolerance=1e-6))
     plots = tuple(plot for plot in playback.plots if not plot.label.startswith("speed"))
     save_video(replace(playback, title="", plots=plots), path, width=720, rate=12.5, speed=1.6)
@@ -66,7 +66,7 @@ def make_figure(path: Path) -> None:
 
 def retargeted(near_misses: float = 0.0) -> go.Retargeting:
     """The bundled recording on the Panda."""
-    recording = files("geodesic_ocp") / "data" / "climb.csv"
+    recording = str(files("geodesic_ocp") / "data" / "climb.csv")
     arm = go.human_arm("left", height=HEIGHT)
     motion = go.read_motion(recording, joints=arm.joint_names).filtered()
     analysis = go.analyse(arm, motion)

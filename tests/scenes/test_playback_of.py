@@ -234,3 +234,40 @@ def test_nothing_is_imported_before_it_is_needed() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_a_result_takes_no_model_of_another_body(arm: go.Model) -> None:
+    start, goal = np.zeros(7), np.full(7, 0.2)
+    path = go.geodesic(go.KineticEnergy(arm), np.clip(start, arm.lower, arm.upper), goal)
+    other = go.human_arm("left")
+    assert len(playback_of(path, other).scenes) == 2  # each of them is shown
+    with pytest.raises(ValueError, match="joints of the path's metric"):
+        playback_of((path, other))
+    assert len(playback_of(path, go.human_arm("right", height=1.9)).scenes) == 1
+
+
+def test_degrees_are_asked_about(arm: go.Model) -> None:
+    time, q = np.linspace(0.0, 1.0, 30), np.linspace(np.zeros(7), np.full(7, 0.5), 30)
+    with pytest.raises(ValueError, match="are these degrees"):
+        playback_of(go.Motion(time, np.degrees(q), arm.joint_names), arm)
+    with pytest.raises(ValueError, match="are these degrees"):
+        playback_of(arm, np.degrees(q[-1]))
+
+
+def test_a_configuration_may_be_a_list(arm: go.Model) -> None:
+    assert len(playback_of(arm, [0.1] * 7).scenes[0].time) == 1
+    assert len(playback_of(arm, [[0.1] * 7, [0.2] * 7]).scenes[0].time) == 4
+
+
+@pytest.mark.parametrize(
+    ("item", "hint"),
+    [("climb.csv", "geodesic-ocp show climb.csv"), ([0.1] * 7, "after its model"), (3, "Motion")],
+)
+def test_what_cannot_be_shown_is_said_with_what_to_do(item: object, hint: str) -> None:
+    with pytest.raises(TypeError, match=hint):
+        playback_of(item)
+
+
+def test_a_problem_is_solved_first(arm: go.Model) -> None:
+    with pytest.raises(TypeError, match="solve the problem first"):
+        playback_of(go.Reach(arm, [0.1] * 7, (0.1, 0.4, 0.1)))

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
+from numbers import Real
+from os import PathLike
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -75,7 +77,7 @@ def _groups(items: Iterable[Any]) -> list[_Group]:
     waiting = False  # whether the next item may belong to the last one
     for item in items:
         kind = _kind(item)
-        if waiting and kind and kind == _FOLLOWED_BY.get(_kind(groups[-1][1][0])):
+        if waiting and _belongs(item, groups[-1][1][0]):
             groups[-1] = ("", (*groups[-1][1], item))
             waiting = kind in _ANY_NUMBER
             continue
@@ -96,8 +98,28 @@ def _groups(items: Iterable[Any]) -> list[_Group]:
     return groups
 
 
+def _belongs(item: Any, before: Any) -> bool:
+    """Whether something belongs to the result before it."""
+    kind = _kind(item)
+    if not kind or kind != _FOLLOWED_BY.get(_kind(before)):
+        return False
+    # A path whose metric has a model is followed by the next result, unless the joints are its own.
+    path = before[0] if isinstance(before, (tuple, list)) else before
+    path = getattr(path, "path", path)
+    own = getattr(getattr(path, "metric", None), "model", None)
+    return own is None or bool(own.joint_names == item.joint_names)
+
+
+def _is_configuration(item: Any) -> bool:
+    """Whether something is a list of numbers, or of lists of numbers."""
+    listed = isinstance(item, (tuple, list)) and len(item) > 0
+    return listed and all(isinstance(each, Real) or _is_configuration(each) for each in item)
+
+
 def _kind(item: Any) -> str:
     """The name of the class by which something is shown; empty if it cannot be."""
+    if _is_configuration(item):
+        return "ndarray"
     if isinstance(item, (tuple, list)) and item and {_kind(each) for each in item} == {"Synergy"}:
         return "Synergies"
     for each in type(item).__mro__:
@@ -111,8 +133,7 @@ def _playback(title: str, group: tuple[Any, ...]) -> Playback:
     first, *others = group
     kind = _kind(first)
     if kind not in _BUILDERS:
-        given = type(first).__name__
-        raise TypeError(f"{given} cannot be shown; what can be shown is {_KINDS}")
+        raise TypeError(f"{type(first).__name__} cannot be shown{_hint(first)}")
     wanted = _FOLLOWED_BY.get(kind, "")
     many = len(others) > 1 and kind not in _ANY_NUMBER
     if many or any(_kind(each) != wanted for each in others):
@@ -126,6 +147,20 @@ def _playback(title: str, group: tuple[Any, ...]) -> Playback:
     if len(scenes) == 1:
         scenes = (replace(scenes[0], title=title),)
     return replace(playback, title=title, scenes=scenes)
+
+
+def _hint(item: Any) -> str:
+    """What else to do with something that cannot be shown."""
+    if isinstance(item, (str, PathLike)):
+        return (
+            f": read the file first, as by read_recording, load_model or load_solution, or use "
+            f"`geodesic-ocp show {item}`"
+        )
+    if any(each.__name__ == "Problem" for each in type(item).__mro__):
+        return ": solve the problem first, and show its solution"
+    if _kind(item) == "ndarray":
+        return " alone: give a configuration after its model"
+    return f"; what can be shown is {_KINDS}"
 
 
 # Builders are imported when something of their kind is shown.

@@ -52,6 +52,10 @@ def show(
         ImportError: Meshcat, whose copy of three.js draws the scenes, is not installed.
         OSError: the file cannot be written.
     """
+    if not isinstance(title, str):
+        raise TypeError(f"title must be a text, got {title!r}")
+    if not isinstance(height, int) or height <= 0:
+        raise ValueError(f"height must be a positive number of pixels, got {height!r}")
     playback = playback_of(*items, title=title)
     viewer = Viewer(playback if layers is None else playback.showing(layers), height)
     written = None if file is None else viewer.save(file)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.scenes.motions.model_scene import model_scene
 from geodesic_ocp.scenes.motions.of_motion import viewed_from
@@ -25,7 +26,7 @@ def model_playback(model: Model, q: ArrayLike | None = None, *, title: str = "")
         title: of the playback; the model's name by default.
 
     Raises:
-        ValueError: q has another shape, or is not finite.
+        ValueError: q has another shape, is not finite, or seems to be in degrees.
     """
     given = np.clip(0.0, model.lower, model.upper) if q is None else np.array(q, dtype=float)
     rows = np.atleast_2d(given)
@@ -36,6 +37,8 @@ def model_playback(model: Model, q: ArrayLike | None = None, *, title: str = "")
         )
     if not np.all(np.isfinite(rows)):
         raise ValueError(f"q must be finite, got {given}")
+    for row in rows:
+        KineticEnergy(model).check_units("q", row)
     time, configurations, spans, note = np.zeros(1), rows, {}, ""
     if len(rows) > 1:
         # Each one is held: what lies between two of them is not known.

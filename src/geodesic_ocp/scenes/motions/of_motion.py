@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.scenes.motions.joint_plots import POSITIONS, hand_speed_plots, joint_plots
 from geodesic_ocp.scenes.motions.model_scene import model_scene
@@ -55,7 +56,7 @@ def of_joints(motion: Motion, model: Model) -> Motion:
     """The motion of the model's joints.
 
     Raises:
-        ValueError: the motion lacks some.
+        ValueError: the motion lacks some, or its angles seem to be degrees.
     """
     missing = [name for name in model.joint_names if name not in motion.joint_names]
     if missing:
@@ -63,7 +64,11 @@ def of_joints(motion: Motion, model: Model) -> Motion:
             f"the motion has no joint {', '.join(missing)} of {model.name}; it has "
             f"{', '.join(motion.joint_names)}"
         )
-    return motion.select(model.joint_names)
+    chosen = motion.select(model.joint_names)
+    metric = KineticEnergy(model)
+    for extremes in (chosen.q.min(axis=0), chosen.q.max(axis=0)):
+        metric.check_units("motion", extremes)
+    return chosen
 
 
 def viewed_from(model: Model) -> float:

@@ -88,6 +88,12 @@ def model_of(path: Path, model: Model | None = None) -> Model | None:
         raise ValueError(
             f"model must have the path's {metric.dim} coordinates, {shown.name!r} has {shown.dof}"
         )
+    names = metric.joint_names
+    if shown is not None and names is not None and tuple(names) != shown.joint_names:
+        raise ValueError(
+            f"model must have the joints of the path's metric, {', '.join(names)}; those of "
+            f"{shown.name!r} are {', '.join(shown.joint_names)}"
+        )
     return shown
 
 
