@@ -152,6 +152,7 @@ def test_synergies_with_their_recording_are_in_one_pane(
         assert "synergies" in playback.spans
 
 
+@pytest.mark.slow
 def test_synergies_of_an_unknown_person(
     show: Show, analysed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -288,6 +289,7 @@ def test_an_alignment(show: Show, refused: Refused, tmp_path: Path, robot_file: 
     assert "not a joint of 'pendulum'" in refused(file, "--robot", robot_file)
 
 
+@pytest.mark.slow
 def test_problems_and_solutions(show: Show, refused: Refused, tmp_path: Path) -> None:
     source = ROOT / "problems" / "around_disc.py"
     solved = show(source)
@@ -351,6 +353,7 @@ def test_where_to_write_is_checked_first(refused: Refused, tmp_path: Path) -> No
         assert message in refused("missing", *arguments)  # before anything is read
 
 
+@pytest.mark.slow
 def test_layers_and_the_time_of_a_picture(
     robot_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -65,6 +65,7 @@ def test_a_metric_without_a_model_has_no_arm() -> None:
     assert len(figure.axes) == 3
 
 
+@pytest.mark.slow
 def test_a_file_for_print_is_small_and_has_text(path: go.Path, tmp_path: Path) -> None:
     save_figure(draw_path(path, "reach"), tmp_path)
     written = (tmp_path / "figure.pdf").read_bytes()

@@ -75,6 +75,7 @@ def test_the_time_is_told(page: Path, tmp_path: Path) -> None:
     assert f"{slow.stretch:.2f} times as long as the person" in elements(text).text
 
 
+@pytest.mark.slow
 def test_names_are_text(tmp_path: Path) -> None:
     """A robot called <script> is shown, not run."""
     retargeting = small_retargeting(2.5, EVIL)

@@ -28,6 +28,7 @@ def configurations(shares: list[list[float]]) -> np.ndarray:
     return ARM.lower + np.array(shares) * (ARM.upper - ARM.lower)
 
 
+@pytest.mark.slow
 @given(shares=st.lists(st.lists(UNIT, min_size=7, max_size=7), min_size=1, max_size=4))
 def test_distances_are_those_of_the_constraints(shares: list[list[float]]) -> None:
     q = configurations(shares)

@@ -178,6 +178,7 @@ def test_a_limit_that_is_touched_between_samples_is_marked() -> None:
     assert path_playback(path).plots[0].marks == pytest.approx((ARM.upper[wrist],))
 
 
+@pytest.mark.slow
 def test_via_points_divide_the_path() -> None:
     mark = (0.30, 0.30, -0.20)
     solution = go.solve(go.Reach(ARM, START, (0.10, 0.45, -0.05), through=[mark]))

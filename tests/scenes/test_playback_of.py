@@ -56,6 +56,7 @@ def test_several_results_are_side_by_side(arm: go.Model, arm_metric: go.KineticE
     assert len(set(titles)) == 4
 
 
+@pytest.mark.slow
 def test_synergies_are_shown_with_the_model_of_their_metric(
     arm: go.Model, arm_metric: go.KineticEnergy
 ) -> None:
@@ -93,6 +94,7 @@ def test_a_dictionary_gives_titles(arm: go.Model) -> None:
     assert scene.title == "only"
 
 
+@pytest.mark.slow
 def test_analyses_solutions_and_paths_are_known(
     bundled_analysis: go.Analysis, arm_metric: go.KineticEnergy
 ) -> None:
@@ -113,6 +115,7 @@ def test_a_reconstruction_has_its_synergies(arm: go.Model) -> None:
         assert len(playback.spans["synergies"]) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("body", "name", "hands"),
     [

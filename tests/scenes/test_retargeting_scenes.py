@@ -141,6 +141,7 @@ def test_without_the_person(found: go.Retargeting) -> None:
     assert list(alone.spans) == ["robot"]
 
 
+@pytest.mark.slow
 def test_several_robots_share_the_person(found: go.Retargeting) -> None:
     """Whose time is the recording's, if the robots take different times."""
     slow = small_retargeting(0.8, "slow")
@@ -184,6 +185,7 @@ def test_a_person_in_the_time_of_the_recording_is_not_slowed(found: go.Retargeti
         assert "slowed" not in shown.scenes[0].note
 
 
+@pytest.mark.slow
 def test_two_motions_of_one_robot_have_different_titles(found: go.Retargeting) -> None:
     slow = small_retargeting(0.8)
     together = retargetings_playback([found, slow])
@@ -232,6 +234,7 @@ def test_mobility_ellipsoids_are_at_the_hand(found: go.Retargeting, playback: Pl
         assert_allclose(image, ratio * wanted, atol=0.02 * np.abs(image).max())
 
 
+@pytest.mark.slow
 def test_both_arms_are_those_of_one_person() -> None:
     found = both_arms()
     playback = retargeting_playback(found)

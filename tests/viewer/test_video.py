@@ -130,6 +130,7 @@ def test_what_stands_still_is_seen_from_all_around(tmp_path: Path) -> None:
     assert still.shape[1] == 160
 
 
+@pytest.mark.slow
 def test_an_mp4_can_be_read(tmp_path: Path) -> None:
     imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
     done: list[tuple[int, int]] = []
@@ -207,6 +208,7 @@ def test_a_missing_folder_is_named(tmp_path: Path) -> None:
         save_video(moving(), tmp_path / "nowhere" / "x.png")
 
 
+@pytest.mark.slow
 def test_neither_screen_nor_window_is_needed(tmp_path: Path) -> None:
     code = (
         "import sys\n"
