@@ -225,6 +225,8 @@ def test_a_layer_is_hidden_where_all_that_have_it_hide_it() -> None:
 
 def test_the_camera_is_between_those_of_the_parts() -> None:
     assert beside([still("a", azimuth=50.0), still("b", azimuth=-50.0)]).azimuth == 0.0
+    over_the_back = beside([still("a", azimuth=210.0), still("b", azimuth=-50.0)]).azimuth
+    assert over_the_back % 360.0 == pytest.approx(260.0)
     with pytest.raises(ValueError, match="at least one playback"):
         beside([])
 

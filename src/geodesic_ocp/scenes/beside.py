@@ -49,10 +49,17 @@ def beside(playbacks: Sequence[Playback], *, title: str = "") -> Playback:
         spans,
         tuple(plots),
         together[0].time_label,
-        float(np.mean([playback.azimuth for playback in playbacks])),
+        _between([playback.azimuth for playback in playbacks]),
         _hidden(playbacks),
         heights.pop() if len(heights) == 1 else None,
     )
+
+
+def _between(azimuths: Sequence[float]) -> float:
+    """The mean of directions [deg], as that of unit vectors: that of 170 and -170 is 180."""
+    angles = np.radians(azimuths)
+    mean = np.degrees(np.arctan2(np.sin(angles).mean(), np.cos(angles).mean()))
+    return round(float(mean), 9)
 
 
 def _hidden(playbacks: Sequence[Playback]) -> tuple[str, ...]:

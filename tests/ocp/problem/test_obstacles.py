@@ -78,6 +78,18 @@ def test_obstacles_in_space_are_not_drawn_among_two_joints() -> None:
     assert drawn(OfTwoJoints()) == []
 
 
+@pytest.mark.parametrize("other", [0.3, np.zeros((2, 3)), [(0.0, 0.0, 0.1)], {"lamp": BALL}])
+def test_an_attribute_that_means_something_else_is_said_not_to_be_drawn(other: Any) -> None:
+    class OfPoints(InSpace):
+        obstacles = other
+
+    problem = OfPoints()
+    with pytest.warns(UserWarning, match=r"OfPoints.obstacles are not drawn: .* go\.Ball"):
+        assert drawn(problem) == []
+    with pytest.warns(UserWarning, match="another name"):
+        go.solve(problem).plot()
+
+
 def test_obstacles_alone_are_no_condition() -> None:
     """A problem that lists them without a constraint is solved as if they were not there."""
     straight = go.solve(InSpace()).path

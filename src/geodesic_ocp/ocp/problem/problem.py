@@ -15,6 +15,7 @@ from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.ocp.nlp.conditions import Conditions
 from geodesic_ocp.ocp.nlp.definition import ProblemDefinition
 from geodesic_ocp.ocp.nlp.nlp import NLP, build_nlp
+from geodesic_ocp.ocp.problem.drawn_obstacles import drawn_obstacles
 from geodesic_ocp.ocp.problem.keys import key_of
 from geodesic_ocp.ocp.problem.parse_conditions import parse_conditions
 from geodesic_ocp.trajectory.grid import Grid
@@ -105,8 +106,9 @@ class Problem(ABC):
         """
         if getattr(path.metric, "model", None) is not None and path.metric.dim <= 2:
             return  # the axes are those of two joints, not of space
-        several = len(self.obstacles) > 1
-        for number, obstacle in enumerate(self.obstacles):
+        obstacles = drawn_obstacles(self)
+        several = len(obstacles) > 1
+        for number, obstacle in enumerate(obstacles):
             label = "obstacles" if several else obstacle.name or "obstacle"
             draw_obstacle(axes, obstacle, columns, label if number == 0 else None)
 

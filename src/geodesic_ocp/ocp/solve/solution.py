@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.figures.path_figure import draw_path
 from geodesic_ocp.ocp.nlp.violations import Violation
+from geodesic_ocp.ocp.problem.drawn_obstacles import drawn_obstacles
 from geodesic_ocp.ocp.problem.problem import Problem
 from geodesic_ocp.ocp.solve.certificate import Certificate, certify_iterate
 from geodesic_ocp.ocp.solve.encoding import as_json, encoded_fields
@@ -150,7 +151,7 @@ class Solution:
             self.path,
             title,
             self.problem.draw,
-            obstacles=self.problem.obstacles,
+            obstacles=drawn_obstacles(self.problem),
             links=getattr(self.problem, "links", None),
         )
 

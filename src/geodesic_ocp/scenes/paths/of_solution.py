@@ -8,6 +8,7 @@ from dataclasses import replace
 from geodesic_ocp.model.geometry.signed_distances import bodies_apart
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import HalfSpace
+from geodesic_ocp.ocp.problem.drawn_obstacles import drawn_obstacles
 from geodesic_ocp.ocp.problem.parse_conditions import parse_conditions
 from geodesic_ocp.ocp.problem.path_constraints import ConstrainedProblem
 from geodesic_ocp.ocp.problem.problem import Problem
@@ -51,7 +52,7 @@ def solution_playback(
     if not stats.success:
         note = f"last iterate of a solve that failed: {stats.status}"
         scene = replace(scene, note="; ".join(filter(None, (scene.note, note))))
-    solids = obstacle_solids(problem.obstacles, *scene.bounds())
+    solids = obstacle_solids(drawn_obstacles(problem), *scene.bounds())
     scene = replace(scene, solids=solids)
     shown, plots = model_of(solution.path, model), playback.plots
     if shown is not None:
@@ -68,13 +69,13 @@ def _with_bodies(
 ) -> tuple[Scene, tuple[float, ...]]:
     """The scene with what moves with the model and keeps clear of something, and the margins."""
     q = solution.path(scene.time)
-    extra = [carried_obstacles(model, q, problem.obstacles)]
+    extra = [carried_obstacles(model, q, drawn_obstacles(problem))]
     constraints = parse_conditions(problem).along_q
     margins = {each.name: float(each.lower[0]) for each in constraints if each.lower.size == 1}
     pairs = problem.pairs if isinstance(problem, ConstrainedProblem) else ()
     gaps: tuple[Gap, ...] = ()
-    if model.bodies and (problem.obstacles or pairs):
-        gaps = clearances(model, q, problem.obstacles, pairs=pairs, names=margins)
+    if model.bodies and (drawn_obstacles(problem) or pairs):
+        gaps = clearances(model, q, drawn_obstacles(problem), pairs=pairs, names=margins)
         extra.append(collision_bodies(model, q, _considered(problem, model, pairs, margins)))
     kept = {margins[gap.name] for gap in gaps if gap.name in margins}
     actors = (*scene.actors, *(actor for actor in extra if actor is not None))
@@ -89,7 +90,7 @@ def _considered(
 ) -> set[str]:
     """Links of the bodies that the constraints of these names keep apart; if none, of all."""
     found = {}
-    for name, one, other in bodies_apart(model, problem.obstacles, None, pairs):
+    for name, one, other in bodies_apart(model, drawn_obstacles(problem), None, pairs):
         found[name] = {body.link for body in (one, other) if not isinstance(body, HalfSpace)}
     wanted = [found[name] for name in found if name in names] or found.values()
     return {link for links in wanted for link in links if link is not None}
