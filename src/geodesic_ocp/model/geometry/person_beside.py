@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.geometry.meshes import Mesh, meshes
@@ -17,6 +18,7 @@ from geodesic_ocp.model.human.person_segments import (
     shoulder_joint,
 )
 from geodesic_ocp.model.human.stature import stature
+from geodesic_ocp.model.joints import frame_index
 from geodesic_ocp.model.model import Model
 
 _TALLEST, _HEAVIEST = 3.0, 1000.0  # [m], [kg], of the models of people
@@ -84,8 +86,10 @@ def _mass(arm: PersonArm, height: float) -> float:
 
 def _at_rest(model: Model, frame: str) -> tuple[Array, Array]:
     """Rotation and position of a frame at q = 0, where axes are those of the base."""
-    rotation, position = model.frame_pose(frame, np.zeros(model.dof))
-    return np.asarray(rotation), np.asarray(position)
+    data, index = model.pin.createData(), frame_index(model.pin, frame)
+    pin.forwardKinematics(model.pin, data, np.zeros(model.dof))  # far faster than a symbolic one
+    place = pin.updateFramePlacement(model.pin, data, index)
+    return np.array(place.rotation), np.array(place.translation)
 
 
 def _placed(mesh: Mesh, model: Model, origin: tuple[Array, Array]) -> Mesh:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -55,7 +56,8 @@ def strut(start: Array, end: Array, radii: float | tuple[float, float]) -> Surfa
         *np.column_stack([first * np.cos(low), first * np.sin(low)]) / size,
         *np.column_stack([last * np.cos(high), last * np.sin(high) + length]) / size,
     ]
-    return moved((size * revolved(profile)[0], revolved(profile)[1]), turn_to(end - start), start)
+    vertices, triangles = revolved(profile)
+    return moved((size * vertices, triangles), turn_to(end - start), start)
 
 
 def revolved(profile: ArrayLike, sides: int = SIDES) -> Surface:
@@ -63,9 +65,16 @@ def revolved(profile: ArrayLike, sides: int = SIDES) -> Surface:
 
     It is of unit size: triangles far smaller than that are lost.
     """
+    points = np.asarray(profile, dtype=float)
+    vertices, triangles = _revolved(tuple(map(tuple, points.tolist())), sides)
+    return vertices.copy(), triangles.copy()
+
+
+@lru_cache(maxsize=64)
+def _revolved(profile: tuple[tuple[float, ...], ...], sides: int) -> Surface:
     import trimesh
 
-    return _surface(trimesh.creation.revolve(np.asarray(profile, dtype=float), sections=sides))
+    return _surface(trimesh.creation.revolve(np.array(profile), sections=sides))
 
 
 def loft(sections: ArrayLike, caps: tuple[float, float], roundness: float = 2.0) -> Surface:
