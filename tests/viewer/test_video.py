@@ -235,3 +235,43 @@ def test_the_nearest_triangle_is_seen_and_shared_edges_leave_no_seam() -> None:
     places = (seen.weights[..., None] * corners[seen.triangles]).sum(axis=1)
     assert np.allclose(places, np.column_stack([seen.pixels % 8, seen.pixels // 8]) + 0.5)
     assert np.allclose(1.0 / seen.closeness, depths[seen.triangles, 0], rtol=1e-6)
+
+
+def test_an_overlay_is_outlined_and_what_has_a_colour_is_seen_through_it(tmp_path: Path) -> None:
+    playback = standing()
+    scene = playback.scenes[0]
+    observed = replace(scene.actors[0], role="observed")
+    overlay = replace(observed, role="predicted", translucent=True)
+    pair = replace(scene, actors=(observed, overlay), trails=(), title="", note="")
+    playback = replace(playback, scenes=(pair,), title="", azimuth=0.0, elevation=0.0)
+    (seen,) = pictures(save_video(playback, tmp_path / "pair.png", width=240))
+    pane = seen.astype(int)
+    orange = (pane[..., 0] - pane[..., 2] > 120).nonzero()
+    blue = (pane[..., 2] - pane[..., 0] > 20).nonzero()
+    assert blue[0].size > 5 * orange[0].size > 0
+    for axis in (0, 1):  # around it
+        assert orange[axis].min() <= blue[axis].min() <= blue[axis].max() <= orange[axis].max()
+
+
+def test_what_stands_still_is_hidden_by_what_moves_before_it(tmp_path: Path) -> None:
+    playback = replace(moving(), azimuth=0.0, elevation=0.0, spans={}, plots=())
+    scene = playback.scenes[0]
+    behind = Solid("wall", CORNERS * [4.0, 0.1, 1.5] + [0.5, -0.5, 0.0], cube())
+    before = replace(behind, vertices=behind.vertices + np.array([0.0, 1.0, 0.0]))
+    counts = []
+    for wall in (behind, before):
+        walled = replace(playback, scenes=(replace(scene, trails=(), solids=(wall,)),))
+        (seen,) = pictures(save_video(walled, tmp_path / "wall.png", width=240))
+        colours = seen.astype(int)
+        counts.append(int((colours[..., 0] > 3 * colours[..., 1]).sum()))
+    assert counts[0] > 100
+    assert counts[1] == 0
+
+
+def test_a_gif_whose_frames_are_all_alike_lasts_as_long(tmp_path: Path) -> None:
+    file = tmp_path / "same.gif"
+    frame = np.full((10, 20, 3), 200, dtype=np.uint8)
+    frame[2:5, 3:9] = [30, 60, 90]
+    writers.write_gif(file, [frame] * 3, [frame], [100, 100, 600])
+    assert sum(durations(file)) == 800
+    assert all(np.abs(each.astype(int) - frame).max() < 5 for each in pictures(file))

@@ -41,6 +41,12 @@ class Camera:
         pixels = np.stack([seen[..., 0] * scale, -seen[..., 1] * scale], axis=-1)
         return pixels + self.middle, depth
 
+    def coarser(self, factor: int) -> Camera:
+        """The same view with one pixel in place of factor^2."""
+        height, width = self.shape
+        shape = height // factor, width // factor
+        return Camera(self.eye, self.axes, self.focal / factor, self.middle / factor, shape)
+
 
 def cameras(
     contents: list[Array],

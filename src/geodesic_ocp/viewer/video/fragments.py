@@ -61,17 +61,20 @@ def nearest_fragments(corners: Array, depths: Array, shape: tuple[int, int]) -> 
     high = np.where(rising < 0.0, crossing, np.inf).min(axis=1, initial=np.inf)
     start = np.ceil(np.clip(low - 0.5, 0, width)).astype(np.int64)
     stop = np.ceil(np.clip(high - 0.5, 0, width)).astype(np.int64)
-    span, column = _counted(start, np.maximum(stop - start, 0))
-    triangle, row = triangle[span], row[span]
-    # 1 / depth is affine in the picture.
+    # 1 / depth is affine in the picture, and so along a span.
     scale = (1.0 / np.where(area == 0.0, 1.0, area))[:, None]
-    closeness = np.roll(1.0 / depths, 1, axis=1) * scale
-    plane = [(each * closeness).sum(axis=1) for each in (a, b, c)]
-    near = plane[0][triangle] * (column + 0.5) + plane[1][triangle] * (row + 0.5)
-    near = np.clip((near + plane[2][triangle]) * NEAR, 1e-9, 1.0)
-    keys = ((near * _DEPTH_STEPS).astype(np.int64) << _TRIANGLE_BITS) | triangle
+    closeness = np.roll(1.0 / depths, 1, axis=1) * (scale * NEAR)
+    across, down, base = ((each * closeness).sum(axis=1)[triangle] for each in (a, b, c))
+    counts = np.maximum(stop - start, 0)
+    before = start - (np.cumsum(counts) - counts)
+    steps = np.arange(int(counts.sum()))
+    at_start = base + down * (row + 0.5) + across * (before + 0.5)
+    near = np.repeat(at_start, counts) + np.repeat(across, counts) * steps
+    keys = (np.clip(near, 1e-9, 1.0) * _DEPTH_STEPS).astype(np.int64) << _TRIANGLE_BITS
+    keys |= np.repeat(triangle, counts)
+    places = np.repeat(row * width + before, counts) + steps
     buffer = np.zeros(height * width, dtype=np.int64)
-    np.maximum.at(buffer, row * width + column, keys)
+    np.maximum.at(buffer, places, keys)
     pixels = np.flatnonzero(buffer)
     keys = buffer[pixels]
     seen = keys & ((1 << _TRIANGLE_BITS) - 1)

@@ -36,7 +36,9 @@ def frames(
         turns: of the camera at each instant [rad]; None: it stands still.
     """
     scenes = playback.scenes
-    parts = [scene_parts(scene, layers) for scene in scenes]
+    # About half of a frame belongs to the panes.
+    pixels = 0.5 * width**2 / len(scenes)
+    parts = [scene_parts(scene, layers, pixels) for scene in scenes]
     points = [scene_points(scene, each, layers) for scene, each in zip(scenes, parts, strict=True)]
 
     def seen(shape: tuple[int, int]) -> list[Camera]:

@@ -9,6 +9,9 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.viewer.video.camera import Camera
 from geodesic_ocp.viewer.video.fragments import nearest_fragments
 
+Single = NDArray[np.float32]
+Pixels = NDArray[np.uint8]
+
 PAPER = np.array([1.0, 1.0, 1.0])
 _FLOOR, _LINES = np.array([0.945, 0.952, 0.962]), np.array([0.83, 0.85, 0.88])
 _CELL = 0.25  # [m], of the grid on the floor
@@ -19,18 +22,23 @@ _HALF = (_KEY + np.array([0.0, 0.0, 1.0])) / np.sqrt(2.0 + 2.0 * _KEY[2])
 _SHADOW, _COARSE, _BLUR = 0.15, 4, 3.0  # darkness; scale and radius [coarse pixel] of its edge
 
 
-def lit(colours: Array, normals: Array, camera: Camera) -> Array:
+def lit(colours: Single, normals: Single, camera: Camera) -> Single:
     """Colours (p, 3) of surfaces with these colours and normals (p, 3), not of unit length.
 
     Lambert, Photometria, 1760, for two lights and a sky; Blinn, 1977, for the highlight.
     """
-    seen = normals @ (camera.axes * np.array([[1.0], [1.0], [-1.0]])).T
-    seen /= np.maximum(np.linalg.norm(seen, axis=1, keepdims=True), 1e-12)
-    bright = 0.42 + 0.12 * seen[:, 1]
-    bright += 0.40 * np.maximum(seen @ _KEY, 0.0) + 0.16 * np.maximum(seen @ _FILL, 0.0)
-    highlight = 0.14 * np.maximum(seen @ _HALF, 0.0) ** 24
-    result: Array = np.clip(colours * bright[:, None] + highlight[:, None], 0.0, 1.0)
-    return result
+    turn = camera.axes * np.array([[1.0], [1.0], [-1.0]])
+    # How far normals point up, towards both lights, and half-way between the first and the eye.
+    towards = np.array([[0.0, 1.0, 0.0], _KEY, _FILL, _HALF]) @ turn
+    seen = towards.astype(np.float32) @ normals.T
+    seen /= np.maximum(np.sqrt(np.einsum("ij,ij->i", normals, normals)), np.float32(1e-12))
+    up, key, fill, half = seen
+    bright = 0.42 + 0.12 * up + 0.40 * np.maximum(key, 0.0) + 0.16 * np.maximum(fill, 0.0)
+    square = np.maximum(half, 0.0) ** 2
+    highlight = 0.14 * (square * square * square) ** 4
+    shades: Single = colours * bright[:, None]
+    shades += highlight[:, None]
+    return np.clip(shades, 0.0, 1.0, out=shades)
 
 
 def floor_picture(camera: Camera, centre: Array, radius: float) -> Array:
@@ -56,21 +64,32 @@ def floor_picture(camera: Camera, centre: Array, radius: float) -> Array:
     return picture
 
 
-def shadow(
+def covered(
     points: Array, triangles: NDArray[np.int64], floor: float, camera: Camera
-) -> NDArray[np.float32]:
-    """How bright (height, width) the floor is below triangles of points (v, 3), lit from above."""
-    from PIL import Image, ImageFilter
-
-    height, width = camera.shape
+) -> NDArray[np.uint8]:
+    """Where triangles of points (v, 3), lit from above, shade the floor: 255, else 0; coarse."""
     flat = points.copy()
     flat[:, 2] = floor
     pixels, depths = camera.project(flat)
+    height, width = camera.shape
     small = (height // _COARSE, width // _COARSE)
+    mask: Pixels = np.zeros(small, dtype=np.uint8)
     seen = nearest_fragments(pixels[triangles] / _COARSE, depths[triangles], small)
-    mask = np.zeros(small[0] * small[1], dtype=np.uint8)
-    mask[seen.pixels] = 255
-    image = Image.fromarray(mask.reshape(small)).filter(ImageFilter.GaussianBlur(_BLUR))
-    wide = np.asarray(image.resize((width, height), Image.Resampling.BILINEAR), dtype=np.float32)
-    bright: NDArray[np.float32] = 1.0 - np.float32(_SHADOW / 255.0) * wide
-    return bright
+    mask.reshape(-1)[seen.pixels] = 255
+    return mask
+
+
+def darken(picture: Pixels, mask: NDArray[np.uint8]) -> None:
+    """Lay the shade of `covered`, with a soft edge, on a picture of the floor (h, w, 3)."""
+    from PIL import Image, ImageFilter
+
+    rows = np.flatnonzero(mask.any(axis=1))
+    if not len(rows):
+        return
+    reach = round(3.0 * _BLUR)
+    first, last = max(int(rows[0]) - reach, 0), min(int(rows[-1]) + 1 + reach, len(mask))
+    image = Image.fromarray(mask[first:last]).filter(ImageFilter.GaussianBlur(_BLUR))
+    part = picture[_COARSE * first : _COARSE * last]
+    wide = image.resize((part.shape[1], part.shape[0]), Image.Resampling.BILINEAR)
+    bright = 1.0 - np.float32(_SHADOW / 255.0) * np.asarray(wide, dtype=np.float32)
+    part[:] = part * bright[..., None] + np.float32(0.5)

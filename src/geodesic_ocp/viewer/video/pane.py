@@ -13,8 +13,7 @@ from geodesic_ocp.figures.styles import ROLES
 from geodesic_ocp.scenes.markings import Trail
 from geodesic_ocp.scenes.scene import Scene
 from geodesic_ocp.viewer.video.camera import Camera
-from geodesic_ocp.viewer.video.fragments import nearest_fragments
-from geodesic_ocp.viewer.video.light import floor_picture, lit, shadow
+from geodesic_ocp.viewer.video.light import Pixels, Single, covered, darken, floor_picture
 from geodesic_ocp.viewer.video.part import Moment, Part, moment, placed
 from geodesic_ocp.viewer.video.scene_parts import is_shown
 from geodesic_ocp.viewer.video.strokes import (
@@ -24,9 +23,14 @@ from geodesic_ocp.viewer.video.strokes import (
     length_fractions,
     stroke,
 )
+from geodesic_ocp.viewer.video.surfaces import Still, joined, outline, still_surfaces, visible
 
 SAMPLES = 2  # pixels of the camera per pixel of the picture, in either direction
 _FUTURE, _HIDDEN = 0.35, 0.30  # opacity of a path that is still ahead; of what is behind a surface
+_FULL, _HALF = np.float32(255.0), np.float32(0.5)
+_OUTLINE = 1.3  # width of the outline of overlays, as `Pane.scale`
+_EDGE, _BEHIND = np.float32(0.95), np.float32(1.015)  # opacity; may lie behind by this, relatively
+_OVER_COLOUR = np.float32(0.25)  # opacity of overlays, relative, over what is coloured
 _WHITE = np.ones(3)
 _AXES = np.array([[0.80, 0.15, 0.15], [0.15, 0.60, 0.20], [0.15, 0.30, 0.85]])  # x, y, z
 _GAP, _MARKER = np.array([0.70, 0.10, 0.25]), np.array([0.20, 0.22, 0.26])
@@ -45,6 +49,7 @@ class Pane:
         floor: its height [m].
         scale: of line widths [camera pixel].
         backdrop: what is behind everything, (height, width, 3) of the camera.
+        still: surfaces that do not move.
         trails: that are shown, with their lines in the picture.
     """
 
@@ -54,63 +59,66 @@ class Pane:
     camera: Camera
     floor: float
     scale: float
-    backdrop: NDArray[np.float32]
+    backdrop: Pixels
+    still: Still
     trails: tuple[tuple[Trail, Stroke], ...]
 
     def picture(self, instant: float) -> NDArray[np.uint8]:
         """The scene at an instant, (height, width, 3)."""
+        from PIL import Image
+
         when = moment(self.scene.time, instant)
-        opaque = tuple(part for part in self.parts if part.alpha == 1.0)
+        moving = tuple(part for part in self.parts if part.alpha == 1.0 and not part.still)
+        shade, surfaces = self.still.shade, [self.still.seen]
+        if moving:
+            points, triangles = placed(moving, when), joined(moving)
+            shade = np.maximum(shade, covered(points[0], triangles, self.floor, self.camera))
+            surfaces.append(visible(moving, when, self.camera))
         picture = self.backdrop.copy()
+        darken(picture, shade)
         flat = picture.reshape(-1, 3)
-        closeness = np.zeros(len(flat))
-        if opaque:
-            self._add_surfaces(flat, closeness, opaque, when)
-        clear = tuple(part for part in self.parts if part.alpha < 1.0)
-        if clear:
-            self._add_surfaces(flat, closeness, clear, when)
+        closeness = np.zeros(len(flat), dtype=np.float32)
+        coloured = np.zeros(len(flat), dtype=bool)
+        for seen in surfaces:
+            nearer = seen.closeness > closeness[seen.pixels]
+            pixels = seen.pixels[nearer]
+            flat[pixels] = seen.shades[nearer] * _FULL + _HALF
+            closeness[pixels] = seen.closeness[nearer]
+            coloured[pixels] = seen.coloured[nearer]
+        for group in _groups(self.parts):
+            self._add_clear(flat, closeness, coloured, group, when)
         for trail, line in self.trails:
             self._add_trail(picture, closeness, trail, line, when)
         self._add_markings(picture, closeness, when)
-        height, width = self.camera.shape
-        blocks = picture.reshape(height // SAMPLES, SAMPLES, width // SAMPLES, SAMPLES, 3)
-        mean = sum(blocks[:, i, :, j] for i in range(SAMPLES) for j in range(SAMPLES))
-        return (np.asarray(mean) * (255.0 / SAMPLES**2) + 0.5).astype(np.uint8)
+        return np.asarray(Image.fromarray(picture).reduce(SAMPLES))
 
-    def _add_surfaces(
-        self, flat: NDArray[np.float32], closeness: Array, parts: tuple[Part, ...], when: Moment
+    def _add_clear(
+        self,
+        flat: Pixels,
+        closeness: Single,
+        coloured: NDArray[np.bool_],
+        parts: tuple[Part, ...],
+        when: Moment,
     ) -> None:
-        points, normals = placed(parts, when)
-        sizes = np.cumsum([0, *(len(part.vertices) for part in parts)])
-        triangles = np.concatenate(
-            [part.triangles + first for part, first in zip(parts, sizes[:-1], strict=True)]
-        )
-        counts = [len(part.triangles) for part in parts]
-        colours = np.repeat([part.colour for part in parts], counts, axis=0)
-        alphas = np.repeat([part.alpha for part in parts], counts)
-        if alphas[0] == 1.0:
-            dark = shadow(points, triangles, self.floor, self.camera)
-            flat *= dark.reshape(-1, 1)
-        pixels, depths = self.camera.project(points)
-        x, y = pixels[triangles].transpose(2, 0, 1)
-        after_x, after_y = np.roll(x, -1, axis=1), np.roll(y, -1, axis=1)
-        front = (x * after_y - after_x * y).sum(axis=1) < 0.0  # y points down
-        triangles, colours, alphas = triangles[front], colours[front], alphas[front]
-        seen = nearest_fragments(pixels[triangles], depths[triangles], self.camera.shape)
-        corners = triangles[seen.triangles]
-        smooth = sum(
-            seen.weights[:, corner, None] * normals[corners[:, corner]] for corner in range(3)
-        )
-        shades = lit(colours[seen.triangles], np.asarray(smooth), self.camera)
-        alpha = alphas[seen.triangles] * (seen.closeness >= closeness[seen.pixels])
+        """Lay surfaces over the picture, and outline overlays."""
+        seen = visible(parts, when, self.camera)
+        behind = closeness[seen.pixels]
+        alpha = np.float32(parts[0].alpha) * (seen.closeness >= behind)
+        if not parts[0].overlay:
+            _blend(flat, seen.pixels, seen.shades, alpha)
+            return
+        # What has a colour of its own keeps it.
+        alpha *= np.where(coloured[seen.pixels], _OVER_COLOUR, np.float32(1.0))
+        edge = outline(seen.pixels, self.camera.shape, max(round(_OUTLINE * self.scale), SAMPLES))
+        opacity = np.where(seen.closeness * _BEHIND >= behind, _EDGE, _HIDDEN)
+        alpha = np.where(edge, opacity.astype(np.float32), alpha)
+        shades = np.where(edge[:, None], np.array(parts[0].colour, np.float32), seen.shades)
         _blend(flat, seen.pixels, shades, alpha)
-        if alphas[:1] == 1.0:
-            closeness[seen.pixels] = seen.closeness
 
     def _add_trail(
         self,
-        picture: NDArray[np.float32],
-        closeness: Array,
+        picture: Pixels,
+        closeness: Single,
         trail: Trail,
         line: Stroke,
         when: Moment,
@@ -126,7 +134,7 @@ class Pane:
             draw_disc(picture, at, 5.5 * self.scale, _WHITE, 1.0)
             draw_disc(picture, at, 4.0 * self.scale, colour, 1.0)
 
-    def _add_markings(self, picture: NDArray[np.float32], closeness: Array, when: Moment) -> None:
+    def _add_markings(self, picture: Pixels, closeness: Single, when: Moment) -> None:
         lines = []
         for frame in self.scene.frames:
             if is_shown(frame.layer, self.layers):
@@ -148,7 +156,7 @@ class Pane:
                     if np.isfinite(place).all() and depth > 0.0:
                         draw_disc(picture, place, 2.2 * self.scale, colour, 1.0)
 
-    def _unhidden(self, line: Stroke, closeness: Array) -> Array:
+    def _unhidden(self, line: Stroke, closeness: Single) -> Array:
         """Opacity of the pixels of a line: less where a surface is before it."""
         seen = line.fragments
         return np.where(seen.closeness >= closeness[seen.pixels], 1.0, _HIDDEN)
@@ -166,7 +174,11 @@ def pane(
     low, high = points.min(axis=0), points.max(axis=0)
     middle = np.array([*(low + high)[:2] / 2.0, low[2]])
     radius = 1.1 * float(np.linalg.norm((high - low)[:2]) / 2.0) + 0.25
-    backdrop = floor_picture(camera, middle, radius).astype(np.float32)
+    # The floor has soft lines: one sample a pixel is enough.
+    floor = floor_picture(camera.coarser(SAMPLES), middle, radius)
+    backdrop = (255.0 * floor + 0.5).astype(np.uint8)
+    backdrop = backdrop.repeat(SAMPLES, axis=0).repeat(SAMPLES, axis=1)
+    still = still_surfaces(parts, float(low[2]), camera)
     trails = tuple(
         (
             trail,
@@ -175,7 +187,16 @@ def pane(
         for trail in scene.trails
         if is_shown(trail.layer, layers) and len(trail.points) > 1
     )
-    return Pane(scene, layers, parts, camera, float(low[2]), scale, backdrop, trails)
+    return Pane(scene, layers, parts, camera, float(low[2]), scale, backdrop, still, trails)
+
+
+def _groups(parts: tuple[Part, ...]) -> list[tuple[Part, ...]]:
+    """Parts through which others are seen: those of one colour and opacity together."""
+    groups: dict[object, list[Part]] = {}
+    for part in parts:
+        if part.alpha < 1.0:
+            groups.setdefault((part.overlay, part.alpha, part.colour), []).append(part)
+    return [tuple(group) for group in groups.values()]
 
 
 def role_colour(role: str) -> tuple[float, float, float]:
@@ -186,8 +207,8 @@ def role_colour(role: str) -> tuple[float, float, float]:
 
 
 def _blend(
-    flat: NDArray[np.float32], pixels: NDArray[np.int64], colours: Array, alpha: Array
+    flat: Pixels, pixels: NDArray[np.int64], colours: Single | Array, alpha: Single | Array
 ) -> None:
     """Lay colours (p, 3) or (3,) of these opacities (p,) over pixels of a picture (n, 3)."""
     share = alpha[:, None]
-    flat[pixels] = (1.0 - share) * flat[pixels] + share * colours
+    flat[pixels] = (1.0 - share) * flat[pixels] + share * (_FULL * colours) + _HALF

@@ -25,6 +25,8 @@ class Part:
         alpha: how opaque it is, from 0 to 1.
         matrices: of its motion x -> M x + p, (k, 3, 3) or (1, 3, 3).
         positions: p, (k, 3) or (1, 3) [m].
+        overlay: whether it is outlined, and others are seen through it.
+        coloured: whether it has the colour of a role.
     """
 
     vertices: Array
@@ -34,6 +36,13 @@ class Part:
     alpha: float
     matrices: Array
     positions: Array
+    overlay: bool = False
+    coloured: bool = False
+
+    @property
+    def still(self) -> bool:
+        """Whether it stays where it is."""
+        return len(self.matrices) == 1 and len(self.positions) == 1
 
 
 def smooth_surface(

@@ -12,7 +12,8 @@ from geodesic_ocp.model.geometry.meshes import Colour, Indices
 from geodesic_ocp.scenes.scene import Scene
 from geodesic_ocp.viewer.video.part import Part, smooth_surface
 
-_MOST = 12000  # triangles of a scene
+_MOST = 12000  # triangles of a scene in a pane of this many pixels
+_PIXELS = 300_000
 _OVERLAY, _UNBOUNDED, _ELLIPSOID = 0.40, 0.30, 0.35  # opacities
 _OBSTACLE: Colour = (0.80, 0.66, 0.47)
 _MOBILITY: Colour = (0.48, 0.42, 0.72)
@@ -25,11 +26,15 @@ def is_shown(layer: str, layers: Collection[str]) -> bool:
     return not layer or layer in layers
 
 
-def scene_parts(scene: Scene, layers: Collection[str]) -> tuple[Part, ...]:
-    """Surfaces of the actors, obstacles and ellipsoids of a scene, with about 12000 triangles."""
+def scene_parts(scene: Scene, layers: Collection[str], pixels: float = _PIXELS) -> tuple[Part, ...]:
+    """Surfaces of the actors, obstacles and ellipsoids of a scene.
+
+    They have about 12000 triangles in a large pane, fewer in one of fewer pixels.
+    """
     actors = [actor for actor in scene.actors if is_shown(actor.layer, layers)]
     total = sum(len(mesh.triangles) for actor in actors for mesh in actor.meshes)
-    share = min(1.0, _MOST / max(total, 1))
+    most = _MOST * float(np.clip(np.sqrt(pixels / _PIXELS), 0.3, 1.0))
+    share = min(1.0, most / max(total, 1))
     parts = []
     for actor in actors:
         for mesh in actor.meshes:
@@ -41,7 +46,8 @@ def scene_parts(scene: Scene, layers: Collection[str]) -> tuple[Part, ...]:
             colour = mesh.colour if actor.role is None else role_tint(actor.role)
             alpha = _OVERLAY if actor.translucent else 1.0
             motion = actor.rotations[mesh.link], actor.positions[mesh.link]
-            parts.append(Part(*surface, colour, alpha, *motion))
+            coloured = actor.role is not None
+            parts.append(Part(*surface, colour, alpha, *motion, actor.translucent, coloured))
     still = np.eye(3)[None], np.zeros((1, 3))
     for solid in scene.solids:
         if is_shown(solid.layer, layers) and len(solid.triangles):

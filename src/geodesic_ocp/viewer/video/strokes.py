@@ -76,7 +76,7 @@ def dashes_of(style: dict[str, Any], scale: float) -> tuple[float, ...]:
 
 
 def draw_disc(
-    picture: NDArray[np.float32], centre: Array, radius: float, colour: Array, alpha: float
+    picture: NDArray[np.uint8], centre: Array, radius: float, colour: Array, alpha: float
 ) -> None:
     """Blend a disc into a picture (height, width, 3)."""
     height, width = picture.shape[:2]
@@ -88,4 +88,4 @@ def draw_disc(
     distance = np.hypot(x[None] - centre[0], y[:, None] - centre[1])
     share = alpha * np.clip(radius + 0.5 - distance, 0.0, 1.0)[..., None]
     part = picture[low[1] : high[1], low[0] : high[0]]
-    part[:] = (1.0 - share) * part + share * colour
+    part[:] = (1.0 - share) * part + share * 255.0 * colour + 0.5

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import math
 import shutil
+import struct
 import subprocess
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from itertools import chain
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from geodesic_ocp.viewer.video.frames import Frame
 
 _FREQUENT, _RARE = 180, 75  # colours of a GIF, and one that is transparent
 _COLOURS = _FREQUENT + _RARE
 _SETTLED = 3  # largest change of a colour, of 255, that a GIF leaves out
+_PAPER = 250  # least of three colours, of 255, that a GIF takes for white
 _LOOKED_AT = 12  # frames from which a GIF takes its colours
+# The Netscape application extension, which repeats the animation without end.
+_FOREVER = b"\x21\xff\x0bNETSCAPE2.0\x03\x01\x00\x00\x00"
 HOLD = 0.5  # [s], for which the last frame stays
 
 
@@ -24,44 +30,49 @@ def write_gif(
 ) -> None:
     """Write frames that stay for these times [ms], in colours of the samples."""
     from PIL import Image
+    from PIL.GifImagePlugin import getdata
 
-    chosen = samples[:: max(1, len(samples) // _LOOKED_AT)]
+    chosen = [
+        sample[::2, ::2] for sample in samples[:: max(1, math.ceil(len(samples) / _LOOKED_AT))]
+    ]
     clear = _COLOURS
     colours = Image.new("P", (1, 1))
     palette = _palette(np.concatenate(chosen))
     colours.putpalette(palette)
-
-    def reduced() -> Iterator[Image.Image]:
-        """Frames whose pixels are transparent where they stay as they are, which saves most."""
-        shown: Frame | None = None
-        before = np.zeros(0)
-        for picture in pictures:
-            if shown is None:
+    shown, before = np.zeros((0, 0, 3), dtype=np.uint8), np.zeros((0, 0), dtype=np.uint8)
+    # Pillow's own writer of animations keeps all frames until the last one is there.
+    with file.open("wb") as stream:
+        for picture, time in zip(pictures, times, strict=True):
+            if not shown.size:
                 shown = picture.copy()
-            moved = np.abs(picture.astype(np.int16) - shown).max(axis=2) > _SETTLED
+                height, width = shown.shape[:2]
+                stream.write(b"GIF89a" + struct.pack("<HHBBB", width, height, 0xF7, 0, 0))
+                stream.write(bytes(palette) + _FOREVER)
+            change = np.abs(picture.astype(np.int16) - shown) > _SETTLED
+            moved = change[..., 0] | change[..., 1] | change[..., 2]
             shown[moved] = picture[moved]
-            image = Image.fromarray(shown).quantize(palette=colours, dither=Image.Dither.NONE)
-            now = np.array(image)
+            now = np.array(
+                Image.fromarray(shown).quantize(palette=colours, dither=Image.Dither.NONE)
+            )
             now[now == clear] = 0  # the same colour
-            fresh = now if not before.size else np.where(now == before, clear, now)
+            # What stays as it is, is transparent or left out, which saves most.
+            differs = now != before if before.size else np.ones(now.shape, dtype=bool)
+            fresh = np.where(differs, now, np.uint8(clear))
             before = now
-            made = Image.frombytes("P", image.size, fresh.astype(np.uint8).tobytes())
-            made.putpalette(palette)
-            yield made
+            (top, bottom), (left, right) = (
+                _extent(np.asarray(differs.any(axis=axis))) for axis in (1, 0)
+            )
+            made = Image.fromarray(np.ascontiguousarray(fresh[top:bottom, left:right]), mode="P")
+            stay = {"duration": time, "transparency": clear, "disposal": 1}
+            for block in getdata(made, (left, top), include_color_table=False, **stay):
+                stream.write(block)
+        stream.write(b";")
 
-    each = reduced()
-    first = next(each)
-    first.save(
-        file,
-        format="GIF",
-        save_all=True,
-        append_images=each,
-        duration=times,
-        loop=0,
-        optimize=False,
-        transparency=clear,
-        disposal=1,
-    )
+
+def _extent(there: NDArray[np.bool_]) -> tuple[int, int]:
+    """First and last place, plus one, that is there; one place if there is none."""
+    found = np.flatnonzero(there)
+    return (int(found[0]), int(found[-1]) + 1) if len(found) else (0, 1)
 
 
 def _palette(pixels: Frame) -> list[int]:
@@ -73,8 +84,12 @@ def _palette(pixels: Frame) -> list[int]:
     for method, count in kinds:
         some = image.quantize(count, method=method, dither=Image.Dither.NONE).getpalette() or []
         found += some[: 3 * count]
-    # What is left, and the transparent one, are the first colour again.
-    return (found + found[:3] * (_COLOURS + 1))[: 3 * (_COLOURS + 1)]
+    # Paper is white; what is left, and the transparent one, are that colour, too.
+    found = found[: 3 * (_COLOURS - 1)]
+    for first in range(0, len(found), 3):
+        if min(found[first : first + 3]) >= _PAPER:
+            found[first : first + 3] = [255, 255, 255]
+    return found + [255] * (3 * (_COLOURS + 1) - len(found))
 
 
 def write_webp(file: Path, pictures: Iterable[Frame], times: list[int]) -> None:
