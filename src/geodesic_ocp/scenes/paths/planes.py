@@ -35,7 +35,7 @@ def coordinate_scene(metric: Metric, s: Array, q: Array) -> Scene:
     images[:, : metric.dim, : metric.dim] = inverse_tensors(metric, q)
     squares, directions = np.linalg.eigh(images)
     lengths, longest = np.sqrt(np.maximum(squares, 0.0)), longest_drawn(squares[:, -1])
-    ball = scaled_ellipsoids([("unit ball of the metric", points, images)], size)
+    ball = scaled_ellipsoids([(UNIT_BALLS, points, images)], size)
     rings: list[Trail] = []
     if metric.dim == 2 and size > 0.0 and longest > 0.0:
         angles = np.linspace(0.0, 2.0 * np.pi, _SIDES + 1)
@@ -48,6 +48,8 @@ def coordinate_scene(metric: Metric, s: Array, q: Array) -> Scene:
     path = Trail("path", points, "observed", points, layer="path")
     names = metric.joint_names or [f"q[{index}]" for index in range(metric.dim)]
     axes_note = ", ".join(f"{axis}: {name}" for axis, name in zip("xyz", names, strict=False))
+    if longest > 0.0 and size > 0.0:
+        axes_note += f"; {UNIT_BALLS} drawn {size / longest:.3g} times their size"
     ball = tuple(replace(track, layer=UNIT_BALLS) for track in ball)
     title = metric.label or type(metric).__name__
     return Scene(title, s, trails=(path, *rings), ellipsoids=ball, note=axes_note)

@@ -13,7 +13,7 @@ from geodesic_ocp.recordings.markers.program.body import MarkedBody
 from geodesic_ocp.scenes.around.carried import carried
 from geodesic_ocp.scenes.markings import PointCloud
 from geodesic_ocp.scenes.motions.joint_plots import POSITIONS, joint_plots
-from geodesic_ocp.scenes.motions.model_scene import model_scene
+from geodesic_ocp.scenes.motions.model_scene import model_scene, rest_of
 from geodesic_ocp.scenes.motions.of_motion import viewed_from
 from geodesic_ocp.scenes.motions.shown_samples import shown_samples
 from geodesic_ocp.scenes.playback import Curve, Playback, Plot
@@ -56,6 +56,7 @@ def marker_fit_playback(
     time, q = motion.time[shown], motion.q[shown]
     notes = (
         f"{len(fit.names)} markers, typically {1e3 * fit.typical_error:.0f} mm from their places",
+        "the rest of the person was not fitted and is at rest" if rest_of(model) else "",
         *(f"doubtful: {doubt}" for doubt in fit.doubts),
         note,
     )

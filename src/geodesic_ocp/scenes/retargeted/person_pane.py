@@ -49,8 +49,12 @@ def observed(arms: Sequence[RetargetedArm]) -> tuple[Analysis, ...]:
 
 def _slowed(arms: Sequence[RetargetedArm], time: Array) -> str:
     recorded = arms[0].analysis.motion.time
-    longer = float(time[-1] - time[0]) > LONGER * float(recorded[-1] - recorded[0])
-    return "; slowed to the robot's time" if longer else ""
+    shown, own = float(time[-1] - time[0]), float(recorded[-1] - recorded[0])
+    if shown > LONGER * own:
+        return "; slowed to the robot's time"
+    if any(float(arm.motion.time[-1] - arm.motion.time[0]) > LONGER * shown for arm in arms):
+        return "; as fast as recorded"
+    return ""
 
 
 def _whole(arms: Sequence[RetargetedArm], analyses: Sequence[Analysis]) -> tuple[Model, Array]:
