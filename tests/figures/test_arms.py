@@ -17,7 +17,7 @@ import geodesic_ocp as go
 from geodesic_ocp.figures.arms.arm_strip import StripArm, draw_arm_strip
 from geodesic_ocp.figures.arms.best_view import across, best_view, plane_of
 from geodesic_ocp.figures.arms.convex_parts import convex_parts, extreme_points
-from geodesic_ocp.figures.arms.nearest import approach
+from geodesic_ocp.figures.arms.nearest import approach, gap_directions
 from geodesic_ocp.figures.arms.overlay import draw_overlay
 from geodesic_ocp.figures.arms.posture import Postures
 from geodesic_ocp.figures.arms.posture_shapes import outline_of_all, posture_shapes
@@ -157,8 +157,9 @@ def test_a_gap_between_hand_and_obstacle_is_seen(side: tuple[float, float, float
     ball = go.Ball(tuple(hand + 0.2 * np.array(side)), 0.05)
     near = approach(arm, q, [ball])
     assert near is not None
-    view = best_view(Postures.of(arm, q[::5]), obstacles=[ball], nearest=near.directions, closest=2)
-    assert np.abs(near.directions @ view.towards).mean() < 0.5
+    lines = gap_directions(near)
+    view = best_view(Postures.of(arm, q[::5]), obstacles=[ball], nearest=lines, closest=2)
+    assert np.abs(lines @ view.towards).mean() < 0.5
 
 
 def test_the_nearest_approach_is_that_of_the_distances() -> None:
@@ -168,6 +169,7 @@ def test_the_nearest_approach_is_that_of_the_distances() -> None:
     assert near is not None
     expected = [min(go.signed_distances(arm, row, [ball]).values()) for row in q]
     assert near.distances == pytest.approx(expected, abs=1e-6)
+    assert np.linalg.norm(near.ends - near.starts, axis=1) == pytest.approx(np.abs(near.distances))
     assert approach(arm, q, []) is None
 
 

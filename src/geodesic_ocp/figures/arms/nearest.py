@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.geometry.nearest_points import nearest_points
+from geodesic_ocp.model.geometry.nearest_points import NearestPoints, nearest_points
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Obstacle
 
@@ -16,29 +15,10 @@ _NEAR = 0.01  # [m] beyond the least distance, within which bodies are about as 
 _TINY = 1e-12  # [m]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Approach:
-    """The distances of an arm from obstacles.
-
-    Attributes:
-        distances: least one in each of k configurations, (k,) [m].
-        directions: unit vectors (m, 3) along the lines between the points that are nearest, of all
-            bodies and configurations in which they are about as near as they ever come.
-        points: the two that are nearest of all, (2, 3) [m].
-    """
-
-    distances: Array
-    directions: Array
-    points: Array
-
-    def __repr__(self) -> str:
-        return f"Approach(least {self.distances.min():.3g} m)"
-
-
 def approach(
     model: Model, q: Array, obstacles: Sequence[Obstacle], links: Sequence[str] | None = None
-) -> Approach | None:
-    """How near the links' collision bodies come to obstacles in configurations q.
+) -> NearestPoints | None:
+    """Where the links' collision bodies come nearest to an obstacle in configurations q.
 
     Args:
         model: with collision bodies.
@@ -55,11 +35,18 @@ def approach(
         return None
     if not found:
         return None
-    apart = np.array([each.distances for each in found.values()])
-    lines = np.array([each.ends - each.starts for each in found.values()])
-    near = (apart < apart.min() + _NEAR) & (np.abs(apart) > _TINY)
-    directions = lines[near] / np.linalg.norm(lines[near], axis=1, keepdims=True)
-    pair, instant = np.unravel_index(int(np.argmin(apart)), apart.shape)
-    nearest = list(found.values())[pair]
-    points = np.array([nearest.starts[instant], nearest.ends[instant]])
-    return Approach(apart.min(axis=0), directions, points)
+    pairs = list(found.values())
+    starts, ends = np.array([(each.starts, each.ends) for each in pairs]).transpose(1, 0, 2, 3)
+    distances = np.array([each.distances for each in pairs])
+    nearest = distances.argmin(axis=0), np.arange(len(q))
+    return NearestPoints(starts[nearest], ends[nearest], distances[nearest])
+
+
+def gap_directions(near: NearestPoints) -> Array:
+    """Unit vectors (m, 3) along the lines between the nearest points, where they are nearest.
+
+    Of all configurations in which the bodies are about as near as they ever come.
+    """
+    lines, apart = near.ends - near.starts, near.distances
+    narrow = (apart < apart.min() + _NEAR) & (np.abs(apart) > _TINY)
+    return np.asarray(lines[narrow] / np.linalg.norm(lines[narrow], axis=1, keepdims=True))

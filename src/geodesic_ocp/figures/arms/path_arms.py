@@ -11,9 +11,10 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.figures.arms.arm_strip import StripArm, draw_arm_strip
 from geodesic_ocp.figures.arms.best_view import best_view, plane_of
 from geodesic_ocp.figures.arms.close_up import draw_close_up
-from geodesic_ocp.figures.arms.nearest import Approach, approach
+from geodesic_ocp.figures.arms.nearest import approach, gap_directions
 from geodesic_ocp.figures.arms.overlay import draw_overlay
 from geodesic_ocp.figures.arms.posture import Postures
+from geodesic_ocp.model.geometry.nearest_points import NearestPoints
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.trajectory.path import Path
@@ -59,11 +60,12 @@ def draw_path_arms(
         draw_overlay(axes, view, postures, texts, obstacles=obstacles, path=ways[0])
         axes.set_title(f"{model.name} at values of s, {view.name}", **_TITLE, parse_math=False)
         return
-    lines = None if near is None else near.directions
+    lines = None if near is None else gap_directions(near)
     view = best_view(postures, np.concatenate(ways), obstacles, lines, closest)
     if near is not None and closest is not None and close is not None:
-        nearest = path(s[closest])
-        draw_close_up(close, view, model, nearest, near.points, obstacles, links=links, paths=ways)
+        least = int(np.argmin(near.distances))
+        points, nearest = np.array([near.starts[least], near.ends[least]]), path(s[closest])
+        draw_close_up(close, view, model, nearest, points, obstacles, links=links, paths=ways)
         gap = _millimetres(near)
         close.set_title(f"nearest at s = {s[closest]:.2g}, {gap}", **_TITLE)
         close.set_xlabel("dashed: collision bodies", color="0.45", fontsize="small")
@@ -74,7 +76,7 @@ def draw_path_arms(
     draw_arm_strip(axes, [view], texts, arms, obstacles=obstacles, paths=ways, title=title)
 
 
-def _instants(near: Approach | None) -> tuple[Array, list[str], int | None]:
+def _instants(near: NearestPoints | None) -> tuple[Array, list[str], int | None]:
     """Values of s, what is written below each, and which is that of the nearest approach."""
     s = np.linspace(0.0, 1.0, _INSTANTS)
     if near is None:
@@ -87,6 +89,6 @@ def _instants(near: Approach | None) -> tuple[Array, list[str], int | None]:
     return s, texts, number
 
 
-def _millimetres(near: Approach) -> str:
+def _millimetres(near: NearestPoints) -> str:
     """The least distance."""
     return f"{round(1000.0 * float(near.distances.min()))} mm".replace("-", "\u2212")
