@@ -21,6 +21,14 @@ ROLES: dict[str, dict[str, Any]] = {
     "fourth baseline": {"color": "#1f9aa8", "linewidth": 1.5, "linestyle": (0, (2, 2))},
     "neutral": NEUTRAL,
 }
+# What is drawn around arms in three dimensions, on pages and in videos.
+SURROUNDINGS: dict[str, str] = {
+    "obstacle": "#b5573f",
+    "ellipsoid": "#4f7f9f",
+    "gap": "#444b54",
+    "overlap": "#c0202a",
+    "marker": "#5a4a8a",
+}
 # Of predictions that are compared: with joint inertia, kinetic energy alone, straight lines.
 COMPARED: tuple[dict[str, Any], ...] = (
     {**PREDICTED, "linestyle": "-", "linewidth": 2.0, "marker": "o"},

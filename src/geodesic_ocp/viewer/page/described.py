@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.figures.styles import ROLES
+from geodesic_ocp.figures.styles import ROLES, SURROUNDINGS
 from geodesic_ocp.model.geometry.meshes import Mesh
 from geodesic_ocp.scenes.actor import Actor
 from geodesic_ocp.scenes.markings import Trail
@@ -42,6 +42,7 @@ def described(playback: Playback) -> dict[str, Any]:
             for name, spans in playback.spans.items()
         ],
         "roles": {role: _look(role, style) for role, style in ROLES.items()},
+        "colours": SURROUNDINGS,
         "bodies": bodies,
         "scenes": scenes,
     }

@@ -7,7 +7,7 @@ from collections.abc import Collection
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.figures.styles import ROLES
+from geodesic_ocp.figures.styles import ROLES, SURROUNDINGS
 from geodesic_ocp.model.geometry.meshes import Colour, Indices
 from geodesic_ocp.scenes.scene import Scene
 from geodesic_ocp.viewer.video.part import Part, smooth_surface
@@ -15,8 +15,6 @@ from geodesic_ocp.viewer.video.part import Part, smooth_surface
 _MOST = 12000  # triangles of a scene in a pane of this many pixels
 _PIXELS = 300_000
 _OVERLAY, _UNBOUNDED, _ELLIPSOID = 0.40, 0.30, 0.35  # opacities
-_OBSTACLE: Colour = (0.80, 0.66, 0.47)
-_MOBILITY: Colour = (0.48, 0.42, 0.72)
 _TINT = 0.12  # of white in the colours of roles, so that dark ones keep their shading
 _INSTANTS = 24  # at which the space that is taken is looked at
 
@@ -53,13 +51,13 @@ def scene_parts(scene: Scene, layers: Collection[str], pixels: float = _PIXELS) 
         if is_shown(solid.layer, layers) and len(solid.triangles):
             surface = smooth_surface(solid.vertices, np.asarray(solid.triangles), _MOST)
             alpha = _UNBOUNDED if solid.unbounded else 1.0
-            parts.append(Part(*surface, _OBSTACLE, alpha, *still))
+            parts.append(Part(*surface, _colour("obstacle"), alpha, *still))
     for ellipsoid in scene.ellipsoids:
         if is_shown(ellipsoid.layer, layers):
             # A mirrored ellipsoid is the same one, with its triangles outside in.
             mirrored = np.linalg.det(ellipsoid.axes) < 0.0
             axes = np.where(mirrored[:, None, None], -ellipsoid.axes, ellipsoid.axes)
-            parts.append(Part(*_ball(), _MOBILITY, _ELLIPSOID, axes, ellipsoid.centres))
+            parts.append(Part(*_ball(), _colour("ellipsoid"), _ELLIPSOID, axes, ellipsoid.centres))
     return tuple(parts)
 
 
@@ -103,3 +101,9 @@ def _ball() -> tuple[Array, Array, Indices]:
     ball = trimesh.creation.icosphere(subdivisions=3)
     points = np.array(ball.vertices, dtype=float)
     return points, points, np.array(ball.faces)
+
+
+def _colour(name: str) -> Colour:
+    from matplotlib.colors import to_rgb
+
+    return to_rgb(SURROUNDINGS[name])

@@ -1,10 +1,5 @@
 // What one scene consists of, as objects of three.js with functions that move them.
 
-const OBSTACLE = "#b5573f";
-const BALL = "#4f7f9f"; // mobility ellipsoids
-const GAP = "#444b54";
-const OVERLAP = "#c0202a";
-const MARKER = "#5a4a8a";
 const AXES = ["#c8372d", "#3d8f40", "#2f5fb3"];
 const FAINT = 0.3; // and of lines behind bodies
 
@@ -18,6 +13,7 @@ class Drawing {
     this.samples = new Float64Array(bytes(scene.time));
     this.surfaces = surfaces;
     this.roles = data.roles;
+    this.colours = data.colours;
     this.width = 0.0055 * size;
     this.overlays = 0;
     for (const kind of ["actor", "trail", "solid", "frame", "ellipsoid", "gap", "cloud"]) {
@@ -142,7 +138,7 @@ class Drawing {
 
   solid(solid) {
     const { THREE } = MeshCat;
-    const material = painted(OBSTACLE, solid.unbounded ? 0.22 : 0.58);
+    const material = painted(this.colours.obstacle, solid.unbounded ? 0.22 : 0.58);
     if (solid.unbounded) material.side = THREE.DoubleSide;
     material.depthWrite = false;
     const shape = this.surfaces[solid.body];
@@ -150,7 +146,7 @@ class Drawing {
     made.renderOrder = 5;
     const edges = new THREE.LineSegments(
       new THREE.EdgesGeometry(shape, 30),
-      new THREE.LineBasicMaterial({ color: colour(OBSTACLE), transparent: true, opacity: 0.7 })
+      new THREE.LineBasicMaterial({ color: colour(this.colours.obstacle), transparent: true, opacity: 0.7 })
     );
     this.layer(solid.layer).add(made, edges);
   }
@@ -172,7 +168,7 @@ class Drawing {
 
   ellipsoid(ellipsoid) {
     const { THREE } = MeshCat;
-    const material = painted(BALL, 0.42);
+    const material = painted(this.colours.ellipsoid, 0.42);
     const made = this.mesh(new THREE.SphereGeometry(1, 48, 32), material, ellipsoid.name);
     made.renderOrder = 6;
     made.matrixAutoUpdate = false;
@@ -207,7 +203,7 @@ class Drawing {
       line.position.copy(middle.position);
       line.scale.set(1, Math.max(along.length(), 1e-6), 1);
       line.quaternion.setFromUnitVectors(up, along.length() > 0 ? along.normalize() : up);
-      material.color.copy(colour(now < 0 ? OVERLAP : GAP));
+      material.color.copy(colour(now < 0 ? this.colours.overlap : this.colours.gap));
     });
     for (const each of [line, ...balls]) each.userData.name = gap.name;
     this.layer(gap.layer).add(group.add(line, ...balls, middle));
@@ -219,7 +215,7 @@ class Drawing {
     const { THREE } = MeshCat;
     const place = this.rows(cloud.positions);
     const ball = new THREE.SphereGeometry(1.6 * this.width, 16, 12);
-    const material = painted(cloud.role ? this.roles[cloud.role].colour : MARKER);
+    const material = painted(cloud.role ? this.roles[cloud.role].colour : this.colours.marker);
     const balls = cloud.labels.map((label) => this.mesh(ball, material, label, false));
     this.moving.push((index, fraction) => {
       const row = place(index, fraction);

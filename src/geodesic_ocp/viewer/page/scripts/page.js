@@ -220,8 +220,8 @@ function legend(data, layer) {
     const own = (kind) => scene[kind].filter((item) => item.layer === layer);
     for (const { role, name } of own("trails")) add(data.roles[role].colour, name, data.roles[role].dash ?? [1, 0]);
     for (const { role, name } of own("actors")) if (role) add(data.roles[role].colour, name);
-    for (const { role, name } of own("clouds")) add(role ? data.roles[role].colour : MARKER, name);
-    for (const [kind, paint] of [["solids", OBSTACLE], ["ellipsoids", BALL]]) {
+    for (const { role, name } of own("clouds")) add(role ? data.roles[role].colour : data.colours.marker, name);
+    for (const [kind, paint] of [["solids", data.colours.obstacle], ["ellipsoids", data.colours.ellipsoid]]) {
       for (const { name } of own(kind)) add(paint, name);
     }
   }
