@@ -20,6 +20,7 @@ from geodesic_ocp.scenes.playback import PARAMETER, Curve, Playback, Plot, Span
 from geodesic_ocp.scenes.scene import Scene
 from geodesic_ocp.viewer.video import writers
 from geodesic_ocp.viewer.video.fragments import nearest_fragments
+from geodesic_ocp.viewer.video.layout import layout
 from geodesic_ocp.viewer.video.save_video import save_video
 
 CORNERS = np.array(np.meshgrid([-0.1, 0.1], [-0.1, 0.1], [-0.1, 0.1])).reshape(3, -1).T
@@ -154,6 +155,19 @@ def test_without_ffmpeg_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.M
     with pytest.raises(ImportError, match=r"geodesic_ocp\[viewer\]"):
         save_video(moving(), tmp_path / "cube.mp4", **SMALL)
     assert not list(tmp_path.iterdir())
+
+
+def test_narrow_pictures_have_letters_of_the_same_size_and_fewer_plots() -> None:
+    playback = moving()
+    three = replace(playback, plots=playback.plots * 3, scenes=playback.scenes * 3)
+    wide, narrow = layout(three, 960, 1.0), layout(three, 320, 1.0)
+    assert narrow.unit > 320 / 960
+    assert (len(wide.plots), len(narrow.plots)) == (3, 1)
+    assert len({top for _, top, _, _ in wide.panes}) == 1
+    for place in (wide, narrow):
+        for left, top, width, height in (*place.panes, *place.bars, *place.plots):
+            assert 0 <= left < left + width <= place.width
+            assert 0 <= top < top + height <= place.height
 
 
 def test_any_name_can_be_written(tmp_path: Path) -> None:

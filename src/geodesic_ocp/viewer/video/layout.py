@@ -9,8 +9,10 @@ from geodesic_ocp.scenes.playback import Playback
 
 MOST_PLOTS = 3
 _COLUMNS = 4  # panes side by side
-_EDGE, _TITLE, _HEADER, _BAR, _BELOW, _PLOTS = 12, 34, 26, 20, 10, 150  # [px], of 960
+_EDGE, _TITLE, _HEADER, _BAR, _BELOW, _PLOTS = 12, 34, 26, 20, 10, 162  # [px], of 960
 _NARROWEST = 0.55  # of a pane beside plots, of the width
+_LEAST_UNIT = 0.75  # below which letters could not be read
+_BESIDE, _PANE, _PLOT = 700, 180, 270  # [units], least widths: of a pane with plots, and of each
 
 Box = tuple[int, int, int, int]  # left, top, width and height [px]
 
@@ -21,7 +23,7 @@ class Layout:
 
     Attributes:
         width, height: of the frame, even.
-        unit: pixels in place of one of a frame of width 960.
+        unit: pixels in place of one of a frame of width 960; not below what can be read.
         panes, bars, plots: boxes; those of the panes are below their titles.
     """
 
@@ -35,17 +37,20 @@ class Layout:
 
 def layout(playback: Playback, width: int, aspect: float) -> Layout:
     """Place panes of height / width `aspect`, if that is not extreme, in a frame of this width."""
-    unit = width / 960.0
+    unit = max(width / 960.0, _LEAST_UNIT)
     edge, title, header, bar, below, plots_height = (
         round(unit * each) for each in (_EDGE, _TITLE, _HEADER, _BAR, _BELOW, _PLOTS)
     )
     count, plots = len(playback.scenes), min(len(playback.plots), MOST_PLOTS)
-    beside = count == 1 and plots > 0
-    columns = count if count <= _COLUMNS else math.ceil(count / 2)
     inner = width - 2 * edge
+    beside = count == 1 and plots > 0 and inner >= _BESIDE * unit
+    if not beside:
+        plots = min(plots, max(1, int(inner / (_PLOT * unit))))
+    columns = count if count <= _COLUMNS else math.ceil(count / 2)
+    columns = min(columns, max(1, int(inner / (_PANE * unit))))
     pane_width = round(_NARROWEST * inner) if beside else inner // columns
     pane_height = round(pane_width * min(max(aspect, 0.62 if columns > 1 else 0.55), 1.25))
-    pane_height = max(pane_height, 0 if not beside else plots * round(0.8 * plots_height))
+    pane_height = max(pane_height, 0 if not beside else plots * plots_height)
     if columns == 1:
         pane_height = min(pane_height, round(0.68 * width))
     top = title if heading(playback) else edge // 2

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,23 +11,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geodesic_ocp.figures.own_style import own_style
-from geodesic_ocp.figures.styles import NEUTRAL, ROLES, line_styles
 from geodesic_ocp.scenes.plain_text import plain_text
-from geodesic_ocp.scenes.playback import PARAMETER, Curve, Playback, Plot, Span
+from geodesic_ocp.scenes.playback import PARAMETER, Curve, Playback, Span
+from geodesic_ocp.viewer.video.chart import (
+    INK,
+    MOST_NAMED,
+    SHADE,
+    SOFT,
+    chart_frame,
+    draw_chart,
+    shorten,
+)
 from geodesic_ocp.viewer.video.layout import Box, Layout, heading
 
 _DPI = 100.0  # at width 960
-_INK, _SOFT = "#22303c", "#6b7682"
 _BARS, _NOW = ("#d5dde6", "#b9c5d2"), "#1b3a5c"
-_SHADE = "#f0f3f7"
-_NAMES, _TIME = 0.12, 0.09  # widths of names and of the time beside the bars, relative to them
-_MOST_NAMED = 8  # curves in a legend
-_LEGEND, _LETTERS, _LINES = 100, 18, 2  # its width [px], of 960, and the names in it
-_LEAST_OF_TITLE = 3  # letters
+_NAMES, _TIME = 112, 84  # widths [px, of 960] of names and of the time beside the bars
+_LARGEST = 0.3  # of these, relative to the whole
 _STYLE: dict[Any, Any] = {
     **{"axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": "#8a939c"},
     **{"text.parse_math": False},  # names are text, not formulas
-    **{"font.family": "DejaVu Sans", "xtick.color": _SOFT, "ytick.color": _SOFT},
+    **{"font.family": "DejaVu Sans", "xtick.color": SOFT, "ytick.color": SOFT},
 }
 
 
@@ -104,12 +107,11 @@ def panel(playback: Playback, place: Layout) -> Panel:
         dots: list[tuple[Any, Curve]] = []
         shaded = next(iter(playback.spans.values()), ())
         for plot, box in zip(playback.plots, place.plots, strict=False):
-            axes = _axes(figure, place, _within(box, plot, place.unit))
-            _plot(axes, plot, playback, shaded)
-            _head(axes, plot, box[2] - 46 * place.unit)
+            axes = _axes(figure, place, chart_frame(box, plot, place.unit))
+            draw_chart(axes, plot, playback, shaded, (box[2] / place.unit) - 50)
             if place.bars:
-                cursors.append(axes.axvline(np.nan, color=_INK, linewidth=1.0, animated=True))
-                if len(plot.curves) <= _MOST_NAMED:
+                cursors.append(axes.axvline(np.nan, color=INK, linewidth=1.0, animated=True))
+                if len(plot.curves) <= MOST_NAMED:
                     lines = axes.get_lines()[: len(plot.curves)]
                     for line, curve in zip(lines, plot.curves, strict=True):
                         look = {"color": line.get_color(), "markersize": 4.5}
@@ -140,32 +142,23 @@ def clock_text(playback: Playback, instant: float) -> str:
 def _titles(figure: Any, playback: Playback, place: Layout) -> None:
     middle = place.width / 2
     whole = _write(figure, place, middle, 18 * place.unit, heading(playback), 11, ha="center")
-    _shorten(whole, place.width - 24 * place.unit)
+    shorten(whole, place.width - 24 * place.unit)
     for scene, (left, top, width, _) in zip(playback.scenes, place.panes, strict=True):
         across, down = left + 8 * place.unit, top - 13 * place.unit
         title = _write(figure, place, across, down, scene.title, 9.5, weight="bold")
         box = title.get_window_extent()
-        _shorten(title, left + width - across)
-        note = _write(figure, place, box.x1 + 10 * place.unit, down, scene.note, 8, color=_SOFT)
-        _shorten(note, left + width - box.x1 - 14 * place.unit)
+        shorten(title, left + width - across)
+        note = _write(figure, place, box.x1 + 10 * place.unit, down, scene.note, 8, color=SOFT)
+        shorten(note, left + width - box.x1 - 14 * place.unit)
 
 
 def _write(
     figure: Any, place: Layout, x: float, y: float, text: str, size: float, **look: Any
 ) -> Any:
     """Write at a pixel, centred vertically."""
-    look = {"color": _INK, "va": "center", **look}
+    look = {"color": INK, "va": "center", **look}
     at = x / place.width, 1.0 - y / place.height
     return figure.text(*at, plain_text(text), fontsize=size, **look)
-
-
-def _shorten(text: Any, width: float) -> None:
-    """Leave out the end of a text that is wider than this [px]."""
-    whole = text.get_text()
-    for kept in range(len(whole) - 1, -1, -1):
-        if text.get_window_extent().width <= width:
-            return
-        text.set_text(f"{whole[:kept].rstrip()}…" if kept else "")
 
 
 def _axes(figure: Any, place: Layout, box: tuple[float, float, float, float]) -> Any:
@@ -175,60 +168,6 @@ def _axes(figure: Any, place: Layout, box: tuple[float, float, float, float]) ->
     return figure.add_axes(sides)
 
 
-def _within(box: Box, plot: Plot, unit: float) -> tuple[float, float, float, float]:
-    """The frame of the axes in the box of a plot, with room for its labels."""
-    left, top, width, height = box
-    beside = (60 + _LEGEND if _has_legend(plot) else 60) * unit
-    return left + 46 * unit, top + 24 * unit, width - beside, height - 62 * unit
-
-
-def _has_legend(plot: Plot) -> bool:
-    return 1 < len(plot.curves) <= _MOST_NAMED
-
-
-def _plot(axes: Any, plot: Plot, playback: Playback, shaded: Sequence[Span]) -> None:
-    for span in shaded[1::2]:
-        axes.axvspan(span.start, span.stop, color=_SHADE, linewidth=0.0, zorder=0)
-    series = iter(line_styles(sum(curve.role is None for curve in plot.curves)))
-    looks = [next(series) if curve.role is None else ROLES[curve.role] for curve in plot.curves]
-    lines = [
-        axes.plot(curve.time, curve.values, **look)[0]
-        for curve, look in zip(plot.curves, looks, strict=True)
-    ]
-    for value in plot.marks:
-        axes.axhline(value, **{**NEUTRAL, "linewidth": 0.8}, zorder=1)
-    start, stop = playback.range
-    if start < stop:
-        axes.set_xlim(start, stop)
-    axes.set_xlabel(plain_text(playback.time_label), fontsize=7.5, color=_SOFT, labelpad=1)
-    axes.tick_params(labelsize=7, length=2.5, pad=2)
-    axes.locator_params(axis="y", nbins=4)
-    if _has_legend(plot):
-        # A space in front, because matplotlib leaves out names that start with an underscore.
-        names = [f" {_wrapped(curve.name)}" for curve in plot.curves]
-        look = {"fontsize": 6.5, "frameon": False, "bbox_to_anchor": (1.0, 1.05)}
-        spacing = {"handlelength": 1.8, "labelspacing": 0.2, "borderpad": 0.2}
-        axes.legend(lines, names, loc="upper left", **look, **spacing)
-
-
-def _head(axes: Any, plot: Plot, width: float) -> None:
-    """Write what a plot shows above it, with as much of its title as fits into this width [px]."""
-    label, title = plain_text(plot.label), plain_text(plot.title)
-    look = {"fontsize": 8.5, "loc": "left", "color": _INK, "pad": 4}
-    text = axes.set_title(f"{title}: {label}" if title else label, **look)
-    for kept in range(len(title) - 1, -1, -1):
-        if text.get_window_extent().width <= width:
-            return
-        text.set_text(f"{title[:kept].rstrip()}…: {label}" if kept > _LEAST_OF_TITLE else label)
-    _shorten(text, width)
-
-
-def _wrapped(name: str) -> str:
-    lines = textwrap.wrap(plain_text(name), _LETTERS) or [""]
-    more = "…" if len(lines) > _LINES else ""
-    return "\n ".join(lines[:_LINES]) + more
-
-
 def _bars(
     figure: Any, playback: Playback, place: Layout, cursors: list[Any]
 ) -> tuple[tuple[tuple[tuple[Span, ...], Any, Any], ...], tuple[Any, ...]]:
@@ -236,17 +175,19 @@ def _bars(
     clock: tuple[Any, ...] = ()
     start, stop = playback.range
     named = list(playback.spans.items()) or [("", ())]
-    names = _NAMES if any(name.strip() for name, _ in named) and len(named) > 1 else 0.0
+    names = _NAMES if any(name.strip() for name, _ in named) and len(named) > 1 else 0
     for (name, spans), (left, top, width, height) in zip(named, place.bars, strict=False):
         middle = top + height / 2
-        label = _write(figure, place, left, middle, name if names else "", 8, color=_SOFT)
-        _shorten(label, (names - 0.01) * width)
-        box = (left + names * width, top, width * (1.0 - names - _TIME), height)
+        before = min(names * place.unit, _LARGEST * width)
+        after = min(_TIME * place.unit, _LARGEST * width)
+        label = _write(figure, place, left, middle, name if names else "", 8, color=SOFT)
+        shorten(label, before - 10 * place.unit)
+        box = (left + before, top, width - before - after, height)
         axes = _axes(figure, place, box)
         axes.set_axis_off()
         axes.set_xlim(start, stop)
         axes.set_ylim(0.0, 1.0)
-        axes.axvspan(start, stop, color=_SHADE, linewidth=0.0)
+        axes.axvspan(start, stop, color=SHADE, linewidth=0.0)
         for index, span in enumerate(spans):
             axes.axvspan(span.start, span.stop, color=_BARS[index % 2], linewidth=0.0)
         mark = axes.axvspan(start, start, color=_NOW, linewidth=0.0, animated=True)
