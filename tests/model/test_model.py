@@ -8,6 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
+from geodesic_ocp.model.geometry.meshes import meshes
 
 
 def test_model_keeps_a_copy(arm: go.Model) -> None:
@@ -197,3 +198,19 @@ def test_a_metric_or_model_in_the_wrong_place_is_named(
     ):
         with pytest.raises(ValueError, match=message):
             call()
+
+
+def test_a_frame_with_the_name_of_a_joint_remains_what_the_name_means() -> None:
+    body = pin.Inertia(1.0, np.array([0.2, 0.0, 0.0]), 0.1 * np.eye(3))
+    chain = pin.Model()
+    first = chain.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "tool")
+    chain.appendBodyToJoint(first, body, pin.SE3.Identity())
+    elbow = pin.SE3(np.eye(3), np.array([0.4, 0.0, 0.0]))
+    second = chain.addJoint(first, pin.JointModelRY(), elbow, "second")
+    chain.appendBodyToJoint(second, body, pin.SE3.Identity())
+    tip = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
+    chain.addFrame(pin.Frame("tool", second, tip, pin.FrameType.OP_FRAME))
+    model = go.Model(chain, "tool")
+    assert_allclose(model.hand_pose(np.zeros(2))[1], [0.7, 0.0, 0.0], atol=1e-15)
+    for link in {mesh.link for mesh in meshes(model)}:
+        assert [str(frame.name) for frame in model.pin.frames].count(link) == 1

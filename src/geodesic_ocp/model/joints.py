@@ -77,11 +77,18 @@ def restore_frames(model: pin.Model, original: Mapping[str, str]) -> None:
 
 
 def with_joint_frames(model: pin.Model) -> pin.Model:
-    """The same model, in which each joint that carried no frame now has one of its own name."""
+    """The same model, in which each joint that carried no frame now has one of its own name.
+
+    Where another frame has that name, "(joint)" follows it.
+    """
     carried = {int(frame.parentJoint) for frame in model.frames}
     for index in range(1, model.njoints):
-        if index not in carried:
+        name = str(model.names[index])
+        if index not in carried and not model.existFrame(name):
             model.addJointFrame(index)
+        elif index not in carried:
+            kind = pin.FrameType.OP_FRAME  # of the type JOINT Pinocchio expects the joint's name
+            model.addFrame(pin.Frame(f"{name} (joint)", index, pin.SE3.Identity(), kind))
     return model
 
 
