@@ -116,13 +116,15 @@ def test_visual_geometry_is_preferred_to_collision_geometry() -> None:
 def test_unreadable_visual_geometry_is_replaced_by_capsules() -> None:
     broken = drawn("one", '<mesh filename="nowhere.stl"/>', SHAPES["box"])
     chain = meshes(go.load_model(urdf(), hand="grip"))
-    same = meshes(go.load_model(broken, hand="grip"))
+    with pytest.warns(UserWarning, match="without its visual geometry.*nowhere.stl"):
+        same = meshes(go.load_model(broken, hand="grip"))
     assert [mesh.link for mesh in same] == [mesh.link for mesh in chain]
     text = broken.replace(
         '<link name="three">',
         f'<link name="three"><collision><geometry>{SHAPES["sphere"]}</geometry></collision>',
     )
-    mesh = of_link("three", go.load_model(text, hand="grip"))
+    with pytest.warns(UserWarning, match="without its visual geometry"):
+        mesh = of_link("three", go.load_model(text, hand="grip"))
     assert volume(mesh) == pytest.approx(VOLUMES["sphere"], rel=ROUND)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from weakref import WeakKeyDictionary
 
 from geodesic_ocp.model.geometry.link_geometry import LinkGeometry
@@ -22,7 +23,7 @@ def meshes(model: Model, max_triangles: int = MAX_TRIANGLES) -> tuple[Mesh, ...]
     """Triangle meshes of the links of a model, for display only.
 
     They show the visual geometry of the URDF or MJCF file from which the model was loaded; if there
-    is none, or it cannot be read, its collision bodies. Of a person (`human_arm`,
+    is none, or with a warning if it cannot be read, its collision bodies. Of a person (`human_arm`,
     `human_upper_body`, also within `combine`) those are drawn as a human body in the proportions of
     the model. Moving links without either are drawn from the kinematic chain: joints along their
     axes, and struts between them. The result is deterministic, and kept as long as the model is.
@@ -52,7 +53,10 @@ def _geometry(model: Model) -> list[Mesh]:
     if isinstance(model.shapes, LinkGeometry):
         try:
             visual = list(visual_geometry(model.shapes))
-        except Exception:  # from Pinocchio: a mesh is missing, or of an unknown type
+        except Exception as error:  # from Pinocchio: a mesh is missing, or of an unknown type
+            reason = " ".join(str(error).split())
+            said = "is drawn without its visual geometry, which cannot be read"
+            warnings.warn(f"{model.name} {said}: {reason}", stacklevel=2)
             visual = []
         if visual:
             return visual
