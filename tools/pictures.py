@@ -56,7 +56,7 @@ def make_reach(path: Path) -> None:
     reach = go.Reach(arm, start, position=(0.10, 0.45, 0.10), obstacles=(lamp,))
     playback = playback_of(go.solve(reach, tolerance=1e-6))
     plots = tuple(plot for plot in playback.plots if not plot.label.startswith("speed"))
-    save_video(replace(playback, title="", plots=plots), path, width=720, rate=12.5, speed=1.6)
+    save_video(replace(playback, title="", plots=plots), path, width=800, rate=15.0, speed=1.6)
 
 
 def make_figure(path: Path) -> None:

@@ -289,3 +289,8 @@ def test_a_gif_whose_frames_are_all_alike_lasts_as_long(tmp_path: Path) -> None:
     writers.write_gif(file, [frame] * 3, [frame], [100, 100, 600])
     assert sum(durations(file)) == 800
     assert all(np.abs(each.astype(int) - frame).max() < 5 for each in pictures(file))
+
+
+def test_the_paper_of_a_gif_is_white(tmp_path: Path) -> None:
+    for frame in pictures(save_video(moving(), tmp_path / "cube.gif", width=160, rate=2.0)):
+        assert np.all(frame[0] == 255)

@@ -14,7 +14,7 @@ from geodesic_ocp.viewer.video.layout import Box
 INK, SOFT, SHADE = "#22303c", "#6b7682", "#f0f3f7"
 MOST_NAMED = 8  # curves in a legend
 # All [px, of 960]: width of a mark in the legend with its spaces, and of a letter; height of a row.
-_MARK, _LETTER, _ROW = 36.0, 5.2, 12.0
+_MARK, _LETTER, _ROW = 40.0, 5.2, 12.0
 _POINT = 72.0 / 100.0  # [pt] in a pixel of 960
 _MOST_ROWS = 4
 _LEAST_OF_TITLE = 3  # letters

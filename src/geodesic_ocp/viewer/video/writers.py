@@ -18,7 +18,7 @@ from geodesic_ocp.viewer.video.frames import Frame
 _FREQUENT, _RARE = 180, 75  # colours of a GIF, and one that is transparent
 _COLOURS = _FREQUENT + _RARE
 _SETTLED = 3  # largest change of a colour, of 255, that a GIF leaves out
-_PAPER = 250  # least of three colours, of 255, that a GIF takes for white
+_PAPER = 252  # least of three colours, of 255, that a GIF takes for white
 _LOOKED_AT = 12  # frames from which a GIF takes its colours
 # The Netscape application extension, which repeats the animation without end.
 _FOREVER = b"\x21\xff\x0bNETSCAPE2.0\x03\x01\x00\x00\x00"
@@ -54,7 +54,9 @@ def write_gif(
             now = np.array(
                 Image.fromarray(shown).quantize(palette=colours, dither=Image.Dither.NONE)
             )
-            now[now == clear] = 0  # the same colour
+            now[now == clear] = clear - 1  # the same colour
+            pale = shown >= _PAPER  # which Pillow's approximate search may take for a tint
+            now[pale[..., 0] & pale[..., 1] & pale[..., 2]] = clear - 1
             # What stays as it is, is transparent or left out, which saves most.
             differs = now != before if before.size else np.ones(now.shape, dtype=bool)
             fresh = np.where(differs, now, np.uint8(clear))
@@ -86,9 +88,6 @@ def _palette(pixels: Frame) -> list[int]:
         found += some[: 3 * count]
     # Paper is white; what is left, and the transparent one, are that colour, too.
     found = found[: 3 * (_COLOURS - 1)]
-    for first in range(0, len(found), 3):
-        if min(found[first : first + 3]) >= _PAPER:
-            found[first : first + 3] = [255, 255, 255]
     return found + [255] * (3 * (_COLOURS + 1) - len(found))
 
 
