@@ -19,7 +19,7 @@ from geodesic_ocp.scenes.markings import EllipsoidTrack, FrameTrack, Gap, PointC
 from geodesic_ocp.scenes.playback import PARAMETER, Curve, Playback, Plot, Span
 from geodesic_ocp.scenes.scene import Scene
 from geodesic_ocp.viewer.video import writers
-from geodesic_ocp.viewer.video.fragments import nearest_fragments
+from geodesic_ocp.viewer.video.drawing.fragments import nearest_fragments
 from geodesic_ocp.viewer.video.layout import layout
 from geodesic_ocp.viewer.video.save_video import save_video
 

@@ -18,8 +18,8 @@ from geodesic_ocp.scenes.playback import PARAMETER, Playback
 from geodesic_ocp.scenes.scene import Scene
 from geodesic_ocp.viewer.page.extremes import extremes
 from geodesic_ocp.viewer.page.packed import encoded, packed
-from geodesic_ocp.viewer.video.part import smooth_surface
-from geodesic_ocp.viewer.video.scene_parts import role_tint
+from geodesic_ocp.viewer.video.drawing.part import smooth_surface
+from geodesic_ocp.viewer.video.drawing.scene_parts import role_tint
 
 _FINEST, _FEWEST, _MOST = 0.004, 8, 900  # [m] between points of a drawn trail, and their number
 

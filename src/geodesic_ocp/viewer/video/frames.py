@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.scenes.playback import Playback
-from geodesic_ocp.viewer.video.camera import Camera, cameras, turned
+from geodesic_ocp.viewer.video.drawing.camera import Camera, cameras, turned
+from geodesic_ocp.viewer.video.drawing.pane import SAMPLES, Pane, pane
+from geodesic_ocp.viewer.video.drawing.scene_parts import scene_parts, scene_points
 from geodesic_ocp.viewer.video.layout import layout
-from geodesic_ocp.viewer.video.pane import SAMPLES, Pane, pane
 from geodesic_ocp.viewer.video.panel import panel
-from geodesic_ocp.viewer.video.scene_parts import scene_parts, scene_points
 
 Frame = NDArray[np.uint8]  # (height, width, 3)
 

@@ -12,18 +12,24 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.figures.styles import ROLES
 from geodesic_ocp.scenes.markings import Trail
 from geodesic_ocp.scenes.scene import Scene
-from geodesic_ocp.viewer.video.camera import Camera
-from geodesic_ocp.viewer.video.light import Pixels, Single, covered, darken, floor_picture
-from geodesic_ocp.viewer.video.part import Moment, Part, moment, placed
-from geodesic_ocp.viewer.video.scene_parts import is_shown
-from geodesic_ocp.viewer.video.strokes import (
+from geodesic_ocp.viewer.video.drawing.camera import Camera
+from geodesic_ocp.viewer.video.drawing.light import Pixels, Single, covered, darken, floor_picture
+from geodesic_ocp.viewer.video.drawing.part import Moment, Part, moment, placed
+from geodesic_ocp.viewer.video.drawing.scene_parts import is_shown
+from geodesic_ocp.viewer.video.drawing.strokes import (
     Stroke,
     dashes_of,
     draw_disc,
     length_fractions,
     stroke,
 )
-from geodesic_ocp.viewer.video.surfaces import Still, joined, outline, still_surfaces, visible
+from geodesic_ocp.viewer.video.drawing.surfaces import (
+    Still,
+    joined,
+    outline,
+    still_surfaces,
+    visible,
+)
 
 SAMPLES = 2  # pixels of the camera per pixel of the picture, in either direction
 _FUTURE, _HIDDEN = 0.35, 0.30  # opacity of a path that is still ahead; of what is behind a surface

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.viewer.video.camera import NEAR
+from geodesic_ocp.viewer.video.drawing.camera import NEAR
 
 _TRIANGLE_BITS = 24
 _DEPTH_STEPS = 2.0**38

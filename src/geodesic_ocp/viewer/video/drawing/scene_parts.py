@@ -10,7 +10,7 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.figures.styles import ROLES, SURROUNDINGS
 from geodesic_ocp.model.geometry.meshes import Colour, Indices
 from geodesic_ocp.scenes.scene import Scene
-from geodesic_ocp.viewer.video.part import Part, smooth_surface
+from geodesic_ocp.viewer.video.drawing.part import Part, smooth_surface
 
 _MOST = 12000  # triangles of a scene in a pane of this many pixels
 _PIXELS = 300_000

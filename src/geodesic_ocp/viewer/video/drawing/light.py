@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.viewer.video.camera import Camera
-from geodesic_ocp.viewer.video.fragments import nearest_fragments
+from geodesic_ocp.viewer.video.drawing.camera import Camera
+from geodesic_ocp.viewer.video.drawing.fragments import nearest_fragments
 
 Single = NDArray[np.float32]
 Pixels = NDArray[np.uint8]

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from geodesic_ocp.viewer.video.camera import Camera
-from geodesic_ocp.viewer.video.fragments import nearest_fragments
-from geodesic_ocp.viewer.video.light import Single, covered, lit
-from geodesic_ocp.viewer.video.part import Moment, Part, placed
+from geodesic_ocp.viewer.video.drawing.camera import Camera
+from geodesic_ocp.viewer.video.drawing.fragments import nearest_fragments
+from geodesic_ocp.viewer.video.drawing.light import Single, covered, lit
+from geodesic_ocp.viewer.video.drawing.part import Moment, Part, placed
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.viewer.video.camera import Camera
-from geodesic_ocp.viewer.video.fragments import Fragments, nearest_fragments
+from geodesic_ocp.viewer.video.drawing.camera import Camera
+from geodesic_ocp.viewer.video.drawing.fragments import Fragments, nearest_fragments
 
 _STEP = 2.0  # [pixel], length of the pieces of a line
 
