@@ -309,6 +309,18 @@ def test_without_webgl_the_page_says_so(playwright: Any, file: File) -> None:
         assert ask(page, "viewer.time") == 3.0
 
 
+def test_a_view_that_the_browser_closes_says_so(browser: Any, file: File) -> None:
+    """Browsers keep some views open, and close the oldest when a page or notebook has more."""
+    with opened(browser, file("path"), width=WIDTH, height=560) as page:
+        assert not page.get_by_text("closed this view").is_visible()
+        ask(page, "viewer.panes[0].viewer.renderer.forceContextLoss()")
+        page.get_by_text("closed this view").wait_for(state="visible")
+        ask(page, "viewer.seek(0.5)")
+        assert ask(page, "viewer.time") == 0.5
+        ask(page, "viewer.panes[0].viewer.renderer.forceContextRestore()")
+        page.get_by_text("closed this view").wait_for(state="hidden")
+
+
 def test_without_javascript_the_page_says_so(browser: Any, file: File) -> None:
     with opened(browser, file("path"), javascript=False) as page:
         sentence = page.locator("noscript p")

@@ -25,6 +25,12 @@ class Pane {
     this.viewer.set_3d_pane_size = () => this.resize(); // also called when the window changes
     renderer.setPixelRatio(Math.min(2, window.devicePixelRatio));
     this.canvas = renderer.domElement;
+    // Browsers keep some sixteen views open, and close the oldest when there are more.
+    const text = "The browser has closed this view: it keeps only some views open at once.";
+    this.closed = made("p", { class: "playback-missing playback-closed", hidden: "" }, text);
+    element.append(this.closed);
+    this.canvas.addEventListener("webglcontextlost", () => (this.closed.hidden = false));
+    this.canvas.addEventListener("webglcontextrestored", () => (this.closed.hidden = true));
 
     this.points = [];
     const extremes = unpacked(scene.extremes);
@@ -234,6 +240,7 @@ class Pane {
   }
 
   render() {
+    if (this.viewer.renderer.getContext().isContextLost()) return;
     this.viewer.render();
     const placed = [];
     for (const label of this.labels.sort((a, b) => a.rank() - b.rank())) {
