@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 
@@ -33,14 +34,7 @@ CUTS = "cuts"
 _ERRORS = "predictions on the same segments"
 _NAME = "riemannian"  # of the method by which the motion was cut
 # Of the methods in the order of the table; more than six are never compared.
-_ROLES: tuple[Role, ...] = (
-    "predicted",
-    "baseline",
-    "second baseline",
-    "third baseline",
-    "fourth baseline",
-    "neutral",
-)
+_ROLES: tuple[Role, ...] = get_args(Role)[1:]
 
 
 def analysis_playback(analysis: Analysis, *, title: str = "") -> Playback:
