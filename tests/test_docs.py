@@ -35,6 +35,7 @@ _SLOW = {
     "how-to/problem.md",
     "how-to/recording.md",
     "how-to/retargeting.md",
+    "how-to/show.md",
 }  # more than some seconds
 
 

@@ -17,6 +17,7 @@ from geodesic_ocp.studies.batch.analyse_recordings import analyse_recordings
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
 
 
+@pytest.mark.slow
 def test_the_fit_is_shown_and_saved(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arm, time = go.human_arm("right", HEIGHT), np.arange(90) / 50.0
     q = angles(arm, time)

@@ -121,6 +121,7 @@ def test_methods_without_a_geodesic_are_left_out(bundled_analysis: go.Analysis) 
     assert all(len(plot.curves) == 2 for plot in playback.plots)
 
 
+@pytest.mark.slow
 def test_both_hands_of_a_person_are_shown() -> None:
     person = go.human_upper_body()
     time = np.arange(31) / 100.0

@@ -114,6 +114,7 @@ def test_parquet_holds_the_same_as_csv(data: Path, tmp_path: Path) -> None:
         )
 
 
+@pytest.mark.slow
 def test_files_that_cannot_be_used_are_left_out_with_their_reasons(
     data: Path, tmp_path: Path
 ) -> None:

@@ -71,6 +71,7 @@ def test_the_model_s_frames_may_be_recorded_by_their_names() -> None:
     assert set(fit.undetermined) <= {"LEz_joint", "LWx_joint", "LWy_joint"}
 
 
+@pytest.mark.slow
 def test_noise_gaps_and_swapped_markers_leave_the_motion_as_it_is() -> None:
     arm, time = go.human_arm("left", HEIGHT), np.arange(180) / 100.0
     q = angles(arm, time)
