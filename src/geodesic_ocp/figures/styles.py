@@ -28,6 +28,7 @@ SURROUNDINGS: dict[str, str] = {
     "gap": "#444b54",
     "overlap": "#c0202a",
     "marker": "#5a4a8a",
+    **{"x": "#c8372d", "y": "#3d8f40", "z": "#2f5fb3"},  # axes of frames
 }
 # Of predictions that are compared: with joint inertia, kinetic energy alone, straight lines.
 COMPARED: tuple[dict[str, Any], ...] = (

@@ -1,6 +1,5 @@
 // What one scene consists of, as objects of three.js with functions that move them.
 
-const AXES = ["#c8372d", "#3d8f40", "#2f5fb3"];
 const FAINT = 0.3; // and of lines behind bodies
 
 class Drawing {
@@ -155,7 +154,7 @@ class Drawing {
     const { THREE } = MeshCat;
     const group = this.posed(new THREE.Group(), frame);
     const length = 22 * this.width;
-    AXES.forEach((paint, axis) => {
+    ["x", "y", "z"].map((axis) => this.colours[axis]).forEach((paint, axis) => {
       const shape = new THREE.CylinderGeometry(this.width / 1.6, this.width / 1.6, length, 12);
       shape.translate(0, length / 2, 0);
       if (axis === 0) shape.rotateZ(-Math.PI / 2);
