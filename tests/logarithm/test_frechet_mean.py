@@ -83,3 +83,13 @@ def test_one_point_is_its_own_mean(arm_metric: go.KineticEnergy) -> None:
 def test_bad_arguments_are_named(points: list, weights: list | None, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         go.frechet_mean(Sphere(), points, weights)
+
+
+def test_mean_of_equal_and_nearly_equal_points(
+    arm_metric: go.KineticEnergy, rng: np.random.Generator
+) -> None:
+    for _ in range(10):
+        point = rng.uniform(-1.0, 1.0, 7)
+        for offset in (0.0, 1e-15, 1e-11):
+            found = go.frechet_mean(arm_metric, point + offset * np.array([[0.0], [1.0], [2.0]]))
+            assert found == pytest.approx(point + offset, abs=1e-15, rel=0.0)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from all_metrics import METRICS, points
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from known_metrics import HalfPlane, PolarPlane, Sphere, half_plane_distance, in_plane, on_sphere
@@ -187,3 +188,23 @@ def test_a_straight_line_that_is_a_geodesic_but_not_the_shortest(
     assert path.velocity == pytest.approx(np.array([0.0, 5.0]), abs=1e-9)
     assert path.certificate.morse_index == 1
     assert go.distance(metric, q0, q1, num_starts=2) == pytest.approx(2 * np.pi - 5.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("solver", ["newton", "ipopt"])
+@pytest.mark.parametrize("name", METRICS)
+def test_nearby_points(name: str, solver: str, rng: np.random.Generator) -> None:
+    """To second order the logarithm is d - q''(d) / 2, from coincident points to 1e-3 apart."""
+    metric = METRICS[name]()
+    (q0,), direction = points(metric, rng, 1), rng.normal(size=metric.dim)
+    for size in [0.0, *10.0 ** np.arange(-18.0, -2.0, 1.0 if solver == "newton" else 3.0)]:
+        q1 = q0 + size * direction / np.abs(direction).max()
+        d = q1 - q0
+        expected = d - metric.acceleration(q0, d) / 2.0
+        found = go.log(metric, q0, q1, solver=solver)
+        assert np.abs(found - expected).max() <= 1e-13 * size + 1e4 * size**3, size
+
+
+def test_geodesics_between_nearby_points(arm_metric: go.KineticEnergy) -> None:
+    q = np.full(7, 0.3)
+    (found,) = go.geodesics(arm_metric, q, q + 1e-11, num_starts=6)
+    assert found.velocity == pytest.approx(np.full(7, 1e-11), rel=1e-4)

@@ -13,6 +13,8 @@ from geodesic_ocp.manifold.metric import Metric, as_metric
 
 # Logarithms are accurate to 1e-9; the condition is met relative to the points' spread.
 _TOLERANCE = 1e-8
+# Means of equal points, or nearly equal ones, are as exact as their coordinates.
+_ROUNDING = 4.0 * np.finfo(float).eps
 _MAX_STEPS = 100
 _SMALLEST_STEP = 1e-3
 
@@ -63,7 +65,7 @@ def frechet_mean(metric: Metric, points: ArrayLike, weights: ArrayLike | None = 
         gradient = w @ logs
         spread = max(metric.norm(x, each) for each in logs)
         size = metric.norm(x, gradient)
-        if size <= _TOLERANCE * spread:
+        if size <= _TOLERANCE * spread or np.all(np.abs(gradient) <= _ROUNDING * np.abs(x).max()):
             return x
         if size < smallest:
             smallest, origin, direction = size, x, gradient

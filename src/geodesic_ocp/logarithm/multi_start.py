@@ -18,7 +18,7 @@ from geodesic_ocp.arrays import Array, as_integer
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.logarithm.by_shooting import find_by_shooting
 from geodesic_ocp.logarithm.connecting_geodesic import ConnectingGeodesic
-from geodesic_ocp.logarithm.single_start import as_solver, find_from_path
+from geodesic_ocp.logarithm.single_start import are_nearby, as_solver, find_from_path
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
@@ -78,6 +78,8 @@ def find_geodesics(
                     # Where a coordinate is periodic, the opposite direction leads to the goal, too.
                     goal = goals[int(rng.integers(len(goals)))]
                     velocity = -np.exp(rng.uniform(*np.log(_REVERSED))) * near.velocity
+                if are_nearby(start, goal):  # there is no other geodesic as short
+                    continue
                 new = find_by_shooting(metric, start, goal, velocity)
         except (NotConverged, ValueError) as failure:
             failures.append(failure)
