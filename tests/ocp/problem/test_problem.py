@@ -269,8 +269,12 @@ def test_violated_conditions_are_named_with_value_and_s(arm: go.Model) -> None:
 
 
 def test_violations_between_the_nodes_are_found() -> None:
-    with pytest.warns(RuntimeWarning, match=r"disc falls below 0\.5 by 0\.\d+ at s = 0\.\d+"):
-        coarse, fine = (go.solve(PlaneAroundDisc(), grid=go.Grid(k, 4)) for k in (4, 32))
+    with pytest.raises(go.NotConverged, match=r"disc falls below 0\.5 by 0\.\d+ at s = 0\.\d+"):
+        go.solve(PlaneAroundDisc(), grid=go.Grid(4, 4))
+    coarse, fine = (go.solve(PlaneAroundDisc(), grid=go.Grid(k, 4), throw=False) for k in (4, 32))
+    assert not coarse.stats.success
+    with pytest.raises(go.NotConverged, match="not a solution: disc falls below"):
+        coarse.to_motion(1.0)
     assert coarse.stats.max_node_violation < 1e-8
     assert coarse.stats.max_path_violation > 1e-4
     assert coarse.violations[0].name == "disc"

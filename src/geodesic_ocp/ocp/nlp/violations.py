@@ -14,6 +14,8 @@ from geodesic_ocp.ocp.nlp.conditions import Condition, Conditions
 from geodesic_ocp.ocp.nlp.path_samples import PathSamples, excess_over_bounds
 from geodesic_ocp.trajectory.path import Path
 
+# Without a tolerance, solutions violate no condition by more than this, in its unit.
+BETWEEN_NODES = 1e-4
 NEGLIGIBLE = 1e-6  # smaller violations are ignored before a solve, and in messages
 
 # path -> parameters s (k,), and the largest violation of any path constraint at each (k,)

@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.ipopt import STOPPED
 from geodesic_ocp.ocp.nlp.conditions import Conditions
-from geodesic_ocp.ocp.nlp.violations import ViolationProfile, violation_profile
+from geodesic_ocp.ocp.nlp.violations import BETWEEN_NODES, ViolationProfile, violation_profile
 from geodesic_ocp.ocp.solve.solution import Solution
 from geodesic_ocp.ocp.solve.stats import MeshIteration
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
-# Without a tolerance, segments are halved in which conditions are violated by more than this.
-BETWEEN_NODES = 1e-4
+# Halving has led to a path that jumps through an obstacle if segments are narrower than this.
+_NARROWEST = 1e-5
 _MAX_ROUNDS = 20
 _MAX_SEGMENTS = 400
 # Segments are halved whose error exceeds this fraction of the largest.
@@ -81,30 +81,70 @@ def refine_where_violated(
 ) -> Solution:
     """The solution on a grid on which conditions hold to `BETWEEN_NODES` everywhere on the path.
 
-    Segments in which they do not are halved. If that fails, the last solution is returned.
+    Segments in which they do not are halved; if that fails, it is repeated from polynomials of low
+    degree. A path that still violates a condition is no solution.
 
     Args:
         solve_on: solves on a grid.
         conditions: of the problem.
         solution: on the first grid.
     """
-    history = [_mesh_iteration(solution)]
     profile = violation_profile(conditions)
+    history = [_mesh_iteration(solution)]
+    refined = _halve_where_violated(solve_on, profile, solution, history)
+    grid = solution.path.grid
+    if _violates(refined):
+        rough = solve_on(_regrid(grid, 4 * grid.segments, 2), None, False)
+        history.append(_mesh_iteration(rough))
+        again = _halve_where_violated(solve_on, profile, rough, history)
+        if again.stats.success and not _violates(again):
+            refined = again
+    if len(history) > 1:
+        stats = replace(refined.stats, mesh_history=tuple(history))
+        refined = replace(refined, stats=stats)
+    return meeting_conditions(refined, "no finer grid meets its conditions")
+
+
+def meeting_conditions(solution: Solution, advice: str) -> Solution:
+    """The solution, not successful if it violates a condition by more than `BETWEEN_NODES`."""
+    if not _violates(solution):
+        return solution
+    status = f"it meets its conditions at the nodes, but not between them; {advice}"
+    return _failed(solution, status)
+
+
+def _failed(solution: Solution, status: str) -> Solution:
+    """The solution as the last iterate of a solve that failed."""
+    stats = replace(solution.stats, success=False, status=status)
+    return replace(solution, stats=stats, iterate=replace(solution.iterate, success=False))
+
+
+def _violates(solution: Solution) -> bool:
+    stats = solution.stats
+    return stats.success and stats.max_path_violation > BETWEEN_NODES
+
+
+def _halve_where_violated(
+    solve_on: SolveOn, profile: ViolationProfile, solution: Solution, history: list[MeshIteration]
+) -> Solution:
+    """The last solution, on grids whose segments are halved where conditions are violated."""
     for _ in range(_MAX_ROUNDS):
-        stats, path = solution.stats, solution.path
-        if not stats.success or stats.max_path_violation <= BETWEEN_NODES:
+        path = solution.path
+        if not _violates(solution):
             break
         coarse = _worst_by_segment(path, profile(path)) > BETWEEN_NODES
-        if not np.any(coarse) or path.grid.segments + int(coarse.sum()) > _MAX_SEGMENTS:
+        diverged = len(history) > _PATIENCE and min(path.grid.widths) < _NARROWEST
+        too_many = path.grid.segments + int(coarse.sum()) > _MAX_SEGMENTS
+        if not np.any(coarse) or diverged or too_many:
             break
         finer = solve_on(halved(path.grid, coarse), path, True)
         history.append(_mesh_iteration(finer))
-        if not (finer.stats.success or finer.stats.status == STOPPED):
+        if finer.stats.status == STOPPED:
+            return finer
+        if not finer.stats.success:
             break
         solution = finer
-    if len(history) == 1:
-        return solution
-    return replace(solution, stats=replace(solution.stats, mesh_history=tuple(history)))
+    return solution
 
 
 def _regrid(grid: Grid, segments: int, degree: int) -> Grid:
@@ -145,7 +185,7 @@ def _refine_from(
         f"not solved to {tolerance:g}: on {history[-1].segments} segments conditions are still "
         f"violated by {stats.max_path_violation:.2g}, and the objective has changed by {change:.2g}"
     )
-    return replace(solution, stats=replace(solution.stats, success=False, status=status))
+    return _failed(solution, status)
 
 
 def _coarse(path: Path, violations: tuple[Array, Array], tolerance: float) -> NDArray[np.bool_]:

@@ -11,8 +11,9 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.figures.path_figure import draw_path
-from geodesic_ocp.ocp.nlp.violations import Violation
+from geodesic_ocp.ocp.nlp.violations import BETWEEN_NODES, Violation, find_violations
 from geodesic_ocp.ocp.problem.drawn_obstacles import drawn_obstacles
 from geodesic_ocp.ocp.problem.problem import Problem
 from geodesic_ocp.ocp.solve.certificate import Certificate, certify_iterate
@@ -134,7 +135,14 @@ class Solution:
         Raises:
             ValueError: a duration or rate that is not positive, a path of zero length, or a time
                 law for another length.
+            NotConverged: the path is no solution, or violates the problem's conditions.
         """
+        allowed = max(BETWEEN_NODES, 1.1 * self.stats.max_path_violation)
+        names, conditions = self.path.metric.joint_names, self.problem.definition().conditions
+        violations = find_violations(conditions, self.path, names)
+        if not self.stats.success or (violations and not violations[0].amount <= allowed):
+            cause = "; ".join(map(str, violations[:1])) or self.stats.status
+            raise NotConverged(f"no motion along a path that is not a solution: {cause}", self)
         return motion_along(self.path, timing, rate)
 
     def plot(self) -> Figure:

@@ -21,8 +21,8 @@ from geodesic_ocp.ocp.nlp.violations import find_violations, violation_profile
 from geodesic_ocp.ocp.problem.problem import Problem
 from geodesic_ocp.ocp.solve.callback import Callback, IterationCallback
 from geodesic_ocp.ocp.solve.final_iterate import FinalIterate
-from geodesic_ocp.ocp.solve.messages import describe_failure, warn_of_violations
-from geodesic_ocp.ocp.solve.refinement import BETWEEN_NODES, refine, refine_where_violated
+from geodesic_ocp.ocp.solve.messages import describe_failure
+from geodesic_ocp.ocp.solve.refinement import meeting_conditions, refine, refine_where_violated
 from geodesic_ocp.ocp.solve.solution import Solution, with_effort_of
 from geodesic_ocp.ocp.solve.stats import Stats
 from geodesic_ocp.ocp.solve.via_points import with_optimal_via_points
@@ -84,12 +84,9 @@ def solve(
         ValueError: the problem is malformed; its fixed ends violate its own conditions; or a
             tolerance is requested for a path with continuous velocity at via points or prescribed
             velocities at the ends, of which there is none of least energy.
-        NotConverged: Ipopt found no solution, or the callback stopped it; the last iterate is its
-            `solution`.
-
-    Warns:
-        RuntimeWarning: there is no tolerance, and a condition is violated between the nodes by
-            more than 1e-4: on a given grid, or if refinement has failed.
+        NotConverged: Ipopt found no solution, the callback stopped it, or the path violates a
+            condition between the nodes by more than the tolerance, without one by more than 1e-4:
+            on a given grid, or if refinement fails. The last iterate is its `solution`.
 
     Example:
         >>> import geodesic_ocp as go
@@ -114,7 +111,8 @@ def solve(
         solution = solver.solve_from(first, start)
         if grid is None:
             solution = refine_where_violated(solver, conditions, solution)
-        warn_of_violations(solution, BETWEEN_NODES, given_grid=grid is not None)
+        else:
+            solution = meeting_conditions(solution, "leave grid out, or set tolerance")
     elif conditions.via_continuity:
         raise ValueError(
             "tolerance: the path of least energy has a corner at its via points, which a path with "
