@@ -10,15 +10,17 @@ does all of it in one call.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.compiled.lapack import one_blas_thread
-from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.errors import IntegrationFailed, NotConverged
+from geodesic_ocp.logarithm.by_ipopt import find_by_ipopt
+from geodesic_ocp.logarithm.by_shooting import find_by_shooting
 from geodesic_ocp.logarithm.connecting_geodesic import (
     TOLERANCE,
     ConnectingGeodesic,
@@ -35,6 +37,7 @@ from geodesic_ocp.logarithm.newton import (
     initial_velocity,
     minimize,
 )
+from geodesic_ocp.manifold.exp import sample_geodesic
 from geodesic_ocp.manifold.kernels import Tolerances
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.trajectory.grid import Grid
@@ -50,9 +53,7 @@ _CONTINUED = levels_of(((1, 12), (1, 20), (1, 30), (2, 20), (4, 20), (8, 20)), 1
 # Multiples of the diagonal of G(q0) that are added to G, from large to small.
 _ADDED = (10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
 # Paths through random points: number, and offset from the straight line relative to its length.
-_WAYPOINTS, _OFFSET = 12, (0.2, 1.0)
-# No further attempt is made after this time [s], with interpreted functions a multiple of it.
-_PATIENCE, _INTERPRETED = 1.0, 10.0
+_WAYPOINTS, _OFFSET = 4, (0.2, 1.0)
 _STATUS = {
     11: "the energy has no minimum nearby, or Newton's method needs more steps",
     12: "the Hessian of the energy is not finite",
@@ -83,7 +84,8 @@ def find_by_newton(
         q0, q1: the ends (n,), not the same.
         guess: a path between them; None is the straight line.
         thorough: where the first pass fails, try other coarse grids, a continuation in a diagonal
-            added to G, and paths through random points.
+            added to G, the way back, paths through random points, and Ipopt: always as many
+            attempts, so that what is found does not depend on the machine.
 
     Raises:
         NotConverged: none was found; `solution` is the path on which the first attempt ended.
@@ -91,8 +93,6 @@ def find_by_newton(
     """
     reasons: list[str] = []
     last: Attempt | None = None
-    began = time.thread_time()
-    patience = _PATIENCE if metric.kernels.available() else _INTERPRETED * _PATIENCE
     for attempt in _attempts(metric, q0, q1, guess, thorough):
         if attempt.velocity is not None:
             return ConnectingGeodesic(q0, q1, attempt.velocity)
@@ -100,9 +100,10 @@ def find_by_newton(
             check_straight_line(metric, q0, q1, guess)
         last = last or attempt
         reasons.append(attempt.reason)
-        if time.thread_time() - began > patience:
-            break
     assert last is not None
+    if thorough:
+        with suppress(NotConverged):
+            return find_by_ipopt(metric, q0, q1, guess)
     if ROUNDING in reasons:
         cause = "geodesics diverge so fast that rounding errors exceed 1e-9 at the goal"
     else:
@@ -132,6 +133,7 @@ def _attempts(
         yield _pass(metric, q0, q1, levels, _start(levels, q0, q1, guess), none)
     added = np.outer(_ADDED, np.diag(metric.matrix(q0)))
     yield _pass(metric, q0, q1, _CONTINUED, _start(_CONTINUED, q0, q1, guess), added)
+    yield _back(metric, q0, q1, guess)
     rng = np.random.default_rng(0)
     for _ in range(_WAYPOINTS):
         direction = rng.normal(size=metric.dim)
@@ -139,6 +141,21 @@ def _attempts(
         s = _LEVELS.grids[0].nodes[:, None]
         bulge = 4.0 * s * (1.0 - s) * size * direction / np.linalg.norm(direction)
         yield _pass(metric, q0, q1, _LEVELS, q0 + s * (q1 - q0) + bulge, none)
+
+
+def _back(metric: Metric, q0: Array, q1: Array, guess: Path | None) -> Attempt:
+    """The geodesic from q1 to q0, traversed backwards."""
+    x = _start(_LEVELS, q0, q1, guess)[::-1]
+    back = _pass(metric, q1, q0, _LEVELS, np.ascontiguousarray(x), np.zeros((0, metric.dim)))
+    failed = back._replace(nodes=back.nodes[::-1], velocity=None)
+    if back.velocity is None:
+        return failed
+    try:
+        _, velocities = sample_geodesic(metric, q1, back.velocity, np.array([0.0, 1.0]))
+        found = find_by_shooting(metric, q0, q1, -velocities[-1])
+    except (IntegrationFailed, NotConverged) as failure:
+        return failed._replace(reason=str(failure))
+    return failed._replace(velocity=found.velocity)
 
 
 def _start(levels: Levels, q0: Array, q1: Array, guess: Path | None) -> Array:

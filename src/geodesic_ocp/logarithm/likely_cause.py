@@ -39,7 +39,4 @@ def likely_cause(metric: Metric, nodes: Array) -> str:
             f"between {low} and {high} the squared length along {names[worst]} grows by "
             f"{ratios[worst]:.0e}: one of them is near a singularity or a boundary"
         )
-    return (
-        "the initial guess may be poor (num_starts=10 tries more), or the goal lies at a conjugate "
-        "point"
-    )
+    return "no path from any of the attempts led to one; the goal may lie at a conjugate point"
