@@ -208,3 +208,25 @@ def test_geodesics_between_nearby_points(arm_metric: go.KineticEnergy) -> None:
     q = np.full(7, 0.3)
     (found,) = go.geodesics(arm_metric, q, q + 1e-11, num_starts=6)
     assert found.velocity == pytest.approx(np.full(7, 1e-11), rel=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("q0", "q1"),
+    [
+        pytest.param(
+            (0.203, 0.512, -0.06, 0.827, 1.185, -0.083, -0.631),
+            (1.597, 1.097, -2.654, 2.527, -0.02, -0.027, 0.789),
+            id="found on the way back",
+        ),
+        pytest.param(
+            (2.766, 0.169, -2.677, 0.123, 0.874, -0.043, 1.005),
+            (-0.988, 1.082, -0.966, 1.559, -0.541, -0.308, 0.422),
+            id="found by Ipopt",
+        ),
+    ],
+)
+def test_several_attempts_are_made(arm_metric: go.KineticEnergy, q0: Any, q1: Any) -> None:
+    """Far pairs on which Newton's method fails from the straight line on all grids."""
+    end = go.exp(arm_metric, q0, go.log(arm_metric, q0, q1))
+    assert end == pytest.approx(np.array(q1), abs=1e-8)

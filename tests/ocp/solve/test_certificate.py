@@ -131,3 +131,24 @@ def test_certify_names_wrong_arguments() -> None:
         go.certify(path, [np.nan, 1.0])
     with pytest.raises(ValueError, match="path must be a Path"):
         go.certify(3)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1.0, 1e6])
+def test_active_constraints_do_not_depend_on_their_unit(factor: float) -> None:
+    """A force presses the path down onto the straight line between its ends."""
+
+    class Pressed(go.Problem):
+        metric = go.Euclidean(2)
+
+        def boundary(self, q0: ca.SX, q1: ca.SX) -> list[object]:
+            return [(q0, (0.0, 0.0)), (q1, (1.0, 0.0))]
+
+        def constraints(self, q: ca.SX, v: ca.SX) -> list[object]:
+            return [(0.0, factor * ca.sinh(q[1]), np.inf, "floor")]
+
+        def cost(self, q: ca.SX, v: ca.SX) -> ca.SX:
+            return q[1] - 8.0 * q[1] ** 2  # which decreases again far above the floor
+
+    certificate = go.solve(Pressed(), grid=go.Grid(8, 4)).certificate
+    assert certificate.has_active_constraints
+    assert certificate.locally_shortest

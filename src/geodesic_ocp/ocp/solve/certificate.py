@@ -26,8 +26,9 @@ from geodesic_ocp.ocp.solve.second_variation import (
 from geodesic_ocp.trajectory.path import Path
 
 _DRIFT = 0.05  # an unconstrained stationary path conserves its kinetic energy to this fraction
-# Multipliers of the scaled NLP above this belong to active conditions.
+# Forces in the scaled NLP above this belong to active conditions.
 _ACTIVE = 1e-6
+_SMALLEST = np.finfo(float).tiny
 _DEPENDENT = 1e-10
 
 
@@ -133,7 +134,10 @@ def certify_iterate(iterate: FinalIterate) -> Certificate:
         return Certificate(error, drift, False, None, has_running_cost=has_cost)
 
     active_x = iterate.fixed_x | (np.abs(iterate.lam_x) > _ACTIVE)
-    active_g = iterate.fixed_g | (np.abs(iterate.lam_g) > _ACTIVE)
+    jacobian = iterate.constraint_jacobian()
+    # Multiplier times gradient is the force of a condition, whatever the condition's unit.
+    forces = np.abs(iterate.lam_g) * np.linalg.norm(jacobian, axis=1)
+    active_g = iterate.fixed_g | (forces > _ACTIVE)
     free = np.flatnonzero(~active_x)
     inner_are_free = free.size == iterate.x.size - 2 * n and not np.any(active_x[n:-n])
     if inner_are_free and not np.any(active_g) and iterate.energy_only:
@@ -141,7 +145,8 @@ def certify_iterate(iterate: FinalIterate) -> Certificate:
         return replace(certify(path), endpoint_error=error)
     reduced = iterate.hessian()[np.ix_(free, free)]
     if np.any(active_g):
-        normals = iterate.constraint_jacobian()[np.ix_(np.flatnonzero(active_g), free)]
+        normals = jacobian[np.ix_(np.flatnonzero(active_g), free)]
+        normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), _SMALLEST)
         tangent = scipy.linalg.null_space(normals, rcond=_DEPENDENT)
         reduced = tangent.T @ reduced @ tangent
     # Ipopt has ensured the first-order conditions, with all multipliers.
