@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import json
+import lzma
+import math
 import os
 import secrets
+import struct
 import tempfile
+import tokenize
+import zipfile
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from os import PathLike
@@ -14,6 +20,12 @@ from typing import Any
 
 from geodesic_ocp.errors import RecordingError
 
+# What zipfile, its decompressors and NumPy raise of a damaged archive of arrays.
+UNREADABLE_ARCHIVE = (
+    *(OSError, ValueError, EOFError, KeyError, TypeError, SyntaxError, MemoryError, OverflowError),
+    *(AttributeError, NotImplementedError, RuntimeError, struct.error, tokenize.TokenError),
+    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError),
+)
 TEMPORARY = ".writing-"  # start of the names of files that are being written
 
 
@@ -27,7 +39,7 @@ def read_record(file: str | PathLike[str], name: str, version: int, what: str) -
     if not path.is_file():
         raise RecordingError(f"{path}: there is no such file")
     try:
-        record = json.loads(path.read_text(encoding="utf-8"))
+        record = parse_json(path.read_text(encoding="utf-8"))
     except OSError as failure:
         raise RecordingError(f"{path}: cannot be read: {failure}") from None
     except (ValueError, RecursionError) as failure:
@@ -37,6 +49,22 @@ def read_record(file: str | PathLike[str], name: str, version: int, what: str) -
     if record.get("version") != version:
         raise RecordingError(f"{path}: has version {record.get('version')}, expected {version}")
     return record
+
+
+def parse_json(text: str) -> Any:
+    """The value of a JSON text, whose integers have a floating-point value.
+
+    Raises:
+        ValueError: it is no JSON, or has an integer beyond the range of floating-point numbers.
+        RecursionError: it is nested too deeply.
+    """
+    return json.loads(text, parse_int=_integer)
+
+
+def _integer(digits: str) -> int:
+    if not math.isfinite(float(digits)):
+        raise ValueError(f"the integer {digits:.20}... is too large")
+    return int(digits)
 
 
 def write_together(folder: str | Path, write: Callable[[Path], object]) -> list[Path]:

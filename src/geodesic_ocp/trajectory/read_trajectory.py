@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import zipfile
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,7 @@ from scipy.interpolate import make_interp_spline
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.records import UNREADABLE_ARCHIVE, parse_json
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.trajectory_table import read_trajectory_table
 
@@ -73,8 +72,10 @@ def _trajectory(
 
 def _from_json(path: Path) -> tuple[Array, dict[str, Array], tuple[str, ...], tuple[str, ...]]:
     try:
-        message = json.loads(path.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, RecursionError) as failure:
+        message = parse_json(path.read_text(encoding="utf-8"))
+    except UnicodeDecodeError:
+        raise
+    except (ValueError, RecursionError) as failure:
         raise RecordingError(f"{path}: is not JSON: {failure}") from None
     names = message.get("joint_names") if isinstance(message, dict) else None
     points = message.get("points") if isinstance(message, dict) else None
@@ -117,10 +118,13 @@ def _are_numbers(values: list[Any]) -> bool:
 
 def _from_npz(path: Path) -> tuple[Array, dict[str, Array], tuple[str, ...], tuple[str, ...]]:
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
             found = {name: archive[name] for name in archive.files}
-    except (OSError, ValueError, zipfile.BadZipFile, AttributeError) as failure:
+    except UNREADABLE_ARCHIVE as failure:
         raise RecordingError(f"{path}: is not an archive of NumPy arrays: {failure}") from None
+    for name, array in found.items():
+        if not isinstance(array, np.ndarray):
+            raise RecordingError(f"{path}: {name} is not an array")
     for name in ("time", "position", "joint_names"):
         if name not in found:
             raise RecordingError(

@@ -10,11 +10,7 @@ no positions here.
 
 from __future__ import annotations
 
-import lzma
-import struct
 import warnings
-import zipfile
-import zlib
 from pathlib import Path
 from typing import BinaryIO
 
@@ -31,6 +27,7 @@ from geodesic_ocp.recordings.skeletons.skeleton_convention import (
     SkeletonConvention,
 )
 from geodesic_ocp.recordings.skeletons.skeleton_segments import skeleton_segments
+from geodesic_ocp.records import UNREADABLE_ARCHIVE
 
 # Joint, parent, and the direction to it in the rest pose, of which only the signs are used.
 _JOINTS = (
@@ -62,11 +59,6 @@ _PARTS = ("root_orient", "pose_body")
 _RATES = ("mocap_framerate", "mocap_frame_rate")
 _SLOWEST, _FASTEST = 1e-3, 1e6  # [Hz]
 _LARGEST = 1e3  # [rad], of a rotation vector's components
-_UNREADABLE = (
-    *(OSError, ValueError, EOFError, KeyError, TypeError, SyntaxError, MemoryError, OverflowError),
-    *(NotImplementedError, RuntimeError, zipfile.BadZipFile, zlib.error, lzma.LZMAError),
-    struct.error,
-)
 
 
 def read_smpl(
@@ -123,7 +115,7 @@ def _arrays(file: Path, stream: BinaryIO) -> dict[str, Array]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # headers written by Python 2
             archive = np.load(stream, allow_pickle=False)
-    except _UNREADABLE as failure:
+    except UNREADABLE_ARCHIVE as failure:
         raise RecordingError(f"{file}: is no archive of NumPy arrays: {_line(failure)}") from None
     if not isinstance(archive, np.lib.npyio.NpzFile):
         raise RecordingError(f"{file}: is a single array, not an archive of arrays (.npz)")
@@ -145,7 +137,7 @@ def _arrays(file: Path, stream: BinaryIO) -> dict[str, Array]:
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore", UserWarning)
                     array = archive[key]
-            except _UNREADABLE as failure:
+            except UNREADABLE_ARCHIVE as failure:
                 reason = (
                     "it holds Python objects, which are not loaded from files"
                     if "allow_pickle" in str(failure)
