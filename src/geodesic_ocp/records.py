@@ -1,4 +1,4 @@
-"""JSON files with a format name and a version, and writing of several files at once."""
+"""JSON files with a format name and a version, NumPy archives, and writing of several files."""
 
 from __future__ import annotations
 
@@ -10,23 +10,33 @@ import secrets
 import struct
 import tempfile
 import tokenize
+import warnings
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, TypeVar
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from geodesic_ocp.errors import RecordingError
 
 # What zipfile, its decompressors and NumPy raise of a damaged archive of arrays.
-UNREADABLE_ARCHIVE = (
+_UNREADABLE_ARCHIVE = (
     *(OSError, ValueError, EOFError, KeyError, TypeError, SyntaxError, MemoryError, OverflowError),
     *(AttributeError, NotImplementedError, RuntimeError, struct.error, tokenize.TokenError),
     *(zipfile.BadZipFile, zlib.error, lzma.LZMAError),
 )
+# What constructors raise of values of the right type that make no sense.
+SENSELESS = (ArithmeticError, AttributeError, LookupError, MemoryError, RuntimeError, TypeError)
 TEMPORARY = ".writing-"  # start of the names of files that are being written
+
+
+Converted = TypeVar("Converted")
 
 
 def read_record(file: str | PathLike[str], name: str, version: int, what: str) -> dict[str, Any]:
@@ -52,19 +62,112 @@ def read_record(file: str | PathLike[str], name: str, version: int, what: str) -
 
 
 def parse_json(text: str) -> Any:
-    """The value of a JSON text, whose integers have a floating-point value.
+    """The value of a JSON text, all of whose numbers have a finite floating-point value.
 
     Raises:
-        ValueError: it is no JSON, or has an integer beyond the range of floating-point numbers.
+        ValueError: it is no JSON, or has a number beyond the range of floating-point numbers.
         RecursionError: it is nested too deeply.
     """
-    return json.loads(text, parse_int=_integer)
+    return json.loads(text, parse_int=_integer, parse_float=_finite, parse_constant=_finite)
 
 
 def _integer(digits: str) -> int:
-    if not math.isfinite(float(digits)):
-        raise ValueError(f"the integer {digits:.20}... is too large")
+    _finite(digits)
     return int(digits)
+
+
+def _finite(digits: str) -> float:
+    if not math.isfinite(number := float(digits)):
+        raise ValueError(f"the number {digits:.20} is not finite")
+    return number
+
+
+def convert(record: object, kind: type[Converted], file: str | PathLike[str]) -> Converted:
+    """A dataclass, with the types of its annotations, from the value of a JSON text.
+
+    Numbers that are not finite are the texts "inf", "-inf" and "nan"; unknown fields are ignored.
+
+    Raises:
+        RecordingError: a field is missing, of another type, or refused by a dataclass; names the
+            file and the field.
+    """
+    with decoding(file):
+        return msgspec.convert(record, kind, strict=False, dec_hook=_array_from_lists)
+
+
+@contextmanager
+def decoding(file: str | PathLike[str]) -> Iterator[None]:
+    """Errors by what a file holds become a RecordingError that names it.
+
+    Raises:
+        RecordingError: any such error.
+    """
+    try:
+        yield
+    except RecordingError:
+        raise
+    except (ValueError, *SENSELESS) as failure:
+        raise RecordingError(f"{file}: {str(failure) or type(failure).__name__}") from None
+
+
+_Numbers = float | list[float | list[float | list[float]]]
+
+
+def _array_from_lists(kind: Any, value: object) -> NDArray[Any]:
+    """An array, whose annotation is NDArray."""
+    try:
+        entries = msgspec.convert(value, _Numbers, strict=False)
+    except msgspec.ValidationError as failure:  # the place in the array is not that in the file
+        raise ValueError(str(failure).partition(" - at")[0]) from None
+    try:
+        return np.array(entries, dtype=float)
+    except ValueError:
+        raise ValueError("rows must have one length") from None
+
+
+def read_arrays(
+    file: Path, choose: Callable[[list[str]], Iterable[str]] = iter
+) -> dict[str, NDArray[Any]]:
+    """Arrays in a NumPy archive (.npz), without Python objects.
+
+    Args:
+        file: to read.
+        choose: from the names of all arrays, those that are to be read; all by default.
+
+    Raises:
+        RecordingError: the file is no such archive, or an array in it cannot be read.
+        OSError: the file cannot be opened.
+    """
+    with file.open("rb") as stream, warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # headers written by Python 2
+        with _opened(file, stream) as archive:
+            return {name: _array(file, archive, name) for name in choose(archive.files)}
+
+
+def _opened(file: Path, stream: BinaryIO) -> Any:
+    try:
+        archive = np.load(stream, allow_pickle=False)
+    except _UNREADABLE_ARCHIVE as failure:
+        raise RecordingError(f"{file}: is no archive of NumPy arrays: {_line(failure)}") from None
+    if not isinstance(archive, np.lib.npyio.NpzFile):
+        raise RecordingError(f"{file}: is a single array, not an archive of arrays (.npz)")
+    return archive
+
+
+def _array(file: Path, archive: Any, name: str) -> NDArray[Any]:
+    try:
+        array = archive[name]
+    except _UNREADABLE_ARCHIVE as failure:
+        pickled = "it holds Python objects, which are not loaded from files"
+        reason = pickled if "allow_pickle" in str(failure) else _line(failure)
+        raise RecordingError(f"{file}: {name!r} cannot be read: {reason}") from None
+    if not isinstance(array, np.ndarray):
+        raise RecordingError(f"{file}: {name!r} is not a NumPy array")
+    return array
+
+
+def _line(failure: BaseException) -> str:
+    return (str(failure).splitlines() or [type(failure).__name__])[0][:120]
 
 
 def write_together(folder: str | Path, write: Callable[[Path], object]) -> list[Path]:

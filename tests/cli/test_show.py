@@ -182,9 +182,9 @@ def test_damaged_synergies_are_named(analysed: Path, tmp_path: Path) -> None:
     good = (analysed / "synergies.json").read_text()
     file = tmp_path / "bad.json"
     for change, message in (
-        (good.replace('"law"', '"lore"'), "'law' is missing"),
+        (good.replace('"law"', '"lore"'), "missing required field `law`"),
         (good.replace('"synergies": [', '"synergies": [], "others": ['), "bad.json: "),
-        (good.replace('"height": 1.', '"height": "tall", "other": 1.'), "could not convert"),
+        (good.replace('"height": 1.', '"height": "tall", "other": 1.'), r"at `\$.model.height`"),
     ):
         assert change != good
         file.write_text(change)

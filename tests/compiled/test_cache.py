@@ -285,6 +285,53 @@ def test_large_caches_lose_the_libraries_used_least_recently(
     assert cache.stored() == [newer]
 
 
+def test_use_is_added_up_beside_the_library_and_goes_with_it(
+    empty_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = []
+    for metric in (HalfPlane(), Sphere()):
+        assert is_compiled(metric)
+        (file,) = set(cache.stored()) - set(files)
+        files.append(file)
+        assert cache.use(file) == 0.0
+        for _ in range(3):
+            cache.add_use(file, 0.0104)
+        assert cache.use(file) == pytest.approx(0.03)
+    older, newer = files
+    os.utime(older, (1e9, 1e9))
+    monkeypatch.setattr(cache, "_LARGEST", newer.stat().st_size)
+    cache.limit_size()
+    assert cache.use(older) == 0.0
+    assert len(names(empty_cache)) == 2
+    assert cache.clear() == 1
+    assert names(empty_cache) == []
+
+
+def test_use_is_forgotten_where_it_cannot_be_written(tmp_path: Path) -> None:
+    file = tmp_path / "missing" / "key.digest.so"
+    cache.add_use(file, 1.0)
+    assert cache.use(file) == 0.0
+
+
+def test_the_job_of_a_process_that_was_killed_is_removed_soon(
+    empty_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = next(cache.writable_folders())
+    job = cache.new_job(folder, "text", "name")
+    monkeypatch.setattr(cache, "_GRACE", 0.0)
+    command = [sys.executable, build.__file__, str(job), "name", "sh", "-c", "sleep 60"]
+    with subprocess.Popen(command, start_new_session=True) as process:
+        with build.lock(job):
+            assert not cache.is_stale(job)
+        try:
+            while cache.is_stale(job):
+                assert process.poll() is None
+        finally:
+            os.killpg(process.pid, 9)
+    cache.wait_for_job(folder, "name")
+    assert cache.new_job(folder, "other text", "name") == job
+
+
 def test_clearing_removes_libraries_and_leaves_other_files(empty_cache: Path) -> None:
     assert cache.clear() == 0
     assert is_compiled(HalfPlane())

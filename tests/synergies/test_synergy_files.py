@@ -52,7 +52,7 @@ def test_bad_files_are_named(bundled_analysis: go.Analysis, tmp_path: Path) -> N
         (good[:100], "is not JSON"),
         ("[1, 2]", "is not a file of synergies"),
         (good.replace('"version": 1', '"version": 7'), "has version 7, expected 1"),
-        (good.replace('"degree"', '"grade"'), "'degree' is missing"),
+        (good.replace('"degree"', '"grade"'), "missing required field `degree`"),
     ):
         file.write_text(text)
         with pytest.raises(go.RecordingError, match=message):

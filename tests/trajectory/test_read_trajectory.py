@@ -141,7 +141,7 @@ def test_malformed_messages_are_named_by_field(tmp_path: Path, message: Any, exp
 def test_malformed_archives_are_named_by_array(tmp_path: Path) -> None:
     file = tmp_path / "bad.npz"
     file.write_bytes(b"PK nothing")
-    with pytest.raises(ValueError, match=r"bad\.npz: is not an archive"):
+    with pytest.raises(ValueError, match=r"bad\.npz: is no archive"):
         read_trajectory(file)
     np.savez(file, time=np.arange(3.0))
     with pytest.raises(ValueError, match=r"bad\.npz: has no array position, only time"):
@@ -194,5 +194,5 @@ def test_members_that_are_no_arrays_and_huge_integers_are_refused(tmp_path: Path
     message = tmp_path / "trajectory.json"
     point = {"time_from_start": {"sec": 10**400}, "positions": [1.0]}
     message.write_text(json.dumps({"joint_names": ["a"], "points": [point]}))
-    with pytest.raises(ValueError, match=r"trajectory.json: .* is too large"):
+    with pytest.raises(ValueError, match=r"trajectory.json: .* is not finite"):
         read_trajectory(message)

@@ -4,7 +4,8 @@
 
 JOB is a folder of its own with the source. The library appears beside it, as KEY.DIGEST.so with a
 digest of its content, and the folder is removed. It runs as a process of its own, which goes on
-when the program that started it ends.
+when the program that started it ends, and waits until others beside it have ended. A lock on JOB
+tells others that somebody works there.
 """
 
 from __future__ import annotations
@@ -15,12 +16,51 @@ import shutil
 import struct
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from hashlib import sha256
 from pathlib import Path
+
+if sys.platform != "win32":
+    import fcntl
 
 SOURCE = "functions.c"
 _OUTPUT = "library"
 _NOT_IN_FILE = 8  # type of a section of zeros (SHT_NOBITS)
+
+
+@contextmanager
+def lock(folder: Path, alone: bool = False) -> Iterator[None]:
+    """Hold a lock on a folder, which ends with the process at the latest.
+
+    Args:
+        folder: with nothing done where its file system has no locks.
+        alone: wait until nobody else has a lock on it.
+    """
+    if sys.platform == "win32":
+        yield
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        with suppress(OSError):
+            fcntl.flock(descriptor, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def is_locked(folder: Path) -> bool:
+    """Whether a process has a lock on the folder, or that cannot be told."""
+    if sys.platform == "win32":
+        return True
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    finally:
+        os.close(descriptor)
+    return False
 
 
 def build(job: Path, key: str, command: list[str]) -> Path:
@@ -31,17 +71,18 @@ def build(job: Path, key: str, command: list[str]) -> Path:
         subprocess.CalledProcessError: the compiler failed; stderr says why.
     """
     try:
-        # Relative names, so that equal sources become equal libraries.
-        subprocess.run(
-            [*command, SOURCE, "-o", _OUTPUT],
-            check=True,
-            capture_output=True,
-            text=True,
-            errors="replace",
-            stdin=subprocess.DEVNULL,
-            cwd=job,
-            env={**os.environ, "TMPDIR": str(job)},
-        )
+        with lock(job):
+            # Relative names, so that equal sources become equal libraries.
+            subprocess.run(
+                [*command, SOURCE, "-o", _OUTPUT],
+                check=True,
+                capture_output=True,
+                text=True,
+                errors="replace",
+                stdin=subprocess.DEVNULL,
+                cwd=job,
+                env={**os.environ, "TMPDIR": str(job)},
+            )
         output = job / _OUTPUT
         content = output.read_bytes()
         if not is_complete(content):  # TinyCC does not notice a full disk
@@ -78,6 +119,8 @@ def is_complete(content: bytes) -> bool:
 if __name__ == "__main__":
     os.nice(10)
     try:
-        build(Path(sys.argv[1]), sys.argv[2], sys.argv[3:])
+        folder = Path(sys.argv[1])
+        with lock(folder), lock(folder.parent, alone=True):
+            build(folder, sys.argv[2], sys.argv[3:])
     except (OSError, subprocess.CalledProcessError) as failure:
         sys.exit(f"{failure}\n{getattr(failure, 'stderr', '') or ''}")

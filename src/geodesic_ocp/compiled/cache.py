@@ -1,8 +1,9 @@
 """The user's cache of compiled libraries.
 
 A library's file name holds the key of its sources and a digest of its content, so that it appears
-in one step, complete, and a damaged file is noticed and built again. Nothing is loaded from a
-folder that other users can change: where the cache is not private, a temporary folder is used.
+in one step, complete, and a damaged file is noticed and built again. The size of a file KEY.use
+tells for how long the library has been used. Nothing is loaded from a folder that other users can
+change: where the cache is not private, a temporary folder is used.
 """
 
 from __future__ import annotations
@@ -20,19 +21,24 @@ from pathlib import Path
 
 from platformdirs import user_cache_path
 
-from geodesic_ocp.compiled.build import SOURCE, file_name
+from geodesic_ocp.compiled.build import SOURCE, file_name, is_locked
 
 ENVIRONMENT_VARIABLE = "GEODESIC_OCP_CACHE"
 _LIBRARY = re.compile(r"[0-9a-f]{32}\.[0-9a-f]{32}\.so")
+_USE = re.compile(r"[0-9a-f]{32}\.use")
+# Use of a library that one byte stands for [s].
+_USE_STEP = 1e-3
 _JOB = "build-"
 # A build that has not ended after this time was interrupted [s].
 _STALE = 1800.0
+# Time after which somebody works at a new job, and keeps it locked [s].
+_GRACE = 5.0
 # Size beyond which the libraries that have not been used for the longest time are removed [bytes].
 _LARGEST = 500_000_000
 # Space that suffices for a library and the files of a compiler [bytes].
 _ENOUGH = 50_000_000
 # Time between looks at the job of another process [s].
-_PAUSE = 0.2
+_PAUSE = 0.02
 
 
 def cache_folder() -> Path:
@@ -138,7 +144,8 @@ def job_folder(folder: Path, name: str) -> Path:
 def is_stale(job: Path) -> bool:
     """Whether the process that worked at this job was interrupted, or has ended."""
     try:
-        return time.time() - job.stat().st_mtime > _STALE
+        age = time.time() - job.stat().st_mtime
+        return age > _STALE or (age > _GRACE and not is_locked(job))
     except OSError:
         return True
 
@@ -174,8 +181,33 @@ def find(key: str) -> Path | None:
     return None
 
 
+def use(file: Path) -> float:
+    """For how long all processes have used this library [s], since `forget_use`."""
+    try:
+        return _use_file(file).lstat().st_size * _USE_STEP
+    except OSError:
+        return 0.0
+
+
+def add_use(file: Path, seconds: float) -> None:
+    """Remember use of this library; other processes may do the same at the same time."""
+    with suppress(OSError):
+        descriptor = os.open(_use_file(file), os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
+        with open(descriptor, "ab", buffering=0) as stream:
+            stream.write(b"." * round(seconds / _USE_STEP))
+
+
+def forget_use(file: Path) -> None:
+    """Begin again to add up the use of this library."""
+    remove(_use_file(file))
+
+
+def _use_file(file: Path) -> Path:
+    return file.with_name(f"{file.name.partition('.')[0]}.use")
+
+
 def remove(file: Path) -> None:
-    """Remove a library that cannot be used."""
+    """Remove a file of the cache if it is there."""
     with suppress(OSError):
         file.unlink()
 
@@ -195,9 +227,12 @@ def _note_use(file: Path) -> None:
 
 def stored() -> list[Path]:
     """All libraries in the cache."""
-    folder = cache_folder()
+    return _named(_LIBRARY)
+
+
+def _named(pattern: re.Pattern[str]) -> list[Path]:
     try:
-        return sorted(file for file in folder.iterdir() if _LIBRARY.fullmatch(file.name))
+        return sorted(file for file in cache_folder().iterdir() if pattern.fullmatch(file.name))
     except OSError:
         return []
 
@@ -211,18 +246,19 @@ def limit_size() -> None:
             total += size
             if total > _LARGEST:
                 file.unlink()
+                forget_use(file)
     except OSError:  # another process does the same
         return
 
 
 def clear() -> int:
-    """Remove all libraries and unfinished builds from the cache; returns the number of libraries.
+    """Remove libraries, notes of use and unfinished builds; returns the number of libraries.
 
     Raises:
         OSError: a library cannot be removed.
     """
     files = stored()
-    for file in files:
+    for file in [*files, *_named(_USE)]:
         file.unlink(missing_ok=True)
     for job in cache_folder().glob(f"{_JOB}*"):
         shutil.rmtree(job, ignore_errors=True)

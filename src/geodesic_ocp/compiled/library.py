@@ -1,7 +1,8 @@
 """A compiled library: loaded from the cache or built, at first quickly, later with optimization.
 
-TinyCC's library is built at once. When it has been used for some time, the system's compiler starts
-in a process of its own, and its library takes over when it is ready. Both stay in the cache.
+TinyCC's library is built at once. When it has been used for some time, in this process and earlier
+ones together, the system's compiler starts in a process of its own, and its library takes over when
+it is ready. Both stay in the cache. Processes that need the same library at once build it once.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable, Mapping
-from functools import lru_cache
+from functools import lru_cache, partial
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -28,8 +29,8 @@ from geodesic_ocp.compiled.source import core_text, source_text
 _FIRST_WORTHWHILE = 0.2
 # Use of TinyCC's library after which an optimized one is worth its making [s].
 _WORTHWHILE = 0.5
-# Optimized libraries are built one after the other.
-_one_at_a_time = threading.Lock()
+# Use of TinyCC's library that is noted in the cache; a process may forget as much [s].
+_NOTEWORTHY = 0.005
 
 
 class Library:
@@ -54,7 +55,7 @@ class Library:
         self._source: str | None = None
         self._is_building = False
         self._failures: list[str] = []
-        self._used = 0.0
+        self._used = self._not_noted = 0.0
 
     @property
     def compiler(self) -> Compiler | None:
@@ -75,7 +76,15 @@ class Library:
     def used(self, seconds: float) -> None:
         """Report for how long the functions have been computing."""
         self._used += seconds
-        if self._loaded is not None and self._untried and self._used > _WORTHWHILE:
+        if self._loaded is None or not self._untried:
+            return
+        self._not_noted += seconds
+        file = Path(self._loaded[0]._name)
+        if self._not_noted > _NOTEWORTHY:
+            noted, self._not_noted = self._not_noted, 0.0
+            cache.add_use(file, noted)
+        if self._used > _WORTHWHILE:
+            cache.forget_use(file)  # if the compiler fails, it is tried again after as much use
             with self._lock:
                 self._start_building()
 
@@ -88,7 +97,7 @@ class Library:
         if at_once or self._used > _FIRST_WORTHWHILE:
             while self._untried and self._loaded is None and not self._is_building:
                 if self._untried[0].is_quick or compiler_choice() == "system":
-                    self._build(self._untried.pop(0), None, build.build)
+                    self._build(self._untried.pop(0), build.build)
                 else:
                     self._start_building()
         if self._failures and not (self._loaded or self._untried or self._is_building):
@@ -103,39 +112,47 @@ class Library:
             self._is_building = True
             compiler = self._untried.pop(0)
             self._text()  # CasADi's expressions are not for several threads
-            thread = threading.Thread(target=self._build_beside, args=(compiler,), daemon=True)
-            thread.start()
+            # This process may end at any time: the compiler's process has to be there before.
+            is_left_alone = threading.Event()
+            arguments = (compiler, is_left_alone.set)
+            threading.Thread(target=self._build_beside, args=arguments, daemon=True).start()
+            is_left_alone.wait()
 
-    def _build_beside(self, compiler: Compiler) -> None:
+    def _build_beside(self, compiler: Compiler, leave_alone: Callable[[], None]) -> None:
         can_run = sys.executable and not getattr(sys, "frozen", False)
+        run = partial(_run, leave_alone) if can_run else build.build
         try:
-            with _one_at_a_time:
-                if not self._load_stored(compiler):
-                    self._build(compiler, self._key(compiler), _run if can_run else build.build)
+            if not can_run:
+                leave_alone()
+            self._build(compiler, run, leave_alone)
         finally:
+            leave_alone()
             self._is_building = False
 
     def _build(
         self,
         compiler: Compiler,
-        job_name: str | None,
         run: Callable[[Path, str, list[str]], object],
+        before_waiting: Callable[[], None] = lambda: None,
     ) -> None:
         """Build in the first folder that can be written to, and load the library.
 
         Args:
             compiler: for it.
-            job_name: if another process has a job of this name, wait for it.
             run: compiles in a folder.
+            before_waiting: called before it waits for the job of another process.
         """
         key, failure = self._key(compiler), "other users can change all folders for its output"
         for folder in cache.writable_folders():
             try:
-                job = cache.new_job(folder, self._text(), job_name)
+                while (job := self._new_job(folder, key)) is None:
+                    before_waiting()
+                    cache.wait_for_job(folder, key)
+                if self._load_stored(compiler):  # another process has built it meanwhile
+                    shutil.rmtree(job, ignore_errors=True)
+                    return
                 run(job, key, list(compiler.command))
                 failure = ""
-            except FileExistsError:
-                cache.wait_for_job(folder, key)
             except subprocess.CalledProcessError as error:
                 failure = _reason(error.stderr)
                 if cache.has_space(folder):
@@ -147,6 +164,13 @@ class Library:
                 return
         if failure:
             self._failures.append(f"{compiler.command[0]} failed: {failure}")
+
+    def _new_job(self, folder: Path, key: str) -> Path | None:
+        """A folder in which nobody else builds this library; None while another process does."""
+        try:
+            return cache.new_job(folder, self._text(), key)
+        except FileExistsError:
+            return None
 
     def _text(self) -> str:
         if self._source is None:
@@ -170,24 +194,29 @@ class Library:
             cache.remove(file)
             return False
         self._loaded = (library, compiler)
+        self._used += cache.use(file)
         return True
 
 
-def _run(job: Path, key: str, command: list[str]) -> None:
+def _run(started: Callable[[], None], job: Path, key: str, command: list[str]) -> None:
     """`build.build` in a process of its own."""
     try:
-        subprocess.run(
+        process = subprocess.Popen(
             [sys.executable, "-I", build.__file__, str(job), key, *command],
-            check=True,
-            capture_output=True,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
             text=True,
             errors="replace",
-            stdin=subprocess.DEVNULL,
             start_new_session=True,
         )
     except OSError:
         shutil.rmtree(job, ignore_errors=True)
         raise
+    started()
+    messages = process.communicate()[1]
+    if process.returncode:
+        raise subprocess.CalledProcessError(process.returncode, process.args, stderr=messages)
 
 
 @lru_cache(maxsize=1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import dataclass, field, fields
 from os import PathLike
 from typing import Any
 
@@ -15,7 +15,7 @@ from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit
 from geodesic_ocp.fitting.parameter import Parameter, with_parameters
 from geodesic_ocp.manifold.metrics.adjustable_kinetic_energy import AdjustableKineticEnergy
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.records import read_record, write_file
+from geodesic_ocp.records import convert, decoding, read_record, write_file
 
 FORMAT, _VERSION = "geodesic_ocp metric", 1
 
@@ -89,8 +89,18 @@ def _finite(number: float) -> float | None:
     return float(number) if np.isfinite(number) else None
 
 
-def _as_entries(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
+@dataclass
+class _ParameterRecord:
+    name: str
+    field: str
+    joints: tuple[str, ...]
+    value: float
+
+
+@dataclass
+class _MetricRecord:
+    parameters: tuple[_ParameterRecord, ...]
+    fixed: dict[str, float | tuple[float, ...]] = field(default_factory=dict)
 
 
 def load_metric(path: str | PathLike[str], model: Model) -> AdjustableKineticEnergy:
@@ -106,22 +116,14 @@ def load_metric(path: str | PathLike[str], model: Model) -> AdjustableKineticEne
             f"{path}: holds parameters of {record.get('metric')}; only those of "
             f"{AdjustableKineticEnergy.__name__} can be applied to a model from the file alone"
         )
-    try:
-        values = [float(entry["value"]) for entry in record["parameters"]]
+    saved = convert(record, _MetricRecord, path)
+    values = [each.value for each in saved.parameters]
+    with decoding(path):
         parameters = [
-            Parameter(
-                str(entry["field"]),
-                value or 1.0,
-                joints=tuple(entry["joints"]),
-                name=str(entry["name"]),
-            )
-            for entry, value in zip(record["parameters"], values, strict=True)
+            Parameter(each.field, each.value or 1.0, joints=each.joints, name=each.name)
+            for each in saved.parameters
         ]
-        fixed = {name: _as_entries(value) for name, value in record.get("fixed", {}).items()}
-        start = AdjustableKineticEnergy(model, **fixed)
+        start = AdjustableKineticEnergy(model, **saved.fixed)
         metric = with_parameters(start, parameters, values)
-    except (KeyError, TypeError, ValueError) as failure:
-        reason = f"{failure} is missing" if isinstance(failure, KeyError) else str(failure)
-        raise RecordingError(f"{path}: {reason}") from None
     assert isinstance(metric, AdjustableKineticEnergy)
     return metric

@@ -4,21 +4,32 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from os import PathLike
-from typing import Any
 
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.manifold.metrics.euclidean import Euclidean
-from geodesic_ocp.records import read_record
-from geodesic_ocp.synergies.synergy_files import FORMAT, VERSION
-from geodesic_ocp.trajectory.grid import Grid
+from geodesic_ocp.records import convert, decoding, read_record
+from geodesic_ocp.synergies.synergy_files import FORMAT, VERSION, SynergyRecord
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.path import Path
 from geodesic_ocp.trajectory.time_law import TimeLaw
 
 _RATE = 100.0  # [Hz]
+_LONGEST = 86400.0  # [s], of a motion; a damaged file may ask for any amount of memory
+
+
+@dataclass
+class _ModelRecord:
+    name: str = ""
+    height: float | None = None
+
+
+@dataclass(eq=False)
+class _SavedRecord:
+    joint_names: tuple[str, ...]
+    synergies: tuple[SynergyRecord, ...]
+    model: _ModelRecord | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,41 +66,33 @@ def read_saved_synergies(file: str | PathLike[str]) -> SavedSynergies:
     Raises:
         RecordingError: the file is missing, or is not such a file.
     """
-    record = read_record(file, FORMAT, VERSION, "synergies")
-    try:
-        names = tuple(str(name) for name in record["joint_names"])
-        described = record.get("model") or {}
-        height = described.get("height")
-        laws = [_law(entry) for entry in record["synergies"]]
-        starts = [float(entry["start_time"]) for entry in record["synergies"]]
-        spans = tuple((t, t + law.duration) for t, law in zip(starts, laws, strict=True))
-        count = max(2, 1 + round((spans[-1][1] - spans[0][0]) * _RATE))
-        time = np.linspace(spans[0][0], spans[-1][1], count)
-        owner = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, len(starts) - 1)
-        q = np.empty((count, len(names)))
-        for number, entry in enumerate(record["synergies"]):
-            own = owner == number
-            q[own] = _positions(entry["path"], laws[number], time[own] - starts[number], len(names))
-        return SavedSynergies(
-            Motion(time, q, names),
-            spans,
-            str(described.get("name") or ""),
-            None if height is None else float(height),
-        )
-    except (AttributeError, LookupError, TypeError, ValueError) as failure:
-        reason = f"{failure} is missing" if isinstance(failure, KeyError) else str(failure)
-        raise RecordingError(f"{file}: {reason}") from None
+    record = convert(read_record(file, FORMAT, VERSION, "synergies"), _SavedRecord, file)
+    with decoding(file):
+        return _saved(record)
 
 
-def _law(entry: dict[str, Any]) -> TimeLaw:
-    return TimeLaw(*(np.array(entry["law"][key]) for key in ("knots", "positions", "speeds")))
+def _saved(record: _SavedRecord) -> SavedSynergies:
+    names, synergies, model = record.joint_names, record.synergies, record.model or _ModelRecord()
+    if not synergies:
+        raise ValueError("synergies must not be empty")
+    starts = [each.start_time for each in synergies]
+    spans = tuple((each.start_time, each.start_time + each.law.duration) for each in synergies)
+    duration = spans[-1][1] - spans[0][0]
+    if not (np.all(np.diff(starts) >= 0.0) and 0.0 < duration <= _LONGEST):
+        raise ValueError("synergies: each start_time must follow the one before, within a day")
+    time = np.linspace(spans[0][0], spans[-1][1], max(2, 1 + round(duration * _RATE)))
+    owner = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, len(starts) - 1)
+    q = np.empty((len(time), len(names)))
+    for number, each in enumerate(synergies):
+        own = owner == number
+        path = each.path.path(Euclidean(len(names)))
+        q[own] = _positions(path, each.law, time[own] - starts[number])
+    return SavedSynergies(Motion(time, q, names), spans, model.name, model.height)
 
 
-def _positions(path: dict[str, Any], law: TimeLaw, t: Array, dim: int) -> Array:
+def _positions(path: Path, law: TimeLaw, t: Array) -> Array:
     """Configurations (k, n) on a path at times t (k,) from its start [s]."""
-    grid = Grid(path["segments"], path["degree"], path["ends"] and tuple(path["ends"]))
-    curve = Path(Euclidean(dim), grid, np.array(path["nodes"]))
     length = law.length
     if not length > 0.0:
-        return np.tile(curve.nodes[0], (t.size, 1))
-    return curve(np.clip(law(np.clip(t, 0.0, law.duration)) / length, 0.0, 1.0))
+        return np.tile(path.nodes[0], (t.size, 1))
+    return path(np.clip(law(np.clip(t, 0.0, law.duration)) / length, 0.0, 1.0))

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
+from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.human.stature import stature
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.records import read_record
+from geodesic_ocp.records import convert, decoding, read_record
 from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
@@ -21,6 +23,36 @@ from geodesic_ocp.trajectory.time_law import TimeLaw
 
 FORMAT, VERSION = "geodesic_ocp synergies", 1
 _SAME_LENGTH = 1e-6  # quadrature of the same path in the same metric
+
+
+@dataclass(eq=False)
+class PathRecord:
+    """The path of a synergy in a file."""
+
+    segments: int
+    degree: int
+    nodes: Array
+    ends: tuple[float, ...] | None = None
+
+    def path(self, metric: Metric) -> Path:
+        """The path itself, whose metric the file does not contain."""
+        return Path(metric, Grid(self.segments, self.degree, self.ends), self.nodes)
+
+
+@dataclass(eq=False)
+class SynergyRecord:
+    """A synergy in a file."""
+
+    start: int
+    stop: int
+    start_time: float
+    path: PathRecord
+    law: TimeLaw
+
+
+@dataclass(eq=False)
+class _SynergiesRecord:
+    synergies: tuple[SynergyRecord, ...]
 
 
 def save_synergies(
@@ -90,23 +122,14 @@ def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
         raise RecordingError(
             f"{path}: its joints {record.get('joint_names')} are not the metric's, {list(names)}"
         )
-    try:
-        return tuple(_decode(entry, metric) for entry in record["synergies"])
-    except (KeyError, TypeError, ValueError) as failure:
-        reason = f"{failure} is missing" if isinstance(failure, KeyError) else str(failure)
-        raise RecordingError(f"{path}: {reason}") from None
+    saved = convert(record, _SynergiesRecord, path)
+    with decoding(path):
+        return tuple(_decoded(each, metric) for each in saved.synergies)
 
 
-def _decode(entry: dict[str, Any], metric: Metric) -> Synergy:
-    path, law = entry["path"], entry["law"]
-    grid = Grid(path["segments"], path["degree"], path["ends"] and tuple(path["ends"]))
-    synergy = Synergy(
-        int(entry["start"]),
-        int(entry["stop"]),
-        float(entry["start_time"]),
-        Path(metric, grid, np.array(path["nodes"])),
-        TimeLaw(*(np.array(law[name], dtype=float) for name in ("knots", "positions", "speeds"))),
-    )
+def _decoded(saved: SynergyRecord, metric: Metric) -> Synergy:
+    path = saved.path.path(metric)
+    synergy = Synergy(saved.start, saved.stop, saved.start_time, path, saved.law)
     length = synergy.path.length
     if not np.isclose(length, synergy.length, rtol=_SAME_LENGTH, atol=_SAME_LENGTH):
         raise ValueError(

@@ -11,7 +11,7 @@ from scipy.interpolate import make_interp_spline
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.records import UNREADABLE_ARCHIVE, parse_json
+from geodesic_ocp.records import parse_json, read_arrays
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.trajectory_table import read_trajectory_table
 
@@ -117,14 +117,7 @@ def _are_numbers(values: list[Any]) -> bool:
 
 
 def _from_npz(path: Path) -> tuple[Array, dict[str, Array], tuple[str, ...], tuple[str, ...]]:
-    try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
-            found = {name: archive[name] for name in archive.files}
-    except UNREADABLE_ARCHIVE as failure:
-        raise RecordingError(f"{path}: is not an archive of NumPy arrays: {failure}") from None
-    for name, array in found.items():
-        if not isinstance(array, np.ndarray):
-            raise RecordingError(f"{path}: {name} is not an array")
+    found = read_arrays(path)
     for name in ("time", "position", "joint_names"):
         if name not in found:
             raise RecordingError(

@@ -5,7 +5,6 @@ The project's own is made by tools/known_geodesics.py, which shares no code with
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from os import PathLike
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from geodesic_ocp.arrays import as_number, as_positive
+from geodesic_ocp.records import parse_json
 from geodesic_ocp.validation.metrics import check_description
 
 BUNDLED = Path(__file__).resolve().parents[1] / "data" / "known_geodesics.json"
@@ -61,7 +61,7 @@ def read_known_geodesics(file: str | PathLike[str] | None = None) -> tuple[Known
     """
     path = BUNDLED if file is None else Path(file)
     try:
-        record = json.loads(path.read_text(encoding="utf-8"))
+        record = parse_json(path.read_text(encoding="utf-8"))
     except OSError as failure:
         raise ValueError(f"{path}: cannot be read: {failure}") from None
     except (ValueError, RecursionError) as failure:

@@ -59,7 +59,7 @@ def test_malformed_files_are_named(tmp_path: Path) -> None:
         ({"format": "soup"}, "is not a file of a solution"),
         ({"joint_names": ["a"]}, "its joints"),
         ({"nodes": [[0.0, 1.0]]}, "nodes must have shape"),
-        ({"stats": {}}, "'success' is missing"),
+        ({"stats": {}}, "missing required field `success`"),
         ({"problem": None}, "a solution of None, not of PlaneAroundDisc"),
     ):
         bad = tmp_path / "bad.json"

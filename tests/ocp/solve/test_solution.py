@@ -221,10 +221,10 @@ def test_files_of_another_problem_or_damaged_files_are_refused(tmp_path: Path) -
         ("nlp", "lam_g", [1.0], "nlp.lam_g must be 65 numbers"),
         ("nlp", "origin", [1.0], "nlp.origin must be 2 numbers"),
         ("nlp", "scale", 0, "nlp.length and nlp.scale positive"),
-        ("stats", "success", "false", "stats.success must be true or false"),
-        ("stats", "mesh_history", [1], "has no attribute"),
-        ("stats", "energy", "abc", "stats.energy must be a number"),
-        ("grid", "via_segments", [1.5], "via_segments must be integers"),
+        ("stats", "success", "no", r"`bool`, got `str` - at `\$.stats.success`"),
+        ("stats", "mesh_history", [1], r"at `\$.stats.mesh_history\[0\]`"),
+        ("stats", "energy", "abc", r"at `\$.stats.energy`"),
+        ("grid", "via_segments", [1.5], r"at `\$.grid.via_segments\[0\]`"),
         ("grid", "via_segments", [3], "the path has 1 via points, not 0"),
     ):
         bad = tmp_path / "bad.json"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import zipfile
 from pathlib import Path
@@ -13,6 +12,7 @@ from geodesic_ocp.fitting.metric_file import FORMAT as METRIC
 from geodesic_ocp.ocp.solve.solution import FORMAT as SOLUTION
 from geodesic_ocp.recordings.formats.recognise import recognise
 from geodesic_ocp.recordings.formats.xml_root import xml_root
+from geodesic_ocp.records import parse_json
 from geodesic_ocp.retargeting.alignment.arm_alignment import FORMAT as ALIGNMENT
 from geodesic_ocp.studies.batch.results.result_file import FORMAT as RESULT
 from geodesic_ocp.synergies.synergy_files import FORMAT as SYNERGIES
@@ -73,7 +73,7 @@ def file_kind(file: Path) -> Kind:
 
 def _kind_of_json(file: Path) -> Kind:
     try:
-        record = json.loads(file.read_text(encoding="utf-8-sig"))
+        record = parse_json(file.read_text(encoding="utf-8-sig"))
     except (ValueError, RecursionError) as failure:
         raise RecordingError(f"{file}: is not JSON: {failure}") from None
     if not isinstance(record, dict):

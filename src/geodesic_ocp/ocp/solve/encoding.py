@@ -85,7 +85,7 @@ def decoded(value: Any) -> Any:
     if "dataclass" in value:
         parts = {name: decoded(each) for name, each in value["fields"].items()}
         return _DATACLASSES[value["dataclass"]](**parts)
-    name, entries = next(iter(value.items()))
+    [(name, entries)] = value.items()
     return {"tuple": tuple, "list": list}[name](map(decoded, entries))
 
 

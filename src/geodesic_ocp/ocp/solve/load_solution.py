@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path as FilePath
 from typing import Any
@@ -20,13 +20,45 @@ from geodesic_ocp.ocp.problem.problem import Problem
 from geodesic_ocp.ocp.solve.encoding import decoded, described_model
 from geodesic_ocp.ocp.solve.final_iterate import FinalIterate
 from geodesic_ocp.ocp.solve.solution import FORMAT, VERSION, Solution
-from geodesic_ocp.ocp.solve.stats import MeshIteration, Stats
-from geodesic_ocp.records import read_record
+from geodesic_ocp.ocp.solve.stats import Stats
+from geodesic_ocp.records import SENSELESS, convert, decoding, read_record
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
 _SAME_ENERGY = 1e-9  # relative
 _SAME_VIOLATION = 1e-8  # rounding may change it
+
+
+@dataclass(eq=False)
+class _IterateRecord:
+    origin: Array
+    length: float
+    scale: float
+    energy_only: bool
+    p_values: Array
+    x: Array
+    lam_x: Array
+    lam_g: Array
+    fixed_x: list[bool]
+    fixed_g: list[bool]
+
+
+@dataclass(eq=False)
+class _SolutionRecord:
+    grid: Grid
+    nodes: Array
+    stats: Stats
+    multipliers: dict[str, Array]
+    nlp: _IterateRecord
+    models: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+
+@dataclass
+class _ClassRecord:
+    problem: str
+    module: str
+    fields: dict[str, Any]
+    left_out: tuple[str, ...] = ()
 
 
 def load_solution(file: str | PathLike[str], problem: Problem | None = None) -> Solution:
@@ -57,40 +89,32 @@ def load_solution(file: str | PathLike[str], problem: Problem | None = None) -> 
         raise RecordingError(
             f"{path}: its joints {record.get('joint_names')} are not the problem's"
         )
-    _check_models(record, problem, path)
-    try:
-        solution = _decoded_solution(record, problem)
-    except (
-        ArithmeticError,
-        AttributeError,
-        LookupError,
-        RuntimeError,
-        TypeError,
-        ValueError,
-    ) as error:
-        what = f"{error} is missing" if isinstance(error, KeyError) else str(error)
-        raise RecordingError(f"{path}: {what}") from None
+    decoded_record = convert(record, _SolutionRecord, path)
+    with decoding(path):
+        _check_models(decoded_record.models, problem, path)
+        solution = _decoded_solution(decoded_record, problem)
     _check_same_problem(solution, path)
     return solution
 
 
 def _saved_problem(record: dict[str, Any], path: FilePath) -> Problem:
     """An instance of the recorded class, which must be imported already, with the saved fields."""
-    name, module = str(record.get("problem")), str(record.get("module"))
-    given, values = f"load_solution({str(path)!r}, problem)", record.get("fields")
-    found = _imported_class(module, name)
-    if found is None or not isinstance(values, dict):
+    saved = convert(record, _ClassRecord, path)
+    name, given = saved.problem, f"load_solution({str(path)!r}, problem)"
+    found = _imported_class(saved.module, name)
+    if found is None:
         raise RecordingError(
-            f"{path} has a solution of {name} of the module {module}, which is not imported; "
+            f"{path} has a solution of {name} of the module {saved.module}, which is not imported; "
             f"import it, or use {given}"
         )
     if "__dataclass_fields__" not in vars(found):
         raise RecordingError(f"{path} does not hold the fields of {name}; use {given}")
-    if left_out := record.get("left_out"):
-        raise RecordingError(f"{path} does not hold the fields {', '.join(left_out)}; use {given}")
+    if saved.left_out:
+        missing = ", ".join(saved.left_out)
+        raise RecordingError(f"{path} does not hold the fields {missing}; use {given}")
     try:
-        return found(**{key: decoded(value) for key, value in values.items()})
-    except (AttributeError, LookupError, TypeError, ValueError) as error:
+        return found(**{key: decoded(value) for key, value in saved.fields.items()})
+    except (ValueError, *SENSELESS) as error:
         raise RecordingError(
             f"{path}: {name} cannot be created from the fields in the file ({error}); use {given}"
         ) from None
@@ -117,13 +141,12 @@ def _subclasses(base: Any) -> Iterator[type[Problem]]:
         yield from _subclasses(each)
 
 
-def _check_models(record: dict[str, Any], problem: Problem, path: FilePath) -> None:
+def _check_models(models: dict[str, dict[str, Any]], problem: Problem, path: FilePath) -> None:
     """RecordingError if a model of the problem is not the one that was saved."""
-    models = record.get("models")
-    for name, saved in models.items() if isinstance(models, dict) else ():
+    for name, saved in models.items():
         here = described_model(getattr(problem, name))
         for key, value in here.items():
-            if not isinstance(saved, dict) or saved.get(key) != value:
+            if saved.get(key) != value:
                 raise RecordingError(
                     f"{path}: {key} of the problem's {name} {here['name']!r} is not that of the "
                     "model with which it was saved; use load_solution(file, problem)"
@@ -148,43 +171,33 @@ def _check_same_problem(solution: Solution, path: FilePath) -> None:
         )
 
 
-def _decoded_solution(record: dict[str, Any], problem: Problem) -> Solution:
-    saved = record["grid"]
-    ends = None if saved["ends"] is None else tuple(saved["ends"])
-    grid = Grid(saved["segments"], saved["degree"], ends, tuple(saved["via_segments"]))
-    path = Path(problem.metric, grid, _array(record["nodes"]))
-    values = {field.name: _number(record["stats"][field.name]) for field in fields(Stats)}
-    history = [
-        MeshIteration(**{key: _number(value) for key, value in each.items()})
-        for each in values.pop("mesh_history")
-    ]
-    stats = Stats(**values, mesh_history=tuple(history))
-    nlp, definition = record["nlp"], problem.definition()
+def _decoded_solution(record: _SolutionRecord, problem: Problem) -> Solution:
+    nlp, definition = record.nlp, problem.definition()
+    path = Path(problem.metric, record.grid, record.nodes)
     conditions = definition.conditions
-    if len(grid.via_segments) != len(conditions.via):
+    if len(record.grid.via_segments) != len(conditions.via):
         raise ValueError(
-            f"the path has {len(grid.via_segments)} via points, not {len(conditions.via)}"
+            f"the path has {len(record.grid.via_segments)} via points, not {len(conditions.via)}"
         )
     iterate = FinalIterate(
         path,
-        definition.structure.transcription(grid),
-        Units(_array(nlp["origin"]), float(nlp["length"]), float(nlp["scale"])),
-        _array(nlp["p_values"]),
-        x=_array(nlp["x"]),
-        lam_x=_array(nlp["lam_x"]),
-        lam_g=_array(nlp["lam_g"]),
-        fixed_x=np.array(nlp["fixed_x"], dtype=bool),
-        fixed_g=np.array(nlp["fixed_g"], dtype=bool),
-        success=stats.success,
-        energy_only=bool(nlp["energy_only"]),
+        definition.structure.transcription(record.grid),
+        Units(nlp.origin, nlp.length, nlp.scale),
+        nlp.p_values,
+        x=nlp.x,
+        lam_x=nlp.lam_x,
+        lam_g=nlp.lam_g,
+        fixed_x=np.array(nlp.fixed_x, dtype=bool),
+        fixed_g=np.array(nlp.fixed_g, dtype=bool),
+        success=record.stats.success,
+        energy_only=nlp.energy_only,
     )
-    _check_sizes(iterate, stats, conditions)
-    multipliers = {name: _array(each) for name, each in record["multipliers"].items()}
+    _check_sizes(iterate, conditions)
     found = find_violations(conditions, path, problem.metric.joint_names)
-    return Solution(problem, path, stats, multipliers, found, iterate)
+    return Solution(problem, path, record.stats, record.multipliers, found, iterate)
 
 
-def _check_sizes(iterate: FinalIterate, stats: Stats, conditions: Conditions) -> None:
+def _check_sizes(iterate: FinalIterate, conditions: Conditions) -> None:
     """ValueError if the arrays do not fit an NLP with these conditions on the grid."""
     n, grid = iterate.path.metric.dim, iterate.path.grid
     size_g = iterate.transcription.constraints.size1_out(0)
@@ -196,16 +209,3 @@ def _check_sizes(iterate: FinalIterate, stats: Stats, conditions: Conditions) ->
     units = iterate.units
     if units.origin.shape != (n,) or not (units.length > 0.0 and units.scale > 0.0):
         raise ValueError(f"nlp.origin must be {n} numbers, nlp.length and nlp.scale positive")
-    if not isinstance(stats.success, bool):
-        raise ValueError("stats.success must be true or false")
-    for name in ("energy", "max_path_violation"):
-        if not isinstance(getattr(stats, name), float):
-            raise ValueError(f"stats.{name} must be a number")
-
-
-def _number(value: Any) -> Any:
-    return float(value) if isinstance(value, str) and value in ("inf", "-inf", "nan") else value
-
-
-def _array(values: Any) -> Array:
-    return np.array(values, dtype=float)  # also reads "inf" and "nan"

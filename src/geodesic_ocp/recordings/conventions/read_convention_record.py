@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar
 
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.records import parse_json
 
 Stated = TypeVar("Stated", bound=Any)
 
@@ -24,7 +24,7 @@ def read_convention_record(file: Path, hint: str = "") -> Any:
     """
     try:
         text = file.read_text(encoding="utf-8-sig")
-        return _from_toml(text) if file.suffix.lower() == ".toml" else json.loads(text)
+        return _from_toml(text) if file.suffix.lower() == ".toml" else parse_json(text)
     except FileNotFoundError:
         raise RecordingError(f"{file}: cannot be read: there is no such file{hint}") from None
     except OSError as failure:

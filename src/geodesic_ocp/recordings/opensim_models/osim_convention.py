@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 from geodesic_ocp.arrays import as_number
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.conventions.segment_orientations import SEGMENTS
+from geodesic_ocp.records import parse_json
 
 #: Names by which bodies are recognised, in small letters; those of arms follow after a side, as in
 #: humerus_r or r_humerus. Without a side ("humerus") it is the one where the shoulder is. Bodies
@@ -104,6 +104,6 @@ def as_osim_convention(given: object) -> OsimConvention | None:
 
 def _record(file: Path) -> Any:
     try:
-        return json.loads(file.read_text(encoding="utf-8-sig"))
+        return parse_json(file.read_text(encoding="utf-8-sig"))
     except (OSError, ValueError, RecursionError):
         return None  # reported where angle conventions are read

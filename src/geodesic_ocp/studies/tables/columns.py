@@ -49,7 +49,7 @@ class TableColumn:
 
 
 # What identifies a recording in every table.
-_IDENTITY = (
+IDENTITY_COLUMNS = (
     TableColumn("recording", "text", "names the recording: the file and the side"),
     TableColumn("file", "text", "the recording's file, relative to the folder that was given"),
     TableColumn("subject", "text", "the person; recordings of one person are not independent"),
@@ -63,7 +63,7 @@ _IDENTITY = (
 )
 
 RECORDING_COLUMNS = (
-    *_IDENTITY,
+    *IDENTITY_COLUMNS,
     TableColumn("height_m", "number", "body height of the model [m]"),
     TableColumn("height_from", "text", "given, table, file, markers, or assumed"),
     TableColumn("mass_kg", "number", "body mass of the model [kg]"),
@@ -92,7 +92,7 @@ RECORDING_COLUMNS = (
 )
 
 SYNERGY_COLUMNS = (
-    *_IDENTITY,
+    *IDENTITY_COLUMNS,
     TableColumn("metric", "text", "of the geodesic, in words"),
     TableColumn("synergy", "integer", "number of the synergy in the recording, from 1"),
     TableColumn("start_sample", "integer", "index of its first sample, from 0"),
@@ -109,7 +109,7 @@ SYNERGY_COLUMNS = (
 )
 
 FAILURE_COLUMNS = (
-    *_IDENTITY,
+    *IDENTITY_COLUMNS,
     TableColumn("kind", "text", "file, solver, process, same (as another), missing or error"),
     TableColumn("reason", "text", "in one sentence"),
 )

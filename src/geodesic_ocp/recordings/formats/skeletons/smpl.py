@@ -10,9 +10,8 @@ no positions here.
 
 from __future__ import annotations
 
-import warnings
+from functools import partial
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 import scipy
@@ -27,7 +26,7 @@ from geodesic_ocp.recordings.skeletons.skeleton_convention import (
     SkeletonConvention,
 )
 from geodesic_ocp.recordings.skeletons.skeleton_segments import skeleton_segments
-from geodesic_ocp.records import UNREADABLE_ARCHIVE
+from geodesic_ocp.records import read_arrays
 
 # Joint, parent, and the direction to it in the rest pose, of which only the signs are used.
 _JOINTS = (
@@ -79,8 +78,7 @@ def read_smpl(
             finite, or the person is upright along another axis.
     """
     chosen = as_skeleton_convention(convention) or SMPL
-    with file.open("rb") as stream:
-        arrays = _arrays(file, stream)
+    arrays = _arrays(file)
     poses, rate = arrays["poses"], float(arrays["rate"])
     if poses.ndim != 2 or poses.shape[1] not in _WIDTHS:
         raise RecordingError(
@@ -109,51 +107,17 @@ def read_smpl(
     return skeleton_segments(file, motion, chosen, None, space_up="+z")
 
 
-def _arrays(file: Path, stream: BinaryIO) -> dict[str, Array]:
+def _arrays(file: Path) -> dict[str, Array]:
     """The arrays "poses" and "rate" as floats."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # headers written by Python 2
-            archive = np.load(stream, allow_pickle=False)
-    except UNREADABLE_ARCHIVE as failure:
-        raise RecordingError(f"{file}: is no archive of NumPy arrays: {_line(failure)}") from None
-    if not isinstance(archive, np.lib.npyio.NpzFile):
-        raise RecordingError(f"{file}: is a single array, not an archive of arrays (.npz)")
-    with archive:
-        keys = {"poses": "poses", "rate": next((k for k in _RATES if k in archive), "")}
-        if "poses" not in archive and set(_PARTS) <= set(archive.files):
-            keys = {**dict(zip(_PARTS, _PARTS, strict=True)), "rate": keys["rate"]}
-        poses = [key for key in keys.values() if key != keys["rate"]]
-        there = set(poses) <= set(archive.files)
-        if not there or not keys["rate"]:
-            missing = " or ".join(map(repr, _RATES)) if there else "'poses'"
+    arrays = {}
+    for key, array in read_arrays(file, partial(_needed, file)).items():
+        name = "rate" if key in _RATES else key
+        if array.dtype.kind not in "fiu" or (name == "rate" and array.size != 1):
             raise RecordingError(
-                f"{file}: there is no {missing} in it, as files of AMASS have; there are "
-                f"{', '.join(archive.files[:20]) or 'no arrays'}"
+                f"{file}: {key!r} must be {'a number' if name == 'rate' else 'numbers'}, is "
+                f"{array.dtype} of shape {array.shape}"
             )
-        arrays = {}
-        for name, key in keys.items():
-            try:
-                with warnings.catch_warnings():
-                    warnings.simplefilter("ignore", UserWarning)
-                    array = archive[key]
-            except UNREADABLE_ARCHIVE as failure:
-                reason = (
-                    "it holds Python objects, which are not loaded from files"
-                    if "allow_pickle" in str(failure)
-                    else _line(failure)
-                )
-                raise RecordingError(f"{file}: {key!r} cannot be read: {reason}") from None
-            if not isinstance(array, np.ndarray):
-                raise RecordingError(f"{file}: {key!r} is not a NumPy array")
-            if array.dtype.kind not in "fiu" or (name == "rate" and array.size != 1):
-                raise RecordingError(
-                    f"{file}: {key!r} must be {'a number' if name == 'rate' else 'numbers'}, is "
-                    f"{array.dtype} of shape {array.shape}"
-                )
-            arrays[name] = np.array(array, dtype=float).reshape(
-                () if name == "rate" else array.shape
-            )
+        arrays[name] = np.array(array, dtype=float).reshape(() if name == "rate" else array.shape)
     if set(_PARTS) <= set(arrays):
         parts = [arrays.pop(name) for name in _PARTS]
         shapes: list[tuple[int, ...]] = [part.shape for part in parts]
@@ -166,5 +130,16 @@ def _arrays(file: Path, stream: BinaryIO) -> dict[str, Array]:
     return arrays
 
 
-def _line(failure: BaseException) -> str:
-    return (str(failure).splitlines() or [type(failure).__name__])[0][:120]
+def _needed(file: Path, names: list[str]) -> list[str]:
+    """Of the names of arrays, those of the poses and of the rate."""
+    rate = [name for name in _RATES if name in names][:1]
+    parts = "poses" not in names and set(_PARTS) <= set(names)
+    poses = [*_PARTS] if parts else ["poses"]
+    there = set(poses) <= set(names)
+    if not there or not rate:
+        missing = " or ".join(map(repr, _RATES)) if there else "'poses'"
+        raise RecordingError(
+            f"{file}: there is no {missing} in it, as files of AMASS have; there are "
+            f"{', '.join(names[:20]) or 'no arrays'}"
+        )
+    return poses + rate
