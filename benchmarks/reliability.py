@@ -1,8 +1,9 @@
 """Random wide pairs on ten models: how many geodesics are right, wrong or not found.
 
-Usage: python benchmarks/reliability.py [--count N] [--models NAME ...] [--out FILE]
+Usage: python benchmarks/reliability.py [--count N] [--fraction F] [--models NAME ...] [--out FILE]
 
-Pairs are drawn from 10 to 90 % of every joint's range, within one revolution. Each result is
+Pairs are drawn from the middle 80 % of every joint's range, or the fraction given, within one
+revolution. Each result is
 integrated by scipy with Pinocchio's forward dynamics, which share nothing with the package; it is
 wrong if it ends 1e-7 or more from its goal in any coordinate. Pairs without a right result go to a
 JSON file. Robots are those whose descriptions are installed (make robots).
@@ -23,7 +24,6 @@ from comparison.pinocchio_aba import ForwardDynamics
 
 import geodesic_ocp as go
 
-FRACTION = 0.8
 RIGHT = 1e-7  # [rad or m]
 
 
@@ -43,6 +43,7 @@ class Unsolved:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=100, help="pairs for each model")
+    parser.add_argument("--fraction", type=float, default=0.8, help="of the joints' ranges")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--models", nargs="+", choices=TEN_MODELS, default=list(TEN_MODELS))
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results")
@@ -55,16 +56,18 @@ def main() -> None:
         if is_robot_missing(name):
             print(f"| {name} | not installed |")
             continue
-        unsolved += examine(name, options.count, options.seed)
+        unsolved += examine(name, options)
         records = [asdict(each) for each in unsolved]
         (options.out / "unsolved.json").write_text(json.dumps(records, indent=1) + "\n")
 
 
-def examine(name: str, count: int, seed: int) -> list[Unsolved]:
+def examine(name: str, options: argparse.Namespace) -> list[Unsolved]:
     """Print the line of one model; the pairs that have no right result."""
+    count = options.count
     model = TEN_MODELS[name]()
     metric, dynamics = go.KineticEnergy(model), ForwardDynamics(model)
-    pairs, times, unsolved = random_pairs(model, FRACTION, count, seed), [], []
+    pairs = random_pairs(model, options.fraction, count, options.seed)
+    times, unsolved = [], []
     warm_up(metric, pairs[0])
     for index, (q0, q1) in enumerate(pairs):
         start, error, message = time.perf_counter(), None, ""

@@ -51,7 +51,7 @@ def test_the_row_that_fails_is_named() -> None:
         (POINTS, GOALS[:2], "q0 and q1 have 3 and 2 rows"),
         (POINTS[:0], GOALS[:0], "q0 has no rows"),
         (POINTS, [GOALS], "must have shape"),
-        ([[1.0, 2.0], [1.0]], [1.0, 1.0], "must be 2 numbers"),
+        ([[1.0, 2.0], [1.0]], [1.0, 1.0], "must be 2 real numbers"),
     ],
 )
 def test_rows_that_do_not_fit_are_named(q0: object, q1: object, message: str) -> None:

@@ -33,12 +33,19 @@ def as_expression(name: str, value: Any) -> ca.SX:
         ) from error
 
 
+def real_array(value: Any, name: str = "values") -> Array:
+    """A new array of floats; TypeError or ValueError if the value is not made of real numbers."""
+    if np.iscomplexobj(value):  # NumPy would drop the imaginary part
+        raise ValueError(f"{name} must be real numbers, got complex ones")
+    return np.array(value, dtype=float)
+
+
 def as_vector(name: str, value: ArrayLike, size: int) -> Array:
     """The value as a finite 1-d array of `size` floats; ValueError names the argument otherwise."""
     try:
-        array = np.array(value, dtype=float)
+        array = real_array(value)
     except (TypeError, ValueError):
-        raise ValueError(f"{name} must be {size} numbers, got {value!r}") from None
+        raise ValueError(f"{name} must be {size} real numbers, got {value!r}") from None
     if array.shape != (size,):
         raise ValueError(f"{name} must have shape ({size},), got {array.shape}")
     if not np.all(np.isfinite(array)):
@@ -49,7 +56,7 @@ def as_vector(name: str, value: ArrayLike, size: int) -> Array:
 def as_rotation(name: str, value: Any) -> Array:
     """The value as a rotation matrix (3, 3); ValueError names the argument otherwise."""
     try:
-        matrix = np.array(value, dtype=float)
+        matrix = real_array(value)
     except (TypeError, ValueError):
         matrix = np.zeros(0)
     if (

@@ -49,7 +49,7 @@ def read_record(file: str | PathLike[str], name: str, version: int, what: str) -
     if not path.is_file():
         raise RecordingError(f"{path}: there is no such file")
     try:
-        record = parse_json(path.read_text(encoding="utf-8"))
+        record = parse_json(path.read_text(encoding="utf-8"), _finite)
     except OSError as failure:
         raise RecordingError(f"{path}: cannot be read: {failure}") from None
     except (ValueError, RecursionError) as failure:
@@ -61,14 +61,18 @@ def read_record(file: str | PathLike[str], name: str, version: int, what: str) -
     return record
 
 
-def parse_json(text: str) -> Any:
-    """The value of a JSON text, all of whose numbers have a finite floating-point value.
+def parse_json(text: str, not_finite: Callable[[str], Any] = float) -> Any:
+    """The value of a JSON text.
+
+    Args:
+        text: the JSON.
+        not_finite: called with the constants Infinity, -Infinity and NaN.
 
     Raises:
-        ValueError: it is no JSON, or has a number beyond the range of floating-point numbers.
+        ValueError: it is no JSON, or has digits beyond the range of floating-point numbers.
         RecursionError: it is nested too deeply.
     """
-    return json.loads(text, parse_int=_integer, parse_float=_finite, parse_constant=_finite)
+    return json.loads(text, parse_int=_integer, parse_float=_finite, parse_constant=not_finite)
 
 
 def _integer(digits: str) -> int:

@@ -184,6 +184,30 @@ def test_wrong_metrics_and_vectors_are_named() -> None:
         go.Euclidean(2.5)
 
 
+def test_symbols_besides_q_and_complex_numbers_are_named(arm: go.Model) -> None:
+    class WithMass(go.Metric):
+        dim = 2
+
+        def matrix(self, q: Any) -> Any:
+            return ca.SX.eye(2) * (1 + ca.SX.sym("mass"))
+
+    for call in (WithMass().matrix, lambda q: go.exp(WithMass(), q, q)):
+        with pytest.raises(ValueError, match=r"WithMass.matrix\(q\) contains mass"):
+            call([1.0, 2.0])
+    metric, q = go.KineticEnergy(arm), np.full(arm.dof, 0.1)
+    names, time = arm.joint_names, [0.0, 1.0]
+    for complex_call, name in (
+        (lambda: metric.matrix(q + 0.1j), "q must be 7 real"),
+        (lambda: go.exp(metric, q, list(q * 1j)), "v must be 7 real"),
+        (lambda: go.log(metric, [q, q + 0.1j], [q, q]), "row 1: q0 must be 7 real"),
+        (lambda: go.frechet_mean(metric, [q, q * 1j]), "points must be real"),
+        (lambda: go.Motion(time, [q, q * 1j], names), "q must be real"),
+        (lambda: arm.with_armature(q * 1j), "armature must be 7 numbers"),
+    ):
+        with pytest.raises(ValueError, match=name):
+            complex_call()
+
+
 def test_a_matrix_may_be_a_list_of_rows() -> None:
     class Rows(go.Metric):
         dim = 2

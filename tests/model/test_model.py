@@ -37,7 +37,7 @@ def test_unknown_hand_lists_the_frames(arm: go.Model) -> None:
     [
         (np.zeros(6), r"q must have shape \(7,\), got \(6,\)"),
         ([0, 0, 0, 0, 0, 0, np.nan], "q must be finite"),
-        ("configuration", "q must be 7 numbers"),
+        ("configuration", "q must be 7 real numbers"),
     ],
 )
 def test_wrong_configurations_are_named(arm: go.Model, q: object, message: str) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, short_repr
+from geodesic_ocp.arrays import Array, real_array, short_repr
 from geodesic_ocp.execution.known_limits import known_limits
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.table import Table
@@ -153,7 +153,7 @@ def _argument(
     joints = list(given) if isinstance(given, Mapping) else list(model.joint_names)
     values = list(given.values()) if isinstance(given, Mapping) else given
     try:
-        numbers = np.array(values, dtype=float)
+        numbers = real_array(values)
     except (TypeError, ValueError):
         numbers = np.zeros((0, 0))
     if numbers.ndim == 0:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, real_array
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.logarithm.log import log
 from geodesic_ocp.manifold.exp import exp
@@ -45,12 +45,12 @@ def frechet_mean(metric: Metric, points: ArrayLike, weights: ArrayLike | None = 
         NotConverged: a logarithm was not found, or the condition was not met.
     """
     n = as_metric(metric).dim
-    samples = np.array(points, dtype=float)
+    samples = real_array(points, "points")
     if samples.ndim != 2 or samples.shape[1] != n or len(samples) == 0:
         raise ValueError(f"points must have shape (k, {n}) with k > 0, got {samples.shape}")
     for index, point in enumerate(samples):
         metric.point(f"points[{index}]", point)
-    w = np.ones(len(samples)) if weights is None else np.array(weights, dtype=float)
+    w = np.ones(len(samples)) if weights is None else real_array(weights, "weights")
     if w.shape != (len(samples),) or not np.all(np.isfinite(w)) or np.any(w <= 0.0):
         raise ValueError(
             f"weights must be {len(samples)} finite numbers above zero, got {weights!r}"

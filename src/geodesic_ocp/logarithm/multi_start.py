@@ -14,7 +14,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_integer
+from geodesic_ocp.arrays import Array, as_integer, real_array
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.logarithm.by_shooting import find_by_shooting
 from geodesic_ocp.logarithm.connecting_geodesic import ConnectingGeodesic
@@ -100,7 +100,7 @@ def _as_periods(metric: Metric) -> Array:
     if metric.periods is None:
         return np.full(metric.dim, np.inf)
     try:
-        periods = np.array(metric.periods, dtype=float)
+        periods = real_array(metric.periods)
     except (TypeError, ValueError):
         periods = np.zeros(0)
     if periods.shape != (metric.dim,) or not np.all(periods > 0.0):

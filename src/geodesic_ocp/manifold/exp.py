@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_positive, as_vector
+from geodesic_ocp.arrays import Array, as_positive, as_vector, real_array
 from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.manifold.metric import Metric, as_metric, has_compiled_code
 from geodesic_ocp.over_rows import over_rows
@@ -72,7 +72,7 @@ def sample_geodesic(
     metric = as_metric(metric)
     point, velocity = metric.point("q", q), as_vector("v", v, metric.dim)
     tolerance = as_positive("tolerance", tolerance)
-    instants = np.asarray(times, dtype=float)
+    instants = real_array(times, "times")
     if instants.ndim != 1 or instants.size < 2 or not np.all(np.diff(instants) > 0):
         raise ValueError("times must be at least two increasing numbers")
     if metric.has_constant_tensor:

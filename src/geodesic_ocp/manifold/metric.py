@@ -51,8 +51,8 @@ def _also_numeric(matrix: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any
         point = as_vector("q", q, self.dim)
         kernels = self.__dict__.get("kernels")
         if kernels is not None and kernels.loaded:
-            return kernels.matrix(point)
-        return evaluate(self._matrix_function, point)
+            return self._defined(kernels.matrix(point), point)
+        return self._defined(evaluate(self._matrix_function, point), point)
 
     return wrapped
 
@@ -104,10 +104,11 @@ class Metric(MetricFunctions):
 
         Raises:
             ValueError: not n finite numbers, or G(q) is not finite, symmetric or positive definite,
-                or `check_units` fails.
+                or `check_units` or `check_domain` fails.
         """
         point = as_vector(name, q, self.dim)
         self.check_units(name, point)
+        self.check_domain(name, point)
         kernels = self.__dict__.get("kernels")
         if kernels is not None and kernels.loaded and kernels.is_regular(point):
             return point
@@ -128,9 +129,27 @@ class Metric(MetricFunctions):
     def check_units(self, name: str, q: Array) -> None:
         """ValueError if the coordinates q (n,) must be in other units; by default all may occur."""
 
+    def check_domain(self, name: str, q: Array) -> None:
+        """ValueError if the metric is not defined at q (n,); by default it is everywhere."""
+
+    def check_domain_along(self, name: str, times: Array, points: Array) -> None:
+        """ValueError that names the first of the times (k,) at which points (k, n) are outside."""
+        for t, q in zip(times, points, strict=True):
+            self.check_domain(f"{name} at {t:.6g}", q)
+
+    def _defined(self, values: Any, q: Array) -> Any:
+        """The values of a function at q (n,); ValueError if they are NaN outside the domain."""
+        if np.isnan(values).any():
+            self.check_domain("q", q)
+        return values
+
     def near_singularity(self, q: Array) -> str:
-        """Why the metric is nearly singular at q (n,), as a sentence; empty if it is not."""
-        return describe_singularity(self.matrix(q), q, self.joint_names)
+        """Why the metric is nearly singular or not defined at q (n,); empty if it is neither."""
+        try:
+            tensor = self.matrix(q)
+        except ValueError as outside:
+            return str(outside)
+        return describe_singularity(tensor, q, self.joint_names)
 
     # -- the geometry --------------------------------------------------------------------------
 
@@ -145,7 +164,7 @@ class Metric(MetricFunctions):
         """Norm |v|_q = sqrt(<v, v>_q).
 
         Raises:
-            ValueError: <v, v>_q is negative or NaN: the metric is not positive definite at q.
+            ValueError: the metric is not defined or not positive definite at q.
         """
         squared = self.inner(q, v, v)
         if is_symbolic(squared):
@@ -190,6 +209,7 @@ class Metric(MetricFunctions):
             slopes: list[Any] = [ca.reshape(column, self.dim, self.dim) for column in columns]
             rows = [ca.horzcat(*(slope[:, i] for slope in slopes)) for i in range(self.dim)]
             return [(row + row.T - slope) / 2 for row, slope in zip(rows, slopes, strict=True)]
+        self.matrix(q)  # raises outside the domain, where the derivative may be finite
         slope = np.asarray(derivative).reshape(self.dim, self.dim, self.dim)  # [j, i, k]: G' = G
         return 0.5 * (slope + slope.transpose(0, 2, 1) - slope.transpose(2, 0, 1))
 
@@ -201,4 +221,5 @@ class Metric(MetricFunctions):
         q, v = self._checked(q=q, v=v)
         if is_symbolic(q, v):
             return self.geodesic_equation(ca.vertcat(q, v))[self.dim :]
-        return evaluate(self.geodesic_equation, np.concatenate([q, v]))[self.dim :, 0]
+        rates = evaluate(self.geodesic_equation, np.concatenate([q, v]))[self.dim :, 0]
+        return self._defined(rates, q)

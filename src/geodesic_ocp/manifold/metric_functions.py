@@ -34,6 +34,11 @@ class MetricFunctions(ABC):
                 f"{type(self).__name__}.matrix(q) must have shape ({self.dim}, {self.dim}), "
                 f"got {matrix.shape}"
             )
+        if free := [str(each) for each in ca.symvar(matrix) if not ca.depends_on(each, q)]:
+            raise ValueError(
+                f"{type(self).__name__}.matrix(q) contains {', '.join(free)}, which q does not "
+                "determine: only q may be a symbol"
+            )
         return ca.Function("G", [q], [ca.densify(matrix)], ["q"], ["G"])
 
     @cached_property

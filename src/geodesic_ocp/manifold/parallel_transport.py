@@ -49,7 +49,8 @@ def parallel_transport(
     True
 
     Raises:
-        ValueError: wrong shape, numbers that are not finite, or a curve of another dimension.
+        ValueError: wrong shape, numbers that are not finite, or a curve of another dimension or
+            where the metric is not defined.
         IntegrationFailed: the metric becomes singular along the curve.
     """
     curve = path_or_motion
@@ -77,7 +78,11 @@ def transport_between(
         return np.tile(vector, (len(stops), 1))
     transport = _compiled if metric.kernels.available(at_once=False) else _interpreted
     began = time.perf_counter()
-    result = transport(metric, curve, vector / size, stops, 0.01 * tolerance)
+    try:
+        result = transport(metric, curve, vector / size, stops, 0.01 * tolerance)
+    except IntegrationFailed:
+        metric.check_domain_along("the curve", stops, curve(stops))
+        raise
     if transport is _interpreted:
         metric.kernels.interpreted(time.perf_counter() - began)
     return np.asarray(size * result)

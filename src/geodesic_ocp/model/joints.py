@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_number, is_symbolic
+from geodesic_ocp.arrays import Array, as_number, is_symbolic, real_array
 
 _ROUNDING = 1e-15
 
@@ -176,7 +176,7 @@ def _merged(
                 raise ValueError(f"{name}: {joint!r} is not one of the joints {known}")
         given = [given.get(joint, value) for joint, value in zip(joint_names, current, strict=True)]
     try:
-        new = np.array(given, dtype=float)
+        new = real_array(given)
     except (TypeError, ValueError):
         new = np.zeros(0)
     if new.shape != current.shape or np.any(np.isnan(new)):

@@ -42,6 +42,7 @@ class Model:
             the same. Continuous joints of `pin` are added, with limits of +-2 pi rad.
         shapes: capsules and spheres fixed to its frames, or a function that reads them when needed.
         hands: names of all hand frames, with `hand`, such as both of a person; `hand` by default.
+        armature_from: where the armature was read, such as "the file"; "" if it was given.
 
     Configurations are 1-d arrays [rad or m] in the order of `joint_names`. Two models are equal
     only if they are the same object.
@@ -56,6 +57,7 @@ class Model:
     continuous: tuple[str, ...] = ()
     shapes: Bodies = ()
     hands: tuple[str, ...] = ()
+    armature_from: str = ""
     _hand_id: int = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -74,7 +76,11 @@ class Model:
         object.__setattr__(self, "continuous", continuous)
 
     def __repr__(self) -> str:
-        return f"Model({self.name!r}, dof={self.dof}, hand={self.hand!r}, backend={self.backend!r})"
+        what = f"{self.name!r}, dof={self.dof}, hand={self.hand!r}, backend={self.backend!r}"
+        if inertia := self.describe_armature():
+            source = f" from {self.armature_from}" if self.armature_from else ""
+            what += f", {inertia}{source}"
+        return f"Model({what})"
 
     def _repr_markdown_(self) -> str:
         values = self.lower.tolist(), self.upper.tolist(), self.armature.tolist()
@@ -131,6 +137,15 @@ class Model:
         armature = np.array(self.pin.armature, dtype=float)
         armature.flags.writeable = False
         return armature
+
+    def describe_armature(self) -> str:
+        """The range of the joint inertia in words; "" if there is none."""
+        if not self.armature.any():
+            return ""
+        low, high = self.armature.min(), self.armature.max()
+        shown = f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
+        units = {"kg m^2" if unit == "rad" else "kg" for unit in self.units}
+        return f"joint inertia {shown} {' and '.join(sorted(units))}"
 
     @cached_property
     def bodies(self) -> tuple[Body, ...]:
@@ -262,7 +277,7 @@ class Model:
         """
         geared = self.pin.copy()
         geared.armature = as_armature(value, self.armature, self.joint_names)
-        return replace(self, pin=geared)
+        return replace(self, pin=geared, armature_from="")
 
     def with_limits(
         self,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, real_array
 
 _ORTHONORMAL = 1e-6
 
@@ -29,8 +29,8 @@ class FrameMotion:
     positions: Array
 
     def __post_init__(self) -> None:
-        rotations = np.array(self.rotations, dtype=float)
-        positions = np.array(self.positions, dtype=float)
+        rotations = real_array(self.rotations)
+        positions = real_array(self.positions)
         count = len(positions) if positions.ndim else 0
         if rotations.shape != (count, 3, 3) or positions.shape != (count, 3):
             raise ValueError(

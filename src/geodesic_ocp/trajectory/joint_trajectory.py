@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 
-from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.arrays import Array, as_positive, real_array
 from geodesic_ocp.records import write_together
 from geodesic_ocp.trajectory.quintic_hermite import quintic_hermite
 
@@ -64,7 +64,7 @@ class JointTrajectory:
             values = getattr(self, field.name)
             if field.name in ("joint_names", "units") or values is None:
                 continue
-            array = np.array(values, dtype=float)
+            array = real_array(values, field.name)
             expected = shape[:1] if field.name == "time" else shape
             if array.shape != expected:
                 raise ValueError(f"{field.name} must have shape {expected}, got {array.shape}")
@@ -116,9 +116,9 @@ class JointTrajectory:
         Raises:
             ValueError: fewer than four samples, times that do not increase, or as the constructor.
         """
-        values = np.array(positions, dtype=float)
+        values = real_array(positions, "position")
         empty = np.zeros_like(values)
-        whole = cls(np.array(time, dtype=float), values, empty, empty, (*joint_names,), (*units,))
+        whole = cls(real_array(time, "time"), values, empty, empty, (*joint_names,), (*units,))
         if len(whole.time) < 4 or not np.all(np.diff(whole.time) > 0.0):
             raise ValueError(
                 "velocities and accelerations can be found for at least four samples at increasing "

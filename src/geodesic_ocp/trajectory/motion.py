@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.arrays import Array, as_positive, real_array
 from geodesic_ocp.trajectory.filters.anti_aliasing import without_aliases
 from geodesic_ocp.trajectory.filters.filtering import (
     check_even,
@@ -64,7 +64,7 @@ class Motion:
     trunk: FrameMotion | None = None
 
     def __post_init__(self) -> None:
-        time, q = np.array(self.time, dtype=float), np.array(self.q, dtype=float)
+        time, q = real_array(self.time, "time"), real_array(self.q, "q")
         names = tuple(self.joint_names)
         if time.ndim != 1 or q.shape != (time.size, len(names)):
             raise ValueError(
@@ -78,7 +78,7 @@ class Motion:
         arrays = {"time": time[:, None], "q": q}
         for name in ("velocity", "unfiltered"):
             if (given := getattr(self, name)) is not None:
-                arrays[name] = np.array(given, dtype=float)
+                arrays[name] = real_array(given, name)
                 if arrays[name].shape != q.shape:
                     raise ValueError(f"{name} must have the shape {q.shape} of q")
         for name, array in arrays.items():

@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_number, evaluate
+from geodesic_ocp.arrays import Array, as_number, evaluate, real_array
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.trajectory.grid import Grid, interpolation_between
 
@@ -36,7 +36,7 @@ class Path:
     nodes: Array = field(repr=False)
 
     def __post_init__(self) -> None:
-        nodes = np.array(self.nodes, dtype=float)
+        nodes = real_array(self.nodes, "nodes")
         if nodes.shape != (self.grid.size, self.metric.dim):
             raise ValueError(
                 f"nodes must have shape {(self.grid.size, self.metric.dim)}, got {nodes.shape}"

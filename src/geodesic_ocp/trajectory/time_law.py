@@ -21,7 +21,7 @@ from math import perm
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.arrays import Array, as_positive, real_array
 
 # Tolerance for bounds that hold with equality, relative to the speed scale of the problem.
 _SLACK = 1e-9
@@ -50,8 +50,7 @@ class TimeLaw:
 
     def __post_init__(self) -> None:
         arrays = {
-            name: np.array(getattr(self, name), dtype=float)
-            for name in ("knots", "positions", "speeds")
+            name: real_array(getattr(self, name), name) for name in ("knots", "positions", "speeds")
         }
         knots = arrays["knots"]
         for name, array in arrays.items():

@@ -41,6 +41,10 @@ def test_rotor_inertia_counts_with_the_square_of_the_gear_ratio() -> None:
     geared, bare = go.load_model(text, hand="grip"), go.load_model(urdf(), hand="grip")
     expected = {"j_lift": 0.0, "j_one": 0.3, "j_two": 0.5, "j_three": 0.0}
     assert dict(zip(geared.joint_names, geared.armature.tolist(), strict=True)) == expected
+    inertia = "joint inertia 0 to 0.5 kg and kg m^2"
+    assert f"{inertia} from the file)" in repr(geared)
+    assert f"{inertia})" in repr(geared.with_armature(geared.armature))
+    assert "inertia" not in repr(bare)
     assert geared.continuous == ("j_two",)  # which Pinocchio stores with two coordinates
     q = [0.3, 0.2, 0.3, 0.4]
     difference = geared.mass_matrix(q) - bare.mass_matrix(q)

@@ -41,18 +41,11 @@ class JacobiMetric(ModelMetric):
         # NaN stops a solver there, where negative squared lengths would attract it.
         return ca.if_else(kinetic > 0, kinetic, np.nan) * self.model.mass_matrix(q)
 
-    def point(self, name: str, q: Any) -> Array:
-        """The argument `name` as a point (n,) where V < E.
-
-        Raises:
-            ValueError: not n finite numbers, the potential energy is too high, or G is not positive
-                definite there.
-        """
-        (point,) = self._checked(**{name: q})
-        potential = self.model.potential_energy(point)
+    def check_domain(self, name: str, q: Array) -> None:
+        """ValueError if the potential energy at q (n,) is too high."""
+        potential = self.model.potential_energy(q)
         if potential >= self.energy:
             raise ValueError(
-                f"{name}: the potential energy {potential:.6g} J at {point} is not below the total"
+                f"{name}: the potential energy {potential:.6g} J at {q} is not below the total"
                 f" energy of {self.energy:.6g} J: the model cannot be there"
             )
-        return super().point(name, point)

@@ -172,16 +172,15 @@ class RegionAvoiding(Metric):
         """Metric tensor G + sum_i w_i (margin_i / h_i)^2 grad h_i grad h_i', (n, n)."""
         return self.metric.matrix(q) + self._barrier(q)
 
-    def point(self, name: str, q: Any) -> Array:
-        """The argument `name` as a point (n,) inside the region.
+    def check_units(self, name: str, q: Array) -> None:
+        """Those of the given metric."""
+        self.metric.check_units(name, q)
 
-        Raises:
-            ValueError: an h_i is not positive there, or the given metric is not positive definite.
-        """
-        point = self.metric.point(name, q)
-        values = evaluate(self._region.values, point)[:, 0]
+    def check_domain(self, name: str, q: Array) -> None:
+        """ValueError if an h_i is not positive at q (n,)."""
+        self.metric.check_domain(name, q)
+        values = evaluate(self._region.values, q)[:, 0]
         found = zip(self._region.labels, values, strict=True)
         outside = [f"{label} is {value:.6g}" for label, value in found if not value > 0.0]
         if outside:
-            raise ValueError(f"{name}: {point} is not inside the region: {', '.join(outside)}")
-        return super().point(name, point)
+            raise ValueError(f"{name}: {q} is not inside the region: {', '.join(outside)}")

@@ -72,10 +72,8 @@ def catalogue() -> Iterator[str]:
 
 def _summary(name: str, model: Model) -> Iterator[str]:
     values = f"{model.dof} DoF, {model.mass:5.2f} kg, reach {model.reach:.2f} m"
-    if model.armature.any():
-        low, high = model.armature.min(), model.armature.max()
-        shown = f"{low:.2g}" if low == high else f"{low:.2g} to {high:.2g}"
-        values += f", joint inertia {shown} kg m^2"
+    if inertia := model.describe_armature():
+        values += f", {inertia}"
     yield f"  {name:20} {values}"
     yield from _wrapped(model.joint_names, indent="    ")
 

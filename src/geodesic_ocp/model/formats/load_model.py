@@ -92,7 +92,15 @@ def load_model(
     check_inertias(model)
     if isinstance(source, str) and source in ROBOTS:
         model.name = source
-    return Model(model, hand, backend, _limit_unlimited(model), description.shapes)
+    of_file = model.armature.any() and not isinstance(source, pin.Model)
+    return Model(
+        model,
+        hand,
+        backend,
+        _limit_unlimited(model),
+        description.shapes,
+        armature_from="the file" if of_file else "",
+    )
 
 
 def _limit_unlimited(model: pin.Model) -> tuple[str, ...]:

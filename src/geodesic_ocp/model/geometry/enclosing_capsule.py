@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, real_array
 from geodesic_ocp.model.primitives import Capsule, Point
 
 _FLAT = 1e-12  # [m]
@@ -24,7 +24,7 @@ def enclosing_capsule(points: ArrayLike, link: str | None = None, name: str = ""
     Raises:
         ValueError: there are no points, they are not finite, or they all coincide.
     """
-    cloud = np.array(points, dtype=float)
+    cloud = real_array(points)
     if cloud.ndim != 2 or cloud.shape[1] != 3 or not len(cloud) or not np.isfinite(cloud).all():
         raise ValueError(f"points must be finite, of shape (k, 3), got {cloud.shape}")
     if float(np.ptp(cloud, axis=0).max()) <= _FLAT:

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, real_array
 from geodesic_ocp.model.joints import configuration, motion_subspace
 
 # Values in files are rounded: principal moments below this fraction of the largest are zero.
@@ -23,7 +23,7 @@ def body_inertia(mass: float, centre: Array, inertia: ArrayLike | None) -> pin.I
         ValueError: the inertia is not symmetric, or has a negative principal moment.
     """
     try:
-        moments = np.zeros((3, 3)) if inertia is None else np.array(inertia, dtype=float)
+        moments = np.zeros((3, 3)) if inertia is None else real_array(inertia)
     except (TypeError, ValueError):
         moments = np.zeros(0)
     if moments.shape != (3, 3) or not np.all(np.isfinite(moments)):

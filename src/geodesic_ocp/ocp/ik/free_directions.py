@@ -6,7 +6,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, real_array
 
 
 def as_directions(name: str, given: ArrayLike | None) -> Array:
@@ -18,7 +18,7 @@ def as_directions(name: str, given: ArrayLike | None) -> Array:
     if given is None:
         return np.zeros((0, 3))
     try:
-        directions = np.atleast_2d(np.array(given, dtype=float))
+        directions = np.atleast_2d(real_array(given))
     except (TypeError, ValueError):
         directions = np.zeros(0)
     if directions.shape == (1, 0) or directions.shape == (0, 3):

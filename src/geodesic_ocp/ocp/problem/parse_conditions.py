@@ -11,7 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array, is_symbolic
+from geodesic_ocp.arrays import Array, is_symbolic, real_array
 from geodesic_ocp.ocp.nlp.conditions import Condition, Conditions
 
 
@@ -106,7 +106,7 @@ class _Parameters:
         """A bound as numbers, with the parameters at their values."""
         if not _has_symbols(limit):
             try:
-                return np.asarray(limit, dtype=float)
+                return real_array(limit)
             except (TypeError, ValueError):
                 raise ValueError(f"{name}: a bound must be numbers, got {limit!r}") from None
         try:
@@ -136,7 +136,7 @@ def _with_symbols(problem: Any) -> tuple[Any, _Parameters]:
     symbolic, symbols, numbers = copy.copy(problem), [], []
     for name in problem.parameters:
         try:
-            value = np.array(getattr(problem, name), dtype=float)
+            value = real_array(getattr(problem, name))
         except (AttributeError, TypeError, ValueError):
             value = np.array(np.nan)
         if value.ndim > 2 or not np.all(np.isfinite(value)):

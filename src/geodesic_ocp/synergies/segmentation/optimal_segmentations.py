@@ -177,7 +177,7 @@ def optimal_segmentations(
 
     Raises:
         ValueError: the motion has no velocities or does not fit the metric, the measure is unknown
-            or needs a model, or a number is out of range.
+            or needs a model, the metric is not defined at a sample, or a number is out of range.
         NotConverged: so many log maps fail that nothing covers the motion.
 
     Warns:
@@ -206,6 +206,7 @@ def optimal_segmentations(
     partitions = best_partitions(table)
     counts = np.flatnonzero(np.isfinite(partitions.totals))
     if not counts.size:
+        metric.check_domain_along("the motion", motion.time, motion.q)
         raise NotConverged(
             f"no segments cover the motion: {costs.failures} of {len(pairs)} log maps failed"
         )

@@ -85,8 +85,9 @@ def segment(
 
     Raises:
         ValueError: the motion has no velocities, never moves, is not of the metric's dimension or
-            seems to be in degrees; or a number is out of range.
-        IntegrationFailed: the metric is singular or not defined somewhere along the motion.
+            seems to be in degrees; the metric is not defined at a sample; or a number is out of
+            range.
+        IntegrationFailed: the metric is singular somewhere along the motion.
     """
     threshold = as_threshold(threshold)
     if not 0.0 <= rest < 1.0:
@@ -125,11 +126,12 @@ def _cuts(
         if error <= _TRANSPORT_TOLERANCE:
             return cuts
         if not np.isfinite(error) or parts >= _MOST_PARTS:
+            metric.check_domain_along("the motion", motion.time, motion.q)
             start, stop = times[2 * worst - 2], times[2 * worst]
             raise IntegrationFailed(
                 f"parallel transport: from t = {start:.6g} to {stop:.6g} s its error is "
-                f"{error:.1e}, not {_TRANSPORT_TOLERANCE:.0e}: the metric is singular or not "
-                "defined there",
+                f"{error:.1e}, not {_TRANSPORT_TOLERANCE:.0e}: the metric is "
+                "singular there",
                 float(start),
             )
         parts *= 2
