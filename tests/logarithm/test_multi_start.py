@@ -152,6 +152,8 @@ def test_likely_causes_are_named() -> None:
         go.log(rotor, [0.3, 1.0, 0.2], [0.9, 1e-4, -0.8])  # near gimbal lock
     assert len(str(failure.value)) < 900
     with pytest.raises(go.NotConverged, match=r"along q\[0\] grows by .* a boundary"):
+        go.log(HalfPlane(), [-100.0, 0.001], [100.0, 0.001])
+    with pytest.raises(go.NotConverged, match="geodesics diverge so fast that rounding errors"):
         go.log(HalfPlane(), [-10.0, 0.01], [10.0, 0.01])
 
 

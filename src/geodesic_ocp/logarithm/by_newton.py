@@ -50,6 +50,8 @@ _OTHER_LEVELS = (
     levels_of(((1, 8), (1, 16), (1, 24), (2, 20), (4, 20), (8, 20)), 2),
 )
 _CONTINUED = levels_of(((1, 12), (1, 20), (1, 30), (2, 20), (4, 20), (8, 20)), 1)
+# On the geodesic of a relaxed metric; sharp turns need fine grids.
+_RELAXED = levels_of(((2, 20), (4, 20), (8, 20), (16, 20)), 0)
 # Multiples of the diagonal of G(q0) that are added to G, from large to small.
 _ADDED = (10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
 # Paths through random points: number, and offset from the straight line relative to its length.
@@ -83,9 +85,10 @@ def find_by_newton(
         metric: of the manifold; its tensor is not constant.
         q0, q1: the ends (n,), not the same.
         guess: a path between them; None is the straight line.
-        thorough: where the first pass fails, try other coarse grids, a continuation in a diagonal
-            added to G, the way back, paths through random points, and Ipopt: always as many
-            attempts, so that what is found does not depend on the machine.
+        thorough: where the first pass fails, try other coarse grids, the geodesic of the relaxed
+            metric, a continuation in a diagonal added to G, the way back, paths through random
+            points, and Ipopt: always as many attempts, so that what is found does not depend on the
+            machine.
 
     Raises:
         NotConverged: none was found; `solution` is the path on which the first attempt ended.
@@ -123,7 +126,7 @@ def _as_path(metric: Metric, attempt: Attempt) -> Path | None:
 
 
 def _attempts(
-    metric: Metric, q0: Array, q1: Array, guess: Path | None, thorough: bool
+    metric: Metric, q0: Array, q1: Array, guess: Path | None, thorough: bool, relax: bool = True
 ) -> Iterator[Attempt]:
     none = np.zeros((0, metric.dim))
     yield _pass(metric, q0, q1, _LEVELS, _start(_LEVELS, q0, q1, guess), none)
@@ -131,6 +134,11 @@ def _attempts(
         return
     for levels in _OTHER_LEVELS:
         yield _pass(metric, q0, q1, levels, _start(levels, q0, q1, guess), none)
+    if relax and metric.relaxed is not None:
+        attempts = _attempts(metric.relaxed, q0, q1, guess, thorough, relax=False)
+        if easier := next((each for each in attempts if each.velocity is not None), None):
+            path = Path(metric, easier.grid, easier.nodes)
+            yield _pass(metric, q0, q1, _RELAXED, _start(_RELAXED, q0, q1, path), none)
     added = np.outer(_ADDED, np.diag(metric.matrix(q0)))
     yield _pass(metric, q0, q1, _CONTINUED, _start(_CONTINUED, q0, q1, guess), added)
     yield _back(metric, q0, q1, guess)

@@ -13,8 +13,11 @@ from geodesic_ocp.manifold.metric import Metric
 MAX_STEPS = 2000  # of one integration: hundreds suffice for the longest geodesics of an arm
 ROUNDING = "rounding errors exceed the tolerance of its end point"
 # Tolerance of a step: of the last integrations, of the first relative to them, the smallest.
-STEP, _COARSER, _SMALLEST = 1e-12, 30.0, 1e-13
-_ROUNDS, _CONTRACTION, _NEAR = 14, 0.5, 1e-5
+STEP, _COARSER, _SMALLEST = 1e-12, 30.0, 1e-15
+_ROUNDS, _CONTRACTION, _NEAR = 20, 0.5, 1e-5
+# Error of the end point below which the integration's own error may be what remains.
+_STALLED = 1e-3
+_ROUNDED = 1e-6  # with the smallest tolerance of a step, it is rounding
 _UNIT_INTERVAL = np.array([0.0, 1.0])
 
 
@@ -43,12 +46,18 @@ def correct_velocity(
             return None, _where(failure)
         error = float(np.abs(difference).max())
         if not (error < _CONTRACTION * last or error <= TOLERANCE):
-            return None, f"integrated forward, it ends {error:.1e} from the goal"
-        if number:
+            if not error < _STALLED or step <= _SMALLEST:
+                if error < _ROUNDED:
+                    return None, ROUNDING
+                return None, f"integrated forward, it ends {error:.1e} from the goal"
+            step = max(_SMALLEST, step / _COARSER)
+        elif number:
             by_goal = _update(by_goal, difference - before, change)
         before, change = difference, -by_goal @ difference
         velocity = velocity + change
         if is_fine and error <= TOLERANCE and (error <= wanted or error >= _CONTRACTION * last):
+            if step < STEP and not _survives_rounding(metric, q0, q1, velocity, step):
+                return None, ROUNDING
             if after_coarse:
                 return velocity, ""
             try:
@@ -63,6 +72,16 @@ def correct_velocity(
             step, error = max(_SMALLEST, step / _COARSER), _NEAR / 10.0
         last = error
     return None, f"integrated forward, it ends {last:.1e} from the goal"
+
+
+def _survives_rounding(metric: Metric, q0: Array, q1: Array, velocity: Array, step: float) -> bool:
+    """Whether the geodesic meets the goal also from a velocity changed by a few roundings."""
+    change = 4.0 * np.spacing(np.abs(velocity))
+    try:
+        ends = [_end_point(metric, q0, velocity + s * change, step) for s in (-1.0, 1.0)]
+    except IntegrationFailed:
+        return False
+    return bool(np.abs(np.array(ends) - q1).max() <= TOLERANCE)
 
 
 def _end_point(metric: Metric, q0: Array, velocity: Array, tolerance: float) -> Array:

@@ -16,7 +16,7 @@ from geodesic_ocp.over_rows import over_rows
 _UNIT_INTERVAL = np.array([0.0, 1.0])
 # Initial tolerance of a step, relative to the tolerance of the end point, and its lower bound.
 _STEP_FRACTION = 0.02
-_FINEST_STEP_TOLERANCE = 1e-13
+_FINEST_STEP_TOLERANCE = 1e-15
 _SMALLEST = 1e-100  # tolerance of a step; its inverse square must not overflow
 # Relative change of speed above which a geodesic is wrong.
 _SPEED_CHANGE = 0.05

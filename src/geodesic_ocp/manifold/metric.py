@@ -132,6 +132,11 @@ class Metric(MetricFunctions):
     def check_domain(self, name: str, q: Array) -> None:
         """ValueError if the metric is not defined at q (n,); by default it is everywhere."""
 
+    @property
+    def relaxed(self) -> Metric | None:
+        """A metric near this one whose geodesics are found more easily, as guesses; None: no."""
+        return None
+
     def check_domain_along(self, name: str, times: Array, points: Array) -> None:
         """ValueError that names the first of the times (k,) at which points (k, n) are outside."""
         for t, q in zip(times, points, strict=True):

@@ -1,6 +1,7 @@
 /* The logarithmic map: the initial velocity of the geodesic of least energy near a given path. */
 
 enum { FOUND = 0, MINIMIZATION = 10, INTEGRATION = 20, STALLED = 21, UNVERIFIED = 22 };
+static const double SMALLEST_STEP = 1e-15; /* tolerance of a step */
 
 typedef struct {
   double step;      /* tolerance of a step of the integration */
@@ -93,25 +94,49 @@ static int endpoint_error(const double *q0, const double *q1, const double *v0, 
   return failure;
 }
 
+/* Whether the geodesic meets the goal also from v0 changed by a few roundings. Two integrations can
+   agree by chance where rounding errors grow beyond the tolerance. */
+static int survives_rounding(const double *q0, const double *q1, const tolerances *allowed,
+                             const double *v0, double step, workspace *w, statistics *stats) {
+  double nearby[N], difference[N], error;
+  int sign, i;
+  for (sign = -1; sign <= 1; sign += 2) {
+    for (i = 0; i < N; i++) {
+      double size = fabs(v0[i]);
+      nearby[i] = v0[i] + sign * 4 * (nextafter(size, 1e300) - size);
+    }
+    if (endpoint_error(q0, q1, nearby, step, difference, &error, w, stats)) return 0;
+    stats->error = fmax(stats->error, error);
+    if (!(error <= allowed->accepted)) return 0;
+  }
+  return 1;
+}
+
 /* Correct v0 until the geodesic ends at the goal: Newton's method with Broyden's updates of the
    derivative (N, N) of v0 by the goal.
 
    The first integrations have a tolerance 30 times as large as the last. Where the last one meets
    the goal after a correction by such a coarser one, the two agree, and the difference bounds the
-   error of the coarser. Otherwise a coarser one verifies the result. */
+   error of the coarser. Otherwise a coarser one verifies the result. Where corrections gain nothing
+   near the goal, geodesics diverge and the integration's own error may be what remains: it becomes
+   finer, and the result has to survive changes by rounding. */
 static int correct(const double *q0, const double *q1, const tolerances *allowed, double *v0,
                    double *by_goal, workspace *w, statistics *stats) {
   double difference[N], before[N], change[N], step = allowed->step, last = 1e300, error;
   int round, i, c, is_fine = 0;
-  for (round = 0; round < 14; round++) {
-    int after_coarse = !is_fine;
+  for (round = 0; round < 20; round++) {
+    int after_coarse = !is_fine, is_stalled;
     is_fine = last < 1e-5;
     if (endpoint_error(q0, q1, v0, is_fine ? step : 30 * step, difference, &error, w, stats))
       return INTEGRATION;
     if (round == 0) stats->first_error = error;
     stats->error = error;
-    if (!(error < 0.5 * last || error <= allowed->accepted)) return STALLED;
-    if (round > 0) { /* Broyden's second form, for the inverse */
+    is_stalled = !(error < 0.5 * last || error <= allowed->accepted);
+    if (is_stalled) {
+      if (!(error < 1e-3) || step <= SMALLEST_STEP)
+        return error < 1e-6 ? UNVERIFIED : STALLED;
+      step = fmax(SMALLEST_STEP, step / 30);
+    } else if (round > 0) { /* Broyden's second form, for the inverse */
       double along[N], row[N], product = 0, square = 0;
       for (i = 0; i < N; i++) {
         along[i] = row[i] = 0;
@@ -134,12 +159,14 @@ static int correct(const double *q0, const double *q1, const tolerances *allowed
     }
     if (is_fine && error <= allowed->accepted &&
         (error <= allowed->wanted || !(error < 0.5 * last))) {
+      int is_refined = step < allowed->step;
+      if (is_refined && !survives_rounding(q0, q1, allowed, v0, step, w, stats)) return UNVERIFIED;
       if (after_coarse) return FOUND;
       if (endpoint_error(q0, q1, v0, 30 * step, difference, &error, w, stats)) return INTEGRATION;
       stats->error = fmax(stats->error, error / 2);
       if (error / 2 <= allowed->accepted) return FOUND;
-      if (step <= 1e-13) return UNVERIFIED;
-      step = fmax(1e-13, step / 30);
+      if (step <= SMALLEST_STEP) return UNVERIFIED;
+      step = fmax(SMALLEST_STEP, step / 30);
       error = 1e-6;
     }
     last = error;

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -20,6 +20,8 @@ from geodesic_ocp.manifold.metrics.region import (
 )
 from geodesic_ocp.model.model import Model
 
+# The margin of the relaxed metric, relative.
+_RELAXED = 10.0
 # Number of samples and tolerance for deciding whether a region is periodic in a coordinate.
 _NUM_SAMPLES, _EQUAL = 5, 1e-9
 
@@ -121,6 +123,12 @@ class RegionAvoiding(Metric):
                     periods[coordinate] = np.inf
                     break
         return tuple(periods)
+
+    @cached_property
+    def relaxed(self) -> RegionAvoiding:
+        """With a margin ten times as large, whose geodesics turn less sharply at the boundary."""
+        margin: Any = _RELAXED * np.asarray(self.margin)
+        return replace(self, margin=margin)
 
     @property
     def model(self) -> Model:
