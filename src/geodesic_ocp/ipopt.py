@@ -45,7 +45,11 @@ _INTERRUPTED = ("NonIpopt_Exception_Thrown", "User_Requested_Stop")
 
 @dataclass(frozen=True)
 class Outcome:
-    """Result of Ipopt: success, status in words, iterations, time, objective, last iterate."""
+    """Result of Ipopt: success, status in words, iterations, time, objective, last iterate.
+
+    `may_be_saddle`: Ipopt has not seen there that the objective is convex where it may move, as
+    it made no step, or added to the Hessian for the last one.
+    """
 
     success: bool
     status: str
@@ -56,6 +60,7 @@ class Outcome:
     g: Array
     lam_x: Array
     lam_g: Array
+    may_be_saddle: bool = False
 
     def __repr__(self) -> str:
         return (
@@ -124,7 +129,11 @@ class Ipopt:
             raise KeyboardInterrupt
         status = _SENTENCES.get(word, f"Ipopt stopped: {word.replace('_', ' ').lower()}")
         arrays = [result[name].full()[:, 0] for name in ("x", "g", "lam_x", "lam_g")]
+        added = stats["iterations"]["regularization_size"] if stats["iter_count"] else [1.0]
         success = bool(stats["success"]) and word == "Solve_Succeeded"
         success = success and all(np.all(np.isfinite(array)) for array in arrays)
         iterations, objective = int(stats["iter_count"]), float(result["f"])
-        return Outcome(success, status, iterations, seconds, objective, *arrays)
+        x, g, lam_x, lam_g = arrays
+        return Outcome(
+            success, status, iterations, seconds, objective, x, g, lam_x, lam_g, added[-1] > 0.0
+        )

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import pairwise
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -152,3 +155,74 @@ def test_active_constraints_do_not_depend_on_their_unit(factor: float) -> None:
     certificate = go.solve(Pressed(), grid=go.Grid(8, 4)).certificate
     assert certificate.has_active_constraints
     assert certificate.locally_shortest
+
+
+class Ridge(go.Metric):
+    """A plane with a ridge along y = 0, on which a path is longer than beside it."""
+
+    dim = 2
+
+    def matrix(self, q: ca.SX) -> ca.SX:
+        return type(q).eye(2) * (1.0 + 5.0 * ca.exp(-8.0 * q[1] ** 2))
+
+
+class AlongCostlyLine(go.Problem):
+    metric = go.Euclidean(2)
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> list[object]:
+        return [(q0, (0.0, 0.0)), (q1, (4.0, 0.0))]
+
+    def cost(self, q: ca.SX, v: ca.SX) -> ca.SX:
+        return 100.0 * ca.exp(-8.0 * q[1] ** 2)
+
+
+@pytest.mark.parametrize(
+    "problem",
+    [go.PointToPoint(Ridge(), (0.0, 0.0), (4.0, 0.0)), AlongCostlyLine()],
+    ids=["geodesic", "cost"],
+)
+def test_saddle_points_are_left(problem: go.Problem) -> None:
+    """The straight line is stationary by symmetry, and Ipopt makes no step from it."""
+    solution = go.solve(problem)
+    assert solution.certificate.locally_shortest
+    assert np.abs(solution.path.nodes[:, 1]).max() > 0.5
+
+
+def test_a_saddle_point_that_cannot_be_left_is_called_one() -> None:
+    """Five times around the equator: shorter paths lead over a pole, where the chart ends."""
+    solution = go.solve(go.PointToPoint(Sphere(), (np.pi / 2, 0.0), (np.pi / 2, 16.0)))
+    assert solution.certificate.morse_index == 5
+    assert "a saddle point: it is not locally minimizing" in solution.stats.status
+
+
+def test_multipliers_that_do_not_fit_are_noticed() -> None:
+    solution = go.solve(PlaneAroundDisc())
+    for change in ({"lam_g": -solution.iterate.lam_g}, {"lam_g": 0.0 * solution.iterate.lam_g}):
+        wrong = replace(solution, iterate=replace(solution.iterate, **change))
+        assert not wrong.certificate.stationary
+
+
+def test_forces_of_joint_limits_have_the_right_sign_except_around_switching_points() -> None:
+    arm = go.human_arm()
+    metric = go.KineticEnergy(arm)
+    q0 = (1.94, -0.9, -0.75, 1.43, 1.21, -0.43, 0.68)
+    q1 = (-0.72, -0.23, -1.57, 2.57, 0.18, -0.28, -0.82)
+    wrong = []
+    for grid in (None, go.Grid(80, 4)):
+        solution = go.solve(go.PointToPoint(metric, q0, q1, limits=True), grid=grid, throw=False)
+        path, points = solution.path, np.array(solution.certificate.switching_points)
+        assert solution.certificate.locally_shortest
+        assert len(points) > 1
+        largest = {True: 0.0, False: 0.0}
+        breaks = path.breakpoints
+        for index, (start, end) in enumerate(pairwise(breaks)):
+            low, high = breaks[max(index - 1, 0)], breaks[min(index + 2, len(breaks) - 1)]
+            is_near = bool(np.any((points >= low) & (points <= high)))
+            s = start + (end - start) * np.linspace(0.02, 0.98, 9)
+            for q, v, a in zip(*path.derivatives(s, 2), strict=True):
+                force = metric.matrix(q) @ (a - metric.acceleration(q, v)) / path.energy
+                at = np.array([arm.upper - q, q - arm.lower]) < 1e-6
+                largest[is_near] = max(largest[is_near], *(at * [-force, force]).ravel())
+        assert largest[False] < 1e-6
+        wrong.append(largest[True])
+    assert wrong[1] < 0.1 * wrong[0]

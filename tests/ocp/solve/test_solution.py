@@ -344,7 +344,8 @@ def test_certificates_mention_cost_and_active_constraints() -> None:
     constrained = go.solve(PlaneAroundDisc()).certificate
     assert constrained.has_active_constraints
     assert str(constrained) == (
-        "locally minimizing under its constraints; not a geodesic, constraints are active"
+        "locally minimizing under its constraints; not a geodesic, constraints are active, "
+        "2 switching points"
     )
     reach = go.solve(go.Reach(go.human_arm(), START, TARGET, limits=False)).certificate
     assert not reach.has_active_constraints

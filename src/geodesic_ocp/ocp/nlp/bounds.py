@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,7 +105,19 @@ class NodeBounds:
             result[rows.condition.name] = found[0] if len(found) == 1 else found
         return result
 
-    def _all_rows(self, x: Array, g: Array) -> Iterator[tuple[_Rows, Array]]:
+    def switching_points(
+        self, grid: Grid, active_x: NDArray[np.bool_], active_g: NDArray[np.bool_]
+    ) -> tuple[float, ...]:
+        """S between the nodes where a condition along the path becomes active or inactive."""
+        nodes = {grid.collocations: grid.in_segments(grid.nodes).ravel(), grid.size: grid.nodes}
+        found: set[float] = set()
+        for rows, active in self._all_rows(active_x, active_g):
+            if (s := nodes.get(len(rows.index))) is not None:
+                changed = np.any(np.diff(active[rows.index], axis=0), axis=1)
+                found.update(((s[1:] + s[:-1]) / 2.0)[changed].tolist())
+        return tuple(sorted(found))
+
+    def _all_rows(self, x: NDArray[Any], g: NDArray[Any]) -> Iterator[tuple[_Rows, NDArray[Any]]]:
         yield from ((rows, x.ravel()) for rows in self._in_x)
         yield from ((rows, g) for rows in self._in_g)
 

@@ -12,11 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from geodesic_ocp.arrays import Array, as_vector
+from geodesic_ocp.arrays import Array, as_vector, evaluate
 from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.manifold.exp import exp
+from geodesic_ocp.ocp.nlp.bounds import NodeBounds
 from geodesic_ocp.ocp.solve.final_iterate import FinalIterate
 from geodesic_ocp.ocp.solve.second_variation import (
     energy_derivatives,
@@ -28,6 +29,8 @@ from geodesic_ocp.trajectory.path import Path
 _DRIFT = 0.05  # an unconstrained stationary path conserves its kinetic energy to this fraction
 # Forces in the scaled NLP above this belong to active conditions.
 _ACTIVE = 1e-6
+# Distance from a bound, and unbalanced force, in the scaled NLP.
+_AT_BOUND, _BALANCE = 1e-4, 1e-3
 _SMALLEST = np.finfo(float).tiny
 _DEPENDENT = 1e-10
 
@@ -53,6 +56,11 @@ class Certificate:
             not a geodesic.
         has_running_cost: whether the problem's own cost is minimized together with the energy;
             `stationary` and `morse_index` then refer to their sum.
+        switching_points: s, to the distance of two nodes, at which conditions along the path become
+            active or inactive. The path's second derivative jumps there, but not that of a
+            polynomial: in the segments around them, the force of a limit that is computed from
+            second derivatives may have the wrong sign. The multipliers at the nodes do not, or the
+            path is not stationary; the error disappears as the grid becomes finer.
     """
 
     endpoint_error: float
@@ -62,6 +70,7 @@ class Certificate:
     first_conjugate_point: float | None = None
     has_active_constraints: bool = False
     has_running_cost: bool = False
+    switching_points: tuple[float, ...] = ()
 
     @property
     def locally_shortest(self) -> bool:
@@ -86,7 +95,9 @@ class Certificate:
             if self.first_conjugate_point:
                 verdict += f", first conjugate point at s = {self.first_conjugate_point:.4g}"
         if self.has_active_constraints:
-            return f"{verdict}; not a geodesic, constraints are active"
+            count = len(self.switching_points)
+            switching = f", {count} switching point{'s' * (count > 1)}" * (count > 0)
+            return f"{verdict}; not a geodesic, constraints are active{switching}"
         if self.has_running_cost:
             return f"{verdict}; not a geodesic, there is a running cost"
         return f"{verdict}; endpoint error {self.endpoint_error:.1e}, energy drift {self.drift:.1e}"
@@ -120,7 +131,7 @@ def certify(path: Path, velocity: ArrayLike | None = None) -> Certificate:
     )
 
 
-def certify_iterate(iterate: FinalIterate) -> Certificate:
+def certify_iterate(iterate: FinalIterate, bounds: NodeBounds) -> Certificate:
     """The certificate of a solution among the paths that meet the problem's conditions."""
     path, n = iterate.path, iterate.path.metric.dim
     has_cost = not iterate.energy_only
@@ -133,33 +144,85 @@ def certify_iterate(iterate: FinalIterate) -> Certificate:
     if not iterate.success or not np.isfinite(drift):
         return Certificate(error, drift, False, None, has_running_cost=has_cost)
 
-    active_x = iterate.fixed_x | (np.abs(iterate.lam_x) > _ACTIVE)
     jacobian = iterate.constraint_jacobian()
-    # Multiplier times gradient is the force of a condition, whatever the condition's unit.
-    forces = np.abs(iterate.lam_g) * np.linalg.norm(jacobian, axis=1)
-    active_g = iterate.fixed_g | (forces > _ACTIVE)
-    free = np.flatnonzero(~active_x)
-    inner_are_free = free.size == iterate.x.size - 2 * n and not np.any(active_x[n:-n])
+    if not _is_first_order(iterate, bounds, jacobian):
+        return Certificate(error, drift, False, None, has_running_cost=has_cost)
+    active_x, active_g = _active(iterate, jacobian)
+    inner_are_free = np.sum(~active_x) == iterate.x.size - 2 * n and not np.any(active_x[n:-n])
     if inner_are_free and not np.any(active_g) and iterate.energy_only:
         # Also finds stationary points of a coarse discretization that are no geodesics.
         return replace(certify(path), endpoint_error=error)
-    reduced = iterate.hessian()[np.ix_(free, free)]
-    if np.any(active_g):
-        normals = jacobian[np.ix_(np.flatnonzero(active_g), free)]
-        normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), _SMALLEST)
-        tangent = scipy.linalg.null_space(normals, rcond=_DEPENDENT)
-        reduced = tangent.T @ reduced @ tangent
-    # Ipopt has ensured the first-order conditions, with all multipliers.
-    _, index = stationarity_and_index(np.zeros(len(reduced)), reduced)
     along = active_g[iterate.transcription.size_ends :]
+    is_constrained = bool(np.any(along) or np.any(active_x[n:-n]))
+    if iterate.energy_only and not is_constrained and drift > _DRIFT:
+        return Certificate(error, drift, False, None)
+    reduced, _ = _reduced_hessian(iterate, jacobian, active_x, active_g)
+    _, index = stationarity_and_index(np.zeros(len(reduced)), reduced)
+    along_x = active_x.reshape(-1, n).copy()
+    along_x[[0, -1]] = along_x[[1, -2]]  # what fixes the ends does not act along the path
     return Certificate(
         endpoint_error=error,
         drift=drift,
         stationary=True,
         morse_index=index,
-        has_active_constraints=bool(np.any(along) or np.any(active_x[n:-n])),
+        has_active_constraints=is_constrained,
         has_running_cost=has_cost,
+        switching_points=bounds.switching_points(path.grid, along_x.ravel(), active_g),
     )
+
+
+def descent_direction(iterate: FinalIterate) -> Array | None:
+    """Change of x, largest entry 1, along which the objective decreases to second order.
+
+    Active conditions remain satisfied to first order. None: there is no such direction.
+    """
+    jacobian = iterate.constraint_jacobian()
+    reduced, basis = _reduced_hessian(iterate, jacobian, *_active(iterate, jacobian))
+    if stationarity_and_index(np.zeros(len(reduced)), reduced)[1] == 0:
+        return None
+    direction = basis @ np.linalg.eigh(reduced)[1][:, 0]
+    return np.asarray(direction / np.abs(direction).max())
+
+
+def _active(iterate: FinalIterate, jacobian: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which bounds of x, and which constraints, exert a force."""
+    # Multiplier times gradient is the force of a condition, whatever the condition's unit.
+    forces = np.abs(iterate.lam_g) * np.linalg.norm(jacobian, axis=1)
+    at_bound = iterate.fixed_x | (np.abs(iterate.lam_x) > _ACTIVE)
+    return at_bound, iterate.fixed_g | (forces > _ACTIVE)
+
+
+def _reduced_hessian(
+    iterate: FinalIterate,
+    jacobian: Array,
+    active_x: NDArray[np.bool_],
+    active_g: NDArray[np.bool_],
+) -> tuple[Array, Array]:
+    """The Lagrangian's Hessian (k, k) on the tangent space of active conditions; its basis."""
+    basis = np.eye(iterate.x.size)[:, ~active_x]
+    reduced = iterate.hessian()[np.ix_(~active_x, ~active_x)]
+    if np.any(active_g):
+        normals = jacobian[np.ix_(active_g, ~active_x)]
+        normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), _SMALLEST)
+        tangent = scipy.linalg.null_space(normals, rcond=_DEPENDENT)
+        reduced, basis = tangent.T @ reduced @ tangent, basis @ tangent
+    return reduced, basis
+
+
+def _is_first_order(iterate: FinalIterate, bounds: NodeBounds, jacobian: Array) -> bool:
+    """Whether forces balance, and multipliers have the sign of the bound at which the value is."""
+    balance = iterate.gradient() + iterate.lam_x + jacobian.T @ iterate.lam_g
+    g = evaluate(iterate.transcription.constraints, iterate.x, iterate.p)[:, 0]
+    length, q = iterate.units.length, iterate.path.nodes
+    sizes = np.maximum(np.linalg.norm(jacobian, axis=1), _SMALLEST)
+    wrong = [np.abs(balance)]
+    for force, scale, value, lower, upper in (
+        (iterate.lam_x, 1.0 / length, q.ravel(), bounds.lower.ravel(), bounds.upper.ravel()),
+        (iterate.lam_g * sizes, 1.0 / sizes, g, bounds.lower_g, bounds.upper_g),
+    ):
+        away = scale * np.array([upper - value, value - lower])
+        wrong.append(np.maximum([force, -force], 0.0)[away > _AT_BOUND])
+    return bool(np.concatenate(wrong).max(initial=0.0) <= _BALANCE)
 
 
 def _endpoint_error(path: Path, velocity: Array) -> float:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.figures.path_figure import draw_path
+from geodesic_ocp.ocp.nlp.bounds import NodeBounds
 from geodesic_ocp.ocp.nlp.violations import BETWEEN_NODES, Violation, find_violations
 from geodesic_ocp.ocp.problem.drawn_obstacles import drawn_obstacles
 from geodesic_ocp.ocp.problem.problem import Problem
@@ -75,7 +76,8 @@ class Solution:
         Under constraints: whether the energy decreases, to second order, in any direction in which
         the active conditions remain satisfied.
         """
-        return certify_iterate(self.iterate)
+        conditions = self.problem.definition().conditions
+        return certify_iterate(self.iterate, NodeBounds.on_grid(conditions, self.path.grid))
 
     def record(self) -> dict[str, Any]:
         """The solution as JSON values: nodes of the path [rad or m], statistics, multipliers.

@@ -20,6 +20,7 @@ from geodesic_ocp.ocp.nlp.transcription import Transcription
 from geodesic_ocp.ocp.nlp.violations import find_violations, violation_profile
 from geodesic_ocp.ocp.problem.problem import Problem
 from geodesic_ocp.ocp.solve.callback import Callback, IterationCallback
+from geodesic_ocp.ocp.solve.certificate import descent_direction
 from geodesic_ocp.ocp.solve.final_iterate import FinalIterate
 from geodesic_ocp.ocp.solve.messages import describe_failure
 from geodesic_ocp.ocp.solve.refinement import meeting_conditions, refine, refine_where_violated
@@ -31,6 +32,9 @@ from geodesic_ocp.trajectory.path import Path
 
 # With a free end, polynomials of a higher degree need an initial guess, solved on this grid.
 _STIFF, _COARSE = 8, Grid(4, 4)
+_SADDLE = "Ipopt found a stationary path, a saddle point: it is not locally minimizing"
+# Largest displacement of a node, relative to the path's extent, by which a saddle point is left.
+_STEP = 0.1
 # A step may increase the energy only if it reduces the violation of the conditions by this
 # fraction, without a second-order correction: otherwise one step can replace a good guess by a path
 # of fifty times its energy, and the result depends on rounding.
@@ -62,6 +66,9 @@ def solve(
     ipopt: Mapping[str, Any] | None = None,
 ) -> Solution:
     """The path of least energy under the problem's conditions, a local solution.
+
+    A saddle point, as from a symmetric guess, is left in a direction in which the energy decreases;
+    where that leads nowhere, the saddle point is the solution, and its status says so.
 
     min int (|q'(s)|_G^2 / 2 + cost) ds over the positions at the grid's nodes.
 
@@ -206,7 +213,23 @@ class _Solver:
         if outcome.status == NOT_FINITE and (names := nlp.not_finite()):
             status = f"already on the initial guess, {NO_VALUE}: {', '.join(names)}"
             outcome = replace(outcome, status=status)
-        return _solution(self.problem, nlp, outcome)
+        solution = _solution(self.problem, nlp, outcome)
+        return self._beyond_saddle(nlp, solution) if outcome.may_be_saddle else solution
+
+    def _beyond_saddle(self, nlp: NLP, solution: Solution) -> Solution:
+        """A solution of less energy if this one is a saddle point, as from a symmetric guess."""
+        direction = descent_direction(solution.iterate) if solution.stats.success else None
+        if direction is None:
+            return solution
+        before = solution.stats
+        for step in (_STEP, -_STEP):
+            beside = nlp.path(solution.iterate.x + step * direction)
+            found = self._solve_once(solution.path.grid, beside, {})
+            is_less = found.stats.success and found.stats.objective < before.objective
+            # Coarse grids also admit paths that jump where the metric is singular.
+            if is_less and found.certificate.stationary:
+                return with_effort_of(before, found)
+        return replace(solution, stats=replace(before, status=_SADDLE))
 
 
 def _scaled_multipliers(nlp: NLP, before: Solution) -> dict[str, Array]:
