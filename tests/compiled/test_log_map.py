@@ -120,13 +120,15 @@ def test_every_way_to_fail() -> None:
     few.structures[0].max_steps = 1
     below = np.linspace([0.3, 1.2], [1.4, 0.9], 13)
     below[6, 1] = np.nan
+    far = np.array([-2.0, 0.3]), np.array([2.0, 0.3])
+    assert status_of(HalfPlane(), levels((1, 2)), USUAL, ends=far)[0] == 21
     for status, grids, tolerances, x in (
         (11, few, USUAL, None),
         (12, changed("products", -1.0), USUAL, None),
         (13, changed("products", 1e-9), USUAL, None),
         (14, levels((1, 12)), USUAL, below),
         (20, levels((1, 12)), Tolerances(1e-90, 1e-10, 1e-9), None),
-        (21, levels((1, 2)), Tolerances(STEP, 0.0, 0.0), None),
+        (22, levels((1, 2)), Tolerances(STEP, 0.0, 0.0), None),
     ):
         assert status_of(HalfPlane(), grids, tolerances, x)[0] == status
         assert status in by_newton._STATUS
