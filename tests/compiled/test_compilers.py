@@ -401,6 +401,7 @@ metric.kernels._library.used(0.2)  # less than what is worth an optimized librar
 """
 
 
+@pytest.mark.slow
 def test_short_programs_add_up_to_an_optimized_library(
     empty_cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -422,6 +423,7 @@ assert metric.kernels.available()
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["tiny", "system"])
 def test_programs_that_begin_together_compile_once(
     empty_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
