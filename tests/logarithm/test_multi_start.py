@@ -153,8 +153,6 @@ def test_likely_causes_are_named() -> None:
     assert len(str(failure.value)) < 900
     with pytest.raises(go.NotConverged, match=r"along q\[0\] grows by .* a boundary"):
         go.log(HalfPlane(), [-100.0, 0.001], [100.0, 0.001])
-    with pytest.raises(go.NotConverged, match="geodesics diverge so fast that rounding errors"):
-        go.log(HalfPlane(), [-10.0, 0.01], [10.0, 0.01])
 
 
 @pytest.mark.parametrize("seed", ["x", 1.5, -1])
