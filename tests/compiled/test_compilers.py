@@ -22,6 +22,7 @@ from known_metrics import HalfPlane, Sphere, half_plane_distance
 
 import geodesic_ocp as go
 from geodesic_ocp.compiled import build, cache, compilers, library
+from geodesic_ocp.compiled.source import source_text
 
 Q0, Q1 = np.array([0.3, 1.2]), np.array([1.4, 0.9])
 
@@ -376,6 +377,19 @@ def test_every_operation_of_casadi_compiles(
     assert go.log(metric, q0, q1) == pytest.approx(velocity, abs=1e-10)
     assert metric.kernels.loaded
     assert metric.matrix(q0) == pytest.approx(expected, rel=1e-14)
+
+
+def test_the_core_calls_nothing_that_is_not_declared(tmp_path: Path) -> None:
+    """The result of an undeclared function is an int, and TinyCC does not complain."""
+    compiler = compilers.system_compiler()
+    if compiler is None:
+        pytest.skip("there is no compiler of the system")
+    metric = HalfPlane()
+    (tmp_path / "functions.c").write_text(source_text(metric.kernel_functions, metric.dim))
+    strict = "-Werror=implicit-function-declaration"
+    subprocess.run(
+        [*compiler.command, strict, "functions.c", "-o", "library"], check=True, cwd=tmp_path
+    )
 
 
 def programs(number: int, text: str, *arguments: str) -> list[subprocess.Popen[str]]:
