@@ -15,6 +15,7 @@ import geodesic_ocp as go
 from geodesic_ocp.compiled import compilers
 from geodesic_ocp.manifold.integrator import STAGE_TIMES
 from geodesic_ocp.manifold.kernels import _IntegrationRecord
+from geodesic_ocp.synergies.segmentation.segment import _Observed, _parallel_components
 
 CURVED = sorted(METRICS.keys() - {"Euclidean"})
 
@@ -90,39 +91,36 @@ def test_errors_of_the_transport_decrease_with_order_8() -> None:
 
 
 @pytest.mark.usefixtures("compiler")
-def test_norms_along_a_motion_are_kept_with_order_4() -> None:
+def test_components_in_a_parallel_frame_have_order_4() -> None:
+    """Along a circle of latitude a parallel vector turns at the rate cos(colatitude)."""
     metric, colatitude = Sphere(), 0.8
     assert metric.kernels.available()
-    changes = []
+    errors = []
     for steps in (16, 32, 64):
         times = np.linspace(0.0, 4.0, 2 * steps + 1)
-        curve, state = latitude(colatitude, times), np.zeros(steps + 1, dtype=np.uint8)
-        cuts, change, worst = metric.kernels.segment(
-            times[::2], curve, curve[::2, 2:], state, 3.0, 0.0, 0.0
-        )
-        changes.append(change)
-    assert slope([16, 32, 64], changes) < -3.8
-    assert cuts.tolist() == [0.0, 4.0]
-    assert 1 <= worst <= steps
+        curve = latitude(colatitude, times)
+        components = _parallel_components(metric, times[::2], curve, curve[::2, 2:])
+        angle = np.cos(colatitude) * times[::2]
+        exact = np.sin(colatitude) * np.column_stack([np.sin(angle), np.cos(angle)])
+        sign = np.sign(components[1, 0])
+        errors.append(np.abs(components * [sign, 1.0] - exact).max())
+    assert slope([16, 32, 64], errors) < -3.8
+    assert errors[-1] < 1e-6
 
 
-@pytest.mark.usefixtures("compiler")
 def test_cuts_are_where_the_velocity_has_turned_from_the_transported_one() -> None:
-    metric, colatitude = Sphere(), 0.8
-    assert metric.kernels.available()
-    times = np.linspace(0.0, 4.0, 401)
-    curve, velocity = latitude(colatitude, times), np.tile([0.0, 1.0], (201, 1))
-    state = np.zeros(201, dtype=np.uint8)
-    grid = times[::2]
-    cuts, _, _ = metric.kernels.segment(grid, curve, velocity, state, 0.5, 0.0, 0.0)
-    # The angle grows at the rate cos(colatitude), from the first instant after the cut.
-    every = 0.5 / np.cos(colatitude)
+    times = np.linspace(0.0, 4.0, 201)
+    turning = np.cos(0.8) * times
+    directions, state = np.column_stack([np.cos(turning), np.sin(turning)]), np.zeros(201, np.uint8)
+    cuts = _Observed(times, directions, state).cuts(0.5, 0.0, 0.0)
+    # From the first instant after the cut.
+    every = 0.5 / np.cos(0.8)
     assert np.diff(cuts)[0] == pytest.approx(every, abs=1e-4)
     assert np.all((np.diff(cuts)[1:-1] >= every - 1e-4) & (np.diff(cuts)[1:-1] <= every + 0.02))
     state[80:100] = 2  # a long rest is a segment
     state[120] = 1  # no velocity to compare with
-    cuts, _, _ = metric.kernels.segment(grid, curve, velocity, state, 3.0, 0.0, 0.0)
-    assert cuts.tolist() == [0.0, grid[80], grid[100], 4.0]
+    cuts = _Observed(times, directions, state).cuts(3.0, 0.0, 0.0)
+    assert cuts == [0.0, times[80], times[100], 4.0]
 
 
 @pytest.mark.parametrize("name", CURVED)

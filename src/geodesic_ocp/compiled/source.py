@@ -23,7 +23,6 @@ _CORE = (
     "tensor",
     "exp_map",
     "transport",
-    "segmentation",
 )
 
 

@@ -5,7 +5,7 @@ Gauss quadrature. Coarse grids cost little and lead to the neighbourhood of a mi
 ones to a path whose initial velocity, from the momentum at its fixed first node, v0 = -G(q0)^-1
 dE/dq0 (the discrete Legendre transform of Marsden and West, Acta Numerica 2001), ends near the
 goal; a few integrations correct it, with the derivative dv0/dq1 from the Hessian. The compiled core
-does all of it in one call.
+does all of it in one call; without a compiler, Ipopt finds geodesics (`by_ipopt`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.compiled.lapack import one_blas_thread
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
 from geodesic_ocp.logarithm.by_ipopt import find_by_ipopt
 from geodesic_ocp.logarithm.by_shooting import find_by_shooting
@@ -26,17 +25,9 @@ from geodesic_ocp.logarithm.connecting_geodesic import (
     ConnectingGeodesic,
     wanted_error,
 )
-from geodesic_ocp.logarithm.correction import ROUNDING, STEP, correct_velocity
-from geodesic_ocp.logarithm.discrete_energy import DiscreteEnergy
+from geodesic_ocp.logarithm.correction import ROUNDING, STEP
 from geodesic_ocp.logarithm.levels import Levels, levels_of
 from geodesic_ocp.logarithm.likely_cause import check_straight_line, likely_cause
-from geodesic_ocp.logarithm.newton import (
-    CONVERGED,
-    MANY_STEPS,
-    Minimum,
-    initial_velocity,
-    minimize,
-)
 from geodesic_ocp.manifold.exp import sample_geodesic
 from geodesic_ocp.manifold.kernels import Tolerances
 from geodesic_ocp.manifold.metric import Metric
@@ -82,7 +73,7 @@ def find_by_newton(
     """The geodesic of locally minimal energy near a path, or near the straight line.
 
     Args:
-        metric: of the manifold; its tensor is not constant.
+        metric: of the manifold; its tensor is not constant, and its functions are compiled.
         q0, q1: the ends (n,), not the same.
         guess: a path between them; None is the straight line.
         thorough: where the first pass fails, try other coarse grids, the geodesic of the relaxed
@@ -177,12 +168,8 @@ def _start(levels: Levels, q0: Array, q1: Array, guess: Path | None) -> Array:
 
 
 def _pass(metric: Metric, q0: Array, q1: Array, levels: Levels, x: Array, added: Array) -> Attempt:
-    """All levels from coarse to fine, compiled if possible."""
-    kernels = metric.kernels
-    if not kernels.available():
-        with one_blas_thread:
-            return _interpreted_pass(metric, q0, q1, levels, x, added)
-    velocity, nodes, status, statistics = kernels.log_map(
+    """All levels from coarse to fine."""
+    velocity, nodes, status, statistics = metric.kernels.log_map(
         q0,
         q1,
         x,
@@ -194,42 +181,3 @@ def _pass(metric: Metric, q0: Array, q1: Array, levels: Levels, x: Array, added:
     )
     grid = levels.grids[statistics.level]
     return Attempt(velocity if status == 0 else None, grid, nodes, _STATUS.get(status, ""))
-
-
-def _interpreted_pass(
-    metric: Metric, q0: Array, q1: Array, levels: Levels, x: Array, added: Array
-) -> Attempt:
-    functions = metric.kernel_functions
-    energies = [DiscreteEnergy(functions, grid, np.zeros(metric.dim)) for grid in levels.grids]
-    share, reason = 1.0, ""
-    for diagonal in added:
-        energy = DiscreteEnergy(functions, levels.grids[0], diagonal)
-        found = minimize(energy, levels, 0, x, share, False)
-        if found.status > MANY_STEPS:
-            break
-        x, share = _after(found), found.share
-    for level, energy in enumerate(energies):
-        if level:
-            x = levels.refinements[level - 1] @ x
-            x[0], x[-1] = q0, q1
-        found = minimize(energy, levels, level, x, share, level >= levels.first)
-        x, share = _after(found), found.share
-        if level < levels.first:
-            continue
-        if found.status != CONVERGED:
-            reason = _STATUS[10 + found.status]
-            continue
-        more = level + 1 < len(energies)
-        finer = (energies[level + 1], levels.refinements[level]) if more else None
-        velocity, by_goal = initial_velocity(functions, energy, found, x, finer)
-        corrected, reason = correct_velocity(metric, q0, q1, velocity, by_goal)
-        if corrected is not None:
-            return Attempt(corrected, levels.grids[level], x, "")
-    return Attempt(None, levels.grids[-1], x, reason)
-
-
-def _after(found: Minimum) -> Array:
-    """The path after the last step."""
-    x = found.x.copy()
-    x[1:-1] += found.step.reshape(x[1:-1].shape)
-    return x

@@ -11,7 +11,6 @@ from itertools import pairwise
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.logarithm.discrete_energy import products_of_pairs
 from geodesic_ocp.manifold.kernels import Level
 from geodesic_ocp.trajectory.grid import Grid
 
@@ -73,10 +72,27 @@ def _tables(grid: Grid, refine: Array) -> dict[str, Array]:
         "weights": quadrature.weights[0],
         "values": quadrature.values,
         "slopes": quadrature.slopes[0],
-        "products": products_of_pairs(grid).transpose(0, 2, 1),
+        "products": _products_of_pairs(grid).transpose(0, 2, 1),
         "refine": refine,
     }
     return {name: np.ascontiguousarray(table) for name, table in tables.items()}
+
+
+def _pairs_of_nodes(grid: Grid) -> tuple[np.ndarray, np.ndarray]:
+    """The pairs a <= b of nodes of one segment, b first from the smallest."""
+    pairs = [(a, b) for b in range(grid.degree + 1) for a in range(b + 1)]
+    first, second = np.array(pairs).T
+    return first, second
+
+
+def _products_of_pairs(grid: Grid) -> Array:
+    """W B_a B_b, w B_a D_b, w D_a B_b, w D_a D_b at the points of a segment, (4, points, pairs)."""
+    quadrature = grid.quadrature
+    weights, values, slopes = quadrature.weights[0], quadrature.values, quadrature.slopes[0]
+    a, b = _pairs_of_nodes(grid)
+    factors = ((values, values), (values, slopes), (slopes, values), (slopes, slopes))
+    products = [weights[:, None] * one[:, a] * other[:, b] for one, other in factors]
+    return np.array(products)
 
 
 @lru_cache(maxsize=8)

@@ -1,8 +1,8 @@
 """One geodesic between two configurations, from a path or the straight line.
 
 Without constraints, Newton's method on the discrete energy finds it in milliseconds (`by_newton`);
-Ipopt solves the same NLP and serves as reference (`by_ipopt`). The argument `solver`, or the
-environment variable GEODESIC_OCP_SOLVER, chooses.
+Ipopt solves the same NLP, as reference and where there is no compiler (`by_ipopt`). The argument
+`solver`, or the environment variable GEODESIC_OCP_SOLVER, chooses.
 """
 
 from __future__ import annotations
@@ -63,7 +63,8 @@ def find_from_path(
         velocity = _velocity_to_nearby(metric, q0, q1)
         if velocity is not None:
             return ConnectingGeodesic(q0, q1, velocity)
-    find = find_by_newton if solver == "newton" else find_by_ipopt
+    is_compiled = solver == "newton" and metric.kernels.available()
+    find = find_by_newton if is_compiled else find_by_ipopt
     return find(metric, q0, q1, guess, thorough=thorough)
 
 

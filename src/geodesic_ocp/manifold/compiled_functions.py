@@ -6,14 +6,19 @@ import casadi as ca
 
 
 def compiled_functions(
-    matrix: ca.Function, energy_density: ca.Function, geodesic: ca.Function, transport: ca.Function
+    matrix: ca.Function,
+    energy_density: ca.Function,
+    geodesic: ca.Function,
+    transport: ca.Function,
+    transport_matrix: ca.Function,
 ) -> dict[str, ca.Function]:
-    """The functions, from four of `Metric`, of positions q, velocities v and momenta p, (n,) each.
+    """The functions, from five of `Metric`, of positions q, velocities v and momenta p, (n,) each.
 
     - metric_tensor: q -> G
     - metric_solve: (q, p) -> G^-1 p
     - geodesic_rate: (q, v) -> (v, v'), the geodesic equation
     - transport_rate: (w, (q, v)) -> w', parallel transport
+    - transport_matrix: (q, v) -> A, with w' = A w
     - energy_gradient: (q, v) -> l = v' G v / 2, and (l_q, l_v)
     - energy_hessian: (q, v) -> l, and (l_q, l_v, vec l_qq, vec l_qv, vec G)
     """
@@ -45,4 +50,5 @@ def compiled_functions(
     w = ca.SX.sym("w", n)
     rate = transport(w, state)
     functions["transport_rate"] = ca.Function("transport_rate", [w, state], [rate])
+    functions["transport_matrix"] = transport_matrix
     return functions

@@ -167,47 +167,12 @@ class Kernels:
         )
         return states, errors
 
-    def segment(
-        self,
-        times: Array,
-        curve: Array,
-        velocity: Array,
-        state: np.ndarray,
-        threshold: float,
-        hysteresis: float,
-        duration: float,
-    ) -> tuple[Array, float, int]:
-        """Times at which an observed motion is cut, its ends included, and the transport's error.
-
-        The error is the largest relative change of a transported vector's norm over one step; the
-        index of the time at which that step ends comes last.
-
-        Args:
-            times: (m,) [s], increasing.
-            curve: (2 m - 1, 2 n), positions and velocities at the times and halfway between each
-                and the next.
-            velocity: observed at the times (m, n).
-            state: (m,) of unsigned bytes: 0 moving, 1 at rest, 2 in a long rest.
-            threshold, hysteresis, duration: of the rule [rad], [rad], [s], see `go.segment`.
-        """
-        times, curve, velocity = map(np.ascontiguousarray, (times, curve, velocity))
-        cuts = np.empty(times.size)
-        change, worst = c_double(), c_long()
-        count = self._call(
-            "segment_motion",
-            c_long(times.size),
-            _pointer(times),
-            _pointer(curve),
-            _pointer(velocity),
-            c_void_p(state.ctypes.data),
-            c_double(threshold),
-            c_double(hysteresis),
-            c_double(duration),
-            _pointer(cuts),
-            byref(change),
-            byref(worst),
-        )
-        return cuts[:count], change.value, worst.value
+    def transport_matrices(self, curve: Array) -> Array:
+        """A (k, n, n) of parallel transport, w' = A w, along positions and velocities (k, 2 n)."""
+        result = np.empty((len(curve), self._dim, self._dim))
+        rows = np.ascontiguousarray(curve)
+        self._call("transport_matrices", c_long(len(curve)), _pointer(rows), _pointer(result))
+        return np.ascontiguousarray(result.swapaxes(1, 2))  # CasADi has columns first
 
     def log_map(
         self,

@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import as_expression
+from geodesic_ocp.arrays import Array, as_expression
 from geodesic_ocp.compiled.library import Library
 from geodesic_ocp.manifold.compiled_functions import compiled_functions
 from geodesic_ocp.manifold.integrator import Integrator
@@ -104,6 +104,25 @@ class MetricFunctions(ABC):
         return ca.Function("transport", [w, ca.vertcat(q, v)], [rate], ["w", "p"], ["dw"])
 
     @cached_property
+    def transport_matrix(self) -> ca.Function:
+        """(q, v) (2n,) -> A (n, n) of parallel transport along a curve, w' = A w."""
+        q, v, w = (ca.SX.sym(name, self.dim) for name in ("q", "v", "w"))
+        matrix = ca.jacobian(self._transport_rate(q, v, w), w)
+        return ca.Function(
+            "transport_matrix", [ca.vertcat(q, v)], [ca.densify(ca.cse(matrix))], ["p"], ["A"]
+        )
+
+    def transport_matrices(self, curve: Array) -> Array:
+        """The matrices A (k, n, n) of `transport_matrix` along positions and velocities (k, 2n)."""
+        n = self.dim
+        if self.has_constant_tensor:
+            return np.zeros((len(curve), n, n))
+        if self.kernels.available(at_once=False):
+            return self.kernels.transport_matrices(curve)
+        found = self.transport_matrix.map(len(curve))(curve.T).full()
+        return np.asarray(found.reshape(n, len(curve), n).swapaxes(0, 1))
+
+    @cached_property
     def curvature_form(self) -> ca.Function:
         """Riemann curvature tensor <R(u, v) w, z>: q, u, v, w, z, each (n,), -> number.
 
@@ -140,6 +159,7 @@ class MetricFunctions(ABC):
             self.energy_density,
             self.geodesic_equation,
             self.transport_equation,
+            self.transport_matrix,
         )
 
     @cached_property
@@ -177,19 +197,3 @@ class MetricFunctions(ABC):
     def transport_integrator(self) -> Integrator:
         """Integrator of `transport_equation`."""
         return Integrator(self.transport_equation)
-
-    @cached_property
-    def transport_step(self) -> ca.Function:
-        """One step of parallel transport: w (n,), p (2n, 3), h -> w (n,).
-
-        The classical Runge-Kutta method of order 4 over h, with the positions and velocities p of
-        the curve at its start, middle and end.
-        """
-        w, p, h = (ca.MX.sym(*args) for args in (("w", self.dim), ("p", 2 * self.dim, 3), ("h",)))
-        rate = self.transport_equation
-        first = rate(w, p[:, 0])
-        second = rate(w + h / 2 * first, p[:, 1])
-        third = rate(w + h / 2 * second, p[:, 1])
-        fourth = rate(w + h * third, p[:, 2])
-        end = w + h / 6 * (first + 2 * second + 2 * third + fourth)
-        return ca.Function("transport_step", [w, p, h], [end], ["w", "p", "h"], ["end"])

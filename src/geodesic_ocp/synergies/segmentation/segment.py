@@ -1,30 +1,37 @@
-"""Segmentation of a motion into geodesic synergies."""
+"""Segmentation of a motion into geodesic synergies.
+
+The rule compares velocities with a velocity that is parallel-transported along the observed motion.
+In a frame E(t) that is transported itself, E' = A E with A w = -G^-1 sum_jk Gamma_ijk q'_j w_k, a
+parallel vector has constant components, and if E is orthonormal at the start it remains so. The
+components c = E^-1 v of the observed velocity therefore hold all that the rule needs: the angle
+between v(t) and the transported v(r) is that between c(t) and c(r).
+"""
 
 from __future__ import annotations
 
-from functools import partial
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+import scipy
+from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, as_number, as_positive
 from geodesic_ocp.errors import IntegrationFailed
-from geodesic_ocp.manifold.metric import Metric, has_compiled_code
+from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.synergies.observed_velocity import moving_velocity, speeds
-from geodesic_ocp.synergies.segmentation.between_samples import (
-    nearest_samples,
-    parts_of_steps,
-    times_between,
-    velocity_between,
-)
-from geodesic_ocp.synergies.segmentation.cuts_by_transport import cuts_by_transport
-from geodesic_ocp.synergies.segmentation.rests import rest_level, states
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.path import speeds_at
 
 # Angles to the transported velocity are compared to a threshold of tenths of a radian.
 _TRANSPORT_TOLERANCE = 1e-6
 _MOST_PARTS = 256  # of a step between two samples
+_LONGEST = 0.005  # step between two instants at which a motion is followed [s]
+MOVING, AT_REST, IN_LONG_REST = range(3)  # states of an instant
+# Below twice the speed of the noise, the direction of a velocity says next to nothing.
+_OF_NOISE = 2.0
+_SAMPLES = 32  # at which the speed of the noise is averaged
 
 
 def segment(
@@ -100,7 +107,7 @@ def segment(
     metric.check_units("motion", motion.q[int(np.argmax(np.abs(motion.q).max(axis=1)))])
     rule = (threshold, hysteresis, min_duration)
     cuts = _cuts(metric, motion, velocity, level, rest_duration, rule)
-    return list(pairwise(nearest_samples(motion, cuts)))
+    return list(pairwise(nearest_samples(motion, np.array(cuts))))
 
 
 def _cuts(
@@ -110,31 +117,209 @@ def _cuts(
     level: float,
     rest_duration: float,
     rule: tuple[float, float, float],
-) -> Array:
+) -> list[float]:
     """Times of the cuts, with as many steps between two samples as the transport needs."""
-    cut = (
-        metric.kernels.segment if has_compiled_code(metric) else partial(cuts_by_transport, metric)
-    )
     parts = parts_of_steps(motion)
     while True:
         times = times_between(motion, 2 * parts)
         curve = np.hstack([motion(times), motion(times, 1)])
-        observed = velocity_between(motion, velocity, times[::2])
+        times = times[::2]
+        observed = velocity_between(motion, velocity, times)
         speed = speeds_at(metric, curve[::2, : metric.dim], observed)
-        state = states(times[::2], speed, level, rest_duration)
-        cuts, error, worst = cut(times[::2], curve, observed, state, *rule)
-        if error <= _TRANSPORT_TOLERANCE:
-            return cuts
-        if not np.isfinite(error) or parts >= _MOST_PARTS:
+        components = _parallel_components(metric, times, curve, observed)
+        # Transport keeps norms, so that their change is its error.
+        error = np.abs(np.linalg.norm(components, axis=1) - speed) / np.where(speed > 0, speed, 1.0)
+        if np.all(error <= _TRANSPORT_TOLERANCE):
+            state = states(times, speed, level, rest_duration)
+            with np.errstate(invalid="ignore", divide="ignore"):  # next to a velocity of zero
+                directions = components / np.linalg.norm(components, axis=1, keepdims=True)
+            return _Observed(times, directions, state).cuts(*rule)
+        worst = int(np.argmax(~(error <= _TRANSPORT_TOLERANCE)))
+        if not np.all(np.isfinite(error)) or parts >= _MOST_PARTS:
             metric.check_domain_along("the motion", motion.time, motion.q)
-            start, stop = times[2 * worst - 2], times[2 * worst]
             raise IntegrationFailed(
-                f"parallel transport: from t = {start:.6g} to {stop:.6g} s its error is "
-                f"{error:.1e}, not {_TRANSPORT_TOLERANCE:.0e}: the metric is "
-                "singular there",
-                float(start),
+                f"parallel transport: at t = {times[worst]:.6g} s its error is {error[worst]:.1e}, "
+                f"not {_TRANSPORT_TOLERANCE:.0e}: the metric is singular there",
+                float(times[worst]),
             )
         parts *= 2
+
+
+def _parallel_components(metric: Metric, times: Array, curve: Array, velocity: Array) -> Array:
+    """Components (m, n) of velocities (m, n) in an orthonormal frame, parallel along a curve.
+
+    Args:
+        metric: of the curve.
+        times: (m,) [s].
+        curve: positions and velocities (2 m - 1, 2 n) at the times and halfway between them.
+        velocity: at the times.
+    """
+    n = metric.dim
+    rates = metric.transport_matrices(curve)
+    h = np.diff(times)[:, None, None]
+    start, middle, end = rates[:-1:2], rates[1::2], rates[2::2]
+    one = np.eye(n)
+    # The classical method of order 4, for all steps at once.
+    second = middle @ (one + h / 2.0 * start)
+    third = middle @ (one + h / 2.0 * second)
+    fourth = end @ (one + h * third)
+    steps = one + h / 6.0 * (start + 2.0 * second + 2.0 * third + fourth)
+    frames = np.empty((times.size, n, n))
+    try:
+        frame = np.linalg.inv(np.linalg.cholesky(metric.matrix(curve[0, :n]))).T
+        frames[0] = frame
+        for index, step in enumerate(steps, 1):
+            frames[index] = frame = step.dot(frame)
+        return np.asarray(np.linalg.solve(frames, velocity[:, :, None])[:, :, 0])
+    except np.linalg.LinAlgError:
+        return np.full_like(velocity, np.nan)
+
+
+@dataclass(frozen=True)
+class _Observed:
+    """Unit vectors (m, n) along a motion's velocities, in a parallel frame, at times (m,)."""
+
+    times: Array
+    directions: Array
+    state: NDArray[np.uint8]
+
+    @cached_property
+    def turns(self) -> Array:
+        """Angles by which the velocity turns from the instant before (m,); 0 for the first."""
+        return np.append(0.0, _angle(np.sum(self.directions[:-1] * self.directions[1:], axis=1)))
+
+    def cuts(self, threshold: float, hysteresis: float, duration: float) -> list[float]:
+        """Times of the cuts, the ends of the motion and of long rests included."""
+        resting = self.state == IN_LONG_REST
+        inner = np.flatnonzero(np.diff(resting[:-1])) + 1
+        cuts: list[float] = []
+        for start, stop in pairwise([0, *inner.tolist(), self.times.size - 1]):
+            cuts.append(float(self.times[start]))
+            if not resting[start]:
+                cuts += self._cuts_within(start, stop, threshold, hysteresis, duration)
+        return [*cuts, float(self.times[-1])]
+
+    def _cuts_within(
+        self, start: int, stop: int, threshold: float, hysteresis: float, duration: float
+    ) -> list[float]:
+        """Cuts in a stretch between long rests."""
+        cuts: list[float] = []
+        last = begin = float(self.times[start])
+        first = start
+        while (reference := self._steadiest(start, first, stop, begin + duration)) is not None:
+            crossing = self._crossing(reference, stop, threshold, hysteresis)
+            if crossing is None:
+                break
+            if crossing - last >= duration and self.times[stop] - crossing >= duration:
+                cuts.append(crossing)
+                last = crossing
+            begin = crossing
+            first = max(reference + 1, int(np.searchsorted(self.times, crossing)))
+        return cuts
+
+    def _steadiest(self, start: int, first: int, stop: int, until: float) -> int | None:
+        """The moving instant in [first, stop) until this time whose velocity turns most slowly.
+
+        If none moves until then, it is the first that does.
+        """
+        moving = first + np.flatnonzero(self.state[first:stop] == MOVING)
+        if not moving.size:
+            return None
+        soon = moving[: max(1, int(np.searchsorted(self.times[moving], until, side="right")))]
+        before = np.maximum(soon - 1, start)
+        turns = self.turns[soon + 1] + np.where(soon > start, self.turns[soon], 0.0)
+        rates = turns / (self.times[soon + 1] - self.times[before])
+        return int(soon[np.argmin(np.where(np.isfinite(rates), rates, np.inf))])
+
+    def _crossing(
+        self, reference: int, stop: int, threshold: float, hysteresis: float
+    ) -> float | None:
+        """When the angle to the velocity at `reference` rises above the threshold for good.
+
+        That is, without falling back below it before it exceeds threshold + hysteresis.
+        """
+        angles = _angle(self.directions[reference:stop] @ self.directions[reference])
+        angles[0] = 0.0
+        moving = self.state[reference:stop] == MOVING
+        beyond = moving & (angles > threshold + hysteresis)
+        if not np.any(beyond):
+            return None
+        until = int(np.argmax(beyond))
+        below = int(np.flatnonzero(moving[:until] & ~(angles[:until] > threshold))[-1])
+        above = below + 1 + int(np.argmax(moving[below + 1 :]))
+        time = float(self.times[reference + above])
+        if moving[above - 1]:  # interpolated between the two
+            part = (angles[above] - threshold) / (angles[above] - angles[above - 1])
+            time -= float(part * (time - self.times[reference + above - 1]))
+        return time
+
+
+def _angle(cosine: Array) -> Array:
+    return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+
+def noise_speed(metric: Metric, motion: Motion) -> float:
+    """Root mean square speed |q'|_G of the noise that the filter left; 0 if it is not known.
+
+    With noise of standard deviations sigma_i of the joints' velocities, independent of each other,
+    its mean square is sum_i G_ii sigma_i^2.
+    """
+    if motion.filter is None:
+        return 0.0
+    at = np.unique(np.linspace(0, len(motion) - 1, _SAMPLES).round().astype(int))
+    each = [
+        speeds_at(metric, motion.q[at], np.tile(vector, (at.size, 1)))
+        for vector in np.diag(motion.filter.velocity_noise)
+    ]
+    return float(np.sqrt(np.mean(np.sum(np.square(each), axis=0))))
+
+
+def states(times: Array, speed: Array, level: float, rest_duration: float) -> np.ndarray:
+    """State (m,) of every instant: moving, at rest at most at this speed, or in a long rest."""
+    at_rest = speed <= level
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], at_rest.astype(int), [0]])))
+    result = at_rest.astype(np.uint8)
+    for first, after in edges.reshape(-1, 2):
+        if times[min(after, times.size - 1)] - times[first] >= rest_duration:
+            result[first:after] = IN_LONG_REST
+    return result
+
+
+def rest_level(metric: Metric, motion: Motion, speed: Array, rest: float) -> float:
+    """Speed up to which the motion rests."""
+    level = rest * float(speed.max())
+    return max(level, _OF_NOISE * noise_speed(metric, motion)) if rest > 0.0 else level
+
+
+def parts_of_steps(motion: Motion) -> int:
+    """Parts of every step between two samples, so that none is longer than 5 ms."""
+    return max(1, int(np.ceil(np.diff(motion.time).max() / _LONGEST - 0.01)))
+
+
+def nearest_samples(motion: Motion, times: Array) -> list[int]:
+    """The samples nearest to these times, in order and without repetition."""
+    middles = 0.5 * (motion.time[:-1] + motion.time[1:])
+    samples: list[int] = np.unique(np.searchsorted(middles, times)).tolist()
+    return samples
+
+
+def times_between(motion: Motion, parts: int) -> Array:
+    """Times (m,) of the samples and, with every step between two in equal parts, between them."""
+    steps = np.diff(motion.time)[:, None]
+    between = motion.time[:-1, None] + steps * (np.arange(parts) / parts)
+    return np.append(between.ravel(), motion.time[-1])
+
+
+def velocity_between(motion: Motion, velocity: Array, times: Array) -> Array:
+    """Velocities (m, n) at these times from those of the samples.
+
+    A filtered motion has no high frequencies, and a cubic spline through its velocities follows it
+    closely. Other velocities may jump from one sample to the next: they are interpolated linearly.
+    """
+    if motion.filter is not None:
+        result: Array = scipy.interpolate.CubicSpline(motion.time, velocity)(times)
+        return result
+    return np.column_stack([np.interp(times, motion.time, column) for column in velocity.T])
 
 
 def as_threshold(threshold: float) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.synergies.observed_velocity import moving_velocity
-from geodesic_ocp.synergies.segmentation.between_samples import (
+from geodesic_ocp.synergies.segmentation.segment import (
     nearest_samples,
     parts_of_steps,
     times_between,
