@@ -156,10 +156,10 @@ def test_a_compiler_that_fails_in_the_background_is_named_later(
     monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "auto")
     without_compilers(monkeypatch, "tiny")
     metric = HalfPlane()
-    go.log(metric, Q0, Q1)
     lib = metric.kernels._library
-    wait_until(lambda: not lib._is_building)
     with pytest.warns(RuntimeWarning, match="fake cc failed: it is broken"):
+        go.log(metric, Q0, Q1)
+        wait_until(lambda: not lib._is_building)
         go.log(metric, Q0, Q1)
     assert list(empty_cache.iterdir()) == []
 

@@ -8,6 +8,8 @@ the NLP. It is the reference for `by_newton`.
 
 from __future__ import annotations
 
+import threading
+
 import numpy as np
 
 from geodesic_ocp.arrays import Array, evaluate
@@ -25,6 +27,8 @@ from geodesic_ocp.ocp.solve.solution import Solution
 from geodesic_ocp.ocp.solve.solve import solve
 from geodesic_ocp.trajectory.path import Path
 
+# CasADi's expressions and its interface to Ipopt are not for several threads.
+_one_at_a_time = threading.RLock()
 # A quick search limits Ipopt's iterations.
 _QUICK_OPTIONS = {"max_iter": 80}
 
@@ -44,6 +48,13 @@ def find_by_ipopt(
         NotConverged: none was found, or it does not end at q1 when integrated forward.
         ValueError: the metric is not finite along the path.
     """
+    with _one_at_a_time:
+        return _find(metric, q0, q1, guess, thorough)
+
+
+def _find(
+    metric: Metric, q0: Array, q1: Array, guess: Path | None, thorough: bool
+) -> ConnectingGeodesic:
     problem = PointToPoint(metric, q0, q1)  # type: ignore[arg-type]
     reasons = []
     solution: Solution | None = None
