@@ -158,7 +158,8 @@ def test_failures_are_those_of_scipy(
         kernels.integrate(*arguments)
     with pytest.raises(go.IntegrationFailed, match=words) as interpreted:
         metric.geodesic_integrator(*arguments[:3], max_steps=max_steps)
-    assert compiled.value.time == pytest.approx(interpreted.value.time, rel=0.1)
+    if "fell" in words:  # where the metric is singular
+        assert compiled.value.time == pytest.approx(interpreted.value.time, abs=1e-6)
 
 
 @pytest.mark.usefixtures("compiler")
