@@ -38,14 +38,15 @@ class PlaneAroundDisc(go.Problem):
 def check_derivatives(
     transcription: Transcription, p: np.ndarray, rng: np.random.Generator
 ) -> None:
-    """Gradient and Hessian assembled from those of one node, against CasADi's of the whole NLP."""
+    """Derivatives assembled from those of one node, against CasADi's of the whole NLP."""
     x = ca.MX.sym("x", transcription.dim * transcription.grid.size)
-    factors = rng.normal(size=transcription.constraints.size1_out(0))
-    f, (_, gradient) = transcription.value(x, p), transcription.objective(x, p)
-    lagrangian = 1.7 * f + ca.dot(factors, transcription.constraints(x, p))
-    whole = ca.Function("whole", [x], [ca.hessian(lagrangian, x)[0], ca.gradient(f, x), gradient])
+    (f, g), (_, gradient) = transcription.value(x, p), transcription.objective(x, p)
+    factors = rng.normal(size=g.shape[0])
+    outputs = [ca.hessian(1.7 * f + ca.dot(factors, g), x)[0], ca.gradient(f, x), gradient]
+    outputs += [ca.jacobian(g, x), transcription.constraints(x, p)[1]]
     nodes = rng.normal(size=x.shape[0])
-    hessian, slope, assembled = (out.full() for out in whole(nodes))
-    np.testing.assert_allclose(assembled, slope, rtol=1e-12, atol=1e-14)
+    hessian, *pairs = (out.full() for out in ca.Function("whole", [x], outputs)(nodes))
+    for expected, assembled in (pairs[:2], pairs[2:]):
+        np.testing.assert_allclose(assembled, expected, rtol=1e-12, atol=1e-14)
     upper = transcription.hessian(nodes, p, 1.7, factors).full()
     assert np.abs(upper - np.triu(hessian)).max() < 1e-13 * np.abs(hessian).max()

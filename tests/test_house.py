@@ -14,7 +14,7 @@ PACKAGE = SOURCE.name
 # From the ground up: a module imports from its own layer and from those before it.
 LAYERS = [
     ("errors", "progress", "arrays", "rotations", "latex", "table", "records", "over_rows"),
-    ("ipopt",),
+    ("ipopt", "blocks"),
     ("compiled",),
     ("model",),
     ("model.geometry",),

@@ -91,7 +91,7 @@ def _initial_velocity(metric: Metric, solution: Solution) -> tuple[Array, Array]
     momentum, by_goal = evaluate(
         solution.iterate.transcription.momentum,
         units.scaled(nodes).ravel(),
-        units.parameters,
+        units.parameters(solution.path.grid),
     )
     tensor = metric.matrix(nodes[0])
     return np.linalg.solve(tensor, momentum[:, 0]), np.linalg.solve(tensor, by_goal)

@@ -148,5 +148,5 @@ class RetargetingSettings:
 
     @property
     def pose_weights(self) -> tuple[float, float]:
-        """Weights of position and orientation; one for those left free, which do not count."""
+        """ObjectiveWeights of position and orientation; one for those left free, which do not count."""
         return self.position_weight or 1.0, self.orientation_weight or 1.0

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.ocp.nlp.compiled_energy import CompiledEnergy, build_functions
-from geodesic_ocp.ocp.nlp.node_functions import NodeFunctions
-from geodesic_ocp.ocp.nlp.transcription import Units, transcribe
+from geodesic_ocp.ocp.nlp.transcription import CompiledEnergy, PathTerms, Transcription, Units
 from geodesic_ocp.ocp.problem.parse_conditions import parse_conditions
 
 
@@ -22,14 +22,12 @@ def test_compiled_derivatives_equal_interpreted_ones(
     if not problem.metric.kernels.available():
         pytest.skip("needs a compiler")
     conditions = parse_conditions(problem)
-    functions = [
-        build(problem.metric, conditions) for build in (build_functions, NodeFunctions.build)
-    ]
-    assert isinstance(functions[0].lagrangian, CompiledEnergy)
-    compiled, interpreted = (transcribe(each, grid) for each in functions)
+    terms = [PathTerms.of(problem.metric, conditions, compiled) for compiled in (True, False)]
+    assert isinstance(terms[0].energy, CompiledEnergy)
+    compiled, interpreted = (Transcription(each, replace(grid, ends=None)) for each in terms)
     x = rng.normal(size=arm.dof * grid.size)
-    p = Units(rng.normal(size=arm.dof), 0.7, 3.0).with_values(rng.normal(size=3))
-    factors = rng.normal(size=interpreted.constraints.size1_out(0))
+    p = Units(rng.normal(size=arm.dof), 0.7, 3.0).parameters(grid, rng.normal(size=3))
+    factors = rng.normal(size=interpreted.program.size_g)
     arguments = {"value": [x, p], "objective": [x, p], "hessian": [x, p, 0.7, factors]}
     for name, values in arguments.items():
         results = [getattr(each, name).call(values) for each in (compiled, interpreted)]

@@ -14,8 +14,7 @@ from known_problems import PlaneAroundDisc, check_derivatives
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.ocp.nlp.node_functions import NodeFunctions
-from geodesic_ocp.ocp.nlp.transcription import Units, transcribe
+from geodesic_ocp.ocp.nlp.transcription import PathTerms, Transcription, Units
 from geodesic_ocp.ocp.nlp.violations import find_violations
 from geodesic_ocp.ocp.problem.parse_conditions import parse_conditions
 
@@ -153,8 +152,8 @@ def test_assembled_derivatives_equal_those_of_casadi(
     problem = Everything()
     terms = parse_conditions(problem)
     assert_allclose(terms.p_values, [0.7, 0.2, 0.3, 1.0, 3.0, 2.0, 4.0])
-    transcription = transcribe(NodeFunctions.build(problem.metric, terms), grid)
-    p = Units(rng.normal(size=2), 0.7, 3.0).with_values(rng.normal(size=7))
+    transcription = Transcription(PathTerms.of(problem.metric, terms), replace(grid, ends=None))
+    p = Units(rng.normal(size=2), 0.7, 3.0).parameters(grid, rng.normal(size=7))
     check_derivatives(transcription, p, rng)
 
 

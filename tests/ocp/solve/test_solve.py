@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import casadi as ca
@@ -13,8 +13,7 @@ from known_metrics import Sphere
 from known_problems import PlaneAroundDisc, check_derivatives
 
 import geodesic_ocp as go
-from geodesic_ocp.ocp.nlp.node_functions import NodeFunctions
-from geodesic_ocp.ocp.nlp.transcription import Units, transcribe
+from geodesic_ocp.ocp.nlp.transcription import PathTerms, Transcription, Units
 from geodesic_ocp.ocp.problem.parse_conditions import parse_conditions
 
 
@@ -68,8 +67,8 @@ def test_assembled_derivatives_equal_those_of_casadi(
     terms = parse_conditions(problem)
     assert [len(group) for group in (terms.fixed, terms.ends, terms.bounds)] == [1, 1, 1]
     assert [len(group) for group in (terms.along_q, terms.along_qv)] == [1, 1]
-    transcription = transcribe(NodeFunctions.build(problem.metric, terms), grid)
-    p = Units(rng.normal(size=7), 0.7, 3.0).parameters
+    transcription = Transcription(PathTerms.of(problem.metric, terms), replace(grid, ends=None))
+    p = Units(rng.normal(size=7), 0.7, 3.0).parameters(grid)
     check_derivatives(transcription, p, rng)
 
 

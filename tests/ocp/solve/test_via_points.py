@@ -151,7 +151,7 @@ def test_assembled_derivatives_equal_those_of_casadi(rng: np.random.Generator) -
     for smooth in (True, False):
         grid = go.Grid(6, 3).with_via_points([0.3, 0.6])
         transcription = Curved(continuous_velocity_at_via=smooth).nlp(grid).transcription
-        p = np.concatenate([[1.3, 0.7], rng.normal(size=2)])
+        p = np.concatenate([[1.3, 0.7], rng.normal(size=2), grid.widths])
         check_derivatives(transcription, p, rng)
 
 

@@ -15,13 +15,12 @@ from geodesic_ocp.execution.joint_limits import JointLimits
 from geodesic_ocp.logarithm.to_pose.pose_target import metric_of
 from geodesic_ocp.retargeting.poses.targets import Pose
 from geodesic_ocp.retargeting.program.arm_part import ArmPart
-from geodesic_ocp.retargeting.program.distances.distance_rows import DistanceRows
 from geodesic_ocp.retargeting.program.distances.instants import place_at, positions_at
 from geodesic_ocp.retargeting.program.graph.candidates import Candidates, first_candidates
 from geodesic_ocp.retargeting.program.motion_program import MotionProgram
 from geodesic_ocp.retargeting.program.plan_paths import plan_paths
 from geodesic_ocp.retargeting.program.planned_paths import PlannedPaths
-from geodesic_ocp.retargeting.program.terms import Terms
+from geodesic_ocp.retargeting.program.terms import ObjectiveWeights
 from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
 
 CONFIGURATIONS = np.array(
@@ -88,17 +87,15 @@ def test_derivatives_are_those_of_the_program(waypoints: ArmWaypoints) -> None:
         1,
         3,
     )
-    terms = Terms(2.0, 1.1, 5.0, 0.3, 0.7, 1.0)
+    weights = ObjectiveWeights(2.0, 1.1, 5.0, 0.3, 0.7, 1.0)
     q = ca.SX.sym("q", 7)
     _, position = waypoints.arm.hand_pose(q)
     above = Clearance(ca.Function("d", [q], [position[2]]), np.zeros(1), ("hand",))
-    program = MotionProgram([part], TIMES, terms)
-    places = [place_at([part], program.size + 2, time) for time in (0.2, 0.9)]
-    program = replace(program, distances=DistanceRows(above, [0, 0], np.zeros(2), places))
+    program = MotionProgram([part], TIMES, weights, above, {(0, 0.2): 0.0, (0, 0.9): 0.0})
     rng = np.random.default_rng(0)
     x = program.guess([part.nodes_on_lines(CONFIGURATIONS)])
     x += 0.05 * rng.standard_normal(x.size)
-    functions = program.functions
+    functions = program.program.functions
     nlp = functions["nlp"]
     lam = rng.standard_normal(nlp.size1_out(1))
     z = ca.MX.sym("z", x.size)
@@ -252,7 +249,7 @@ def test_positions_at_instants_are_linear_in_the_variables(waypoints: ArmWaypoin
     times = np.array([0.0, 0.13, 0.5, 0.77, 1.1])
     expected = positions_at([part], [nodes], times)
     for time, q in zip(times, expected, strict=True):
-        place = place_at([part], part.size, float(time))
+        place = place_at([part], part.size, float(time)).toarray()
         assert_allclose((place @ ca.DM(nodes.ravel())).full()[:, 0], q, atol=1e-12)
 
 

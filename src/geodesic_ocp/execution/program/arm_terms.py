@@ -18,9 +18,9 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.blocks import Block, Indices, Terms
 from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.program import weights
-from geodesic_ocp.execution.program.blocks import Block, Indices
 from geodesic_ocp.execution.program.reference import Course, Reference
 from geodesic_ocp.execution.program.variable_bounds import INSIDE, position_bounds
 from geodesic_ocp.ocp.ik.pose_error import rotation_log
@@ -84,10 +84,7 @@ class ArmTerms:
         matrices = weight * shares[:, None, None] * reference.weights(self.arm)
         smooth = weights.ACCELERATION * shares[:, None]
         values = np.hstack([reference.positions, matrices.reshape(count, -1), smooth])
-        none = np.zeros((count, 0))
-        return Block(
-            z, p, objective, ca.SX(0, 1), self.indices(np.arange(count)), values, none, none
-        )
+        return Block(Terms(z, p, objective), self.indices(np.arange(count)), values)
 
     def motion(self, steps: Array, exact: bool) -> Block:
         """The two equations of motion of every joint in every piece, and the cost of the jerk.
@@ -109,7 +106,7 @@ class ArmTerms:
         upper[self.course.pieces_at_rest, : 2 * n if exact else n] = np.inf
         values = np.stack([knots.fraction, steps], axis=1)
         objective = p[1] * ca.sumsqr(a1 - a0)
-        return Block(z, p, objective, equations, np.hstack(columns), values, -upper, upper)
+        return Block(Terms(z, p, objective, equations), np.hstack(columns), values, -upper, upper)
 
     def between_knots(self, kind: str, pairs: Indices) -> Block:
         """A limit between the knots, of one joint in one piece each.
@@ -139,7 +136,7 @@ class ArmTerms:
         if kind == "position":
             low, high = position_bounds(self.course)
             lower, upper = (np.repeat(side[joint, None], 2, axis=1) for side in (low, high))
-        return Block(z, p, ca.SX(0), rows[kind], columns, values, lower, upper)
+        return Block(Terms(z, p, 0.0, rows[kind]), columns, values, lower, upper)
 
     def torques(self, knots: Indices, shares: Array) -> Block:
         """Torques at some of the knots (k,), within shares (k, n) of their limits."""
@@ -149,9 +146,8 @@ class ArmTerms:
         force = arm.robot.inverse_dynamics(q, speed, acceleration, ca.SX(arm.gravity))
         limited = np.flatnonzero(np.isfinite(arm.limits.torque))
         used = force[limited.tolist()] / arm.limits.torque[limited]
-        upper, none = shares[:, limited], np.zeros((knots.size, 0))
-        indices = self.indices(knots)
-        return Block(z, ca.SX(0, 1), ca.SX(0), used, indices, none, -upper, upper)
+        upper = shares[:, limited]
+        return Block(Terms(z, constraints=used), self.indices(knots), None, -upper, upper)
 
     def hand_poses(self, tolerance: tuple[float, float]) -> Block:
         """Errors of the hand's position [m] and rotation vector [rad] at the ends of the paths.
@@ -167,7 +163,7 @@ class ArmTerms:
         box = np.repeat(tolerance, 3) * (1.0 - INSIDE) / np.sqrt(3.0)
         upper = np.tile(box, (len(rotations), 1))
         values, indices = np.hstack([columns, positions]), self.indices(self.course.at, 1)
-        return Block(q, p, ca.SX(0), errors, indices, values, -upper, upper)
+        return Block(Terms(q, p, 0.0, errors), indices, values, -upper, upper)
 
     def end_speeds(self) -> Block:
         """Squared differences of the velocities at both ends from the person's progress."""
@@ -177,5 +173,4 @@ class ArmTerms:
         objective = weights.END_SPEED * ca.sumsqr(v - p)
         knots = np.array([0, self.course.knots.count])
         intended = np.clip(np.array([first, last]) / self.speed_unit, -0.9, 0.9)
-        indices, none = self.indices(knots, 2)[:, n:], np.zeros((2, 0))
-        return Block(v, p, objective, ca.SX(0, 1), indices, intended, none, none)
+        return Block(Terms(v, p, objective), self.indices(knots, 2)[:, n:], intended)

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.blocks import Block, BlockProgram, Terms
 from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.program import weights
 from geodesic_ocp.execution.program.arm_terms import ArmTerms
-from geodesic_ocp.execution.program.blocks import Block, BlockProgram
 from geodesic_ocp.execution.program.knots import Knots
 from geodesic_ocp.execution.program.reference import Course, Reference
 from geodesic_ocp.execution.program.settings import TrajectorySettings
@@ -128,9 +128,9 @@ class TrajectoryProgram:
         knots, q = kept.knots[index], ca.SX.sym("q", kept.clearance.dof)
         distance = kept.clearance.row(index)(q)
         columns = np.hstack([terms.indices(knots, 1) for terms in self.terms])
-        lower, none = kept.lower[knots, index, None], np.zeros((knots.size, 0))
+        lower = kept.lower[knots, index, None]
         upper = np.full_like(lower, np.inf)
-        return Block(q, ca.SX(0, 1), ca.SX(0), distance, columns, none, lower, upper)
+        return Block(Terms(q, constraints=distance), columns, None, lower, upper)
 
     def _stretch(self, total: float) -> Block:
         """The time beyond the person's, and its square, so that no interval bears all of it."""
@@ -140,8 +140,7 @@ class TrajectoryProgram:
         objective = p[1] * more + p[2] * more**2
         uneven = weights.UNEVEN / (total * (person + weights.SHORT))
         values = np.stack([person, np.full(person.size, 1.0 / total), uneven], axis=1)
-        indices, none = np.arange(person.size)[:, None], np.zeros((person.size, 0))
-        return Block(duration, p, objective, ca.SX(0, 1), indices, values, none, none)
+        return Block(Terms(duration, p, objective), np.arange(person.size)[:, None], values)
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:

@@ -8,10 +8,8 @@ from functools import lru_cache
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.ocp.nlp.compiled_energy import build_functions
 from geodesic_ocp.ocp.nlp.conditions import Conditions
-from geodesic_ocp.ocp.nlp.node_functions import NodeFunctions
-from geodesic_ocp.ocp.nlp.transcription import Transcription, transcribe, transcribe_shape
+from geodesic_ocp.ocp.nlp.transcription import PathTerms, Transcription
 from geodesic_ocp.trajectory.grid import Grid
 
 
@@ -30,8 +28,11 @@ class Structure:
     conditions: Conditions = field(compare=False)
 
     def transcription(self, grid: Grid) -> Transcription:
-        """The NLP of these expressions on a grid, built once for all problems with this key."""
-        return (_unshared if self.key is None else _shared)(self, grid)
+        """The NLP on all grids of this shape, built once for all problems with this key."""
+        even = replace(grid, ends=None)
+        if self.key is None:
+            return Transcription(_unshared_terms(self.metric, self.conditions), even)
+        return _shared(self, even)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -64,26 +65,14 @@ class ProblemDefinition:
 
 
 # Differentiating takes longest, and the derivatives are the same on every grid.
-_unshared_functions = lru_cache(maxsize=4)(build_functions)
-
-
-def _unshared(structure: Structure, grid: Grid) -> Transcription:
-    return transcribe(_unshared_functions(structure.metric, structure.conditions), grid)
+_unshared_terms = lru_cache(maxsize=4)(PathTerms.of)
 
 
 @lru_cache(maxsize=32)
-def _shared_functions(structure: Structure) -> NodeFunctions:
-    return build_functions(structure.metric, structure.conditions)
+def _shared_terms(structure: Structure) -> PathTerms:
+    return PathTerms.of(structure.metric, structure.conditions)
 
 
 @lru_cache(maxsize=32)
 def _shared(structure: Structure, grid: Grid) -> Transcription:
-    if grid.ends is not None:
-        return shared_shape(structure, replace(grid, ends=None)).on(grid)
-    return transcribe(_shared_functions(structure), grid)
-
-
-@lru_cache(maxsize=32)
-def shared_shape(structure: Structure, grid: Grid) -> Transcription:
-    """The NLP with the widths of the segments at the end of p, for all grids of this shape."""
-    return transcribe_shape(_shared_functions(structure), grid)
+    return Transcription(_shared_terms(structure), grid)

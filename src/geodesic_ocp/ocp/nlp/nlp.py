@@ -24,6 +24,7 @@ class NLP:
     Attributes:
         definition: of the problem.
         transcription: functions of x and p: energy and cost with their derivatives, constraints.
+        grid: of the nodes.
         bounds: on the positions and the constraint functions.
         units: of x and of the energy.
         nodes: positions (size, n) of the initial guess.
@@ -31,6 +32,7 @@ class NLP:
 
     definition: ProblemDefinition
     transcription: Transcription
+    grid: Grid
     bounds: NodeBounds
     units: Units
     nodes: Array
@@ -43,11 +45,6 @@ class NLP:
         )
 
     @property
-    def grid(self) -> Grid:
-        """Grid of the nodes."""
-        return self.transcription.grid
-
-    @property
     def conditions(self) -> Conditions:
         """Conditions of the problem."""
         return self.definition.conditions
@@ -58,7 +55,7 @@ class NLP:
         units, bounds = self.units, self.bounds
         return {
             "x0": units.scaled(self.nodes).ravel(),
-            "p": units.with_values(self.conditions.p_values),
+            "p": units.parameters(self.grid, self.conditions.p_values),
             "lbx": units.scaled(bounds.lower).ravel(),
             "ubx": units.scaled(bounds.upper).ravel(),
             "lbg": bounds.lower_g,
@@ -74,8 +71,8 @@ class NLP:
         """
         x = ca.MX.sym("x", self.transcription.dim * self.grid.size)
         p = ca.MX.sym("p", self.transcription.size_p)
-        f = self.transcription.value(x, p)
-        return {"x": x, "p": p, "f": f, "g": self.transcription.constraints(x, p)}
+        f, g = self.transcription.value(x, p)
+        return {"x": x, "p": p, "f": f, "g": g}
 
     def not_finite(self) -> list[str]:
         """Names of the expressions that are not finite or not differentiable on the guess."""
@@ -125,8 +122,8 @@ def build_nlp(definition: ProblemDefinition, grid: Grid, guess: Path | None = No
     transcription = definition.structure.transcription(grid)
     _check_fixed_ends(conditions, bounds)
     nodes = _initial_nodes(definition, grid, bounds, guess)
-    units = _units(definition, transcription, nodes)
-    return NLP(definition, transcription, bounds, units, nodes)
+    units = _units(definition, transcription, grid, nodes)
+    return NLP(definition, transcription, grid, bounds, units, nodes)
 
 
 def _check_fixed_ends(conditions: Conditions, bounds: NodeBounds) -> None:
@@ -184,12 +181,14 @@ def _initial_nodes(
     return np.asarray(np.clip(nodes, bounds.lower, bounds.upper))
 
 
-def _units(definition: ProblemDefinition, transcription: Transcription, nodes: Array) -> Units:
+def _units(
+    definition: ProblemDefinition, transcription: Transcription, grid: Grid, nodes: Array
+) -> Units:
     """Extent and energy of the guess, or one and the mean of G's diagonal if it does not move."""
     metric = definition.metric
     extent = float(np.ptp(nodes, axis=0).max())
     size = float(np.trace(metric.matrix(nodes[0]))) / metric.dim
-    energy = abs(transcription.energy(nodes, definition.conditions.p_values))
+    energy = abs(transcription.energy(grid, nodes, definition.conditions.p_values))
     if not np.isfinite(energy) or not np.isfinite(size) or size <= 0.0:
         raise ValueError("the metric is not finite and positive along the guess")
     if extent <= 0.0 or energy <= 0.0:

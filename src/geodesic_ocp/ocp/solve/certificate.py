@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from geodesic_ocp.arrays import Array, as_vector, evaluate
+from geodesic_ocp.arrays import Array, as_vector
 from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.manifold.exp import exp
 from geodesic_ocp.ocp.nlp.bounds import NodeBounds
@@ -212,7 +212,7 @@ def _reduced_hessian(
 def _is_first_order(iterate: FinalIterate, bounds: NodeBounds, jacobian: Array) -> bool:
     """Whether forces balance, and multipliers have the sign of the bound at which the value is."""
     balance = iterate.gradient() + iterate.lam_x + jacobian.T @ iterate.lam_g
-    g = evaluate(iterate.transcription.constraints, iterate.x, iterate.p)[:, 0]
+    g = iterate.transcription.constraints(iterate.x, iterate.p)[0].full()[:, 0]
     length, q = iterate.units.length, iterate.path.nodes
     sizes = np.maximum(np.linalg.norm(jacobian, axis=1), _SMALLEST)
     wrong = [np.abs(balance)]

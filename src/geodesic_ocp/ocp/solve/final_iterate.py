@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from geodesic_ocp.arrays import Array, evaluate
+from geodesic_ocp.arrays import Array
 from geodesic_ocp.ocp.nlp.transcription import Transcription, Units
 from geodesic_ocp.trajectory.path import Path
 
@@ -41,7 +40,7 @@ class FinalIterate:
     @property
     def p(self) -> Array:
         """Parameters of the NLP."""
-        return self.units.with_values(self.p_values)
+        return self.units.parameters(self.path.grid, self.p_values)
 
     def gradient(self) -> Array:
         """Gradient of the objective."""
@@ -54,6 +53,4 @@ class FinalIterate:
 
     def constraint_jacobian(self) -> Array:
         """Jacobian of the constraint functions."""
-        x, p = ca.MX.sym("x", self.x.size), ca.MX.sym("p", self.transcription.size_p)
-        jacobian = ca.jacobian(self.transcription.constraints(x, p), x)
-        return np.asarray(evaluate(ca.Function("dg", [x, p], [jacobian]), self.x, self.p))
+        return np.asarray(self.transcription.constraints(self.x, self.p)[1].full())

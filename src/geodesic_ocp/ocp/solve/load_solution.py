@@ -200,7 +200,7 @@ def _decoded_solution(record: _SolutionRecord, problem: Problem) -> Solution:
 def _check_sizes(iterate: FinalIterate, conditions: Conditions) -> None:
     """ValueError if the arrays do not fit an NLP with these conditions on the grid."""
     n, grid = iterate.path.metric.dim, iterate.path.grid
-    size_g = iterate.transcription.constraints.size1_out(0)
+    size_g = iterate.transcription.program.size_g
     sizes = {"x": n * grid.size, "lam_x": n * grid.size, "fixed_x": n * grid.size}
     sizes |= {"lam_g": size_g, "fixed_g": size_g, "p_values": conditions.p_values.size}
     for name, size in sizes.items():

@@ -53,11 +53,12 @@ def energy_derivatives(path: Path, end: float = 1.0) -> tuple[Array, Array]:
     # Not a problem with these ends, at which there may be no metric: the NLP is the same for all.
     transcription = geodesic_structure(path.metric).transcription(grid)
     extent = float(np.ptp(nodes, axis=0).max()) or 1.0
-    energy = transcription.energy(nodes)
+    energy = transcription.energy(grid, nodes)
     units = Units(nodes[0], extent, energy if 0.0 < energy < np.inf else 1.0)
     x = units.scaled(nodes).ravel()
-    _, gradient = transcription.objective(x, units.parameters)
-    hessian = transcription.full_hessian(x, units.parameters, np.zeros(0))
+    p = units.parameters(grid)
+    _, gradient = transcription.objective(x, p)
+    hessian = transcription.full_hessian(x, p, np.zeros(0))
     return gradient.full()[n:-n, 0], hessian[n:-n, n:-n]
 
 

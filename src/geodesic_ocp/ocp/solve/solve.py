@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import casadi as ca
-import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.ipopt import NO_VALUE, NOT_FINITE, STOPPED, Ipopt, Outcome
-from geodesic_ocp.ocp.nlp.definition import ProblemDefinition, Structure, shared_shape
+from geodesic_ocp.ocp.nlp.definition import ProblemDefinition, Structure
 from geodesic_ocp.ocp.nlp.nlp import NLP, build_nlp
 from geodesic_ocp.ocp.nlp.transcription import Transcription
 from geodesic_ocp.ocp.nlp.violations import find_violations, violation_profile
@@ -207,7 +206,8 @@ class _Solver:
             if relay.failure is not None:
                 raise relay.failure
         elif self.definition.key is not None:
-            outcome = shared_ipopt(self.definition.structure, nlp.grid, settings)(**values)
+            shape = nlp.transcription.grid
+            outcome = shared_ipopt(self.definition.structure, shape, settings)(**values)
         else:
             outcome = _ipopt(nlp.transcription, settings)(**values)
         if outcome.status == NOT_FINITE and (names := nlp.not_finite()):
@@ -245,34 +245,13 @@ def _scaled_multipliers(nlp: NLP, before: Solution) -> dict[str, Array]:
 def _ipopt(
     transcription: Transcription, settings: Settings, relay: ca.Callback | None = None
 ) -> Ipopt:
-    x = ca.MX.sym("x", transcription.dim * transcription.grid.size)
-    p = ca.MX.sym("p", transcription.size_p)
-    f = transcription.value(x, p)
-    nlp = {"x": x, "p": p, "f": f, "g": transcription.constraints(x, p)}
-    derivatives = {"grad_f": transcription.objective, "hess_lag": transcription.hessian}
-    return Ipopt(nlp, derivatives, dict(settings), relay)
-
-
-def shared_ipopt(structure: Structure, grid: Grid, settings: Settings) -> Callable[..., Outcome]:
-    """Ipopt for all problems of this structure; grids that differ in widths alone share it, too."""
-    if grid.ends is None:
-        return _even_ipopt(structure, grid, settings)
-    ipopt = _uneven_ipopt(structure, replace(grid, ends=None), settings)
-
-    def with_widths(*, p: Array, **values: Array) -> Outcome:
-        return ipopt(p=np.concatenate([p, grid.widths]), **values)
-
-    return with_widths
+    return transcription.program.solver(dict(settings), relay)
 
 
 @lru_cache(maxsize=32)
-def _even_ipopt(structure: Structure, grid: Grid, settings: Settings) -> Ipopt:
-    return _ipopt(structure.transcription(grid), settings)
-
-
-@lru_cache(maxsize=32)
-def _uneven_ipopt(structure: Structure, grid: Grid, settings: Settings) -> Ipopt:
-    return _ipopt(shared_shape(structure, grid), settings)
+def shared_ipopt(structure: Structure, shape: Grid, settings: Settings) -> Ipopt:
+    """Ipopt for all problems of this structure, on all grids of a shape (with equal segments)."""
+    return _ipopt(structure.transcription(shape), settings)
 
 
 def _solution(problem: Problem, nlp: NLP, outcome: Outcome) -> Solution:
@@ -288,7 +267,7 @@ def _solution(problem: Problem, nlp: NLP, outcome: Outcome) -> Solution:
         seconds=outcome.seconds,
         variables=outcome.x.size,
         constraints=outcome.g.size,
-        objective=transcription.energy(path.nodes, conditions.p_values),
+        objective=transcription.energy(path.grid, path.nodes, conditions.p_values),
         energy=path.discrete_energy,
         max_node_violation=violation,
         worst_constraint=worst,

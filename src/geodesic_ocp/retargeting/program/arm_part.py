@@ -8,21 +8,19 @@ from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
+import scipy.sparse
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.blocks import Block
 from geodesic_ocp.logarithm.to_pose.pose_target import metric_of
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.ocp.nlp.definition import Structure, shared_shape
-from geodesic_ocp.ocp.nlp.transcription import Transcription
+from geodesic_ocp.ocp.nlp.definition import Structure
+from geodesic_ocp.ocp.nlp.transcription import Transcription, Units
 from geodesic_ocp.ocp.problem.point_to_point import PointToPoint
 from geodesic_ocp.ocp.solve.refinement import halved
-from geodesic_ocp.retargeting.program.sparse import constant
-from geodesic_ocp.retargeting.program.terms import Terms
-from geodesic_ocp.retargeting.program.waypoint_functions import (
-    WaypointFunctions,
-    parameters,
-)
+from geodesic_ocp.retargeting.program.terms import ObjectiveWeights
+from geodesic_ocp.retargeting.program.waypoint_functions import parameters
 from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
@@ -92,31 +90,33 @@ class ArmPart:
     @cached_property
     def transcription(self) -> Transcription:
         """Energy of all paths with its derivatives."""
-        return shared_shape(
-            _structure(self.waypoints.arm), Grid(self.grid.segments, self.grid.degree)
-        )
+        return _structure(self.waypoints.arm).transcription(self.grid)
 
-    def energy_parameters(self, action: float) -> Array:
+    def energy_parameters(self, action: float) -> ca.DM:
         """Of the transcription, so that its objective is the action in this unit [J s]."""
-        scale = action * self.moving_time
-        return np.concatenate([[scale, 1.0], np.zeros(self.dof), self.grid.widths])
+        units = Units(np.zeros(self.dof), 1.0, action * self.moving_time)
+        return ca.DM(units.parameters(self.grid))
 
-    @property
-    def functions(self) -> WaypointFunctions:
-        """Functions of the configurations at the waypoints."""
-        return self.waypoints.functions
+    def waypoint_block(self, first: int, weights: ObjectiveWeights) -> Block:
+        """Poses and postures at the waypoints.
 
-    def waypoint_parameters(self, terms: Terms) -> Array:
-        """Of the waypoints' functions, one column each."""
-        given = self.waypoints
+        Args:
+            first: index of the first of the arm's variables.
+            weights: of the objective.
+        """
+        given, rows = self.waypoints, []
         count = given.count + 1
-        columns = []
         for number, pose in enumerate(given.poses):
             missed = np.zeros(6)
             missed[list(given.rows)] = self.missed[number] * count * given.row_weights**2
             offset = None if given.offsets is None else given.offsets[number]
-            columns.append(parameters(pose, missed, offset, terms.posture, terms.likeness))
-        return np.transpose(columns)
+            rows.append(parameters(pose, missed, offset, weights.posture, weights.likeness))
+        places = first + self.dof * np.array(self.waypoint_nodes)[:, None] + np.arange(self.dof)
+        free = ~np.array(self.within_reach)
+        free[0] |= given.start is not None
+        upper = np.where(free[:, None], np.inf, np.zeros(len(given.rows)))
+        share = np.full(count, 1.0 / count)
+        return Block(given.terms, places, np.array(rows), -upper, upper, share)
 
     def bounds(self) -> tuple[Array, Array]:
         """Of the positions at the nodes, (size, n) each."""
@@ -128,7 +128,7 @@ class ArmPart:
             low[0] = high[0] = given.start
         return low, high
 
-    def speed_rows(self, intervals: Sequence[Array]) -> tuple[ca.DM, ca.DM]:
+    def speed_rows(self, intervals: Sequence[Array]) -> tuple[scipy.sparse.coo_array, Array]:
         """Matrices A (rows, size) and B (rows, intervals): A x <= 1 + B sigma bounds mean speeds.
 
         x are the positions, sigma the relative times added to the intervals. The means are those
@@ -159,11 +159,8 @@ class ArmPart:
                         entries += [sign, -sign]
                         times.append(intervals[number])
             first = last
-        if not times:
-            return ca.DM(0, self.size), ca.DM(0, len(intervals[0]))
-        shape = len(times), self.size
-        matrix = constant(shape, np.array(rows), np.array(columns), entries)
-        return matrix, ca.sparsify(ca.DM(np.array(times)))
+        matrix = scipy.sparse.coo_array((entries, (rows, columns)), (len(times), self.size))
+        return matrix, np.reshape(times, (len(times), len(intervals[0])))
 
     def nodes_on_lines(self, q: Array) -> Array:
         """Positions at the nodes (size, n) on the straight lines between waypoints (m + 1, n)."""

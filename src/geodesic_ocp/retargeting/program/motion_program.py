@@ -2,9 +2,9 @@
 
 Minimized is the action of all paths, sum_k (energy of path k) / (its duration), which is the
 integral of the kinetic energy at constant speeds, plus the time that the joints' speed limits add,
-plus terms of posture and likeness (`Terms`). Variables are the positions at the nodes of all paths,
-so that the configurations where they meet are shared, and the relative time added to each interval
-between two instants at which a movement of any arm begins or ends. The hand's poses at the
+plus terms of posture and likeness (`ObjectiveWeights`). Variables are the positions at the nodes of all
+paths, so that the configurations where they meet are shared, and the relative time added to each
+interval between two instants at which a movement of any arm begins or ends. The hand's poses at the
 waypoints are equalities, or squared errors where they are out of reach; joint limits are bounds;
 mean speeds within limits are linear inequalities. Distances that are too small enter as
 inequalities with slack variables, whose sum has a large weight (an exact penalty; Fletcher 1987),
@@ -14,19 +14,21 @@ as the pose at a waypoint may not allow them.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 from typing import Any
 
 import casadi as ca
 import numpy as np
+import scipy.sparse
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.ipopt import Ipopt, Outcome
+from geodesic_ocp.blocks import Block, BlockProgram, Terms
+from geodesic_ocp.execution.clearance_constraint import Clearance
+from geodesic_ocp.ipopt import Outcome
 from geodesic_ocp.retargeting.program.arm_part import ArmPart
-from geodesic_ocp.retargeting.program.distances.distance_rows import DistanceRows
-from geodesic_ocp.retargeting.program.sparse import Index, blocks_on_diagonal, placed
-from geodesic_ocp.retargeting.program.terms import Terms
+from geodesic_ocp.retargeting.program.distances.instants import place_at
+from geodesic_ocp.retargeting.program.terms import ObjectiveWeights
 
 _IPOPT: Mapping[str, Any] = {
     "tol": 1e-7,
@@ -50,193 +52,129 @@ class MotionProgram:
     Attributes:
         parts: of the arms.
         edges: times (i + 1,) [s] in the recording between which time may be added.
-        terms: of the objective.
-        distances: kept above their bounds; None: none.
+        weights: of the objective.
+        clearance: distances of links; None: none.
+        rows: lower bounds [m] of those distances that are kept, by their number in the clearance
+            and the time [s] in the recording.
     """
 
     parts: Sequence[ArmPart]
     edges: Array
-    terms: Terms
-    distances: DistanceRows | None = None
+    weights: ObjectiveWeights
+    clearance: Clearance | None = None
+    rows: Mapping[tuple[int, float], float] = field(default_factory=dict)
 
-    @property
+    @cached_property
     def offsets(self) -> list[int]:
-        """Where the variables of each arm begin, and those of the added times."""
-        return [sum(part.size for part in self.parts[:k]) for k in range(len(self.parts) + 1)]
+        """Where the variables of each arm begin, those of the added times, and the slack."""
+        sizes = [*(part.size for part in self.parts), len(self.edges) - 1]
+        return [0, *np.cumsum(sizes).tolist()]
 
     @property
     def size(self) -> int:
         """Number of variables: nodes, added times, slack of the distances."""
-        return self.size_of_paths + (0 if self.distances is None else len(self.distances.index))
-
-    @property
-    def size_of_paths(self) -> int:
-        """Number of variables without the slack."""
-        return self.offsets[-1] + len(self.edges) - 1
-
-    def shares(self, part: ArmPart) -> list[Array]:
-        """For each movement of an arm, the share of each interval in its duration."""
-        given, steps = part.waypoints, np.diff(self.edges)
-        found = []
-        for begin, end in zip(given.begins, given.ends, strict=True):
-            inside = (self.edges[:-1] >= begin - 1e-9) & (self.edges[1:] <= end + 1e-9)
-            found.append(np.where(inside, steps, 0.0) / (end - begin))
-        return found
+        return self.offsets[-1] + len(self.rows)
 
     @cached_property
-    def _speed_rows(self) -> tuple[ca.DM, ca.DM]:
-        """A and B of all arms; see `ArmPart.speed_rows`."""
-        found = [part.speed_rows(self.shares(part)) for part in self.parts]
-        return ca.diagcat(*(each for each, _ in found)), ca.vertcat(*(each for _, each in found))
-
-    @cached_property
-    def functions(self) -> dict[str, ca.Function]:
-        """The program and its exact derivatives, as nlpsol takes them."""
-        x, p, lam_f = ca.MX.sym("x", self.size), ca.MX.sym("p", 0), ca.MX.sym("lam_f")
-        value, f, gradient = self._objective(x)
-        g, jacobian = self._constraints(x)
-        lam_g = ca.MX.sym("lam_g", g.shape[0])
-        hessian = self._hessian(x, lam_f, lam_g)
-        names = ["x", "p"]
-        return {
-            "nlp": ca.Function("nlp", [x, p], [value, g], names, ["f", "g"]),
-            "grad_f": ca.Function("nlp_grad_f", [x, p], [f, gradient], names, ["f", "grad_f_x"]),
-            "jac_g": ca.Function("nlp_jac_g", [x, p], [g, jacobian], names, ["g", "jac_g_x"]),
-            "hess_lag": ca.Function(
-                "nlp_hess_l",
-                [x, p, lam_f, lam_g],
-                [hessian],
-                [*names, "lam_f", "lam_g"],
-                ["triu_hess_gamma_x_x"],
-            ),
-        }
-
-    def _at_waypoints(self, number: int, x: ca.MX) -> tuple[Index, ca.MX]:
-        """Where an arm's configurations at the waypoints begin in x, and they (n, m + 1)."""
-        part = self.parts[number]
-        starts = self.offsets[number] + part.dof * np.array(part.waypoint_nodes)
-        index = (starts[:, None] + np.arange(part.dof)).ravel()
-        return starts, ca.reshape(x[index.tolist()], part.dof, starts.size)
-
-    def _objective(self, x: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
-        """The objective as CasADi can differentiate it, the same by other means, its gradient."""
-        longer = ca.DM(self.terms.stretch * np.diff(self.edges) / self.terms.duration)
-        slack = np.full(self.size - self.size_of_paths, _TOO_NEAR)
-        longer = ca.vertcat(longer, slack)
-        added = ca.dot(longer, x[self.offsets[-1] :])
-        value, f, slopes, at_waypoints = added, added, [], ca.MX(self.size, 1)
-        for number, (part, first) in enumerate(zip(self.parts, self.offsets[:-1], strict=True)):
-            own, p = x[first : first + part.size], part.energy_parameters(self.terms.action)
-            action, slope = part.transcription.objective(own, p)
-            starts, q = self._at_waypoints(number, x)
-            _, _, costs, by_q = part.functions.first.map(starts.size)(
-                q, part.waypoint_parameters(self.terms)
-            )
-            mean = ca.sum2(costs) / starts.size
-            f, value = f + action + mean, value + part.transcription.value(own, p) + mean
-            slopes.append(slope)
-            rows = (starts[:, None] + np.arange(part.dof)).ravel()
-            entries = ca.vec(by_q) / starts.size
-            at_waypoints += placed((self.size, 1), rows, np.zeros_like(rows), entries)
-        return value, f, ca.densify(ca.vertcat(*slopes, longer) + at_waypoints)
-
-    def _constraints(self, x: ca.MX) -> tuple[ca.MX, ca.MX]:
-        """Pose errors, mean speeds, distances; and their Jacobian."""
-        values, slopes = [], []
-        for number, part in enumerate(self.parts):
-            starts, q = self._at_waypoints(number, x)
-            errors, jacobians, _, _ = part.functions.first.map(starts.size)(
-                q, part.waypoint_parameters(self.terms)
-            )
-            values.append(ca.vec(errors))
-            count, n = errors.shape[0], part.dof
-            column, row = (each.ravel() for each in np.indices((n, count)))
-            rows = (count * np.arange(starts.size)[:, None] + row).ravel()
-            columns = (starts[:, None] + column).ravel()
-            shape = count * starts.size, self.size
-            slopes.append(placed(shape, rows, columns, ca.vec(jacobians)))
-        by_nodes, by_time = self._speed_rows
-        slack = self.size - self.size_of_paths
-        both = ca.horzcat(by_nodes, -by_time, ca.DM(by_nodes.shape[0], slack))
-        values.append(both @ x)
-        slopes.append(ca.MX(both))
-        if self.distances is not None:
-            distances, jacobian = self.distances.values(x)
-            values.append(distances + x[self.size_of_paths :])
-            units = ca.horzcat(ca.DM(slack, self.size_of_paths), ca.DM.eye(slack))
-            slopes.append(jacobian + units)
-        return ca.vertcat(*values), ca.vertcat(*slopes)
-
-    def _hessian(self, x: ca.MX, lam_f: ca.MX, lam_g: ca.MX) -> ca.MX:
-        """Upper triangle of the Hessian of the Lagrangian."""
-        shape, used, of_paths = (self.size, self.size), 0, []
-        total = ca.MX(*shape)
-        for number, (part, first) in enumerate(zip(self.parts, self.offsets[:-1], strict=True)):
-            own, p = x[first : first + part.size], part.energy_parameters(self.terms.action)
-            of_paths.append(part.transcription.hessian(own, p, lam_f, ca.MX(0, 1)))
-            starts, q = self._at_waypoints(number, x)
-            count, rows = starts.size, len(part.waypoints.rows)
-            factors = ca.reshape(lam_g[used : used + rows * count], rows, count)
-            used += rows * count
-            parameters = part.waypoint_parameters(self.terms)
-            factor = ca.repmat(lam_f / count, 1, count)
-            blocks = part.functions.second.map(count)(q, parameters, factors, factor)
-            blocks = ca.reshape(blocks, part.dof**2, count)
-            total += blocks_on_diagonal(shape, starts, part.dof, blocks)
-        added = self.size - self.offsets[-1]
-        total += ca.diagcat(*of_paths, ca.MX(added, added))
-        if self.distances is not None:
-            factors = lam_g[used + self._speed_rows[0].shape[0] :]
-            total += ca.triu(self.distances.hessian(x, factors))
-        return total
-
-    def bounds(self) -> dict[str, Array]:
-        """Of the variables and of the constraints."""
-        low, high = zip(*(part.bounds() for part in self.parts), strict=True)
-        count = self.size - self.offsets[-1]
-        lower, upper = [], []
+    def _speed_rows(self) -> tuple[scipy.sparse.csr_array, Array]:
+        """A (rows, nodes of all arms) and B (rows, intervals): A x <= 1 + B sigma."""
+        steps, found = np.diff(self.edges), []
         for part in self.parts:
-            rows, given = len(part.waypoints.rows), part.waypoints
-            for number, within in enumerate(part.within_reach):
-                free = not within or (number == 0 and given.start is not None)
-                lower += [-np.inf if free else 0.0] * rows
-                upper += [np.inf if free else 0.0] * rows
-        speeds = self._speed_rows[0].shape[0]
-        least = np.zeros(0) if self.distances is None else self.distances.lower
-        return {
-            "lbx": np.concatenate([*(each.ravel() for each in low), np.zeros(count)]),
-            "ubx": np.concatenate([*(each.ravel() for each in high), np.full(count, np.inf)]),
-            "lbg": np.concatenate([lower, np.full(speeds, -np.inf), least]),
-            "ubg": np.concatenate([upper, np.ones(speeds), np.full(least.size, np.inf)]),
-        }
+            given, shares = part.waypoints, []
+            for begin, end in zip(given.begins, given.ends, strict=True):
+                inside = (self.edges[:-1] >= begin - 1e-9) & (self.edges[1:] <= end + 1e-9)
+                shares.append(np.where(inside, steps, 0.0) / (end - begin))
+            found.append(part.speed_rows(shares))
+        by_nodes = scipy.sparse.block_diag([each for each, _ in found], format="csr")
+        return by_nodes, np.vstack([each for _, each in found])
+
+    @cached_property
+    def program(self) -> BlockProgram:
+        """The blocks of all terms."""
+        blocks = []
+        for part, first in zip(self.parts, self.offsets, strict=False):
+            blocks += part.transcription.blocks(part.energy_parameters(self.weights.action), first)
+            blocks.append(part.waypoint_block(first, self.weights))
+        cost = self.weights.stretch * np.diff(self.edges) / self.weights.duration
+        added = np.concatenate([cost, np.full(len(self.rows), _TOO_NEAR)])
+        at = np.arange(self.offsets[-2], self.size)
+        blocks.append(Block(_linear(), at[:, None], added[:, None]))
+        by_nodes, by_time = self._speed_rows
+        if rows := by_nodes.shape[0]:
+            slack = scipy.sparse.csr_array((rows, len(self.rows)))
+            both = scipy.sparse.hstack([by_nodes, -by_time, slack], format="csr")
+            lower, upper = np.full((rows, 1), -np.inf), np.ones((rows, 1))
+            blocks.append(Block(_identity(), both, None, lower, upper))
+        return BlockProgram(self.size, blocks + self._distances())
+
+    def _distances(self) -> list[Block]:
+        blocks, order = [], sorted(self.rows)
+        for number in dict.fromkeys(number for number, _ in order):
+            assert self.clearance is not None
+            here = [k for k, (other, _) in enumerate(order) if other == number]
+            matrices = []
+            for k in here:
+                slack = self.offsets[-1] + k
+                one = scipy.sparse.csr_array(([1.0], ([0], [slack])), (1, self.size))
+                matrices += [place_at(self.parts, self.size, order[k][1]), one]
+            places = scipy.sparse.vstack(matrices, format="csr")
+            lower = np.array([[self.rows[order[k]]] for k in here])
+            terms = _distance(self.clearance, number)
+            blocks.append(Block(terms, places, None, lower, np.full_like(lower, np.inf)))
+        return blocks
+
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """Of the variables."""
+        low, high = zip(*(part.bounds() for part in self.parts), strict=True)
+        count = self.size - self.offsets[-2]
+        return (
+            np.concatenate([*(each.ravel() for each in low), np.zeros(count)]),
+            np.concatenate([*(each.ravel() for each in high), np.full(count, np.inf)]),
+        )
 
     def guess(self, nodes: Sequence[Array], sigma: Array | None = None) -> Array:
         """Variables of positions at the nodes of each arm, with enough time for their speeds."""
         x = np.concatenate([each.ravel() for each in nodes])
         if sigma is None:
-            by_nodes, by_time = self._speed_rows
-            needed = (by_nodes @ x).full()[:, 0] - 1.0
-            shares, count = by_time.full(), len(self.edges) - 1
-            sigma = np.zeros(count)
-            if needed.size:
-                late = np.where(shares > 0.0, np.maximum(needed, 0.0)[:, None], 0.0)
-                sigma = late.max(axis=0, initial=0.0)
-        slack = np.zeros(self.size - self.size_of_paths)
-        if self.distances is not None:
-            slack = self.distances.missing(np.concatenate([x, sigma, slack]))
-        return np.concatenate([x, sigma, slack])
+            by_nodes, shares = self._speed_rows
+            needed = np.maximum(by_nodes @ x - 1.0, 0.0)
+            sigma = np.where(shares > 0.0, needed[:, None], 0.0).max(axis=0, initial=0.0)
+        x = np.concatenate([x, sigma, np.zeros(len(self.rows))])
+        if self.rows:
+            g = self.program.functions["nlp"](x, [])[1].full()[-len(self.rows) :, 0]
+            x[self.offsets[-1] :] = np.maximum(
+                [self.rows[each] for each in sorted(self.rows)] - g, 0
+            )
+        return x
 
     def solve(self, start: Array, near: bool = False) -> Outcome:
         """Ipopt's result from a start; `near` tells that it is nearly a solution."""
-        derivatives = {name: self.functions[name] for name in ("grad_f", "jac_g", "hess_lag")}
-        solver = Ipopt(self.functions["nlp"], derivatives, _NEAR if near else _IPOPT)
-        return solver(x0=start, **self.bounds())
+        return self.program.solve(start, self.bounds, _NEAR if near else _IPOPT)
 
     def split(self, x: Array) -> tuple[list[Array], Array]:
         """Positions at the nodes of each arm (size, n), and the relative times added."""
-        offsets = self.offsets
-        nodes = [
-            x[first : first + part.size].reshape(-1, part.dof)
-            for part, first in zip(self.parts, offsets[:-1], strict=True)
-        ]
-        return nodes, np.maximum(x[offsets[-1] : self.size_of_paths], 0.0)
+        pairs = zip(self.parts, self.offsets, strict=False)
+        nodes = [x[at : at + part.size].reshape(-1, part.dof) for part, at in pairs]
+        return nodes, np.maximum(x[self.offsets[-2] : self.offsets[-1]], 0.0)
+
+
+@lru_cache(maxsize=1)
+def _linear() -> Terms:
+    """A variable times its weight, in the objective."""
+    x, weight = ca.SX.sym("x"), ca.SX.sym("weight")
+    return Terms(x, weight, weight * x)
+
+
+@lru_cache(maxsize=1)
+def _identity() -> Terms:
+    """A bounded sum of variables."""
+    x = ca.SX.sym("x")
+    return Terms(x, constraints=x)
+
+
+@lru_cache(maxsize=256)
+def _distance(clearance: Clearance, number: int) -> Terms:
+    """A distance and its slack."""
+    q, slack = ca.SX.sym("q", clearance.dof), ca.SX.sym("slack")
+    return Terms(ca.vertcat(q, slack), constraints=clearance.row(number)(q) + slack)

@@ -24,7 +24,7 @@ from geodesic_ocp.retargeting.program.graph.start import (
 )
 from geodesic_ocp.retargeting.program.planned_paths import PlannedPaths
 from geodesic_ocp.retargeting.program.refined import ProgramIterate, refined
-from geodesic_ocp.retargeting.program.terms import Terms
+from geodesic_ocp.retargeting.program.terms import ObjectiveWeights
 from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
 
 _SEGMENTS, _DEGREE = 2, 6  # of each movement, on the first grid
@@ -60,22 +60,22 @@ def plan_paths(
     action = sum(least_action(arm, each) for arm, each in zip(arms, layers, strict=True))
     duration = float(edges[-1] - edges[0])
     unit = action if action > _AT_REST else 1.0
-    terms = Terms(unit, duration, stretch, posture, likeness, _DETOUR)
+    weights = ObjectiveWeights(unit, duration, stretch, posture, likeness, _DETOUR)
     progress("choosing configurations", 0, 3)
     found: list[ProgramIterate] = []
     free: list[float] = []  # objectives without distances
-    for number, start in enumerate(_starts(arms, layers, terms, clearance)):
+    for number, start in enumerate(_starts(arms, layers, weights, clearance)):
         progress("planning all synergies", 1 + number, 3)
-        iterate = refined(start, edges, terms, tolerance)
+        iterate = refined(start, edges, weights, tolerance)
         if any(np.isclose(iterate.objective, each, rtol=_SAME) for each in free):
             continue  # it leads to the same paths
         free.append(iterate.objective)
         if clearance is not None and iterate.success:
-            iterate = keep_apart(iterate, clearance, edges, terms, tolerance)
+            iterate = keep_apart(iterate, clearance, edges, weights, tolerance)
         found.append(iterate)
         if iterate.success and not lacking_distances(clearance, iterate):
             break
-    iterate = min(found, key=lambda each: (not each.success, _score(each, terms, clearance)))
+    iterate = min(found, key=lambda each: (not each.success, _score(each, weights, clearance)))
     pairs = list(zip(iterate.parts, iterate.nodes, strict=True))
     actions = [part.path(each).energy / part.moving_time for part, each in pairs]
     return PlannedPaths(
@@ -99,7 +99,7 @@ def plan_paths(
 def _starts(
     arms: Sequence[ArmWaypoints],
     layers: Sequence[Sequence[Candidates]],
-    terms: Terms,
+    weights: ObjectiveWeights,
     clearance: Clearance | None,
 ) -> Iterator[ProgramIterate]:
     """Straight lines between the best configurations, and between those that keep distances.
@@ -110,7 +110,7 @@ def _starts(
     for each in dict.fromkeys((None, clearance)):
         parts, nodes, lines = [], [], []
         for number, (arm, candidates) in enumerate(zip(arms, layers, strict=True)):
-            start = find_start(arm, terms, candidates, own_distances(each, arms, number))
+            start = find_start(arm, weights, candidates, own_distances(each, arms, number))
             parts.append(ArmPart.evenly(arm, start.missed, _SEGMENTS, _DEGREE))
             nodes.append(parts[-1].nodes_on_lines(start.q))
             lines.append(start.q)
@@ -124,11 +124,13 @@ def _similar(one: Array, other: Array) -> bool:
     return bool(np.abs(one - other).max() < _SIMILAR)
 
 
-def _score(iterate: ProgramIterate, terms: Terms, clearance: Clearance | None) -> float:
+def _score(
+    iterate: ProgramIterate, weights: ObjectiveWeights, clearance: Clearance | None
+) -> float:
     """The objective, detours of the hand, and distances below their bounds; less is better."""
     total = iterate.objective
     for part, nodes in zip(iterate.parts, iterate.nodes, strict=True):
         for number, path in enumerate(part.paths(nodes)):
             middle = np.atleast_2d(path(0.5))
-            total += terms.detour * float(off_the_way(part.waypoints, number, middle)[0])
+            total += weights.detour * float(off_the_way(part.waypoints, number, middle)[0])
     return total + _TOO_NEAR * sum(amount for _, amount, _ in lacking_distances(clearance, iterate))

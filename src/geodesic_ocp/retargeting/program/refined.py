@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,10 +12,8 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.execution.clearance_constraint import Clearance
 from geodesic_ocp.ocp.solve.refinement import unresolved_energy
 from geodesic_ocp.retargeting.program.arm_part import ArmPart
-from geodesic_ocp.retargeting.program.distances.distance_rows import DistanceRows
-from geodesic_ocp.retargeting.program.distances.instants import place_at
 from geodesic_ocp.retargeting.program.motion_program import MotionProgram
-from geodesic_ocp.retargeting.program.terms import Terms
+from geodesic_ocp.retargeting.program.terms import ObjectiveWeights
 
 _ROUNDS, _MOST_SEGMENTS = 12, 400
 _RESOLVED = 1e-5  # of the energy
@@ -45,7 +43,7 @@ class ProgramIterate:
 def refined(
     iterate: ProgramIterate,
     edges: Array,
-    terms: Terms,
+    weights: ObjectiveWeights,
     tolerance: float,
     rows: Mapping[tuple[int, float], float] = _NO_ROWS,
     clearance: Clearance | None = None,
@@ -53,7 +51,7 @@ def refined(
     """The solution on grids that resolve the paths, with these distances at these instants."""
     is_near = iterate.success
     for number in range(_ROUNDS):
-        program = _program(iterate.parts, edges, terms, rows, clearance)
+        program = MotionProgram(iterate.parts, edges, weights, clearance, rows)
         start = program.guess(iterate.nodes, iterate.longer)
         outcome = program.solve(start, near=is_near)
         spent = iterate.iterations + outcome.iterations
@@ -91,24 +89,6 @@ def refined(
         iterate, is_near = replace(iterate, parts=finer, nodes=on_finer), True
     status = f"not solved to {tolerance:g} on {segments} segments"
     return replace(iterate, success=False, status=status)
-
-
-def _program(
-    parts: Sequence[ArmPart],
-    edges: Array,
-    terms: Terms,
-    rows: Mapping[tuple[int, float], float],
-    clearance: Clearance | None,
-) -> MotionProgram:
-    program = MotionProgram(parts, edges, terms)
-    if clearance is None or not rows:
-        return program
-    size = program.size + len(rows)  # with the slack
-    order = sorted(rows)
-    places = [place_at(parts, size, time) for _, time in order]
-    lower = np.array([rows[each] for each in order])
-    numbers = [number for number, _ in order]
-    return replace(program, distances=DistanceRows(clearance, numbers, lower, places))
 
 
 def _coarse(part: ArmPart, nodes: Array, tolerance: float, resolved: float) -> NDArray[np.bool_]:

@@ -1,14 +1,14 @@
-"""Functions of a configuration at a waypoint: pose error, posture, likeness, torque of gravity."""
+"""Terms of a configuration at a waypoint: pose error, posture, likeness, torque of gravity."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.blocks import Terms
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.ik.pose_error import rotation_log
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
@@ -20,23 +20,6 @@ _GRAVITY = 9.81  # [m/s^2]
 # of the squared excess.
 _SHARE, _WEAK = 0.8, 300.0
 NUM_PARAMETERS = 12 + 6 + 3 + 2
-
-
-@dataclass(frozen=True, eq=False)
-class WaypointFunctions:
-    """Functions of a configuration (n,) and the parameters of a waypoint.
-
-    Attributes:
-        errors: -> pose error (m,).
-        cost: -> cost of the configuration, and of a pose that is not reached.
-        first: -> errors, their Jacobian (m, n), cost, its gradient (n,).
-        second: (q, p, factors (m,), factor) -> Hessian (n, n) of factors' errors + factor cost.
-    """
-
-    errors: ca.Function
-    cost: ca.Function
-    first: ca.Function
-    second: ca.Function
 
 
 def parameters(
@@ -74,10 +57,10 @@ def limited_torques(
 
 
 @lru_cache(maxsize=32)
-def waypoint_functions(
+def waypoint_terms(
     arm: Model, alignment: Alignment, rows: tuple[int, ...], torque: tuple[float, ...]
-) -> WaypointFunctions:
-    """The functions of an arm, for these rows of the pose error and limits on torque (n,)."""
+) -> Terms:
+    """Costs and pose errors of an arm, for these rows of the error and limits on torque (n,)."""
     q, p = ca.SX.sym("q", arm.dof), ca.SX.sym("p", NUM_PARAMETERS)
     position, rotation, missed, offset, weights = ca.vertsplit(p, [0, 3, 12, 18, 21, 23])
     hand_rotation, hand_position = arm.hand_pose(q)
@@ -90,14 +73,4 @@ def waypoint_functions(
         cost += weights[1] * ca.sumsqr(elbow_offset(arm, alignment, q) - offset)
     for joint, held in limited_torques(arm, alignment, q, torque):
         cost += _WEAK * ca.fmax(0.0, ca.fabs(held / torque[joint]) - _SHARE) ** 2
-    errors = error[list(rows)]
-    factors, factor = ca.SX.sym("factors", len(rows)), ca.SX.sym("factor")
-    jacobian, gradient = ca.jacobian(errors, q), ca.gradient(cost, q)
-    hessian, _ = ca.hessian(ca.dot(factors, errors) + factor * cost, q)
-    first = [errors, ca.densify(jacobian), cost, ca.densify(gradient)]
-    return WaypointFunctions(
-        ca.Function("errors", [q, p], [errors]),
-        ca.Function("cost", [q, p], [cost]),
-        ca.Function("first", [q, p], ca.cse(first)),
-        ca.Function("second", [q, p, factors, factor], [ca.cse(ca.densify(hessian))]),
-    )
+    return Terms(q, p, cost, error[list(rows)])

@@ -7,14 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.blocks import Terms
 from geodesic_ocp.execution.joint_limits import JointLimits
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
 from geodesic_ocp.retargeting.poses.targets import Pose
-from geodesic_ocp.retargeting.program.waypoint_functions import (
-    WaypointFunctions,
-    waypoint_functions,
-)
+from geodesic_ocp.retargeting.program.waypoint_functions import waypoint_terms
 
 _PEAK, _BRAKING = 1.5, 5.0
 
@@ -82,11 +80,11 @@ class ArmWaypoints:
 
     @property
     def row_weights(self) -> Array:
-        """Weights of those rows."""
+        """ObjectiveWeights of those rows."""
         return np.repeat(self.weights, 3)[list(self.rows)]
 
     @property
-    def functions(self) -> WaypointFunctions:
-        """Functions of the configurations at the waypoints."""
+    def terms(self) -> Terms:
+        """Costs and pose errors of the configurations at the waypoints."""
         torque = tuple(self.limits.torque.tolist())
-        return waypoint_functions(self.arm, self.alignment, self.rows, torque)
+        return waypoint_terms(self.arm, self.alignment, self.rows, torque)

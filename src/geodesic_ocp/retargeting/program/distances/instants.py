@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import casadi as ca
 import numpy as np
+import scipy.sparse
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.retargeting.program.arm_part import ArmPart
-from geodesic_ocp.retargeting.program.sparse import constant
 
 
 def own_time(part: ArmPart, times: Array) -> Array:
@@ -30,23 +29,17 @@ def positions_at(parts: Sequence[ArmPart], nodes: Sequence[Array], times: Array)
     return np.hstack(found)
 
 
-def place_at(parts: Sequence[ArmPart], size: int, time: float) -> ca.DM:
+def place_at(parts: Sequence[ArmPart], size: int, time: float) -> scipy.sparse.coo_array:
     """The matrix (N, size) from the program's variables to all joints at one time [s]."""
-    rows, columns, entries = [], [], []
-    first, column = 0, 0
+    blocks = []
     for part in parts:
-        grid, n = part.grid, part.dof
+        grid = part.grid
         (s,) = own_time(part, np.array([time]))
-        segment = min(
-            max(int(np.searchsorted(grid.breakpoints, s, "right")) - 1, 0), grid.segments - 1
-        )
+        segment = int(np.searchsorted(grid.breakpoints[1:-1], s, "right"))
         basis = np.zeros((grid.segments, grid.degree + 1, grid.degree + 1))
         basis[segment] = np.eye(grid.degree + 1)
-        (weights,) = grid.interpolate(basis, [s])
-        for joint in range(n):
-            rows.append(np.full(weights.size, first + joint))
-            columns.append(column + (grid.degree * segment + np.arange(weights.size)) * n + joint)
-            entries.append(weights)
-        first, column = first + n, column + part.size
-    shape = first, size
-    return constant(shape, np.concatenate(rows), np.concatenate(columns), np.concatenate(entries))
+        row = np.zeros(grid.size)
+        row[grid.degree * segment + np.arange(grid.degree + 1)] = grid.interpolate(basis, [s])[0]
+        blocks.append(scipy.sparse.kron(row[None], np.eye(part.dof)))
+    places = scipy.sparse.block_diag(blocks, format="coo")
+    return scipy.sparse.coo_array((places.data, (places.row, places.col)), (places.shape[0], size))

@@ -11,7 +11,7 @@ from geodesic_ocp.execution.clearance.active_rows import active_rows
 from geodesic_ocp.execution.clearance_constraint import Clearance
 from geodesic_ocp.retargeting.program.distances.instants import positions_at
 from geodesic_ocp.retargeting.program.refined import ProgramIterate, refined
-from geodesic_ocp.retargeting.program.terms import Terms
+from geodesic_ocp.retargeting.program.terms import ObjectiveWeights
 
 _INSTANTS = 24  # of a movement at which distances are checked
 _DISTANCE_ROUNDS = 6
@@ -23,7 +23,11 @@ _YIELDING = 50.0
 
 
 def keep_apart(
-    iterate: ProgramIterate, clearance: Clearance, edges: Array, terms: Terms, tolerance: float
+    iterate: ProgramIterate,
+    clearance: Clearance,
+    edges: Array,
+    weights: ObjectiveWeights,
+    tolerance: float,
 ) -> ProgramIterate:
     """The solution with all distances above their bounds, or the last one that was found.
 
@@ -46,7 +50,7 @@ def keep_apart(
             free = replace(free, parts=tuple(replace(part, missed=each) for part, each in parts))
             iterate, lacks = replace(free, iterations=iterate.iterations), np.inf
         rows, lacking = rows | more, lacks
-        found = refined(iterate, edges, terms, tolerance, rows, clearance)
+        found = refined(iterate, edges, weights, tolerance, rows, clearance)
         if not found.success:
             return replace(iterate, iterations=found.iterations)
         iterate = replace(found, kept=tuple(sorted({number for number, _ in rows})))
@@ -54,7 +58,7 @@ def keep_apart(
 
 
 def _yielding(clearance: Clearance, iterate: ProgramIterate) -> list[Array] | None:
-    """Weights of missed poses, with those at which links are too near; None if there are no new."""
+    """ObjectiveWeights of missed poses, with those at which links are too near; None if there are no new."""
     every, any_new = [], False
     for part in iterate.parts:
         given = part.waypoints

@@ -20,7 +20,7 @@ from geodesic_ocp.retargeting.program.graph.candidates import (
     candidates_near,
 )
 from geodesic_ocp.retargeting.program.graph.shortest_path import shortest_path
-from geodesic_ocp.retargeting.program.terms import Terms
+from geodesic_ocp.retargeting.program.terms import ObjectiveWeights
 from geodesic_ocp.retargeting.program.waypoint_functions import parameters
 from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
 
@@ -44,7 +44,7 @@ class StartConfigurations:
 
 def least_action(waypoints: ArmWaypoints, layers: Sequence[Candidates]) -> float:
     """Action [J s] of the straight lines between those candidates for which it is least."""
-    return _best(waypoints, Terms(1.0, 1.0, 0.0, 0.0, 0.0, 0.0), layers).cost
+    return _best(waypoints, ObjectiveWeights(1.0, 1.0, 0.0, 0.0, 0.0, 0.0), layers).cost
 
 
 def own_distances(
@@ -74,7 +74,7 @@ def own_distances(
 
 def find_start(
     waypoints: ArmWaypoints,
-    terms: Terms,
+    weights: ObjectiveWeights,
     layers: Sequence[Candidates],
     distances: ca.Function | None = None,
 ) -> StartConfigurations:
@@ -82,12 +82,12 @@ def find_start(
 
     Args:
         waypoints: of an arm.
-        terms: of the objective.
+        weights: of the objective.
         layers: configurations at each waypoint, around which others are sought.
         distances: excess of distances over their bounds, see `own_distances`.
     """
     rng = np.random.default_rng(1)
-    best = _best(waypoints, terms, layers, distances)
+    best = _best(waypoints, weights, layers, distances)
     for _ in range(_ROUNDS):
         finer = []
         for number, layer in enumerate(layers):
@@ -101,7 +101,7 @@ def find_start(
             more = candidates_near(waypoints, number, _inside(waypoints, starts))
             finer.append(layer.joined(more, waypoints.near_misses))
         layers, before = tuple(finer), best
-        best = _best(waypoints, terms, layers, distances)
+        best = _best(waypoints, weights, layers, distances)
         if best.cost > 0.99 * before.cost:
             break
     return best
@@ -115,17 +115,17 @@ def _inside(waypoints: ArmWaypoints, q: Array) -> Array:
 
 def _best(
     waypoints: ArmWaypoints,
-    terms: Terms,
+    weights: ObjectiveWeights,
     layers: Sequence[Candidates],
     distances: ca.Function | None = None,
 ) -> StartConfigurations:
     matrices = [mass_matrices(waypoints, layer.q) for layer in layers]
-    nodes = [node_costs(waypoints, terms, number, layer) for number, layer in enumerate(layers)]
+    nodes = [node_costs(waypoints, weights, number, layer) for number, layer in enumerate(layers)]
     if distances is not None:
         for costs, layer in zip(nodes, layers, strict=True):
             least = distances.map(len(layer.q))(layer.q.T).full().min(axis=0)
             costs += _TOO_NEAR * np.maximum(-least, 0.0)
-    edges = partial(_edge_costs, waypoints, terms, layers, matrices)
+    edges = partial(_edge_costs, waypoints, weights, layers, matrices)
     chosen, cost = shortest_path(nodes, edges)
     q = np.array([layer.q[index] for layer, index in zip(layers, chosen, strict=True)])
     missed = [layer.missed[index] for layer, index in zip(layers, chosen, strict=True)]
@@ -141,21 +141,23 @@ def mass_matrices(waypoints: ArmWaypoints, q: Array) -> Array:
     return np.asarray(stacked).reshape(n, len(q), n).transpose(1, 0, 2)
 
 
-def node_costs(waypoints: ArmWaypoints, terms: Terms, number: int, candidates: Candidates) -> Array:
+def node_costs(
+    waypoints: ArmWaypoints, weights: ObjectiveWeights, number: int, candidates: Candidates
+) -> Array:
     """Of posture, likeness, torques of gravity, and poses that are missed, at a waypoint, (k,)."""
     q, count = candidates.q, waypoints.count + 1
     missed = np.zeros((len(q), 6))
     missed[:, list(waypoints.rows)] = np.outer(candidates.missed, count * waypoints.row_weights**2)
     offset = None if waypoints.offsets is None else waypoints.offsets[number]
-    pose, weights = waypoints.poses[number], (terms.posture, terms.likeness)
-    columns = np.transpose([parameters(pose, each, offset, *weights) for each in missed])
-    costs = evaluate(waypoints.functions.cost.map(len(q)), q.T, columns)
-    return np.asarray(costs).ravel() / count
+    pose, shares = waypoints.poses[number], (weights.posture, weights.likeness)
+    columns = np.transpose([parameters(pose, each, offset, *shares) for each in missed])
+    costs, _ = waypoints.terms.value.map(len(q))(q.T, columns)
+    return np.asarray(costs.full()).ravel() / count
 
 
 def _edge_costs(
     waypoints: ArmWaypoints,
-    terms: Terms,
+    weights: ObjectiveWeights,
     layers: Sequence[Candidates],
     matrices: list[Array],
     number: int,
@@ -168,10 +170,10 @@ def _edge_costs(
     action = (first + last) / (4.0 * duration)
     needed = (np.abs(change) / (waypoints.speed[number] * duration)).max(axis=2)
     late = duration * np.maximum(0.0, needed - 1.0)
-    found = action / terms.action + terms.stretch * late / terms.duration
+    found = action / weights.action + weights.stretch * late / weights.duration
     middle = ((here[:, None, :] + there[None, :, :]) / 2.0).reshape(-1, here.shape[1])
     detours = off_the_way(waypoints, number, middle).reshape(len(here), len(there))
-    return np.asarray(found + terms.detour * detours)
+    return np.asarray(found + weights.detour * detours)
 
 
 def off_the_way(waypoints: ArmWaypoints, number: int, middle: Array) -> Array:
