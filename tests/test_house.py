@@ -17,7 +17,6 @@ LAYERS = [
     ("ipopt",),
     ("compiled",),
     ("model",),
-    ("model.geometry",),
     ("model.formats",),
     ("manifold",),
     ("trajectory",),

@@ -13,7 +13,7 @@ from known_metrics import HalfPlane, Sphere
 
 import geodesic_ocp as go
 from geodesic_ocp.compiled import compilers
-from geodesic_ocp.manifold.integrator import STAGE_TIMES
+from geodesic_ocp.compiled.source import STAGE_TIMES
 from geodesic_ocp.manifold.kernels import _IntegrationRecord
 from geodesic_ocp.synergies.segmentation.segment import _Observed, _parallel_components
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, as_vector
+from geodesic_ocp.compiled.source import STAGE_TIMES
 from geodesic_ocp.errors import IntegrationFailed
-from geodesic_ocp.manifold.integrator import STAGE_TIMES
 from geodesic_ocp.manifold.metric import Metric, as_metric
 
 _MAX_STEPS = 20_000  # between two breakpoints

@@ -16,7 +16,7 @@ from scipy.interpolate import make_interp_spline
 
 from geodesic_ocp.arrays import Array, as_positive, real_array
 from geodesic_ocp.records import write_together
-from geodesic_ocp.trajectory.quintic_hermite import quintic_hermite
+from geodesic_ocp.trajectory.timed_path import quintic_hermite
 
 _NANO = 1_000_000_000
 _EVEN = 1e-4  # largest deviation of an even step, of its length

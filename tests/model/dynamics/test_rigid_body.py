@@ -12,7 +12,7 @@ import pytest
 from known_models import free_rotor, planar_arm, random_tree
 
 import geodesic_ocp as go
-from geodesic_ocp.model.dynamics import rigid_body
+from geodesic_ocp.model import dynamics
 from geodesic_ocp.model.joints import configuration
 
 # Rounding of a few hundred operations in different orders.
@@ -158,10 +158,10 @@ def test_armature_adds_to_the_diagonal(backend: str, rng: np.random.Generator) -
 @pytest.mark.parametrize("name", systems())
 def test_backends_agree(name: str, rng: np.random.Generator) -> None:
     """In values, and in the second derivatives for the optimizer."""
-    if missing := rigid_body.why_unavailable("pinocchio.casadi"):
+    if missing := dynamics.why_unavailable("pinocchio.casadi"):
         pytest.skip(f"pinocchio.casadi cannot be imported here: {missing}")
     native, hand = systems()[name]
-    pair = [go.Model(native, hand, backend) for backend in rigid_body.BACKENDS]
+    pair = [go.Model(native, hand, backend) for backend in dynamics.BACKENDS]
     hessians = [lagrangian_hessian(model) for model in pair]
     for _ in range(5):
         q, v = rng.uniform(-3.0, 3.0, (2, native.nv))
@@ -194,10 +194,10 @@ def test_rounding_noise_of_a_file_does_not_grow_the_graph(backend: str) -> None:
 @pytest.mark.parametrize("name", systems())
 def test_pinocchio_is_hardly_slower(name: str) -> None:
     """Its expressions have about a tenth more operations than the built-in ones at most."""
-    if missing := rigid_body.why_unavailable("pinocchio.casadi"):
+    if missing := dynamics.why_unavailable("pinocchio.casadi"):
         pytest.skip(f"pinocchio.casadi cannot be imported here: {missing}")
     native, hand = systems()[name]
-    pair = [go.KineticEnergy(go.Model(native, hand, backend)) for backend in rigid_body.BACKENDS]
+    pair = [go.KineticEnergy(go.Model(native, hand, backend)) for backend in dynamics.BACKENDS]
     for function in ("geodesic_equation", "energy_density"):
         own, built_in = (getattr(metric, function).n_nodes() for metric in pair)
         assert own <= 1.1 * built_in + 10, function
@@ -211,9 +211,9 @@ def lagrangian_hessian(model: go.Model) -> ca.Function:
 
 
 def test_backend_is_chosen_by_argument_then_environment(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(rigid_body.ENVIRONMENT_VARIABLE, "built-in")
+    monkeypatch.setenv(dynamics.ENVIRONMENT_VARIABLE, "built-in")
     assert go.human_arm().backend == "built-in"
-    monkeypatch.setenv(rigid_body.ENVIRONMENT_VARIABLE, "abacus")
+    monkeypatch.setenv(dynamics.ENVIRONMENT_VARIABLE, "abacus")
     with pytest.raises(ValueError, match=r"backend must be one of.*'abacus'"):
         go.human_arm()
     assert go.human_arm(backend="built-in").backend == "built-in"
@@ -221,20 +221,20 @@ def test_backend_is_chosen_by_argument_then_environment(monkeypatch: pytest.Monk
 
 @pytest.mark.filterwarnings("ignore:pinocchio.casadi is skipped:RuntimeWarning")
 def test_default_is_pinocchio_where_it_can_be_imported(monkeypatch: pytest.MonkeyPatch) -> None:
-    expected = "built-in" if rigid_body.why_unavailable("pinocchio.casadi") else "pinocchio.casadi"
-    monkeypatch.delenv(rigid_body.ENVIRONMENT_VARIABLE, raising=False)
+    expected = "built-in" if dynamics.why_unavailable("pinocchio.casadi") else "pinocchio.casadi"
+    monkeypatch.delenv(dynamics.ENVIRONMENT_VARIABLE, raising=False)
     assert go.human_arm().backend == expected
-    monkeypatch.setenv(rigid_body.ENVIRONMENT_VARIABLE, "")
+    monkeypatch.setenv(dynamics.ENVIRONMENT_VARIABLE, "")
     assert go.human_arm().backend == expected
 
 
 @pytest.fixture
 def import_of_pinocchio_casadi(monkeypatch: pytest.MonkeyPatch) -> Iterator[pytest.MonkeyPatch]:
     """Lets a test replace the import, and resets it afterwards."""
-    monkeypatch.delenv(rigid_body.ENVIRONMENT_VARIABLE, raising=False)
-    rigid_body._pinocchio_casadi.cache_clear()
+    monkeypatch.delenv(dynamics.ENVIRONMENT_VARIABLE, raising=False)
+    dynamics._pinocchio_casadi.cache_clear()
     yield monkeypatch
-    rigid_body._pinocchio_casadi.cache_clear()
+    dynamics._pinocchio_casadi.cache_clear()
 
 
 def fails(error: ImportError) -> Callable[[str], None]:

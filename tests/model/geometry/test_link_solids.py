@@ -10,8 +10,13 @@ from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 from geodesic_ocp.model.formats.robots import folder
-from geodesic_ocp.model.geometry.exact_distances import exact_distance, is_closer, joint_poses
-from geodesic_ocp.model.geometry.link_solids import link_solids, reach_bound
+from geodesic_ocp.model.link_solids import (
+    exact_distance,
+    is_closer,
+    joint_poses,
+    link_solids,
+    reach_bound,
+)
 
 ARM = """<robot name="balls"><link name="base">{ball}</link>
   <link name="upper">{inertia}{ball}</link><link name="lower">{inertia}{ball}</link>

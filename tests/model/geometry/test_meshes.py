@@ -15,12 +15,8 @@ from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 from geodesic_ocp.model.formats.robots import ROBOTS, folder
-from geodesic_ocp.model.geometry.look.simplified import simplified
-from geodesic_ocp.model.geometry.meshes import (
-    MAX_TRIANGLES,
-    Mesh,
-    meshes,
-)
+from geodesic_ocp.model.look import Mesh, simplified
+from geodesic_ocp.model.meshes import MAX_TRIANGLES, meshes
 
 SHAPES = {
     "box": '<box size="0.2 0.4 0.6"/>',

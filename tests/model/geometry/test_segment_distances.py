@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from geodesic_ocp.model.geometry.segment_distances import segment_distances
-from geodesic_ocp.model.geometry.signed_distances import line_segment, segment_distance
+from geodesic_ocp.model.distances import line_segment, segment_distance, segment_distances
 from geodesic_ocp.model.primitives import Capsule
 
 

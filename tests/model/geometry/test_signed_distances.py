@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import geodesic_ocp as go
-from geodesic_ocp.model.geometry.signed_distances import LineSegment, segment_distance
+from geodesic_ocp.model.distances import LineSegment, segment_distance
 
 
 def segment(start: Any, end: Any) -> LineSegment:

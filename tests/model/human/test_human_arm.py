@@ -13,7 +13,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.model.human.anthropometry import Sex
+from geodesic_ocp.model.anthropometry import Sex
 
 CHAIN = ("Sx", "Sz", "Sy", "Ex", "Ez", "Wx", "Wy")
 

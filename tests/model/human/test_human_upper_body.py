@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.model.human.anthropometry import trunk
+from geodesic_ocp.model.anthropometry import trunk
 
 TRUNK, RIGHT, LEFT = slice(0, 6), slice(6, 13), slice(13, 20)
 

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 from geodesic_ocp.model.formats.robots import ROBOTS, folder
-from geodesic_ocp.model.inertias.known_armature import robot_armature, with_rotor_inertia
+from geodesic_ocp.model.inertias import robot_armature, with_rotor_inertia
 
 
 def robot(name: str) -> go.Model:

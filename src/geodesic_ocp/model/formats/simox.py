@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.human.human_arm import DEFAULT_HEIGHT, DEFAULT_MASS, as_stature
+from geodesic_ocp.model.human import DEFAULT_HEIGHT, DEFAULT_MASS, as_stature
 
 _LENGTHS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}  # [m]
 _ANGLES = {"radian": 1.0, "rad": 1.0, "degree": np.pi / 180.0, "deg": np.pi / 180.0}  # [rad]
