@@ -91,7 +91,7 @@ def _openblas() -> ctypes.CDLL | None:
     return library if hasattr(library, "scipy_openblas_set_num_threads") else None
 
 
-# Use of the interpreted functions after which a library is worth its making [s].
+# Use of CasADi's functions after which a library is worth its making [s].
 _FIRST_WORTHWHILE = 0.2
 # Use of TinyCC's library after which an optimized one is worth its making [s].
 _WORTHWHILE = 0.5
@@ -124,15 +124,31 @@ class Library:
         self._used = self._not_noted = 0.0
 
     @property
-    def compiler(self) -> Compiler | None:
-        """The compiler of the library that is loaded."""
-        return None if self._loaded is None else self._loaded[1]
+    def loaded(self) -> bool:
+        """Whether the library is in use."""
+        return self._loaded is not None
+
+    @property
+    def compiler_name(self) -> str:
+        """Name of the compiler of the library that is loaded; empty if there is none."""
+        return "" if self._loaded is None else self._loaded[1].name
+
+    @property
+    def file(self) -> str:
+        """Path of the library, which also has CasADi's functions; empty if there is none."""
+        handle = self.handle(True)
+        return "" if handle is None else handle._name
+
+    def available(self, at_once: bool = True) -> bool:
+        """Whether there is a library, in the terms of `handle`."""
+        return self.handle(at_once) is not None
 
     def handle(self, at_once: bool) -> ctypes.CDLL | None:
         """The library; None where there is no compiler, or none that works.
 
         Args:
-            at_once: compile if none is stored; otherwise only after some use.
+            at_once: compile if none is stored; otherwise only after some use of CasADi's functions
+                in its place (`used`).
         """
         if self._loaded is None:
             with self._lock:
@@ -140,7 +156,7 @@ class Library:
         return None if self._loaded is None else self._loaded[0]
 
     def used(self, seconds: float) -> None:
-        """Report for how long the functions have been computing."""
+        """Report for how long the functions have been computing, compiled or by CasADi [s]."""
         self._used += seconds
         if self._loaded is None or not self._untried:
             return
@@ -169,7 +185,7 @@ class Library:
         if self._failures and not (self._loaded or self._untried or self._is_building):
             reasons, self._failures = "; ".join(self._failures), []
             warnings.warn(
-                f"functions stay interpreted, and slower: {reasons}", RuntimeWarning, stacklevel=2
+                f"functions are not compiled, and slower: {reasons}", RuntimeWarning, stacklevel=2
             )
 
     def _start_building(self) -> None:

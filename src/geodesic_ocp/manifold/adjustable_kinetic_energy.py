@@ -87,15 +87,7 @@ class AdjustableKineticEnergy(ModelMetric):
             raise ValueError("height_ratio: the model has prismatic joints, which do not scale")
 
     def __repr__(self) -> str:
-        shown = [self.model.name, f"armature {_shown(self.armature or ())}"]
-        for name in ("payload", *_POSITIVE):
-            value = getattr(self, name)
-            if isinstance(value, ca.SX) or value != type(self).__dataclass_fields__[name].default:
-                shown.append(f"{name} {_shown((value,))}")
-        for name, default in zip(_PER_JOINT[1:], (0.0, 1.0, 1.0), strict=True):
-            if any(isinstance(entry, ca.SX) or entry != default for entry in getattr(self, name)):
-                shown.append(f"{name} {_shown(getattr(self, name))}")
-        return f"AdjustableKineticEnergy({', '.join(shown)})"
+        return f"AdjustableKineticEnergy({self.model.name}: {self.description})"
 
     @property
     def description(self) -> str:

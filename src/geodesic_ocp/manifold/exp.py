@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, as_vector, real_array
 from geodesic_ocp.errors import IntegrationFailed
+from geodesic_ocp.manifold.kernels import Integrator
 from geodesic_ocp.manifold.metric import Metric, as_metric, has_compiled_code
 from geodesic_ocp.over_rows import over_rows
 
@@ -145,8 +146,10 @@ def integrate_geodesic(
             states = metric.kernels.integrate(start, times, step_tolerance, max_steps)
         else:
             began = time.perf_counter()
-            states = metric.geodesic_integrator(start, times, step_tolerance, max_steps=max_steps)
-            metric.kernels.interpreted(time.perf_counter() - began)
+            states = Integrator(metric.geodesic_equation)(
+                start, times, step_tolerance, max_steps=max_steps
+            )
+            metric.kernels.used(time.perf_counter() - began)
     except IntegrationFailed as failure:
         state = np.asarray(failure.state)
         reached = state[: metric.dim]
@@ -170,7 +173,7 @@ def exp_with_derivative(
     """Exp_q(v), (n,), and its derivative with respect to v, (n, n).
 
     Column j is the Jacobi field J with J(0) = 0 and J'(0) = e_j at time 1. If the derivative is
-    singular, Exp_q(v) is conjugate to q along the geodesic. Interpreted, the geodesic equation is
+    singular, Exp_q(v) is conjugate to q along the geodesic. By SciPy, the geodesic equation is
     integrated together with its variational equation. Compiled, n + 1 geodesics are integrated:
     their differences give the derivative to about five digits, in a fraction of the time.
 
@@ -181,7 +184,8 @@ def exp_with_derivative(
         return _by_differences(metric, q, v, max_steps)
     n = metric.dim
     start = np.concatenate([q, v, np.zeros(n * n), np.eye(n).ravel()])
-    states = metric.variation_integrator(start, _UNIT_INTERVAL, step_tolerance, max_steps=max_steps)
+    integrate = Integrator(metric.variation_equation)
+    states = integrate(start, _UNIT_INTERVAL, step_tolerance, max_steps=max_steps)
     return states[-1, :n], states[-1, 2 * n : (2 + n) * n].reshape(n, n).T
 
 

@@ -10,7 +10,6 @@ kind,
 from __future__ import annotations
 
 import functools
-from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -124,10 +123,6 @@ class Metric(MetricFunctions):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}(dim={self.dim})"
-
-    @abstractmethod
-    def matrix(self, q: Any) -> Any:
-        """Metric tensor G(q), (n, n), symmetric and positive definite."""
 
     def __init_subclass__(cls, **keywords: Any) -> None:
         super().__init_subclass__(**keywords)
