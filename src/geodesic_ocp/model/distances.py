@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_vector, is_symbolic
+from geodesic_ocp.arrays import Array, as_vector, evaluate, is_symbolic
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Ball, Body, Capsule, HalfSpace, Obstacle, as_capsule
 
@@ -38,6 +38,11 @@ class LineSegment:
         """Its end (3, 1)."""
         return self.start + self.along
 
+    @property
+    def ends(self) -> list[ca.SX]:
+        """Both ends, of which the minimum of a distance would not be smooth; one of a point."""
+        return [self.start] if self.is_point else [self.start, self.end]
+
 
 def line_segment(
     capsule: Capsule, rotation: ca.SX | None = None, position: ca.SX | None = None
@@ -52,26 +57,24 @@ def line_segment(
 
 def segment_distance(one: LineSegment, other: LineSegment) -> ca.SX:
     """Distance between two segments."""
+    here, there = _closest_points(one, other)
+    return ca.SX(ca.sqrt(ca.sumsqr(here - there) + _TOUCHING))
+
+
+def _closest_points(one: LineSegment, other: LineSegment) -> tuple[ca.SX, ca.SX]:
+    """The points (3, 1) at which two segments come closest, from the start of the other."""
     between, u, w = one.start - other.start, one.along, other.along
     c, f = ca.dot(u, between), ca.dot(w, between)
     s, t = _fractions(one.square, ca.dot(u, w), other.square, c, f, _PARALLEL)
-    return ca.SX(ca.sqrt(ca.sumsqr(between + s * u - t * w) + _TOUCHING))
+    return between + s * u, t * w
 
 
 def segment_distances(start: Array, end: Array, other_start: Array, other_end: Array) -> Array:
-    """Distances (...) [m] between segments, whose ends are (..., 3) each."""
-    here, there = _closest_points(start, end, other_start, other_end)
-    return np.asarray(np.linalg.norm(here - there, axis=-1))
-
-
-def _closest_points(
-    start: Array, end: Array, other_start: Array, other_end: Array
-) -> tuple[Array, Array]:
-    """The points (..., 3) [m] at which segments come closest, whose ends are (..., 3) each."""
+    """Distances (...) [m] between segments, whose ends are (..., 3) each: numbers, many at once."""
     u, w, between = end - start, other_end - other_start, start - other_start
     c, f = _dot(u, between), _dot(w, between)
     s, t = _fractions(_dot(u, u), _dot(u, w), _dot(w, w), c, f)
-    return start + s[..., None] * u, other_start + t[..., None] * w
+    return np.asarray(np.linalg.norm(between + s[..., None] * u - t[..., None] * w, axis=-1))
 
 
 def _dot(one: Array, other: Array) -> Array:
@@ -250,10 +253,8 @@ def _bodies_of_links(model: Model, links: Sequence[str], argument: str) -> list[
 def _distances(model: Model, q: ca.SX, body: Body, obstacle: Obstacle) -> list[ca.SX]:
     one = _segment(model, q, body)
     if isinstance(obstacle, HalfSpace):
-        # Both ends, as the minimum of the two would not be smooth.
-        ends = [one.start] if one.is_point else [one.start, one.end]
         normal, point = ca.DM(obstacle.normal), ca.SX(obstacle.point)
-        return [ca.dot(normal, end - point) - body.radius for end in ends]
+        return [ca.dot(normal, end - point) - body.radius for end in one.ends]
     distance = segment_distance(one, _segment(model, q, obstacle))
     return [distance - (body.radius + obstacle.radius)]
 
@@ -298,11 +299,20 @@ def nearest_points(
     Raises:
         ValueError: an obstacle depends on symbols, or see `signed_distances`.
     """
-    found: dict[str, NearestPoints] = {}
+    x, expressions = ca.SX.sym("q", model.dof), dict[str, Any]()
     for name, body, other in bodies_apart(model, obstacles, links, pairs):
-        for nearest in _nearest(model, q, body, other):
-            _add_named(found, name, nearest)
-    return found
+        for nearest in _nearest(model, x, body, other):
+            _add_named(expressions, name, ca.vertcat(*nearest))
+    if not expressions:
+        return {}
+    values = evaluate(
+        ca.Function("nearest_points", [x], [ca.vertcat(*expressions.values())]).map(len(q)), q.T
+    )
+    parts = np.split(values.T, len(expressions), axis=1)
+    return {
+        name: NearestPoints(part[:, :3], part[:, 3:6], part[:, 6])
+        for name, part in zip(expressions, parts, strict=True)
+    }
 
 
 def has_symbols(obstacle: Obstacle) -> bool:
@@ -313,35 +323,23 @@ def has_symbols(obstacle: Obstacle) -> bool:
     return is_symbolic(body.start, body.end, body.radius)
 
 
-def _nearest(model: Model, q: Array, body: Body, other: Obstacle) -> list[NearestPoints]:
+def _nearest(
+    model: Model, q: ca.SX, body: Body, other: Obstacle
+) -> list[tuple[ca.SX, ca.SX, ca.SX]]:
+    """Points on the surface of either (3, 1), and the distance of `_distances`."""
     if has_symbols(other):
         raise ValueError(f"obstacles must be numbers here, got {other!r}")
-    ends, radius = _segments(model, q, body), body.radius
+    one, distances = _segment(model, q, body), _distances(model, q, body, other)
     if isinstance(other, HalfSpace):
-        normal = np.array(other.normal)
-        used = ends[:1] if np.array_equal(*_ends(body)) else ends
-        heights = [(end - np.array(other.point)) @ normal for end in used]
+        normal = ca.DM(other.normal)
+        starts = [end - body.radius * normal for end in one.ends]
         return [
-            NearestPoints(end - radius * normal, end - height[:, None] * normal, height - radius)
-            for end, height in zip(used, heights, strict=True)
+            (start, start - apart * normal, apart)
+            for start, apart in zip(starts, distances, strict=True)
         ]
-    here, there = _closest_points(*ends, *_segments(model, q, other))
-    apart = np.linalg.norm(there - here, axis=1)
-    # Segments that intersect have no direction; any one serves.
-    direction = np.tile([0.0, 0.0, 1.0], (len(q), 1))
-    np.divide(there - here, apart[:, None], out=direction, where=apart[:, None] > 0.0)
-    starts, stops = here + radius * direction, there - other.radius * direction
-    return [NearestPoints(starts, stops, apart - (radius + other.radius))]
-
-
-def _ends(body: Body) -> tuple[Array, Array]:
-    capsule = as_capsule(body)
-    return np.array(capsule.start), np.array(capsule.end)
-
-
-def _segments(model: Model, q: Array, body: Body) -> list[Array]:
-    """Both ends (k, 3) [m] of the segment of a capsule in the base frame."""
-    if body.link is None:
-        return [np.tile(end, (len(q), 1)) for end in _ends(body)]
-    rotations, positions = model.frame_pose(body.link, q)
-    return [rotations @ end + positions for end in _ends(body)]
+    second = _segment(model, q, other)
+    here, there = (second.start + each for each in _closest_points(one, second))
+    apart = distances[0] + (body.radius + other.radius)
+    direction = (there - here) / apart
+    start, end = here + body.radius * direction, there - other.radius * direction
+    return [(start, end, distances[0])]

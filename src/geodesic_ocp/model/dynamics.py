@@ -20,9 +20,9 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from geodesic_ocp.arrays import as_vector, evaluate, is_symbolic
+from geodesic_ocp.arrays import Array, as_vector, evaluate, is_symbolic
 from geodesic_ocp.model import rigid_body
-from geodesic_ocp.model.joints import configuration, motion_subspace, without_noise
+from geodesic_ocp.model.joints import without_noise
 
 BACKENDS = ("pinocchio.casadi", "built-in")
 ENVIRONMENT_VARIABLE = "GEODESIC_OCP_BACKEND"
@@ -33,18 +33,16 @@ NOT_INSTALLED = (
 
 
 class _PinocchioCasadi:
-    """Pinocchio's algorithms instantiated on casadi.SX."""
+    """Pinocchio's algorithms instantiated on casadi.SX, for joints of one coordinate each."""
 
     def __init__(self, module: Any) -> None:
         self._cpin = module
 
     def mass_matrix(self, model: pin.Model, q: ca.SX) -> ca.SX:
-        for index in range(1, model.njoints):
-            motion_subspace(model, index)  # rejects the same joints as the built-in one
         if not _numbered_depth_first(model):
             return self._mass_matrix_by_columns(model, q)
         symbolic = self._symbolic(model)
-        matrix = self._cpin.crba(symbolic, symbolic.createData(), configuration(model, q))
+        matrix = self._cpin.crba(symbolic, symbolic.createData(), q)
         symmetric = ca.triu2symm(ca.triu(matrix))  # crba fills the upper triangle only
         return _unless_larger(symmetric, rigid_body.mass_matrix(model, q))
 
@@ -52,15 +50,13 @@ class _PinocchioCasadi:
         bare = model.copy()
         bare.armature = np.zeros(model.nv)  # which Pinocchio omits for joints of any axis
         symbolic = self._symbolic(bare)
-        data, full = symbolic.createData(), configuration(model, q)
-        energy = ca.SX(self._cpin.computeKineticEnergy(symbolic, data, full, v))
+        energy = ca.SX(self._cpin.computeKineticEnergy(symbolic, symbolic.createData(), q, v))
         energy += ca.dot(ca.DM(model.armature), v**2) / 2
         return _unless_larger(energy, rigid_body.kinetic_energy(model, q, v))
 
     def coriolis_force(self, model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
         symbolic = self._symbolic(_weightless(model))
-        data, full = symbolic.createData(), configuration(model, q)
-        force = ca.SX(self._cpin.nonLinearEffects(symbolic, data, full, v))
+        force = ca.SX(self._cpin.nonLinearEffects(symbolic, symbolic.createData(), q, v))
         return _unless_larger(force, rigid_body.coriolis_force(model, q, v))
 
     def inverse_dynamics(
@@ -69,8 +65,8 @@ class _PinocchioCasadi:
         bare = _weightless(model)
         bare.armature = np.zeros(model.nv)  # which Pinocchio omits for joints of any axis
         symbolic = self._symbolic(bare)
-        data, full = symbolic.createData(), configuration(model, q)
-        force = ca.SX(self._cpin.rnea(symbolic, data, full, v, a)) + ca.DM(model.armature) * a
+        force = ca.SX(self._cpin.rnea(symbolic, symbolic.createData(), q, v, a))
+        force += ca.DM(model.armature) * a
         # The weight is the derivative of the potential energy, for gravity in any direction.
         for axis, unit in enumerate(np.eye(3)):
             bare.gravity = pin.Motion(unit, np.zeros(3))
@@ -91,7 +87,7 @@ class _PinocchioCasadi:
         symbolic = self._symbolic(_weightless(model))
         data, still = symbolic.createData(), ca.SX.zeros(model.nv)
         columns = [
-            ca.SX(self._cpin.rnea(symbolic, data, configuration(model, q), still, unit))
+            ca.SX(self._cpin.rnea(symbolic, data, q, still, unit))
             for unit in ca.horzsplit(ca.SX.eye(model.nv))
         ]
         return _unless_larger(ca.horzcat(*columns), rigid_body.mass_matrix(model, q))
@@ -99,14 +95,13 @@ class _PinocchioCasadi:
     def frame_pose(self, model: pin.Model, q: ca.SX, frame: int) -> tuple[ca.SX, ca.SX]:
         symbolic = self._symbolic(model)
         data = symbolic.createData()
-        self._cpin.framesForwardKinematics(symbolic, data, configuration(model, q))
+        self._cpin.framesForwardKinematics(symbolic, data, q)
         pose = data.oMf[frame]
         return ca.densify(ca.SX(pose.rotation)), ca.densify(ca.SX(pose.translation))
 
     def potential_energy(self, model: pin.Model, q: ca.SX) -> ca.SX:
         symbolic = self._symbolic(model)
-        data = symbolic.createData()
-        return ca.SX(self._cpin.computePotentialEnergy(symbolic, data, configuration(model, q)))
+        return ca.SX(self._cpin.computePotentialEnergy(symbolic, symbolic.createData(), q))
 
 
 def _weightless(model: pin.Model) -> pin.Model:
@@ -198,21 +193,14 @@ class SymbolicFunctions:
         function = self._built["inverse_dynamics"]
         if is_symbolic(q, v, a, gravity):
             return function(q, v, a, gravity)
-        free_fall = as_vector("gravity", gravity, 3)
+        fall = as_vector("gravity", gravity, 3)
         if np.ndim(q) < 2:
-            state = self._checked(q=q, v=v, a=a)
-            return evaluate(function, *state, free_fall)[:, 0]
-        rows = [np.asarray(each, dtype=float) for each in (q, v, a)]
-        for name, each in zip("qva", rows, strict=True):
-            if each.shape != (len(rows[0]), self.pin.nv) or not np.all(np.isfinite(each)):
-                raise ValueError(
-                    f"{name} must be finite, of shape ({len(rows[0])}, {self.pin.nv}), "
-                    f"got {each.shape}"
-                )
-        if len(rows[0]) == 0:
+            return evaluate(function, *self._checked(q=q, v=v, a=a), fall)[:, 0]
+        rows = [self._rows(*each, len(q)) for each in zip("qva", (q, v, a), strict=True)]
+        if len(q) == 0:
             return np.zeros((0, self.pin.nv))
-        fall = np.repeat(free_fall[:, None], len(rows[0]), axis=1)
-        return evaluate(function.map(len(rows[0])), *(each.T for each in rows), fall).T
+        falls = np.repeat(fall[:, None], len(q), axis=1)
+        return evaluate(function.map(len(q)), *rows, falls).T
 
     def jacobian(self, frame: int, q: Any) -> Any:
         """Jacobian (6, n) of a frame: linear, then angular velocity, in base frame axes."""
@@ -224,10 +212,7 @@ class SymbolicFunctions:
         if is_symbolic(q) or np.ndim(q) < 2:
             rotation, position = evaluate(function, *self._checked(q=q))
             return rotation, position if is_symbolic(q) else position[:, 0]
-        rows = np.asarray(q, dtype=float)
-        if rows.ndim != 2 or rows.shape[1] != self.pin.nv or not np.all(np.isfinite(rows)):
-            raise ValueError(f"q must be finite, of shape (k, {self.pin.nv}), got {rows.shape}")
-        rotations, positions = evaluate(function.map(len(rows)), rows.T)
+        rotations, positions = evaluate(function.map(len(q)), self._rows("q", q, len(q)))
         return rotations.reshape(3, -1, 3).transpose(1, 0, 2), positions.reshape(3, -1).T
 
     @property
@@ -258,6 +243,14 @@ class SymbolicFunctions:
                 "hand_jacobian", [q], [ca.densify(ca.cse(jacobian))], ["q"], ["J"]
             )
         return self._built[key]
+
+    def _rows(self, name: str, values: Any, count: int) -> Array:
+        """Values (k, n) as columns (n, k)."""
+        rows = np.asarray(values, dtype=float)
+        if rows.shape != (count, self.pin.nv) or not np.all(np.isfinite(rows)):
+            wanted = f"(k, {self.pin.nv}) with k = {count}"
+            raise ValueError(f"{name} must be finite, of shape {wanted}, got {rows.shape}")
+        return rows.T
 
     def _checked(self, **vectors: Any) -> list[Any]:
         if is_symbolic(*vectors.values()):

@@ -1,12 +1,8 @@
 """Models of a person: the right or left arm, and the upper body.
 
-Kinematic chain, joint limits and tool centre point follow the reference model of the Master Motor
-Map (Terlemez et al., "Master Motor Map (MMM): framework and toolkit for capturing, representing,
-and reproducing human motion on humanoid robots", Humanoids 2014).
-
-Kinematic chain, joint limits and inertias are those of the reference model of the Master Motor Map
-(Terlemez et al., "Master Motor Map (MMM): framework and toolkit for capturing, representing, and
-reproducing human motion on humanoid robots", Humanoids 2014).
+Kinematic chains, joint limits, tool centre points and inertias are those of the reference model of
+the Master Motor Map (Terlemez et al., "Master Motor Map (MMM): framework and toolkit for capturing,
+representing, and reproducing human motion on humanoid robots", Humanoids 2014).
 """
 
 from __future__ import annotations
@@ -37,26 +33,33 @@ _TOOL_CENTRE = {"right": (-0.015, 0.0, -0.037), "left": (0.015, 0.0, -0.037)}  #
 # Winter, Biomechanics and Motor Control of Human Movement, tables of length and density.
 _HAND_LENGTH = 0.108  # [height], to the fingertips
 _DENSITY = {"upper arm": 1070.0, "forearm": 1130.0, "hand": 1160.0}  # [kg/m^3]
-_LIMITS = {  # [rad]
-    "right": {
-        "Sx": (-1.22173, 3.31613),
-        "Sz": (-1.0472, 1.22173),
-        "Sy": (-2.79253, 0.0),
-        "Ex": (0.0, 2.79253),
-        "Ez": (-1.5708, 1.5708),
-        "Wx": (-0.523599, 0.349066),
-        "Wy": (-1.5708, 1.22173),
-    },
+_RIGHT_LIMITS = {  # [rad]
+    "Sx": (-1.22173, 3.31613),
+    "Sz": (-1.0472, 1.22173),
+    "Sy": (-2.79253, 0.0),
+    "Ex": (0.0, 2.79253),
+    "Ez": (-1.5708, 1.5708),
+    "Wx": (-0.523599, 0.349066),
+    "Wy": (-1.5708, 1.22173),
+}
+_LIMITS = {  # those of the left arm are mirrored
+    "right": _RIGHT_LIMITS,
     "left": {
-        "Sx": (-1.22173, 3.31613),
-        "Sz": (-1.22173, 1.0472),
-        "Sy": (0.0, 2.79253),
-        "Ex": (0.0, 2.79253),
-        "Ez": (-1.5708, 1.5708),
-        "Wx": (-0.523599, 0.349066),
-        "Wy": (-1.22173, 1.5708),
+        joint: (low, high) if joint.endswith("x") else (0.0 - high, 0.0 - low)
+        for joint, (low, high) in _RIGHT_LIMITS.items()
     },
 }
+# Winter, Biomechanics and Motor Control of Human Movement, table of densities: abdomen and pelvis,
+# thorax, head and neck.
+_UPPER_BODY_DENSITY = {"abdomen": 1010.0, "thorax": 920.0, "head": 1110.0}  # [kg/m^3]
+_JOINTS = {"x": pin.JointModelRX, "z": pin.JointModelRZ, "y": pin.JointModelRY}
+_SPINE_LIMITS = {  # [rad]
+    "BP": {"x": (-0.872665, 0.610865), "z": (-0.785398, 0.785398), "y": (-0.349066, 0.349066)},
+    "BT": {"x": (-0.610865, 0.471239), "z": (-0.628319, 0.628319), "y": (-0.349066, 0.349066)},
+}
+# The proportions of the tables differ by more than a hundredth from each other only in part: the
+# nearest table is taken.
+_TABLES = (("winter", None), ("de_leva", "male"), ("de_leva", "female"))
 
 
 def as_stature(height: float, mass: float) -> tuple[float, float]:
@@ -210,16 +213,6 @@ def cylinder_radius(mass: float, density: float, length: float) -> float:
     return float(np.sqrt(mass / density / (np.pi * length)))
 
 
-# Winter, Biomechanics and Motor Control of Human Movement, table of densities: abdomen and pelvis,
-# thorax, head and neck.
-_UPPER_BODY_DENSITY = {"abdomen": 1010.0, "thorax": 920.0, "head": 1110.0}  # [kg/m^3]
-_JOINTS = {"x": pin.JointModelRX, "z": pin.JointModelRZ, "y": pin.JointModelRY}
-_SPINE_LIMITS = {  # [rad]
-    "BP": {"x": (-0.872665, 0.610865), "z": (-0.785398, 0.785398), "y": (-0.349066, 0.349066)},
-    "BT": {"x": (-0.610865, 0.471239), "z": (-0.628319, 0.628319), "y": (-0.349066, 0.349066)},
-}
-
-
 def human_upper_body(
     height: float = DEFAULT_HEIGHT,
     mass: float = DEFAULT_MASS,
@@ -302,11 +295,6 @@ def _add_trunk_joint(model: pin.Model, parent: int, name: str, distance: float) 
         parent = add_joint(model, parent, joint_type(), placement, f"{name}{axis}_joint", limits)
         distance = 0.0
     return parent
-
-
-# The proportions of the tables differ by more than a hundredth from each other only in part: the
-# nearest table is taken.
-_TABLES = (("winter", None), ("de_leva", "male"), ("de_leva", "female"))
 
 
 def stature(model: Model) -> float | None:

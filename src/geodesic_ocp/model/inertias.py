@@ -219,14 +219,14 @@ def inertia_scale(model: Model) -> Array:
     those of an arm or of the trunk: mass and reach are those from the first of them on.
     """
     joints = sorted(range(1, model.pin.njoints), key=lambda index: model.pin.joints[index].idx_v)
-    several = len(model.hands) > 1
+    masses, several = _carried_masses(model.pin), len(model.hands) > 1
     result, found = [], dict[tuple[int, ...], tuple[float, float]]()
     for joint, unit in zip(joints, model.units, strict=True):
         hands = _hands_behind(model, joint) if several else ()
         if (key := hands or (-_root(model, joint),)) not in found:
             start = _first(model, joint, hands) if hands else _root(model, joint)
             reach = _reach(model, start, hands) if hands else model.reach
-            found[key] = _mass_behind(model, start), reach
+            found[key] = masses[start], reach
         mass, reach = found[key]
         result.append(mass * reach**2 if unit == "rad" else mass)
     return np.array(result)
@@ -251,15 +251,6 @@ def _first(model: Model, joint: int, hands: tuple[int, ...]) -> int:
     """The first joint, from the base on, that moves the same hands."""
     chain = [int(index) for index in list(model.pin.supports[joint])[1:]]
     return next(index for index in chain if _hands_behind(model, index) == hands)
-
-
-def _mass_behind(model: Model, joint: int) -> float:
-    """Mass [kg] that a joint moves."""
-    return sum(
-        float(model.pin.inertias[index].mass)
-        for index in range(1, model.pin.njoints)
-        if joint in list(model.pin.supports[index])
-    )
 
 
 def _reach(model: Model, joint: int, hands: tuple[int, ...]) -> float:

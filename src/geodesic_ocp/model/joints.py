@@ -6,13 +6,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import pinocchio as pin
 import scipy
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_number, is_symbolic, real_array
+from geodesic_ocp.arrays import Array, as_number, real_array
 
 _ROUNDING = 1e-15
 
@@ -34,17 +33,16 @@ def motion_subspace(model: pin.Model, index: int) -> Array:
     return np.array(data.S, dtype=float).reshape(6)
 
 
-def configuration(model: pin.Model, q: Any) -> Any:
+def configuration(model: pin.Model, q: Array) -> Array:
     """Pinocchio's configuration vector (nq,) for the joint coordinates q (nv,).
 
     They differ for continuous joints, which Pinocchio stores as cosine and sine of the angle.
     """
-    entries: list[Any] = []
-    cos, sin = (ca.cos, ca.sin) if is_symbolic(q) else (np.cos, np.sin)
+    entries: list[float] = []
     for joint in list(model.joints)[1:]:
         coordinate = q[joint.idx_v]
-        entries += [coordinate] if joint.nq == 1 else [cos(coordinate), sin(coordinate)]
-    return ca.vertcat(*entries) if is_symbolic(q) else np.array(entries, dtype=float)
+        entries += [coordinate] if joint.nq == 1 else [np.cos(coordinate), np.sin(coordinate)]
+    return np.array(entries, dtype=float)
 
 
 @contextmanager

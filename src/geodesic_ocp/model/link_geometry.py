@@ -16,7 +16,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, real_array
-from geodesic_ocp.model.primitives import Ball, Body, Capsule, Point
+from geodesic_ocp.model.primitives import Ball, Body, Capsule, Point, as_capsule
 
 _FLAT_CAPSULE = 1e-12  # [m]
 _MAX_EVALUATIONS = 1500
@@ -121,16 +121,17 @@ class LinkGeometry:
         """Capsules and spheres in the frames of the links.
 
         Raises:
-            ValueError: a mesh is missing or cannot be read.
+            ValueError: see `collision`.
         """
-        geometry, capsules = self.collision()
-        return (*_bodies(self.pin, geometry, self.name), *capsules)
+        return tuple(enclosing_body(*part) for part in self.collision())
 
-    def collision(self) -> tuple[pin.GeometryModel, tuple[Body, ...]]:
-        """Collision geometry of the links, and the capsules of a URDF, which Pinocchio cannot read.
+    def collision(self) -> list[tuple[Any, pin.SE3, str]]:
+        """Shapes of coal, each with its placement in the frame of a link, and the link.
+
+        Floors are left out.
 
         Raises:
-            ValueError: a mesh is missing or cannot be read.
+            ValueError: a mesh is missing or cannot be read, or no capsule encloses a shape.
         """
         self._check()
         try:
@@ -140,7 +141,20 @@ class LinkGeometry:
             raise ValueError(
                 f"{self.name}: its collision geometry cannot be read: {reason}"
             ) from None
-        return geometry, tuple(self._capsules())
+        parts = []
+        for each in geometry.geometryObjects:
+            frame = self.pin.frames[each.parentFrame]
+            kind = type(each.geometry).__name__
+            if kind in ("Halfspace", "Plane"):  # a floor, not a link
+                continue
+            if kind not in ("Sphere", "Capsule") and points_of(each.geometry) is None:
+                raise ValueError(
+                    f"{self.name}: the collision geometry of {frame.name!r} is a {kind}, which "
+                    "cannot be enclosed in a capsule; use Model.with_bodies"
+                )
+            at_link = frame.placement.actInv(each.placement)
+            parts.append((each.geometry, at_link, str(frame.name)))
+        return parts + [shape_of(body) for body in self._capsules()]
 
     def visual(self) -> tuple[pin.GeometryModel, tuple[Body, ...]]:
         """Visual geometry of the links, and the capsules of a URDF, which Pinocchio cannot read.
@@ -203,27 +217,31 @@ def _shapes_of_urdf(
     return [(link, shape) for link in links for shape in link.findall(tag)]
 
 
-def _bodies(model: pin.Model, geometry: pin.GeometryModel, name: str) -> Iterator[Body]:
-    for shape in geometry.geometryObjects:
-        frame = model.frames[shape.parentFrame]
-        link = str(frame.name)
-        at_link = frame.placement.actInv(shape.placement)
-        kind = type(shape.geometry).__name__
-        if kind == "Sphere":
-            yield Ball(tuple(at_link.translation), float(shape.geometry.radius), link)
-        elif kind == "Capsule":
-            along = at_link.rotation[:, 2] * shape.geometry.halfLength
-            ends = tuple(at_link.translation - along), tuple(at_link.translation + along)
-            yield Capsule(*ends, float(shape.geometry.radius), link)
-        elif kind not in ("Halfspace", "Plane"):  # a floor, not a link
-            points = points_of(shape.geometry)
-            if points is None:
-                raise ValueError(
-                    f"{name}: the collision geometry of {link!r} is a {kind}, which cannot be "
-                    "enclosed in a capsule; use Model.with_bodies"
-                )
-            placed = points @ at_link.rotation.T + at_link.translation
-            yield enclosing_capsule(placed, link)
+def enclosing_body(shape: Any, placement: pin.SE3, link: str) -> Body:
+    """The ball or capsule that a shape of coal is, or a capsule around it, at its placement."""
+    kind, centre = type(shape).__name__, placement.translation
+    if kind == "Sphere":
+        return Ball(tuple(centre), float(shape.radius), link)
+    if kind == "Capsule":
+        along = placement.rotation[:, 2] * shape.halfLength
+        return Capsule(tuple(centre - along), tuple(centre + along), float(shape.radius), link)
+    points = points_of(shape)
+    assert points is not None  # as `LinkGeometry.collision` makes sure
+    return enclosing_capsule(points @ placement.rotation.T + centre, link)
+
+
+def shape_of(body: Body) -> tuple[Any, pin.SE3, str]:
+    """A ball or capsule as a shape of coal with its placement and link."""
+    capsule = as_capsule(body)
+    start, end = np.array(capsule.start), np.array(capsule.end)
+    length, middle = float(np.linalg.norm(end - start)), (start + end) / 2.0
+    if length == 0.0:
+        shape, rotation = pin.coal.Sphere(body.radius), np.eye(3)
+    else:
+        z = np.array([0.0, 0.0, 1.0])
+        shape = pin.coal.Capsule(body.radius, length)
+        rotation = pin.Quaternion.FromTwoVectors(z, (end - start) / length).matrix()
+    return shape, pin.SE3(rotation, middle), str(body.link)
 
 
 def points_of(shape: Any) -> Array | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -11,10 +11,10 @@ import numpy as np
 import pinocchio as pin
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.joints import configuration, frame_index, motion_subspace
-from geodesic_ocp.model.link_geometry import LinkGeometry, enclosing_capsule, points_of
+from geodesic_ocp.model.joints import frame_index, motion_subspace
+from geodesic_ocp.model.link_geometry import LinkGeometry, enclosing_body, points_of, shape_of
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.primitives import Body, Capsule, as_capsule
+from geodesic_ocp.model.primitives import Capsule, as_capsule
 
 _FLAT = 1e-4  # relative to the size of a mesh: rounding of its vertices
 
@@ -43,24 +43,14 @@ class LinkSolid:
 
     @cached_property
     def capsules(self) -> tuple[Capsule, ...]:
-        """Capsules that contain the shapes, one for each."""
-        return tuple(self._capsule(shape, placement) for shape, placement in self.shapes)
+        """Capsules that contain the shapes, one for each: the bodies of `Model.bodies`."""
+        into_link = self.at_joint.inverse()
+        bodies = (enclosing_body(shape, into_link * at, self.link) for shape, at in self.shapes)
+        return tuple(self._on_joint(as_capsule(body)) for body in bodies)
 
-    def _capsule(self, shape: Any, placement: Any) -> Capsule:
-        kind = type(shape).__name__
-        if kind in ("Sphere", "Capsule"):
-            half = float(shape.halfLength) if kind == "Capsule" else 0.0
-            along = placement.rotation[:, 2] * half
-            centre = placement.translation
-            return Capsule(
-                tuple(centre - along), tuple(centre + along), float(shape.radius), None, self.link
-            )
-        points = points_of(shape)
-        assert points is not None  # as `link_solids` makes sure
-        at_link = self.at_joint.inverse() * placement  # where `Model.bodies` are fitted, too
-        fit = enclosing_capsule(points @ at_link.rotation.T + at_link.translation)
-        start, end = (self.at_joint.act(np.array(point)) for point in (fit.start, fit.end))
-        return Capsule(tuple(start), tuple(end), fit.radius, None, self.link)
+    def _on_joint(self, capsule: Capsule) -> Capsule:
+        start, end = (self.at_joint.act(np.array(each)) for each in (capsule.start, capsule.end))
+        return Capsule(tuple(start), tuple(end), capsule.radius, None, self.link)
 
     @cached_property
     def fast_shapes(self) -> tuple[tuple[Any, Any], ...]:
@@ -89,24 +79,11 @@ def link_solids(model: Model) -> tuple[LinkSolid, ...]:
     Raises:
         ValueError: the geometry in the file of the model cannot be read, or is of an unknown type.
     """
-    parents: dict[str, str] = {}
+    of_file = model.shapes if isinstance(model.shapes, LinkGeometry) else None
+    found = map(shape_of, model.bodies) if of_file is None else of_file.collision()
     shapes: dict[str, list[tuple[Any, pin.SE3]]] = {}
-    bodies: Sequence[Body]
-    if isinstance(model.shapes, LinkGeometry):
-        whole = model.shapes.pin
-        geometry, bodies = model.shapes.collision()
-        for each in geometry.geometryObjects:
-            if type(each.geometry).__name__ in ("Halfspace", "Plane"):  # a floor, not a link
-                continue
-            frame = whole.frames[each.parentFrame]
-            _check_shape(each.geometry, str(frame.name))
-            at_link = frame.placement.actInv(each.placement)
-            shapes.setdefault(str(frame.name), []).append((each.geometry, at_link))
-        parents = {link: _parent(whole, link, set(shapes)) for link in shapes}
-    else:
-        bodies = model.bodies
-    for body in bodies:
-        shapes.setdefault(str(body.link), []).append(_shape(as_capsule(body)))
+    for shape, at_link, link in found:
+        shapes.setdefault(link, []).append((shape, at_link))
     solids = []
     for link, parts in shapes.items():
         if not model.pin.existFrame(link):
@@ -115,9 +92,8 @@ def link_solids(model: Model) -> tuple[LinkSolid, ...]:
         placed = tuple((shape, frame.placement * at_link) for shape, at_link in parts)
         joint = int(frame.parentJoint)
         before = int(model.pin.parents[joint]) if joint > 0 else -1
-        solids.append(
-            LinkSolid(link, joint, parents.get(link, ""), before, placed, frame.placement.copy())
-        )
+        parent = _parent(of_file.pin, link, shapes) if of_file else ""
+        solids.append(LinkSolid(link, joint, parent, before, placed, frame.placement.copy()))
     return tuple(solids)
 
 
@@ -143,7 +119,7 @@ def reach_bound(model: Model, solids: Sequence[LinkSolid]) -> tuple[Array, float
     return centre, radius
 
 
-def _parent(model: pin.Model, link: str, known: set[str]) -> str:
+def _parent(model: pin.Model, link: str, known: Container[str]) -> str:
     """The nearest frame before a link that is known; "" if there is none."""
     index = int(model.frames[frame_index(model, link)].parentFrame)
     while index > 0:
@@ -151,24 +127,6 @@ def _parent(model: pin.Model, link: str, known: set[str]) -> str:
             return str(model.frames[index].name)
         index = int(model.frames[index].parentFrame)
     return ""
-
-
-def _check_shape(shape: Any, link: str) -> None:
-    kind = type(shape).__name__
-    if kind not in ("Sphere", "Capsule") and points_of(shape) is None:
-        raise ValueError(
-            f"the collision geometry of {link!r} is a {kind}, which cannot be enclosed in a "
-            "capsule; use Model.with_bodies"
-        )
-
-
-def _shape(capsule: Capsule) -> tuple[Any, pin.SE3]:
-    start, end = np.array(capsule.start), np.array(capsule.end)
-    length, middle = float(np.linalg.norm(end - start)), (start + end) / 2.0
-    if length == 0.0:
-        return pin.coal.Sphere(capsule.radius), pin.SE3(np.eye(3), middle)
-    along = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), (end - start) / length)
-    return pin.coal.Capsule(capsule.radius, length), pin.SE3(along.matrix(), middle)
 
 
 def _convex_if_it_is(shape: Any) -> Any:
@@ -206,7 +164,7 @@ def joint_poses(model: Model, q: Array) -> tuple[Array, Array]:
     rotations = np.empty((len(q), model.pin.njoints, 3, 3))
     positions = np.empty((len(q), model.pin.njoints, 3))
     for k, row in enumerate(q):
-        pin.forwardKinematics(model.pin, data, configuration(model.pin, row))
+        pin.forwardKinematics(model.pin, data, row)
         for index, placement in enumerate(data.oMi):
             rotations[k, index], positions[k, index] = placement.rotation, placement.translation
     return rotations, positions
