@@ -2,18 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive
 
+# Time stamps may deviate from even spacing by this fraction of a step, as recordings round them.
+_UNEVEN = 0.1
 # Noise bandwidth of a Savitzky-Golay filter of order 2, times its duration: its middle weight is
 # 9/4 over the number of samples of its window.
 _BANDWIDTH_OF_WINDOW = 9.0 / 8.0
+# The smoothing spline: order of the derivative that is penalized, and degree.
+_ORDER = 3
+_DEGREE = 2 * _ORDER - 1
+# A finer spacing of knots would only add digits to lose: this one follows a sine of 12 Hz to 1e-6.
+_SPACING = 0.005  # [s]
+_AT_3_DB = np.sqrt(2.0) - 1.0
+# Voluntary motions of the arm have next to no power above 12 Hz; samples at 50 Hz still resolve
+# 18 Hz, and so the floor is read between the two whatever the sampling rate.
+_NOISE_BAND = (12.0, 18.0)  # [Hz]
+_OF_NYQUIST = 0.72
+_CUTOFFS = np.arange(3.0, 12.0 + 1e-9, 0.1)  # [Hz]
+_MIN_RATE, _MIN_DURATION = 12.0, 0.3  # [Hz], [s], to choose one of them
+_RESOLUTION = 0.1  # [Hz]
+_LEAST_SIZE = 256  # of the Fourier transform
+_LEAST_DENSITY = 1e-12  # [rad^2/Hz]: below the rounding of any recording
+_STILL = 1e-5  # [rad]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -46,17 +63,14 @@ class MotionFilter:
     def select(self, columns: list[int]) -> MotionFilter:
         """The filter of these joints."""
         noise, velocity_noise = self.noise[columns], self.velocity_noise[columns]
-        return MotionFilter(
-            self.kind, self.cutoff, self.duration, self.chosen, noise, velocity_noise
-        )
+        return replace(self, noise=noise, velocity_noise=velocity_noise)
 
     def __repr__(self) -> str:
         chosen = " (chosen)" if self.chosen else ""
-        size = (
-            f"window {self.duration:.3g} s"
-            if self.cutoff is None
-            else f"cut-off {self.cutoff:.1f} Hz"
-        )
+        if self.cutoff is None:
+            size = f"window {self.duration:.3g} s"
+        else:
+            size = f"cut-off {self.cutoff:.1f} Hz"
         return f"MotionFilter({self.kind}, {size}{chosen}, noise {self._noise})"
 
     def __str__(self) -> str:
@@ -74,26 +88,127 @@ class MotionFilter:
         return f"{low} mrad" if low == high else f"{low} to {high} mrad"
 
 
-_ORDER = 3  # of the derivative that is penalized
-_DEGREE = 2 * _ORDER - 1
-# A finer spacing of knots would only add digits to lose: this one follows a sine of 12 Hz to 1e-6.
-_SPACING = 0.005  # [s]
-_AT_3_DB = np.sqrt(2.0) - 1.0
+Filtered = tuple[Array, Array, MotionFilter]  # coordinates, velocities, filter
 
 
-def half_amplitude(cutoff: float) -> float:
-    """Frequency [Hz] that passes with half its amplitude, of the spline with this -3 dB point."""
-    return float(cutoff * _AT_3_DB ** (-1.0 / (2 * _ORDER)))
+def check_even(time: Array) -> None:
+    """ValueError unless the samples are evenly spaced."""
+    step = (time[-1] - time[0]) / (time.size - 1)
+    off = time - np.linspace(time[0], time[-1], time.size)
+    row = int(np.argmax(np.abs(off)))
+    if abs(off[row]) > _UNEVEN * step:
+        raise ValueError(
+            f"filtering needs evenly spaced samples: sample {row} is {abs(off[row]):.6g} s off "
+            f"the even grid of steps of {step:.6g} s; resample first (Motion.resampled, or "
+            "--resample on the command line)"
+        )
 
 
-def frequency_response(frequency: ArrayLike, cutoff: float) -> Array:
-    """Factor by which the spline multiplies a sine of this frequency [Hz]."""
-    relative = np.asarray(frequency, dtype=float) / half_amplitude(cutoff)
-    response: Array = 1.0 / (1.0 + relative ** (2 * _ORDER))
-    return response
+def low_passed(time: Array, q: Array, cutoff: float | None) -> Filtered:
+    """By a smoothing spline; a cut-off of None is chosen from the noise floor.
+
+    Raises:
+        ValueError: fewer than three samples, or too few or too slow for this cut-off or for any.
+    """
+    duration = float(time[-1] - time[0])
+    rate = (time.size - 1) / duration
+    chosen = cutoff is None
+    if cutoff is None:
+        if rate < _MIN_RATE:
+            raise ValueError(
+                f"at a sampling rate of {rate:.4g} Hz motion and noise cannot be told apart, which "
+                f"takes {_MIN_RATE:g} Hz; give the cut-off, filtered(cutoff=...)"
+            )
+        if duration < _MIN_DURATION:
+            raise ValueError(
+                "the motion is too short to filter: to choose a cut-off takes "
+                f"{_MIN_DURATION:g} s, it lasts {duration:.4g} s; give the cut-off, "
+                "filtered(cutoff=...)"
+            )
+        cutoff = _choose_cutoff(rate, q)
+    cutoff = as_positive("cutoff", cutoff, "Hz")
+    if cutoff >= rate / 2.0:
+        raise ValueError(
+            f"cutoff must be below half the sampling rate, {rate / 2.0:.4g} Hz, got {cutoff:g}"
+        )
+    if time.size < 3:
+        raise ValueError(f"the motion is too short to filter: {time.size} samples, not three")
+    spline = _smoothing_spline(np.linspace(time[0], time[-1], time.size), q, cutoff)
+    smooth, velocity = spline(time), spline(time, 1)
+    density = _noise_density(rate, q)
+    removed = np.mean((q - smooth) ** 2, axis=0)
+    # What the residuals lack has the bandwidth of 1 - (1 - H)^2, integrated over f > 0.
+    passed = 7.0 * np.pi / 18.0 * _half_amplitude(cutoff)
+    noise = np.sqrt(removed + density * min(passed, rate / 2.0))
+    left = np.sqrt(density) * _velocity_gain(cutoff)
+    return smooth, velocity, MotionFilter("smoothing spline", cutoff, None, chosen, noise, left)
 
 
-def smoothing_spline(time: Array, values: Array, cutoff: float) -> scipy.interpolate.BSpline:
+def locally_fitted(time: Array, q: Array, window: int, order: int) -> Filtered:
+    """By a Savitzky-Golay filter: polynomials fitted to windows of samples.
+
+    Each sample is in the middle of its polynomial's samples, except near the ends (Savitzky, Golay,
+    Analytical Chemistry 36, 1964).
+
+    Raises:
+        ValueError: there are fewer samples than `window`, or window and order do not fit (window
+            odd and above order, order at least 1).
+    """
+    if window % 2 == 0 or order < 1 or window <= order:
+        raise ValueError(
+            f"window must be odd and above order, order at least 1, got {window} and {order}"
+        )
+    if time.size < window:
+        raise ValueError(
+            f"the motion is too short to filter: a window of {window} needs as many samples, not "
+            f"{time.size}"
+        )
+    step, half = (time[-1] - time[0]) / (time.size - 1), window // 2
+    fit, slope = _polynomial_weights(window, order)
+    windows = sliding_window_view(q, window, axis=0)
+    smooth, velocity = (
+        np.vstack([at[:half] @ q[:window], windows @ at[half], at[half + 1 :] @ q[-window:]])
+        for at in (fit, slope / step)
+    )
+    # Standard deviations of the residual and of the slope in a window of unit white noise.
+    left_out = float(np.linalg.norm(np.eye(window)[half] - fit[half]))
+    removed = np.sqrt(np.mean((q - smooth) ** 2, axis=0))
+    noise = removed / left_out if left_out > 0.0 else np.zeros_like(removed)
+    left = noise * float(np.linalg.norm(slope[half])) / step
+    kind = f"Savitzky-Golay filter of order {order}"
+    return smooth, velocity, MotionFilter(kind, None, window * step, False, noise, left)
+
+
+def window_of(duration: float, rate: float, order: int) -> int:
+    """The odd number of samples nearest to a duration [s] at this rate [Hz].
+
+    Raises:
+        ValueError: the duration is not positive, or has too few samples for this order.
+    """
+    samples = as_positive("duration", duration, "s") * rate
+    window = 2 * max(0, round((samples - 1.0) / 2.0)) + 1
+    if order >= 1 and window <= order:
+        least = order + 1 + order % 2
+        raise ValueError(
+            f"duration {duration:g} s is {window} sample{'s' * (window > 1)} at {rate:.4g} Hz; at "
+            f"least {least} ({least / rate:.2g} s) are needed for a polynomial of order {order}"
+        )
+    return window
+
+
+def without_aliases(q: Array, rate: float, new_rate: float) -> Array:
+    """Samples q (k, n), taken at `rate`, without what `new_rate` [Hz] could not represent.
+
+    A Butterworth filter of order 8 runs forwards and backwards; it halves the amplitude at 0.9
+    times half the new rate. The ends are continued by point reflection.
+    """
+    sections = scipy.signal.butter(8, 0.9 * new_rate / 2.0, fs=rate, output="sos")
+    padding = min(len(q) - 1, int(np.ceil(20.0 * rate / new_rate)))
+    result: Array = scipy.signal.sosfiltfilt(sections, q, axis=0, padlen=padding)
+    return result
+
+
+def _smoothing_spline(time: Array, values: Array, cutoff: float) -> scipy.interpolate.BSpline:
     """The quintic spline x that minimizes sum_i w_i |y_i - x(t_i)|^2 + lambda int |x'''|^2 dt.
 
     The weights w are those of the trapezoidal rule, so that the sum approximates an integral and
@@ -143,19 +258,20 @@ def _third_derivative(knots: Array, points: Array) -> scipy.sparse.csr_array:
     return scipy.interpolate.BSpline.design_matrix(points, knots, degree) @ matrix
 
 
-# Voluntary motions of the arm have next to no power above 12 Hz; samples at 50 Hz still resolve
-# 18 Hz, and so the floor is read between the two whatever the sampling rate.
-_NOISE_BAND = (12.0, 18.0)  # [Hz]
-_OF_NYQUIST = 0.72
-_CUTOFFS = np.arange(3.0, 12.0 + 1e-9, 0.1)  # [Hz]
-_RESOLUTION = 0.1  # [Hz]
-_LEAST_SIZE = 256  # of the Fourier transform
-_LEAST_DENSITY = 1e-12  # [rad^2/Hz]: below the rounding of any recording
-_STILL = 1e-5  # [rad]
-MIN_RATE, MIN_DURATION = 12.0, 0.3  # [Hz], [s]
+def _half_amplitude(cutoff: float) -> float:
+    """Frequency [Hz] that passes with half its amplitude, of the spline with this -3 dB point."""
+    return float(cutoff * _AT_3_DB ** (-1.0 / (2 * _ORDER)))
 
 
-def noise_density(rate: float, q: Array) -> Array:
+def _velocity_gain(cutoff: float) -> float:
+    """Standard deviation of the smoothing spline's velocity for noise of unit density, [1/s Hz^.5].
+
+    The root of the integral of (2 pi f)^2 H(f)^2 over all f > 0.
+    """
+    return float(2.0 * np.pi * np.sqrt(np.pi / 12.0 * _half_amplitude(cutoff) ** 3))
+
+
+def _noise_density(rate: float, q: Array) -> Array:
     """Spectral density of the noise (n,) [rad^2/Hz], one-sided, of samples q (k, n) at a rate [Hz].
 
     The median of the density between 12 and 18 Hz (less where the sampling rate is below 50 Hz),
@@ -171,7 +287,7 @@ def noise_density(rate: float, q: Array) -> Array:
     return floor
 
 
-def choose_cutoff(rate: float, q: Array) -> float:
+def _choose_cutoff(rate: float, q: Array) -> float:
     """Cut-off frequency [Hz] that minimizes the expected mean squared error of the velocities.
 
     With the observed spectral density P and that of the noise, N, a filter of response H distorts
@@ -184,34 +300,19 @@ def choose_cutoff(rate: float, q: Array) -> float:
     moving = np.ptp(q, axis=0) > _STILL
     if not moving.any():
         return float(_CUTOFFS[-1])
-    floor = noise_density(rate, q)[moving]
+    floor = _noise_density(rate, q)[moving]
     frequency, density = _spectrum(rate, q[:, moving])
     used = frequency <= min(_NOISE_BAND[1], _OF_NYQUIST * rate / 2.0)
     excess = ((density[used] - floor) / floor).sum(axis=1)
     frequency = frequency[used]
     step = frequency[1]
     cutoffs = _CUTOFFS[max(_CUTOFFS[0], rate / 4.0) >= _CUTOFFS]
-    errors = [
-        step
-        * ((2.0 * np.pi * frequency * (1.0 - frequency_response(frequency, cutoff))) ** 2)
-        @ excess
-        + moving.sum() * velocity_gain(cutoff) ** 2
-        for cutoff in cutoffs
-    ]
+    errors = []
+    for cutoff in cutoffs:
+        response = 1.0 / (1.0 + (frequency / _half_amplitude(cutoff)) ** (2 * _ORDER))
+        distortion = step * (2.0 * np.pi * frequency * (1.0 - response)) ** 2 @ excess
+        errors.append(distortion + moving.sum() * _velocity_gain(cutoff) ** 2)
     return float(np.round(cutoffs[int(np.argmin(errors))], 1))
-
-
-def velocity_gain(cutoff: float) -> float:
-    """Standard deviation of the smoothing spline's velocity for noise of unit density, [1/s Hz^.5].
-
-    The root of the integral of (2 pi f)^2 H(f)^2 over all f > 0.
-    """
-    return float(2.0 * np.pi * np.sqrt(np.pi / 12.0 * half_amplitude(cutoff) ** 3))
-
-
-def passed_bandwidth(cutoff: float) -> float:
-    """Bandwidth [Hz] of the noise that the spline's residuals lack: integral of 1 - (1 - H)^2."""
-    return float(7.0 * np.pi / 18.0 * half_amplitude(cutoff))
 
 
 def _spectrum(rate: float, q: Array) -> tuple[Array, Array]:
@@ -226,151 +327,9 @@ def _spectrum(rate: float, q: Array) -> tuple[Array, Array]:
     return np.linspace(0.0, (len(density) - 1) * rate / size, len(density)), density
 
 
-def savitzky_golay(values: Array, window: int, order: int) -> tuple[Array, Array]:
-    """Values and slopes per sample, (k, n) each, of polynomials fitted to `window` samples.
-
-    Each sample is in the middle of its polynomial's samples, except near the ends (Savitzky, Golay,
-    Analytical Chemistry 36, 1964).
-    """
-    half = window // 2
-    first, last = values[:window], values[-window:]
-    windows = sliding_window_view(values, window, axis=0)
-    fitted, slope = (
-        np.vstack([at[:half] @ first, windows @ at[half], at[half + 1 :] @ last])
-        for at in _weights(window, order)
-    )
-    return fitted, slope
-
-
-def slope_gain(window: int, order: int) -> float:
-    """Standard deviation of the slope in the middle of a window of unit white noise."""
-    return float(np.linalg.norm(_weights(window, order)[1][window // 2]))
-
-
-def residual_gain(window: int, order: int) -> float:
-    """Standard deviation of the residual in the middle of a window of unit white noise."""
-    weights = -_weights(window, order)[0][window // 2]
-    weights[window // 2] += 1.0
-    return float(np.linalg.norm(weights))
-
-
-def _weights(window: int, order: int) -> tuple[Array, Array]:
+def _polynomial_weights(window: int, order: int) -> tuple[Array, Array]:
     """From the samples of a window to values and slopes at each of them, (window, window)."""
     half, powers = window // 2, np.arange(order + 1)
     x = np.linspace(-1.0, 1.0, window)[:, None]
     fit = np.linalg.pinv(x**powers)  # from samples to coefficients
     return x**powers @ fit, (powers / half * x ** np.maximum(powers - 1, 0)) @ fit
-
-
-# Time stamps may deviate from even spacing by this fraction of a step, as recordings round them.
-_UNEVEN = 0.1
-
-Filtered = tuple[Array, Array, MotionFilter]  # coordinates, velocities, filter
-
-
-def check_even(time: Array) -> None:
-    """ValueError unless the samples are evenly spaced."""
-    step = (time[-1] - time[0]) / (time.size - 1)
-    off = time - np.linspace(time[0], time[-1], time.size)
-    row = int(np.argmax(np.abs(off)))
-    if abs(off[row]) > _UNEVEN * step:
-        raise ValueError(
-            f"filtering needs evenly spaced samples: sample {row} is {abs(off[row]):.6g} s off "
-            f"the even grid of steps of {step:.6g} s; resample first (Motion.resampled, or "
-            "--resample on the command line)"
-        )
-
-
-def low_passed(time: Array, q: Array, cutoff: float | None) -> Filtered:
-    """By a smoothing spline; a cut-off of None is chosen from the noise floor.
-
-    Raises:
-        ValueError: fewer than three samples, or too few or too slow for this cut-off or for any.
-    """
-    duration = float(time[-1] - time[0])
-    rate = (time.size - 1) / duration
-    chosen = cutoff is None
-    if cutoff is None:
-        if rate < MIN_RATE:
-            raise ValueError(
-                f"at a sampling rate of {rate:.4g} Hz motion and noise cannot be told apart, which "
-                f"takes {MIN_RATE:g} Hz; give the cut-off, filtered(cutoff=...)"
-            )
-        if duration < MIN_DURATION:
-            raise ValueError(
-                f"the motion is too short to filter: to choose a cut-off takes {MIN_DURATION:g} s, "
-                f"it lasts {duration:.4g} s; give the cut-off, filtered(cutoff=...)"
-            )
-        cutoff = choose_cutoff(rate, q)
-    cutoff = as_positive("cutoff", cutoff, "Hz")
-    if cutoff >= rate / 2.0:
-        raise ValueError(
-            f"cutoff must be below half the sampling rate, {rate / 2.0:.4g} Hz, got {cutoff:g}"
-        )
-    if time.size < 3:
-        raise ValueError(f"the motion is too short to filter: {time.size} samples, not three")
-    spline = smoothing_spline(np.linspace(time[0], time[-1], time.size), q, cutoff)
-    smooth, velocity = spline(time), spline(time, 1)
-    density = noise_density(rate, q)
-    removed = np.mean((q - smooth) ** 2, axis=0)
-    noise = np.sqrt(removed + density * min(passed_bandwidth(cutoff), rate / 2.0))
-    left = np.sqrt(density) * velocity_gain(cutoff)
-    return smooth, velocity, MotionFilter("smoothing spline", cutoff, None, chosen, noise, left)
-
-
-def locally_fitted(time: Array, q: Array, window: int, order: int) -> Filtered:
-    """By a Savitzky-Golay filter of `window` samples.
-
-    Raises:
-        ValueError: there are fewer samples than `window`, or window and order do not fit (window
-            odd and above order, order at least 1).
-    """
-    if window % 2 == 0 or order < 1 or window <= order:
-        raise ValueError(
-            f"window must be odd and above order, order at least 1, got {window} and {order}"
-        )
-    if time.size < window:
-        raise ValueError(
-            f"the motion is too short to filter: a window of {window} needs as many samples, not "
-            f"{time.size}"
-        )
-    step = (time[-1] - time[0]) / (time.size - 1)
-    smooth, slope = savitzky_golay(q, window, order)
-    gain = residual_gain(window, order)
-    removed = np.sqrt(np.mean((q - smooth) ** 2, axis=0))
-    noise = removed / gain if gain > 0.0 else np.zeros_like(removed)
-    left = noise * slope_gain(window, order) / step
-    kind = f"Savitzky-Golay filter of order {order}"
-    return smooth, slope / step, MotionFilter(kind, None, window * step, False, noise, left)
-
-
-def window_of(duration: float, rate: float, order: int) -> int:
-    """The odd number of samples nearest to a duration [s] at this rate [Hz].
-
-    Raises:
-        ValueError: the duration is not positive, or has too few samples for this order.
-    """
-    samples = as_positive("duration", duration, "s") * rate
-    window = 2 * max(0, round((samples - 1.0) / 2.0)) + 1
-    if order >= 1 and window <= order:
-        least = order + 1 + order % 2
-        raise ValueError(
-            f"duration {duration:g} s is {window} sample{'s' * (window > 1)} at {rate:.4g} Hz; at "
-            f"least {least} ({least / rate:.2g} s) are needed for a polynomial of order {order}"
-        )
-    return window
-
-
-_STEEP, _OF_NEW_NYQUIST = 8, 0.9
-
-
-def without_aliases(q: Array, rate: float, new_rate: float) -> Array:
-    """Samples q (k, n), taken at `rate`, without what `new_rate` [Hz] could not represent.
-
-    A Butterworth filter of order 8 runs forwards and backwards; it halves the amplitude at 0.9
-    times half the new rate. The ends are continued by point reflection.
-    """
-    sections = scipy.signal.butter(_STEEP, _OF_NEW_NYQUIST * new_rate / 2.0, fs=rate, output="sos")
-    padding = min(len(q) - 1, int(np.ceil(20.0 * rate / new_rate)))
-    result: Array = scipy.signal.sosfiltfilt(sections, q, axis=0, padlen=padding)
-    return result

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy
@@ -21,6 +22,8 @@ from geodesic_ocp.trajectory.filters import (
 )
 
 _ORTHONORMAL = 1e-6
+# Rates that differ by less are one rate: time stamps are rounded.
+_SAME_RATE = 1e-3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,9 +51,8 @@ class FrameMotion:
                 f"rotations (k, 3, 3) and positions (k, 3) must match, got shapes "
                 f"{rotations.shape} and {positions.shape}"
             )
-        finite = np.all(np.isfinite(positions), axis=1) & np.all(
-            np.isfinite(rotations), axis=(1, 2)
-        )
+        entries = np.hstack([positions, rotations.reshape(count, 9)])
+        finite = np.isfinite(entries).all(axis=1)
         if not finite.all():
             raise ValueError(f"the pose is not finite at sample {int(np.argmin(finite))}")
         products = np.swapaxes(rotations, 1, 2) @ rotations
@@ -58,10 +60,9 @@ class FrameMotion:
         proper &= np.linalg.det(rotations) > 0.0
         if not proper.all():
             raise ValueError(f"the matrix at sample {int(np.argmin(proper))} is not a rotation")
-        for array in (rotations, positions):
+        for name, array in (("rotations", rotations), ("positions", positions)):
             array.flags.writeable = False
-        object.__setattr__(self, "rotations", rotations)
-        object.__setattr__(self, "positions", positions)
+            object.__setattr__(self, name, array)
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -80,10 +81,6 @@ class FrameMotion:
 
     def __repr__(self) -> str:
         return f"FrameMotion({len(self)} samples)"
-
-
-# Rates that differ by less are one rate: time stamps are rounded.
-_SAME_RATE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -157,14 +154,10 @@ class Motion:
                 f"time must increase: sample {row} is at {time[row]:.6g} s, the one before at "
                 f"{time[row - 1]:.6g} s"
             )
-        for array in arrays.values():
-            array.flags.writeable = False
-        time.flags.writeable = False
-        object.__setattr__(self, "time", time)
-        object.__setattr__(self, "q", q)
         object.__setattr__(self, "joint_names", names)
-        object.__setattr__(self, "velocity", arrays.get("velocity"))
-        object.__setattr__(self, "unfiltered", arrays.get("unfiltered"))
+        for name, array in (arrays | {"time": time}).items():
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
 
     def __repr__(self) -> str:
         kind = "with velocities" if self.velocity is not None else "without velocities"
@@ -226,14 +219,12 @@ class Motion:
                 f"there is no joint {', '.join(missing)}; there are {', '.join(self.joint_names)}"
             )
         columns = [self.joint_names.index(name) for name in joints]
-        return replace(
-            self,
-            q=self.q[:, columns],
-            joint_names=tuple(joints),
-            velocity=None if self.velocity is None else self.velocity[:, columns],
-            unfiltered=None if self.unfiltered is None else self.unfiltered[:, columns],
-            filter=None if self.filter is None else self.filter.select(columns),
-        )
+        chosen: dict[str, Any] = {
+            name: None if (given := getattr(self, name)) is None else given[:, columns]
+            for name in ("q", "velocity", "unfiltered")
+        }
+        used = None if self.filter is None else self.filter.select(columns)
+        return replace(self, **chosen, joint_names=tuple(joints), filter=used)
 
     def resampled(self, rate: float) -> Motion:
         """The motion at `rate` evenly spaced samples per second [Hz], by cubic spline.
