@@ -26,6 +26,13 @@ from geodesic_ocp.compiled import build, cache
 from geodesic_ocp.compiled.compilers import Compiler, compiler_choice, compilers
 from geodesic_ocp.compiled.source import core_text, source_text
 
+# Use of CasADi's functions after which a library is worth its making [s].
+_FIRST_WORTHWHILE = 0.2
+# Use of TinyCC's library after which an optimized one is worth its making [s].
+_WORTHWHILE = 0.5
+# Use of TinyCC's library that is noted in the cache; a process may forget as much [s].
+_NOTEWORTHY = 0.005
+
 
 class Blas(ctypes.Structure):
     """The struct `blas` of core/dense.h."""
@@ -89,14 +96,6 @@ def _openblas() -> ctypes.CDLL | None:
 
     library = ctypes.CDLL(cython_blas.__file__)
     return library if hasattr(library, "scipy_openblas_set_num_threads") else None
-
-
-# Use of CasADi's functions after which a library is worth its making [s].
-_FIRST_WORTHWHILE = 0.2
-# Use of TinyCC's library after which an optimized one is worth its making [s].
-_WORTHWHILE = 0.5
-# Use of TinyCC's library that is noted in the cache; a process may forget as much [s].
-_NOTEWORTHY = 0.005
 
 
 class Library:

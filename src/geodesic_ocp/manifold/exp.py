@@ -28,6 +28,9 @@ _LOOSER = 30.0
 _ESTIMATE = 0.5
 # Perturbation of the velocity, in units of its rounding, to which rounding errors of steps amount.
 _ROUNDING = 4.0
+# Differences of the velocity, relative to it, and the tolerance of a step of their integrations:
+# the derivative is accurate to about their quotient and to the difference itself.
+_DIFFERENCE, _DIFFERENCE_TOLERANCE = 1e-5, 1e-11
 
 
 @over_rows(has_compiled_code)
@@ -160,11 +163,6 @@ def integrate_geodesic(
             state,
         ) from None
     return states[:, : metric.dim], states[:, metric.dim :]
-
-
-# Differences of the velocity, relative to it, and the tolerance of a step of their integrations:
-# the derivative is accurate to about their quotient and to the difference itself.
-_DIFFERENCE, _DIFFERENCE_TOLERANCE = 1e-5, 1e-11
 
 
 def exp_with_derivative(

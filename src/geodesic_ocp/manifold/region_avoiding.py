@@ -14,6 +14,11 @@ from geodesic_ocp.arrays import Array, as_vector, evaluate
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.model.model import Model
 
+# The margin of the relaxed metric, relative.
+_RELAXED = 10.0
+# Number of samples and tolerance for deciding whether a region is periodic in a coordinate.
+_NUM_SAMPLES, _EQUAL = 5, 1e-9
+
 
 @dataclass(frozen=True, eq=False)
 class Region:
@@ -98,12 +103,6 @@ def middle_configuration(model: Model) -> Array:
     configuration = np.clip(0.0, model.lower, model.upper)
     configuration[both] = (model.lower[both] + model.upper[both]) / 2.0
     return np.asarray(configuration)
-
-
-# The margin of the relaxed metric, relative.
-_RELAXED = 10.0
-# Number of samples and tolerance for deciding whether a region is periodic in a coordinate.
-_NUM_SAMPLES, _EQUAL = 5, 1e-9
 
 
 @dataclass(frozen=True, repr=False)

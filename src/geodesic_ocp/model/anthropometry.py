@@ -22,6 +22,7 @@ from geodesic_ocp.model.primitives import Capsule
 Side = Literal["right", "left"]
 TableName = Literal["winter", "de_leva"]
 Sex = Literal["male", "female"]
+_FITS = 0.1  # [length of the segment], by which a capsule's end may miss a joint
 
 
 @dataclass(frozen=True)
@@ -185,9 +186,6 @@ def _de_leva(people: _People) -> Anthropometry:
         segment(people.forearm, rotates_with_palm=True),
         segment(people.hand, rotates_with_palm=True),
     )
-
-
-_FITS = 0.1  # [length of the segment], by which a capsule's end may miss a joint
 
 
 @dataclass(frozen=True, eq=False)

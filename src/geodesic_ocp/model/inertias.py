@@ -22,6 +22,9 @@ _ROUNDING = 1e-9
 # Relative size below which an eigenvalue of a mass matrix is zero.
 _SINGULAR = 1e-13
 _NUM_CONFIGURATIONS = 8
+DEFAULT_ARMATURE = 0.05  # [kg m^2], of revolute joints of robots of which nothing is known
+_UR = r"(shoulder_pan|shoulder_lift|elbow|wrist_[123])_joint$"
+_UR5E = "MuJoCo Menagerie, universal_robots_ur5e/ur5e.xml (armature 0.1 on all joints)"
 
 
 def check_inertias(model: pin.Model) -> None:
@@ -102,9 +105,6 @@ def _check_mass_matrix(model: pin.Model) -> None:
     )
 
 
-DEFAULT_ARMATURE = 0.05  # [kg m^2], of revolute joints of robots of which nothing is known
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class RobotArmature:
     """Joint inertia of a robot, and where the numbers come from.
@@ -131,8 +131,6 @@ class _Known:
     source: str
 
 
-_UR = r"(shoulder_pan|shoulder_lift|elbow|wrist_[123])_joint$"
-_UR5E = "MuJoCo Menagerie, universal_robots_ur5e/ur5e.xml (armature 0.1 on all joints)"
 _KNOWN = (
     _Known(
         r"panda_joint[1-7]$",

@@ -14,6 +14,27 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, as_number, real_array
 
 _ROUNDING = 1e-15
+# A continuous joint has no limits; these are wide enough for the shortest rotation between angles.
+DEFAULT_LIMIT = 2.0 * np.pi  # [rad]
+_AXES = {
+    (1.0, 0.0, 0.0): pin.JointModelRX,
+    (0.0, 1.0, 0.0): pin.JointModelRY,
+    (0.0, 0.0, 1.0): pin.JointModelRZ,
+}
+_PER_VELOCITY = (  # arrays (nv,), independent of how the coordinates of a joint are stored
+    "armature",
+    "damping",
+    "lowerDryFrictionLimit",
+    "lowerEffortLimit",
+    "lowerVelocityLimit",
+    "rotorGearRatio",
+    "rotorInertia",
+    "upperDryFrictionLimit",
+    "upperEffortLimit",
+    "upperVelocityLimit",
+)
+_NUM_RANDOM, _NUM_STARTS = 128, 8
+_STRETCHED = 1e-7  # relative distance from the sum of the links' lengths
 
 
 def motion_subspace(model: pin.Model, index: int) -> Array:
@@ -183,15 +204,6 @@ def _merged(
     return new
 
 
-# A continuous joint has no limits; these are wide enough for the shortest rotation between angles.
-DEFAULT_LIMIT = 2.0 * np.pi  # [rad]
-_AXES = {
-    (1.0, 0.0, 0.0): pin.JointModelRX,
-    (0.0, 1.0, 0.0): pin.JointModelRY,
-    (0.0, 0.0, 1.0): pin.JointModelRZ,
-}
-
-
 def continuous_joints(model: pin.Model) -> tuple[str, ...]:
     """Names of the joints that Pinocchio stores as cosine and sine of their angle."""
     return tuple(
@@ -233,27 +245,9 @@ def with_angles(model: pin.Model) -> pin.Model:
     return result
 
 
-_PER_VELOCITY = (  # arrays (nv,), independent of how the coordinates of a joint are stored
-    "armature",
-    "damping",
-    "lowerDryFrictionLimit",
-    "lowerEffortLimit",
-    "lowerVelocityLimit",
-    "rotorGearRatio",
-    "rotorInertia",
-    "upperDryFrictionLimit",
-    "upperEffortLimit",
-    "upperVelocityLimit",
-)
-
-
 def _revolute(axis: Any) -> Any:
     aligned = _AXES.get(tuple(axis.tolist()))
     return pin.JointModelRevoluteUnaligned(axis) if aligned is None else aligned()
-
-
-_NUM_RANDOM, _NUM_STARTS = 128, 8
-_STRETCHED = 1e-7  # relative distance from the sum of the links' lengths
 
 
 def max_reach(

@@ -20,6 +20,8 @@ from geodesic_ocp.model.primitives import Ball, Body, Capsule, Point, as_capsule
 
 _FLAT_CAPSULE = 1e-12  # [m]
 _MAX_EVALUATIONS = 1500
+_SUPPORTED = ("box", "cylinder", "sphere", "capsule", "mesh")
+_RIM = 24  # corners of the polygon around a circle
 
 
 def enclosing_capsule(points: ArrayLike, link: str | None = None, name: str = "") -> Capsule:
@@ -95,10 +97,6 @@ def _volume(ends: Array, cloud: Array) -> float:
     radius = float(distances_to_segment(cloud, start, end).max())
     length = float(np.linalg.norm(end - start))
     return np.pi * radius**2 * (length + 4.0 / 3.0 * radius)
-
-
-_SUPPORTED = ("box", "cylinder", "sphere", "capsule", "mesh")
-_RIM = 24  # corners of the polygon around a circle
 
 
 @dataclass(frozen=True, eq=False)

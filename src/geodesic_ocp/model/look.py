@@ -20,6 +20,28 @@ from geodesic_ocp.model.primitives import Body, as_capsule
 
 Indices: TypeAlias = NDArray[np.int64]
 Colour: TypeAlias = tuple[float, float, float]
+_SIZE = 1000.0  # of the largest mesh: the thresholds of the simplification are absolute
+_APART = 4.0 * _SIZE  # between the meshes, to tell whose a vertex is
+_FIXED = 0.7  # relative size of meshes that matter less, so that their errors count for less
+# The bound of the errors grows to 1e-9 * 103^a, in squares of the unit of _SIZE: 0.34 % of it.
+_GROWTH = 5.0
+# Widths of the cells [size of the largest mesh] in which vertices become one, step by step.
+_CELLS = (0.0, 1e-3, 2e-3, 4e-3, 6e-3, 9e-3, 1.3e-2, 2e-2, 3e-2, 4.5e-2)
+_MANY = 8  # times as many triangles as wanted: the first cells would be of little use
+_OF_SMALL = 0.02  # [size of the mesh], the largest of the first cells
+_SAME_PLACE = 1e-6  # [size of the mesh]
+# Vertices (k, 3) and triangles (m, 3), counter-clockwise seen from outside.
+Surface: TypeAlias = tuple[Array, Indices]
+SIDES = 32  # of the polygon in place of a circle
+GREY: Colour = (0.62, 0.65, 0.70)
+_LINK: Colour = (0.76, 0.78, 0.81)
+_JOINT: Colour = (0.38, 0.43, 0.50)
+# The radius of a joint is a share of the extent, but fits between the joints of the shortest link.
+_RADIUS, _THINNEST, _OF_SHORTEST = 0.035, 0.012, 0.35
+# Other sizes, per radius of a joint.
+_HALF_LENGTH, _BALL, _STRUT, _HAND = 1.25, 1.15, (0.62, 0.5), 0.8
+_SLIDER, _RAIL = (0.95, 0.95, 1.3), 0.4
+_NO_EXTENT = 0.25  # [m], extent of a model whose joints and frames are all at one place
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -40,18 +62,6 @@ class Mesh:
 
     def __repr__(self) -> str:
         return f"Mesh({self.link!r}, {len(self.triangles)} triangles)"
-
-
-_SIZE = 1000.0  # of the largest mesh: the thresholds of the simplification are absolute
-_APART = 4.0 * _SIZE  # between the meshes, to tell whose a vertex is
-_FIXED = 0.7  # relative size of meshes that matter less, so that their errors count for less
-# The bound of the errors grows to 1e-9 * 103^a, in squares of the unit of _SIZE: 0.34 % of it.
-_GROWTH = 5.0
-# Widths of the cells [size of the largest mesh] in which vertices become one, step by step.
-_CELLS = (0.0, 1e-3, 2e-3, 4e-3, 6e-3, 9e-3, 1.3e-2, 2e-2, 3e-2, 4.5e-2)
-_MANY = 8  # times as many triangles as wanted: the first cells would be of little use
-_OF_SMALL = 0.02  # [size of the mesh], the largest of the first cells
-_SAME_PLACE = 1e-6  # [size of the mesh]
 
 
 def simplified(found: Sequence[Mesh], matters: Sequence[bool], count: int) -> list[Mesh]:
@@ -151,12 +161,6 @@ def _welded(mesh: Mesh, cell: float, largest: float) -> Mesh:
     used, corners = np.unique(triangles, return_inverse=True)
     vertices = middles[used]
     return replace(mesh, vertices=vertices, triangles=corners.reshape(-1, 3).astype(np.int64))
-
-
-# Vertices (k, 3) and triangles (m, 3), counter-clockwise seen from outside.
-Surface: TypeAlias = tuple[Array, Indices]
-
-SIDES = 32  # of the polygon in place of a circle
 
 
 def box(half_sides: ArrayLike) -> Surface:
@@ -267,9 +271,6 @@ def _analytic_surface(mesh: Any) -> Surface:
     return np.array(mesh.vertices, dtype=float), np.array(mesh.faces, dtype=np.int64)
 
 
-GREY: Colour = (0.62, 0.65, 0.70)
-
-
 def visual_geometry(links: LinkGeometry) -> Iterator[Mesh]:
     """Meshes of the visual geometry, not yet simplified.
 
@@ -333,16 +334,6 @@ def chain_ends(model: Model) -> list[int]:
             ]
             ends.append(attached[int(np.argmax(distances))])
     return ends
-
-
-_LINK: Colour = (0.76, 0.78, 0.81)
-_JOINT: Colour = (0.38, 0.43, 0.50)
-# The radius of a joint is a share of the extent, but fits between the joints of the shortest link.
-_RADIUS, _THINNEST, _OF_SHORTEST = 0.035, 0.012, 0.35
-# Other sizes, per radius of a joint.
-_HALF_LENGTH, _BALL, _STRUT, _HAND = 1.25, 1.15, (0.62, 0.5), 0.8
-_SLIDER, _RAIL = (0.95, 0.95, 1.3), 0.4
-_NO_EXTENT = 0.25  # [m], extent of a model whose joints and frames are all at one place
 
 
 def kinematic_chain(model: Model, drawn: Collection[int] = ()) -> Iterator[Mesh]:

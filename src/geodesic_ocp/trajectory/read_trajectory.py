@@ -23,6 +23,8 @@ _COLUMN = re.compile(
     r"(?: *[\[(](?P<unit>rad|deg|m|N)(?:[ */]?[a-z0-9^*/ ]*)[\])])?"
 )
 _FACTORS = {"rad": 1.0, "deg": np.pi / 180.0, "m": 1.0}
+_NANO = 1_000_000_000
+_KINDS = ("position", "velocity", "acceleration", "effort")
 
 
 def read_trajectory_table(
@@ -108,10 +110,6 @@ def _numbers(path: Path, lines: list[str], start: int, header: list[str]) -> Arr
     if not rows:
         raise RecordingError(f"{path}: has no rows below its header")
     return np.array(rows)
-
-
-_NANO = 1_000_000_000
-_KINDS = ("position", "velocity", "acceleration", "effort")
 
 
 def read_trajectory(file: str | PathLike[str]) -> JointTrajectory:

@@ -26,6 +26,12 @@ from geodesic_ocp.model.primitives import Body, as_capsule
 
 # MuJoCo takes no moving body without inertia: [kg] and [kg m^2], below the accuracy of any result.
 _LEAST = 1e-12
+_ROOT = "world of bodies"
+# Elements, and attributes of <compiler>, that would change the model and are not supported.
+_ELEMENTS = ("attach", "replicate", "composite", "flexcomp", "frame")
+_COMPILER = ("settotalmass", "boundmass", "boundinertia", "inertiagrouprange", "balanceinertia")
+_JOINTS = ("hinge", "slide", "ball", "free")
+_Defaults = dict[str, dict[str, dict[str, str]]]  # class -> tag -> attribute -> value
 
 
 def mjcf_text(
@@ -164,14 +170,6 @@ def _pose(placement: pin.SE3) -> dict[str, str]:
 
 def _numbers_in(values: ArrayLike) -> str:
     return " ".join(repr(float(value)) for value in np.asarray(values, dtype=float))
-
-
-_ROOT = "world of bodies"
-# Elements, and attributes of <compiler>, that would change the model and are not supported.
-_ELEMENTS = ("attach", "replicate", "composite", "flexcomp", "frame")
-_COMPILER = ("settotalmass", "boundmass", "boundinertia", "inertiagrouprange", "balanceinertia")
-_JOINTS = ("hinge", "slide", "ball", "free")
-_Defaults = dict[str, dict[str, dict[str, str]]]  # class -> tag -> attribute -> value
 
 
 def mjcf_model(

@@ -11,6 +11,12 @@ import pinocchio as pin
 
 from geodesic_ocp.model.formats.mjcf_motors import set_armature, urdf_armature
 
+_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
+# <origin rpy="1.57, 0 0"/>: in a valid vector, numbers are separated by spaces only.
+_VECTOR = re.compile(r"""\b(rpy|xyz)\s*=\s*(["'])([^"']*,[^"']*)\2""")
+# The parser of URDF rejects the element unless it has one of its standard attributes.
+_DYNAMICS = re.compile(r"<dynamics\b(?![^>]*\b(?:damping|friction)\b)")
+
 
 @dataclass(frozen=True)
 class Mimic:
@@ -42,14 +48,6 @@ def apply_mimics(mimics: Mapping[str, Mimic], values: Mapping[str, float]) -> di
         return found[name]
 
     return {name: value(name, ()) for name in values}
-
-
-_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
-# <origin rpy="1.57, 0 0"/>: in a valid vector, numbers are separated by spaces only.
-_VECTOR = re.compile(r"""\b(rpy|xyz)\s*=\s*(["'])([^"']*,[^"']*)\2""")
-
-# The parser of URDF rejects the element unless it has one of its standard attributes.
-_DYNAMICS = re.compile(r"<dynamics\b(?![^>]*\b(?:damping|friction)\b)")
 
 
 def urdf_model(
