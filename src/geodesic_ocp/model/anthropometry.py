@@ -1,4 +1,4 @@
-"""Body segments of a person.
+"""Body segments of a person: their tables, and the segments in a model.
 
 "winter" is the reference model of the Master Motor Map (Terlemez et al., "Master Motor Map
 (MMM)...", Humanoids 2014), whose masses and centres of mass are those of Winter (*Biomechanics and

@@ -1,4 +1,4 @@
-"""Inertias of bodies and joints.
+"""Inertias of bodies and joints: checked, scaled, and added where files lack them.
 
 The rotor of a motor with inertia I behind a gear of ratio r adds r^2 I to the inertia of its joint.
 For the wrist of a robot it is larger than the inertia of the links, and few files state it.

@@ -1,4 +1,4 @@
-"""Joints of a model: limits, continuous joints, axes."""
+"""Joints and frames of a Pinocchio model: coordinates, limits, armature, names, and reach."""
 
 from __future__ import annotations
 
@@ -21,17 +21,11 @@ _AXES = {
     (0.0, 1.0, 0.0): pin.JointModelRY,
     (0.0, 0.0, 1.0): pin.JointModelRZ,
 }
-_PER_VELOCITY = (  # arrays (nv,), independent of how the coordinates of a joint are stored
-    "armature",
-    "damping",
-    "lowerDryFrictionLimit",
-    "lowerEffortLimit",
-    "lowerVelocityLimit",
-    "rotorGearRatio",
-    "rotorInertia",
-    "upperDryFrictionLimit",
-    "upperEffortLimit",
-    "upperVelocityLimit",
+# Arrays (nv,), independent of how the coordinates of a joint are stored.
+_PER_VELOCITY = (
+    *("armature", "damping", "rotorGearRatio", "rotorInertia"),
+    *("lowerDryFrictionLimit", "lowerEffortLimit", "lowerVelocityLimit"),
+    *("upperDryFrictionLimit", "upperEffortLimit", "upperVelocityLimit"),
 )
 _NUM_RANDOM, _NUM_STARTS = 128, 8
 _STRETCHED = 1e-7  # relative distance from the sum of the links' lengths

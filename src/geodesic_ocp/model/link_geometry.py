@@ -1,4 +1,4 @@
-"""Solids."""
+"""The collision and visual geometry of the links in a file, and capsules around them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, real_array
 from geodesic_ocp.model.primitives import Ball, Body, Capsule, Point, as_capsule
 
-_FLAT_CAPSULE = 1e-12  # [m]
+_COINCIDE = 1e-12  # [m]
 _MAX_EVALUATIONS = 1500
 _SUPPORTED = ("box", "cylinder", "sphere", "capsule", "mesh")
 _RIM = 24  # corners of the polygon around a circle
@@ -36,7 +36,7 @@ def enclosing_capsule(points: ArrayLike, link: str | None = None, name: str = ""
     cloud = real_array(points)
     if cloud.ndim != 2 or cloud.shape[1] != 3 or not len(cloud) or not np.isfinite(cloud).all():
         raise ValueError(f"points must be finite, of shape (k, 3), got {cloud.shape}")
-    if float(np.ptp(cloud, axis=0).max()) <= _FLAT_CAPSULE:
+    if float(np.ptp(cloud, axis=0).max()) <= _COINCIDE:
         raise ValueError("points must not all coincide")
     start, end, radius = _fitted(hull_vertices(cloud).tobytes())
     return Capsule(start, end, radius, link, name)

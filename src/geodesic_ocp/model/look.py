@@ -1,4 +1,4 @@
-"""How the links of a model look: triangle meshes."""
+"""Triangle meshes: surfaces of solids, links of models, and fewer triangles for many."""
 
 from __future__ import annotations
 
@@ -167,7 +167,7 @@ def box(half_sides: ArrayLike) -> Surface:
     """A box around the origin with these half lengths of its sides (3,)."""
     import trimesh
 
-    return _analytic_surface(trimesh.creation.box(2.0 * np.asarray(half_sides, dtype=float)))
+    return _of_trimesh(trimesh.creation.box(2.0 * np.asarray(half_sides, dtype=float)))
 
 
 def ellipsoid(radii: ArrayLike) -> Surface:
@@ -218,7 +218,7 @@ def revolved(profile: ArrayLike, sides: int = SIDES) -> Surface:
 def _revolved(profile: tuple[tuple[float, ...], ...], sides: int) -> Surface:
     import trimesh
 
-    return _analytic_surface(trimesh.creation.revolve(np.array(profile), sections=sides))
+    return _of_trimesh(trimesh.creation.revolve(np.array(profile), sections=sides))
 
 
 def loft(sections: ArrayLike, caps: tuple[float, float], roundness: float = 2.0) -> Surface:
@@ -252,7 +252,7 @@ def hull(points: Array) -> Surface:
     """The convex hull of points (k, 3)."""
     import trimesh
 
-    return _analytic_surface(trimesh.convex.convex_hull(points))
+    return _of_trimesh(trimesh.convex.convex_hull(points))
 
 
 def moved(surface: Surface, rotation: Array, position: Array) -> Surface:
@@ -267,7 +267,7 @@ def turn_to(direction: Array) -> Array:
     return np.array(turn.matrix())
 
 
-def _analytic_surface(mesh: Any) -> Surface:
+def _of_trimesh(mesh: Any) -> Surface:
     return np.array(mesh.vertices, dtype=float), np.array(mesh.faces, dtype=np.int64)
 
 

@@ -12,7 +12,7 @@ from gadget import MIMIC, urdf
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.model.formats.mjcf_motors import srdf_armature
+from geodesic_ocp.model.formats.motors import srdf_armature
 from geodesic_ocp.model.formats.robots import ROBOTS, folder
 
 DRAKE = (

@@ -1,4 +1,4 @@
-"""load_model: a Model from a file, a string, a pin.Model or a robot's name."""
+"""A Model from a file, a string, a pin.Model or a robot's name, and a list of what there is."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from geodesic_ocp.model.dynamics import (
     why_unavailable,
 )
 from geodesic_ocp.model.formats.description import Description, read_description, read_file
-from geodesic_ocp.model.formats.mjcf_motors import set_armature, srdf_armature
+from geodesic_ocp.model.formats.motors import set_armature, srdf_armature
 from geodesic_ocp.model.formats.reduction import change_base, lock_joints
 from geodesic_ocp.model.formats.robots import INSTALL, ROBOTS, described, folder, locate, on_demand
 from geodesic_ocp.model.human import human_arm
@@ -123,17 +123,13 @@ def _limit_unlimited(model: pin.Model) -> tuple[str, ...]:
                 limits[joint.idx_q]
                 for limits in (model.lowerPositionLimit, model.upperPositionLimit)
             )
-            if lower <= -_UNLIMITED and upper >= _UNLIMITED and not _is_helical(joint):
+            # A revolution of a screw also translates.
+            is_screw = "H" in joint.shortname().removeprefix("JointModel")
+            if lower <= -_UNLIMITED and upper >= _UNLIMITED and not is_screw:
                 model.lowerPositionLimit[joint.idx_q] = -DEFAULT_LIMIT
                 model.upperPositionLimit[joint.idx_q] = DEFAULT_LIMIT
                 names.append(str(model.names[index]))
     return tuple(names)
-
-
-def _is_helical(joint: pin.JointModel) -> bool:
-    return "H" in joint.shortname().removeprefix(
-        "JointModel"
-    )  # a revolution of a screw also translates
 
 
 def _read(

@@ -1,4 +1,4 @@
-"""MJCF
+"""MJCF, the format of MuJoCo: read as a Pinocchio model, and written.
 
 Pinocchio reads a part of the format. What it ignores or interprets differently from MuJoCo is
 rewritten here (includes, default classes, several joints of a body, several bodies in the world,
@@ -18,7 +18,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_vector
-from geodesic_ocp.model.formats.mjcf_motors import ACTUATORS, effort_limits
+from geodesic_ocp.model.formats.motors import ACTUATORS, effort_limits
 from geodesic_ocp.model.formats.urdf import Mimic
 from geodesic_ocp.model.joints import frame_index, motion_subspace
 from geodesic_ocp.model.model import Model
@@ -56,7 +56,7 @@ def mjcf_text(
     fall = native.gravity.linear if gravity is None else as_vector("gravity", gravity, 3)
     root = ET.Element("mujoco", model=model.name)
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
-    ET.SubElement(root, "option", gravity=_numbers_in(fall))
+    ET.SubElement(root, "option", gravity=_text(fall))
     world = ET.SubElement(root, "worldbody")
     names = _body_names(native)
     bodies = {0: world}
@@ -83,7 +83,7 @@ def mjcf_text(
     for joint, limits in zip(model.joint_names, _torque_ranges(model, torque), strict=True):
         motor = ET.SubElement(actuators, "motor", name=joint, joint=joint)
         if np.all(np.isfinite(limits)):
-            motor.set("ctrlrange", _numbers_in(limits))
+            motor.set("ctrlrange", _text(limits))
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
 
@@ -119,9 +119,9 @@ def _write_inertia(element: ET.Element, inertia: pin.Inertia) -> None:
     ET.SubElement(
         element,
         "inertial",
-        pos=_numbers_in(inertia.lever),
+        pos=_text(inertia.lever),
         mass=repr(max(float(inertia.mass), _LEAST)),
-        fullinertia=_numbers_in(entries),
+        fullinertia=_text(entries),
     )
 
 
@@ -134,11 +134,11 @@ def _write_joint(element: ET.Element, model: Model, index: int) -> None:
     kind, axis = ("hinge", angular) if np.any(angular) else ("slide", linear)
     armature = repr(float(native.armature[row]))
     joint = ET.SubElement(
-        element, "joint", name=name, type=kind, axis=_numbers_in(axis), armature=armature
+        element, "joint", name=name, type=kind, axis=_text(axis), armature=armature
     )
     limits = [model.lower[row], model.upper[row]]
     if name not in model.continuous and np.all(np.isfinite(limits)):
-        joint.set("range", _numbers_in(limits))
+        joint.set("range", _text(limits))
 
 
 def _write_geoms(model: Model, bodies: dict[int, ET.Element]) -> None:
@@ -157,18 +157,18 @@ def _set_shape(geom: ET.Element, body: Body, placement: pin.SE3) -> None:
     geom.set("size", repr(float(body.radius)))
     if np.linalg.norm(end - start) > 1e-9:
         geom.set("type", "capsule")
-        geom.set("fromto", _numbers_in([*start, *end]))
+        geom.set("fromto", _text([*start, *end]))
     else:
         geom.set("type", "sphere")
-        geom.set("pos", _numbers_in(start))
+        geom.set("pos", _text(start))
 
 
 def _pose(placement: pin.SE3) -> dict[str, str]:
     x, y, z, w = pin.Quaternion(placement.rotation).coeffs()
-    return {"pos": _numbers_in(placement.translation), "quat": _numbers_in([w, x, y, z])}
+    return {"pos": _text(placement.translation), "quat": _text([w, x, y, z])}
 
 
-def _numbers_in(values: ArrayLike) -> str:
+def _text(values: ArrayLike) -> str:
     return " ".join(repr(float(value)) for value in np.asarray(values, dtype=float))
 
 

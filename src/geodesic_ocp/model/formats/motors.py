@@ -1,4 +1,4 @@
-"""Efforts.
+"""Motors in model files: the largest efforts of joints, and the inertia of rotors.
 
 A rotor of inertia I behind a gear of ratio r adds r^2 I to the inertia of its joint. Pinocchio
 reads armature from MJCF, but not from URDF.
@@ -17,15 +17,8 @@ from geodesic_ocp.arrays import Array
 
 # All are short forms of <general>, and share its defaults.
 ACTUATORS = (
-    "general",
-    "motor",
-    "position",
-    "velocity",
-    "intvelocity",
-    "damper",
-    "cylinder",
-    "muscle",
-    "adhesion",
+    *("general", "motor", "position", "velocity", "intvelocity"),
+    *("damper", "cylinder", "muscle", "adhesion"),
 )
 _UNLIMITED = (-np.inf, np.inf)
 
