@@ -29,39 +29,6 @@ _NEARLY_SINGULAR = 1e-4
 _FRACTION = 0.1
 
 
-def is_singular(tensor: Array) -> bool:
-    """Whether a symmetric, finite tensor (n, n) is not positive definite, up to rounding.
-
-    The result does not depend on units of coordinates, nor on lengths that grow near a boundary.
-    """
-    diagonal = np.diag(tensor)
-    if np.any(diagonal <= _VANISHING * diagonal.max()):
-        return True
-    sizes = np.sqrt(diagonal)
-    return bool(np.linalg.eigvalsh(tensor / np.outer(sizes, sizes))[0] <= _SINGULAR)
-
-
-def describe_singularity(tensor: Array, q: Array, names: Sequence[str] | None) -> str:
-    """Say which coordinates make a tensor (n, n) at q (n,) nearly singular; empty if it is not.
-
-    Based on the eigenvalues of g_ij / sqrt(g_ii g_jj), which do not depend on units.
-    """
-    diagonal = np.diag(tensor)
-    if not (np.all(np.isfinite(tensor)) and np.all(diagonal > 0.0)):
-        return f"the metric is not positive definite at {q}"
-    sizes = np.sqrt(diagonal)
-    eigenvalues, vectors = np.linalg.eigh(tensor / np.outer(sizes, sizes))
-    if eigenvalues[0] > _NEARLY_SINGULAR:
-        return ""
-    components = np.abs(vectors[:, 0])
-    moved = np.flatnonzero(components > _FRACTION * components.max()).tolist()
-    dependent = [f"q[{index}]" if names is None else names[index] for index in moved]
-    return (
-        f"the metric is nearly singular at {q}, where {' and '.join(dependent)} are linearly "
-        "dependent (kinematic singularity)"
-    )
-
-
 def as_metric(metric: Any) -> Metric:
     """The argument, if it is a metric with a dimension; ValueError otherwise."""
     if not isinstance(metric, Metric):
@@ -152,7 +119,7 @@ class Metric(MetricFunctions):
             raise ValueError(f"{name}: the metric is not finite at {point}")
         if not np.abs(tensor - tensor.T).max() <= 1e-9 * np.abs(tensor).max():
             raise ValueError(f"{name}: the metric tensor is not symmetric at {point}")
-        if is_singular(tensor):
+        if _is_singular(tensor):
             smallest, largest = np.linalg.eigvalsh(tensor)[[0, -1]]
             why = self.near_singularity(point)
             raise ValueError(
@@ -189,7 +156,7 @@ class Metric(MetricFunctions):
             tensor = self.matrix(q)
         except ValueError as outside:
             return str(outside)
-        return describe_singularity(tensor, q, self.joint_names)
+        return _describe_singularity(tensor, q, self.joint_names)
 
     # -- the geometry --------------------------------------------------------------------------
 
@@ -263,3 +230,36 @@ class Metric(MetricFunctions):
             return self.geodesic_equation(ca.vertcat(q, v))[self.dim :]
         rates = evaluate(self.geodesic_equation, np.concatenate([q, v]))[self.dim :, 0]
         return self._defined(rates, q)
+
+
+def _is_singular(tensor: Array) -> bool:
+    """Whether a symmetric, finite tensor (n, n) is not positive definite, up to rounding.
+
+    The result does not depend on units of coordinates, nor on lengths that grow near a boundary.
+    """
+    diagonal = np.diag(tensor)
+    if np.any(diagonal <= _VANISHING * diagonal.max()):
+        return True
+    sizes = np.sqrt(diagonal)
+    return bool(np.linalg.eigvalsh(tensor / np.outer(sizes, sizes))[0] <= _SINGULAR)
+
+
+def _describe_singularity(tensor: Array, q: Array, names: Sequence[str] | None) -> str:
+    """Say which coordinates make a tensor (n, n) at q (n,) nearly singular; empty if it is not.
+
+    Based on the eigenvalues of g_ij / sqrt(g_ii g_jj), which do not depend on units.
+    """
+    diagonal = np.diag(tensor)
+    if not (np.all(np.isfinite(tensor)) and np.all(diagonal > 0.0)):
+        return f"the metric is not positive definite at {q}"
+    sizes = np.sqrt(diagonal)
+    eigenvalues, vectors = np.linalg.eigh(tensor / np.outer(sizes, sizes))
+    if eigenvalues[0] > _NEARLY_SINGULAR:
+        return ""
+    components = np.abs(vectors[:, 0])
+    moved = np.flatnonzero(components > _FRACTION * components.max()).tolist()
+    dependent = [f"q[{index}]" if names is None else names[index] for index in moved]
+    return (
+        f"the metric is nearly singular at {q}, where {' and '.join(dependent)} are linearly "
+        "dependent (kinematic singularity)"
+    )

@@ -148,29 +148,25 @@ def as_armature(
     """Joint inertias (n,) from one number, n numbers, or some by joint name.
 
     Raises:
-        ValueError: an unknown joint, not 1 or n numbers, or one that is negative or not finite.
+        ValueError: an unknown joint, or not 1 or n numbers; whether they make sense is for
+            `check_armature`.
     """
     entries = np.array([*value.values()] if isinstance(value, Mapping) else value, dtype=object)
     if any(isinstance(entry, (bool, np.bool_)) for entry in entries.flat):
         raise ValueError(f"armature must be numbers, not truth values, got {value!r}")
     if isinstance(value, str) or not isinstance(value, (Mapping, Sequence, np.ndarray)):
         value = [as_number("armature", value)] * current.size
-    armature = _merged("armature", value, current, joint_names)
-    _reject_negative(armature, joint_names)
-    return armature
+    return _merged("armature", value, current, joint_names)
 
 
 def check_armature(model: pin.Model) -> None:
     """Reject joint inertias that are negative or not finite."""
-    joints = sorted(range(1, model.njoints), key=lambda index: model.joints[index].idx_v)
-    _reject_negative(np.array(model.armature), [str(model.names[index]) for index in joints])
-
-
-def _reject_negative(armature: Array, joint_names: Sequence[str]) -> None:
-    for joint, inertia in zip(joint_names, armature, strict=True):
+    for index in range(1, model.njoints):
+        inertia = model.armature[model.joints[index].idx_v]
         if not 0.0 <= inertia < np.inf:
             raise ValueError(
-                f"armature of joint {joint!r} must be finite and not negative, got {inertia:g}"
+                f"armature of joint {model.names[index]!r} must be finite and not negative, got "
+                f"{inertia:g}"
             )
 
 
