@@ -16,11 +16,6 @@ from geodesic_ocp.arrays import Array, as_number, real_array
 _ROUNDING = 1e-15
 # A continuous joint has no limits; these are wide enough for the shortest rotation between angles.
 DEFAULT_LIMIT = 2.0 * np.pi  # [rad]
-_AXES = {
-    (1.0, 0.0, 0.0): pin.JointModelRX,
-    (0.0, 1.0, 0.0): pin.JointModelRY,
-    (0.0, 0.0, 1.0): pin.JointModelRZ,
-}
 # Arrays (nv,), independent of how the coordinates of a joint are stored.
 _PER_VELOCITY = (
     *("armature", "damping", "rotorGearRatio", "rotorInertia"),
@@ -217,7 +212,7 @@ def with_angles(model: pin.Model) -> pin.Model:
     for index in range(1, model.njoints):
         joint, name = model.joints[index], model.names[index]
         revolute = name in continuous
-        new_type = _revolute(motion_subspace(model, index)[3:]) if revolute else joint
+        new_type = joint_along(motion_subspace(model, index)[3:]) if revolute else joint
         placement = model.jointPlacements[index]
         new = result.joints[result.addJoint(model.parents[index], new_type, placement, name)]
         for limits in ("lowerPositionLimit", "upperPositionLimit"):
@@ -235,9 +230,12 @@ def with_angles(model: pin.Model) -> pin.Model:
     return result
 
 
-def _revolute(axis: Any) -> Any:
-    aligned = _AXES.get(tuple(axis.tolist()))
-    return pin.JointModelRevoluteUnaligned(axis) if aligned is None else aligned()
+def joint_along(axis: Array, kind: str = "revolute") -> Any:
+    """A revolute or prismatic joint of a unit axis, of the types for x, y or z where it is one."""
+    for letter, unit in zip("XYZ", np.eye(3), strict=True):
+        if np.array_equal(axis, unit):
+            return getattr(pin, f"JointModel{kind[0].upper()}{letter}")()
+    return getattr(pin, f"JointModel{kind.capitalize()}Unaligned")(axis)
 
 
 def max_reach(

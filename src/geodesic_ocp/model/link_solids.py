@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Container, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -175,13 +176,11 @@ def exact_distance(one: LinkSolid, pose: Pose, other: LinkSolid, other_pose: Pos
     request = pin.coal.DistanceRequest()
     request.enable_signed_distance = False
     least = np.inf
-    for shape, placed in _placed(one, pose):
-        for second, second_placed in _placed(other, other_pose):
-            result = pin.coal.DistanceResult()
-            found = pin.coal.distance(shape, placed, second, second_placed, request, result)
-            least = min(least, max(0.0, float(found)))
-            if least == 0.0:
-                return 0.0
+    for first, second in product(_placed(one, pose), _placed(other, other_pose)):
+        found = pin.coal.distance(*first, *second, request, pin.coal.DistanceResult())
+        least = min(least, max(0.0, float(found)))
+        if least == 0.0:
+            break
     return least
 
 
@@ -191,12 +190,11 @@ def is_closer(
     """Whether two links whose joints have these poses are closer than a margin [m], or touch."""
     request = pin.coal.CollisionRequest()
     request.security_margin = margin
-    for shape, placed in _placed(one, pose):
-        for second, second_placed in _placed(other, other_pose):
-            result = pin.coal.CollisionResult()
-            pin.coal.collide(shape, placed, second, second_placed, request, result)
-            if result.isCollision():
-                return True
+    for first, second in product(_placed(one, pose), _placed(other, other_pose)):
+        result = pin.coal.CollisionResult()
+        pin.coal.collide(*first, *second, request, result)
+        if result.isCollision():
+            return True
     return False
 
 

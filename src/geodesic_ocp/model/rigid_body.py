@@ -84,8 +84,7 @@ def link_energies(model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
     for index in range(1, model.njoints):
         placement, parent = placements[index], model.parents[index]
         body, row = model.inertias[index], model.joints[index].idx_v
-        subspace = motion_subspace(model, index)
-        slide, turn = constant(subspace[:3]), constant(subspace[3:])
+        slide, turn = _axis(model, index)
         into_body = placement.rotation.T
         at_joint = linear[parent] + ca.cross(angular[parent], placement.translation)
         linear.append(into_body @ at_joint + slide * v[row])
@@ -177,22 +176,15 @@ def kinetic_energy(model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
 
 def coriolis_force(model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
     """Coriolis and centrifugal forces C(q, v) v, (nv, 1), at joint velocities v (nv, 1)."""
-    none = ca.SX.zeros(model.nv)
-    return _newton_euler(model, q, v, none, ca.SX.zeros(3))
+    return inverse_dynamics(model, q, v, ca.SX.zeros(model.nv), ca.SX.zeros(3))
 
 
 def inverse_dynamics(model: pin.Model, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX) -> ca.SX:
     """Joint forces G(q) a + C(q, v) v + g(q), (nv, 1), armature included.
 
-    At joint accelerations a (nv, 1) and with free fall at `gravity` (3, 1) in base axes.
-    """
-    return _newton_euler(model, q, v, a, gravity)
-
-
-def _newton_euler(model: pin.Model, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX) -> ca.SX:
-    """Recursive Newton-Euler algorithm; gravity accelerates the base against free fall.
-
-    Linear accelerations are those of the bodies' origins, as by Luh, Walker and Paul (1980): unlike
+    At joint accelerations a (nv, 1) and with free fall at `gravity` (3, 1) in base axes: recursive
+    Newton-Euler algorithm, in which gravity accelerates the base against free fall. Linear
+    accelerations are those of the bodies' origins, as by Luh, Walker and Paul (1980): unlike
     Featherstone's spatial accelerations, they need no linear velocities.
     """
     placements, none = joint_placements(model, q), ca.SX.zeros(3)
