@@ -10,6 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from geodesic_ocp.arrays import as_number
 from geodesic_ocp.manifold.metrics import KineticEnergy, ModelMetric
 from geodesic_ocp.model.inertias import inertia_scale, scale_inertias
 from geodesic_ocp.model.rigid_body import link_energies
@@ -162,23 +163,16 @@ def _check(name: str, value: Any, positive: bool) -> None:
     """ValueError if a number is negative, not finite, or zero where it must be positive."""
     if isinstance(value, ca.SX):
         return
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} must be a number, got {value!r}") from None
-    if not np.isfinite(number) or number < 0.0 or (positive and number == 0.0):
-        wanted = "positive" if positive else "finite and not negative"
-        raise ValueError(f"{name} must be {wanted}, got {value}")
+    number = as_number(name, value)
+    if number < 0.0 or (positive and number == 0.0):
+        raise ValueError(
+            f"{name} must be {'positive' if positive else 'not negative'}, got {value}"
+        )
 
 
 def _range(values: tuple[Any, ...]) -> str:
     """The least and the largest number; all values if one is an expression."""
     if any(isinstance(entry, ca.SX) for entry in values):
-        return _shown(values)
+        return ", ".join(dict.fromkeys(map(str, values)))
     low, high = f"{min(values):.3g}", f"{max(values):.3g}"
     return low if low == high else f"{low} to {high}"
-
-
-def _shown(values: tuple[Any, ...]) -> str:
-    numbers = [value if isinstance(value, ca.SX) else f"{float(value):.4g}" for value in values]
-    return f"{numbers[0]}" if len(set(map(str, numbers))) == 1 else ", ".join(map(str, numbers))
