@@ -25,7 +25,7 @@ import scipy
 from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
-from geodesic_ocp.model.human.anthropometry import trunk
+from geodesic_ocp.model.anthropometry import trunk
 from geodesic_ocp.synergies.joint_inertia import with_joint_inertia
 
 SIDES = ("right", "left")

@@ -14,7 +14,7 @@ import pytest
 
 import geodesic_ocp as go
 from geodesic_ocp.compiled.compilers import ENVIRONMENT_VARIABLE as COMPILER_VARIABLE
-from geodesic_ocp.model.dynamics.rigid_body import (
+from geodesic_ocp.model.dynamics import (
     BACKENDS,
     ENVIRONMENT_VARIABLE,
     choose_backend,

@@ -17,7 +17,6 @@ LAYERS = [
     ("ipopt", "blocks"),
     ("compiled",),
     ("model",),
-    ("model.geometry",),
     ("model.formats",),
     ("manifold",),
     ("trajectory",),

@@ -229,6 +229,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     )
     from geodesic_ocp.logarithm.log import distance, log
     from geodesic_ocp.logarithm.to_pose.geodesic_to_pose import ToPose, geodesic_to_pose
+    from geodesic_ocp.manifold.adjustable_kinetic_energy import AdjustableKineticEnergy
     from geodesic_ocp.manifold.curvature import (
         riemann_curvature,
         scalar_curvature,
@@ -236,23 +237,19 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     )
     from geodesic_ocp.manifold.exp import exp
     from geodesic_ocp.manifold.metric import Metric
-    from geodesic_ocp.manifold.metrics.adjustable_kinetic_energy import AdjustableKineticEnergy
-    from geodesic_ocp.manifold.metrics.euclidean import Euclidean
-    from geodesic_ocp.manifold.metrics.jacobi_metric import JacobiMetric
-    from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
-    from geodesic_ocp.manifold.metrics.region_avoiding import RegionAvoiding
+    from geodesic_ocp.manifold.metrics import Euclidean, JacobiMetric, KineticEnergy
     from geodesic_ocp.manifold.parallel_transport import parallel_transport
+    from geodesic_ocp.manifold.region_avoiding import RegionAvoiding
     from geodesic_ocp.model.combine import combine
+    from geodesic_ocp.model.distances import collision_pairs, signed_distances
     from geodesic_ocp.model.formats.load_model import load_model
-    from geodesic_ocp.model.geometry.enclosing_capsule import enclosing_capsule
-    from geodesic_ocp.model.geometry.signed_distances import collision_pairs, signed_distances
-    from geodesic_ocp.model.human.human_arm import human_arm
-    from geodesic_ocp.model.human.human_upper_body import human_upper_body
-    from geodesic_ocp.model.inertias.known_armature import (
+    from geodesic_ocp.model.human import human_arm, human_upper_body
+    from geodesic_ocp.model.inertias import (
         RobotArmature,
         robot_armature,
         with_rotor_inertia,
     )
+    from geodesic_ocp.model.link_geometry import enclosing_capsule
     from geodesic_ocp.model.model import Model
     from geodesic_ocp.model.primitives import Ball, Capsule, HalfSpace
     from geodesic_ocp.ocp.ik.inverse_kinematics import inverse_kinematics
@@ -331,11 +328,10 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.synergies.synergy import Synergy
     from geodesic_ocp.synergies.synergy_files import load_synergies, save_synergies
     from geodesic_ocp.table import Table
-    from geodesic_ocp.trajectory.filters.motion_filter import MotionFilter
-    from geodesic_ocp.trajectory.frame_motion import FrameMotion
+    from geodesic_ocp.trajectory.filters import MotionFilter
     from geodesic_ocp.trajectory.grid import Grid
     from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
-    from geodesic_ocp.trajectory.motion import Motion, Subject
+    from geodesic_ocp.trajectory.motion import FrameMotion, Motion, Subject
     from geodesic_ocp.trajectory.path import Path
     from geodesic_ocp.trajectory.read_trajectory import read_trajectory
     from geodesic_ocp.trajectory.time_law import TimeLaw, time_law
@@ -348,7 +344,7 @@ else:
     _HOMES = {
         "viewer.show": "show",
         "viewer.viewer": "Viewer",
-        "model.inertias.known_armature": "RobotArmature robot_armature with_rotor_inertia",
+        "model.inertias": "RobotArmature robot_armature with_rotor_inertia",
         "trajectory.read_trajectory": "read_trajectory",
         "trajectory.joint_trajectory": "JointTrajectory",
         "execution.tracking.track_within_limits": "track_within_limits",
@@ -372,7 +368,7 @@ else:
         "execution.arm_paths": "ArmPaths",
         "errors": "GeodesicOcpError IntegrationFailed NotConverged RecordingError",
         "figures.obstacles": "draw_obstacle",
-        "manifold.metrics.adjustable_kinetic_energy": "AdjustableKineticEnergy",
+        "manifold.adjustable_kinetic_energy": "AdjustableKineticEnergy",
         "fitting.metric_fit": "Estimate ConfidenceInterval MetricFit",
         "fitting.parameter": "Parameter",
         "fitting.separate_fits": "separate_fits",
@@ -386,20 +382,17 @@ else:
         "logarithm.to_pose.geodesic_to_pose": "ToPose geodesic_to_pose",
         "logarithm.log": "distance log",
         "manifold.curvature": "riemann_curvature scalar_curvature sectional_curvature",
-        "manifold.metrics.euclidean": "Euclidean",
+        "manifold.metrics": "Euclidean JacobiMetric KineticEnergy",
         "manifold.exp": "exp",
-        "manifold.metrics.jacobi_metric": "JacobiMetric",
-        "manifold.metrics.kinetic_energy": "KineticEnergy",
         "manifold.metric": "Metric",
         "manifold.parallel_transport": "parallel_transport",
-        "manifold.metrics.region_avoiding": "RegionAvoiding",
+        "manifold.region_avoiding": "RegionAvoiding",
         "model.combine": "combine",
         "model.formats.load_model": "load_model",
-        "model.geometry.enclosing_capsule": "enclosing_capsule",
-        "model.geometry.signed_distances": "collision_pairs signed_distances",
-        "model.human.human_arm": "human_arm",
+        "model.link_geometry": "enclosing_capsule",
+        "model.distances": "collision_pairs signed_distances",
+        "model.human": "human_arm human_upper_body",
         "model.model": "Model",
-        "model.primitives": "Ball Capsule HalfSpace",
         "ocp.ik.inverse_kinematics": "inverse_kinematics",
         "ocp.nlp.nlp": "NLP",
         "ocp.problem.path_constraints": "clearance_constraints",
@@ -431,7 +424,7 @@ else:
         "recordings.read_motion": "read_motion",
         "synergies.reconstruct": "Reconstruction reconstruct",
         "synergies.segmentation.optimal_segmentations": (
-            "OptimalSegmentations optimal_segmentations"
+            "OptimalSegmentations optimal_segmentations "
         ),
         "synergies.segmentation.segment": "segment",
         "synergies.segmentation.segment_optimal": "segment_optimal",
@@ -451,7 +444,9 @@ else:
         "comparison.method_comparison": "MethodComparison",
         "comparison.metric_comparison": "MetricComparison",
         "comparison.paired_test": "PairedTest paired_test",
-        "recordings.conventions.angle_convention": "AngleConvention AxisRotation SegmentRelation",
+        "recordings.conventions.angle_convention": (
+            "AngleConvention AxisRotation SegmentRelation "
+        ),
         "recordings.conventions.segment_orientations": "SegmentOrientations",
         "recordings.conventions.joint_angles": "joint_angles",
         "recordings.skeletons.skeleton_convention": "SkeletonConvention",
@@ -462,8 +457,7 @@ else:
         "recordings.markers.fit_motion": "fit_motion",
         "recordings.markers.lost_markers": "LostMarker",
         "recordings.read_recording": "read_recording",
-        "trajectory.frame_motion": "FrameMotion",
-        "model.human.human_upper_body": "human_upper_body",
+        "trajectory.motion": "FrameMotion Motion Subject",
         "studies.batch.analyse_recordings": "analyse_recordings",
         "studies.batch.batch_result": "BatchResult",
         "studies.batch.analysis_settings": "AnalysisSettings",
@@ -476,10 +470,10 @@ else:
         "recordings.save_motion": "save_motion",
         "table": "Table",
         "trajectory.grid": "Grid",
-        "trajectory.motion": "Motion Subject",
-        "trajectory.filters.motion_filter": "MotionFilter",
+        "trajectory.filters": "MotionFilter",
         "trajectory.path": "Path",
         "trajectory.time_law": "TimeLaw time_law",
+        "model.primitives": "Ball Capsule HalfSpace",
     }
     _MODULES = {name: module for module, names in _HOMES.items() for name in names.split()}
 

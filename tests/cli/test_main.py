@@ -18,7 +18,7 @@ import geodesic_ocp as go
 from geodesic_ocp.cli import main as cli
 from geodesic_ocp.cli.analyse import error_curve
 from geodesic_ocp.cli.analyse.analysis_options import check_options
-from geodesic_ocp.model.formats import catalogue
+from geodesic_ocp.model.formats import load_model
 from geodesic_ocp.model.formats.robots import ROBOTS, folder
 from geodesic_ocp.studies.batch import analyse_recording
 
@@ -283,9 +283,9 @@ def test_models_lists_arms_robots_and_back_ends(capsys: pytest.CaptureFixture[st
 def test_models_names_missing_packages(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(catalogue, "folder", lambda package: None)
-    monkeypatch.setattr(catalogue, "described", dict)
-    monkeypatch.setattr(catalogue, "on_demand", tuple)
+    monkeypatch.setattr(load_model, "folder", lambda package: None)
+    monkeypatch.setattr(load_model, "described", dict)
+    monkeypatch.setattr(load_model, "on_demand", tuple)
     assert cli.main(["models"]) == 0
     text = capsys.readouterr().out
     assert "not available without armar and example-robot-data:\n  pip install armar" in text

@@ -16,7 +16,7 @@ import geodesic_ocp as go
 from geodesic_ocp.cli import main as cli
 from geodesic_ocp.cli.show import destination, show_command
 from geodesic_ocp.model.formats.robots import folder
-from geodesic_ocp.model.geometry.meshes import meshes
+from geodesic_ocp.model.meshes import meshes
 from geodesic_ocp.scenes.playback import Playback
 from geodesic_ocp.synergies.saved_synergies import read_saved_synergies
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 import geodesic_ocp as go
 from geodesic_ocp.comparison.bayesian_information import bayesian_information, noise_left
-from geodesic_ocp.trajectory.filters.bandwidth import bandwidth
+from geodesic_ocp.trajectory.motion import bandwidth
 
 TIME = np.linspace(0.0, 0.9, 46)
 OPTIONS = {"spacing": 0.1, "thresholds": [0.6]}

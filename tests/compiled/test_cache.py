@@ -234,7 +234,7 @@ def test_a_full_or_read_only_cache_is_left_for_a_temporary_folder(
     assert is_compiled(HalfPlane())
 
 
-def test_without_space_anywhere_functions_stay_interpreted(
+def test_without_space_anywhere_nothing_is_compiled(
     empty_cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: object, **__: object) -> int:
@@ -242,7 +242,7 @@ def test_without_space_anywhere_functions_stay_interpreted(
 
     monkeypatch.setattr(Path, "write_text", full)
     metric = HalfPlane()
-    with pytest.warns(RuntimeWarning, match=r"functions stay interpreted.*No space left"):
+    with pytest.warns(RuntimeWarning, match=r"functions are not compiled.*No space left"):
         assert not is_compiled(metric)
     assert not is_compiled(metric)  # one warning is enough
     assert go.distance(metric, Q0, Q1) > 0.0

@@ -133,14 +133,14 @@ def test_a_new_version_of_a_compiler_has_another_identity(
         ("printf '\\177ELF\\002' > library; yes | head -n 99 >> library", "failed: .*incomplete"),
     ],
 )
-def test_a_compiler_that_fails_is_named_and_functions_stay_interpreted(
+def test_a_compiler_that_fails_is_named_and_nothing_is_compiled(
     empty_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, commands: str, reason: str
 ) -> None:
     if "invalid" in reason and not sys.platform.startswith("linux"):
         pytest.skip("other systems say it in other words")
     fake_compiler(tmp_path, monkeypatch, commands)
     metric = HalfPlane()
-    with pytest.warns(RuntimeWarning, match=f"stay interpreted.*fake cc {reason}"):
+    with pytest.warns(RuntimeWarning, match=f"are not compiled.*fake cc {reason}"):
         found = go.log(metric, Q0, Q1)
     assert metric.kernels.compiler_name == ""
     assert list(empty_cache.iterdir()) == []
@@ -156,7 +156,7 @@ def test_a_compiler_that_fails_in_the_background_is_named_later(
     monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "auto")
     without_compilers(monkeypatch, "tiny")
     metric = HalfPlane()
-    lib = metric.kernels._library
+    lib = metric.kernels
 
     def compute_before_and_after_building() -> None:
         go.log(metric, Q0, Q1)
@@ -191,7 +191,7 @@ def test_the_system_compiler_takes_over_in_use(empty_cache: Path) -> None:
 
 
 @pytest.mark.usefixtures("auto")
-def test_without_tcc_functions_are_interpreted_until_the_library_is_ready(
+def test_without_tcc_casadi_evaluates_until_the_library_is_ready(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     without_compilers(monkeypatch, "tiny")
@@ -209,7 +209,7 @@ def test_short_use_of_exp_compiles_nothing(
     metric = HalfPlane()
     go.exp(metric, Q0, [0.1, 0.2])
     assert metric.kernels.compiler_name == ""
-    metric.kernels.interpreted(library._FIRST_WORTHWHILE)
+    metric.kernels.used(library._FIRST_WORTHWHILE)
     go.exp(metric, Q0, [0.1, 0.2])
     assert metric.kernels.compiler_name == "tcc"
 
@@ -232,7 +232,7 @@ def test_a_build_of_another_process_is_awaited(empty_cache: Path) -> None:
     metric = HalfPlane()
     system = compilers.system_compiler()
     assert system is not None
-    lib = metric.kernels._library
+    lib = metric.kernels
     key = lib._key(system)
     job = cache.new_job(next(cache.writable_folders()), lib._text(), key)
     go.log(metric, Q0, Q1)
@@ -415,7 +415,7 @@ from known_metrics import HalfPlane
 metric = HalfPlane()
 assert metric.kernels.available()
 print(metric.kernels.compiler_name)
-metric.kernels._library.used(0.2)  # less than what is worth an optimized library
+metric.kernels.used(0.2)  # less than what is worth an optimized library
 """
 
 

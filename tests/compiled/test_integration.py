@@ -13,8 +13,8 @@ from known_metrics import HalfPlane, Sphere
 
 import geodesic_ocp as go
 from geodesic_ocp.compiled import compilers
-from geodesic_ocp.manifold.integrator import STAGE_TIMES
-from geodesic_ocp.manifold.kernels import _IntegrationRecord
+from geodesic_ocp.compiled.source import STAGE_TIMES
+from geodesic_ocp.manifold.kernels import Integrator, _IntegrationRecord
 from geodesic_ocp.synergies.segmentation.segment import _Observed, _parallel_components
 
 CURVED = sorted(METRICS.keys() - {"Euclidean"})
@@ -40,7 +40,7 @@ def pointer(array: np.ndarray) -> c_void_p:
 def steps_and_error(tolerance: float) -> tuple[float, float]:
     """Of the half-plane's geodesic (tanh t, 1 / cosh t) over [0, 3]."""
     metric = HalfPlane()
-    library = metric.kernels._library.handle(True)
+    library = metric.kernels.handle(True)
     assert library is not None
     start, times, states = np.array([0.0, 1.0, 1.0, 0.0]), np.array([0.0, 3.0]), np.empty((2, 4))
     record = _IntegrationRecord(0.0, 0.0, 0)
@@ -132,7 +132,7 @@ def test_integrations_agree_with_those_of_scipy(
     q, v = points(metric, rng, 2)
     start, times = np.concatenate([q, 0.3 * v]), np.array([0.0, 0.1, 0.5, 0.6])
     states = metric.kernels.integrate(start, times, 1e-10, 1000)
-    expected = metric.geodesic_integrator(start, times, 1e-10, max_steps=1000)
+    expected = Integrator(metric.geodesic_equation)(start, times, 1e-10, max_steps=1000)
     assert states == pytest.approx(expected, abs=1e-9, rel=1e-9)
 
 
@@ -156,10 +156,10 @@ def test_failures_are_those_of_scipy(
     arguments = np.array(start), np.array([0.0, 2.0]), tolerance, max_steps
     with pytest.raises(go.IntegrationFailed, match=words) as compiled:
         kernels.integrate(*arguments)
-    with pytest.raises(go.IntegrationFailed, match=words) as interpreted:
-        metric.geodesic_integrator(*arguments[:3], max_steps=max_steps)
+    with pytest.raises(go.IntegrationFailed, match=words) as by_scipy:
+        Integrator(metric.geodesic_equation)(*arguments[:3], max_steps=max_steps)
     if "fell" in words:  # where the metric is singular
-        assert compiled.value.time == pytest.approx(interpreted.value.time, abs=1e-6)
+        assert compiled.value.time == pytest.approx(by_scipy.value.time, abs=1e-6)
 
 
 @pytest.mark.usefixtures("compiler")

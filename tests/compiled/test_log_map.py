@@ -13,7 +13,7 @@ from known_metrics import HalfPlane, Sphere
 from known_models import planar_arm, random_tree
 
 import geodesic_ocp as go
-from geodesic_ocp.compiled import compilers, lapack
+from geodesic_ocp.compiled import compilers, library
 from geodesic_ocp.logarithm import by_newton
 from geodesic_ocp.logarithm.correction import STEP
 from geodesic_ocp.logarithm.levels import Levels
@@ -189,7 +189,7 @@ def test_the_pointers_to_lapack_and_blas(rng: np.random.Generator) -> None:
     expected = np.linalg.cholesky(matrix).T
     factor, info, size = matrix.copy(order="F"), c_int(7), c_int(6)
     as_function = CFUNCTYPE(None, *[c_void_p] * 5)
-    potrf = as_function(lapack.blas().potrf)
+    potrf = as_function(library.blas().potrf)
     upper = c_char(b"U")
 
     def at(value: object) -> c_void_p:
@@ -204,23 +204,23 @@ def test_the_pointers_to_lapack_and_blas(rng: np.random.Generator) -> None:
 
 
 def test_threads_of_blas_are_restored_after_the_last_user() -> None:
-    library = lapack._openblas()
-    if library is None:
+    openblas = library._openblas()
+    if openblas is None:
         pytest.skip("SciPy has no OpenBLAS of its own here")
-    before = library.scipy_openblas_get_num_threads()
+    before = openblas.scipy_openblas_get_num_threads()
     entered, leave = threading.Event(), threading.Event()
 
     def other() -> None:
-        with lapack.one_blas_thread:
+        with library.one_blas_thread:
             entered.set()
             leave.wait()
 
     thread = threading.Thread(target=other)
     thread.start()
     entered.wait()
-    with lapack.one_blas_thread:
-        assert library.scipy_openblas_get_num_threads() == 1
-    assert library.scipy_openblas_get_num_threads() == 1
+    with library.one_blas_thread:
+        assert openblas.scipy_openblas_get_num_threads() == 1
+    assert openblas.scipy_openblas_get_num_threads() == 1
     leave.set()
     thread.join()
-    assert library.scipy_openblas_get_num_threads() == before
+    assert openblas.scipy_openblas_get_num_threads() == before

@@ -20,7 +20,7 @@ from geodesic_ocp.execution.clearance.placed_solids import place_solids
 from geodesic_ocp.execution.clearance.sampled_distances import capsule_distances, pose_at
 from geodesic_ocp.execution.clearance.trajectory_clearance import trajectory_clearance
 from geodesic_ocp.model.formats.robots import folder
-from geodesic_ocp.model.geometry.exact_distances import exact_distance
+from geodesic_ocp.model.link_solids import exact_distance
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
 SHOULDERS = [(-0.2, 0.0, 1.4), (0.2, 0.0, 1.4)]

@@ -24,7 +24,7 @@ from geodesic_ocp.figures.arms.posture_shapes import outline_of_all, posture_sha
 from geodesic_ocp.figures.arms.shapes import Shape
 from geodesic_ocp.figures.arms.view import DIRECTIONS, View
 from geodesic_ocp.figures.obstacles import obstacle_shape
-from geodesic_ocp.model.geometry.meshes import meshes
+from geodesic_ocp.model.meshes import meshes
 
 BENT = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
 angles = st.floats(-180.0, 180.0)
@@ -91,7 +91,7 @@ def test_a_link_that_is_not_convex_is_divided(monkeypatch: pytest.MonkeyPatch) -
     import trimesh
 
     from geodesic_ocp.figures.arms import convex_parts as module
-    from geodesic_ocp.model.geometry.meshes import Mesh
+    from geodesic_ocp.model.look import Mesh
 
     bars = [trimesh.creation.box((1.0, 0.1, 0.1)), trimesh.creation.box((0.1, 0.1, 1.0))]
     bars[0].apply_translation((0.5, 0.0, 0.0))

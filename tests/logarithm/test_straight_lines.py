@@ -12,7 +12,7 @@ from known_metrics import Sphere
 import geodesic_ocp as go
 from geodesic_ocp.ipopt import Ipopt
 from geodesic_ocp.manifold.exp import sample_geodesic
-from geodesic_ocp.manifold.integrator import Integrator
+from geodesic_ocp.manifold.kernels import Integrator
 
 TENSOR = np.array([[2.0, 0.3, 0.0], [0.3, 1.0, -0.2], [0.0, -0.2, 0.5]])
 START, GOAL, VECTOR = np.array([[0.1, -0.4, 2.0], [1.3, 0.2, -0.7], [0.3, 1.0, -2.0]])

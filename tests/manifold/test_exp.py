@@ -337,7 +337,7 @@ def test_steps_converge_with_the_eighth_order() -> None:
     """By the slope of the error on a great circle; every interval is one accepted step."""
     metric, start, velocity = Sphere(), np.array([1.0, 0.2]), np.array([0.8, 1.1])
     exact = go.exp(metric, start, velocity, tolerance=1e-13)
-    counts = np.array([4, 6, 8, 12, 16])
+    counts = np.array([4, 6, 8, 10, 12])  # with more steps, rounding dominates
     errors = []
     for count in counts:
         times = np.linspace(0.0, 1.0, count + 1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.model.hands import hand_labels
+from geodesic_ocp.model.model import hand_labels
 
 
 def test_an_arm_has_one_hand(arm: go.Model) -> None:

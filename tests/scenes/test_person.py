@@ -11,8 +11,8 @@ from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.geometry.meshes import meshes
-from geodesic_ocp.model.human.anthropometry import Sex
+from geodesic_ocp.model.anthropometry import Sex
+from geodesic_ocp.model.meshes import meshes
 from geodesic_ocp.scenes.actor import Actor, model_actor
 from geodesic_ocp.scenes.around.person import rest_of_person
 

@@ -13,7 +13,7 @@ from small_retargeting import both_arms, both_arms_of_talos, small_analysis, sma
 
 import geodesic_ocp as go
 from geodesic_ocp.model.formats.robots import folder
-from geodesic_ocp.model.geometry.meshes import meshes
+from geodesic_ocp.model.meshes import meshes
 from geodesic_ocp.scenes.actor import Actor
 from geodesic_ocp.scenes.markings import Trail
 from geodesic_ocp.scenes.playback import Playback

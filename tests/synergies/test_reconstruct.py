@@ -8,7 +8,7 @@ import pytest
 import geodesic_ocp as go
 from geodesic_ocp.logarithm import single_start
 from geodesic_ocp.manifold.exp import sample_geodesic
-from geodesic_ocp.manifold.integrator import Integrator
+from geodesic_ocp.manifold.kernels import Integrator
 
 TIME = np.linspace(0.0, 0.8, 81)
 

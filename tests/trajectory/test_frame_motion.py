@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import geodesic_ocp as go
-from geodesic_ocp.trajectory.frame_motion import FrameMotion
+from geodesic_ocp.trajectory.motion import FrameMotion
 
 
 def turning(time: np.ndarray, rate: float = 0.7) -> FrameMotion:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from geodesic_ocp.model.dynamics.rigid_body import BACKENDS, why_unavailable
+from geodesic_ocp.model.dynamics import BACKENDS, why_unavailable
 from geodesic_ocp.validation import known_geodesics
 from geodesic_ocp.validation.check import (
     Check,

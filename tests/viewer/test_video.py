@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image, ImageSequence
 
-from geodesic_ocp.model.geometry.meshes import Mesh
+from geodesic_ocp.model.look import Mesh
 from geodesic_ocp.scenes.actor import Actor
 from geodesic_ocp.scenes.markings import EllipsoidTrack, FrameTrack, Gap, PointCloud, Solid, Trail
 from geodesic_ocp.scenes.playback import PARAMETER, Curve, Playback, Plot, Span

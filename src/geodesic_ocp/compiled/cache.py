@@ -39,6 +39,8 @@ _LARGEST = 500_000_000
 _ENOUGH = 50_000_000
 # Time between looks at the job of another process [s].
 _PAUSE = 0.02
+# The temporary folder of this process; a forked process makes its own.
+_temporary: dict[int, Path] = {}
 
 
 def cache_folder() -> Path:
@@ -80,10 +82,6 @@ def why_not_private(folder: Path) -> str:
         if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH) and not is_sticky:
             return f"{each} can be written to by other users"
     return ""
-
-
-# The temporary folder of this process; a forked process makes its own.
-_temporary: dict[int, Path] = {}
 
 
 def _temporary_folder() -> Path:

@@ -4,7 +4,7 @@ The system's compiler makes the fastest code and takes seconds. TinyCC (the pack
 takes hundredths of a second, for code of half the speed. Neither needs the headers of a C library.
 The environment variable GEODESIC_OCP_COMPILER chooses: "auto" (the default) starts with TinyCC
 and changes to the system's compiler where it pays, "system" and "tcc" use one of them, "none"
-leaves all functions interpreted.
+compiles nothing: Ipopt and SciPy then solve and integrate with CasADi's functions.
 """
 
 from __future__ import annotations

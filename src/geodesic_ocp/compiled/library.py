@@ -3,6 +3,7 @@
 TinyCC's library is built at once. When it has been used for some time, in this process and earlier
 ones together, the system's compiler starts in a process of its own, and its library takes over when
 it is ready. Both stay in the cache. Processes that need the same library at once build it once.
+The libraries call SciPy's BLAS and LAPACK, in one thread.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from functools import lru_cache, partial
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 
@@ -25,7 +27,7 @@ from geodesic_ocp.compiled import build, cache
 from geodesic_ocp.compiled.compilers import Compiler, compiler_choice, compilers
 from geodesic_ocp.compiled.source import core_text, source_text
 
-# Use of the interpreted functions after which a library is worth its making [s].
+# Use of CasADi's functions after which a library is worth its making [s].
 _FIRST_WORTHWHILE = 0.2
 # Use of TinyCC's library after which an optimized one is worth its making [s].
 _WORTHWHILE = 0.5
@@ -58,15 +60,31 @@ class Library:
         self._used = self._not_noted = 0.0
 
     @property
-    def compiler(self) -> Compiler | None:
-        """The compiler of the library that is loaded."""
-        return None if self._loaded is None else self._loaded[1]
+    def loaded(self) -> bool:
+        """Whether the library is in use."""
+        return self._loaded is not None
+
+    @property
+    def compiler_name(self) -> str:
+        """Name of the compiler of the library that is loaded; empty if there is none."""
+        return "" if self._loaded is None else self._loaded[1].name
+
+    @property
+    def file(self) -> str:
+        """Path of the library, which also has CasADi's functions; empty if there is none."""
+        handle = self.handle(True)
+        return "" if handle is None else handle._name
+
+    def available(self, at_once: bool = True) -> bool:
+        """Whether there is a library, in the terms of `handle`."""
+        return self.handle(at_once) is not None
 
     def handle(self, at_once: bool) -> ctypes.CDLL | None:
         """The library; None where there is no compiler, or none that works.
 
         Args:
-            at_once: compile if none is stored; otherwise only after some use.
+            at_once: compile if none is stored; otherwise only after some use of CasADi's functions
+                in its place (`used`).
         """
         if self._loaded is None:
             with self._lock:
@@ -74,7 +92,7 @@ class Library:
         return None if self._loaded is None else self._loaded[0]
 
     def used(self, seconds: float) -> None:
-        """Report for how long the functions have been computing."""
+        """Report for how long the functions have been computing, compiled or by CasADi [s]."""
         self._used += seconds
         if self._loaded is None or not self._untried:
             return
@@ -103,7 +121,7 @@ class Library:
         if self._failures and not (self._loaded or self._untried or self._is_building):
             reasons, self._failures = "; ".join(self._failures), []
             warnings.warn(
-                f"functions stay interpreted, and slower: {reasons}", RuntimeWarning, stacklevel=2
+                f"functions are not compiled, and slower: {reasons}", RuntimeWarning, stacklevel=2
             )
 
     def _start_building(self) -> None:
@@ -249,3 +267,67 @@ def _load_mathematics() -> None:
     """Make the C library's sin, cos, ... visible: libraries are linked without it."""
     if sys.platform.startswith("linux"):
         ctypes.CDLL("libm.so.6", mode=ctypes.RTLD_GLOBAL)
+
+
+class Blas(ctypes.Structure):
+    """The struct `blas` of core/dense.h."""
+
+    _fields_ = [(name, ctypes.c_void_p) for name in ("potrf", "trsv", "gemm")]
+
+
+@lru_cache(maxsize=1)
+def blas() -> Blas:
+    """dpotrf, dtrsv and dgemm as SciPy exports them for Cython."""
+    from scipy.linalg import cython_blas, cython_lapack
+
+    return Blas(
+        _pointer(cython_lapack, "dpotrf"),
+        _pointer(cython_blas, "dtrsv"),
+        _pointer(cython_blas, "dgemm"),
+    )
+
+
+def _pointer(module: Any, name: str) -> int | None:
+    capsule = module.__pyx_capi__[name]
+    get_name = ctypes.pythonapi.PyCapsule_GetName
+    get_name.restype, get_name.argtypes = ctypes.c_char_p, [ctypes.py_object]
+    get_pointer = ctypes.pythonapi.PyCapsule_GetPointer
+    get_pointer.restype = ctypes.c_void_p
+    get_pointer.argtypes = [ctypes.py_object, ctypes.c_char_p]
+    pointer: int | None = get_pointer(capsule, get_name(capsule))
+    return pointer
+
+
+class _OneThread:
+    """Keeps SciPy's OpenBLAS from starting threads, which cost more than matrices of this size.
+
+    A context manager that may be entered by several threads at once; the last one to leave restores
+    the number of threads. Without OpenBLAS it does nothing.
+    """
+
+    def __init__(self) -> None:
+        self._lock, self._users, self._before = threading.Lock(), 0, 0
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if self._users == 0 and (library := _openblas()) is not None:
+                self._before = library.scipy_openblas_get_num_threads()
+                library.scipy_openblas_set_num_threads(1)
+            self._users += 1
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._users -= 1
+            if self._users == 0 and (library := _openblas()) is not None:
+                library.scipy_openblas_set_num_threads(self._before)
+
+
+one_blas_thread = _OneThread()
+
+
+@lru_cache(maxsize=1)
+def _openblas() -> ctypes.CDLL | None:
+    from scipy.linalg import cython_blas
+
+    library = ctypes.CDLL(cython_blas.__file__)
+    return library if hasattr(library, "scipy_openblas_set_num_threads") else None

@@ -1,16 +1,22 @@
-"""The C text of a library: a metric's functions as CasADi generates them, and the core."""
+"""The C text of a library: a metric's functions as CasADi generates them, and the core.
+
+The core integrates with the method of order 8 of Dormand and Prince: Hairer, Norsett, Wanner,
+*Solving Ordinary Differential Equations I*, 2nd ed., section II.5.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
 from importlib.resources import files
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-
-from geodesic_ocp.compiled import dop853
 
 # In the order in which they use each other.
 _CORE = (
@@ -26,15 +32,34 @@ _CORE = (
 )
 
 
+def _coefficients() -> Any:
+    """SciPy's module of coefficients, read from its file without the rest of scipy.integrate.
+
+    The import of that takes longer than all integrations of an analysis.
+    """
+    file = Path(scipy.__file__).parent / "integrate" / "_ivp" / "dop853_coefficients.py"
+    spec = spec_from_file_location("dop853_coefficients", file) if file.is_file() else None
+    if spec is None or spec.loader is None:
+        from scipy.integrate._ivp import dop853_coefficients
+
+        return dop853_coefficients
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+DOP853 = _coefficients()
+STAGES: int = DOP853.N_STAGES
+RK_A = np.array(DOP853.A[:STAGES, :STAGES], dtype=float)
+RK_B = np.array(DOP853.B, dtype=float)
+# Times of the stages within a step; the last is the end of the step.
+STAGE_TIMES = np.append(DOP853.C[:STAGES], 1.0)
+
+
 @lru_cache(maxsize=1)
 def core_text() -> str:
     """The core, with the coefficients of its integrator."""
-    tables = {
-        "RK_A": dop853.A,
-        "RK_B": dop853.B,
-        "RK_E5": dop853.E5,
-        "RK_E3": dop853.E3,
-    }
+    tables = {"RK_A": RK_A, "RK_B": RK_B, "RK_E5": DOP853.E5, "RK_E3": DOP853.E3}
     return "\n".join([*(_constant(*item) for item in tables.items()), *map(_read, _CORE)])
 
 

@@ -13,7 +13,7 @@ from geodesic_ocp.figures.new_figure import new_figure
 from geodesic_ocp.figures.overview import widest_columns
 from geodesic_ocp.figures.plane import draw_coordinates, draw_plane_path, draw_unit_balls
 from geodesic_ocp.figures.styles import OBSERVED
-from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
+from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.trajectory.path import Path

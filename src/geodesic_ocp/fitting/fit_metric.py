@@ -15,8 +15,8 @@ from geodesic_ocp.fitting.program.observed_segments import observe
 from geodesic_ocp.fitting.program.recording_part import RecordingPart
 from geodesic_ocp.fitting.program.segment_functions import Measure, SegmentFunctions, as_measure
 from geodesic_ocp.fitting.solve_program import solve_program
+from geodesic_ocp.manifold.adjustable_kinetic_energy import AdjustableKineticEnergy
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.manifold.metrics.adjustable_kinetic_energy import AdjustableKineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.recordings.recording import Recording

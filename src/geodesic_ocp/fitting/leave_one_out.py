@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from geodesic_ocp.fitting.metric_fit import MetricFit
 from geodesic_ocp.fitting.separate_fits import refit, units_of
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.manifold.metrics.euclidean import Euclidean
+from geodesic_ocp.manifold.metrics import Euclidean
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.synergies.reconstruct import reconstruct

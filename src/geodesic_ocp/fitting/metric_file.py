@@ -13,7 +13,7 @@ import numpy as np
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit
 from geodesic_ocp.fitting.parameter import Parameter, with_parameters
-from geodesic_ocp.manifold.metrics.adjustable_kinetic_energy import AdjustableKineticEnergy
+from geodesic_ocp.manifold.adjustable_kinetic_energy import AdjustableKineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.records import convert, decoding, read_record, write_file
 

@@ -9,7 +9,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.fitting.program.curvature import LeastErrors
 from geodesic_ocp.fitting.program.metric_program import MetricProgram
-from geodesic_ocp.trajectory.filters.bandwidth import bandwidth
+from geodesic_ocp.trajectory.motion import bandwidth
 
 # Directions in which the logarithms of the parameters are more uncertain than this are reported.
 _UNDETERMINED = 0.5

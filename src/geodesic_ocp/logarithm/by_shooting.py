@@ -8,8 +8,7 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
 from geodesic_ocp.logarithm.connecting_geodesic import ConnectingGeodesic
 from geodesic_ocp.logarithm.correction import MAX_STEPS, correct_velocity
-from geodesic_ocp.manifold.exp import integrate_geodesic
-from geodesic_ocp.manifold.exp_derivative import exp_with_derivative
+from geodesic_ocp.manifold.exp import exp_with_derivative, integrate_geodesic
 from geodesic_ocp.manifold.metric import Metric
 
 _UNIT_INTERVAL = np.array([0.0, 1.0])

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, as_vector, real_array
 from geodesic_ocp.errors import IntegrationFailed
+from geodesic_ocp.manifold.kernels import Integrator
 from geodesic_ocp.manifold.metric import Metric, as_metric, has_compiled_code
 from geodesic_ocp.over_rows import over_rows
 
@@ -27,6 +28,9 @@ _LOOSER = 30.0
 _ESTIMATE = 0.5
 # Perturbation of the velocity, in units of its rounding, to which rounding errors of steps amount.
 _ROUNDING = 4.0
+# Differences of the velocity, relative to it, and the tolerance of a step of their integrations:
+# the derivative is accurate to about their quotient and to the difference itself.
+_DIFFERENCE, _DIFFERENCE_TOLERANCE = 1e-5, 1e-11
 
 
 @over_rows(has_compiled_code)
@@ -145,8 +149,10 @@ def integrate_geodesic(
             states = metric.kernels.integrate(start, times, step_tolerance, max_steps)
         else:
             began = time.perf_counter()
-            states = metric.geodesic_integrator(start, times, step_tolerance, max_steps=max_steps)
-            metric.kernels.interpreted(time.perf_counter() - began)
+            states = Integrator(metric.geodesic_equation)(
+                start, times, step_tolerance, max_steps=max_steps
+            )
+            metric.kernels.used(time.perf_counter() - began)
     except IntegrationFailed as failure:
         state = np.asarray(failure.state)
         reached = state[: metric.dim]
@@ -157,3 +163,38 @@ def integrate_geodesic(
             state,
         ) from None
     return states[:, : metric.dim], states[:, metric.dim :]
+
+
+def exp_with_derivative(
+    metric: Metric, q: Array, v: Array, step_tolerance: float, *, max_steps: int
+) -> tuple[Array, Array]:
+    """Exp_q(v), (n,), and its derivative with respect to v, (n, n).
+
+    Column j is the Jacobi field J with J(0) = 0 and J'(0) = e_j at time 1. If the derivative is
+    singular, Exp_q(v) is conjugate to q along the geodesic. By SciPy, the geodesic equation is
+    integrated together with its variational equation. Compiled, n + 1 geodesics are integrated:
+    their differences give the derivative to about five digits, in a fraction of the time.
+
+    Raises:
+        IntegrationFailed: see `Integrator`.
+    """
+    if metric.kernels.available(at_once=False):
+        return _by_differences(metric, q, v, max_steps)
+    n = metric.dim
+    start = np.concatenate([q, v, np.zeros(n * n), np.eye(n).ravel()])
+    integrate = Integrator(metric.variation_equation)
+    states = integrate(start, _UNIT_INTERVAL, step_tolerance, max_steps=max_steps)
+    return states[-1, :n], states[-1, 2 * n : (2 + n) * n].reshape(n, n).T
+
+
+def _by_differences(metric: Metric, q: Array, v: Array, max_steps: int) -> tuple[Array, Array]:
+    n, size = metric.dim, _DIFFERENCE * float(np.abs(v).max())
+    starts = np.tile(np.concatenate([q, v]), (n + 1, 1))
+    starts[1:, n:] += size * np.eye(n)
+    ends = np.array(
+        [
+            metric.kernels.integrate(start, _UNIT_INTERVAL, _DIFFERENCE_TOLERANCE, max_steps)[-1]
+            for start in starts
+        ]
+    )[:, :n]
+    return ends[0], (ends[1:] - ends[0]).T / size

@@ -10,8 +10,7 @@ kind,
 from __future__ import annotations
 
 import functools
-from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import casadi as ca
@@ -19,8 +18,15 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, as_vector, evaluate, is_symbolic
 from geodesic_ocp.manifold.metric_functions import MetricFunctions
-from geodesic_ocp.manifold.singularity import describe_singularity, is_singular
 from geodesic_ocp.model.model import Model
+
+# Eigenvalues of the normalized tensor below the first are zero up to rounding, as are entries of
+# the diagonal below the second relative to the largest, such as the square of sin(pi).
+_SINGULAR, _VANISHING = 1e-14, 1e-28
+# Eigenvalues below this make geodesics hard to compute.
+_NEARLY_SINGULAR = 1e-4
+# Coordinates are named if their component of the singular direction exceeds this fraction.
+_FRACTION = 0.1
 
 
 def as_metric(metric: Any) -> Metric:
@@ -85,10 +91,6 @@ class Metric(MetricFunctions):
     def __repr__(self) -> str:
         return f"{type(self).__name__}(dim={self.dim})"
 
-    @abstractmethod
-    def matrix(self, q: Any) -> Any:
-        """Metric tensor G(q), (n, n), symmetric and positive definite."""
-
     def __init_subclass__(cls, **keywords: Any) -> None:
         super().__init_subclass__(**keywords)
         if "matrix" in cls.__dict__:
@@ -117,7 +119,7 @@ class Metric(MetricFunctions):
             raise ValueError(f"{name}: the metric is not finite at {point}")
         if not np.abs(tensor - tensor.T).max() <= 1e-9 * np.abs(tensor).max():
             raise ValueError(f"{name}: the metric tensor is not symmetric at {point}")
-        if is_singular(tensor):
+        if _is_singular(tensor):
             smallest, largest = np.linalg.eigvalsh(tensor)[[0, -1]]
             why = self.near_singularity(point)
             raise ValueError(
@@ -154,7 +156,7 @@ class Metric(MetricFunctions):
             tensor = self.matrix(q)
         except ValueError as outside:
             return str(outside)
-        return describe_singularity(tensor, q, self.joint_names)
+        return _describe_singularity(tensor, q, self.joint_names)
 
     # -- the geometry --------------------------------------------------------------------------
 
@@ -228,3 +230,36 @@ class Metric(MetricFunctions):
             return self.geodesic_equation(ca.vertcat(q, v))[self.dim :]
         rates = evaluate(self.geodesic_equation, np.concatenate([q, v]))[self.dim :, 0]
         return self._defined(rates, q)
+
+
+def _is_singular(tensor: Array) -> bool:
+    """Whether a symmetric, finite tensor (n, n) is not positive definite, up to rounding.
+
+    The result does not depend on units of coordinates, nor on lengths that grow near a boundary.
+    """
+    diagonal = np.diag(tensor)
+    if np.any(diagonal <= _VANISHING * diagonal.max()):
+        return True
+    sizes = np.sqrt(diagonal)
+    return bool(np.linalg.eigvalsh(tensor / np.outer(sizes, sizes))[0] <= _SINGULAR)
+
+
+def _describe_singularity(tensor: Array, q: Array, names: Sequence[str] | None) -> str:
+    """Say which coordinates make a tensor (n, n) at q (n,) nearly singular; empty if it is not.
+
+    Based on the eigenvalues of g_ij / sqrt(g_ii g_jj), which do not depend on units.
+    """
+    diagonal = np.diag(tensor)
+    if not (np.all(np.isfinite(tensor)) and np.all(diagonal > 0.0)):
+        return f"the metric is not positive definite at {q}"
+    sizes = np.sqrt(diagonal)
+    eigenvalues, vectors = np.linalg.eigh(tensor / np.outer(sizes, sizes))
+    if eigenvalues[0] > _NEARLY_SINGULAR:
+        return ""
+    components = np.abs(vectors[:, 0])
+    moved = np.flatnonzero(components > _FRACTION * components.max()).tolist()
+    dependent = [f"q[{index}]" if names is None else names[index] for index in moved]
+    return (
+        f"the metric is nearly singular at {q}, where {' and '.join(dependent)} are linearly "
+        "dependent (kinematic singularity)"
+    )

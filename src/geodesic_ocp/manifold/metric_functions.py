@@ -10,14 +10,11 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, as_expression
-from geodesic_ocp.compiled.library import Library
-from geodesic_ocp.manifold.compiled_functions import compiled_functions
-from geodesic_ocp.manifold.integrator import Integrator
 from geodesic_ocp.manifold.kernels import Kernels
 
 
 class MetricFunctions(ABC):
-    """CasADi functions of a metric tensor G(q) on R^n, integrators of them, and compiled code."""
+    """CasADi functions of a metric tensor G(q) on R^n, and compiled code."""
 
     dim: int
 
@@ -153,32 +150,57 @@ class MetricFunctions(ABC):
 
     @cached_property
     def kernel_functions(self) -> dict[str, ca.Function]:
-        """The functions of `compiled_functions`, by name."""
-        return compiled_functions(
-            self._matrix_function,
-            self.energy_density,
-            self.geodesic_equation,
-            self.transport_equation,
-            self.transport_matrix,
+        """The functions that the compiled core calls, by name.
+
+        Of positions q, velocities v and momenta p, (n,) each:
+
+        - metric_tensor: q -> G
+        - metric_solve: (q, p) -> G^-1 p
+        - geodesic_rate: (q, v) -> (v, v'), the geodesic equation
+        - transport_rate: (w, (q, v)) -> w', parallel transport
+        - transport_matrix: (q, v) -> A, with w' = A w
+        - energy_gradient: (q, v) -> l = v' G v / 2, and (l_q, l_v)
+        - energy_hessian: (q, v) -> l, and (l_q, l_v, vec l_qq, vec l_qv, vec G)
+        """
+        n = self.dim
+        q, v, w, p = (ca.SX.sym(name, n) for name in "qvwp")
+        state, tensor, energy = (
+            ca.vertcat(q, v),
+            self._matrix_function(q),
+            self.energy_density(q, v),
         )
+        gradient = ca.gradient(energy, state)
+        by_position = ca.triu2symm(ca.triu(ca.jacobian(gradient[:n], q)))
+        mixed = ca.jacobian(gradient[n:], q).T  # l_vv is G itself
+        blocks = (ca.vec(ca.densify(each)) for each in (by_position, mixed, tensor))
+        outputs: dict[str, tuple[list[ca.SX], list[ca.SX]]] = {
+            "metric_tensor": ([q], [tensor]),
+            "metric_solve": ([q, p], [ca.ldl_solve(p, *ca.ldl(tensor, False))]),
+            "geodesic_rate": ([state], [self.geodesic_equation(state)]),
+            "energy_gradient": ([state], [energy, gradient]),
+            "energy_hessian": ([state], [energy, ca.vertcat(gradient, *blocks)]),
+        }
+        functions = {
+            name: ca.Function(name, inputs, [ca.densify(ca.cse(result)) for result in results])
+            for name, (inputs, results) in outputs.items()
+        }
+        rate = self.transport_equation(w, state)
+        functions["transport_rate"] = ca.Function("transport_rate", [w, state], [rate])
+        functions["transport_matrix"] = self.transport_matrix
+        return functions
 
     @cached_property
     def kernels(self) -> Kernels:
         """These functions compiled, where there is a compiler."""
         fingerprint = f"{type(self).__qualname__} {self._matrix_function.serialize()}"
-        return Kernels(Library(lambda: self.kernel_functions, fingerprint, self.dim), self.dim)
+        return Kernels(lambda: self.kernel_functions, fingerprint, self.dim)
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "kernels"}
 
     @cached_property
-    def geodesic_integrator(self) -> Integrator:
-        """Integrator of `geodesic_equation`."""
-        return Integrator(self.geodesic_equation)
-
-    @cached_property
-    def variation_integrator(self) -> Integrator:
-        """Integrator of `geodesic_equation` with its derivatives by the initial velocity.
+    def variation_equation(self) -> ca.Function:
+        """`geodesic_equation` with its derivatives by the initial velocity.
 
         y = (q, v, dq/dv0, dv/dv0), (2 n + 2 n^2,), with the derivatives in column-major order.
         """
@@ -191,9 +213,4 @@ class MetricFunctions(ABC):
         rate = self.geodesic_equation(state)
         slopes = jacobian(state) @ columns
         parts = [rate, ca.vec(slopes[:n, :]), ca.vec(slopes[n:, :])]
-        return Integrator(ca.Function("variation", [y], [ca.vertcat(*parts)], ["y"], ["dy"]))
-
-    @cached_property
-    def transport_integrator(self) -> Integrator:
-        """Integrator of `transport_equation`."""
-        return Integrator(self.transport_equation)
+        return ca.Function("variation", [y], [ca.vertcat(*parts)], ["y"], ["dy"])

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, as_vector
+from geodesic_ocp.compiled.source import STAGE_TIMES
 from geodesic_ocp.errors import IntegrationFailed
-from geodesic_ocp.manifold.integrator import STAGE_TIMES
+from geodesic_ocp.manifold.kernels import Integrator
 from geodesic_ocp.manifold.metric import Metric, as_metric
 
 _MAX_STEPS = 20_000  # between two breakpoints
@@ -76,32 +77,30 @@ def transport_between(
     if metric.has_constant_tensor:
         metric.point("the curve's start", curve(stops[:1])[0])
         return np.tile(vector, (len(stops), 1))
-    transport = _compiled if metric.kernels.available(at_once=False) else _interpreted
+    transport = _compiled if metric.kernels.available(at_once=False) else _by_scipy
     began = time.perf_counter()
     try:
         result = transport(metric, curve, vector / size, stops, 0.01 * tolerance)
     except IntegrationFailed:
         metric.check_domain_along("the curve", stops, curve(stops))
         raise
-    if transport is _interpreted:
-        metric.kernels.interpreted(time.perf_counter() - began)
+    if transport is _by_scipy:
+        metric.kernels.used(time.perf_counter() - began)
     return np.asarray(size * result)
 
 
-def _interpreted(
+def _by_scipy(
     metric: Metric, curve: ParametricCurve, vector: Array, stops: Array, tolerance: float
 ) -> Array:
     """Transported vectors at the stops (k, n), with adaptive steps of this tolerance."""
-    result = [vector]
+    result, integrate = [vector], Integrator(metric.transport_equation)
     for start, stop in pairwise(stops):
 
         def along(times: Array, start: float = start, stop: float = stop) -> Array:
             return _states(curve, times, start, stop).T
 
         try:
-            states = metric.transport_integrator(
-                result[-1], np.array([start, stop]), tolerance, along
-            )
+            states = integrate(result[-1], np.array([start, stop]), tolerance, along)
         except IntegrationFailed as failure:
             raise IntegrationFailed(f"parallel transport: {failure}") from None
         result.append(states[-1])

@@ -13,10 +13,10 @@ import numpy as np
 import pinocchio as pin
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.dynamics.placements import Placement, constant, joint_placements
 from geodesic_ocp.model.joints import frame_index
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Ball, Body
+from geodesic_ocp.model.rigid_body import Placement, constant, joint_placements
 
 
 def joint_poses(model: Model, q: ca.SX, factors: ca.SX) -> list[tuple[ca.SX, ca.SX]]:

@@ -1,4 +1,4 @@
-"""Joints with one degree of freedom, and frames, of Pinocchio models."""
+"""Joints and frames of a Pinocchio model: coordinates, limits, armature, names, and reach."""
 
 from __future__ import annotations
 
@@ -6,14 +6,24 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import pinocchio as pin
+import scipy
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_number, is_symbolic, real_array
+from geodesic_ocp.arrays import Array, as_number, real_array
 
 _ROUNDING = 1e-15
+# A continuous joint has no limits; these are wide enough for the shortest rotation between angles.
+DEFAULT_LIMIT = 2.0 * np.pi  # [rad]
+# Arrays (nv,), independent of how the coordinates of a joint are stored.
+_PER_VELOCITY = (
+    *("armature", "damping", "rotorGearRatio", "rotorInertia"),
+    *("lowerDryFrictionLimit", "lowerEffortLimit", "lowerVelocityLimit"),
+    *("upperDryFrictionLimit", "upperEffortLimit", "upperVelocityLimit"),
+)
+_NUM_RANDOM, _NUM_STARTS = 128, 8
+_STRETCHED = 1e-7  # relative distance from the sum of the links' lengths
 
 
 def motion_subspace(model: pin.Model, index: int) -> Array:
@@ -33,17 +43,16 @@ def motion_subspace(model: pin.Model, index: int) -> Array:
     return np.array(data.S, dtype=float).reshape(6)
 
 
-def configuration(model: pin.Model, q: Any) -> Any:
+def configuration(model: pin.Model, q: Array) -> Array:
     """Pinocchio's configuration vector (nq,) for the joint coordinates q (nv,).
 
     They differ for continuous joints, which Pinocchio stores as cosine and sine of the angle.
     """
-    entries: list[Any] = []
-    cos, sin = (ca.cos, ca.sin) if is_symbolic(q) else (np.cos, np.sin)
+    entries: list[float] = []
     for joint in list(model.joints)[1:]:
         coordinate = q[joint.idx_v]
-        entries += [coordinate] if joint.nq == 1 else [cos(coordinate), sin(coordinate)]
-    return ca.vertcat(*entries) if is_symbolic(q) else np.array(entries, dtype=float)
+        entries += [coordinate] if joint.nq == 1 else [np.cos(coordinate), np.sin(coordinate)]
+    return np.array(entries, dtype=float)
 
 
 @contextmanager
@@ -134,29 +143,25 @@ def as_armature(
     """Joint inertias (n,) from one number, n numbers, or some by joint name.
 
     Raises:
-        ValueError: an unknown joint, not 1 or n numbers, or one that is negative or not finite.
+        ValueError: an unknown joint, or not 1 or n numbers; whether they make sense is for
+            `check_armature`.
     """
     entries = np.array([*value.values()] if isinstance(value, Mapping) else value, dtype=object)
     if any(isinstance(entry, (bool, np.bool_)) for entry in entries.flat):
         raise ValueError(f"armature must be numbers, not truth values, got {value!r}")
     if isinstance(value, str) or not isinstance(value, (Mapping, Sequence, np.ndarray)):
         value = [as_number("armature", value)] * current.size
-    armature = _merged("armature", value, current, joint_names)
-    _reject_negative(armature, joint_names)
-    return armature
+    return _merged("armature", value, current, joint_names)
 
 
 def check_armature(model: pin.Model) -> None:
     """Reject joint inertias that are negative or not finite."""
-    joints = sorted(range(1, model.njoints), key=lambda index: model.joints[index].idx_v)
-    _reject_negative(np.array(model.armature), [str(model.names[index]) for index in joints])
-
-
-def _reject_negative(armature: Array, joint_names: Sequence[str]) -> None:
-    for joint, inertia in zip(joint_names, armature, strict=True):
+    for index in range(1, model.njoints):
+        inertia = model.armature[model.joints[index].idx_v]
         if not 0.0 <= inertia < np.inf:
             raise ValueError(
-                f"armature of joint {joint!r} must be finite and not negative, got {inertia:g}"
+                f"armature of joint {model.names[index]!r} must be finite and not negative, got "
+                f"{inertia:g}"
             )
 
 
@@ -182,3 +187,120 @@ def _merged(
     if new.shape != current.shape or np.any(np.isnan(new)):
         raise ValueError(f"{name} must be {current.size} numbers, got {given!r}")
     return new
+
+
+def continuous_joints(model: pin.Model) -> tuple[str, ...]:
+    """Names of the joints that Pinocchio stores as cosine and sine of their angle."""
+    return tuple(
+        str(model.names[index])
+        for index in range(1, model.njoints)
+        if (model.joints[index].nq, model.joints[index].nv) == (2, 1)
+    )
+
+
+def with_angles(model: pin.Model) -> pin.Model:
+    """A copy in which the coordinate of every continuous joint is its angle, within +-2 pi rad.
+
+    Joints and frames keep their indices; Pinocchio's configuration vector is then q itself.
+    """
+    continuous = continuous_joints(model)
+    if not continuous:
+        return model.copy()
+    result = pin.Model()
+    result.name = model.name
+    result.gravity = model.gravity
+    for index in range(1, model.njoints):
+        joint, name = model.joints[index], model.names[index]
+        revolute = name in continuous
+        new_type = joint_along(motion_subspace(model, index)[3:]) if revolute else joint
+        placement = model.jointPlacements[index]
+        new = result.joints[result.addJoint(model.parents[index], new_type, placement, name)]
+        for limits in ("lowerPositionLimit", "upperPositionLimit"):
+            sign = -1.0 if limits.startswith("lower") else 1.0
+            current = getattr(model, limits)[joint.idx_q : joint.idx_q + joint.nq]
+            getattr(result, limits)[new.idx_q : new.idx_q + new.nq] = (
+                sign * DEFAULT_LIMIT if revolute else current
+            )
+    for index in range(model.njoints):
+        result.inertias[index] = model.inertias[index]
+    for values in _PER_VELOCITY:
+        setattr(result, values, getattr(model, values).copy())
+    for frame in list(model.frames)[1:]:
+        result.addFrame(frame, False)
+    return result
+
+
+def joint_along(axis: Array, kind: str = "revolute") -> Any:
+    """A revolute or prismatic joint of a unit axis, of the types for x, y or z where it is one."""
+    for letter, unit in zip("XYZ", np.eye(3), strict=True):
+        if np.array_equal(axis, unit):
+            return getattr(pin, f"JointModel{kind[0].upper()}{letter}")()
+    return getattr(pin, f"JointModel{kind.capitalize()}Unaligned")(axis)
+
+
+def max_reach(
+    model: pin.Model, frame: int, lower: Array, upper: Array, joint: int | None = None
+) -> float:
+    """Largest distance [m] found between a frame and a joint.
+
+    Minimizes -|p(q) - p_joint(q)|^2 within the joint limits from the best of many random
+    configurations, until a stretched chain is found, which nothing exceeds.
+
+    Args:
+        model: with one coordinate per joint.
+        frame: index of the frame.
+        lower, upper: joint limits (n,) [rad or m]; an unlimited angle is restricted to one
+            revolution, and an unlimited prismatic joint has infinite reach.
+        joint: index of the joint; None: the first that moves the frame, at its zero position.
+    """
+    data = model.createData()
+    chain = list(model.supports[model.frames[frame].parentJoint])[1:]
+    if not chain:
+        return 0.0
+
+    axes = pin.LOCAL_WORLD_ALIGNED
+
+    def negative_square(q: Array) -> tuple[float, Array]:
+        jacobian = pin.computeFrameJacobian(model, data, q, frame, axes)[:3]
+        position = pin.updateFramePlacement(model, data, frame).translation
+        if joint is None:
+            arm = position - model.jointPlacements[chain[0]].translation
+        else:
+            pin.computeJointJacobians(model, data, q)
+            arm = position - data.oMi[joint].translation
+            jacobian = jacobian - pin.getJointJacobian(model, data, joint, axes)[:3]
+        return -float(arm @ arm), -2.0 * jacobian.T @ arm
+
+    longest = _length(model, frame, chain, joint)
+    for index in chain:
+        i, subspace = model.joints[index].idx_v, motion_subspace(model, index)
+        if np.any(subspace[:3]):
+            longest = np.inf
+        if not np.any(subspace[3:]) and not np.isfinite(upper[i] - lower[i]):
+            return np.inf
+    low = np.where(np.isfinite(lower), lower, -np.pi)
+    high = np.where(np.isfinite(upper), upper, np.pi)
+    bounds = list(zip(low, high, strict=True))
+    random = np.random.default_rng(0).uniform(low, high, (_NUM_RANDOM, model.nv))
+    reached = 0.0
+    for start in sorted(random, key=lambda q: negative_square(q)[0])[:_NUM_STARTS]:
+        found = scipy.optimize.minimize(
+            negative_square, start, jac=True, bounds=bounds, method="L-BFGS-B"
+        )
+        reached = max(reached, float(np.sqrt(-found.fun)))
+        if reached >= (1.0 - _STRETCHED) * longest:
+            break
+    return reached
+
+
+def _length(model: pin.Model, frame: int, chain: list[int], joint: int | None) -> float:
+    """Length [m] of the stretched chain from the joint to the frame; inf if the joint is not in it.
+
+    Prismatic joints are at zero.
+    """
+    if joint is not None and joint not in chain:
+        return np.inf
+    behind = chain[1 if joint is None else chain.index(joint) + 1 :]
+    placements = [model.jointPlacements[index] for index in behind]
+    placements.append(model.frames[frame].placement)
+    return sum(float(np.linalg.norm(placement.translation)) for placement in placements)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -11,23 +11,24 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_positive, as_vector, is_symbolic
-from geodesic_ocp.model.continuous_joints import continuous_joints, with_angles
-from geodesic_ocp.model.dynamics.rigid_body import choose_backend
-from geodesic_ocp.model.dynamics.symbolic_functions import SymbolicFunctions
-from geodesic_ocp.model.hands import as_hands
-from geodesic_ocp.model.inertias.physical_inertias import body_inertia
+from geodesic_ocp.arrays import Array, as_positive, as_vector, is_symbolic, real_array
+from geodesic_ocp.model.dynamics import SymbolicFunctions, choose_backend
 from geodesic_ocp.model.joints import (
     as_armature,
     check_armature,
+    continuous_joints,
     frame_index,
+    max_reach,
     merge_limits,
     motion_subspace,
+    with_angles,
     with_joint_frames,
 )
-from geodesic_ocp.model.max_reach import max_reach
 from geodesic_ocp.model.primitives import Ball, Bodies, Body, Capsule
 from geodesic_ocp.table import Table
+
+_SIDES = ("right", "left")
+_ROUNDING = 1e-9  # of moments of inertia in files, relative
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -61,7 +62,7 @@ class Model:
     _hand_id: int = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "hands", as_hands(self.pin, self.hand, self.hands))
+        object.__setattr__(self, "hands", _as_hands(self.pin, self.hand, self.hands))
         for index in range(1, self.pin.njoints):
             motion_subspace(self.pin, index)
         check_armature(self.pin)
@@ -250,7 +251,7 @@ class Model:
                 principal moment, or the hand does not move.
         """
         mass = as_positive("mass", mass, "kg")
-        body = body_inertia(mass, as_vector("position", position, 3), inertia)
+        body = _body_inertia(mass, as_vector("position", position, 3), inertia)
         loaded = self.pin.copy()
         hand = loaded.frames[self._hand_id]
         if hand.parentJoint == 0:
@@ -314,3 +315,67 @@ class Model:
                 raise ValueError(f"bodies must be Capsule or Ball with a link, got {body!r}")
             frame_index(self.pin, body.link)
         return replace(self, shapes=bodies)
+
+
+def as_model(model: Any) -> Model:
+    """The argument, if it is a model; ValueError otherwise."""
+    if not isinstance(model, Model):
+        hint = "; use its attribute model" if hasattr(model, "model") else ""
+        raise ValueError(f"model must be a Model, got {model!r}{hint}")
+    return model
+
+
+def hand_labels(hands: Sequence[str]) -> tuple[str, ...]:
+    """Names of the hands for tables and figures.
+
+    A single one is "hand". Several are called as their frames; where `combine` has put the name of
+    an arm before that of the frame, as in "human left arm/hand", its side takes that place.
+
+    >>> from geodesic_ocp.model.model import hand_labels
+    >>> hand_labels(["human left arm/hand", "human right arm/hand"])
+    ('left hand', 'right hand')
+    """
+    if len(hands) == 1:
+        return ("hand",)
+    labels = []
+    for name in hands:
+        arm, _, frame = name.rpartition("/")
+        sides = [side for side in _SIDES if side in arm.lower().replace("_", " ").split()]
+        labels.append(f"{sides[0]} {frame}" if len(sides) == 1 else name)
+    return tuple(labels) if len(set(labels)) == len(hands) else tuple(hands)
+
+
+def _as_hands(model: pin.Model, hand: str, hands: Sequence[str]) -> tuple[str, ...]:
+    """Names of the hand frames, `hand` alone if there are no others.
+
+    Raises:
+        ValueError: one of them is no frame of the model or occurs twice, or `hand` is missing.
+    """
+    names = (hand,) if isinstance(hands, str) or not hands else tuple(hands)
+    for name in (hand, *names):
+        if not isinstance(name, str) or not model.existFrame(name):
+            known = ", ".join(frame.name for frame in model.frames)
+            raise ValueError(f"the model has no frame {name!r}; its frames are {known}")
+    if hand not in names or len(set(names)) < len(names):
+        raise ValueError(f"hands must differ and include the hand {hand!r}, got {', '.join(names)}")
+    return names
+
+
+def _body_inertia(mass: float, centre: Array, inertia: ArrayLike | None) -> pin.Inertia:
+    """Spatial inertia from mass [kg], centre (3,) [m] and inertia about it (3, 3) [kg m^2].
+
+    Raises:
+        ValueError: the inertia is not symmetric, or has a negative principal moment.
+    """
+    try:
+        moments = np.zeros((3, 3)) if inertia is None else real_array(inertia)
+    except (TypeError, ValueError):
+        moments = np.zeros(0)
+    if moments.shape != (3, 3) or not np.all(np.isfinite(moments)):
+        raise ValueError(f"inertia must be 3 x 3 finite numbers, got {inertia!r}")
+    largest = np.abs(moments).max()
+    if np.abs(moments - moments.T).max() > _ROUNDING * largest:
+        raise ValueError(f"inertia must be symmetric, got {moments.tolist()}")
+    if np.linalg.eigvalsh(moments)[0] < -_ROUNDING * largest:
+        raise ValueError(f"inertia has a negative principal moment: {moments.tolist()}")
+    return pin.Inertia(mass, centre, (moments + moments.T) / 2)

@@ -11,8 +11,8 @@ from typing import Any
 
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.model.human.anthropometry import Side
-from geodesic_ocp.model.human.human_arm import (
+from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.model.human import (
     DEFAULT_HEIGHT,
     DEFAULT_MASS,
     as_stature,

@@ -12,8 +12,8 @@ import numpy as np
 
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.errors import NotConverged, RecordingError
-from geodesic_ocp.model.human.anthropometry import Side
-from geodesic_ocp.model.human.human_arm import human_arm
+from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.recordings.markers.sets.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.space_axes import Axis, as_axis
 from geodesic_ocp.recordings.read_motion import that_apply

@@ -16,7 +16,7 @@ from geodesic_ocp.execution.clearance_constraint import Clearance
 from geodesic_ocp.execution.joint_limits import JointLimits, joint_limits
 from geodesic_ocp.execution.plan_trajectory import plan_trajectory
 from geodesic_ocp.execution.planned_trajectory import PlannedTrajectory
-from geodesic_ocp.model.inertias.known_armature import with_rotor_inertia
+from geodesic_ocp.model.inertias import with_rotor_inertia
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.retargeting.alignment.alignment import alignment as default_alignment

@@ -13,7 +13,7 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.logarithm.to_pose.geodesic_to_pose import ToPose, geodesic_to_pose, nearest_of
 from geodesic_ocp.logarithm.to_pose.pose_target import metric_of
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
+from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.ocp.problem.reach import Reach
 from geodesic_ocp.ocp.solve.solution import Solution
 from geodesic_ocp.ocp.solve.solve import solve

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.geometry.meshes import Mesh, meshes
+from geodesic_ocp.model.look import Mesh
+from geodesic_ocp.model.meshes import meshes
 from geodesic_ocp.model.model import Model
 
 # What something shows; each role has one colour in scenes, plots and figures.

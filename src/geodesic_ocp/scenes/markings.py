@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.geometry.meshes import Indices
+from geodesic_ocp.model.look import Indices
 from geodesic_ocp.scenes.actor import Role
 
 

@@ -7,9 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.manifold.metrics.euclidean import Euclidean
-from geodesic_ocp.model.as_model import as_model
-from geodesic_ocp.model.model import Model
+from geodesic_ocp.manifold.metrics import Euclidean
+from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.recordings.plausible import check_plausible
 from geodesic_ocp.synergies.analysis import Analysis

@@ -17,10 +17,9 @@ from geodesic_ocp.figures.arms.arm_strip import StripArm, strip_instants
 from geodesic_ocp.figures.arms.best_view import across, best_view
 from geodesic_ocp.figures.arms.posture import Postures
 from geodesic_ocp.figures.new_figure import new_figure, save_figure
+from geodesic_ocp.manifold.adjustable_kinetic_energy import AdjustableKineticEnergy
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.manifold.metrics.adjustable_kinetic_energy import AdjustableKineticEnergy
-from geodesic_ocp.model.hands import hand_labels
-from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.model import Model, hand_labels
 from geodesic_ocp.records import write_together
 from geodesic_ocp.synergies.analysis_metrics import joint_inertia_of, method_of
 from geodesic_ocp.synergies.scores.evaluate import MotionErrors

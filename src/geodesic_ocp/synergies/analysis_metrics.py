@@ -7,8 +7,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.manifold.metrics.euclidean import Euclidean
-from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
+from geodesic_ocp.manifold.metrics import Euclidean, KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.synergies.joint_inertia import has_default_joint_inertia
 from geodesic_ocp.synergies.usual_metrics import (

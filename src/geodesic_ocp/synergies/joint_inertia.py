@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.inertias.inertia_scale import inertia_scale
+from geodesic_ocp.model.inertias import inertia_scale
 from geodesic_ocp.model.model import Model
 
 # Of m r^2: what `fit_metric` estimates from recordings of the KIT database and the bundled one,

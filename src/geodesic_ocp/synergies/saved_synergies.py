@@ -8,7 +8,7 @@ from os import PathLike
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.manifold.metrics.euclidean import Euclidean
+from geodesic_ocp.manifold.metrics import Euclidean
 from geodesic_ocp.records import convert, decoding, read_record
 from geodesic_ocp.synergies.synergy_files import FORMAT, VERSION, SynergyRecord
 from geodesic_ocp.trajectory.motion import Motion

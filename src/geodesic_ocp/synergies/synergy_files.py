@@ -13,7 +13,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.model.human.stature import stature
+from geodesic_ocp.model.human import stature
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.records import convert, decoding, read_record
 from geodesic_ocp.synergies.synergy import Synergy

@@ -8,8 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.manifold.metrics.euclidean import Euclidean
-from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
+from geodesic_ocp.manifold.metrics import Euclidean, KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.synergies.joint_inertia import with_joint_inertia
 

@@ -200,15 +200,6 @@ class Grid:
         result: Array = np.einsum("kj,kjn->kn", rows, values[segment])
         return result
 
-    def slopes_at(self, segment: int, local: Array) -> Array:
-        """From the values at a segment's nodes to derivatives by s, (k, degree + 1).
-
-        At k points of the segment, 0 at its beginning and 1 at its end.
-        """
-        reference = _reference(self.degree)
-        slopes = _interpolation(reference, 2.0 * local - 1.0) @ reference.differentiation
-        return np.asarray(2.0 / self.widths[segment] * slopes)
-
 
 @dataclass(frozen=True)
 class Quadrature:

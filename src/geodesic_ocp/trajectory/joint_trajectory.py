@@ -16,11 +16,30 @@ from scipy.interpolate import make_interp_spline
 
 from geodesic_ocp.arrays import Array, as_positive, real_array
 from geodesic_ocp.records import write_together
-from geodesic_ocp.trajectory.quintic_hermite import quintic_hermite
 
 _NANO = 1_000_000_000
 _EVEN = 1e-4  # largest deviation of an even step, of its length
+# What the columns of a table are called, and the ending of those of a joint in metres.
+_IN_METRES = {
+    "position": " [m]",
+    "velocity": " [m/s]",
+    "acceleration": " [m/s^2]",
+    "effort": " [N]",
+}
 _SUFFIXES = (".csv", ".json", ".npz")
+# Powers of s in [0, 1] of the quintic with q, h q', h^2 q'' at 0 and 1: coefficients (6, 6).
+_ENDS = np.array(
+    [
+        [1, 0, 0, 0, 0, 0],
+        [0, 1, 0, 0, 0, 0],
+        [0, 0, 2, 0, 0, 0],
+        [1, 1, 1, 1, 1, 1],
+        [0, 1, 2, 3, 4, 5],
+        [0, 0, 2, 6, 12, 20],
+    ],
+    dtype=float,
+)
+_COEFFICIENTS = np.linalg.inv(_ENDS)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -159,17 +178,10 @@ class JointTrajectory:
         steps = max(int(np.ceil(self.duration * rate * (1.0 - 1e-9))), 1)
         stretch = max(steps / rate / self.duration, 1.0)
         instants = np.linspace(self.time[0], self.time[-1], steps + 1)
-        states = quintic_hermite(
-            self.time, self.positions, self.velocities, self.accelerations, instants
-        )
-        return JointTrajectory(
-            self.time[0] + np.arange(steps + 1) / rate,
-            states[0],
-            states[1] / stretch,
-            states[2] / stretch**2,
-            self.joint_names,
-            self.units,
-        )
+        q, v, a = self.states(instants)
+        time = self.time[0] + np.arange(steps + 1) / rate
+        names = self.joint_names, self.units
+        return JointTrajectory(time, q, v / stretch, a / stretch**2, *names)
 
     def states(self, times: ArrayLike) -> tuple[Array, Array, Array]:
         """Positions, velocities and accelerations (k, n) each at times (k,) [s], as in `at_rate`.
@@ -177,9 +189,13 @@ class JointTrajectory:
         Before the first sample and after the last one the trajectory is where it begins or ends.
         """
         instants = np.clip(np.asarray(times, dtype=float), self.time[0], self.time[-1])
-        states = self.time, self.positions, self.velocities, self.accelerations
-        q, v, a, *_ = quintic_hermite(*states, instants)
-        return q, v, a
+        known = self.time, self.positions, self.velocities, self.accelerations
+        return _quintic_hermite(*known, instants)
+
+    def _by_kind(self) -> dict[str, Array]:
+        values = self.positions, self.velocities, self.accelerations, self.efforts
+        named = zip(_IN_METRES, values, strict=True)
+        return {kind: array for kind, array in named if array is not None}
 
     def csv(self) -> str:
         """CSV with time_from_start and the position, velocity and acceleration of each joint.
@@ -188,22 +204,14 @@ class JointTrajectory:
         any. Angles are in rad; a column of a joint in metres ends in its unit, `lift velocity
         [m/s]`.
         """
-        header, columns = ["time_from_start"], [self.time[:, None]]
-        for kind, per, values in (
-            ("position", "", self.positions),
-            ("velocity", "/s", self.velocities),
-            ("acceleration", "/s^2", self.accelerations),
-            ("effort", None, self.efforts),
-        ):
-            if values is not None:
-                columns.append(values)
-                for name, unit in zip(self.joint_names, self.units, strict=True):
-                    shown = "N" if per is None else f"{unit}{per}"
-                    header.append(f"{name} {kind}" + (f" [{shown}]" if unit == "m" else ""))
+        header, found = ["time_from_start"], self._by_kind()
+        for kind in found:
+            for name, unit in zip(self.joint_names, self.units, strict=True):
+                header.append(f"{name} {kind}" + (_IN_METRES[kind] if unit == "m" else ""))
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(header)
-        writer.writerows(np.hstack(columns).tolist())
+        writer.writerows(np.column_stack([self.time, *found.values()]).tolist())
         return text.getvalue()
 
     def json(self) -> str:
@@ -213,17 +221,14 @@ class JointTrajectory:
         """
         points = []
         for k, instant in enumerate(self.time):
-            nanoseconds = round(float(instant) * _NANO)
+            seconds, nanoseconds = divmod(round(float(instant) * _NANO), _NANO)
             points.append(
                 {
                     "positions": self.positions[k].tolist(),
                     "velocities": self.velocities[k].tolist(),
                     "accelerations": self.accelerations[k].tolist(),
                     "effort": [] if self.efforts is None else self.efforts[k].tolist(),
-                    "time_from_start": {
-                        "sec": nanoseconds // _NANO,
-                        "nanosec": nanoseconds % _NANO,
-                    },
+                    "time_from_start": {"sec": seconds, "nanosec": nanoseconds},
                 }
             )
         header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
@@ -236,19 +241,16 @@ class JointTrajectory:
         `time` (k,) [s]; `position`, `velocity`, `acceleration` (k, n); `effort` (k, n) if there is
         any; `joint_names` and `units` (n,) of text; `rate` [Hz], NaN for uneven samples.
         """
-        arrays = {
-            "time": self.time,
-            "position": self.positions,
-            "velocity": self.velocities,
-            "acceleration": self.accelerations,
-            "joint_names": np.array(self.joint_names),
-            "units": np.array(self.units),
-            "rate": np.array(np.nan if self.rate is None else self.rate),
-        }
-        if self.efforts is not None:
-            arrays["effort"] = self.efforts
         archive = io.BytesIO()
-        np.savez(archive, allow_pickle=False, **arrays)
+        np.savez(
+            archive,
+            allow_pickle=False,
+            time=self.time,
+            **self._by_kind(),
+            joint_names=np.array(self.joint_names),
+            units=np.array(self.units),
+            rate=np.array(np.nan if self.rate is None else self.rate),
+        )
         return archive.getvalue()
 
     def save(self, file: str | PathLike[str]) -> Path:
@@ -265,3 +267,33 @@ class JointTrajectory:
         content = written if isinstance(written, bytes) else written.encode("utf-8")
         write_together(path.parent, lambda folder: (folder / path.name).write_bytes(content))
         return path
+
+
+def _quintic_hermite(
+    time: Array, positions: Array, velocities: Array, accelerations: Array, instants: Array
+) -> tuple[Array, Array, Array]:
+    """Positions, velocities and accelerations (m, n) at instants (m,) within increasing times.
+
+    The interpolant is twice continuously differentiable; its error is of order six in the step.
+    """
+    interval = np.clip(np.searchsorted(time, instants, side="right") - 1, 0, len(time) - 2)
+    step = np.diff(time)[interval][:, None]
+    s = (instants[:, None] - time[interval][:, None]) / step
+    start = positions[interval]  # subtracted, so that no digits of short intervals are lost
+    ends = np.stack(
+        [
+            np.zeros_like(start),
+            step * velocities[interval],
+            step**2 * accelerations[interval],
+            positions[interval + 1] - start,
+            step * velocities[interval + 1],
+            step**2 * accelerations[interval + 1],
+        ]
+    )
+    powers = np.einsum("ab,bmn->amn", _COEFFICIENTS, ends)
+    value, slope, curvature = np.zeros_like(powers[:3])
+    for power in powers[::-1]:  # Horner's scheme, with the derivatives
+        curvature = curvature * s + 2.0 * slope
+        slope = slope * s + value
+        value = value * s + power
+    return start + value, slope / step, curvature / step**2

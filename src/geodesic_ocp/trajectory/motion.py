@@ -1,28 +1,86 @@
-"""Motion: joint coordinates sampled over time."""
+"""Sampled motions of joints, and of a frame such as the thorax."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, real_array
-from geodesic_ocp.trajectory.filters.anti_aliasing import without_aliases
-from geodesic_ocp.trajectory.filters.filtering import (
+from geodesic_ocp.trajectory.filters import (
+    MotionFilter,
     check_even,
     locally_fitted,
     low_passed,
     window_of,
+    without_aliases,
 )
-from geodesic_ocp.trajectory.filters.motion_filter import MotionFilter
-from geodesic_ocp.trajectory.frame_motion import FrameMotion
 
+_ORTHONORMAL = 1e-6
 # Rates that differ by less are one rate: time stamps are rounded.
 _SAME_RATE = 1e-3
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FrameMotion:
+    """The pose of a frame, such as the thorax of a person, at the samples of a motion.
+
+    Attributes:
+        rotations: from the frame to the surrounding space, (k, 3, 3).
+        positions: of the frame's origin in that space, (k, 3) [m].
+
+    Raises:
+        ValueError: shapes that do not match, values that are not finite, or a matrix that is not a
+            rotation; the message names the first such sample.
+    """
+
+    rotations: Array
+    positions: Array
+
+    def __post_init__(self) -> None:
+        rotations = real_array(self.rotations)
+        positions = real_array(self.positions)
+        count = len(positions) if positions.ndim else 0
+        if rotations.shape != (count, 3, 3) or positions.shape != (count, 3):
+            raise ValueError(
+                f"rotations (k, 3, 3) and positions (k, 3) must match, got shapes "
+                f"{rotations.shape} and {positions.shape}"
+            )
+        entries = np.hstack([positions, rotations.reshape(count, 9)])
+        finite = np.isfinite(entries).all(axis=1)
+        if not finite.all():
+            raise ValueError(f"the pose is not finite at sample {int(np.argmin(finite))}")
+        products = np.swapaxes(rotations, 1, 2) @ rotations
+        proper = np.abs(products - np.eye(3)).max(axis=(1, 2)) <= _ORTHONORMAL
+        proper &= np.linalg.det(rotations) > 0.0
+        if not proper.all():
+            raise ValueError(f"the matrix at sample {int(np.argmin(proper))} is not a rotation")
+        for name, array in (("rotations", rotations), ("positions", positions)):
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    def interpolated(self, time: Array, at: Array) -> FrameMotion:
+        """The poses at other times, from those at `time`.
+
+        Positions by cubic spline, rotations along the shortest rotation between two samples; before
+        the first sample and after the last the pose is theirs.
+        """
+        inside = np.clip(at, time[0], time[-1])
+        spatial, interpolate = scipy.spatial.transform, scipy.interpolate
+        turning = spatial.Slerp(time, spatial.Rotation.from_matrix(self.rotations))
+        moving = interpolate.CubicSpline(time, self.positions)
+        return FrameMotion(turning(inside).as_matrix(), moving(inside))
+
+    def __repr__(self) -> str:
+        return f"FrameMotion({len(self)} samples)"
 
 
 @dataclass(frozen=True)
@@ -96,14 +154,10 @@ class Motion:
                 f"time must increase: sample {row} is at {time[row]:.6g} s, the one before at "
                 f"{time[row - 1]:.6g} s"
             )
-        for array in arrays.values():
-            array.flags.writeable = False
-        time.flags.writeable = False
-        object.__setattr__(self, "time", time)
-        object.__setattr__(self, "q", q)
         object.__setattr__(self, "joint_names", names)
-        object.__setattr__(self, "velocity", arrays.get("velocity"))
-        object.__setattr__(self, "unfiltered", arrays.get("unfiltered"))
+        for name, array in (arrays | {"time": time}).items():
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
 
     def __repr__(self) -> str:
         kind = "with velocities" if self.velocity is not None else "without velocities"
@@ -165,14 +219,12 @@ class Motion:
                 f"there is no joint {', '.join(missing)}; there are {', '.join(self.joint_names)}"
             )
         columns = [self.joint_names.index(name) for name in joints]
-        return replace(
-            self,
-            q=self.q[:, columns],
-            joint_names=tuple(joints),
-            velocity=None if self.velocity is None else self.velocity[:, columns],
-            unfiltered=None if self.unfiltered is None else self.unfiltered[:, columns],
-            filter=None if self.filter is None else self.filter.select(columns),
-        )
+        chosen: dict[str, Any] = {
+            name: None if (given := getattr(self, name)) is None else given[:, columns]
+            for name in ("q", "velocity", "unfiltered")
+        }
+        used = None if self.filter is None else self.filter.select(columns)
+        return replace(self, **chosen, joint_names=tuple(joints), filter=used)
 
     def resampled(self, rate: float) -> Motion:
         """The motion at `rate` evenly spaced samples per second [Hz], by cubic spline.
@@ -256,3 +308,20 @@ class Motion:
         else:
             q, velocity, used = low_passed(self.time, before, cutoff)
         return replace(self, q=q, velocity=velocity, unfiltered=before, filter=used)
+
+
+def bandwidth(motion: Motion, cutoff: float | None = None) -> float:
+    """Frequency [Hz] up to which a motion varies: as given, of its filter, or of its sampling.
+
+    A motion without frequencies above f has 2 f T independent values in the time T. Of a motion
+    whose filter is not known, `Motion.filter` being None, f is half the sampling rate: every sample
+    counts as independent, as in unfiltered data. If such a motion was filtered elsewhere, give the
+    cut-off frequency.
+
+    Raises:
+        ValueError: the cut-off frequency is not positive.
+    """
+    frequency = motion.rate / 2.0
+    if cutoff is not None:
+        return min(as_positive("cutoff", cutoff, "Hz"), frequency)
+    return frequency if motion.filter is None else min(motion.filter.bandwidth, frequency)

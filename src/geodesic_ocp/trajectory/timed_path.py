@@ -1,4 +1,4 @@
-"""Paths in time: the motion along a path under a time law."""
+"""A path travelled in time."""
 
 from __future__ import annotations
 

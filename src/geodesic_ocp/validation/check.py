@@ -13,7 +13,7 @@ from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.logarithm.log import log
 from geodesic_ocp.manifold.exp import exp, sample_geodesic
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.model.dynamics.rigid_body import BACKENDS, choose_backend, why_unavailable
+from geodesic_ocp.model.dynamics import BACKENDS, choose_backend, why_unavailable
 from geodesic_ocp.table import Table
 from geodesic_ocp.validation.known_geodesics import KnownGeodesic, read_known_geodesics
 from geodesic_ocp.validation.metrics import has_model, metric_of

@@ -10,10 +10,9 @@ import casadi as ca
 
 from geodesic_ocp.arrays import as_number, as_positive
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.manifold.metrics.euclidean import Euclidean
-from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
+from geodesic_ocp.manifold.metrics import Euclidean, KineticEnergy
 from geodesic_ocp.model.formats.load_model import load_model
-from geodesic_ocp.model.human.human_arm import human_arm
+from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.model.model import Model
 
 

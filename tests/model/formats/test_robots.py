@@ -12,7 +12,7 @@ from gadget import MJCF, urdf
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.model.dynamics.rigid_body import BACKENDS, why_unavailable
+from geodesic_ocp.model.dynamics import BACKENDS, why_unavailable
 from geodesic_ocp.model.formats.robots import ROBOTS, folder
 
 MMM = Path("data") / "models" / "mmm.xml"

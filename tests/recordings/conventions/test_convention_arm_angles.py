@@ -18,7 +18,7 @@ from geodesic_ocp.recordings.conventions.continuous_angles import (
 from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
 from geodesic_ocp.recordings.conventions.motion_segments import segment_orientations
 from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
-from geodesic_ocp.trajectory.frame_motion import FrameMotion
+from geodesic_ocp.trajectory.motion import FrameMotion
 
 ARMS = {side: go.human_arm(side) for side in ("right", "left")}
 SIDE = st.sampled_from(["right", "left"])

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 import geodesic_ocp as go
 from geodesic_ocp.model.adjustable_lengths import joint_poses, with_lengths
-from geodesic_ocp.model.human.human_upper_body import human_upper_body
-from geodesic_ocp.model.human.stature import stature
+from geodesic_ocp.model.human import human_upper_body, stature
 from geodesic_ocp.recordings.markers.fit_motion import fit_motion
 from geodesic_ocp.recordings.markers.lost_markers import lost_markers
 from geodesic_ocp.recordings.markers.markers import Markers

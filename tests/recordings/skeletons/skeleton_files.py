@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.trajectory.frame_motion import FrameMotion
+from geodesic_ocp.trajectory.motion import FrameMotion
 
 ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 # From a space with z up (x right, y forward) to the files' with y up and z forward.

@@ -7,7 +7,7 @@ import textwrap
 
 from geodesic_ocp.cli.notes import printed_warnings
 from geodesic_ocp.model.formats.load_model import load_model
-from geodesic_ocp.model.human.human_arm import human_arm
+from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.retargeting.alignment.alignment import known_alignment
 from geodesic_ocp.retargeting.alignment.alignment_figure import alignment_figure
 from geodesic_ocp.retargeting.alignment.alignment_table import alignment_table

@@ -10,7 +10,7 @@ from typing import get_args
 from geodesic_ocp.cli.analyse.analysis_options import check_options
 from geodesic_ocp.cli.analyse.many_options import are_many
 from geodesic_ocp.cli.analyse.recording import analyse_file, check_folder, save_analysis
-from geodesic_ocp.model.human.anthropometry import Side
+from geodesic_ocp.model.anthropometry import Side
 
 
 def analyse_files(options: argparse.Namespace) -> int:

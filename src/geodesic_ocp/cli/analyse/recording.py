@@ -17,8 +17,8 @@ from geodesic_ocp.cli.analyse.error_curve import error_curve
 from geodesic_ocp.cli.interrupts import ProgressBar
 from geodesic_ocp.cli.notes import printed_warnings
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.model.human.anthropometry import Side
-from geodesic_ocp.model.human.human_arm import human_arm
+from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.read_motion import read_motion
 from geodesic_ocp.recordings.read_recording import stature_of

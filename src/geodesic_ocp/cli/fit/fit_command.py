@@ -26,8 +26,8 @@ from geodesic_ocp.fitting.metric_file import save_metric
 from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit
 from geodesic_ocp.fitting.parameter import Parameter, with_parameters
 from geodesic_ocp.fitting.separate_fits import separate_fits
-from geodesic_ocp.manifold.metrics.adjustable_kinetic_energy import AdjustableKineticEnergy
-from geodesic_ocp.model.human.anthropometry import Side
+from geodesic_ocp.manifold.adjustable_kinetic_energy import AdjustableKineticEnergy
+from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.recordings.read_recordings import read_recordings
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.records import write_together

@@ -20,8 +20,8 @@ from geodesic_ocp.cli.interrupts import ProgressBar
 from geodesic_ocp.cli.notes import printed_warnings
 from geodesic_ocp.cli.trajectory.limit_values import given_limits
 from geodesic_ocp.cli.viewer_extra import require_pages, why_no_pages
+from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.formats.load_model import load_model
-from geodesic_ocp.model.human.anthropometry import Side
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.reports.report import report
 from geodesic_ocp.retargeting.alignment.alignment import alignment

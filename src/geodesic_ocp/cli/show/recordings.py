@@ -14,10 +14,9 @@ import numpy as np
 from geodesic_ocp.cli.analyse.recording_options import stated
 from geodesic_ocp.cli.interrupts import ProgressBar
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.model.anthropometry import Side, trunk
 from geodesic_ocp.model.combine import combine
-from geodesic_ocp.model.human.anthropometry import Side, trunk
-from geodesic_ocp.model.human.human_arm import DEFAULT_HEIGHT
-from geodesic_ocp.model.human.stature import stature
+from geodesic_ocp.model.human import DEFAULT_HEIGHT, stature
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.read_markers import read_markers
 from geodesic_ocp.recordings.read_recording import read_recording

@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from geodesic_ocp.cli.notes import printed_warnings
-from geodesic_ocp.model.formats.catalogue import last_link
 from geodesic_ocp.model.formats.description import read_file
-from geodesic_ocp.model.formats.load_model import load_model
+from geodesic_ocp.model.formats.load_model import last_link, load_model
 from geodesic_ocp.model.formats.robots import ROBOTS, folder, locate
 from geodesic_ocp.model.model import Model
 

@@ -8,8 +8,7 @@ from pathlib import Path
 from geodesic_ocp.cli.show.recordings import recordings
 from geodesic_ocp.cli.show.shown_robot import is_installed, shown_robot
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.model.human.human_arm import DEFAULT_HEIGHT, human_arm
-from geodesic_ocp.model.human.human_upper_body import human_upper_body
+from geodesic_ocp.model.human import DEFAULT_HEIGHT, human_arm, human_upper_body
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.scenes.playback import Playback
 from geodesic_ocp.scenes.recorded.of_saved_synergies import saved_synergies_playback

@@ -14,7 +14,7 @@ from geodesic_ocp.execution.check_trajectory import check_trajectory
 from geodesic_ocp.execution.clearance.clearance_constraint import clearance_constraint
 from geodesic_ocp.execution.clearance_constraint import Clearance
 from geodesic_ocp.model.formats.load_model import load_model
-from geodesic_ocp.model.inertias.known_armature import with_rotor_inertia
+from geodesic_ocp.model.inertias import with_rotor_inertia
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.alignment.alignment import alignment
 from geodesic_ocp.retargeting.alignment.read_alignment import read_alignment

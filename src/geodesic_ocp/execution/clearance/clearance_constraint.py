@@ -14,16 +14,11 @@ from geodesic_ocp.execution.clearance.link_pairs import MARGIN, LinkPairs, link_
 from geodesic_ocp.execution.clearance.placed_solids import PlacedSolid, PlacedSolids, place_solids
 from geodesic_ocp.execution.clearance.sampled_distances import pose_at
 from geodesic_ocp.execution.clearance_constraint import Clearance
-from geodesic_ocp.model.dynamics.placements import Placement, constant, joint_placements
-from geodesic_ocp.model.geometry.exact_distances import exact_distance
-from geodesic_ocp.model.geometry.signed_distances import (
-    LineSegment,
-    as_pair,
-    line_segment,
-    segment_distance,
-)
+from geodesic_ocp.model.distances import LineSegment, as_pair, line_segment, segment_distance
+from geodesic_ocp.model.link_solids import exact_distance
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Ball, Capsule, HalfSpace, Obstacle, as_capsule
+from geodesic_ocp.model.rigid_body import Placement, constant, joint_placements
 
 
 def clearance_constraint(

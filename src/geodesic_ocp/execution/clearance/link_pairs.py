@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from geodesic_ocp.arrays import Array, as_number
 from geodesic_ocp.execution.clearance.placed_solids import PlacedSolid, PlacedSolids, place_solids
 from geodesic_ocp.execution.clearance.sampled_distances import capsule_distances, pose_at
-from geodesic_ocp.model.geometry.exact_distances import is_closer
-from geodesic_ocp.model.geometry.link_solids import Pose
+from geodesic_ocp.model.link_solids import Pose, is_closer
 from geodesic_ocp.model.model import Model
 
 MARGIN = 0.01  # [m]

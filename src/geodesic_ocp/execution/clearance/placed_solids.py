@@ -10,14 +10,8 @@ from typing import Any
 import numpy as np
 
 from geodesic_ocp.arrays import Array, as_rotation, as_vector
-from geodesic_ocp.model.geometry.exact_distances import joint_poses
-from geodesic_ocp.model.geometry.link_geometry import LinkGeometry
-from geodesic_ocp.model.geometry.link_solids import (
-    LinkSolid,
-    Pose,
-    link_solids,
-    reach_bound,
-)
+from geodesic_ocp.model.link_geometry import LinkGeometry
+from geodesic_ocp.model.link_solids import LinkSolid, Pose, joint_poses, link_solids, reach_bound
 from geodesic_ocp.model.model import Model
 
 _SAME = 1e-9  # [m]: rounding

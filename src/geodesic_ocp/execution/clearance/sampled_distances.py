@@ -8,8 +8,8 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.execution.clearance.placed_solids import PlacedSolid
-from geodesic_ocp.model.geometry.link_solids import Pose
-from geodesic_ocp.model.geometry.segment_distances import segment_distances
+from geodesic_ocp.model.distances import segment_distances
+from geodesic_ocp.model.link_solids import Pose
 
 
 def capsule_distances(one: PlacedSolid, other: PlacedSolid, poses: Sequence[Pose]) -> Array:

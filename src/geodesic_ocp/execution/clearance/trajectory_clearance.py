@@ -13,8 +13,7 @@ from geodesic_ocp.execution.clearance.clearance_report import ClearanceReport, C
 from geodesic_ocp.execution.clearance.link_pairs import LinkPairs, link_pairs
 from geodesic_ocp.execution.clearance.placed_solids import PlacedSolid
 from geodesic_ocp.execution.clearance.sampled_distances import capsule_distances, pose_at
-from geodesic_ocp.model.geometry.exact_distances import exact_distance
-from geodesic_ocp.model.geometry.link_solids import Pose
+from geodesic_ocp.model.link_solids import Pose, exact_distance
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 

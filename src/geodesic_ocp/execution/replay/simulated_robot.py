@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from geodesic_ocp.arrays import Array, short_repr
-from geodesic_ocp.model.formats.mjcf_text import mjcf_text
+from geodesic_ocp.model.formats.mjcf import mjcf_text
 from geodesic_ocp.model.formats.robots import locate
 from geodesic_ocp.model.model import Model
 

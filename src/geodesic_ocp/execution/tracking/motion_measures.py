@@ -12,7 +12,7 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.execution.check_trajectory import check_trajectory
 from geodesic_ocp.execution.joint_limits import JointLimits
 from geodesic_ocp.execution.tracking.spectral_arc_length import spectral_arc_length
-from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
+from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.rotations import rotation_vector
 from geodesic_ocp.table import Table

@@ -10,8 +10,8 @@ import numpy as np
 import scipy
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.geometry.meshes import Mesh, meshes
-from geodesic_ocp.model.geometry.person_beside import person_beside
+from geodesic_ocp.model.look import Mesh
+from geodesic_ocp.model.meshes import meshes, person_beside
 from geodesic_ocp.model.model import Model
 
 _DIRECTIONS = 400  # in which the extreme points of a part are kept

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.geometry.nearest_points import NearestPoints, nearest_points
+from geodesic_ocp.model.distances import NearestPoints, nearest_points
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Obstacle
 

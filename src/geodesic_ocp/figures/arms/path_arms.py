@@ -14,7 +14,7 @@ from geodesic_ocp.figures.arms.close_up import draw_close_up
 from geodesic_ocp.figures.arms.nearest import approach, gap_directions
 from geodesic_ocp.figures.arms.overlay import draw_overlay
 from geodesic_ocp.figures.arms.posture import Postures
-from geodesic_ocp.model.geometry.nearest_points import NearestPoints
+from geodesic_ocp.model.distances import NearestPoints
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.trajectory.path import Path

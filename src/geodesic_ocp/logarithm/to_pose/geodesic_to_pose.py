@@ -21,8 +21,7 @@ from geodesic_ocp.logarithm.log import log
 from geodesic_ocp.logarithm.to_pose.pose_target import PoseTarget, ShootingResult, metric_of
 from geodesic_ocp.logarithm.to_pose.shooting import shoot
 from geodesic_ocp.logarithm.to_pose.transported_gradient import descend_transported_gradient
-from geodesic_ocp.model.as_model import as_model
-from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.ocp.ik.pose_error import pose_difference
 
 Method = Literal["newton", "transport"]

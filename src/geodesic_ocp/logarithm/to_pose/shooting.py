@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.compiled import dop853
+from geodesic_ocp.compiled.source import RK_A, RK_B, STAGES
 from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.ipopt import Ipopt, Outcome
 from geodesic_ocp.logarithm.to_pose.pose_target import (
@@ -131,9 +131,9 @@ def _exp_function(model: Model, steps: int) -> ca.Function:
     n, rate = model.dof, metric_of(model).geodesic_equation
     y = ca.MX.sym("y", 2 * n)
     slopes: list[ca.MX] = [rate(y)]
-    for stage in range(1, dop853.STAGES):
-        weights = ca.DM(dop853.A[stage, :stage]) / steps
+    for stage in range(1, STAGES):
+        weights = ca.DM(RK_A[stage, :stage]) / steps
         slopes.append(rate(y + ca.horzcat(*slopes) @ weights))
-    step = ca.Function("step", [y], [y + ca.horzcat(*slopes) @ ca.DM(dop853.B) / steps])
+    step = ca.Function("step", [y], [y + ca.horzcat(*slopes) @ ca.DM(RK_B) / steps])
     q, v = ca.MX.sym("q", n), ca.MX.sym("v", n)
     return ca.Function("exp", [q, v], [step.fold(steps)(ca.vertcat(q, v))[:n]])

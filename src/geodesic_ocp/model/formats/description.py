@@ -10,11 +10,10 @@ from pathlib import Path
 
 import pinocchio as pin
 
-from geodesic_ocp.model.formats.mimic import Mimic
 from geodesic_ocp.model.formats.mjcf import mjcf_model
 from geodesic_ocp.model.formats.simox import simox_model
-from geodesic_ocp.model.formats.urdf import urdf_model
-from geodesic_ocp.model.geometry.link_geometry import LinkGeometry
+from geodesic_ocp.model.formats.urdf import Mimic, urdf_model
+from geodesic_ocp.model.link_geometry import LinkGeometry
 from geodesic_ocp.model.primitives import Bodies
 
 _DECLARATION = re.compile(r"^\s*<\?xml[^>]*\?>")

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from geodesic_ocp.arrays import Array, as_number
 from geodesic_ocp.model.formats.description import Description
-from geodesic_ocp.model.formats.mimic import apply_mimics
+from geodesic_ocp.model.formats.urdf import apply_mimics
 from geodesic_ocp.model.joints import (
     distinct_frames,
     frame_index,

@@ -34,24 +34,14 @@ class Robot:
 
 ROBOTS = {
     "panda": Robot(_EXAMPLE, "panda_description/urdf/panda.urdf", "panda_hand_tcp", "panda_link0"),
-    "talos-left-arm": Robot(
-        _EXAMPLE, "talos_data/robots/talos_reduced.urdf", "gripper_left_base_link", "torso_2_link"
-    ),
-    "talos-right-arm": Robot(
-        _EXAMPLE, "talos_data/robots/talos_reduced.urdf", "gripper_right_base_link", "torso_2_link"
-    ),
-    "tiago-pro-left-arm": Robot(
-        _EXAMPLE,
-        "tiago_pro_description/robots/tiago_pro.urdf",
-        "gripper_left_base_link",
-        "torso_lift_link",
-    ),
-    "tiago-pro-right-arm": Robot(
-        _EXAMPLE,
-        "tiago_pro_description/robots/tiago_pro.urdf",
-        "gripper_right_base_link",
-        "torso_lift_link",
-    ),
+    **{
+        f"{name}-{side}-arm": Robot(_EXAMPLE, file, f"gripper_{side}_base_link", base)
+        for name, file, base in (
+            ("talos", "talos_data/robots/talos_reduced.urdf", "torso_2_link"),
+            ("tiago-pro", "tiago_pro_description/robots/tiago_pro.urdf", "torso_lift_link"),
+        )
+        for side in ("left", "right")
+    },
     "xarm7": Robot(_EXAMPLE, "xarm_description/urdf/xarm7.urdf", "link_eef", "link_base"),
     "ur5": Robot(_EXAMPLE, "ur_description/urdf/ur5_robot.urdf", "tool0", "base_link"),
     # r0 is the left arm: the y axis of the torso points forward, as the head's mass centre shows.
@@ -63,9 +53,7 @@ ROBOTS = {
 def folder(package: str) -> Path | None:
     """The folder of robots of a package; None if the package is not installed."""
     if package == _ARMAR:
-        spec = importlib.util.find_spec(_ARMAR)
-        packages = list(spec.submodule_search_locations or ()) if spec is not None else []
-        candidates = [Path(package) / "description" / "urdf" for package in packages]
+        candidates = [each / "description" / "urdf" for each in _package_folders(_ARMAR)]
     else:
         below = Path("share") / _EXAMPLE / "robots"
         candidates = [Path(sys.prefix) / below]
@@ -75,6 +63,11 @@ def folder(package: str) -> Path | None:
         except PackageNotFoundError:
             pass
     return next((candidate for candidate in candidates if candidate.is_dir()), None)
+
+
+def _package_folders(package: str) -> list[Path]:
+    spec = importlib.util.find_spec(package)
+    return [] if spec is None else list(map(Path, spec.submodule_search_locations or ()))
 
 
 def described() -> dict[str, Path]:
@@ -89,9 +82,8 @@ def described() -> dict[str, Path]:
 
 def on_demand() -> tuple[str, ...]:
     """Names that robot_descriptions knows; it downloads the files on first use."""
-    spec = importlib.util.find_spec(_ON_DEMAND)
-    packages = list(spec.submodule_search_locations or ()) if spec is not None else []
-    files = [file for each in packages for file in sorted(Path(each).glob("*_description.py"))]
+    folders = _package_folders(_ON_DEMAND)
+    files = [file for each in folders for file in sorted(each.glob("*_description.py"))]
     stems = (file.stem for file in files if not file.name.startswith("_"))
     return tuple(stem.removesuffix("_description") for stem in stems)
 

@@ -16,7 +16,8 @@ import numpy as np
 import pinocchio as pin
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.human.human_arm import DEFAULT_HEIGHT, DEFAULT_MASS, as_stature
+from geodesic_ocp.model.human import DEFAULT_HEIGHT, DEFAULT_MASS, as_stature
+from geodesic_ocp.model.joints import joint_along
 
 _LENGTHS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}  # [m]
 _ANGLES = {"radian": 1.0, "rad": 1.0, "degree": np.pi / 180.0, "deg": np.pi / 180.0}  # [rad]
@@ -151,16 +152,7 @@ def _joint_type(movement: ET.Element, kind: str) -> object:
     axis = np.zeros(3) if child is None else _numbers(child, "xyz")
     if not np.any(axis):
         raise ValueError("its joint has no axis")
-    axis = axis / np.linalg.norm(axis)
-    along = int(np.argmax(axis))
-    if np.array_equal(axis, np.eye(3)[along]):
-        letter = "XYZ"[along]
-        return getattr(pin, f"JointModel{'R' if kind == 'revolute' else 'P'}{letter}")()
-    unaligned = {
-        "revolute": pin.JointModelRevoluteUnaligned,
-        "prismatic": pin.JointModelPrismaticUnaligned,
-    }
-    return unaligned[kind](axis)
+    return joint_along(axis / np.linalg.norm(axis), kind)
 
 
 def _unit(element: ET.Element, default: str, units: dict[str, float], kind: str = "") -> float:

@@ -1,22 +1,53 @@
-"""URDF as a Pinocchio model, with its joint inertias; commas in vectors are repaired."""
+"""URDF: read as a Pinocchio model, with faults repaired or named; joints that mimic others."""
 
 from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import pinocchio as pin
 
-from geodesic_ocp.model.formats.mimic import Mimic
-from geodesic_ocp.model.formats.rotors import set_armature, urdf_armature
+from geodesic_ocp.model.formats.motors import set_armature, urdf_armature
 
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 # <origin rpy="1.57, 0 0"/>: in a valid vector, numbers are separated by spaces only.
 _VECTOR = re.compile(r"""\b(rpy|xyz)\s*=\s*(["'])([^"']*,[^"']*)\2""")
-
 # The parser of URDF rejects the element unless it has one of its standard attributes.
 _DYNAMICS = re.compile(r"<dynamics\b(?![^>]*\b(?:damping|friction)\b)")
+
+
+@dataclass(frozen=True)
+class Mimic:
+    """A joint that mimics another: q = multiplier * leader + offset."""
+
+    leader: str
+    multiplier: float
+    offset: float
+
+
+def apply_mimics(mimics: Mapping[str, Mimic], values: Mapping[str, float]) -> dict[str, float]:
+    """The values of all joints, with those of mimic joints computed from their leaders.
+
+    Args:
+        mimics: mimic joints by name; a leader may itself mimic another joint.
+        values: values of all joints; those of mimic joints are ignored.
+
+    Raises:
+        ValueError: joints mimic each other in a cycle.
+    """
+    found = {name: value for name, value in values.items() if name not in mimics}
+
+    def value(name: str, visited: tuple[str, ...]) -> float:
+        if name in visited:
+            raise ValueError(f"joints mimic each other: {' and '.join(visited)}")
+        if name not in found:
+            mimic = mimics[name]
+            found[name] = mimic.multiplier * value(mimic.leader, (*visited, name)) + mimic.offset
+        return found[name]
+
+    return {name: value(name, ()) for name in values}
 
 
 def urdf_model(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from geodesic_ocp.arrays import as_number
-from geodesic_ocp.model.geometry.signed_distances import as_pair
+from geodesic_ocp.model.distances import as_pair
 from geodesic_ocp.model.primitives import Obstacle
 
 

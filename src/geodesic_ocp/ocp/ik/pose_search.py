@@ -14,9 +14,8 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_rotation, as_vector
 from geodesic_ocp.ipopt import Ipopt
-from geodesic_ocp.model.as_model import as_model
-from geodesic_ocp.model.geometry.signed_distances import signed_distances
-from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.distances import signed_distances
+from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.ocp.ik.collision_avoidance import CollisionAvoidance
 from geodesic_ocp.ocp.ik.free_directions import as_directions, complement
 from geodesic_ocp.ocp.ik.pose_error import rotation_log

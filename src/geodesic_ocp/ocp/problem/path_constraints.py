@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import as_number, as_vector
-from geodesic_ocp.model.geometry.signed_distances import as_pair, signed_distances
+from geodesic_ocp.model.distances import as_pair, signed_distances
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.ocp.problem.keys import key_of

@@ -13,9 +13,8 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, as_rotation, as_vector, short_repr
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
-from geodesic_ocp.model.as_model import as_model
-from geodesic_ocp.model.model import Model
+from geodesic_ocp.manifold.metrics import KineticEnergy
+from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.ocp.ik.free_directions import as_directions, complement
 from geodesic_ocp.ocp.ik.inverse_kinematics import inverse_kinematics
 from geodesic_ocp.ocp.ik.pose_error import rotation_log

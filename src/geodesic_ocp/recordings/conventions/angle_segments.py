@@ -17,8 +17,7 @@ from geodesic_ocp.recordings.conventions.angle_convention import (
     direction,
 )
 from geodesic_ocp.recordings.conventions.segment_orientations import SEGMENTS, SegmentOrientations
-from geodesic_ocp.trajectory.frame_motion import FrameMotion
-from geodesic_ocp.trajectory.motion import Subject
+from geodesic_ocp.trajectory.motion import FrameMotion, Subject
 
 TRUNK = ("pelvis", "abdomen", "thorax")
 

@@ -24,7 +24,7 @@ import scipy
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.model.human.human_arm import human_arm
+from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.recordings.conventions.continuous_angles import axis_rotation, continuous_angles
 from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
 from geodesic_ocp.trajectory.motion import Motion

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.trajectory.frame_motion import FrameMotion
-from geodesic_ocp.trajectory.motion import Subject
+from geodesic_ocp.trajectory.motion import FrameMotion, Subject
 
 #: Names of the segments; those of the arms begin with "right" or "left".
 SEGMENTS = (

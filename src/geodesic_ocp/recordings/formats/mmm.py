@@ -19,8 +19,7 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.formats.mmm_trunk import TRUNK_JOINTS, root_motion, thorax_motion
 from geodesic_ocp.recordings.formats.xml_root import xml_root
-from geodesic_ocp.trajectory.frame_motion import FrameMotion
-from geodesic_ocp.trajectory.motion import Motion, Subject
+from geodesic_ocp.trajectory.motion import FrameMotion, Motion, Subject
 
 _ROOT = ("RootPosition", "RootRotation")
 

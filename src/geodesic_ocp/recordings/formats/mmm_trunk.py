@@ -13,8 +13,8 @@ import numpy as np
 import scipy
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.human.anthropometry import trunk
-from geodesic_ocp.trajectory.frame_motion import FrameMotion
+from geodesic_ocp.model.anthropometry import trunk
+from geodesic_ocp.trajectory.motion import FrameMotion
 
 #: The joints of the trunk, from the pelvis to the thorax.
 TRUNK_JOINTS = tuple(f"B{part}{axis}_joint" for part in "PT" for axis in "xzy")

@@ -18,8 +18,7 @@ from geodesic_ocp.recordings.markers.program.constant_errors import constant_err
 from geodesic_ocp.recordings.markers.program.fit_problem import ROOT, FitProblem
 from geodesic_ocp.recordings.markers.program.known_height import KnownHeight
 from geodesic_ocp.recordings.markers.program.solve_fit import FittedVariables
-from geodesic_ocp.trajectory.frame_motion import FrameMotion
-from geodesic_ocp.trajectory.motion import Motion
+from geodesic_ocp.trajectory.motion import FrameMotion, Motion
 
 
 def as_marker_fit(

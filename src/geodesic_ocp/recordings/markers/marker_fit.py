@@ -11,8 +11,7 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.markers.lost_markers import LOST, LostMarker
 from geodesic_ocp.table import Table
-from geodesic_ocp.trajectory.frame_motion import FrameMotion
-from geodesic_ocp.trajectory.motion import Motion
+from geodesic_ocp.trajectory.motion import FrameMotion, Motion
 
 #: How the warning of a fit that is doubtful begins.
 DOUBTFUL = "the fit of the markers is doubtful: "

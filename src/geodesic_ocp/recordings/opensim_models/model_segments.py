@@ -23,7 +23,7 @@ from geodesic_ocp.recordings.opensim_models.named_bodies import (
 from geodesic_ocp.recordings.opensim_models.osim_convention import OsimConvention
 from geodesic_ocp.recordings.opensim_models.osim_model import GROUND, OsimModel
 from geodesic_ocp.recordings.opensim_models.osim_poses import body_poses
-from geodesic_ocp.trajectory.frame_motion import FrameMotion
+from geodesic_ocp.trajectory.motion import FrameMotion
 
 # Rotation from OpenSim's axes (x forward, y up, z right) to x right, y forward, z up.
 _TO_OURS = AngleConvention("OpenSim", ()).to_right_forward_up

@@ -15,8 +15,7 @@ from geodesic_ocp.recordings.skeletons.named_segments import SIDES, named_segmen
 from geodesic_ocp.recordings.skeletons.rest_pose import axis_vector, body_axes, neutral_frames
 from geodesic_ocp.recordings.skeletons.skeleton import SkeletonMotion, forward_kinematics
 from geodesic_ocp.recordings.skeletons.skeleton_convention import AXES, SkeletonConvention
-from geodesic_ocp.trajectory.frame_motion import FrameMotion
-from geodesic_ocp.trajectory.motion import Subject
+from geodesic_ocp.trajectory.motion import FrameMotion, Subject
 
 _SHORTEST_ARM, _LONGEST_ARM = 0.2, 0.9  # [m] from shoulder to wrist, children included
 # Cosines: a person whose thorax points along another axis than the vertical on average.

@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from geodesic_ocp.model.as_model import as_model
+from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.formats.robots import ROBOTS
-from geodesic_ocp.model.human.anthropometry import Side
-from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
 from geodesic_ocp.retargeting.alignment.arm_length import arm_length
 from geodesic_ocp.retargeting.alignment.known_alignments import KNOWN

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, as_rotation, as_vector, short_repr
-from geodesic_ocp.model.human.anthropometry import Side
+from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.records import write_file
 from geodesic_ocp.retargeting.alignment.axis_names import direction_record

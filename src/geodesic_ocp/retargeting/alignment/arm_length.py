@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from geodesic_ocp.model.joints import frame_index
-from geodesic_ocp.model.max_reach import max_reach
+from geodesic_ocp.model.joints import frame_index, max_reach
 from geodesic_ocp.model.model import Model
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.human.anthropometry import Side
+from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.joint_axes import upward
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.alignment.axis_names import axis_name

@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.human.anthropometry import Side
+from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.joint_axes import JointAxes, joint_axes
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.alignment.axis_names import axis_name

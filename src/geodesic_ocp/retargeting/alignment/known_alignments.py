@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from geodesic_ocp.model.human.anthropometry import Side
+from geodesic_ocp.model.anthropometry import Side
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,8 @@ from typing import get_args
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.as_model import as_model
-from geodesic_ocp.model.human.anthropometry import Side
-from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
 from geodesic_ocp.retargeting.alignment.base_axes import base_axes
 from geodesic_ocp.retargeting.alignment.hand_axes import hand_axes

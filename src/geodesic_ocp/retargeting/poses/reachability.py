@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive
-from geodesic_ocp.model.as_model import as_model
-from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
 from geodesic_ocp.retargeting.poses.mounting import Mounting, mountings
 from geodesic_ocp.retargeting.poses.nearest_poses import NearestPoses, nearest_poses, search_range

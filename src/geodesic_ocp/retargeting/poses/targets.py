@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_vector
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.model.geometry.signed_distances import signed_distances
+from geodesic_ocp.model.distances import signed_distances
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.ik.inverse_kinematics import (
     inverse_kinematics_solutions,

@@ -6,7 +6,7 @@ import re
 from collections.abc import Collection, Sequence
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.geometry.nearest_points import has_symbols, nearest_points
+from geodesic_ocp.model.distances import has_symbols, nearest_points
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.scenes.markings import Gap

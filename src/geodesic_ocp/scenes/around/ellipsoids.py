@@ -9,9 +9,8 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, as_expression, evaluate
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
-from geodesic_ocp.model.hands import hand_labels
-from geodesic_ocp.model.model import Model
+from geodesic_ocp.manifold.metrics import KineticEnergy
+from geodesic_ocp.model.model import Model, hand_labels
 from geodesic_ocp.scenes.markings import EllipsoidTrack
 
 SIZE = 0.15  # largest semi-axis as drawn, as a fraction of the reach

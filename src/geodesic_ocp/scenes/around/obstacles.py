@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.geometry.meshes import Indices, Mesh
-from geodesic_ocp.model.geometry.nearest_points import has_symbols
+from geodesic_ocp.model.distances import has_symbols
+from geodesic_ocp.model.look import Indices, Mesh
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Body, HalfSpace, Obstacle, as_capsule
 from geodesic_ocp.scenes.actor import Actor, model_actor

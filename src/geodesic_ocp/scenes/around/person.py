@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from geodesic_ocp.model.geometry.person_beside import person_beside
+from geodesic_ocp.model.meshes import person_beside
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.scenes.actor import Actor
 

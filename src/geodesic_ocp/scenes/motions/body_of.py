@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import get_args
 
+from geodesic_ocp.model.anthropometry import Side, trunk
 from geodesic_ocp.model.combine import combine
-from geodesic_ocp.model.human.anthropometry import Side, trunk
-from geodesic_ocp.model.human.human_arm import DEFAULT_HEIGHT, human_arm
-from geodesic_ocp.model.human.human_upper_body import human_upper_body
+from geodesic_ocp.model.human import DEFAULT_HEIGHT, human_arm, human_upper_body
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.trajectory.motion import Motion
 

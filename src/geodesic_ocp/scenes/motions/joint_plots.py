@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.geometry.meshes import Indices
-from geodesic_ocp.model.hands import hand_labels
-from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.look import Indices
+from geodesic_ocp.model.model import Model, hand_labels
 from geodesic_ocp.scenes.actor import Role
 from geodesic_ocp.scenes.playback import Curve, Plot
 from geodesic_ocp.synergies.scores.hand_speed import hand_speeds

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.hands import hand_labels
-from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.model import Model, hand_labels
 from geodesic_ocp.scenes.actor import Actor, Role, model_actor
 from geodesic_ocp.scenes.around.ellipsoids import mobility_ellipsoids
 from geodesic_ocp.scenes.around.person import rest_of_person

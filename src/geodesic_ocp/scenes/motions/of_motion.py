@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
+from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.scenes.motions.joint_plots import POSITIONS, hand_speed_plots, joint_plots
 from geodesic_ocp.scenes.motions.model_scene import model_scene

@@ -9,7 +9,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.figures.path_figure import limits_reached
-from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
+from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.scenes.around.ellipsoids import mobility_ellipsoids
 from geodesic_ocp.scenes.markings import PointCloud

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
-from geodesic_ocp.model.geometry.signed_distances import bodies_apart
+from geodesic_ocp.model.distances import bodies_apart
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import HalfSpace
 from geodesic_ocp.ocp.problem.drawn_obstacles import drawn_obstacles

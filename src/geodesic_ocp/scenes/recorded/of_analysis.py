@@ -10,9 +10,8 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.figures.overview import widest_columns, widest_of_thirds
-from geodesic_ocp.model.geometry.meshes import Indices
-from geodesic_ocp.model.hands import hand_labels
-from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.look import Indices
+from geodesic_ocp.model.model import Model, hand_labels
 from geodesic_ocp.scenes.actor import Actor, Role, model_actor
 from geodesic_ocp.scenes.around.ellipsoids import mobility_ellipsoids
 from geodesic_ocp.scenes.markings import PointCloud

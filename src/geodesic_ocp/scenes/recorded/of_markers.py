@@ -18,7 +18,7 @@ from geodesic_ocp.scenes.motions.of_motion import viewed_from
 from geodesic_ocp.scenes.motions.shown_samples import shown_samples
 from geodesic_ocp.scenes.playback import Curve, Playback, Plot
 from geodesic_ocp.scenes.scene import Scene
-from geodesic_ocp.trajectory.frame_motion import FrameMotion
+from geodesic_ocp.trajectory.motion import FrameMotion
 
 _SAME = 1e-6  # [s] between a sample of the markers and that of the fit
 

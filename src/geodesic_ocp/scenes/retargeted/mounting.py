@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.human.anthropometry import trunk
-from geodesic_ocp.model.human.human_arm import DEFAULT_HEIGHT
-from geodesic_ocp.model.human.stature import stature
+from geodesic_ocp.model.anthropometry import trunk
+from geodesic_ocp.model.human import DEFAULT_HEIGHT, stature
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.human.human_arm import human_arm
+from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
 from geodesic_ocp.retargeting.poses.nearest_poses import nearest_poses, search_range

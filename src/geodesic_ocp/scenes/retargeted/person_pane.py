@@ -8,7 +8,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.combine import combine
-from geodesic_ocp.model.geometry.meshes import Indices
+from geodesic_ocp.model.look import Indices
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.scenes.actor import model_actor

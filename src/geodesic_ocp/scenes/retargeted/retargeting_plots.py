@@ -8,7 +8,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.figures.overview import widest_of_thirds
-from geodesic_ocp.model.geometry.meshes import Indices
+from geodesic_ocp.model.look import Indices
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.scenes.motions.joint_plots import HAND_SPEED, short_name

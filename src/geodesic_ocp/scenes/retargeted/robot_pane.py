@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.geometry.meshes import Indices, meshes
+from geodesic_ocp.model.look import Indices
+from geodesic_ocp.model.meshes import meshes
 from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.result import Retargeting

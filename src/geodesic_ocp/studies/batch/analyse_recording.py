@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.model.human.anthropometry import Side
+from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.recordings.read_motion import that_apply
 from geodesic_ocp.recordings.read_recording import read_recording

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from geodesic_ocp.arrays import as_positive
-from geodesic_ocp.model.human.anthropometry import Side
+from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.records import write_file
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings

@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
+from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.recordings.conventions.known_angle_conventions import ANGLE_CONVENTIONS

@@ -8,8 +8,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.model.hands import hand_labels
-from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.model import Model, hand_labels
 from geodesic_ocp.rotations import rotation_vector
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.path import speeds_at

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.figures.styles import ROLES, SURROUNDINGS
-from geodesic_ocp.model.geometry.meshes import Mesh
+from geodesic_ocp.model.look import Mesh
 from geodesic_ocp.scenes.actor import Actor
 from geodesic_ocp.scenes.markings import Trail
 from geodesic_ocp.scenes.plain_text import plain_text

@@ -17,8 +17,8 @@ from geodesic_ocp.model.adjustable_lengths import (
     joint_poses,
     with_lengths,
 )
-from geodesic_ocp.model.human.anthropometry import trunk
-from geodesic_ocp.model.human.stature import stature
+from geodesic_ocp.model.anthropometry import trunk
+from geodesic_ocp.model.human import stature
 from geodesic_ocp.model.model import Model
 
 # Joints that carry the segments of a person, by the first letter of the side.

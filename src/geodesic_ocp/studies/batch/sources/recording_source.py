@@ -9,7 +9,7 @@ from os import PathLike
 from pathlib import Path, PurePosixPath
 from typing import Literal
 
-from geodesic_ocp.model.human.anthropometry import Side
+from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.recordings.recording_files import recording_files
 from geodesic_ocp.studies.batch.sources.subject_names import (
     SubjectEntry,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.geometry.meshes import Colour
+from geodesic_ocp.model.look import Colour
 
 _CREASE = np.deg2rad(35.0)  # [rad]: edges between faces that differ by more stay sharp
 

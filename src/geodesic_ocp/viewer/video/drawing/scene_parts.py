@@ -8,7 +8,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.figures.styles import ROLES, SURROUNDINGS
-from geodesic_ocp.model.geometry.meshes import Colour, Indices
+from geodesic_ocp.model.look import Colour, Indices
 from geodesic_ocp.scenes.scene import Scene
 from geodesic_ocp.viewer.video.drawing.part import Part, smooth_surface
 

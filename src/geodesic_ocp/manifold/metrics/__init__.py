@@ -1,1 +1,0 @@
-"""Metrics on the joint space of a model, and the Euclidean one."""

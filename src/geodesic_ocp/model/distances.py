@@ -1,0 +1,345 @@
+"""Distances between capsules, balls and half-spaces, as expressions and as numbers.
+
+Closest points of two segments: Ericson, Real-Time Collision Detection (2005), 5.1.9. The distance
+is exact, and continuously differentiable except where it is zero or the segments are parallel;
+there a relative term of 1e-8 in expressions smooths the jump of the closest point from one end to
+the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from geodesic_ocp.arrays import Array, as_vector, evaluate, is_symbolic
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.primitives import Ball, Body, Capsule, HalfSpace, Obstacle, as_capsule
+
+_PARALLEL = 1e-8
+_TOUCHING = 1e-20  # [m^2]: keeps the distance differentiable at zero
+
+
+@dataclass(frozen=True, eq=False)
+class LineSegment:
+    """A segment: start (3, 1), vector to its end (3, 1), squared length."""
+
+    start: ca.SX
+    along: ca.SX
+    square: ca.SX
+    is_point: bool
+
+    @property
+    def end(self) -> ca.SX:
+        """Its end (3, 1)."""
+        return self.start + self.along
+
+    @property
+    def ends(self) -> list[ca.SX]:
+        """Both ends, of which the minimum of a distance would not be smooth; one of a point."""
+        return [self.start] if self.is_point else [self.start, self.end]
+
+
+def line_segment(
+    capsule: Capsule, rotation: ca.SX | None = None, position: ca.SX | None = None
+) -> LineSegment:
+    """The segment of a capsule, moved by a rotation (3, 3) and a translation (3, 1) [m]."""
+    start, along = ca.SX(capsule.start), ca.SX(capsule.end) - ca.SX(capsule.start)
+    square = ca.sumsqr(along)  # a simpler expression before the rotation
+    if rotation is not None and position is not None:
+        start, along = position + rotation @ start, rotation @ along
+    return LineSegment(start, along, square, bool(square.is_zero()))
+
+
+def segment_distance(one: LineSegment, other: LineSegment) -> ca.SX:
+    """Distance between two segments."""
+    here, there = _closest_points(one, other)
+    return ca.SX(ca.sqrt(ca.sumsqr(here - there) + _TOUCHING))
+
+
+def _closest_points(one: LineSegment, other: LineSegment) -> tuple[ca.SX, ca.SX]:
+    """The points (3, 1) at which two segments come closest, from the start of the other."""
+    between, u, w = one.start - other.start, one.along, other.along
+    c, f = ca.dot(u, between), ca.dot(w, between)
+    s, t = _fractions(one.square, ca.dot(u, w), other.square, c, f, _PARALLEL)
+    return between + s * u, t * w
+
+
+def segment_distances(start: Array, end: Array, other_start: Array, other_end: Array) -> Array:
+    """Distances (...) [m] between segments, whose ends are (..., 3) each: numbers, many at once."""
+    u, w, between = end - start, other_end - other_start, start - other_start
+    c, f = _dot(u, between), _dot(w, between)
+    s, t = _fractions(_dot(u, u), _dot(u, w), _dot(w, w), c, f)
+    return np.asarray(np.linalg.norm(between + s[..., None] * u - t[..., None] * w, axis=-1))
+
+
+def _dot(one: Array, other: Array) -> Array:
+    return np.asarray(np.einsum("...i,...i->...", one, other))
+
+
+def _fractions(a: Any, b: Any, e: Any, c: Any, f: Any, parallel: float = 0.0) -> tuple[Any, Any]:
+    """Where on two segments, from 0 to 1, they come closest: Ericson's s and t."""
+    s = _clipped_ratio(b * f - c * e, (1.0 + parallel) * a * e - b * b)
+    t = _clipped_ratio(b * s + f, e)
+    return _clipped_ratio(b * t - c, a), t
+
+
+def _clipped_ratio(numerator: Any, denominator: Any) -> Any:
+    """The ratio from 0 to 1; 0 where the denominator is zero: points, and parallel segments."""
+    if is_symbolic(denominator):
+        ratio = ca.SX(0) if denominator.is_zero() else numerator / denominator
+        return ca.fmin(ca.fmax(ratio, 0.0), 1.0)
+    some = denominator > np.finfo(float).tiny
+    ratio = np.divide(numerator, denominator, out=np.zeros(numerator.shape), where=some)
+    return np.clip(ratio, 0.0, 1.0)
+
+
+def signed_distances(
+    model: Model,
+    q: Any,
+    obstacles: Sequence[Obstacle] = (),
+    *,
+    links: Sequence[str] | None = None,
+    pairs: Sequence[tuple[str, str]] = (),
+) -> dict[str, Any]:
+    """Distances [m] of collision bodies from obstacles and each other; negative if they overlap.
+
+    >>> import geodesic_ocp as go
+    >>> table = go.HalfSpace(point=(0.0, 0.0, -0.7), normal=(0.0, 0.0, 1.0), name="table")
+    >>> distances = go.signed_distances(
+    ...     go.human_arm(), [0.5, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0], [table], links=["right hand"]
+    ... )
+    >>> {name: round(value, 3) for name, value in distances.items()}
+    {'right hand to table': 0.249, 'right hand to table (2)': 0.147}
+
+    Args:
+        model: model with collision bodies (`Model.bodies`).
+        q: configuration (n,), numbers or expressions.
+        obstacles: fixed, or moving with the link that they name.
+        links: links whose distances to obstacles are computed; None: all that move.
+        pairs: pairs of links whose mutual distances are computed. Adjacent links overlap at their
+            joint; `collision_pairs` suggests pairs without them.
+
+    Returns:
+        Numbers or expressions by name, such as "forearm to table". If a name occurs more than once,
+        as for both ends of a capsule above a half-space or several bodies of a link, a number is
+        appended: "forearm to table (2)".
+
+    Raises:
+        ValueError: the model, or one of the given links, has no bodies.
+    """
+    x = q if isinstance(q, ca.SX) else ca.SX.sym("q", model.dof)
+    expressions: dict[str, Any] = {}
+    for name, body, other in bodies_apart(model, obstacles, links, pairs):
+        for distance in _distances(model, x, body, other):
+            _add_named(expressions, name, distance)
+    if isinstance(q, ca.SX) or not expressions:
+        return expressions
+    function = ca.Function("signed_distances", [x], [ca.vertcat(*expressions.values())])
+    if isinstance(q, ca.MX):
+        return dict(zip(expressions, ca.vertsplit(function(q)), strict=True))
+    values = function(as_vector("q", q, model.dof)).full()[:, 0]
+    return dict(zip(expressions, values.tolist(), strict=True))
+
+
+def collision_pairs(model: Model, q: ArrayLike, margin: float = 0.0) -> list[tuple[str, str]]:
+    """Pairs of links that move relative to each other and are apart in a configuration.
+
+    A suggestion for `pairs` of `signed_distances`: adjacent links, which overlap at their joint,
+    are left out.
+
+    Args:
+        model: model with collision bodies.
+        q: a collision-free configuration (n,).
+        margin: smallest distance [m] of the links of a pair.
+
+    Raises:
+        ValueError: q has the wrong shape.
+    """
+    links = list(dict.fromkeys(str(body.link) for body in model.bodies))
+    pairs = [
+        (one, other)
+        for index, one in enumerate(links)
+        for other in links[index + 1 :]
+        if model.joint_of(one) != model.joint_of(other)
+    ]
+    return [
+        pair
+        for pair in pairs
+        if min(signed_distances(model, q, pairs=[pair]).values()) > float(margin)
+    ]
+
+
+def bodies_apart(
+    model: Model,
+    obstacles: Sequence[Obstacle],
+    links: Sequence[str] | None,
+    pairs: Sequence[tuple[str, str]],
+) -> list[tuple[str, Body, Obstacle]]:
+    """Pairs of a body and an obstacle or body whose distance counts, each with a name.
+
+    The arguments and errors are those of `signed_distances`; names may occur more than once.
+    """
+    found: list[tuple[str, Body, Obstacle]] = []
+    # Reading the bodies of a file is slow, so only if they are needed.
+    moving = _moving_bodies(model) if links is None and obstacles else []
+    if links is not None:
+        moving = _bodies_of_links(model, links, "links")
+    for number, obstacle in enumerate(obstacles):
+        if not isinstance(obstacle, (Capsule, Ball, HalfSpace)):
+            raise ValueError(f"obstacles must be Ball, Capsule or HalfSpace, got {obstacle!r}")
+        if not moving and links is None:
+            raise ValueError(f"{model.name!r} has no bodies; add them with Model.with_bodies")
+        other = obstacle.name or f"obstacle {number}"
+        link = None if isinstance(obstacle, HalfSpace) else obstacle.link
+        joint = None if link is None else model.joint_of(link)
+        for body in moving:
+            if joint is not None and joint == model.joint_of(str(body.link)):
+                continue  # parts of the same rigid body
+            found.append((f"{_name(body)} to {other}", body, obstacle))
+    for pair in pairs:
+        one, other_one = (_bodies_of_links(model, [link], "pairs") for link in as_pair(pair))
+        found += [
+            (f"{_name(body)} to {_name(second)}", body, second)
+            for body in one
+            for second in other_one
+        ]
+    return found
+
+
+def as_pair(pair: Any) -> tuple[str, str]:
+    """The value as a pair of two links; ValueError otherwise."""
+    if not isinstance(pair, (list, tuple)) or len(pair) != 2 or pair[0] == pair[1]:
+        raise ValueError(f"pairs must be a list of pairs of two different links, got {pair!r}")
+    return pair[0], pair[1]
+
+
+def _add_named(found: dict[str, Any], name: str, value: Any) -> None:
+    """Add a value under a name, with a number appended if the name is taken."""
+    unique, number = name, 1
+    while unique in found:
+        number += 1
+        unique = f"{name} ({number})"
+    found[unique] = value
+
+
+def _name(body: Body) -> str:
+    return body.name or str(body.link)
+
+
+def _moving_bodies(model: Model) -> list[Body]:
+    return [body for body in model.bodies if body.link is not None and model.moves(body.link)]
+
+
+def _bodies_of_links(model: Model, links: Sequence[str], argument: str) -> list[Body]:
+    found = []
+    if isinstance(links, str):
+        raise ValueError(f"{argument} must be a list of links, got {links!r}")
+    for link in links:
+        own = [body for body in model.bodies if body.link == link]
+        if not own:
+            known = ", ".join(dict.fromkeys(str(body.link) for body in model.bodies)) or "none"
+            raise ValueError(
+                f"{argument}: {model.name!r} has no body at {link!r}; links with bodies: {known}"
+            )
+        found += own
+    return found
+
+
+def _distances(model: Model, q: ca.SX, body: Body, obstacle: Obstacle) -> list[ca.SX]:
+    one = _segment(model, q, body)
+    if isinstance(obstacle, HalfSpace):
+        normal, point = ca.DM(obstacle.normal), ca.SX(obstacle.point)
+        return [ca.dot(normal, end - point) - body.radius for end in one.ends]
+    distance = segment_distance(one, _segment(model, q, obstacle))
+    return [distance - (body.radius + obstacle.radius)]
+
+
+def _segment(model: Model, q: ca.SX, body: Body) -> LineSegment:
+    if body.link is None:
+        return line_segment(as_capsule(body))
+    return line_segment(as_capsule(body), *model.frame_pose(body.link, q))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class NearestPoints:
+    """Where two bodies come closest, in k configurations.
+
+    Attributes:
+        starts, ends: the points on the surface of either, (k, 3) [m] in the base frame.
+        distances: between them, (k,) [m]; negative where the bodies overlap.
+    """
+
+    starts: Array
+    ends: Array
+    distances: Array
+
+    def __repr__(self) -> str:
+        return f"NearestPoints({len(self.distances)} configurations)"
+
+
+def nearest_points(
+    model: Model,
+    q: Array,
+    obstacles: Sequence[Obstacle] = (),
+    *,
+    links: Sequence[str] | None = None,
+    pairs: Sequence[tuple[str, str]] = (),
+) -> dict[str, NearestPoints]:
+    """Nearest points by the names of `signed_distances`, whose arguments and errors these are.
+
+    Args:
+        model, obstacles, links, pairs: see `signed_distances`; obstacles are numbers.
+        q: configurations (k, n) [rad or m].
+
+    Raises:
+        ValueError: an obstacle depends on symbols, or see `signed_distances`.
+    """
+    x, expressions = ca.SX.sym("q", model.dof), dict[str, Any]()
+    for name, body, other in bodies_apart(model, obstacles, links, pairs):
+        for nearest in _nearest(model, x, body, other):
+            _add_named(expressions, name, ca.vertcat(*nearest))
+    if not expressions:
+        return {}
+    values = evaluate(
+        ca.Function("nearest_points", [x], [ca.vertcat(*expressions.values())]).map(len(q)), q.T
+    )
+    parts = np.split(values.T, len(expressions), axis=1)
+    return {
+        name: NearestPoints(part[:, :3], part[:, 3:6], part[:, 6])
+        for name, part in zip(expressions, parts, strict=True)
+    }
+
+
+def has_symbols(obstacle: Obstacle) -> bool:
+    """Whether an obstacle is given by expressions in place of numbers."""
+    if isinstance(obstacle, HalfSpace):
+        return is_symbolic(obstacle.point)
+    body = as_capsule(obstacle)
+    return is_symbolic(body.start, body.end, body.radius)
+
+
+def _nearest(
+    model: Model, q: ca.SX, body: Body, other: Obstacle
+) -> list[tuple[ca.SX, ca.SX, ca.SX]]:
+    """Points on the surface of either (3, 1), and the distance of `_distances`."""
+    if has_symbols(other):
+        raise ValueError(f"obstacles must be numbers here, got {other!r}")
+    one, distances = _segment(model, q, body), _distances(model, q, body, other)
+    if isinstance(other, HalfSpace):
+        normal = ca.DM(other.normal)
+        starts = [end - body.radius * normal for end in one.ends]
+        return [
+            (start, start - apart * normal, apart)
+            for start, apart in zip(starts, distances, strict=True)
+        ]
+    second = _segment(model, q, other)
+    here, there = (second.start + each for each in _closest_points(one, second))
+    apart = distances[0] + (body.radius + other.radius)
+    direction = (there - here) / apart
+    start, end = here + body.radius * direction, there - other.radius * direction
+    return [(start, end, distances[0])]

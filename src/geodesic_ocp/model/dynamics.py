@@ -1,0 +1,258 @@
+"""Symbolic dynamics of a model, by one of two back ends.
+
+`pinocchio.casadi` (Pinocchio's own algorithms on CasADi scalars) is used if it can be imported,
+otherwise the package's built-in algorithms on the same pin.Model. Both compute the same functions;
+where Pinocchio's expressions are more than a tenth larger, the former takes the built-in ones, too.
+An argument or the environment variable GEODESIC_OCP_BACKEND overrides the choice.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import warnings
+from dataclasses import dataclass, field
+from functools import lru_cache
+from types import ModuleType
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+
+from geodesic_ocp.arrays import Array, as_vector, evaluate, is_symbolic
+from geodesic_ocp.model import rigid_body
+from geodesic_ocp.model.joints import without_noise
+
+BACKENDS = ("pinocchio.casadi", "built-in")
+ENVIRONMENT_VARIABLE = "GEODESIC_OCP_BACKEND"
+NOT_INSTALLED = (
+    "the pin wheels on PyPI do not include it; `make pinocchio-casadi` builds it for them, and the"
+    " pinocchio of conda-forge includes it"
+)
+
+
+class _PinocchioCasadi:
+    """Pinocchio's algorithms instantiated on casadi.SX, for joints of one coordinate each."""
+
+    def __init__(self, module: Any) -> None:
+        self._cpin = module
+
+    def mass_matrix(self, model: pin.Model, q: ca.SX) -> ca.SX:
+        if not _numbered_depth_first(model):
+            return self._mass_matrix_by_columns(model, q)
+        symbolic = self._symbolic(model)
+        matrix = self._cpin.crba(symbolic, symbolic.createData(), q)
+        symmetric = ca.triu2symm(ca.triu(matrix))  # crba fills the upper triangle only
+        return _unless_larger(symmetric, rigid_body.mass_matrix(model, q))
+
+    def kinetic_energy(self, model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
+        bare = model.copy()
+        bare.armature = np.zeros(model.nv)  # which Pinocchio omits for joints of any axis
+        symbolic = self._symbolic(bare)
+        energy = ca.SX(self._cpin.computeKineticEnergy(symbolic, symbolic.createData(), q, v))
+        energy += ca.dot(ca.DM(model.armature), v**2) / 2
+        return _unless_larger(energy, rigid_body.kinetic_energy(model, q, v))
+
+    def coriolis_force(self, model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
+        symbolic = self._symbolic(_weightless(model))
+        force = ca.SX(self._cpin.nonLinearEffects(symbolic, symbolic.createData(), q, v))
+        return _unless_larger(force, rigid_body.coriolis_force(model, q, v))
+
+    def inverse_dynamics(
+        self, model: pin.Model, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX
+    ) -> ca.SX:
+        bare = _weightless(model)
+        bare.armature = np.zeros(model.nv)  # which Pinocchio omits for joints of any axis
+        symbolic = self._symbolic(bare)
+        force = ca.SX(self._cpin.rnea(symbolic, symbolic.createData(), q, v, a))
+        force += ca.DM(model.armature) * a
+        # The weight is the derivative of the potential energy, for gravity in any direction.
+        for axis, unit in enumerate(np.eye(3)):
+            bare.gravity = pin.Motion(unit, np.zeros(3))
+            height = self.potential_energy(bare, q)
+            force += gravity[axis] * ca.jacobian(height, q).T
+        return _unless_larger(force, rigid_body.inverse_dynamics(model, q, v, a, gravity))
+
+    def _symbolic(self, model: pin.Model) -> Any:
+        clean = model.copy()
+        for index in range(model.njoints):
+            clean.jointPlacements[index] = without_noise(model.jointPlacements[index])
+        for index in range(model.nframes):
+            clean.frames[index].placement = without_noise(model.frames[index].placement)
+        return self._cpin.Model(clean)
+
+    def _mass_matrix_by_columns(self, model: pin.Model, q: ca.SX) -> ca.SX:
+        """The mass matrix as torques of unit accelerations at rest, without gravity."""
+        symbolic = self._symbolic(_weightless(model))
+        data, still = symbolic.createData(), ca.SX.zeros(model.nv)
+        columns = [
+            ca.SX(self._cpin.rnea(symbolic, data, q, still, unit))
+            for unit in ca.horzsplit(ca.SX.eye(model.nv))
+        ]
+        return _unless_larger(ca.horzcat(*columns), rigid_body.mass_matrix(model, q))
+
+    def frame_pose(self, model: pin.Model, q: ca.SX, frame: int) -> tuple[ca.SX, ca.SX]:
+        symbolic = self._symbolic(model)
+        data = symbolic.createData()
+        self._cpin.framesForwardKinematics(symbolic, data, q)
+        pose = data.oMf[frame]
+        return ca.densify(ca.SX(pose.rotation)), ca.densify(ca.SX(pose.translation))
+
+    def potential_energy(self, model: pin.Model, q: ca.SX) -> ca.SX:
+        symbolic = self._symbolic(model)
+        return ca.SX(self._cpin.computePotentialEnergy(symbolic, symbolic.createData(), q))
+
+
+def _weightless(model: pin.Model) -> pin.Model:
+    copy = model.copy()
+    copy.gravity = pin.Motion.Zero()
+    return copy
+
+
+def _unless_larger(expression: ca.SX, built_in: ca.SX) -> ca.SX:
+    """Pinocchio's expression, or the built-in one if that saves more than a tenth of it."""
+    own = ca.SX(ca.cse(ca.densify(expression)))
+    return own if ca.n_nodes(own) <= 1.1 * ca.n_nodes(built_in) else built_in
+
+
+def _numbered_depth_first(model: pin.Model) -> bool:
+    """Whether the joints of every subtree are numbered consecutively, as Pinocchio's crba requires.
+
+    Models from files are. In models built by hand, joints can be appended to an earlier branch;
+    crba then omits entries of the matrix. The recursions over single bodies, computeKineticEnergy
+    and nonLinearEffects, are not affected.
+    """
+    subtrees = [list(subtree) for subtree in model.subtrees]
+    return all(subtree[-1] - subtree[0] == len(subtree) - 1 for subtree in subtrees[1:])
+
+
+@lru_cache(maxsize=1)
+def _pinocchio_casadi() -> ModuleType | str:
+    """The module, or the reason why it cannot be imported."""
+    with warnings.catch_warnings():
+        # Both modules of Pinocchio register the same converter, about which Boost.Python warns.
+        warnings.filterwarnings("ignore", "to-Python converter", RuntimeWarning)
+        try:
+            return importlib.import_module("pinocchio.casadi")
+        except ImportError as error:
+            failure = error
+    if isinstance(failure, ModuleNotFoundError) and failure.name == "pinocchio.casadi":
+        return NOT_INSTALLED
+    return f"it is installed, but its import fails: {failure}"
+
+
+def why_unavailable(name: str) -> str:
+    """Why a back end cannot be used here; empty if it can."""
+    if name == "built-in":
+        return ""
+    found = _pinocchio_casadi()
+    return found if isinstance(found, str) else ""
+
+
+def choose_backend(name: str | None = None) -> str:
+    """Name of the back end: the argument, the environment variable, or the first available one.
+
+    A pinocchio.casadi that is installed but cannot be imported is skipped with a RuntimeWarning.
+
+    Raises:
+        ValueError: the name is unknown, or the back end cannot be imported.
+    """
+    name = name or os.environ.get(ENVIRONMENT_VARIABLE)
+    if not name:
+        missing = why_unavailable(BACKENDS[0])
+        name = BACKENDS[1] if missing else BACKENDS[0]
+        if missing not in ("", NOT_INSTALLED):
+            # stacklevel: the caller of Model
+            warnings.warn(f"{BACKENDS[0]} is skipped: {missing}", RuntimeWarning, stacklevel=4)
+    if name not in BACKENDS:
+        raise ValueError(f"backend must be one of {', '.join(BACKENDS)}, got {name!r}")
+    if why_unavailable(name):
+        raise ValueError(f"backend {name!r} cannot be imported: {why_unavailable(name)}")
+    return name
+
+
+@dataclass(frozen=True, eq=False)
+class SymbolicFunctions:
+    """Algorithms of a back end for one model, each built when it is first called."""
+
+    pin: pin.Model
+    backend: str
+    _built: dict[str, ca.Function] = field(default_factory=dict, init=False, repr=False)
+
+    def value(self, name: str, **vectors: Any) -> Any:
+        """An algorithm of the back end at q (n,), or at q and v; symbolic if they are."""
+        return evaluate(self._function(name, "".join(vectors)), *self._checked(**vectors))
+
+    def inverse_dynamics(self, q: Any, v: Any, a: Any, gravity: Any) -> Any:
+        """Joint forces at one state, (n,) each, or at several, (k, n) each."""
+        if "inverse_dynamics" not in self._built:
+            symbols = [ca.SX.sym(name, self.pin.nv) for name in "qva"] + [ca.SX.sym("gravity", 3)]
+            force = self._algorithms.inverse_dynamics(self.pin, *symbols)
+            self._built["inverse_dynamics"] = ca.Function("inverse_dynamics", symbols, [force])
+        function = self._built["inverse_dynamics"]
+        if is_symbolic(q, v, a, gravity):
+            return function(q, v, a, gravity)
+        fall = as_vector("gravity", gravity, 3)
+        if np.ndim(q) < 2:
+            return evaluate(function, *self._checked(q=q, v=v, a=a), fall)[:, 0]
+        rows = [self._rows(*each, len(q)) for each in zip("qva", (q, v, a), strict=True)]
+        if len(q) == 0:
+            return np.zeros((0, self.pin.nv))
+        falls = np.repeat(fall[:, None], len(q), axis=1)
+        return evaluate(function.map(len(q)), *rows, falls).T
+
+    def jacobian(self, frame: int, q: Any) -> Any:
+        """Jacobian (6, n) of a frame: linear, then angular velocity, in base frame axes."""
+        return evaluate(self._jacobian(frame), *self._checked(q=q))
+
+    def pose(self, frame: int, q: Any) -> Any:
+        """Rotation and position of a frame at one configuration (n,) or at several (k, n)."""
+        function = self._function("frame_pose", "q", frame)
+        if is_symbolic(q) or np.ndim(q) < 2:
+            rotation, position = evaluate(function, *self._checked(q=q))
+            return rotation, position if is_symbolic(q) else position[:, 0]
+        rotations, positions = evaluate(function.map(len(q)), self._rows("q", q, len(q)))
+        return rotations.reshape(3, -1, 3).transpose(1, 0, 2), positions.reshape(3, -1).T
+
+    @property
+    def _algorithms(self) -> Any:
+        """The built-in module, or Pinocchio's algorithms under the same names."""
+        return rigid_body if self.backend == "built-in" else _PinocchioCasadi(_pinocchio_casadi())
+
+    def _function(self, name: str, arguments: str, *options: int) -> ca.Function:
+        key = "_".join((name, *map(str, options)))
+        if key not in self._built:
+            symbols = [ca.SX.sym(argument, self.pin.nv) for argument in arguments]
+            outputs = getattr(self._algorithms, name)(self.pin, *symbols, *options)
+            listed = list(outputs) if isinstance(outputs, tuple) else [outputs]
+            self._built[key] = ca.Function(key, symbols, listed)
+        return self._built[key]
+
+    def _jacobian(self, frame: int) -> ca.Function:
+        key = f"jacobian_{frame}"
+        if key not in self._built:
+            q = ca.SX.sym("q", self.pin.nv)
+            rotation, position = self._function("frame_pose", "q", frame)(q)
+            columns = [
+                ca.inv_skew(ca.reshape(ca.jacobian(rotation, q[i]), 3, 3) @ rotation.T)
+                for i in range(self.pin.nv)
+            ]
+            jacobian = ca.vertcat(ca.jacobian(position, q), ca.horzcat(*columns))
+            self._built[key] = ca.Function(
+                "hand_jacobian", [q], [ca.densify(ca.cse(jacobian))], ["q"], ["J"]
+            )
+        return self._built[key]
+
+    def _rows(self, name: str, values: Any, count: int) -> Array:
+        """Values (k, n) as columns (n, k)."""
+        rows = np.asarray(values, dtype=float)
+        if rows.shape != (count, self.pin.nv) or not np.all(np.isfinite(rows)):
+            wanted = f"(k, {self.pin.nv}) with k = {count}"
+            raise ValueError(f"{name} must be finite, of shape {wanted}, got {rows.shape}")
+        return rows.T
+
+    def _checked(self, **vectors: Any) -> list[Any]:
+        if is_symbolic(*vectors.values()):
+            return list(vectors.values())
+        return [as_vector(name, value, self.pin.nv) for name, value in vectors.items()]

@@ -1,1 +1,0 @@
-"""Symbolic rigid-body algorithms, in two back ends."""

@@ -1,1 +1,0 @@
-"""Geometry of links: signed distances, collision geometry, meshes, enclosing capsules."""

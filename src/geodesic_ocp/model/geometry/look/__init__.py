@@ -1,1 +1,0 @@
-"""What links look like: surfaces, simplified meshes of files, kinematic chains and people."""

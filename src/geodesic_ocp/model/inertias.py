@@ -1,0 +1,257 @@
+"""Inertias of bodies and joints: checked, scaled, and added where files lack them.
+
+The rotor of a motor with inertia I behind a gear of ratio r adds r^2 I to the inertia of its joint.
+For the wrist of a robot it is larger than the inertia of the links, and few files state it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+
+from geodesic_ocp.arrays import Array, short_repr
+from geodesic_ocp.model.joints import configuration, frame_index, max_reach, motion_subspace
+from geodesic_ocp.model.model import Model
+
+# Values in files are rounded: principal moments below this fraction of the largest are zero.
+_ROUNDING = 1e-9
+# Relative size below which an eigenvalue of a mass matrix is zero.
+_SINGULAR = 1e-13
+_NUM_CONFIGURATIONS = 8
+DEFAULT_ARMATURE = 0.05  # [kg m^2], of revolute joints of robots of which nothing is known
+_UR = r"(shoulder_pan|shoulder_lift|elbow|wrist_[123])_joint$"
+_UR5E = "MuJoCo Menagerie, universal_robots_ur5e/ur5e.xml (armature 0.1 on all joints)"
+
+
+def check_inertias(model: pin.Model) -> None:
+    """Reject a model whose mass matrix is not that of solid bodies.
+
+    Every moving link, with all that is fixed to it, must have mass and, if it can rotate, positive
+    principal moments of inertia. A link may be massless if a later link of its chain has mass, as
+    between the axes of a shoulder, or if its joint has an inertia of its own (armature).
+
+    Raises:
+        ValueError: names the link and what is wrong with its inertia.
+    """
+    carried = _carried_masses(model)
+    rotates = [False] * model.njoints
+    for index in range(1, model.njoints):
+        body, joint = model.inertias[index], model.names[index]
+        angular = motion_subspace(model, index)[3:]
+        rotates[index] = rotates[model.parents[index]] or bool(np.any(angular))
+        link = _link_of(model, index)
+        if not np.all(np.isfinite(body.toDynamicParameters())):
+            raise ValueError(f"link {link!r}: the inertia is not finite")
+        if body.mass < 0.0:
+            raise ValueError(f"link {link!r} has a negative mass, {body.mass:.3g} kg")
+        moments = np.linalg.eigvalsh(body.inertia)
+        # A massless link may have moments, such as those of a rotor, but no negative ones.
+        least = _ROUNDING * moments[-1] if body.mass > 0.0 else -_ROUNDING * moments[-1]
+        if rotates[index] and (moments[0] < least or (body.mass > 0.0 and moments[-1] <= 0.0)):
+            listed = ", ".join(f"{moment:.3g}" for moment in moments)
+            raise ValueError(
+                f"link {link!r}, {body.mass:.3g} kg, has an inertia that is not positive definite: "
+                f"principal moments {listed} kg m^2"
+            )
+        if carried[index] <= 0.0 and not model.armature[model.joints[index].idx_v]:
+            raise ValueError(
+                f"link {link!r} moves with joint {joint!r}, but neither it nor any later link "
+                "has mass, and the joint has no armature"
+            )
+    _check_mass_matrix(model)
+
+
+def _carried_masses(model: pin.Model) -> Array:
+    """Mass [kg] that each joint moves: its own link and all later links."""
+    carried = np.array([inertia.mass for inertia in model.inertias])
+    for index in range(model.njoints - 1, 0, -1):
+        carried[model.parents[index]] += carried[index]
+    return carried
+
+
+def _link_of(model: pin.Model, index: int) -> str:
+    """Name of the link at the joint, or of the joint if the link has none."""
+    for frame in model.frames:
+        at_joint = frame.parentJoint == index and frame.placement.isIdentity(_ROUNDING)
+        if at_joint and frame.type == pin.FrameType.BODY:
+            return str(frame.name)
+    return str(model.names[index])
+
+
+def _check_mass_matrix(model: pin.Model) -> None:
+    """Reject a mass matrix that is singular in every configuration: some joint moves no mass."""
+    rng, data = np.random.default_rng(0), model.createData()
+    weightless = model.copy()
+    weightless.gravity = pin.Motion.Zero()
+    still, idle = np.zeros(model.nv), np.zeros(model.nv)
+    for _ in range(_NUM_CONFIGURATIONS):
+        q = configuration(model, rng.uniform(-1.5, 1.5, model.nv))
+        # Not crba, which omits entries if joints are not numbered depth first.
+        columns = [pin.rnea(weightless, data, q, still, unit) for unit in np.eye(model.nv)]
+        sizes = np.sqrt(np.maximum(np.diag(columns), np.finfo(float).tiny))
+        values, vectors = np.linalg.eigh(np.array(columns) / np.outer(sizes, sizes))
+        if values[0] > _SINGULAR:
+            return
+        idle = np.maximum(idle, np.abs(vectors[:, 0]))
+    joints = list(model.joints)
+    index = next(i for i in range(1, model.njoints) if joints[i].idx_v == int(np.argmax(idle)))
+    raise ValueError(
+        f"link {_link_of(model, index)!r}: the mass matrix is singular in every configuration, as "
+        f"joint {model.names[index]!r} can move without moving any mass, and has no armature"
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RobotArmature:
+    """Joint inertia of a robot, and where the numbers come from.
+
+    Attributes:
+        values: (n,) [kg m^2, kg for prismatic joints], for `Model.with_armature`.
+        source: the file, the document or the default, in words.
+    """
+
+    values: Array
+    source: str
+
+    def __repr__(self) -> str:
+        return short_repr(self)
+
+
+@dataclass(frozen=True)
+class _Known:
+    """One value for joints whose name, and that of their robot, contain these patterns."""
+
+    joint: str
+    robot: str
+    value: float  # [kg m^2]
+    source: str
+
+
+_KNOWN = (
+    _Known(
+        r"panda_joint[1-7]$",
+        "",
+        0.1,
+        "MuJoCo Menagerie, franka_emika_panda/panda.xml (armature 0.1 on all joints)",
+    ),
+    _Known(_UR, r"^ur5e\b", 0.1, _UR5E),
+    _Known(_UR, r"^ur5\b", 0.1, f"that of its successor UR5e: {_UR5E}"),
+    _Known("", r"^human (left|right) arm\b", 0.0, "a person's arm has no rotors"),
+)
+
+
+def robot_armature(model: Model) -> RobotArmature:
+    """Joint inertia of the robot: its model's, the known one, or a default.
+
+    A model with armature on any joint keeps its own on all joints. Otherwise known robots get
+    values whose source is named, and all other joints 0.05 kg m^2; prismatic ones the mass that has
+    this inertia at the distance of the arm's reach, 0.05 kg m^2 / reach^2.
+
+    >>> import geodesic_ocp as go
+    >>> robot_armature(go.human_arm("right", armature=0.2)).source
+    'the model'
+    """
+    if model.armature.any():
+        return RobotArmature(model.armature, "the model")
+    values, sources = np.zeros(model.dof), []
+    for row, (joint, unit) in enumerate(zip(model.joint_names, model.units, strict=True)):
+        known = next((entry for entry in _KNOWN if _fits(entry, model.name, joint)), None)
+        if known is not None:
+            values[row] = known.value
+            sources.append(known.source)
+        elif unit == "rad":
+            values[row] = DEFAULT_ARMATURE
+            sources.append(f"default of {DEFAULT_ARMATURE:g} kg m^2")
+        else:
+            values[row] = DEFAULT_ARMATURE / model.reach**2
+            sources.append(
+                f"default of {DEFAULT_ARMATURE:g} kg m^2 / reach^2 = {values[row]:.3g} kg"
+            )
+    values.flags.writeable = False
+    return RobotArmature(values, "; ".join(dict.fromkeys(sources)))
+
+
+def with_rotor_inertia(model: Model) -> Model:
+    """The model with the joint inertia of `robot_armature`; the same one if it has its own."""
+    if model.armature.any():
+        return model
+    values = robot_armature(model).values
+    return model.with_armature(values) if values.any() else model
+
+
+def _fits(entry: _Known, robot: str, joint: str) -> bool:
+    return bool(re.search(entry.robot, robot) and re.search(entry.joint, joint))
+
+
+def scale_inertias(
+    model: Model, mass_factors: Sequence[float], inertia_factors: Sequence[float]
+) -> Model:
+    """The model with every link's mass and rotational inertia multiplied; centres of mass stay.
+
+    Args:
+        model: with n joints.
+        mass_factors: of the link behind each joint, (n,), in the order of the coordinates.
+        inertia_factors: of its rotational inertia about the centre of mass, (n,).
+    """
+    scaled = model.pin.copy()
+    for index in range(1, scaled.njoints):
+        body, row = scaled.inertias[index], scaled.joints[index].idx_v
+        scaled.inertias[index] = pin.Inertia(
+            mass_factors[row] * body.mass, body.lever, inertia_factors[row] * body.inertia
+        )
+    return replace(model, pin=scaled)
+
+
+def inertia_scale(model: Model) -> Array:
+    """Moving mass times squared reach [kg m^2] for revolute joints, (n,); for prismatic ones, mass.
+
+    The mass is that of the joint's own tree, as both arms of a person are two. The reach is the
+    largest distance of the hand from the first joint, and is taken for all trees. A joint inertia
+    in this unit has the same effect on the geodesics of large and small, heavy and light arms.
+
+    Of a model with several hands, the joints that move the same hands belong together, such as
+    those of an arm or of the trunk: mass and reach are those from the first of them on.
+    """
+    joints = sorted(range(1, model.pin.njoints), key=lambda index: model.pin.joints[index].idx_v)
+    masses, several = _carried_masses(model.pin), len(model.hands) > 1
+    result, found = [], dict[tuple[int, ...], tuple[float, float]]()
+    for joint, unit in zip(joints, model.units, strict=True):
+        hands = _hands_behind(model, joint) if several else ()
+        if (key := hands or (-_root(model, joint),)) not in found:
+            start = _first(model, joint, hands) if hands else _root(model, joint)
+            reach = _reach(model, start, hands) if hands else model.reach
+            found[key] = masses[start], reach
+        mass, reach = found[key]
+        result.append(mass * reach**2 if unit == "rad" else mass)
+    return np.array(result)
+
+
+def _root(model: Model, joint: int) -> int:
+    """The first joint of a joint's tree."""
+    return int(list(model.pin.supports[joint])[1])
+
+
+def _hands_behind(model: Model, joint: int) -> tuple[int, ...]:
+    """Frames of the hands that a joint moves."""
+    frames = [frame_index(model.pin, hand) for hand in model.hands]
+    return tuple(
+        frame
+        for frame in frames
+        if joint in list(model.pin.supports[model.pin.frames[frame].parentJoint])
+    )
+
+
+def _first(model: Model, joint: int, hands: tuple[int, ...]) -> int:
+    """The first joint, from the base on, that moves the same hands."""
+    chain = [int(index) for index in list(model.pin.supports[joint])[1:]]
+    return next(index for index in chain if _hands_behind(model, index) == hands)
+
+
+def _reach(model: Model, joint: int, hands: tuple[int, ...]) -> float:
+    """Largest distance [m] of any of these hands from a joint."""
+    start = None if joint == _root(model, joint) else joint
+    return max(max_reach(model.pin, hand, model.lower, model.upper, start) for hand in hands)

@@ -1,1 +1,0 @@
-"""Masses and inertias of the links of a model."""

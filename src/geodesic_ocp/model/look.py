@@ -1,0 +1,469 @@
+"""Triangle meshes: surfaces of solids, links of models, and fewer triangles for many."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, TypeAlias
+
+import numpy as np
+import pinocchio as pin
+import scipy
+from numpy.typing import ArrayLike, NDArray
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.model.joints import frame_index, motion_subspace
+from geodesic_ocp.model.link_geometry import LinkGeometry
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.primitives import Body, as_capsule
+
+Indices: TypeAlias = NDArray[np.int64]
+Colour: TypeAlias = tuple[float, float, float]
+_SIZE = 1000.0  # of the largest mesh: the thresholds of the simplification are absolute
+_APART = 4.0 * _SIZE  # between the meshes, to tell whose a vertex is
+_FIXED = 0.7  # relative size of meshes that matter less, so that their errors count for less
+# The bound of the errors grows to 1e-9 * 103^a, in squares of the unit of _SIZE: 0.34 % of it.
+_GROWTH = 5.0
+# Widths of the cells [size of the largest mesh] in which vertices become one, step by step.
+_CELLS = (0.0, 1e-3, 2e-3, 4e-3, 6e-3, 9e-3, 1.3e-2, 2e-2, 3e-2, 4.5e-2)
+_MANY = 8  # times as many triangles as wanted: the first cells would be of little use
+_OF_SMALL = 0.02  # [size of the mesh], the largest of the first cells
+_SAME_PLACE = 1e-6  # [size of the mesh]
+# Vertices (k, 3) and triangles (m, 3), counter-clockwise seen from outside.
+Surface: TypeAlias = tuple[Array, Indices]
+SIDES = 32  # of the polygon in place of a circle
+GREY: Colour = (0.62, 0.65, 0.70)
+_LINK: Colour = (0.76, 0.78, 0.81)
+_JOINT: Colour = (0.38, 0.43, 0.50)
+# The radius of a joint is a share of the extent, but fits between the joints of the shortest link.
+_RADIUS, _THINNEST, _OF_SHORTEST = 0.035, 0.012, 0.35
+# Other sizes, per radius of a joint.
+_HALF_LENGTH, _BALL, _STRUT, _HAND = 1.25, 1.15, (0.62, 0.5), 0.8
+_SLIDER, _RAIL = (0.95, 0.95, 1.3), 0.4
+_NO_EXTENT = 0.25  # [m], extent of a model whose joints and frames are all at one place
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Mesh:
+    """A triangle mesh that is fixed to a link.
+
+    Attributes:
+        link: name of the frame of the link.
+        vertices: (k, 3) [m], in the frame of the link.
+        triangles: (m, 3), indices of vertices, counter-clockwise seen from outside.
+        colour: red, green and blue, from 0 to 1.
+    """
+
+    link: str
+    vertices: Array
+    triangles: Indices
+    colour: Colour
+
+    def __repr__(self) -> str:
+        return f"Mesh({self.link!r}, {len(self.triangles)} triangles)"
+
+
+def simplified(found: Sequence[Mesh], matters: Sequence[bool], count: int) -> list[Mesh]:
+    """The meshes with about `count` triangles together, without those that are degenerate.
+
+    Coincident vertices become one. While there are too many triangles, vertices in cells of a grid
+    become one, in ever larger cells (vertex clustering: Rossignac and Borrel, 1993), and edges are
+    collapsed where that changes any of the surfaces least (quadric error metrics: Garland and
+    Heckbert, SIGGRAPH 1997), so that flat and small parts get few triangles. Vertices remain within
+    the boxes around those that they replace. Meshes that do not matter, such as those of links that
+    do not move, may change more.
+    """
+    largest = max((_size(mesh) for mesh in found), default=0.0)
+    scales = [_SIZE / (largest or 1.0) * (1.0 if moves else _FIXED) for moves in matters]
+    result = [_welded(mesh, 0.0, largest) for mesh in found]
+    for cell in _CELLS[1 if _total(result) > _MANY * count else 0 :]:
+        if cell > 0.0 and _total(result) > count:
+            result = [_welded(mesh, cell, largest) for mesh in result]
+        if _total(result) > count:
+            result = _collapsed(result, scales, count)
+    return [mesh for mesh in result if len(mesh.triangles)]
+
+
+def _total(meshes: Sequence[Mesh]) -> int:
+    return sum(len(mesh.triangles) for mesh in meshes)
+
+
+def _collapsed(meshes: list[Mesh], scales: list[float], count: int) -> list[Mesh]:
+    """All at once, side by side, for errors to be compared across meshes."""
+    import fast_simplification
+
+    middles = [mesh.vertices.sum(axis=0) / max(len(mesh.vertices), 1) for mesh in meshes]
+    shifts = [np.array([number * _APART, 0.0, 0.0]) for number in range(len(meshes))]
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    every = [
+        (mesh.vertices - middle) * scale + shift
+        for mesh, middle, scale, shift in zip(meshes, middles, scales, shifts, strict=True)
+    ]
+    corners = [mesh.triangles + start for mesh, start in zip(meshes, starts[:-1], strict=True)]
+    before, old = np.concatenate(every), np.concatenate(corners)
+    points, triangles, collapses = fast_simplification.simplify(
+        before, old, target_count=count, agg=_GROWTH, return_collapses=True, preserve_border=True
+    )
+    whose = fast_simplification.replay_simplification(before, old, collapses)[2]
+    points = _within(points, before, whose)
+    owners = np.rint(points[triangles[:, 0], 0] / _APART).astype(np.int64)
+    result = []
+    for number, mesh in enumerate(meshes):
+        used, own = np.unique(triangles[owners == number], return_inverse=True)
+        vertices = (points[used] - shifts[number]) / scales[number] + middles[number]
+        shape = own.reshape(-1, 3).astype(np.int64)
+        result.append(replace(mesh, vertices=vertices, triangles=shape))
+    return result
+
+
+def _within(points: Array, before: Array, whose: Indices) -> Array:
+    """Points inside the boxes around the vertices that they replace.
+
+    The point of least error is far from them where surfaces are nearly flat, which makes spikes.
+    """
+    low, high = np.full(points.shape, np.inf), np.full(points.shape, -np.inf)
+    np.minimum.at(low, whose, before)
+    np.maximum.at(high, whose, before)
+    return np.clip(points, low, high)
+
+
+def _size(mesh: Mesh) -> float:
+    return float(np.ptp(mesh.vertices, axis=0).max()) if len(mesh.vertices) else 0.0
+
+
+def _welded(mesh: Mesh, cell: float, largest: float) -> Mesh:
+    """The mesh with one vertex in each cell, or place, without triangles that have lost area.
+
+    Args:
+        mesh: of any size.
+        cell: width of the cells, a share of the largest mesh; small meshes have smaller ones.
+        largest: size of the largest mesh [m].
+    """
+    size = _size(mesh)
+    width = max(min(cell * largest, max(_OF_SMALL, 5.0 * cell) * size), _SAME_PLACE * size)
+    low = mesh.vertices.min(axis=0, initial=np.inf)
+    x, y, z = np.rint((mesh.vertices - low) / (width or 1.0)).astype(np.int64).T
+    count = round(1.0 / _SAME_PLACE) + 1  # cells along an axis, at most
+    _, owner, members = np.unique(
+        (x * count + y) * count + z, return_inverse=True, return_counts=True
+    )
+    middles = np.zeros((len(members), 3))
+    np.add.at(middles, owner.reshape(-1), mesh.vertices)
+    middles /= members[:, None]
+    triangles = owner.reshape(-1)[mesh.triangles].reshape(-1, 3).astype(np.int64)
+    a, b, c = triangles.T
+    triangles = triangles[(a != b) & (b != c) & (c != a)]
+    low, middle, high = np.sort(triangles, axis=1).T  # the same triangle, however it is turned
+    every = (low * len(middles) + middle) * len(middles) + high
+    _, first = np.unique(every, return_index=True)
+    triangles = triangles[np.sort(first)]
+    used, corners = np.unique(triangles, return_inverse=True)
+    vertices = middles[used]
+    return replace(mesh, vertices=vertices, triangles=corners.reshape(-1, 3).astype(np.int64))
+
+
+def box(half_sides: ArrayLike) -> Surface:
+    """A box around the origin with these half lengths of its sides (3,)."""
+    import trimesh
+
+    return _of_trimesh(trimesh.creation.box(2.0 * np.asarray(half_sides, dtype=float)))
+
+
+def ellipsoid(radii: ArrayLike) -> Surface:
+    """An ellipsoid around the origin with semi-axes (3,), or a ball of this radius."""
+    angles = np.linspace(-np.pi / 2.0, np.pi / 2.0, SIDES // 2 + 1)
+    vertices, triangles = revolved(np.column_stack([np.cos(angles), np.sin(angles)]))
+    return vertices * np.asarray(radii, dtype=float), triangles
+
+
+def cylinder(radius: float, half_length: float, top: float = 1.0) -> Surface:
+    """A cylinder along z around the origin, or a cone whose radius at the top is a multiple."""
+    rim = [(1.0, -1.0), (top, 1.0)] if top > 0.0 else [(1.0, -1.0)]
+    vertices, triangles = revolved([(0.0, -1.0), *rim, (0.0, 1.0)])
+    return vertices * [radius, radius, half_length], triangles
+
+
+def strut(start: Array, end: Array, radii: float | tuple[float, float]) -> Surface:
+    """A capsule from start to end (3,), whose round ends may have different radii."""
+    length = float(np.linalg.norm(end - start))
+    first, last = (radii, radii) if isinstance(radii, (int, float)) else radii
+    if length <= abs(last - first):  # one ball holds the other, or both are one
+        vertices, triangles = ellipsoid(max(first, last))
+        return vertices + (start if first > last else end), triangles
+    # The cone touches both balls where their normals have this angle to the plane across.
+    tilt = np.arcsin((first - last) / length)
+    low = np.linspace(-np.pi / 2.0, tilt, SIDES // 4 + 2)
+    high = np.linspace(tilt, np.pi / 2.0, SIDES // 4 + 2)
+    size = max(first, last)
+    profile = [
+        *np.column_stack([first * np.cos(low), first * np.sin(low)]) / size,
+        *np.column_stack([last * np.cos(high), last * np.sin(high) + length]) / size,
+    ]
+    vertices, triangles = revolved(profile)
+    return moved((size * vertices, triangles), turn_to(end - start), start)
+
+
+def revolved(profile: ArrayLike, sides: int = SIDES) -> Surface:
+    """A profile (k, 2) of radii and increasing heights turned about z; its ends are on the axis.
+
+    It is of unit size: triangles far smaller than that are lost.
+    """
+    points = np.asarray(profile, dtype=float)
+    vertices, triangles = _revolved(tuple(map(tuple, points.tolist())), sides)
+    return vertices.copy(), triangles.copy()
+
+
+@lru_cache(maxsize=64)
+def _revolved(profile: tuple[tuple[float, ...], ...], sides: int) -> Surface:
+    import trimesh
+
+    return _of_trimesh(trimesh.creation.revolve(np.array(profile), sections=sides))
+
+
+def loft(sections: ArrayLike, caps: tuple[float, float], roundness: float = 2.0) -> Surface:
+    """A smooth form along z through sections, with rounded ends.
+
+    Args:
+        sections: rows (k, 5) of z, increasing; centre x and y; half width along x and half depth
+            along y. Between the rows they are interpolated without overshoot.
+        caps: lengths of the lower and the upper end that are rounded off.
+        roundness: exponent of the superellipses in place of ellipses; above 2 is squarer.
+    """
+    rows = np.asarray(sections, dtype=float)
+    low, high = rows[0, 0], rows[-1, 0]
+    lower, upper = (np.pi / 2.0 * np.linspace(0.0, 1.0, SIDES // 6) for _ in caps)
+    middle = np.linspace(low + caps[0], high - caps[1], SIDES // 4 + 1)[1:-1]
+    heights = np.concatenate(
+        [low + caps[0] * (1.0 - np.cos(lower)), middle, high - caps[1] * (1.0 - np.sin(upper))]
+    )
+    shrunk = np.concatenate([np.sin(lower), np.ones(len(middle)), np.cos(upper)])
+    levels = np.arange(len(heights)) / (len(heights) - 1.0)
+    unit = np.column_stack([np.ones(len(heights)), levels])
+    vertices, triangles = revolved([(0.0, 0.0), *unit[1:-1], (0.0, 1.0)], 3 * SIDES // 4)
+    level = np.rint(vertices[:, 2] * (len(heights) - 1)).astype(np.int64)
+    form = scipy.interpolate.PchipInterpolator(rows[:, 0], rows[:, 1:])(heights)[level]
+    around = np.sign(vertices[:, :2]) * np.abs(vertices[:, :2]) ** (2.0 / roundness)
+    across = form[:, :2] + around * form[:, 2:] * shrunk[level, None]
+    return np.column_stack([across, heights[level]]), triangles
+
+
+def hull(points: Array) -> Surface:
+    """The convex hull of points (k, 3)."""
+    import trimesh
+
+    return _of_trimesh(trimesh.convex.convex_hull(points))
+
+
+def moved(surface: Surface, rotation: Array, position: Array) -> Surface:
+    """The surface turned by a rotation (3, 3), then shifted."""
+    vertices, triangles = surface
+    return vertices @ rotation.T + position, triangles
+
+
+def turn_to(direction: Array) -> Array:
+    """A rotation (3, 3) of the z axis to a direction (3,), of any length but zero."""
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), direction)
+    return np.array(turn.matrix())
+
+
+def _of_trimesh(mesh: Any) -> Surface:
+    return np.array(mesh.vertices, dtype=float), np.array(mesh.faces, dtype=np.int64)
+
+
+def visual_geometry(links: LinkGeometry) -> Iterator[Mesh]:
+    """Meshes of the visual geometry, not yet simplified.
+
+    Raises:
+        Exception: of any type, from Pinocchio: a mesh is missing or cannot be read.
+    """
+    geometry, capsules = links.visual()
+    for shape in geometry.geometryObjects:
+        kind = type(shape.geometry).__name__
+        if kind in ("Halfspace", "Plane"):  # a floor, not a link
+            continue
+        frame = links.pin.frames[shape.parentFrame]
+        at_link = frame.placement.actInv(shape.placement)
+        points, triangles = _surface(shape.geometry, kind)
+        if np.prod(shape.meshScale) < 0.0:  # a reflection reverses the orientation
+            triangles = triangles[:, ::-1]
+        red, green, blue = np.clip(np.asarray(shape.meshColor, dtype=float)[:3], 0.0, 1.0).tolist()
+        placed = points @ at_link.rotation.T + at_link.translation
+        yield Mesh(str(frame.name), placed, triangles, (red, green, blue))
+    yield from map(body_mesh, capsules)
+
+
+def body_mesh(body: Body) -> Mesh:
+    """A capsule or a ball as a mesh."""
+    capsule = as_capsule(body)
+    start, end = np.array(capsule.start), np.array(capsule.end)
+    return Mesh(str(body.link), *strut(start, end, capsule.radius), GREY)
+
+
+def _surface(shape: Any, kind: str) -> Surface:
+    """Surface of a geometry in its own frame; vertices of a mesh are already scaled."""
+    if kind == "Box":
+        return box(shape.halfSide)
+    if kind in ("Sphere", "Ellipsoid"):
+        return ellipsoid(shape.radius if kind == "Sphere" else shape.radii)
+    if kind == "Capsule":
+        along = np.array([0.0, 0.0, float(shape.halfLength)])
+        return strut(-along, along, float(shape.radius))
+    if kind in ("Cylinder", "Cone"):
+        top = 1.0 if kind == "Cylinder" else 0.0
+        return cylinder(float(shape.radius), float(shape.halfLength), top)
+    points = np.array(shape.vertices() if callable(shape.vertices) else shape.vertices, dtype=float)
+    if not hasattr(shape, "tri_indices"):  # a convex hull
+        return hull(points)
+    corners = (shape.tri_indices(index) for index in range(shape.num_tris))
+    triangles = np.array([(each[0], each[1], each[2]) for each in corners], dtype=np.int64)
+    return points, triangles.reshape(-1, 3)
+
+
+def chain_ends(model: Model) -> list[int]:
+    """Indices in `pin` of the hand frames and of the farthest frame of every other chain."""
+    ends = [frame_index(model.pin, hand) for hand in model.hands]
+    parents = set(model.pin.parents)
+    for joint in range(1, model.pin.njoints):
+        attached = [
+            index for index, frame in enumerate(model.pin.frames) if frame.parentJoint == joint
+        ]
+        if joint not in parents and not set(ends) & set(attached):
+            distances = [
+                np.linalg.norm(model.pin.frames[index].placement.translation) for index in attached
+            ]
+            ends.append(attached[int(np.argmax(distances))])
+    return ends
+
+
+def kinematic_chain(model: Model, drawn: Collection[int] = ()) -> Iterator[Mesh]:
+    """Meshes of the links that have no geometry of their own.
+
+    A revolute joint is a cylinder along its axis, a prismatic one a box on a rail as long as its
+    limits allow; joints that coincide share a ball. Struts go from a joint to the next ones and, at
+    the end of a chain, to its hand, or else to its farthest frame (as in `stick_figure`). Sizes are
+    in proportion to the longest chain. The base, and what is between it and the first joints, is
+    not drawn.
+
+    Args:
+        model: any; its configuration does not matter.
+        drawn: indices in `pin` of the joints whose links have geometry: these links, their joints,
+            and joints to which no strut leads, are left out.
+    """
+    struts = [each for each in _struts(model) if each[0] not in drawn]
+    extent = _extent(model)
+    lengths = [np.linalg.norm(end) for _, _, end in struts]
+    radius = float(np.clip(min(lengths, default=extent) * _OF_SHORTEST, *_range(extent)))
+    touched = {joint for start, stop, _ in struts for joint in (start, stop)}
+    for joint, last, end in struts:
+        surface = strut(np.zeros(3), end, (_STRUT[0] * radius, _STRUT[1] * radius))
+        yield from _mesh(model, joint, surface, _LINK)
+        if last == joint:  # a hand, or the end of a chain
+            vertices, triangles = ellipsoid(_HAND * radius)
+            yield from _mesh(model, joint, (vertices + end, triangles), _JOINT)
+    for joints in _places(model, extent):
+        if joints[0] not in drawn and (not drawn or not touched.isdisjoint(joints)):
+            yield from _joint(model, joints, radius, extent)
+
+
+def _range(extent: float) -> tuple[float, float]:
+    return _THINNEST * extent, _RADIUS * extent
+
+
+def _struts(model: Model) -> list[tuple[int, int, Array]]:
+    """Joint at the start, joint at the end (or again the same), and end in axes of the start."""
+    joints = [
+        (
+            int(model.pin.parents[index]),
+            index,
+            np.array(model.pin.jointPlacements[index].translation),
+        )
+        for index in range(1, model.pin.njoints)
+    ]
+    frames = [model.pin.frames[index] for index in chain_ends(model)]
+    ends = [
+        (int(frame.parentJoint), int(frame.parentJoint), np.array(frame.placement.translation))
+        for frame in frames
+    ]
+    found = [each for each in (*joints, *ends) if each[0] > 0]
+    least = _SAME_PLACE * max((float(np.linalg.norm(end)) for _, _, end in found), default=0.0)
+    return [each for each in found if np.linalg.norm(each[2]) > least]
+
+
+def _extent(model: Model) -> float:
+    """Length [m] of the longest chain of struts, with the ranges of prismatic joints."""
+    far = np.zeros(model.pin.njoints)
+    for joint in range(1, model.pin.njoints):
+        parent = int(model.pin.parents[joint])
+        step = np.linalg.norm(model.pin.jointPlacements[joint].translation) if parent else 0.0
+        low, high = _travel(model, joint)
+        far[joint] = far[parent] + step + max(abs(low), abs(high))
+    ends = [
+        far[joint] + np.linalg.norm(end) for joint, last, end in _struts(model) if joint == last
+    ]
+    return float(max([*far, *ends])) or _NO_EXTENT
+
+
+def _travel(model: Model, joint: int) -> tuple[float, float]:
+    """Lower and upper limit [m] of a prismatic joint, 0 where there is none."""
+    if _rotates(model, joint):
+        return 0.0, 0.0
+    index = int(model.pin.joints[joint].idx_v)
+    low, high = (float(limits[index]) for limits in (model.lower, model.upper))
+    return low if np.isfinite(low) else 0.0, high if np.isfinite(high) else 0.0
+
+
+def _rotates(model: Model, joint: int) -> bool:
+    return bool(np.any(motion_subspace(model.pin, joint)[3:]))
+
+
+def _places(model: Model, extent: float) -> list[list[int]]:
+    """Joints grouped by place; prismatic joints are alone, as they move apart from others."""
+    places: list[list[int]] = []
+    for joint in range(1, model.pin.njoints):
+        parent = int(model.pin.parents[joint])
+        offset = np.linalg.norm(model.pin.jointPlacements[joint].translation)
+        with_parent = [place for place in places if parent in place]
+        turns = _rotates(model, joint) and parent > 0 and _rotates(model, parent)
+        if turns and offset <= _SAME_PLACE * extent:
+            with_parent[0].append(joint)
+        else:
+            places.append([joint])
+    return places
+
+
+def _joint(model: Model, joints: list[int], radius: float, extent: float) -> Iterator[Mesh]:
+    """The joints at one place."""
+    first = joints[0]
+    subspace = motion_subspace(model.pin, first)
+    if len(joints) > 1:
+        yield from _mesh(model, first, ellipsoid(_BALL * radius), _JOINT)
+        return
+    turn = turn_to(subspace[3:] if _rotates(model, first) else subspace[:3])
+    if _rotates(model, first):
+        barrel = cylinder(radius, _HALF_LENGTH * radius)
+        yield from _mesh(model, first, moved(barrel, turn, np.zeros(3)), _JOINT)
+        return
+    slider = box(radius * np.array(_SLIDER))
+    yield from _mesh(model, first, moved(slider, turn, np.zeros(3)), _JOINT)
+    low, high = _travel(model, first)
+    if low == high:  # no limits are known
+        low, high = -0.25 * extent, 0.25 * extent
+    place = model.pin.jointPlacements[first]
+    half = np.array([_RAIL * radius, _RAIL * radius, (high - low) / 2.0])
+    rail = moved(box(half), turn, turn[:, 2] * (low + high) / 2.0)
+    rail = moved(rail, place.rotation, place.translation)
+    yield from _mesh(model, int(model.pin.parents[first]), rail, _LINK)
+
+
+def _mesh(model: Model, joint: int, surface: Surface, colour: Colour) -> Iterator[Mesh]:
+    """A surface in axes of a joint as a mesh of a frame that the joint carries, or none."""
+    frames = [
+        frame
+        for index, frame in enumerate(model.pin.frames)
+        if frame.parentJoint == joint and frame_index(model.pin, str(frame.name)) == index
+    ]
+    # The link's frame, if there is one; another may have the name of the only frame of the joint.
+    for frame in sorted(frames, key=lambda each: each.type != pin.FrameType.BODY)[:1]:
+        inverse = frame.placement.inverse()
+        yield Mesh(str(frame.name), *moved(surface, inverse.rotation, inverse.translation), colour)

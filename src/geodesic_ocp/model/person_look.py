@@ -1,0 +1,198 @@
+"""What people look like: calm figures of wood, in the proportions of their models.
+
+The forms of the parts of a person are in proportion to the lengths and radii of its capsules.
+Axes are those of the joint that carries a part: x to the right, y forward, z up, with the arm
+hanging and the palm towards the body. The forms of the right arm are given; those of the left are
+their mirror images. The proportions within a part are an artist's, not measurements.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.model.anthropometry import PersonArm, PersonTrunk, person_arms, person_trunks
+from geodesic_ocp.model.joints import frame_index
+from geodesic_ocp.model.look import Colour, Mesh, Surface, ellipsoid, loft, moved, strut
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.primitives import Body
+
+_BODY: Colour = (0.85, 0.76, 0.65)
+_JOINT: Colour = (0.71, 0.60, 0.48)
+
+# Rows of z, centre x and y, half width along x and half depth along y; see `loft`.
+_Rows: TypeAlias = Sequence[tuple[float, float, float, float, float]]
+
+# z per length, the others per radius.
+_UPPER_ARM: _Rows = (
+    (-1.0, 0.0, 0.00, 0.78, 0.80),
+    (-0.85, 0.0, 0.02, 0.84, 0.88),
+    (-0.5, 0.0, 0.08, 1.00, 1.10),
+    (-0.2, 0.0, 0.03, 1.10, 1.16),
+    (0.0, 0.0, 0.00, 1.08, 1.12),
+)
+_FOREARM: _Rows = (
+    (-1.0, 0.0, 0.00, 0.60, 0.72),
+    (-0.75, 0.0, 0.00, 0.72, 0.80),
+    (-0.28, 0.0, 0.04, 1.10, 1.12),
+    (0.0, 0.0, 0.00, 0.90, 0.92),
+)
+# z, x, y and depth per length, width (across the palm's plane) per radius.
+_PALM: _Rows = (
+    (-1.0, -0.140, 0.000, 0.30, 0.085),
+    (-0.80, -0.078, 0.000, 0.44, 0.158),
+    (-0.55, -0.022, 0.000, 0.56, 0.205),
+    (-0.40, -0.006, 0.003, 0.62, 0.208),
+    (-0.14, 0.000, 0.002, 0.76, 0.150),
+    (0.0, 0.000, 0.000, 0.80, 0.130),
+)
+_THUMB = ((0.0, 0.09, -0.13), (-0.045, 0.235, -0.34), (-0.075, 0.285, -0.54))  # per length
+_THUMB_RADII = (0.56, 0.47, 0.36)  # per radius
+# z per length, widths per distance of the shoulders from the middle, depths per radius.
+_THORAX: _Rows = (
+    (-1.04, 0.0, -0.02, 0.58, 0.72),
+    (-0.80, 0.0, 0.02, 0.66, 0.84),
+    (-0.42, 0.0, 0.10, 0.79, 1.00),
+    (-0.15, 0.0, 0.04, 0.83, 0.92),
+    (0.0, 0.0, -0.06, 0.79, 0.70),
+    (0.09, 0.0, -0.14, 0.54, 0.55),
+    (0.17, 0.0, -0.18, 0.30, 0.45),
+)
+# z per length of the abdomen, the others per its radius.
+_ABDOMEN: _Rows = (
+    (-0.9, 0.0, 0.0, 0.84, 0.60),
+    (0.5, 0.0, 0.02, 0.73, 0.54),
+    (1.7, 0.0, 0.0, 0.80, 0.58),
+)
+_PELVIS: _Rows = (
+    (-1.75, 0.0, -0.02, 0.70, 0.52),
+    (-1.1, 0.0, -0.06, 1.08, 0.72),
+    (-0.7, 0.0, -0.05, 1.10, 0.73),
+    (-0.1, 0.0, -0.02, 0.98, 0.66),
+    (0.35, 0.0, 0.0, 0.86, 0.60),
+)
+# z per height of the head, from its lower end; the others per radius.
+_HEAD: _Rows = (
+    (0.0, 0.0, 0.34, 0.46, 0.58),
+    (0.15, 0.0, 0.20, 0.70, 0.86),
+    (0.4, 0.0, 0.06, 0.90, 1.12),
+    (0.65, 0.0, 0.00, 0.98, 1.22),
+    (0.80, 0.0, -0.02, 0.99, 1.22),
+    (1.0, 0.0, -0.03, 0.98, 1.20),
+)
+_NECK = ((-0.30, -0.24), (0.30, -0.02))  # z per height of the head, y per radius
+_NECK_RADII = (0.66, 0.58)  # per radius of the head
+
+
+def person(model: Model) -> tuple[list[Mesh], list[Body]]:
+    """Meshes of the arms and trunks of people in a model, and its bodies that these replace."""
+    arms, trunks = person_arms(model), person_trunks(model)
+    meshes = [mesh for arm in arms for mesh in _arm(model, arm)]
+    meshes += [mesh for trunk in trunks for mesh in _trunk(model, trunk)]
+    return meshes, [
+        body
+        for bodies in (*(arm.bodies for arm in arms), *(each.bodies for each in trunks))
+        for body in bodies
+    ]
+
+
+def _arm(model: Model, arm: PersonArm) -> Iterator[Mesh]:
+    parts = zip((_upper_arm, _forearm, _hand), arm.bodies, arm.lengths, strict=True)
+    for form, body, length in parts:
+        for surfaces, colour in zip(form(length, body.radius), (_BODY, _JOINT), strict=True):
+            right = surfaces if arm.side == "right" else map(_mirrored, surfaces)
+            yield from _on_joint(model, str(body.link), right, colour)
+
+
+def _trunk(model: Model, trunk: PersonTrunk) -> Iterator[Mesh]:
+    abdomen, thorax, head = trunk.bodies
+    lengths = [abs(body.end[2] - body.start[2]) for body in (abdomen, thorax)]
+    chest = _thorax(lengths[1], thorax.radius, trunk.half_width)
+    belly = _abdomen(lengths[0], abdomen.radius)
+    yield Mesh(str(thorax.link), *chest, _BODY)
+    yield Mesh(str(abdomen.link), *belly, _JOINT)
+    skull, neck = _head(head.start[2], head.end[2], head.radius)
+    for surfaces, colour in ((skull, _BODY), (neck, _JOINT)):
+        yield from (Mesh(str(head.link), *surface, colour) for surface in surfaces)
+    place = model.pin.jointPlacements[trunk.lumbar]
+    pelvis = moved(_pelvis(lengths[0], abdomen.radius), place.rotation, place.translation)
+    parent = model.pin.parents[trunk.lumbar]
+    base = next(str(each.name) for each in model.pin.frames if each.parentJoint == parent)
+    yield Mesh(base, *pelvis, _BODY)
+
+
+def _mirrored(surface: Surface) -> Surface:
+    vertices, triangles = surface
+    return vertices * [-1.0, 1.0, 1.0], triangles[:, ::-1]
+
+
+def _on_joint(
+    model: Model, link: str, surfaces: Iterable[Surface], colour: Colour
+) -> Iterator[Mesh]:
+    """Surfaces in axes of the joint that carries a link, as meshes in those of the link."""
+    inverse = model.pin.frames[frame_index(model.pin, link)].placement.inverse()
+    for surface in surfaces:
+        vertices, triangles = moved(surface, inverse.rotation, inverse.translation)
+        yield Mesh(link, np.asarray(vertices), triangles, colour)
+
+
+def _upper_arm(length: float, radius: float) -> tuple[list[Surface], list[Surface]]:
+    """Limb, and balls at shoulder and elbow."""
+    limb = loft(_scaled(_UPPER_ARM, length, radius), (0.5 * radius, 0.8 * radius))
+    elbow, triangles = ellipsoid(0.86 * radius)
+    return [limb], [ellipsoid(1.2 * radius), (elbow - [0.0, 0.0, length], triangles)]
+
+
+def _forearm(length: float, radius: float) -> tuple[list[Surface], list[Surface]]:
+    """Limb, and a ball at the wrist."""
+    limb = loft(_scaled(_FOREARM, length, radius), (0.4 * radius, 0.8 * radius))
+    wrist, triangles = ellipsoid(radius * np.array([0.62, 0.72, 0.62]))
+    return [limb], [(wrist - [0.0, 0.0, length], triangles)]
+
+
+def _hand(length: float, radius: float) -> tuple[list[Surface], list[Surface]]:
+    """Palm with fingers, and the thumb, of a right hand."""
+    rows = np.array(_PALM) * [length, length, length, radius, length]
+    palm = loft(rows, (0.09 * length, 0.1 * length))
+    bends = length * np.array(_THUMB)
+    radii = radius * np.array(_THUMB_RADII)
+    thumb = [
+        strut(bends[index], bends[index + 1], (float(radii[index]), float(radii[index + 1])))
+        for index in range(len(bends) - 1)
+    ]
+    return [palm, *thumb], []
+
+
+def _thorax(length: float, radius: float, half_width: float) -> Surface:
+    """Chest and shoulders, from the height of the shoulders down."""
+    rows = np.array(_THORAX) * [length, half_width, radius, half_width, radius]
+    return loft(rows, (0.30 * length, 0.05 * length), roundness=2.3)
+
+
+def _abdomen(length: float, radius: float) -> Surface:
+    """From below the lumbar joint, at the origin, into the thorax."""
+    return loft(_scaled(_ABDOMEN, length, radius), (0.6 * length, 0.6 * length))
+
+
+def _pelvis(length: float, radius: float) -> Surface:
+    """Below the lumbar joint, which is at the origin; from length and radius of the abdomen."""
+    rows = _scaled(_PELVIS, length, radius)
+    return loft(rows, (1.1 * length, 0.6 * length), roundness=2.2)
+
+
+def _head(low: float, high: float, radius: float) -> tuple[list[Surface], list[Surface]]:
+    """Head from chin to crown, and neck; heights [m] above the shoulders."""
+    height = high - low
+    rows = _scaled(_HEAD, height, radius)
+    rows[:, 0] += low
+    ends = [np.array([0.0, y * radius, low + z * height]) for z, y in _NECK]
+    neck = strut(ends[0], ends[1], (_NECK_RADII[0] * radius, _NECK_RADII[1] * radius))
+    return [loft(rows, (0.15 * height, 0.42 * height))], [neck]
+
+
+def _scaled(rows: ArrayLike, length: float, radius: float) -> Array:
+    return np.array(rows, dtype=float) * [length, radius, radius, radius, radius]

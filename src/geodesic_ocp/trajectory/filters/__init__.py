@@ -1,1 +1,0 @@
-"""Filters of sampled motions, and the noise in them."""

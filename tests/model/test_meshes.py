@@ -1,0 +1,241 @@
+"""Triangle meshes of visual geometry and of capsules, and their decimation."""
+
+from __future__ import annotations
+
+import gc
+import weakref
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import trimesh
+from gadget import MJCF, urdf
+from numpy.testing import assert_allclose
+
+import geodesic_ocp as go
+from geodesic_ocp.model.formats.robots import ROBOTS, folder
+from geodesic_ocp.model.look import Mesh, simplified
+from geodesic_ocp.model.meshes import MAX_TRIANGLES, meshes
+
+SHAPES = {
+    "box": '<box size="0.2 0.4 0.6"/>',
+    "cylinder": '<cylinder radius="0.1" length="0.5"/>',
+    "sphere": '<sphere radius="0.2"/>',
+    "capsule": '<capsule radius="0.1" length="0.5"/>',
+}
+VOLUMES = {
+    "box": 0.2 * 0.4 * 0.6,
+    "cylinder": np.pi * 0.1**2 * 0.5,
+    "sphere": 4 / 3 * np.pi * 0.2**3,
+    "capsule": np.pi * 0.1**2 * (0.5 + 4 / 3 * 0.1),
+}
+# Chords of an angle t = 2 pi / 32 reduce the area of a circle by a fraction t^2 / 6, and the radius
+# along the meridians of a ball by t^2 / 12 on average, its volume by three times that.
+ROUND = (2.0 * np.pi / 32) ** 2 * (1 / 6 + 3 / 12)
+ORIGIN = '<origin xyz="0.1 0.2 0.3" rpy="0.4 0.5 0.6"/>'
+
+
+def volume(mesh: Mesh) -> float:
+    """By the divergence theorem; positive if triangles are counter-clockwise from outside."""
+    a, b, c = mesh.vertices[mesh.triangles].transpose(1, 0, 2)
+    return float(np.sum(a * np.cross(b, c)) / 6.0)
+
+
+def is_closed(mesh: Mesh) -> bool:
+    """Whether every edge has two triangles, with opposite orientations of the edge."""
+    edges = np.concatenate([mesh.triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
+    there, count = np.unique(edges, axis=0, return_counts=True)
+    return bool(np.all(count == 1)) and np.array_equal(there, np.unique(edges[:, ::-1], axis=0))
+
+
+def of_link(link: str, model: go.Model) -> Mesh:
+    """The only mesh of a link."""
+    (mesh,) = [mesh for mesh in meshes(model) if mesh.link == link]
+    return mesh
+
+
+def drawn(link: str, *geometries: str, tag: str = "visual", material: str = "") -> str:
+    """The gadget with shapes on one of its links."""
+    shapes = "".join(
+        f"<{tag}>{ORIGIN}<geometry>{each}</geometry>{material}</{tag}>" for each in geometries
+    )
+    return urdf().replace(f'<link name="{link}">', f'<link name="{link}">{shapes}')
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_simple_shapes_are_closed_and_have_the_right_size(kind: str) -> None:
+    mesh = of_link("three", go.load_model(drawn("three", SHAPES[kind]), hand="grip"))
+    assert mesh.link == "three"
+    assert is_closed(mesh)
+    assert volume(mesh) == pytest.approx(VOLUMES[kind], rel=1e-12 if kind == "box" else ROUND)
+    assert volume(mesh) <= VOLUMES[kind] * (1 + 1e-12)
+    middle = (mesh.vertices.max(axis=0) + mesh.vertices.min(axis=0)) / 2.0
+    assert_allclose(middle, [0.1, 0.2, 0.3], rtol=0, atol=1e-12)
+    turn = pin.rpy.rpyToMatrix(0.4, 0.5, 0.6)
+    sizes = np.ptp((mesh.vertices - middle) @ turn, axis=0)
+    wide = {"box": (0.2, 0.4, 0.6), "sphere": (0.4,) * 3, "cylinder": (0.2, 0.2, 0.5)}
+    # The polygons around the axis of a capsule may have any orientation.
+    atol = 0.2 * (1.0 - np.cos(np.pi / 32)) if kind == "capsule" else 1e-12
+    assert_allclose(sizes, wide.get(kind, (0.2, 0.2, 0.7)), rtol=0, atol=atol)
+
+
+def test_colours_are_read_from_the_file() -> None:
+    material = '<material name="red"><color rgba="1 0.25 0 1"/></material>'
+    mesh = of_link(
+        "one", go.load_model(drawn("one", SHAPES["box"], material=material), hand="grip")
+    )
+    assert_allclose(mesh.colour, (1.0, 0.25, 0.0), rtol=0, atol=1e-7)  # single precision
+
+
+def test_fixed_and_locked_links_have_meshes() -> None:
+    text = drawn("lift", SHAPES["box"]).replace(
+        '<link name="beside">',
+        f'<link name="beside"><visual><geometry>{SHAPES["sphere"]}</geometry></visual>',
+    )
+    model = go.load_model(text, hand="grip", base="lift")
+    assert {"lift", "beside"} <= {mesh.link for mesh in meshes(model)}
+    assert not model.moves("lift")
+
+
+def test_visual_geometry_is_preferred_to_collision_geometry() -> None:
+    both = drawn("three", SHAPES["sphere"]).replace(
+        "<visual>", f"<collision><geometry>{SHAPES['box']}</geometry></collision><visual>"
+    )
+    mesh = of_link("three", go.load_model(both, hand="grip"))
+    assert volume(mesh) == pytest.approx(VOLUMES["sphere"], rel=ROUND)
+    hidden = drawn("three", SHAPES["sphere"], tag="collision")
+    mesh = of_link("three", go.load_model(hidden, hand="grip"))
+    assert volume(mesh) == pytest.approx(VOLUMES["sphere"], rel=ROUND)
+
+
+def test_unreadable_visual_geometry_is_replaced_by_capsules() -> None:
+    broken = drawn("one", '<mesh filename="nowhere.stl"/>', SHAPES["box"])
+    chain = meshes(go.load_model(urdf(), hand="grip"))
+    with pytest.warns(UserWarning, match="without its visual geometry.*nowhere.stl"):
+        same = meshes(go.load_model(broken, hand="grip"))
+    assert [mesh.link for mesh in same] == [mesh.link for mesh in chain]
+    text = broken.replace(
+        '<link name="three">',
+        f'<link name="three"><collision><geometry>{SHAPES["sphere"]}</geometry></collision>',
+    )
+    with pytest.warns(UserWarning, match="without its visual geometry"):
+        mesh = of_link("three", go.load_model(text, hand="grip"))
+    assert volume(mesh) == pytest.approx(VOLUMES["sphere"], rel=ROUND)
+
+
+def test_a_mesh_of_a_file_is_scaled_and_mirrored(tmp_path: Path) -> None:
+    """A tetrahedron in STL, which repeats vertices for each triangle."""
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
+    faces = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
+    lines = ["solid a"]
+    for face in faces:
+        points = "".join(f"vertex {x} {y} {z}\n" for x, y, z in corners[list(face)])
+        lines.append(f"facet normal 0 0 0\nouter loop\n{points}endloop\nendfacet")
+    (tmp_path / "a.stl").write_text("\n".join([*lines, "endsolid a\n"]))
+    file = tmp_path / "gadget.urdf"
+    for scale, size in (("1 1 1", 1.0), ("0.5 -2 1", 1.0)):
+        file.write_text(drawn("two", f'<mesh filename="a.stl" scale="{scale}"/>'))
+        mesh = of_link("two", go.load_model(file, hand="grip"))
+        assert mesh.vertices.shape == (4, 3)
+        assert is_closed(mesh)
+        assert volume(mesh) == pytest.approx(size / 6.0, rel=1e-6)  # single precision
+
+
+def test_geometry_of_mjcf_has_meshes() -> None:
+    model = go.load_model(MJCF, hand="tip", base="trunk")
+    assert {mesh.link for mesh in meshes(model)} == {"trunk", "upper", "fore", "f1", "f2"}
+
+
+def test_other_bodies_of_a_person_are_drawn_as_they_are(arm: go.Model) -> None:
+    ball = arm.with_bodies(go.Ball((0.1, 0.2, 0.3), 0.2, "right hand"))
+    drawn_ball = max((m for m in meshes(ball) if m.link == "right hand"), key=volume)
+    assert is_closed(drawn_ball)
+    assert volume(drawn_ball) == pytest.approx(VOLUMES["sphere"], rel=ROUND)
+
+
+def test_meshes_are_kept_with_the_model_but_do_not_keep_it_alive() -> None:
+    model = go.human_arm("left")
+    assert meshes(model) is meshes(model)
+    here = weakref.ref(model)
+    del model
+    gc.collect()
+    assert here() is None
+
+
+def wavy_surface(count: int = 40) -> Mesh:
+    """A surface of 2 count^2 triangles without shared vertices."""
+    x, y = np.meshgrid(np.linspace(-1.0, 1.0, count + 1), np.linspace(-1.0, 1.0, count + 1))
+    points = np.column_stack([x.ravel(), y.ravel(), 0.2 * np.sin(3.0 * x * y).ravel()])
+    a = (np.arange(count) + (count + 1) * np.arange(count)[:, None]).ravel()
+    b, c, d = a + 1, a + count + 1, a + count + 2
+    triangles = np.concatenate([np.column_stack([a, b, d]), np.column_stack([a, d, c])])
+    return Mesh(
+        "link", points[triangles].reshape(-1, 3), np.arange(6 * count**2).reshape(-1, 3), (1, 1, 1)
+    )
+
+
+def test_welding_does_not_change_the_surface() -> None:
+    many = wavy_surface()
+    (welded,) = simplified([many], [True], 10000)
+    assert len(welded.vertices) == 41**2
+    assert_allclose(
+        welded.vertices[welded.triangles], many.vertices[many.triangles], rtol=0, atol=1e-5
+    )
+
+
+def test_fewer_triangles_stay_close_to_the_surface() -> None:
+    (fewer,) = simplified([wavy_surface()], [True], 800)
+    assert 700 < len(fewer.triangles) <= 800
+    x, y, z = fewer.vertices.T
+    assert np.abs(z - 0.2 * np.sin(3.0 * x * y)).max() < 0.02
+    normals = np.cross(*np.diff(fewer.vertices[fewer.triangles], axis=1).transpose(1, 0, 2))
+    assert np.all(normals[:, 2] > 0.0)  # none is turned over
+
+
+def test_links_that_move_get_more_triangles_and_the_result_is_deterministic() -> None:
+    found = [wavy_surface(), wavy_surface()]
+    moving, still = simplified(found, [True, False], 1500)
+    assert len(moving.triangles) > 1.1 * len(still.triangles)
+    for first, second in zip((moving, still), simplified(found, [True, False], 1500), strict=True):
+        assert np.array_equal(first.vertices, second.vertices)
+        assert np.array_equal(first.triangles, second.triangles)
+
+
+def test_an_open_tube_stays_open_and_whole() -> None:
+    """Collapses in the plane of its rim, which is a surface of its own, would close the opening."""
+    tube = trimesh.creation.annulus(0.9, 1.0, 2.0, sections=64).subdivide().subdivide()
+    flat = np.abs(tube.face_normals[:, 2]) > 0.5
+    parts = [tube.faces[flat], tube.faces[~flat]]
+    points = np.concatenate([tube.vertices, tube.vertices + np.array([0.0, 0.0, 1e-3])])
+    shells = np.concatenate([parts[0], parts[1] + len(tube.vertices)])
+    found = Mesh("link", points, shells, (1, 1, 1))
+    (fewer,) = simplified([found], [True], len(shells) // 10)
+    middles = fewer.vertices[fewer.triangles].mean(axis=1)
+    distance = np.linalg.norm(middles[:, :2], axis=1)
+    assert len(fewer.triangles) <= len(shells) // 10
+    assert distance.min() > 0.8
+    assert distance.max() <= 1.0
+    assert np.all(fewer.vertices >= found.vertices.min(axis=0) - 1e-9)
+    assert np.all(fewer.vertices <= found.vertices.max(axis=0) + 1e-9)
+
+
+@pytest.mark.slow
+def test_a_robots_own_meshes() -> None:
+    if folder(ROBOTS["panda"].package) is None:
+        pytest.skip("example-robot-data is not installed (make robots)")
+    model = go.load_model("panda")
+    found = meshes(model)
+    assert {f"panda_link{number}" for number in range(8)} < {mesh.link for mesh in found}
+    assert 0.8 * MAX_TRIANGLES < sum(len(mesh.triangles) for mesh in found) <= MAX_TRIANGLES
+    drawing, _ = model.shapes.visual()
+    whole = {}
+    for shape in drawing.geometryObjects:
+        frame = model.shapes.pin.frames[shape.parentFrame]
+        place = frame.placement.actInv(shape.placement)
+        whole[frame.name] = np.array(shape.geometry.vertices()) @ place.rotation.T
+        whole[frame.name] += place.translation
+    for mesh in found:
+        for side in (np.min, np.max):
+            moved = side(mesh.vertices, axis=0) - side(whole[mesh.link], axis=0)
+            assert np.abs(moved).max() < 0.005
