@@ -54,9 +54,6 @@ Path("recordings.parquet").write_bytes(b"PAR1")
 NEEDED: list[tuple[str, Callable[[], object]]] = [
     ("mujoco", lambda: go.replay(trajectory, arm)),
     ("mujoco", lambda: go.load_model("menagerie/franka_emika_panda", hand="hand")),
-    ("timing", lambda: go.toppra_trajectory(paths)),
-    ("timing", lambda: go.ruckig_trajectory(paths)),
-    ("timing", lambda: go.compare_timings(planned)),
     ("pink", lambda: track(solver="pink")),
     ("cluster", lambda: command(*many, "--scheduler", "tcp://127.0.0.1:8786")),
     ("parquet", lambda: go.study("recordings.parquet")),

@@ -104,7 +104,6 @@ __all__ = [
     "combine",
     "compare_methods",
     "compare_metrics",
-    "compare_timings",
     "compare_with_tracking",
     "default_joint_inertia",
     "distal_inertia",
@@ -157,7 +156,6 @@ __all__ = [
     "retarget_arms",
     "riemann_curvature",
     "robot_armature",
-    "ruckig_trajectory",
     "save_metric",
     "save_motion",
     "save_synergies",
@@ -173,7 +171,6 @@ __all__ = [
     "solve",
     "study",
     "time_law",
-    "toppra_trajectory",
     "track_hand",
     "track_within_limits",
     "trajectory_clearance",
@@ -193,24 +190,19 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
         RecordingError,
     )
     from geodesic_ocp.execution.arm_paths import ArmPaths
-    from geodesic_ocp.execution.check_trajectory import check_trajectory
-    from geodesic_ocp.execution.clearance.clearance_constraint import clearance_constraint
-    from geodesic_ocp.execution.clearance.clearance_report import ClearanceReport
-    from geodesic_ocp.execution.clearance.link_pairs import LinkPairs, link_pairs
-    from geodesic_ocp.execution.clearance.trajectory_clearance import trajectory_clearance
-    from geodesic_ocp.execution.clearance_constraint import Clearance
-    from geodesic_ocp.execution.joint_limits import JointLimits, joint_limits
-    from geodesic_ocp.execution.other_timings.compare_timings import compare_timings
-    from geodesic_ocp.execution.other_timings.ruckig_trajectory import ruckig_trajectory
-    from geodesic_ocp.execution.other_timings.toppra_trajectory import toppra_trajectory
-    from geodesic_ocp.execution.plan_trajectory import plan_trajectory
-    from geodesic_ocp.execution.planned_trajectory import PlannedTrajectory
-    from geodesic_ocp.execution.replay.replay import replay
-    from geodesic_ocp.execution.replay.result import Replay
-    from geodesic_ocp.execution.tracking.compare_with_tracking import compare_with_tracking
-    from geodesic_ocp.execution.tracking.motion_measures import MotionMeasures, motion_measures
-    from geodesic_ocp.execution.tracking.track_within_limits import track_within_limits
-    from geodesic_ocp.execution.trajectory_check import TrajectoryCheck
+    from geodesic_ocp.execution.check_trajectory import TrajectoryCheck, check_trajectory
+    from geodesic_ocp.execution.clearance import Clearance, clearance_constraint
+    from geodesic_ocp.execution.limits import JointLimits, joint_limits
+    from geodesic_ocp.execution.link_pairs import LinkPairs, link_pairs
+    from geodesic_ocp.execution.motion_measures import (
+        MotionMeasures,
+        compare_with_tracking,
+        motion_measures,
+    )
+    from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory, plan_trajectory
+    from geodesic_ocp.execution.replay import Replay, replay
+    from geodesic_ocp.execution.track_within_limits import track_within_limits
+    from geodesic_ocp.execution.trajectory_clearance import ClearanceReport, trajectory_clearance
     from geodesic_ocp.figures.obstacles import draw_obstacle
     from geodesic_ocp.fitting.bootstrap_fit import bootstrap_fit
     from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
@@ -351,24 +343,15 @@ else:
         "model.inertias.known_armature": "RobotArmature robot_armature with_rotor_inertia",
         "trajectory.read_trajectory": "read_trajectory",
         "trajectory.joint_trajectory": "JointTrajectory",
-        "execution.tracking.track_within_limits": "track_within_limits",
-        "execution.tracking.motion_measures": "MotionMeasures motion_measures",
-        "execution.tracking.compare_with_tracking": "compare_with_tracking",
-        "execution.other_timings.toppra_trajectory": "toppra_trajectory",
-        "execution.other_timings.ruckig_trajectory": "ruckig_trajectory",
-        "execution.other_timings.compare_timings": "compare_timings",
-        "execution.replay.result": "Replay",
-        "execution.replay.replay": "replay",
-        "execution.clearance.trajectory_clearance": "trajectory_clearance",
-        "execution.clearance.link_pairs": "LinkPairs link_pairs",
-        "execution.clearance.clearance_report": "ClearanceReport",
-        "execution.clearance.clearance_constraint": "clearance_constraint",
-        "execution.trajectory_check": "TrajectoryCheck",
-        "execution.planned_trajectory": "PlannedTrajectory",
-        "execution.plan_trajectory": "plan_trajectory",
-        "execution.joint_limits": "JointLimits joint_limits",
-        "execution.clearance_constraint": "Clearance",
-        "execution.check_trajectory": "check_trajectory",
+        "execution.track_within_limits": "track_within_limits",
+        "execution.motion_measures": "MotionMeasures motion_measures compare_with_tracking",
+        "execution.replay": "Replay replay",
+        "execution.trajectory_clearance": "trajectory_clearance ClearanceReport",
+        "execution.link_pairs": "LinkPairs link_pairs",
+        "execution.clearance": "clearance_constraint Clearance",
+        "execution.check_trajectory": "TrajectoryCheck check_trajectory",
+        "execution.plan_trajectory": "PlannedTrajectory plan_trajectory",
+        "execution.limits": "JointLimits joint_limits",
         "execution.arm_paths": "ArmPaths",
         "errors": "GeodesicOcpError IntegrationFailed NotConverged RecordingError",
         "figures.obstacles": "draw_obstacle",

@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.execution.joint_limits import joint_limits
-from geodesic_ocp.execution.tracking.box_least_squares import box_least_squares
-from geodesic_ocp.execution.tracking.speed_bounds import SpeedBounds
+from geodesic_ocp.execution.limits import joint_limits
+from geodesic_ocp.execution.track_within_limits import SpeedBounds, box_least_squares
 
 
 @given(st.integers(0, 10_000), st.integers(1, 8), st.floats(-4.0, 1.0))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.execution.joint_limits import JointLimits
+from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.trajectory.path import Path
 
@@ -34,3 +34,12 @@ class ArmPaths:
     def __repr__(self) -> str:
         seconds = float(self.edges[-1] - self.edges[0])
         return f"ArmPaths({len(self.paths)} paths of {self.robot.name} in {seconds:.3g} s)"
+
+
+def joint_names(arms: Sequence[ArmPaths]) -> tuple[str, ...]:
+    """Of all arms, with the number of the arm in front if two arms share a name."""
+    names = [name for arm in arms for name in arm.robot.joint_names]
+    if len(set(names)) == len(names):
+        return tuple(names)
+    numbered = enumerate(arms)
+    return tuple(f"{k}/{name}" for k, arm in numbered for name in arm.robot.joint_names)

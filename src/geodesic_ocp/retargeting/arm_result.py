@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.execution.joint_limits import JointLimits
-from geodesic_ocp.execution.planned_trajectory import PlannedTrajectory
+from geodesic_ocp.execution.limits import JointLimits
+from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
 from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.arm_task import ArmTask

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geodesic_ocp.execution.check_trajectory import check_trajectory
-from geodesic_ocp.execution.clearance_constraint import Clearance
-from geodesic_ocp.execution.planned_trajectory import PlannedTrajectory
-from geodesic_ocp.execution.tracking.motion_measures import measures_table
-from geodesic_ocp.execution.trajectory_check import TrajectoryCheck
+from geodesic_ocp.execution.check_trajectory import TrajectoryCheck, check_trajectory
+from geodesic_ocp.execution.clearance import Clearance
+from geodesic_ocp.execution.motion_measures import measures_table
+from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
 from geodesic_ocp.figures import overview
 from geodesic_ocp.figures.new_figure import new_figure, save_figure
 from geodesic_ocp.records import write_together

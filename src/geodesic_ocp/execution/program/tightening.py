@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.execution.clearance_constraint import Clearance
+from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.program.blocks import Indices
 from geodesic_ocp.execution.program.dense_check import TOLERANCE, ArmCheck
 from geodesic_ocp.execution.program.trajectory_program import TrajectoryProgram

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.execution.clearance_constraint import Clearance
+from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.program.blocks import Indices
 
 

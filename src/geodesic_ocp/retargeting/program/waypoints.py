@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.execution.joint_limits import JointLimits
+from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
 from geodesic_ocp.retargeting.poses.targets import Pose

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.execution.clearance_constraint import Clearance
+from geodesic_ocp.execution.clearance import Clearance
 
 
 @dataclass(frozen=True, eq=False)

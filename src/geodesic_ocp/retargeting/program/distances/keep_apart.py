@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.execution.clearance.active_rows import active_rows
-from geodesic_ocp.execution.clearance_constraint import Clearance
+from geodesic_ocp.execution.clearance import Clearance, active_rows
 from geodesic_ocp.retargeting.program.distances.instants import positions_at
 from geodesic_ocp.retargeting.program.refined import ProgramIterate, refined
 from geodesic_ocp.retargeting.program.terms import Terms

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import pathlib
 from itertools import pairwise
+from runpy import run_path
 from typing import Any
 
 import numpy as np
@@ -12,14 +14,7 @@ from numpy.testing import assert_allclose
 import geodesic_ocp as go
 from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.check_trajectory import check_trajectory
-from geodesic_ocp.execution.joint_limits import joint_limits
-from geodesic_ocp.execution.other_timings.compare_timings import (
-    compare_timings,
-    largest_deviation,
-)
-from geodesic_ocp.execution.other_timings.ruckig_trajectory import ruckig_trajectory
-from geodesic_ocp.execution.other_timings.stacked_path import stack_paths
-from geodesic_ocp.execution.other_timings.toppra_trajectory import toppra_trajectory
+from geodesic_ocp.execution.limits import joint_limits
 from geodesic_ocp.execution.plan_trajectory import plan_trajectory
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
@@ -27,6 +22,10 @@ from geodesic_ocp.trajectory.path import Path
 
 pytest.importorskip("toppra")
 pytest.importorskip("ruckig")
+timings = run_path(str(pathlib.Path(__file__).parents[2] / "benchmarks" / "other_timings.py"))
+compare_timings, largest_deviation = timings["compare_timings"], timings["largest_deviation"]
+toppra_trajectory, ruckig_trajectory = timings["toppra_trajectory"], timings["ruckig_trajectory"]
+stack_paths = timings["stack_paths"]
 
 LINK = """<inertial><origin xyz="0.5 0 0"/><mass value="2"/>
   <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>"""
@@ -161,15 +160,9 @@ def test_a_planned_trajectory_stands_first_and_within_its_limits() -> None:
     assert rows["TOPP-RA, as near as planned"][5] <= deviation
 
 
-def test_wrong_arguments_are_named() -> None:
-    with pytest.raises(ValueError, match="'blend' or 'stop'"):
-        toppra_trajectory(CORNER, junctions="jump")  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="'pass' or 'stop'"):
-        ruckig_trajectory(CORNER, junctions="jump")  # type: ignore[arg-type]
+def test_paths_that_cannot_be_timed_are_named() -> None:
     unlimited = along([0, 0], [1, 1], acceleration=np.inf)
     with pytest.raises(ValueError, match="finite limits on speeds and accelerations"):
         toppra_trajectory(unlimited)
     with pytest.raises(ValueError, match="no path has a length"):
         ruckig_trajectory(along([0, 0], [0, 0]))
-    with pytest.raises(ValueError, match="points must be a positive integer"):
-        ruckig_trajectory(CORNER, points=0)
