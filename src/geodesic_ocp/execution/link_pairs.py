@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from geodesic_ocp.arrays import Array, as_number, as_rotation, as_vector
+from geodesic_ocp.arrays import Array, as_integer, as_number, as_rotation, as_vector
 from geodesic_ocp.model.geometry.exact_distances import is_closer, joint_poses
 from geodesic_ocp.model.geometry.link_geometry import LinkGeometry
 from geodesic_ocp.model.geometry.link_solids import (
@@ -24,6 +24,13 @@ from geodesic_ocp.model.geometry.link_solids import (
 from geodesic_ocp.model.geometry.segment_distances import segment_distances
 from geodesic_ocp.model.model import Model
 
+Pair = tuple[str, str]
+
+MARGIN = 0.01  # [m]
+SAMPLES = 256
+_ALWAYS, _SOME, _MANY = 0.95, 0.05, 0.25  # shares of the sampled configurations
+_KEPT = 0.75  # of an excess, as no sample is the worst case
+_MORE_SAMPLES, _ENOUGH = 8, 8  # times as many samples, and close ones, for an excess
 _SAME = 1e-9  # [m]: rounding
 
 
@@ -102,14 +109,15 @@ def place_solids(models: Sequence[Model], placements: Sequence[Any] | None = Non
     found: list[tuple[LinkSolid, ...]] = []
     unknown = []
     for model, title in zip(models, titles, strict=True):
+        solids: tuple[LinkSolid, ...] = ()
+        reason = "its links have no geometry"
         try:
-            found.append(link_solids(model))
+            solids = link_solids(model)
         except ValueError as error:
-            found.append(())
-            unknown.append(f"clearance of {title} is not known: {error}")
-            continue
-        if not any(solid.joint > 0 for solid in found[-1]):
-            unknown.append(f"clearance of {title} is not known: its links have no geometry")
+            reason = str(error)
+        found.append(solids)
+        if not any(solid.joint > 0 for solid in solids):
+            unknown.append(f"clearance of {title} is not known: {reason}")
     is_one_robot = _is_one_robot(models, bases, found)
     placed = placements is not None or len(models) == 1 or is_one_robot
     if not placed:
@@ -119,8 +127,8 @@ def place_solids(models: Sequence[Model], placements: Sequence[Any] | None = Non
         )
     if is_one_robot:
         found = _without_shared(found)
-    solids = _within_reach(models, bases, _named(found, titles), placed)
-    return PlacedSolids(models, bases, solids, placed, tuple(unknown))
+    reached = _within_reach(models, bases, _named(found, titles), placed)
+    return PlacedSolids(models, bases, reached, placed, tuple(unknown))
 
 
 def _bases(given: Sequence[Any] | None, count: int) -> tuple[Pose, ...]:
@@ -140,14 +148,11 @@ def _bases(given: Sequence[Any] | None, count: int) -> tuple[Pose, ...]:
 
 def _titles(models: Sequence[Model]) -> list[str]:
     """Names of the models, numbered where several share one."""
-    counts = Counter(model.name for model in models)
-    seen: Counter[str] = Counter()
-    titles = []
-    for model in models:
-        seen[model.name] += 1
-        several = counts[model.name] > 1
-        titles.append(f"{model.name} {seen[model.name]}" if several else model.name)
-    return titles
+    names = [model.name for model in models]
+    return [
+        f"{name} {names[: k + 1].count(name)}" if names.count(name) > 1 else name
+        for k, name in enumerate(names)
+    ]
 
 
 def _is_one_robot(
@@ -162,16 +167,15 @@ def _is_one_robot(
     if len(set(joints)) < len(joints):
         return False
     fixed = [{each.link: each for each in solids if each.joint == 0} for solids in found]
-    shared = set.intersection(*map(set, fixed))
-    for link in shared:
+    for link in set.intersection(*map(set, fixed)):
         poses = [
-            (base @ own[link].at_joint.rotation, base @ own[link].at_joint.translation + origin)
+            np.column_stack(
+                [base @ own[link].at_joint.rotation, base @ own[link].at_joint.translation + origin]
+            )
             for (base, origin), own in zip(bases, fixed, strict=True)
         ]
-        for rotation, position in poses[1:]:
-            apart = np.abs(rotation - poses[0][0]).max(), np.abs(position - poses[0][1]).max()
-            if max(apart) > _SAME:
-                return False
+        if np.ptp(poses, axis=0).max() > _SAME:
+            return False
     return True
 
 
@@ -255,15 +259,6 @@ def pose_at(each: PlacedSolid, poses: Sequence[Pose], sample: int) -> Pose:
     return rotations[sample, each.solid.joint], positions[sample, each.solid.joint]
 
 
-MARGIN = 0.01  # [m]
-SAMPLES = 256
-_ALWAYS, _SOME, _MANY = 0.95, 0.05, 0.25  # shares of the sampled configurations
-_KEPT = 0.75  # of an excess, as no sample is the worst case
-_MORE_SAMPLES, _ENOUGH = 8, 8  # times as many samples, and close ones, for an excess
-
-Pair = tuple[str, str]
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class LinkPairs:
     """The pairs of links that have to be kept apart.
@@ -324,8 +319,7 @@ def link_pairs(
     Raises:
         ValueError: no models, or wrong placements or number of samples.
     """
-    if isinstance(samples, bool) or not isinstance(samples, int) or samples < 1:
-        raise ValueError(f"samples must be a positive integer, got {samples!r}")
+    samples = as_integer("samples", samples, 1)
     margin = as_number("margin", margin)
     models = (arms,) if isinstance(arms, Model) else tuple(arms)
     placed = place_solids(models, placements)

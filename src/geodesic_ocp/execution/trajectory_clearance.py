@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, as_integer
 from geodesic_ocp.execution.link_pairs import (
     LinkPairs,
     PlacedSolid,
@@ -22,6 +22,10 @@ from geodesic_ocp.model.geometry.link_solids import Pose
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
+
+_SHOWN = 5
+_COARSE, _FINE = 0.05, 0.01  # accuracy of distances, relative
+_ABSOLUTE = 1e-4  # [m]
 
 
 @dataclass(frozen=True)
@@ -61,10 +65,8 @@ class ClearanceReport:
     def __repr__(self) -> str:
         if not self.closest:
             return f"ClearanceReport(not known: {'; '.join(self.unknown)})"
-        first = self.closest[0]
-        found = (
-            f"{first.one} to {first.other} {first.distance:.4g} m, the least of {self.pairs} pairs"
-        )
+        one, other = self.closest[0].one, self.closest[0].other
+        found = f"{one} to {other} {self.least:.4g} m, the least of {self.pairs} pairs"
         return f"ClearanceReport({'; '.join([found, *self.unknown])})"
 
     def __str__(self) -> str:
@@ -96,18 +98,11 @@ class ClearanceReport:
             for each in self.closest
         )
         instant = "sample" if any(each.time is None for each in self.closest) else "time [s]"
-        return Table(("links", "distance [m]", instant), rows, " ".join(self._sentences()))
-
-    def _sentences(self) -> list[str]:
-        return [f"{each[:1].upper()}{each[1:]}." for each in self.unknown]
+        note = " ".join(f"{each[:1].upper()}{each[1:]}." for each in self.unknown)
+        return Table(("links", "distance [m]", instant), rows, note)
 
     def _repr_markdown_(self) -> str:
         return self.table().markdown()
-
-
-_SHOWN = 5
-_COARSE, _FINE = 0.05, 0.01  # accuracy of distances, relative
-_ABSOLUTE = 1e-4  # [m]
 
 
 def trajectory_clearance(
@@ -138,8 +133,7 @@ def trajectory_clearance(
         ValueError: not N columns, numbers that are not finite, or pairs of other models.
     """
     models = (arms,) if isinstance(arms, Model) else tuple(arms)
-    if isinstance(closest, bool) or not isinstance(closest, int) or closest < 1:
-        raise ValueError(f"closest must be a positive integer, got {closest!r}")
+    closest = as_integer("closest", closest, 1)
     if pairs is None:
         pairs = link_pairs(models, placements)
     placed = pairs.solids
@@ -167,7 +161,15 @@ def trajectory_clearance(
         bounds, pair = found[0].bounds, found[0].pair
         found[0] = _Candidate(bounds, pair, *_closest(*pair, poses, bounds, _FINE), True)
         found.sort(key=lambda each: each.distance)
-    approaches = tuple(each.approach(time) for each in found[:closest])
+    approaches = tuple(
+        ClosestApproach(
+            *(each.pair[0].name, each.pair[1].name),
+            each.distance,
+            each.sample,
+            None if time is None else float(time[each.sample]),
+        )
+        for each in found[:closest]
+    )
     unknown = pairs.unknown or (() if candidates else ("no two links can meet",))
     return ClearanceReport(approaches, len(candidates), len(q), unknown)
 
@@ -180,12 +182,6 @@ class _Candidate(NamedTuple):
     distance: float
     sample: int
     is_fine: bool = False
-
-    def approach(self, time: Array | None) -> ClosestApproach:
-        """As it is reported."""
-        one, other = self.pair
-        instant = None if time is None else float(time[self.sample])
-        return ClosestApproach(one.name, other.name, self.distance, self.sample, instant)
 
 
 def _closest(
