@@ -17,7 +17,7 @@ import numpy as np
 import geodesic_ocp as go
 from geodesic_ocp.cli.main import main
 
-for package in ("daqp", "distributed", "mujoco", "pink", "pyarrow", "ruckig", "toppra"):
+for package in ("distributed", "mujoco", "pink", "pyarrow", "ruckig", "toppra"):
     assert importlib.util.find_spec(package) is None, f"{package} is installed"
 modules = [each.name for each in pkgutil.walk_packages(go.__path__, f"{go.__name__}.")]
 for module in modules:

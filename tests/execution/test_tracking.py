@@ -78,7 +78,7 @@ def test_hand_follows_poses_within_reach(
 
 
 def test_both_solvers_find_the_same_motion(arm: go.Model) -> None:
-    """pink and DAQP know nothing of this package's Jacobian and least squares."""
+    """pink knows nothing of this package's Jacobian and least squares."""
     checked("pink")
     slow = joint_limits(arm, velocity=0.5, acceleration=2.0)
     poses = arm.hand_pose(motion(arm, TIME, size=0.8))

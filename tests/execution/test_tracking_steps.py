@@ -28,10 +28,10 @@ def test_minimum_between_bounds_meets_the_optimality_conditions(
     x = box_least_squares(hessian, gradient, lower, upper)
     assert np.all((lower <= x) & (x <= upper))
     slope = hessian @ x + gradient
-    inside = (lower < x) & (x < upper)
-    assert_allclose(slope[inside], 0.0, atol=1e-8)
-    assert np.all(slope[(x == lower) & (x < upper)] >= -1e-8)
-    assert np.all(slope[(x == upper) & (x > lower)] <= 1e-8)
+    at_lower, at_upper = (np.isclose(x, bound, rtol=0.0, atol=1e-9) for bound in (lower, upper))
+    assert_allclose(slope[~at_lower & ~at_upper], 0.0, atol=1e-8)
+    assert np.all(slope[at_lower & ~at_upper] >= -1e-8)
+    assert np.all(slope[at_upper & ~at_lower] <= 1e-8)
 
 
 ACCELERATIONS = st.sampled_from([0.5, 10.0, 400.0, np.inf])

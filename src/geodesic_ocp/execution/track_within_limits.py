@@ -8,6 +8,7 @@ from functools import lru_cache
 from typing import Any, Literal, TypeAlias, get_args
 
 import casadi as ca
+import daqp
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
@@ -22,308 +23,11 @@ from geodesic_ocp.rotations import rotation_vector
 from geodesic_ocp.synergies.baselines.track_hand import Poses
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
-
-@dataclass(frozen=True, eq=False)
-class HandTargets:
-    """Poses of the hand at the ends of steps.
-
-    Attributes:
-        rotations: (k, 3, 3).
-        positions: (k, 3) [m].
-        velocities: translation [m/s] and rotation [rad/s] from each pose to the next (k - 1, 6).
-    """
-
-    rotations: Array
-    positions: Array
-    velocities: Array
-
-    @classmethod
-    def at(cls, poses: Poses, time: Array, step: float) -> HandTargets:
-        """At times (k,) [s]."""
-        rotations, positions = poses(time)
-        turns = rotation_vector(rotations[1:] @ rotations[:-1].transpose(0, 2, 1))
-        return cls(rotations, positions, np.hstack([np.diff(positions, axis=0), turns]) / step)
-
-
-def through_samples(time: Array, rotations: Array, positions: Array) -> Poses:
-    """Poses as a function of time, by cubic splines through samples (k, 3, 3) and (k, 3) [m]."""
-    turning = RotationSpline(time, Rotation.from_matrix(rotations))
-    moving = CubicSpline(time, positions)
-
-    def poses(instants: Array) -> tuple[Array, Array]:
-        return turning(instants).as_matrix(), np.asarray(moving(instants))
-
-    return poses
-
-
-@lru_cache(maxsize=32)
-def _tracking(model: Model, rows: tuple[int, ...]) -> ca.Function:
-    """q, rotation and position of the target -> Jacobian, error."""
-    q, rotation, position = ca.SX.sym("q", model.dof), ca.SX.sym("R", 3, 3), ca.SX.sym("p", 3)
-    here, at = model.hand_pose(q)
-    error = ca.vertcat(position - at, rotation_log(rotation @ here.T))
-    jacobian = ca.densify(model.hand_jacobian(q)[list(rows), :])
-    outputs = ca.cse([jacobian, ca.densify(error[list(rows)])])
-    return ca.Function("tracking", [q, rotation, position], outputs)
-
-
-def jacobian_and_error(
-    model: Model, rows: tuple[int, ...], q: Array, rotation: Array, position: Array
-) -> tuple[Array, Array]:
-    """Rows of the hand's Jacobian (r, n), and of the way [m, rad] to a pose (r,)."""
-    jacobian, error = evaluate(_tracking(model, rows), q, rotation, position)
-    return jacobian, error[:, 0]
-
-
-_ROUNDING = 1e-9  # share of limits, and [rad or m], left to the rounding of sums
-
-
-@dataclass(frozen=True, eq=False)
-class SpeedBounds:
-    """Bounds of the constant speed over a step, q_next = q + step v.
-
-    Between its bounds there is always a speed, at which there is one again, and so on: the joint
-    can brake before the end of its range, and come to rest in the steps that are left. (Viability:
-    Del Prete, "Joint position and velocity bounds in discrete-time acceleration/torque control of
-    robot manipulators", IEEE Robotics and Automation Letters 3, 2018; here for steps of constant
-    speed.)
-
-    Attributes:
-        lower, upper: range of the joints (n,) [rad or m].
-        speed: limit (n,) [rad/s or m/s].
-        change: largest change of the speed from step to step (n,).
-        step: [s].
-    """
-
-    lower: Array
-    upper: Array
-    speed: Array
-    change: Array
-    step: float
-
-    @classmethod
-    def of(cls, model: Model, limits: JointLimits, step: float) -> SpeedBounds:
-        """Of a model's joints."""
-        kept = 1.0 - _ROUNDING
-        return cls(
-            model.lower + _ROUNDING,
-            model.upper - _ROUNDING,
-            kept * limits.velocity,
-            kept * limits.acceleration * step,
-            step,
-        )
-
-    def __call__(self, q: Array, previous: Array, left: int) -> tuple[Array, Array]:
-        """Least and largest speeds (n,).
-
-        Args:
-            q: configuration at the beginning of the step (n,).
-            previous: speed in the step before (n,).
-            left: number of steps after this one, in the last of which the arm is at rest.
-        """
-        to_rest = np.zeros_like(self.change) if left == 0 else left * self.change
-        largest = np.minimum(self.speed, to_rest)
-        up = np.minimum(largest, self._braking(self.upper - q))
-        down = -np.minimum(largest, self._braking(q - self.lower))
-        up = np.maximum(np.minimum(up, previous + self.change), previous - self.change)
-        down = np.minimum(np.maximum(down, previous - self.change), previous + self.change)
-        return np.minimum(down, up), up
-
-    def _braking(self, room: Array) -> Array:
-        """Largest speed v (n,) towards a limit at the distance `room` (n,).
-
-        The distance step (v + (v - c) + (v - 2 c) + ...) until the joint stands, with the change c
-        of speed per step, is the largest of step ((k + 1) v - c k (k + 1) / 2) over k = 0, 1, ...
-        """
-        room = np.maximum(room, 0.0) / self.step
-        limited = np.isfinite(self.change)  # else it may stop at once
-        ratio = np.divide(room, self.change, out=np.zeros_like(room), where=limited)
-        ratio = np.minimum(ratio, 1e12)
-        k = np.floor(np.maximum(np.sqrt(2.0 * ratio) - 1.0, 0.0))
-        found = room.copy()
-        for count in (k, k + 1.0):
-            with np.errstate(invalid="ignore"):  # infinite times zero
-                speed = room / (count + 1.0) + np.where(count > 0.0, self.change * count / 2.0, 0.0)
-            found = np.where(np.isnan(speed), found, np.minimum(found, speed))
-        return found
-
-
-_ROUNDS = 10  # changes of the set of bounds for each variable
-
-
-def box_least_squares(hessian: Array, gradient: Array, lower: Array, upper: Array) -> Array:
-    """The x (n,) that minimizes x' H x / 2 + g' x subject to lower <= x <= upper.
-
-    By the active set method of Stark and Parker, "Bounded-variable least-squares", Computational
-    Statistics 10 (1995): the objective decreases from one set of bounds to the next, so that the
-    solution is found after finitely many.
-
-    Args:
-        hessian: H, symmetric and positive definite (n, n).
-        gradient: g (n,).
-        lower, upper: bounds (n,), which may be infinite or equal.
-
-    Raises:
-        NotConverged: too many sets of bounds, from rounding.
-    """
-    free = upper > lower
-    x = np.clip(np.linalg.solve(hessian, -gradient), lower, upper)
-    at_lower, at_upper = x <= lower, x >= upper
-    free &= ~(at_lower | at_upper)
-    tolerance = 1e-12 * (1.0 + np.abs(gradient).max())
-    for _ in range(_ROUNDS * gradient.size):
-        # To the minimum over the free variables, or to the first bound on the way there.
-        while free.any():
-            held = gradient[free] + hessian[np.ix_(free, ~free)] @ x[~free]
-            wanted = np.linalg.solve(hessian[np.ix_(free, free)], -held)
-            change = wanted - x[free]
-            bound = np.where(change > 0.0, upper[free], lower[free])
-            room = np.full(change.size, np.inf)
-            np.divide(bound - x[free], change, out=room, where=change != 0.0)
-            step = room.min()
-            if step >= 1.0:
-                x[free] = wanted
-                break
-            indices = np.flatnonzero(free)
-            x[indices] += max(step, 0.0) * change
-            first = indices[room <= step]
-            x[first] = bound[room <= step]
-            free[first] = False
-        slope = hessian @ x + gradient
-        inward = np.where(x <= lower, -slope, np.where(x >= upper, slope, 0.0))
-        inward[free | (upper <= lower)] = 0.0
-        best = int(np.argmax(inward))
-        if inward[best] <= tolerance:
-            return np.asarray(np.clip(x, lower, upper))
-        free[best] = True
-    raise NotConverged("the least-squares problem of a step was not solved: rescale it")
-
-
-@dataclass(frozen=True)
-class Weights:
-    """Weights of what a step minimizes besides the error of the hand's velocity.
-
-    Attributes:
-        posture: of the difference from the speeds towards the posture.
-        change: of the change of the speeds from the step before.
-    """
-
-    posture: float
-    change: float
-
-
-@dataclass(frozen=True, eq=False)
-class Step:
-    """min |J v - w|^2 + posture |v - u|^2 + change |v - v_before|^2 + damping |v|^2, in bounds.
-
-    Attributes:
-        q: configuration (n,).
-        jacobian: J, tracked rows (r, n) of the hand's Jacobian.
-        velocity: w, of the hand (r,) [m/s, rad/s].
-        posture: u, speeds towards the posture (n,).
-        before: speeds in the step before (n,).
-        damping: weight of the speeds.
-        lower, upper: bounds of the speeds (n,).
-    """
-
-    q: Array
-    jacobian: Array
-    velocity: Array
-    posture: Array
-    before: Array
-    damping: float
-    lower: Array
-    upper: Array
-
-    def solve(self, weights: Weights) -> Array:
-        """Speeds (n,)."""
-        total = weights.posture + weights.change + self.damping
-        pulled = weights.posture * self.posture + weights.change * self.before
-        return box_least_squares(
-            self.jacobian.T @ self.jacobian + total * np.eye(self.q.size),
-            -(self.jacobian.T @ self.velocity + pulled),
-            self.lower,
-            self.upper,
-        )
-
-
-_SOLVER = "daqp"
-
-
-def pink_step(
-    model: Model, rows: tuple[int, ...], duration: float, weights: Weights
-) -> Callable[[Step], Array]:
-    """A function that solves steps [s] with pink's tasks, and its QP by DAQP.
-
-    FrameTask is given the pose that the hand reaches within the step at the wanted velocity. Bounds
-    of the speeds stand in a Limit. (Those of pink's own AccelerationLimit can contradict each other
-    near the end of a joint's range, as they count the room for braking before the step, not after.)
-
-    Raises:
-        ImportError: without the extra "pink".
-    """
-    try:
-        from pink import Configuration, solve_ik
-        from pink.limits import Limit
-        from pink.tasks import FrameTask, LowAccelerationTask, PostureTask
-        from qpsolvers import available_solvers
-    except ImportError as error:
-        raise ImportError(
-            "inverse kinematics by pink needs: pip install 'geodesic_ocp[pink]'"
-        ) from error
-    if _SOLVER not in available_solvers:
-        raise ImportError("pink's QPs need DAQP: pip install 'geodesic_ocp[pink]'")
-
-    class Bounds(Limit):  # type: ignore[misc, unused-ignore]
-        """Least and largest displacements of all joints."""
-
-        lower: Array
-        upper: Array
-
-        def compute_qp_inequalities(self, configuration: Any, dt: float) -> tuple[Array, Array]:
-            del configuration, dt
-            both = np.concatenate([self.upper, -self.lower])
-            eye = np.eye(self.upper.size)
-            finite = np.isfinite(both)
-            return np.vstack([eye, -eye])[finite], both[finite]
-
-    chain = model.pin.copy()  # pink adds attributes to it
-    data = chain.createData()
-    placed, turned = (float(first in rows) for first in (0, 3))
-    hand = FrameTask(model.hand, position_cost=placed, orientation_cost=turned)
-    posture = PostureTask(cost=float(np.sqrt(weights.posture)))
-    change = LowAccelerationTask(cost=float(np.sqrt(weights.change)))
-    bounds = Bounds()
-
-    def solve(step: Step) -> Array:
-        way = np.zeros(6)
-        way[list(rows)] = duration * step.velocity
-        configuration = Configuration(chain, data, step.q, copy_data=False)
-        pose = configuration.get_transform_frame_to_world(model.hand)
-        pose.rotation = Rotation.from_rotvec(way[3:]).as_matrix() @ pose.rotation
-        pose.translation = pose.translation + way[:3]
-        hand.set_target(pose)
-        posture.set_target(step.q + duration * step.posture)
-        change.set_last_integration(step.before, duration)
-        bounds.lower, bounds.upper = duration * step.lower, duration * step.upper
-        return np.asarray(
-            solve_ik(
-                configuration,
-                [hand, posture, change],
-                duration,
-                _SOLVER,
-                damping=step.damping,
-                limits=[bounds],
-                safety_break=False,
-            )
-        )
-
-    return solve
-
-
 Solver: TypeAlias = Literal["built-in", "pink"]
 _EVEN = 1e-6  # share of a step
 _FEWEST = 3  # steps: at rest, in motion, at rest
+_ROUNDING = 1e-9  # share of limits, and [rad or m], left to the rounding of sums
+_ACCURACY = 1e-10  # [rad/s or m/s], of speeds
 
 
 def track_within_limits(
@@ -406,31 +110,30 @@ def track_within_limits(
         change=_not_negative("smoothing", smoothing) * rate,
     )
     duration = 1.0 / rate
-    targets = _targets(time, poses, duration)
+    rotations, places, velocities = _targets(time, poses, duration)
     rows = (*range(3 * (not placing), 3), *range(3, 3 + 3 * turning))
     bounds = SpeedBounds.of(model, limits, duration)
-    by_pink = pink_step(model, rows, duration, weights) if solver == "pink" else None
+    by_pink = _pink_step(model, rows, duration, weights) if solver == "pink" else None
 
-    count = len(targets.velocities)
+    count = len(velocities)
     positions, speeds = np.empty((count + 1, model.dof)), np.zeros((count + 2, model.dof))
     positions[0] = q
     for k in range(count):
-        jacobian, error = jacobian_and_error(
-            model, rows, q, targets.rotations[k], targets.positions[k]
-        )
+        jacobian, way = evaluate(_tracking(model, rows), q, rotations[k], places[k])
+        error = way[:, 0]
         # At rest in the first and in the last step.
         lower, upper = bounds(q, speeds[k], min(k, count - 1 - k))
         step = Step(
             q=q,
             jacobian=jacobian,
-            velocity=targets.velocities[k, list(rows)] + gain * error,
+            velocity=velocities[k, list(rows)] + gain * error,
             posture=drift * (preferred - q),
             before=speeds[k],
             damping=damping**2 + float(error @ error),
             lower=lower,
             upper=upper,
         )
-        found = step.solve(weights) if by_pink is None else by_pink(step)
+        found = by_pink(step) if by_pink else step.solve(weights)
         speeds[k + 1] = np.clip(found, lower, upper)
         q = q + duration * speeds[k + 1]
         positions[k + 1] = q
@@ -446,28 +149,35 @@ def track_within_limits(
 
 def _targets(
     time: ArrayLike, poses: Poses | tuple[ArrayLike, ArrayLike], step: float
-) -> HandTargets:
-    """The poses at the ends of steps [s]; after the last time, the last one."""
+) -> tuple[Array, Array, Array]:
+    """Rotations and positions of the hand at the ends of steps [s], and its velocities (k - 1, 6).
+
+    After the last time, the pose is the last one. Velocities are those of translation [m/s] and
+    rotation [rad/s] from each pose to the next. Poses between samples are of cubic splines.
+    """
     given = np.array(time, dtype=float)
     if given.ndim != 1 or given.size < 2 or not np.all(np.diff(given) > 0.0):
         raise ValueError(f"time must be at least two increasing times, got shape {given.shape}")
-    if not callable(poses):
-        rotations, positions = (np.array(each, dtype=float) for each in poses)
-        if rotations.shape != (given.size, 3, 3) or positions.shape != (given.size, 3):
-            raise ValueError(
-                f"poses must be rotations ({given.size}, 3, 3) and positions ({given.size}, 3) at "
-                f"the times, got shapes {rotations.shape} and {positions.shape}"
-            )
-        poses = through_samples(given, rotations, positions)
     count = int(np.ceil((given[-1] - given[0]) / step - _EVEN))
     if count < _FEWEST:
         raise ValueError(
             f"time must span at least {_FEWEST} steps of {step:.3g} s, got "
             f"{given[-1] - given[0]:.3g} s"
         )
-    return HandTargets.at(
-        poses, np.minimum(given[0] + step * np.arange(count + 1), given[-1]), step
-    )
+    instants = np.minimum(given[0] + step * np.arange(count + 1), given[-1])
+    if callable(poses):
+        rotations, positions = poses(instants)
+    else:
+        rotations, positions = (np.array(each, dtype=float) for each in poses)
+        if rotations.shape != (given.size, 3, 3) or positions.shape != (given.size, 3):
+            raise ValueError(
+                f"poses must be rotations ({given.size}, 3, 3) and positions ({given.size}, 3) at "
+                f"the times, got shapes {rotations.shape} and {positions.shape}"
+            )
+        rotations = RotationSpline(given, Rotation.from_matrix(rotations))(instants).as_matrix()
+        positions = CubicSpline(given, positions)(instants)
+    turns = rotation_vector(rotations[1:] @ rotations[:-1].transpose(0, 2, 1))
+    return rotations, positions, np.hstack([np.diff(positions, axis=0), turns]) / step
 
 
 def _not_negative(name: str, value: float) -> float:
@@ -475,3 +185,224 @@ def _not_negative(name: str, value: float) -> float:
     if number < 0.0:
         raise ValueError(f"{name} must not be negative, got {value!r}")
     return number
+
+
+@lru_cache(maxsize=32)
+def _tracking(model: Model, rows: tuple[int, ...]) -> ca.Function:
+    """q, rotation and position of the target -> Jacobian, error."""
+    q, rotation, position = ca.SX.sym("q", model.dof), ca.SX.sym("R", 3, 3), ca.SX.sym("p", 3)
+    here, at = model.hand_pose(q)
+    error = ca.vertcat(position - at, rotation_log(rotation @ here.T))
+    jacobian = ca.densify(model.hand_jacobian(q)[list(rows), :])
+    outputs = ca.cse([jacobian, ca.densify(error[list(rows)])])
+    return ca.Function("tracking", [q, rotation, position], outputs)
+
+
+@dataclass(frozen=True, eq=False)
+class SpeedBounds:
+    """Bounds of the constant speed over a step, q_next = q + step v.
+
+    Between its bounds there is always a speed, at which there is one again, and so on: the joint
+    can brake before the end of its range, and come to rest in the steps that are left. (Viability:
+    Del Prete, "Joint position and velocity bounds in discrete-time acceleration/torque control of
+    robot manipulators", IEEE Robotics and Automation Letters 3, 2018; here for steps of constant
+    speed.)
+
+    Attributes:
+        lower, upper: range of the joints (n,) [rad or m].
+        speed: limit (n,) [rad/s or m/s].
+        change: largest change of the speed from step to step (n,).
+        step: [s].
+    """
+
+    lower: Array
+    upper: Array
+    speed: Array
+    change: Array
+    step: float
+
+    @classmethod
+    def of(cls, model: Model, limits: JointLimits, step: float) -> SpeedBounds:
+        """Of a model's joints."""
+        kept = 1.0 - _ROUNDING
+        return cls(
+            model.lower + _ROUNDING,
+            model.upper - _ROUNDING,
+            kept * limits.velocity,
+            kept * limits.acceleration * step,
+            step,
+        )
+
+    def __call__(self, q: Array, previous: Array, left: int) -> tuple[Array, Array]:
+        """Least and largest speeds (n,).
+
+        Args:
+            q: configuration at the beginning of the step (n,).
+            previous: speed in the step before (n,).
+            left: number of steps after this one, in the last of which the arm is at rest.
+        """
+        to_rest = np.zeros_like(self.change) if left == 0 else left * self.change
+        largest = np.minimum(self.speed, to_rest)
+        up = np.minimum(largest, self._braking(self.upper - q))
+        down = -np.minimum(largest, self._braking(q - self.lower))
+        up = np.maximum(np.minimum(up, previous + self.change), previous - self.change)
+        down = np.minimum(np.maximum(down, previous - self.change), previous + self.change)
+        return np.minimum(down, up), up
+
+    def _braking(self, room: Array) -> Array:
+        """Largest speed v (n,) towards a limit at the distance `room` (n,).
+
+        The distance step (v + (v - c) + (v - 2 c) + ...) until the joint stands, with the change c
+        of speed per step, is the largest of step ((k + 1) v - c k (k + 1) / 2) over k = 0, 1, ...
+        """
+        room = np.maximum(room, 0.0) / self.step
+        limited = np.isfinite(self.change)  # else it may stop at once
+        ratio = np.divide(room, self.change, out=np.zeros_like(room), where=limited)
+        ratio = np.minimum(ratio, 1e12)
+        k = np.floor(np.maximum(np.sqrt(2.0 * ratio) - 1.0, 0.0))
+        found = room.copy()
+        for count in (k, k + 1.0):
+            with np.errstate(invalid="ignore"):  # infinite times zero
+                speed = room / (count + 1.0) + np.where(count > 0.0, self.change * count / 2.0, 0.0)
+            found = np.where(np.isnan(speed), found, np.minimum(found, speed))
+        return found
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Weights of what a step minimizes besides the error of the hand's velocity.
+
+    Attributes:
+        posture: of the difference from the speeds towards the posture.
+        change: of the change of the speeds from the step before.
+    """
+
+    posture: float
+    change: float
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """min |J v - w|^2 + posture |v - u|^2 + change |v - v_before|^2 + damping |v|^2, in bounds.
+
+    Attributes:
+        q: configuration (n,).
+        jacobian: J, tracked rows (r, n) of the hand's Jacobian.
+        velocity: w, of the hand (r,) [m/s, rad/s].
+        posture: u, speeds towards the posture (n,).
+        before: speeds in the step before (n,).
+        damping: weight of the speeds.
+        lower, upper: bounds of the speeds (n,).
+    """
+
+    q: Array
+    jacobian: Array
+    velocity: Array
+    posture: Array
+    before: Array
+    damping: float
+    lower: Array
+    upper: Array
+
+    def solve(self, weights: Weights) -> Array:
+        """Speeds (n,)."""
+        total = weights.posture + weights.change + self.damping
+        pulled = weights.posture * self.posture + weights.change * self.before
+        return box_least_squares(
+            self.jacobian.T @ self.jacobian + total * np.eye(self.q.size),
+            -(self.jacobian.T @ self.velocity + pulled),
+            self.lower,
+            self.upper,
+        )
+
+
+def box_least_squares(hessian: Array, gradient: Array, lower: Array, upper: Array) -> Array:
+    """The x (n,) that minimizes x' H x / 2 + g' x subject to lower <= x <= upper.
+
+    By DAQP (Arnström, Bemporad, Axehill, "A dual active-set solver for embedded quadratic
+    programming using recursive LDL' updates", IEEE Trans. Automatic Control 67, 2022).
+
+    Args:
+        hessian: H, symmetric and positive definite (n, n).
+        gradient: g (n,).
+        lower, upper: bounds (n,), which may be infinite or equal.
+
+    Raises:
+        NotConverged: DAQP finds no minimum, from rounding.
+    """
+    size = gradient.size
+    no_rows, kinds = np.empty((0, size)), np.zeros(size, dtype=np.intc)
+    x, _, flag, _ = daqp.solve(
+        hessian, gradient, no_rows, upper, lower, kinds, primal_tol=_ACCURACY
+    )
+    if flag != 1:
+        raise NotConverged(f"the least-squares problem of a step was not solved (DAQP: {flag})")
+    return np.asarray(np.clip(x, lower, upper))
+
+
+def _pink_step(
+    model: Model, rows: tuple[int, ...], duration: float, weights: Weights
+) -> Callable[[Step], Array]:
+    """A function that solves steps [s] with pink's tasks, and its QP by DAQP.
+
+    FrameTask is given the pose that the hand reaches within the step at the wanted velocity. Bounds
+    of the speeds stand in a Limit. (Those of pink's own AccelerationLimit can contradict each other
+    near the end of a joint's range, as they count the room for braking before the step, not after.)
+
+    Raises:
+        ImportError: without the extra "pink".
+    """
+    try:
+        from pink import Configuration, solve_ik
+        from pink.limits import Limit
+        from pink.tasks import FrameTask, LowAccelerationTask, PostureTask
+    except ImportError as error:
+        raise ImportError(
+            "inverse kinematics by pink needs: pip install 'geodesic_ocp[pink]'"
+        ) from error
+
+    class Bounds(Limit):  # type: ignore[misc, unused-ignore]
+        """Least and largest displacements of all joints."""
+
+        lower: Array
+        upper: Array
+
+        def compute_qp_inequalities(self, configuration: Any, dt: float) -> tuple[Array, Array]:
+            del configuration, dt
+            both = np.concatenate([self.upper, -self.lower])
+            eye = np.eye(self.upper.size)
+            finite = np.isfinite(both)
+            return np.vstack([eye, -eye])[finite], both[finite]
+
+    chain = model.pin.copy()  # pink adds attributes to it
+    data = chain.createData()
+    placed, turned = (float(first in rows) for first in (0, 3))
+    hand = FrameTask(model.hand, position_cost=placed, orientation_cost=turned)
+    posture = PostureTask(cost=float(np.sqrt(weights.posture)))
+    change = LowAccelerationTask(cost=float(np.sqrt(weights.change)))
+    bounds = Bounds()
+
+    def solve(step: Step) -> Array:
+        way = np.zeros(6)
+        way[list(rows)] = duration * step.velocity
+        configuration = Configuration(chain, data, step.q, copy_data=False)
+        pose = configuration.get_transform_frame_to_world(model.hand)
+        pose.rotation = Rotation.from_rotvec(way[3:]).as_matrix() @ pose.rotation
+        pose.translation = pose.translation + way[:3]
+        hand.set_target(pose)
+        posture.set_target(step.q + duration * step.posture)
+        change.set_last_integration(step.before, duration)
+        bounds.lower, bounds.upper = duration * step.lower, duration * step.upper
+        return np.asarray(
+            solve_ik(
+                configuration,
+                [hand, posture, change],
+                duration,
+                "daqp",
+                damping=step.damping,
+                limits=[bounds],
+                safety_break=False,
+            )
+        )
+
+    return solve
