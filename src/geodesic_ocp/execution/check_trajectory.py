@@ -171,19 +171,14 @@ def check_trajectory(
     return TrajectoryCheck(tuple(found), usage, largest, consistency, trajectory.joint_names, least)
 
 
-def chosen_joints(
-    trajectory: JointTrajectory,
-    order: Sequence[int],
-    names: tuple[str, ...] | None = None,
-) -> JointTrajectory:
-    """The trajectory of the joints with these numbers, under other names if they are given."""
-    columns = list(order)
+def chosen_joints(trajectory: JointTrajectory, columns: list[int]) -> JointTrajectory:
+    """The trajectory of the joints with these numbers, without torques."""
     return replace(
         trajectory,
         positions=trajectory.positions[:, columns],
         velocities=trajectory.velocities[:, columns],
         accelerations=trajectory.accelerations[:, columns],
-        joint_names=names or tuple(trajectory.joint_names[k] for k in columns),
+        joint_names=tuple(trajectory.joint_names[k] for k in columns),
         units=tuple(trajectory.units[k] for k in columns),
         efforts=None,
     )

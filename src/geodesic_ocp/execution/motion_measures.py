@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.execution.check_trajectory import check_trajectory
-from geodesic_ocp.execution.limits import JointLimits
+from geodesic_ocp.execution.limits import QUANTITIES, JointLimits
 from geodesic_ocp.execution.track_within_limits import Solver, track_within_limits
 from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.model import Model
@@ -23,6 +23,22 @@ from geodesic_ocp.trajectory.path import speeds_at
 _HIGHEST = 10.0  # [Hz]
 _LEAST = 0.05  # of the largest amplitude: higher frequencies are cut off from there on
 _PADDING = 4  # powers of two
+_COLUMNS = {  # of `measures_table`
+    "time [s]": "duration",
+    "action [J s]": "action",
+    "torque, rms [N m]": "torque",
+    "jerk, rms [rad/s^3]": "jerk",
+    "smoothness of the hand": "smoothness",
+    "elbow, beside the person's [arm length]": "elbow",
+    "hand, mean [m]": "position",
+    "largest [m]": "largest_position",
+    "hand, mean [rad]": "rotation",
+    "largest [rad]": "largest_rotation",
+    "outside joint limits [rad or m]": "outside",
+}
+_NAMES = {"built-in": "inverse kinematics (QP)", "pink": "inverse kinematics (pink)"}
+# Offsets of the elbow (k, 3), of the robot in configurations (k, n), of the person at times (k,).
+ElbowOffsets = tuple[Callable[[Array], Array], Callable[[Array], Array]]
 
 
 def spectral_arc_length(speed: Array, rate: float) -> float:
@@ -125,6 +141,7 @@ def motion_measures(
     time = trajectory.time
     found_rotations, found_positions = robot.hand_pose(q)
     distance = np.linalg.norm(found_positions - positions, axis=1)
+    hand_speed = np.linalg.norm(np.gradient(found_positions, axis=0), axis=1) * rate
     turn = rotation_vector(rotations @ found_rotations.transpose(0, 2, 1))
     angle = np.linalg.norm(turn, axis=1)
     elbow = float("nan")
@@ -136,7 +153,7 @@ def motion_measures(
         action=float(np.trapezoid(speeds_at(KineticEnergy(robot), q, v) ** 2 / 2.0, time)),
         torque=_root_mean_square(robot.inverse_dynamics(q, v, a, gravity)),
         jerk=_root_mean_square(np.diff(a, axis=0) * rate),
-        smoothness=spectral_arc_length(_hand_speed(found_positions, rate), rate),
+        smoothness=spectral_arc_length(hand_speed, rate),
         elbow=elbow,
         position=float(distance.mean()),
         largest_position=float(distance.max()),
@@ -149,57 +166,18 @@ def motion_measures(
 
 def measures_table(measures: Mapping[str, MotionMeasures]) -> Table:
     """One row for each motion by its name."""
-    header = (
-        "motion",
-        "time [s]",
-        "action [J s]",
-        "torque, rms [N m]",
-        "jerk, rms [rad/s^3]",
-        "smoothness of the hand",
-        "elbow, beside the person's [arm length]",
-        "hand, mean [m]",
-        "largest [m]",
-        "hand, mean [rad]",
-        "largest [rad]",
-        "outside joint limits [rad or m]",
-        "velocity [limit]",
-        "acceleration [limit]",
-        "jerk [limit]",
-        "torque [limit]",
-    )
-    rows = [
-        (
-            name,
-            each.duration,
-            each.action,
-            each.torque,
-            each.jerk,
-            each.smoothness,
-            "-" if np.isnan(each.elbow) else each.elbow,
-            each.position,
-            each.largest_position,
-            each.rotation,
-            each.largest_rotation,
-            each.outside,
-            *(each.usage[kind] for kind in ("velocity", "acceleration", "jerk", "torque")),
-        )
-        for name, each in measures.items()
-    ]
+    rows = []
+    for name, each in measures.items():
+        values = [getattr(each, attribute) for attribute in _COLUMNS.values()]
+        shares = [each.usage[kind] for kind in QUANTITIES]
+        rows.append((name, *("-" if np.isnan(value) else value for value in values), *shares))
+    header = ("motion", *_COLUMNS, *(f"{kind} [limit]" for kind in QUANTITIES))
     return Table(header, tuple(rows))
 
 
 def _root_mean_square(values: Array) -> float:
     """Of the norm of the rows (k, n)."""
     return float(np.sqrt(np.mean(np.sum(values**2, axis=1))))
-
-
-def _hand_speed(positions: Array, rate: float) -> Array:
-    return np.asarray(np.linalg.norm(np.gradient(positions, axis=0), axis=1) * rate)
-
-
-_NAMES = {"built-in": "inverse kinematics (QP)", "pink": "inverse kinematics (pink)"}
-# Offsets of the elbow (k, 3), of the robot in configurations (k, n), of the person at times (k,).
-ElbowOffsets = tuple[Callable[[Array], Array], Callable[[Array], Array]]
 
 
 def compare_with_tracking(

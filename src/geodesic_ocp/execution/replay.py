@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, as_vector
+from geodesic_ocp.execution.check_trajectory import chosen_joints
 from geodesic_ocp.execution.limits import JointLimits, joint_limits
 from geodesic_ocp.execution.simulation import (
     Contact,
     Controller,
-    SimulatedRobot,
     find_contacts,
     import_mujoco,
     make_controller,
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _SATURATED = 1.0 - 1e-9  # of the torque limit
+_CONTACTS_EVERY = 0.01  # [s]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -113,24 +114,15 @@ class Replay:
 
     def table(self) -> Table:
         """Errors and torques of each joint; hand and contacts below."""
-        columns = zip(
-            self.model.joint_names,
-            (1e3 * self.largest_error).tolist(),
-            (1e3 * self.rms_error).tolist(),
-            np.abs(self.torques).max(axis=0).tolist(),
-            (100.0 * self.torque_share).tolist(),
-            (100.0 * self.saturated).tolist(),
-            strict=True,
-        )
-        header = (
-            "joint",
-            "largest error [mrad, mm]",
-            "rms error [mrad, mm]",
-            "largest torque [N m, N]",
-            "of its limit [%]",
-            "time at the limit [%]",
-        )
-        return Table(header, tuple(columns), self._note())
+        columns = {
+            "joint": self.model.joint_names,
+            "largest error [mrad, mm]": (1e3 * self.largest_error).tolist(),
+            "rms error [mrad, mm]": (1e3 * self.rms_error).tolist(),
+            "largest torque [N m, N]": np.abs(self.torques).max(axis=0).tolist(),
+            "of its limit [%]": (100.0 * self.torque_share).tolist(),
+            "time at the limit [%]": (100.0 * self.saturated).tolist(),
+        }
+        return Table(tuple(columns), tuple(zip(*columns.values(), strict=True)), self._note())
 
     def _note(self) -> str:
         sentences = [
@@ -178,9 +170,6 @@ def _touching(contacts: Sequence[Contact]) -> list[str]:
             if pairs:
                 found.append(f"{what}{when}: {', '.join(pairs)}.")
     return found
-
-
-_CONTACTS_EVERY = 0.01  # [s]
 
 
 def replay(
@@ -248,19 +237,14 @@ def replay(
     if isinstance(robot, Model) and not contacts:
         robot = robot.with_bodies()
     actual = simulated_robot(robot, model, fall, step)
-    law = make_controller(
-        controller, known, as_positive("frequency", frequency, "Hz"), reference.positions
-    )
+    frequency = as_positive("frequency", frequency, "Hz")
+    law = make_controller(controller, known, model, frequency, reference.positions)
     q, v, torques = simulate(actual, reference, law, largest)
-    return Replay(
-        model,
-        reference,
-        Motion(reference.time, q, model.joint_names, v),
-        torques,
-        largest,
-        _contacts(actual, q, step) if contacts else None,
-        controller,
-    )
+    touching = None
+    if contacts and np.any(actual.model.geom_bodyid > 0):
+        touching = find_contacts(actual, q[:: max(round(_CONTACTS_EVERY / step), 1)])
+    simulation = Motion(reference.time, q, model.joint_names, v)
+    return Replay(model, reference, simulation, torques, largest, touching, controller)
 
 
 def _of_joints(trajectory: JointTrajectory, model: Model) -> JointTrajectory:
@@ -278,18 +262,4 @@ def _of_joints(trajectory: JointTrajectory, model: Model) -> JointTrajectory:
                 f"trajectory has {len(found) or 'no'} joints {joint}; it has {', '.join(given)}"
             )
         columns += found
-    return replace(
-        trajectory,
-        positions=trajectory.positions[:, columns],
-        velocities=trajectory.velocities[:, columns],
-        accelerations=trajectory.accelerations[:, columns],
-        joint_names=model.joint_names,
-        units=model.units,
-        efforts=None,
-    )
-
-
-def _contacts(robot: SimulatedRobot, q: Array, step: float) -> tuple[Contact, ...] | None:
-    if not np.any(robot.model.geom_bodyid > 0):
-        return None
-    return find_contacts(robot, q[:: max(round(_CONTACTS_EVERY / step), 1)])
+    return replace(chosen_joints(trajectory, columns), joint_names=wanted, units=model.units)

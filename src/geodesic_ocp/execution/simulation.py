@@ -18,7 +18,12 @@ from geodesic_ocp.model.formats.robots import locate
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
+Controller: TypeAlias = Literal["computed torque", "pd"]
+# (q, v, reference q, v and a) -> torques, (n,) each
+Torques: TypeAlias = Callable[[Array, Array, Array, Array, Array], Array]
+_POSTURES = 50  # of a reference, in which masses are compared
 _SAME_ROTATION = 1e-6  # [rad]
+_DIVERGED = 1e6  # [rad/s or m/s]
 # What keeps joints together or drives them, and what refers to joints that are locked.
 _UNUSED = ("actuators", "equalities", "tendons", "sensors", "keys")
 
@@ -75,21 +80,24 @@ def simulated_robot(
             that of the Model.
     """
     mujoco = import_mujoco()
+    written = isinstance(robot, Model)
     if isinstance(robot, Model):
         native = _compiled(mujoco, lambda: mujoco.MjModel.from_xml_string(mjcf_text(robot)))
         _check_joints(robot.joint_names, model, f"model {robot.name!r}")
+        # `mjcf_text` names a geom after its link.
+        links = [native.geom(k).name.rpartition(":")[0] for k in range(native.ngeom)]
     else:
         native = _from_file(mujoco, robot, model)
+        links = [native.body(body).name for body in native.geom_bodyid]
     native.opt.timestep = timestep
     native.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     flags = mujoco.mjtDisableBit
     native.opt.disableflags |= int(flags.mjDSBL_CONTACT) | int(flags.mjDSBL_AUTORESET)
     ids = [native.joint(name).id for name in model.joint_names]
-    rows = native.jnt_qposadr[ids], native.jnt_dofadr[ids]
-    written = isinstance(robot, Model)
-    found = SimulatedRobot(native, *rows, _links(native, written), written)
-    turn = np.eye(3) if isinstance(robot, Model) else _base_rotation(mujoco, found, model)
-    native.opt.gravity[:] = turn @ gravity
+    found = SimulatedRobot(
+        native, native.jnt_qposadr[ids], native.jnt_dofadr[ids], tuple(links), written
+    )
+    native.opt.gravity[:] = gravity if written else _base_rotation(mujoco, found, model) @ gravity
     return found
 
 
@@ -132,13 +140,6 @@ def _check_joints(present: Any, model: Model, name: str) -> None:
         )
 
 
-def _links(native: Any, written: bool) -> tuple[str, ...]:
-    """The link of each geom: after which `mjcf_text` names it, or its body in a file."""
-    if written:
-        return tuple(native.geom(k).name.rpartition(":")[0] for k in range(native.ngeom))
-    return tuple(native.body(body).name for body in native.geom_bodyid)
-
-
 def _base_rotation(mujoco: Any, found: SimulatedRobot, model: Model) -> Array:
     """Rotation from the axes of the Model's base to those of the file's world.
 
@@ -167,15 +168,8 @@ def _base_rotation(mujoco: Any, found: SimulatedRobot, model: Model) -> Array:
     return np.array(turns[0])
 
 
-Controller: TypeAlias = Literal["computed torque", "pd"]
-# (q, v, reference q, v and a) -> torques, (n,) each
-Torques: TypeAlias = Callable[[Array, Array, Array, Array, Array], Array]
-InverseDynamics: TypeAlias = Callable[[Array, Array, Array], Array]  # of q, v and a
-_POSTURES = 50  # of a reference, in which masses are compared
-
-
 def make_controller(
-    kind: Controller, robot: SimulatedRobot, frequency: float, postures: Array
+    kind: Controller, robot: SimulatedRobot, model: Model, frequency: float, postures: Array
 ) -> Torques:
     """The controller as a function of the state and the reference.
 
@@ -186,7 +180,8 @@ def make_controller(
 
     Args:
         kind: which one.
-        robot: the model that the controller has of the robot.
+        robot: the robot as the controller knows it.
+        model: of the same robot.
         frequency: natural frequency of the error, critically damped [Hz].
         postures: configurations (k, n) of the reference.
 
@@ -196,52 +191,27 @@ def make_controller(
     if kind not in get_args(Controller):
         known = " or ".join(repr(name) for name in get_args(Controller))
         raise ValueError(f"controller must be {known}, got {kind!r}")
-    omega = 2.0 * np.pi * frequency
-    inverse_dynamics = _inverse_dynamics(robot)
-    still = np.zeros(postures.shape[1])
-    if kind == "computed torque":
-
-        def computed_torque(q: Array, v: Array, qr: Array, vr: Array, ar: Array) -> Array:
-            return inverse_dynamics(q, v, ar + 2.0 * omega * (vr - v) + omega**2 * (qr - q))
-
-        return computed_torque
-    weights = _largest_diagonal(inverse_dynamics, postures)
-
-    def pd(q: Array, v: Array, qr: Array, vr: Array, ar: Array) -> Array:
-        feedback = weights * (2.0 * omega * (vr - v) + omega**2 * (qr - q))
-        return feedback + inverse_dynamics(q, still, still)
-
-    return pd
-
-
-def _inverse_dynamics(robot: SimulatedRobot) -> InverseDynamics:
     mujoco = import_mujoco()
     native, data = robot.model, mujoco.MjData(robot.model)
 
-    def torques(q: Array, v: Array, a: Array) -> Array:
+    def inverse_dynamics(q: Array, v: Array, a: Array) -> Array:
         data.qpos[robot.positions] = q
         data.qvel[robot.velocities] = v
         data.qacc[robot.velocities] = a
         mujoco.mj_inverse(native, data)
-        result: Array = data.qfrc_inverse[robot.velocities]
-        return result
+        return np.array(data.qfrc_inverse[robot.velocities])
+
+    omega, still = 2.0 * np.pi * frequency, np.zeros(model.dof)
+    rows = np.unique(np.linspace(0, len(postures) - 1, _POSTURES).astype(int))
+    weights = np.max([np.diag(model.mass_matrix(q)) for q in postures[rows]], axis=0)
+
+    def torques(q: Array, v: Array, qr: Array, vr: Array, ar: Array) -> Array:
+        feedback = 2.0 * omega * (vr - v) + omega**2 * (qr - q)
+        if kind == "computed torque":
+            return inverse_dynamics(q, v, ar + feedback)
+        return np.asarray(weights * feedback + inverse_dynamics(q, still, still))
 
     return torques
-
-
-def _largest_diagonal(inverse_dynamics: InverseDynamics, postures: Array) -> Array:
-    """Of the mass matrix, (n,): the torque that accelerates one joint alone from rest."""
-    rows = np.unique(np.linspace(0, len(postures) - 1, _POSTURES).astype(int))
-    still, units = np.zeros(postures.shape[1]), np.eye(postures.shape[1])
-    largest = still
-    for q in postures[rows]:
-        weight = inverse_dynamics(q, still, still)
-        diagonal = [inverse_dynamics(q, still, unit) @ unit for unit in units] - weight
-        largest = np.maximum(largest, diagonal)
-    return largest
-
-
-_DIVERGED = 1e6  # [rad/s or m/s]
 
 
 def simulate(
