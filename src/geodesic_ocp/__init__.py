@@ -204,14 +204,22 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.execution.track_within_limits import track_within_limits
     from geodesic_ocp.execution.trajectory_clearance import ClearanceReport, trajectory_clearance
     from geodesic_ocp.figures.obstacles import draw_obstacle
-    from geodesic_ocp.fitting.bootstrap_fit import bootstrap_fit
     from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
     from geodesic_ocp.fitting.fit_metric import fit_metric
-    from geodesic_ocp.fitting.leave_one_out import CrossValidation, leave_one_out
-    from geodesic_ocp.fitting.metric_file import load_metric, save_metric
-    from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, Estimate, MetricFit
+    from geodesic_ocp.fitting.metric_fit import (
+        ConfidenceInterval,
+        Estimate,
+        MetricFit,
+        load_metric,
+        save_metric,
+    )
     from geodesic_ocp.fitting.parameter import Parameter
-    from geodesic_ocp.fitting.separate_fits import separate_fits
+    from geodesic_ocp.fitting.resampling import (
+        CrossValidation,
+        bootstrap_fit,
+        leave_one_out,
+        separate_fits,
+    )
     from geodesic_ocp.logarithm.frechet_mean import frechet_mean
     from geodesic_ocp.logarithm.geodesic import (
         Geodesic,
@@ -219,8 +227,8 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
         geodesic_from_velocity,
         geodesics,
     )
+    from geodesic_ocp.logarithm.geodesic_to_pose import ToPose, geodesic_to_pose
     from geodesic_ocp.logarithm.log import distance, log
-    from geodesic_ocp.logarithm.to_pose.geodesic_to_pose import ToPose, geodesic_to_pose
     from geodesic_ocp.manifold.curvature import (
         riemann_curvature,
         scalar_curvature,
@@ -302,26 +310,23 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.studies.study.study_results import Study
     from geodesic_ocp.synergies.analyse import analyse
     from geodesic_ocp.synergies.analysis import Analysis
-    from geodesic_ocp.synergies.baselines.distal_inertia import distal_inertia
-    from geodesic_ocp.synergies.baselines.joint_polynomials import (
+    from geodesic_ocp.synergies.baselines import (
+        distal_inertia,
         minimum_acceleration,
         minimum_jerk,
+        minimum_jerk_hand,
+        track_hand,
     )
-    from geodesic_ocp.synergies.baselines.minimum_jerk_hand import minimum_jerk_hand
-    from geodesic_ocp.synergies.baselines.track_hand import track_hand
-    from geodesic_ocp.synergies.joint_inertia import default_joint_inertia
-    from geodesic_ocp.synergies.reconstruct import Reconstruction, reconstruct
-    from geodesic_ocp.synergies.scores.evaluate import HandErrors, MotionErrors, evaluate
-    from geodesic_ocp.synergies.scores.score import Scores, score
-    from geodesic_ocp.synergies.segmentation.optimal_segmentations import (
+    from geodesic_ocp.synergies.metrics import default_joint_inertia
+    from geodesic_ocp.synergies.optimal_segmentations import (
         OptimalSegmentations,
         optimal_segmentations,
+        segment_optimal,
     )
-    from geodesic_ocp.synergies.segmentation.segment import segment
-    from geodesic_ocp.synergies.segmentation.segment_optimal import segment_optimal
-    from geodesic_ocp.synergies.segmentation.segment_zero_velocity import segment_zero_velocity
-    from geodesic_ocp.synergies.synergy import Synergy
-    from geodesic_ocp.synergies.synergy_files import load_synergies, save_synergies
+    from geodesic_ocp.synergies.reconstruct import Reconstruction, reconstruct
+    from geodesic_ocp.synergies.scores import HandErrors, MotionErrors, Scores, evaluate, score
+    from geodesic_ocp.synergies.segment import segment, segment_zero_velocity
+    from geodesic_ocp.synergies.synergy import Synergy, load_synergies, save_synergies
     from geodesic_ocp.table import Table
     from geodesic_ocp.trajectory.filters.motion_filter import MotionFilter
     from geodesic_ocp.trajectory.frame_motion import FrameMotion
@@ -356,17 +361,14 @@ else:
         "errors": "GeodesicOcpError IntegrationFailed NotConverged RecordingError",
         "figures.obstacles": "draw_obstacle",
         "manifold.metrics.adjustable_kinetic_energy": "AdjustableKineticEnergy",
-        "fitting.metric_fit": "Estimate ConfidenceInterval MetricFit",
+        "fitting.metric_fit": "Estimate ConfidenceInterval MetricFit load_metric save_metric",
         "fitting.parameter": "Parameter",
-        "fitting.separate_fits": "separate_fits",
+        "fitting.resampling": "separate_fits bootstrap_fit CrossValidation leave_one_out",
         "fitting.fit_metric": "fit_metric",
-        "fitting.bootstrap_fit": "bootstrap_fit",
         "fitting.error_profile": "ErrorProfile error_profile",
-        "fitting.leave_one_out": "CrossValidation leave_one_out",
-        "fitting.metric_file": "load_metric save_metric",
         "logarithm.frechet_mean": "frechet_mean",
         "logarithm.geodesic": "Geodesic geodesic geodesic_from_velocity geodesics",
-        "logarithm.to_pose.geodesic_to_pose": "ToPose geodesic_to_pose",
+        "logarithm.geodesic_to_pose": "ToPose geodesic_to_pose",
         "logarithm.log": "distance log",
         "manifold.curvature": "riemann_curvature scalar_curvature sectional_curvature",
         "manifold.metrics.euclidean": "Euclidean",
@@ -409,23 +411,18 @@ else:
         "retargeting.settings": "RetargetingSettings",
         "synergies.analyse": "analyse",
         "synergies.analysis": "Analysis",
-        "synergies.scores.evaluate": "HandErrors MotionErrors evaluate",
-        "synergies.joint_inertia": "default_joint_inertia",
+        "synergies.scores": "HandErrors MotionErrors evaluate Scores score",
+        "synergies.metrics": "default_joint_inertia",
         "recordings.read_motion": "read_motion",
         "synergies.reconstruct": "Reconstruction reconstruct",
-        "synergies.segmentation.optimal_segmentations": (
-            "OptimalSegmentations optimal_segmentations"
+        "synergies.optimal_segmentations": (
+            "OptimalSegmentations optimal_segmentations segment_optimal"
         ),
-        "synergies.segmentation.segment": "segment",
-        "synergies.segmentation.segment_optimal": "segment_optimal",
-        "synergies.segmentation.segment_zero_velocity": "segment_zero_velocity",
-        "synergies.synergy": "Synergy",
-        "synergies.synergy_files": "load_synergies save_synergies",
-        "synergies.baselines.track_hand": "track_hand",
-        "synergies.scores.score": "Scores score",
-        "synergies.baselines.joint_polynomials": "minimum_acceleration minimum_jerk",
-        "synergies.baselines.minimum_jerk_hand": "minimum_jerk_hand",
-        "synergies.baselines.distal_inertia": "distal_inertia",
+        "synergies.segment": "segment segment_zero_velocity",
+        "synergies.synergy": "Synergy load_synergies save_synergies",
+        "synergies.baselines": (
+            "track_hand minimum_acceleration minimum_jerk minimum_jerk_hand distal_inertia"
+        ),
         "recordings.opensim_models.osim_convention": "OsimConvention",
         "recordings.recording": "Recording",
         "recordings.read_recordings": "read_recordings",

@@ -15,7 +15,7 @@ from geodesic_ocp.execution.track_within_limits import Solver, track_within_limi
 from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.rotations import rotation_vector
-from geodesic_ocp.synergies.baselines.track_hand import Poses
+from geodesic_ocp.synergies.baselines import Poses
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.path import speeds_at

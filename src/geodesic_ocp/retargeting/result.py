@@ -22,8 +22,7 @@ from geodesic_ocp.retargeting.motion_clearance import TOUCHING, in_check
 from geodesic_ocp.retargeting.program.planned_paths import PlannedPaths
 from geodesic_ocp.retargeting.retargeting_strips import retargeting_strips
 from geodesic_ocp.retargeting.settings import RetargetingSettings
-from geodesic_ocp.synergies.synergy import Synergy
-from geodesic_ocp.synergies.synergy_files import save_synergies
+from geodesic_ocp.synergies.synergy import Synergy, save_synergies
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion

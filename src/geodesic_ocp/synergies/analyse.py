@@ -13,17 +13,16 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.recordings.plausible import check_plausible
 from geodesic_ocp.synergies.analysis import Analysis
-from geodesic_ocp.synergies.analysis_metrics import (
+from geodesic_ocp.synergies.baselines import track_hand
+from geodesic_ocp.synergies.metrics import (
     MetricName,
     as_analysis_metric,
     compared_metrics,
 )
-from geodesic_ocp.synergies.as_segments import as_segments
-from geodesic_ocp.synergies.baselines.track_hand import track_hand
 from geodesic_ocp.synergies.reconstruct import Reconstruction, reconstruct
-from geodesic_ocp.synergies.scores.evaluate import MotionErrors, evaluate
-from geodesic_ocp.synergies.segmentation.segment import segment
-from geodesic_ocp.synergies.segmentation.segment_zero_velocity import segment_zero_velocity
+from geodesic_ocp.synergies.scores import MotionErrors, evaluate
+from geodesic_ocp.synergies.segment import segment, segment_zero_velocity
+from geodesic_ocp.synergies.synergy import as_segments
 from geodesic_ocp.trajectory.motion import Motion
 
 

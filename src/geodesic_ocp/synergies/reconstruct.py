@@ -10,9 +10,8 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.logarithm.geodesic import geodesic
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.synergies.as_segments import as_segments
-from geodesic_ocp.synergies.observed_velocity import speeds
-from geodesic_ocp.synergies.synergy import Synergy
+from geodesic_ocp.synergies.segment import speeds
+from geodesic_ocp.synergies.synergy import Synergy, as_segments
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.time_law import TimeLaw, time_law
 

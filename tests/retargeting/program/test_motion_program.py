@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 import geodesic_ocp as go
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import JointLimits
-from geodesic_ocp.logarithm.to_pose.pose_target import metric_of
+from geodesic_ocp.logarithm.pose_shooting import metric_of
 from geodesic_ocp.retargeting.poses.targets import Pose
 from geodesic_ocp.retargeting.program.arm_part import ArmPart
 from geodesic_ocp.retargeting.program.distances.distance_rows import DistanceRows

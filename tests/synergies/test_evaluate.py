@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.synergies.scores.evaluate import action
+from geodesic_ocp.synergies.scores import action
 
 TIME = np.arange(0.0, 2.0, 0.01)
 

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from geodesic_ocp.synergies.segmentation.best_partitions import best_partitions
-from geodesic_ocp.synergies.segmentation.refine_cuts import refine_cuts
+from geodesic_ocp.synergies.segment_costs import best_partitions, refine_cuts
 
 
 @given(

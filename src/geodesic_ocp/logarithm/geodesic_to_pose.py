@@ -1,4 +1,4 @@
-"""The geodesic from a configuration that brings the hand to a pose, by shooting.
+"""geodesic_to_pose: the geodesic of the least length to a pose of the hand.
 
 Least squares over the initial velocity (Klein, Jaquier, Meixner, Asfour 2022, section V) of the
 logarithm of poses on R^3 x S^3, in two ways: as a nonlinear program with exact derivatives, and by
@@ -18,9 +18,13 @@ from geodesic_ocp.arrays import Array, as_positive, as_rotation, as_vector
 from geodesic_ocp.errors import GeodesicOcpError, NotConverged
 from geodesic_ocp.logarithm.geodesic import Geodesic, geodesic_from_velocity
 from geodesic_ocp.logarithm.log import log
-from geodesic_ocp.logarithm.to_pose.pose_target import PoseTarget, ShootingResult, metric_of
-from geodesic_ocp.logarithm.to_pose.shooting import shoot
-from geodesic_ocp.logarithm.to_pose.transported_gradient import descend_transported_gradient
+from geodesic_ocp.logarithm.pose_shooting import (
+    PoseTarget,
+    ShootingResult,
+    descend_transported_gradient,
+    metric_of,
+    shoot,
+)
 from geodesic_ocp.model.as_model import as_model
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.ik.pose_error import pose_difference

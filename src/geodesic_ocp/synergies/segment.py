@@ -1,4 +1,4 @@
-"""Segmentation of a motion into geodesic synergies.
+"""Where a recorded motion stops following a geodesic, and where it comes to rest.
 
 The rule compares velocities with a velocity that is parallel-transported along the observed motion.
 In a frame E(t) that is transported itself, E' = A E with A w = -G^-1 sum_jk Gamma_ijk q'_j w_k, a
@@ -20,9 +20,42 @@ from numpy.typing import NDArray
 from geodesic_ocp.arrays import Array, as_number, as_positive
 from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.synergies.observed_velocity import moving_velocity, speeds
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.path import speeds_at
+
+# Joints within this range do not move: it is below the noise of motion capture [rad or m].
+_STILL = 1e-3
+
+
+def observed_velocity(motion: Motion) -> Array:
+    """The motion's velocities (k, n); ValueError if it has none."""
+    if motion.velocity is None:
+        raise ValueError("the motion has no velocities; use motion.filtered()")
+    return motion.velocity
+
+
+def moving_velocity(motion: Motion) -> Array:
+    """The motion's velocities (k, n); ValueError if it has none, or no joint moves."""
+    if np.ptp(motion.q, axis=0).max() < _STILL:
+        raise ValueError(
+            f"the motion never moves: every joint stays within {_STILL:g} rad from first to last"
+        )
+    return observed_velocity(motion)
+
+
+def speeds(metric: Metric, motion: Motion) -> Array:
+    """Observed speeds |q'|_G at every sample, (k,); ValueError if motion and metric do not fit."""
+    if metric.dim != len(motion.joint_names):
+        raise ValueError(
+            f"the metric has dimension {metric.dim}, the motion {len(motion.joint_names)} joints"
+        )
+    if metric.joint_names is not None and metric.joint_names != motion.joint_names:
+        raise ValueError(
+            f"the motion's joints {', '.join(motion.joint_names)} are not the metric's in its "
+            f"order, {', '.join(metric.joint_names)}; use motion.select(model.joint_names)"
+        )
+    return speeds_at(metric, motion.q, observed_velocity(motion))
+
 
 # Angles to the transported velocity are compared to a threshold of tenths of a radian.
 _TRANSPORT_TOLERANCE = 1e-6
@@ -335,3 +368,49 @@ def _not_negative(name: str, value: float, unit: str) -> float:
     if number < 0.0:
         raise ValueError(f"{name} must not be negative [{unit}], got {value}")
     return number
+
+
+def segment_zero_velocity(
+    motion: Motion, joints: int = 3, window: float = 0.05
+) -> list[tuple[int, int]]:
+    """Cut a motion where many joints reverse their direction at once.
+
+    A segment starts where more than `joints` joint velocities cross zero within `window` [s], at
+    the sample nearest to the mean time of these crossings (after Fod, Mataric, Jenkins, "Automated
+    derivation of primitives for movement classification", Autonomous Robots 12, 2002). Crossings
+    are located between the samples, so that the cuts hardly depend on the sampling rate.
+
+    Returns:
+        (start, stop) sample indices as from `segment`.
+
+    Raises:
+        ValueError: the motion has no velocities or never moves, or a number is out of range.
+    """
+    if joints < 0 or joints >= len(motion.joint_names):
+        raise ValueError(f"joints must be 0 to {len(motion.joint_names) - 1}, got {joints}")
+    window = as_positive("window", window, "s")
+    times = times_between(motion, parts_of_steps(motion))
+    observed = velocity_between(motion, moving_velocity(motion), times)
+    crossings = sorted(
+        (time, joint)
+        for joint, velocity in enumerate(observed.T)
+        for time in _zero_crossings(times, velocity)
+    )
+    cuts, after = [motion.time[0], motion.time[-1]], -np.inf
+    for start, _ in crossings:
+        if start <= after:
+            continue
+        group = [(time, joint) for time, joint in crossings if start <= time <= start + window]
+        if len({joint for _, joint in group}) > joints:
+            cuts.append(float(np.mean([time for time, _ in group])))
+            after = start + window
+    return list(pairwise(nearest_samples(motion, np.array(cuts))))
+
+
+def _zero_crossings(time: Array, velocity: Array) -> list[float]:
+    """Times at which one joint's velocity changes its sign, by linear interpolation."""
+    nonzero = np.flatnonzero(velocity)
+    changes = np.flatnonzero(np.diff(np.sign(velocity[nonzero])))
+    before, after = nonzero[changes], nonzero[changes + 1]
+    fraction = velocity[before] / (velocity[before] - velocity[after])
+    return list(time[before] + fraction * (time[after] - time[before]))

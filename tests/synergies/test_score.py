@@ -13,9 +13,7 @@ from scipy.spatial.transform import Rotation
 from short_reprs import check_reprs
 
 import geodesic_ocp as go
-from geodesic_ocp.synergies.scores.area_between import area_between
-from geodesic_ocp.synergies.scores.path_distance import nearest_on_path
-from geodesic_ocp.synergies.scores.score import SCORES
+from geodesic_ocp.synergies.scores import SCORES, area_between, nearest_on_path
 
 TIME = np.linspace(0.0, 2.0, 201)
 CENTRE = np.array([0.6, 0.1, -0.8, 1.3, 0.1, -0.1, -0.1])

@@ -1,8 +1,15 @@
-"""Shooting for a pose: a nonlinear program in the initial velocity, with exact derivatives."""
+"""Shooting at a pose of the hand.
+
+The pose error is multiplied by the pseudo-inverse of the hand's Jacobian, and the result is
+parallel-transported back along the geodesic, instead of using the derivative of the exponential
+map.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -11,14 +18,70 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.compiled import dop853
 from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.ipopt import Ipopt, Outcome
-from geodesic_ocp.logarithm.to_pose.pose_target import (
-    PoseTarget,
-    ShootingResult,
-    metric_of,
-    pose_error_function,
-)
+from geodesic_ocp.logarithm.geodesic import geodesic_from_velocity
 from geodesic_ocp.manifold.exp import exp
+from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
+from geodesic_ocp.manifold.parallel_transport import parallel_transport
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.ocp.ik.pose_error import rotation_log
+from geodesic_ocp.trajectory.path import Path
+
+
+class ShootingResult(NamedTuple):
+    """Initial velocity (n,), iterations, whether it is a solution, and the status as a sentence."""
+
+    velocity: Array
+    iterations: int
+    success: bool
+    status: str
+
+
+@dataclass(frozen=True, eq=False)
+class PoseTarget:
+    """A pose that the hand should reach from a configuration; zero weights leave it free.
+
+    Attributes:
+        model: whose hand it is.
+        q0: initial configuration (n,).
+        position, rotation: of the hand (3,), (3, 3).
+        weights: of both (2,).
+    """
+
+    model: Model
+    q0: Array
+    position: Array
+    rotation: Array
+    weights: Array
+
+    @property
+    def metric(self) -> KineticEnergy:
+        """Of the model, the same object for the same model."""
+        return metric_of(self.model)
+
+    def pose_error(self, q: Array) -> Array:
+        """Weighted position and rotation vector (6,) from the hand at q to the target."""
+        pose = self.model.hand_pose(q)
+        error = pose_error_function()(*pose, self.position, self.rotation, self.weights)
+        return np.asarray(error.full()[:, 0])
+
+
+@lru_cache(maxsize=32)
+def metric_of(model: Model) -> KineticEnergy:
+    """The kinetic-energy metric of a model, whose functions are built once."""
+    return KineticEnergy(model)
+
+
+@lru_cache(maxsize=1)
+def pose_error_function() -> ca.Function:
+    """Pose, target pose and weights (2,) -> weighted difference (6,), in the base frame."""
+    rotation, target_rotation = ca.SX.sym("R", 3, 3), ca.SX.sym("R1", 3, 3)
+    position, target_position = ca.SX.sym("p", 3), ca.SX.sym("p1", 3)
+    weights = ca.SX.sym("w", 2)
+    translation = weights[0] * (target_position - position)
+    rotation_vector = weights[1] * rotation_log(target_rotation @ rotation.T)
+    inputs = [rotation, position, target_position, target_rotation, weights]
+    return ca.Function("pose_error", inputs, [ca.vertcat(translation, rotation_vector)])
+
 
 # Fixed steps of the integrator within the NLP: at first, after a failure, at most; and how closely
 # their end point must agree with `exp` at the solution, and at the initial guess.
@@ -137,3 +200,44 @@ def _exp_function(model: Model, steps: int) -> ca.Function:
     step = ca.Function("step", [y], [y + ca.horzcat(*slopes) @ ca.DM(dop853.B) / steps])
     q, v = ca.MX.sym("q", n), ca.MX.sym("v", n)
     return ca.Function("exp", [q, v], [step.fold(steps)(ca.vertcat(q, v))[:n]])
+
+
+_MAX_DESCENTS = 2000
+_CONVERGED = 1e-9  # the pose error, or its relative decrease in one step
+_MAX_HALVINGS = 30
+_CUTOFF = 1e-3  # of the pseudo-inverse, relative to the Jacobian's largest singular value
+
+
+def descend_transported_gradient(target: PoseTarget, velocity: Array) -> ShootingResult:
+    """Steps along the transported gradient, halved until they decrease the pose error."""
+    metric, q0, v = target.metric, target.q0, velocity
+    end = exp(metric, q0, v)
+    error = target.pose_error(end)
+    rows = np.repeat(target.weights, 3)
+    for iteration in range(_MAX_DESCENTS):
+        size = float(np.linalg.norm(error))
+        if size <= _CONVERGED:
+            return ShootingResult(v, iteration, True, "the hand is at the pose")
+        jacobian = rows[:, None] * target.model.hand_jacobian(end)
+        step = np.linalg.pinv(jacobian, rcond=_CUTOFF) @ error
+        if np.any(v):
+            path = geodesic_from_velocity(metric, q0, v)
+            backwards = Path(metric, path.grid, path.nodes[::-1])  # its grids are symmetric
+            step = parallel_transport(metric, backwards, step)
+        damping = 1.0
+        for _ in range(_MAX_HALVINGS):
+            try:
+                new = exp(metric, q0, v + damping * step)
+                new_error = target.pose_error(new)
+            except IntegrationFailed:
+                new_error = np.full(6, np.inf)
+            if np.linalg.norm(new_error) < size:
+                break
+            damping /= 2.0
+        else:
+            status = "no step along the gradient decreases the pose error"
+            return ShootingResult(v, iteration, False, status)
+        v, end, error = v + damping * step, new, new_error
+        if size - np.linalg.norm(error) <= _CONVERGED * size:
+            return ShootingResult(v, iteration + 1, True, "the pose error no longer decreases")
+    return ShootingResult(v, _MAX_DESCENTS, False, "the maximum number of iterations is reached")

@@ -9,7 +9,7 @@ import pytest
 
 import geodesic_ocp as go
 from geodesic_ocp.manifold.exp import sample_geodesic
-from geodesic_ocp.synergies.segmentation import segment_costs
+from geodesic_ocp.synergies import segment_costs
 
 TIME = np.linspace(0.0, 0.9, 46)
 GRID = list(range(0, 46, 5))  # every 0.1 s
