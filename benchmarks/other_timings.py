@@ -21,7 +21,6 @@ from typing import Any, Literal
 import numpy as np
 import ruckig
 import toppra
-from scipy.spatial import cKDTree
 
 import geodesic_ocp as go
 from geodesic_ocp.arrays import Array
@@ -30,6 +29,7 @@ from geodesic_ocp.execution.arm_paths import ArmPaths, joint_names
 from geodesic_ocp.execution.check_trajectory import check_trajectory
 from geodesic_ocp.execution.limits import QUANTITIES, JointLimits, joined_limits
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
+from geodesic_ocp.synergies.scores import nearest_on_path
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
@@ -42,7 +42,6 @@ _ROUNDS = 8  # of durations and passing velocities found from each other
 _DENSE = 200  # points between junctions from which distances are measured
 _NEAR = 8  # pieces of each path with which Ruckig stays near it
 _POINTS = (2, 40)  # on each path, with which TOPP-RA rounds the kinks
-_TINY = float(np.finfo(float).tiny)
 _NOTE = (
     "Fractions of the limits are the largest of all joints; the deviation from the paths is the "
     "largest distance of any sample of an arm, in joint space. TOPP-RA limits no jerk, Ruckig no "
@@ -393,28 +392,11 @@ def _figures(arms: Sequence[ArmPaths], trajectory: JointTrajectory) -> tuple[flo
 def largest_deviation(arms: Sequence[ArmPaths], trajectory: JointTrajectory) -> float:
     """Largest distance [rad] of an arm's samples from its paths, in joint space."""
     ends = np.cumsum([arm.robot.dof for arm in arms])[:-1]
-    return max(
-        float(_distances(_dense(arm), positions).max())
-        for arm, positions in zip(arms, np.split(trajectory.positions, ends, axis=1), strict=True)
-    )
-
-
-def _dense(arm: ArmPaths) -> Array:
-    return configurations(arm, junction_times([arm], _DENSE))
-
-
-def _distances(line: Array, points: Array) -> Array:
-    """Distances of points (k, n) from a dense polyline (m, n), from the parts next to its nodes."""
-    _, nearest = cKDTree(line).query(points)
-    distances = []
-    for offset in (-1, 0):
-        start = np.clip(nearest + offset, 0, len(line) - 2)
-        along = line[start + 1] - line[start]
-        away = points - line[start]
-        s = np.sum(away * along, axis=1) / np.maximum(np.sum(along**2, axis=1), _TINY)
-        s = np.clip(s, 0.0, 1.0)
-        distances.append(np.linalg.norm(away - s[:, None] * along, axis=1))
-    return np.asarray(np.minimum(*distances))
+    farthest = []
+    for arm, q in zip(arms, np.split(trajectory.positions, ends, axis=1), strict=True):
+        path = configurations(arm, junction_times([arm], _DENSE))
+        farthest.append(np.linalg.norm(q - nearest_on_path(q, path), axis=1).max())
+    return float(max(farthest))
 
 
 def main() -> None:

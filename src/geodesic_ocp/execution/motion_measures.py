@@ -14,8 +14,8 @@ from geodesic_ocp.execution.limits import QUANTITIES, JointLimits
 from geodesic_ocp.execution.track_within_limits import Solver, track_within_limits
 from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.rotations import rotation_vector
 from geodesic_ocp.synergies.baselines import Poses
+from geodesic_ocp.synergies.scores import pose_differences
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.path import speeds_at
@@ -139,11 +139,9 @@ def motion_measures(
         )
     q, v, a = trajectory.positions, trajectory.velocities, trajectory.accelerations
     time = trajectory.time
-    found_rotations, found_positions = robot.hand_pose(q)
-    distance = np.linalg.norm(found_positions - positions, axis=1)
-    hand_speed = np.linalg.norm(np.gradient(found_positions, axis=0), axis=1) * rate
-    turn = rotation_vector(rotations @ found_rotations.transpose(0, 2, 1))
-    angle = np.linalg.norm(turn, axis=1)
+    poses = robot.hand_pose(q)
+    distance, angle = pose_differences(poses, targets)
+    hand_speed = np.linalg.norm(np.gradient(poses[1], axis=0), axis=1) * rate
     elbow = float("nan")
     if elbow_offsets is not None:
         elbow = float(np.mean(np.linalg.norm(elbow_offsets[0] - elbow_offsets[1], axis=1)))

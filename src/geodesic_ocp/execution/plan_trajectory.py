@@ -19,6 +19,7 @@ from geodesic_ocp.execution.program.preconditions import attainable, check_arms
 from geodesic_ocp.execution.program.rounds import MOST_ROUNDS, solve_in_rounds
 from geodesic_ocp.execution.program.settings import TrajectorySettings
 from geodesic_ocp.progress import Progress, no_progress
+from geodesic_ocp.synergies.scores import nearest_on_path
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
 _ROUNDING = 1e-9
@@ -161,17 +162,9 @@ def path_deviations(arm: ArmPaths, spline: JointSpline, ends: Array) -> tuple[Pa
     return tuple(found)
 
 
-def _farthest(points: Array, curve: Sequence[Array] | Array) -> float:
+def _farthest(points: Array, curve: Array) -> float:
     """Largest distance of points (k, d) from a polygon through (m, d)."""
-    corners = np.asarray(curve)
-    starts, sides = corners[:-1], np.diff(corners, axis=0)
-    offsets = points[:, None, :] - starts
-    squares = np.sum(sides**2, axis=1)
-    products = np.sum(offsets * sides, axis=2)
-    along = np.divide(products, squares, out=np.zeros_like(products), where=squares > 0.0)
-    nearest = np.clip(along, 0.0, 1.0)[:, :, None] * sides
-    distances = np.linalg.norm(offsets - nearest, axis=2)
-    return float(distances.min(axis=1).max())
+    return float(np.linalg.norm(points - nearest_on_path(points, curve), axis=1).max())
 
 
 def plan_trajectory(

@@ -25,7 +25,7 @@ from geodesic_ocp.execution.simulation import (
 )
 from geodesic_ocp.figures.replay_figure import draw_replay
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.rotations import rotation_vector
+from geodesic_ocp.synergies.scores import pose_differences
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion
@@ -86,11 +86,8 @@ class Replay:
 
     @cached_property
     def _hand_errors(self) -> tuple[Array, Array]:
-        rotation, position = self.model.hand_pose(self.motion.q)
-        wanted_rotation, wanted_position = self.model.hand_pose(self.reference.positions)
-        turned = rotation_vector(np.swapaxes(wanted_rotation, 1, 2) @ rotation)
-        distance = np.linalg.norm(position - wanted_position, axis=1)
-        return np.asarray(distance), np.asarray(np.linalg.norm(turned, axis=1))
+        poses = (self.model.hand_pose(q) for q in (self.motion.q, self.reference.positions))
+        return pose_differences(*poses)
 
     @property
     def position_error(self) -> Array:

@@ -25,6 +25,7 @@ from geodesic_ocp.trajectory.motion import Motion
 
 # Largest displacement of a joint in one step of the controller [rad or m].
 _MAX_STEP = 0.05
+_FOREARM_AND_WRIST = ("Ez_joint", "Wx_joint", "Wy_joint")  # of human_arm, without R or L
 Poses: TypeAlias = Callable[[Array], tuple[Array, Array]]
 Pose: TypeAlias = tuple[ca.SX, ca.SX]
 
@@ -302,7 +303,7 @@ def minimum_jerk_hand(
             observed.q[start],
             observed.time[samples],
             {
-                hand: _HandMotion(observed.time[ends], *(values[ends] for values in each))
+                hand: _hand_motion(observed.time[ends], *(values[ends] for values in each))
                 for hand, each in hands.items()
             },
             gain=gain,
@@ -326,26 +327,20 @@ def _observed_hand(model: Model, hand: str, observed: Motion) -> tuple[Array, Ar
     return rotations, places, turns
 
 
-class _HandMotion:
-    """Poses of the hand over the time of a segment."""
+def _hand_motion(time: Array, rotations: Array, places: Array, turns: Array) -> Poses:
+    """Poses over a segment, from times (2,), rotations and derivatives of the pose at both ends."""
+    turn = rotation_vector(rotations[1] @ rotations[0].T)  # in base axes
+    size = float(np.linalg.norm(turn))
+    axis = turn / size if size > 0.0 else np.zeros(3)
+    angles = np.column_stack([[0.0, size], turns @ axis])
+    angle = scipy.interpolate.BPoly.from_derivatives(time, angles)
+    position = scipy.interpolate.BPoly.from_derivatives(time, places)
 
-    def __init__(self, time: Array, rotations: Array, places: Array, turns: Array) -> None:
-        """From values at both ends: times (2,), rotations, and derivatives of the pose."""
-        turn = rotation_vector(rotations[1] @ rotations[0].T)  # in base axes
-        angle = float(np.linalg.norm(turn))
-        self._axis = turn / angle if angle > 0.0 else np.zeros(3)
-        angles = np.column_stack([[0.0, angle], turns @ self._axis])
-        self._start = rotations[0]
-        self._angle = scipy.interpolate.BPoly.from_derivatives(time, angles)
-        self._position = scipy.interpolate.BPoly.from_derivatives(time, places)
+    def poses(times: Array) -> tuple[Array, Array]:
+        turned = Rotation.from_rotvec(angle(times)[:, None] * axis).as_matrix()
+        return turned @ rotations[0], position(times)
 
-    def __call__(self, times: Array) -> tuple[Array, Array]:
-        """Rotations (m, 3, 3) and positions (m, 3) at the times (m,)."""
-        turned = Rotation.from_rotvec(self._angle(times)[:, None] * self._axis).as_matrix()
-        return turned @ self._start, self._position(times)
-
-
-_FOREARM_AND_WRIST = ("Ez_joint", "Wx_joint", "Wy_joint")  # of human_arm, without R or L
+    return poses
 
 
 def distal_inertia(

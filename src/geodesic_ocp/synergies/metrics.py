@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
 from typing import Literal, get_args
 
 import numpy as np
@@ -15,6 +14,12 @@ from geodesic_ocp.manifold.metrics.kinetic_energy import KineticEnergy
 from geodesic_ocp.model.inertias.inertia_scale import inertia_scale
 from geodesic_ocp.model.model import Model
 
+JOINT_INERTIA = "kinetic energy with joint inertia"
+KINETIC_ENERGY = "kinetic energy"
+STRAIGHT_LINES = "straight lines"
+MetricName = Literal["joint-inertia", "kinetic", "euclidean"]
+METRIC_NAMES: tuple[str, ...] = get_args(MetricName)
+_USUAL = dict(zip(METRIC_NAMES, (JOINT_INERTIA, KINETIC_ENERGY, STRAIGHT_LINES), strict=True))
 # Of m r^2: what `fit_metric` estimates from recordings of the KIT database and the bundled one,
 # with 0.02 to 0.04 as its 95 % interval.
 FRACTION = 0.03
@@ -55,37 +60,15 @@ def with_joint_inertia(model: Model) -> Model:
     return model if np.any(model.armature) else model.with_armature(default_joint_inertia(model))
 
 
-JOINT_INERTIA = "kinetic energy with joint inertia"
-KINETIC_ENERGY = "kinetic energy"
-STRAIGHT_LINES = "straight lines"
-
-
-def _with_joint_inertia(model: Model) -> Metric:
-    return KineticEnergy(with_joint_inertia(model))
-
-
-def _of_the_links_alone(model: Model) -> Metric:
-    return KineticEnergy(model.with_armature(0.0) if np.any(model.armature) else model)
-
-
-def _straight_lines(model: Model) -> Metric:
-    return Euclidean(model.dof)
-
-
 # Functions of a model: the kinetic energy with the model's or the default joint inertia, that of
 # the links alone, and the Euclidean metric, whose geodesics are straight lines in joint space.
-USUAL_METRICS: Mapping[str, Callable[[Model], Metric]] = MappingProxyType(
-    {
-        JOINT_INERTIA: _with_joint_inertia,
-        KINETIC_ENERGY: _of_the_links_alone,
-        STRAIGHT_LINES: _straight_lines,
-    }
-)
-
-
-MetricName = Literal["joint-inertia", "kinetic", "euclidean"]
-METRIC_NAMES: tuple[str, ...] = get_args(MetricName)
-_USUAL = dict(zip(METRIC_NAMES, (JOINT_INERTIA, KINETIC_ENERGY, STRAIGHT_LINES), strict=True))
+USUAL_METRICS: Mapping[str, Callable[[Model], Metric]] = {
+    JOINT_INERTIA: lambda model: KineticEnergy(with_joint_inertia(model)),
+    KINETIC_ENERGY: lambda model: KineticEnergy(
+        model.with_armature(0.0) if np.any(model.armature) else model
+    ),
+    STRAIGHT_LINES: lambda model: Euclidean(model.dof),
+}
 
 
 def as_analysis_metric(metric: Metric | str | None, model: Model) -> Metric:
@@ -139,13 +122,9 @@ def joint_inertia_of(metric: Metric) -> str:
     assert isinstance(metric, KineticEnergy)
     values = {}
     for unit, per_unit in (("rad", "kg m^2"), ("m", "kg")):
-        chosen = [
-            value
-            for value, each in zip(metric.model.armature, metric.model.units, strict=True)
-            if each == unit
-        ]
-        if chosen:
-            low, high = min(chosen), max(chosen)
+        chosen = metric.model.armature[[each == unit for each in metric.model.units]]
+        if chosen.size:
+            low, high = chosen.min(), chosen.max()
             shown = f"{low:.3g}" if np.isclose(low, high) else f"{low:.3g} to {high:.3g}"
             values[per_unit] = f"{shown} {per_unit}"
     return ", ".join(values.values())

@@ -19,6 +19,23 @@ from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.path import speeds_at
 
+_CELLS = 200  # along the curves; the error falls with the square of their number
+_ACROSS, _WEIGHTS = np.polynomial.legendre.leggauss(5)  # from one curve to the other
+# What each score is called in tables.
+SCORES = {
+    "joint_mean": "joints [rad]",
+    "joint_rms": "joints, RMS [rad]",
+    "position_mean": "hand [m]",
+    "position_rms": "hand, RMS [m]",
+    "rotation_angle": "hand, angle [rad]",
+    "quaternion_distance": "hand, S^3 [rad]",
+    "speed_rms": "hand speed, RMS [m/s]",
+    "speed_correlation": "hand speed, correlation",
+    "path_joint": "path only, joints [rad]",
+    "path_position": "path only, hand [m]",
+    "area": "area [m^2]",
+}
+
 
 @dataclass(frozen=True, repr=False)
 class HandErrors:
@@ -81,17 +98,14 @@ def evaluate(model: Model, observed: Motion, predicted: Motion) -> MotionErrors:
     Raises:
         ValueError: a joint of the model is missing, or the two differ in their sample times.
     """
-    observed, predicted = (motion.select(model.joint_names) for motion in (observed, predicted))
-    if not np.array_equal(observed.time, predicted.time):
-        raise ValueError("the observed and the predicted motion must have the same sample times")
+    observed, predicted = _comparable(model, observed, predicted)
     every = [
         pose_errors(model.frame_pose(hand, predicted.q), model.frame_pose(hand, observed.q))
         for hand in model.hands
     ]
-    labels = hand_labels(model.hands)
     hands = tuple(
         HandErrors(label, each.position, each.orientation)
-        for label, each in zip(labels, every, strict=True)
+        for label, each in zip(hand_labels(model.hands), every, strict=True)
     )
     return MotionErrors(
         joint=float(np.mean(np.abs(predicted.q - observed.q))),
@@ -103,12 +117,25 @@ def evaluate(model: Model, observed: Motion, predicted: Motion) -> MotionErrors:
 
 def pose_errors(poses: tuple[Array, Array], targets: tuple[Array, Array]) -> MotionErrors:
     """Mean errors of k hand poses, (k, 3, 3) and (k, 3) each; the joint error is zero."""
-    between = poses[0] @ targets[0].transpose(0, 2, 1)
-    return MotionErrors(
-        joint=0.0,
-        position=float(np.mean(np.linalg.norm(poses[1] - targets[1], axis=1))),
-        orientation=float(np.mean(np.linalg.norm(rotation_vector(between), axis=1))),
-    )
+    distances, angles = pose_differences(poses, targets)
+    return MotionErrors(0.0, float(np.mean(distances)), float(np.mean(angles)))
+
+
+def pose_differences(
+    poses: tuple[Array, Array], targets: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """Distances (k,) [m] and angles (k,) [rad] between k poses, (k, 3, 3) and (k, 3) each."""
+    distances = np.linalg.norm(poses[1] - targets[1], axis=1)
+    between = rotation_vector(poses[0] @ targets[0].transpose(0, 2, 1))
+    return np.asarray(distances), np.asarray(np.linalg.norm(between, axis=1))
+
+
+def _comparable(model: Model, observed: Motion, predicted: Motion) -> tuple[Motion, Motion]:
+    """The joints of the model of two motions with the same sample times."""
+    observed, predicted = (motion.select(model.joint_names) for motion in (observed, predicted))
+    if not np.array_equal(observed.time, predicted.time):
+        raise ValueError("the observed and the predicted motion must have the same sample times")
+    return observed, predicted
 
 
 def action(metric: Metric, motion: Motion) -> float:
@@ -126,10 +153,6 @@ def action(metric: Metric, motion: Motion) -> float:
             f"the metric has dimension {metric.dim}, the motion {motion.q.shape[1]} joints"
         )
     return float(np.sum(speeds_at(metric, midpoints, chords) ** 2 / steps) / 2.0)
-
-
-_CELLS = 200  # along the curves; the error falls with the square of their number
-_ACROSS, _WEIGHTS = np.polynomial.legendre.leggauss(5)  # from one curve to the other
 
 
 def area_between(first: Array, second: Array) -> float:
@@ -197,22 +220,6 @@ def hand_speeds(model: Model, motion: Motion) -> Array:
 def _twist(model: Model) -> ca.Function:
     q, v = ca.SX.sym("q", model.dof), ca.SX.sym("v", model.dof)
     return ca.Function("twist", [q, v], [ca.densify(model.hand_jacobian(q) @ v)])
-
-
-# What each score is called in tables.
-SCORES = {
-    "joint_mean": "joints [rad]",
-    "joint_rms": "joints, RMS [rad]",
-    "position_mean": "hand [m]",
-    "position_rms": "hand, RMS [m]",
-    "rotation_angle": "hand, angle [rad]",
-    "quaternion_distance": "hand, S^3 [rad]",
-    "speed_rms": "hand speed, RMS [m/s]",
-    "speed_correlation": "hand speed, correlation",
-    "path_joint": "path only, joints [rad]",
-    "path_position": "path only, hand [m]",
-    "area": "area [m^2]",
-}
 
 
 @dataclass(frozen=True, repr=False)
@@ -301,15 +308,12 @@ def score(
         ValueError: a joint of the model is missing, the two differ in their sample times, or the
             segments do not cover the motion.
     """
-    observed, predicted = (motion.select(model.joint_names) for motion in (observed, predicted))
-    if not np.array_equal(observed.time, predicted.time):
-        raise ValueError("the observed and the predicted motion must have the same sample times")
+    observed, predicted = _comparable(model, observed, predicted)
     pieces = as_segments(observed, [(0, len(observed) - 1)] if segments is None else segments)
-    rotations, hand = model.hand_pose(observed.q)
-    other_rotations, other_hand = model.hand_pose(predicted.q)
+    poses, other_poses = model.hand_pose(observed.q), model.hand_pose(predicted.q)
+    hand, other_hand = poses[1], other_poses[1]
     joints = predicted.q - observed.q
-    distances = np.linalg.norm(other_hand - hand, axis=1)
-    angles = np.linalg.norm(rotation_vector(other_rotations @ rotations.transpose(0, 2, 1)), axis=1)
+    distances, angles = pose_differences(other_poses, poses)
     speed, other_speed = hand_speeds(model, observed), hand_speeds(model, predicted)
     nearest_q = _nearest(observed.q, predicted.q, pieces)
     nearest_hand = _nearest(hand, other_hand, pieces)

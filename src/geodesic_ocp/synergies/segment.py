@@ -25,6 +25,14 @@ from geodesic_ocp.trajectory.path import speeds_at
 
 # Joints within this range do not move: it is below the noise of motion capture [rad or m].
 _STILL = 1e-3
+# Angles to the transported velocity are compared to a threshold of tenths of a radian.
+_TRANSPORT_TOLERANCE = 1e-6
+_MOST_PARTS = 256  # of a step between two samples
+_LONGEST = 0.005  # step between two instants at which a motion is followed [s]
+MOVING, AT_REST, IN_LONG_REST = range(3)  # states of an instant
+# Below twice the speed of the noise, the direction of a velocity says next to nothing.
+_OF_NOISE = 2.0
+_SAMPLES = 32  # at which the speed of the noise is averaged
 
 
 def observed_velocity(motion: Motion) -> Array:
@@ -55,16 +63,6 @@ def speeds(metric: Metric, motion: Motion) -> Array:
             f"order, {', '.join(metric.joint_names)}; use motion.select(model.joint_names)"
         )
     return speeds_at(metric, motion.q, observed_velocity(motion))
-
-
-# Angles to the transported velocity are compared to a threshold of tenths of a radian.
-_TRANSPORT_TOLERANCE = 1e-6
-_MOST_PARTS = 256  # of a step between two samples
-_LONGEST = 0.005  # step between two instants at which a motion is followed [s]
-MOVING, AT_REST, IN_LONG_REST = range(3)  # states of an instant
-# Below twice the speed of the noise, the direction of a velocity says next to nothing.
-_OF_NOISE = 2.0
-_SAMPLES = 32  # at which the speed of the noise is averaged
 
 
 def segment(
@@ -136,11 +134,11 @@ def segment(
     min_duration = _not_negative("min_duration", min_duration, "s")
     hysteresis = _not_negative("hysteresis", hysteresis, "rad")
     velocity = moving_velocity(motion)
-    level = rest_level(metric, motion, speeds(metric, motion), rest)
+    level = _rest_level(metric, motion, speeds(metric, motion), rest)
     metric.check_units("motion", motion.q[int(np.argmax(np.abs(motion.q).max(axis=1)))])
     rule = (threshold, hysteresis, min_duration)
     cuts = _cuts(metric, motion, velocity, level, rest_duration, rule)
-    return list(pairwise(nearest_samples(motion, np.array(cuts))))
+    return list(pairwise(_nearest_samples(motion, np.array(cuts))))
 
 
 def _cuts(
@@ -152,18 +150,18 @@ def _cuts(
     rule: tuple[float, float, float],
 ) -> list[float]:
     """Times of the cuts, with as many steps between two samples as the transport needs."""
-    parts = parts_of_steps(motion)
+    parts = _parts_of_steps(motion)
     while True:
-        times = times_between(motion, 2 * parts)
+        times = _times_between(motion, 2 * parts)
         curve = np.hstack([motion(times), motion(times, 1)])
         times = times[::2]
-        observed = velocity_between(motion, velocity, times)
+        observed = _velocity_between(motion, velocity, times)
         speed = speeds_at(metric, curve[::2, : metric.dim], observed)
         components = _parallel_components(metric, times, curve, observed)
         # Transport keeps norms, so that their change is its error.
         error = np.abs(np.linalg.norm(components, axis=1) - speed) / np.where(speed > 0, speed, 1.0)
         if np.all(error <= _TRANSPORT_TOLERANCE):
-            state = states(times, speed, level, rest_duration)
+            state = _states(times, speed, level, rest_duration)
             with np.errstate(invalid="ignore", divide="ignore"):  # next to a velocity of zero
                 directions = components / np.linalg.norm(components, axis=1, keepdims=True)
             return _Observed(times, directions, state).cuts(*rule)
@@ -291,23 +289,7 @@ def _angle(cosine: Array) -> Array:
     return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
-def noise_speed(metric: Metric, motion: Motion) -> float:
-    """Root mean square speed |q'|_G of the noise that the filter left; 0 if it is not known.
-
-    With noise of standard deviations sigma_i of the joints' velocities, independent of each other,
-    its mean square is sum_i G_ii sigma_i^2.
-    """
-    if motion.filter is None:
-        return 0.0
-    at = np.unique(np.linspace(0, len(motion) - 1, _SAMPLES).round().astype(int))
-    each = [
-        speeds_at(metric, motion.q[at], np.tile(vector, (at.size, 1)))
-        for vector in np.diag(motion.filter.velocity_noise)
-    ]
-    return float(np.sqrt(np.mean(np.sum(np.square(each), axis=0))))
-
-
-def states(times: Array, speed: Array, level: float, rest_duration: float) -> np.ndarray:
+def _states(times: Array, speed: Array, level: float, rest_duration: float) -> np.ndarray:
     """State (m,) of every instant: moving, at rest at most at this speed, or in a long rest."""
     at_rest = speed <= level
     edges = np.flatnonzero(np.diff(np.concatenate([[0], at_rest.astype(int), [0]])))
@@ -318,32 +300,43 @@ def states(times: Array, speed: Array, level: float, rest_duration: float) -> np
     return result
 
 
-def rest_level(metric: Metric, motion: Motion, speed: Array, rest: float) -> float:
-    """Speed up to which the motion rests."""
+def _rest_level(metric: Metric, motion: Motion, speed: Array, rest: float) -> float:
+    """Speed up to which the motion rests, which depends on the noise that the filter left.
+
+    With noise of standard deviations sigma_i of the joints' velocities, independent of each other,
+    the mean square of its speed |q'|_G is sum_i G_ii sigma_i^2.
+    """
     level = rest * float(speed.max())
-    return max(level, _OF_NOISE * noise_speed(metric, motion)) if rest > 0.0 else level
+    if rest == 0.0 or motion.filter is None:
+        return level
+    at = np.unique(np.linspace(0, len(motion) - 1, _SAMPLES).round().astype(int))
+    each = [
+        speeds_at(metric, motion.q[at], np.tile(vector, (at.size, 1)))
+        for vector in np.diag(motion.filter.velocity_noise)
+    ]
+    return max(level, _OF_NOISE * float(np.sqrt(np.mean(np.sum(np.square(each), axis=0)))))
 
 
-def parts_of_steps(motion: Motion) -> int:
+def _parts_of_steps(motion: Motion) -> int:
     """Parts of every step between two samples, so that none is longer than 5 ms."""
     return max(1, int(np.ceil(np.diff(motion.time).max() / _LONGEST - 0.01)))
 
 
-def nearest_samples(motion: Motion, times: Array) -> list[int]:
+def _nearest_samples(motion: Motion, times: Array) -> list[int]:
     """The samples nearest to these times, in order and without repetition."""
     middles = 0.5 * (motion.time[:-1] + motion.time[1:])
     samples: list[int] = np.unique(np.searchsorted(middles, times)).tolist()
     return samples
 
 
-def times_between(motion: Motion, parts: int) -> Array:
+def _times_between(motion: Motion, parts: int) -> Array:
     """Times (m,) of the samples and, with every step between two in equal parts, between them."""
     steps = np.diff(motion.time)[:, None]
     between = motion.time[:-1, None] + steps * (np.arange(parts) / parts)
     return np.append(between.ravel(), motion.time[-1])
 
 
-def velocity_between(motion: Motion, velocity: Array, times: Array) -> Array:
+def _velocity_between(motion: Motion, velocity: Array, times: Array) -> Array:
     """Velocities (m, n) at these times from those of the samples.
 
     A filtered motion has no high frequencies, and a cubic spline through its velocities follows it
@@ -389,8 +382,8 @@ def segment_zero_velocity(
     if joints < 0 or joints >= len(motion.joint_names):
         raise ValueError(f"joints must be 0 to {len(motion.joint_names) - 1}, got {joints}")
     window = as_positive("window", window, "s")
-    times = times_between(motion, parts_of_steps(motion))
-    observed = velocity_between(motion, moving_velocity(motion), times)
+    times = _times_between(motion, _parts_of_steps(motion))
+    observed = _velocity_between(motion, moving_velocity(motion), times)
     crossings = sorted(
         (time, joint)
         for joint, velocity in enumerate(observed.T)
@@ -404,7 +397,7 @@ def segment_zero_velocity(
         if len({joint for _, joint in group}) > joints:
             cuts.append(float(np.mean([time for time, _ in group])))
             after = start + window
-    return list(pairwise(nearest_samples(motion, np.array(cuts))))
+    return list(pairwise(_nearest_samples(motion, np.array(cuts))))
 
 
 def _zero_crossings(time: Array, velocity: Array) -> list[float]:

@@ -27,8 +27,8 @@ from geodesic_ocp.manifold.exp import integrate_geodesic
 from geodesic_ocp.manifold.metric import Metric, as_metric, has_compiled_code
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.over_rows import in_threads
-from geodesic_ocp.rotations import rotation_vector
 from geodesic_ocp.synergies.reconstruct import law_of_segment
+from geodesic_ocp.synergies.scores import pose_differences
 from geodesic_ocp.synergies.segment import speeds
 from geodesic_ocp.trajectory.motion import Motion
 
@@ -264,11 +264,8 @@ class SegmentCosts:
             return np.asarray(np.mean(np.abs(q - self.motion.q[samples]), axis=1))
         errors = []
         for found, seen in zip(self._hand_poses(q[:, self._columns]), self._poses, strict=True):
-            if self.measure == "position":
-                errors.append(np.linalg.norm(found[1] - seen[1][samples], axis=1))
-            else:
-                between = found[0] @ seen[0][samples].transpose(0, 2, 1)
-                errors.append(np.linalg.norm(rotation_vector(between), axis=1))
+            distances, angles = pose_differences(found, (seen[0][samples], seen[1][samples]))
+            errors.append(distances if self.measure == "position" else angles)
         return np.asarray(np.mean(errors, axis=0))
 
     def _hand_poses(self, q: Array) -> list[tuple[Array, Array]]:

@@ -25,6 +25,11 @@ from geodesic_ocp.trajectory.path import Path
 from geodesic_ocp.trajectory.time_law import TimeLaw
 from geodesic_ocp.trajectory.timed_path import states_at
 
+FORMAT, VERSION = "geodesic_ocp synergies", 1
+_SAME = 1e-6  # of lengths, relative: quadrature of the same path in the same metric
+_RATE = 100.0  # [Hz]
+_LONGEST = 86400.0  # [s], of a motion; a damaged file may ask for any amount of memory
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Synergy:
@@ -106,12 +111,8 @@ def as_segments(motion: Motion, segments: Sequence[tuple[int, int]]) -> list[tup
     return segments
 
 
-FORMAT, VERSION = "geodesic_ocp synergies", 1
-_SAME_LENGTH = 1e-6  # quadrature of the same path in the same metric
-
-
 @dataclass(eq=False)
-class PathRecord:
+class _PathRecord:
     """The path of a synergy in a file."""
 
     segments: int
@@ -125,19 +126,19 @@ class PathRecord:
 
 
 @dataclass(eq=False)
-class SynergyRecord:
+class _SynergyRecord:
     """A synergy in a file."""
 
     start: int
     stop: int
     start_time: float
-    path: PathRecord
+    path: _PathRecord
     law: TimeLaw
 
 
 @dataclass(eq=False)
 class _SynergiesRecord:
-    synergies: tuple[SynergyRecord, ...]
+    synergies: tuple[_SynergyRecord, ...]
 
 
 def save_synergies(
@@ -207,25 +208,18 @@ def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
         raise RecordingError(
             f"{path}: its joints {record.get('joint_names')} are not the metric's, {list(names)}"
         )
-    saved = convert(record, _SynergiesRecord, path)
+    synergies = []
     with decoding(path):
-        return tuple(_decoded(each, metric) for each in saved.synergies)
-
-
-def _decoded(saved: SynergyRecord, metric: Metric) -> Synergy:
-    path = saved.path.path(metric)
-    synergy = Synergy(saved.start, saved.stop, saved.start_time, path, saved.law)
-    length = synergy.path.length
-    if not np.isclose(length, synergy.length, rtol=_SAME_LENGTH, atol=_SAME_LENGTH):
-        raise ValueError(
-            f"the synergy of samples {synergy.start} to {synergy.stop} has the length "
-            f"{length:.6g} in this metric, not {synergy.length:.6g}: it was saved in another"
-        )
-    return synergy
-
-
-_RATE = 100.0  # [Hz]
-_LONGEST = 86400.0  # [s], of a motion; a damaged file may ask for any amount of memory
+        for each in convert(record, _SynergiesRecord, path).synergies:
+            curve = each.path.path(metric)
+            if not np.isclose(curve.length, each.law.length, rtol=_SAME, atol=_SAME):
+                raise ValueError(
+                    f"the synergy of samples {each.start} to {each.stop} has the length "
+                    f"{curve.length:.6g} in this metric, not {each.law.length:.6g}: it was saved "
+                    "in another"
+                )
+            synergies.append(Synergy(each.start, each.stop, each.start_time, curve, each.law))
+    return tuple(synergies)
 
 
 @dataclass
@@ -237,7 +231,7 @@ class _ModelRecord:
 @dataclass(eq=False)
 class _SavedRecord:
     joint_names: tuple[str, ...]
-    synergies: tuple[SynergyRecord, ...]
+    synergies: tuple[_SynergyRecord, ...]
     model: _ModelRecord | None = None
 
 
