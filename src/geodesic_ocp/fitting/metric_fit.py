@@ -23,6 +23,8 @@ from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.records import convert, decoding, read_record, write_file
 from geodesic_ocp.table import Table
 
+FORMAT, _VERSION = "geodesic_ocp metric", 1
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -98,14 +100,13 @@ class MetricFit:
     family: Callable[[Model], Metric] = field(repr=False)
 
     def __repr__(self) -> str:
-        lines = ["MetricFit(" + ", ".join(map(repr, self.estimates))]
-        count = len(self.recordings)
-        lines.append(f"{count} recording{'s'[: count - 1]}, rms error {self._rms_shown()})")
+        count, error = len(self.recordings), float(np.sqrt(np.mean(self.errors**2)))
+        lines = [
+            f"MetricFit({', '.join(map(repr, self.estimates))}",
+            f"{count} recording{'s'[: count - 1]}, rms error {error:.4g} {self.error_unit})",
+        ]
         lines += [f"not determined: {len(self.undetermined)}"] if self.undetermined else []
         return "\n  ".join(lines)
-
-    def _rms_shown(self) -> str:
-        return f"{float(np.sqrt(np.mean(self.errors**2))):.4g} {self.error_unit}"
 
     @property
     def error_unit(self) -> str:
@@ -157,9 +158,6 @@ class MetricFit:
         return Table(tuple(header), tuple(rows))
 
 
-FORMAT, _VERSION = "geodesic_ocp metric", 1
-
-
 def save_metric(
     path: str | PathLike[str], fit: MetricFit, intervals: Sequence[ConfidenceInterval] = ()
 ) -> None:
@@ -175,19 +173,18 @@ def save_metric(
     if not isinstance(fit, MetricFit):
         raise ValueError(f"save_metric takes a path and a fit, got {path!r} and {fit!r}")
     bounds = {each.name: [each.low, each.high, each.confidence] for each in intervals}
-    entries = []
-    for parameter, estimate in zip(fit.parameters, fit.estimates, strict=True):
-        entries.append(
-            {
-                "name": parameter.name,
-                "field": parameter.field,
-                "joints": list(parameter.joints),
-                "value": estimate.value,
-                "unit": estimate.unit,
-                "standard_error": _finite(estimate.standard_error),
-                "interval": [_finite(number) for number in bounds.get(parameter.name, [])],
-            }
-        )
+    entries = [
+        {
+            "name": parameter.name,
+            "field": parameter.field,
+            "joints": list(parameter.joints),
+            "value": estimate.value,
+            "unit": estimate.unit,
+            "standard_error": _finite(estimate.standard_error),
+            "interval": [_finite(number) for number in bounds.get(parameter.name, [])],
+        }
+        for parameter, estimate in zip(fit.parameters, fit.estimates, strict=True)
+    ]
     record = {
         "format": FORMAT,
         "version": _VERSION,

@@ -14,18 +14,18 @@ from geodesic_ocp.fitting.fit_metric import solve_program
 from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics.euclidean import Euclidean
-from geodesic_ocp.progress import Progress
+from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.synergies.reconstruct import reconstruct
 from geodesic_ocp.synergies.scores import MotionErrors, evaluate
 from geodesic_ocp.table import Table
 
+_FINE = 2000  # points at which an interpolated profile is compared
+_LARGEST_STEP = np.log(10.0)  # of a parameter's logarithm
+
 
 def separate_fits(
-    fit: MetricFit,
-    by: str = "recording",
-    *,
-    progress: Progress | None = None,
+    fit: MetricFit, by: str = "recording", *, progress: Progress | None = None
 ) -> dict[str, MetricFit]:
     """A fit of every recording, or of every subject with all recordings, on the same segments.
 
@@ -35,32 +35,29 @@ def separate_fits(
         ValueError: by is neither "recording" nor "subject".
         NotConverged: Ipopt did not find a solution.
     """
-    labels = units_of(fit, by)
+    report, units = progress or no_progress, _units(fit, by)
     found: dict[str, MetricFit] = {}
-    units = list(dict.fromkeys(labels))
-    for number, unit in enumerate(units):
-        if progress is not None:
-            progress(f"fitting each {by}", number, len(units))
-        chosen = [k for k, label in enumerate(labels) if label == unit]
-        found[unit] = refit(fit, chosen)
+    for number, (unit, members) in enumerate(units.items()):
+        report(f"fitting each {by}", number, len(units))
+        found[unit] = refit(fit, members)
     return found
 
 
-def units_of(fit: MetricFit, by: str) -> list[str]:
-    """For each recording its own label, or that of its subject.
-
-    Raises:
-        ValueError: by is neither "recording" nor "subject".
-    """
-    if by == "subject":
-        return [each.subject for each in fit.recordings]
-    if by != "recording":
+def _units(fit: MetricFit, by: str) -> dict[str, list[int]]:
+    """Indices of the recordings of each recording or subject, by its label."""
+    labels = [each.subject for each in fit.recordings]
+    if by == "recording":
+        names = [each.name or "recording" for each in fit.recordings]
+        labels = [
+            f"{name} ({number + 1})" if names.count(name) > 1 else name
+            for number, name in enumerate(names)
+        ]
+    elif by != "subject":
         raise ValueError(f"by must be 'recording' or 'subject', got {by!r}")
-    names = [each.name or "recording" for each in fit.recordings]
-    return [
-        f"{name} ({number + 1})" if names.count(name) > 1 else name
-        for number, name in enumerate(names)
-    ]
+    units: dict[str, list[int]] = {}
+    for index, label in enumerate(labels):
+        units.setdefault(label, []).append(index)
+    return units
 
 
 def refit(fit: MetricFit, chosen: Sequence[int]) -> MetricFit:
@@ -120,16 +117,8 @@ class CrossValidation:
 
     def table(self) -> Table:
         """Estimates without the recording, its errors, and those of straight lines."""
-        header = (
-            "left out",
-            *self.parameters,
-            "joints [rad]",
-            "hand [m]",
-            "hand [rad]",
-            "lines: joints [rad]",
-            "lines: hand [m]",
-            "lines: hand [rad]",
-        )
+        kinds = ("joints [rad]", "hand [m]", "hand [rad]")
+        header = ("left out", *self.parameters, *kinds, *(f"lines: {kind}" for kind in kinds))
         rows: list[tuple[str | int | float, ...]] = []
         for each in self.left_out:
             errors = (
@@ -153,17 +142,15 @@ def leave_one_out(
         ValueError: fewer than two recordings or subjects.
         NotConverged: an estimation or a geodesic of a recording that was left out failed.
     """
-    recordings, labels = fit.recordings, units_of(fit, by)
-    units = list(dict.fromkeys(labels))
+    report, units = progress or no_progress, _units(fit, by)
     if len(units) < 2:
         raise ValueError(f"leaving one {by} out needs at least two, got {len(units)}")
     results: dict[int, LeftOut] = {}
-    for number, unit in enumerate(units):
-        if progress is not None:
-            progress(f"leaving one {by} out", number, len(units))
-        others = refit(fit, [k for k, label in enumerate(labels) if label != unit])
-        for index in [k for k, label in enumerate(labels) if label == unit]:
-            recording = recordings[index]
+    for number, members in enumerate(units.values()):
+        report(f"leaving one {by} out", number, len(units))
+        others = refit(fit, [k for k in range(len(fit.recordings)) if k not in members])
+        for index in members:
+            recording = fit.recordings[index]
             segments = fit.program.parts[index].observed.every
             results[index] = LeftOut(
                 recording.name,
@@ -175,7 +162,7 @@ def leave_one_out(
     return CrossValidation(
         by,
         tuple(each.name for each in fit.estimates),
-        tuple(results[index] for index in range(len(recordings))),
+        tuple(results[index] for index in sorted(results)),
     )
 
 
@@ -184,10 +171,6 @@ def _errors(
 ) -> MotionErrors:
     predicted = reconstruct(metric, recording.motion, segments).predicted
     return evaluate(recording.model, recording.motion, predicted)
-
-
-_FINE = 2000  # points at which an interpolated profile is compared
-_LARGEST_STEP = np.log(10.0)  # of a parameter's logarithm
 
 
 def bootstrap_fit(
@@ -223,11 +206,12 @@ def bootstrap_fit(
     if not 0.0 < confidence < 1.0:
         raise ValueError(f"confidence must be between 0 and 1, got {confidence}")
     count = as_integer("count", count, 1)
-    labels = units_of(fit, by)
-    units = list(dict.fromkeys(labels))
+    units = _units(fit, by)
     if len(units) < 2:
         raise ValueError(f"a bootstrap needs at least two {by}s, got {len(units)}")
-    members = np.array([[label == unit for label in labels] for unit in units], dtype=float)
+    members = np.zeros((len(units), len(fit.recordings)))
+    for row, indices in enumerate(units.values()):
+        members[row, indices] = 1.0
     rng = np.random.default_rng(as_integer("seed", seed, 0))
     drawn = rng.multinomial(len(units), np.full(len(units), 1.0 / len(units)), size=count)
     weights = drawn @ members
