@@ -12,7 +12,7 @@ from geodesic_ocp.arrays import Array, as_integer, as_number, as_positive
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.progress import Progress
+from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.synergies.segment_costs import (
     BestPartitions,
     Measure,
@@ -199,11 +199,11 @@ def optimal_segmentations(
         )
     pairs = _pairs(motion.time, candidates, max_duration)
 
-    def advance(done: int) -> None:
-        if progress is not None:
-            progress("planning segments", done, len(pairs))
-
-    values = costs([(candidates[first], candidates[last]) for first, last in pairs], advance)
+    report = progress or no_progress
+    values = costs(
+        [(candidates[first], candidates[last]) for first, last in pairs],
+        lambda done: report("planning segments", done, len(pairs)),
+    )
     table = np.full((len(candidates), max(last - first for first, last in pairs)), np.inf)
     for (first, last), value in zip(pairs, values, strict=True):
         table[last, last - first - 1] = value
