@@ -29,6 +29,29 @@ from geodesic_ocp.trajectory.path import Path
 # Samples of the straight line, and the ratio of the largest to the smallest diagonal entry of the
 # metric that is worth reporting.
 _SAMPLES, _LARGE_RATIO = 21, 1e4
+# CasADi's expressions and its interface to Ipopt are not for several threads.
+_one_at_a_time = threading.RLock()
+# A quick search limits Ipopt's iterations.
+_QUICK_OPTIONS = {"max_iter": 80}
+
+
+def find_by_ipopt(
+    metric: Metric, q0: Array, q1: Array, guess: Path | None, *, thorough: bool = True
+) -> ConnectingGeodesic:
+    """The geodesic of locally minimal energy near a path, or near the straight line.
+
+    Args:
+        metric: of the manifold; its tensor is not constant.
+        q0, q1: the ends (n,), not the same.
+        guess: a path between them; None is the straight line.
+        thorough: try every grid; else give up at the first failure.
+
+    Raises:
+        NotConverged: none was found, or it does not end at q1 when integrated forward.
+        ValueError: the metric is not finite along the path.
+    """
+    with _one_at_a_time:
+        return _find(metric, q0, q1, guess, thorough)
 
 
 def check_straight_line(metric: Metric, q0: Array, q1: Array, guess: Path | None) -> None:
@@ -59,31 +82,6 @@ def likely_cause(metric: Metric, nodes: Array) -> str:
             f"{ratios[worst]:.0e}: one of them is near a singularity or a boundary"
         )
     return "no path from any of the attempts led to one; the goal may lie at a conjugate point"
-
-
-# CasADi's expressions and its interface to Ipopt are not for several threads.
-_one_at_a_time = threading.RLock()
-# A quick search limits Ipopt's iterations.
-_QUICK_OPTIONS = {"max_iter": 80}
-
-
-def find_by_ipopt(
-    metric: Metric, q0: Array, q1: Array, guess: Path | None, *, thorough: bool = True
-) -> ConnectingGeodesic:
-    """The geodesic of locally minimal energy near a path, or near the straight line.
-
-    Args:
-        metric: of the manifold; its tensor is not constant.
-        q0, q1: the ends (n,), not the same.
-        guess: a path between them; None is the straight line.
-        thorough: try every grid; else give up at the first failure.
-
-    Raises:
-        NotConverged: none was found, or it does not end at q1 when integrated forward.
-        ValueError: the metric is not finite along the path.
-    """
-    with _one_at_a_time:
-        return _find(metric, q0, q1, guess, thorough)
 
 
 def _find(

@@ -1,7 +1,9 @@
-"""Shooting at a pose of the hand.
+"""Shooting at a pose of the hand: the initial velocity of the geodesic that brings it there.
 
-The pose error is multiplied by the pseudo-inverse of the hand's Jacobian, and the result is
-parallel-transported back along the geodesic, instead of using the derivative of the exponential
+`shoot` solves a nonlinear program in the velocity with exact derivatives.
+`descend_transported_gradient` follows the gradient of Klein, Jaquier, Meixner, Asfour (2022),
+section V: the pose error is multiplied by the pseudo-inverse of the hand's Jacobian, and the result
+is parallel-transported back along the geodesic, instead of using the derivative of the exponential
 map.
 """
 
@@ -26,14 +28,16 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.ik.pose_error import rotation_log
 from geodesic_ocp.trajectory.path import Path
 
-
-class ShootingResult(NamedTuple):
-    """Initial velocity (n,), iterations, whether it is a solution, and the status as a sentence."""
-
-    velocity: Array
-    iterations: int
-    success: bool
-    status: str
+# Fixed steps of the integrator within the NLP: at first, after a failure, at most; and how closely
+# their end point must agree with `exp` at the solution, and at the initial guess.
+_STEPS, _MORE_STEPS, _MAX_STEPS = 2, 4, 64
+_AGREEMENT, _ROUGH_AGREEMENT = 1e-7, 1e-4
+# Iterations of one solve; where they do not suffice, energy weights for a continuation.
+_MAX_ITERATIONS, _CONTINUATION = 60, (1.0, 1e-2, 1e-4, 1e-6)
+_MAX_DESCENTS = 2000
+_CONVERGED = 1e-9  # the pose error, or its relative decrease in one step
+_MAX_HALVINGS = 30
+_CUTOFF = 1e-3  # of the pseudo-inverse, relative to the Jacobian's largest singular value
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,30 +69,13 @@ class PoseTarget:
         return np.asarray(error.full()[:, 0])
 
 
-@lru_cache(maxsize=32)
-def metric_of(model: Model) -> KineticEnergy:
-    """The kinetic-energy metric of a model, whose functions are built once."""
-    return KineticEnergy(model)
+class ShootingResult(NamedTuple):
+    """Initial velocity (n,), iterations, whether it is a solution, and the status as a sentence."""
 
-
-@lru_cache(maxsize=1)
-def pose_error_function() -> ca.Function:
-    """Pose, target pose and weights (2,) -> weighted difference (6,), in the base frame."""
-    rotation, target_rotation = ca.SX.sym("R", 3, 3), ca.SX.sym("R1", 3, 3)
-    position, target_position = ca.SX.sym("p", 3), ca.SX.sym("p1", 3)
-    weights = ca.SX.sym("w", 2)
-    translation = weights[0] * (target_position - position)
-    rotation_vector = weights[1] * rotation_log(target_rotation @ rotation.T)
-    inputs = [rotation, position, target_position, target_rotation, weights]
-    return ca.Function("pose_error", inputs, [ca.vertcat(translation, rotation_vector)])
-
-
-# Fixed steps of the integrator within the NLP: at first, after a failure, at most; and how closely
-# their end point must agree with `exp` at the solution, and at the initial guess.
-_STEPS, _MORE_STEPS, _MAX_STEPS = 2, 4, 64
-_AGREEMENT, _ROUGH_AGREEMENT = 1e-7, 1e-4
-# Iterations of one solve; where they do not suffice, energy weights for a continuation.
-_MAX_ITERATIONS, _CONTINUATION = 60, (1.0, 1e-2, 1e-4, 1e-6)
+    velocity: Array
+    iterations: int
+    success: bool
+    status: str
 
 
 def shoot(target: PoseTarget, velocity: Array, energy_weight: float) -> ShootingResult:
@@ -109,6 +96,24 @@ def shoot(target: PoseTarget, velocity: Array, energy_weight: float) -> Shooting
             break
         best, reached = result, weight
     return best._replace(iterations=iterations)
+
+
+@lru_cache(maxsize=32)
+def metric_of(model: Model) -> KineticEnergy:
+    """The kinetic-energy metric of a model, whose functions are built once."""
+    return KineticEnergy(model)
+
+
+@lru_cache(maxsize=1)
+def pose_error_function() -> ca.Function:
+    """Pose, target pose and weights (2,) -> weighted difference (6,), in the base frame."""
+    rotation, target_rotation = ca.SX.sym("R", 3, 3), ca.SX.sym("R1", 3, 3)
+    position, target_position = ca.SX.sym("p", 3), ca.SX.sym("p1", 3)
+    weights = ca.SX.sym("w", 2)
+    translation = weights[0] * (target_position - position)
+    rotation_vector = weights[1] * rotation_log(target_rotation @ rotation.T)
+    inputs = [rotation, position, target_position, target_rotation, weights]
+    return ca.Function("pose_error", inputs, [ca.vertcat(translation, rotation_vector)])
 
 
 def _solve_with_accurate_steps(
@@ -200,12 +205,6 @@ def _exp_function(model: Model, steps: int) -> ca.Function:
     step = ca.Function("step", [y], [y + ca.horzcat(*slopes) @ ca.DM(dop853.B) / steps])
     q, v = ca.MX.sym("q", n), ca.MX.sym("v", n)
     return ca.Function("exp", [q, v], [step.fold(steps)(ca.vertcat(q, v))[:n]])
-
-
-_MAX_DESCENTS = 2000
-_CONVERGED = 1e-9  # the pose error, or its relative decrease in one step
-_MAX_HALVINGS = 30
-_CUTOFF = 1e-3  # of the pseudo-inverse, relative to the Jacobian's largest singular value
 
 
 def descend_transported_gradient(target: PoseTarget, velocity: Array) -> ShootingResult:

@@ -23,6 +23,15 @@ _USUAL = dict(zip(METRIC_NAMES, (JOINT_INERTIA, KINETIC_ENERGY, STRAIGHT_LINES),
 # Of m r^2: what `fit_metric` estimates from recordings of the KIT database and the bundled one,
 # with 0.02 to 0.04 as its 95 % interval.
 FRACTION = 0.03
+# Functions of a model: the kinetic energy with the model's or the default joint inertia, that of
+# the links alone, and the Euclidean metric, whose geodesics are straight lines in joint space.
+USUAL_METRICS: Mapping[str, Callable[[Model], Metric]] = {
+    JOINT_INERTIA: lambda model: KineticEnergy(with_joint_inertia(model)),
+    KINETIC_ENERGY: lambda model: KineticEnergy(
+        model.with_armature(0.0) if np.any(model.armature) else model
+    ),
+    STRAIGHT_LINES: lambda model: Euclidean(model.dof),
+}
 
 
 def default_joint_inertia(model: Model) -> Array:
@@ -58,17 +67,6 @@ def has_default_joint_inertia(model: Model) -> bool:
 def with_joint_inertia(model: Model) -> Model:
     """The model with its own armature if it has any, otherwise with the default joint inertia."""
     return model if np.any(model.armature) else model.with_armature(default_joint_inertia(model))
-
-
-# Functions of a model: the kinetic energy with the model's or the default joint inertia, that of
-# the links alone, and the Euclidean metric, whose geodesics are straight lines in joint space.
-USUAL_METRICS: Mapping[str, Callable[[Model], Metric]] = {
-    JOINT_INERTIA: lambda model: KineticEnergy(with_joint_inertia(model)),
-    KINETIC_ENERGY: lambda model: KineticEnergy(
-        model.with_armature(0.0) if np.any(model.armature) else model
-    ),
-    STRAIGHT_LINES: lambda model: Euclidean(model.dof),
-}
 
 
 def as_analysis_metric(metric: Metric | str | None, model: Model) -> Metric:

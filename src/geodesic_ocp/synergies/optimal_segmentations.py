@@ -25,6 +25,156 @@ from geodesic_ocp.trajectory.motion import Motion
 _SLACK = 1e-9  # of the longest duration, relative
 
 
+def segment_optimal(
+    metric: Metric,
+    motion: Motion,
+    *,
+    count: int | None = None,
+    penalty: float | None = None,
+    error: float | None = None,
+    measure: Measure = "joint",
+    model: Model | None = None,
+    spacing: float = 0.05,
+    max_duration: float = 2.0,
+    progress: Progress | None = None,
+) -> list[tuple[int, int]]:
+    """Cut a motion where `reconstruct` then has the least mean error.
+
+    Exactly one of `count`, `penalty` and `error` says how many segments. The optimum over a grid of
+    candidate cuts, every `spacing` seconds, is found by dynamic programming
+    (`optimal_segmentations`); then each cut moves by single samples as long as that lowers the
+    error. Where `segment` cuts as the motion unfolds, from its past alone, this function sees all
+    of it.
+
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv").filtered()
+    >>> part = go.Motion(motion.time[:90], motion.q[:90], motion.joint_names, motion.velocity[:90])
+    >>> segments = go.segment_optimal(go.Euclidean(7), part, count=3)
+    >>> len(segments), segments[0][0], segments[-1][1]
+    (3, 0, 89)
+
+    Args:
+        metric: of the motion's dimension.
+        motion: with velocities, see `Motion.filtered`.
+        count: number of segments.
+        penalty: cost of a segment: the number of segments k minimizes (mean error of k segments) +
+            penalty * k, in the unit of the measure, before the refinement.
+        error: the smallest number of segments is taken whose mean error is at most this before the
+            refinement, in the unit of the measure.
+        measure: of the error: "joint" [rad], "position" or "orientation" of the hand [m, rad].
+        model: whose hand is measured; None is the metric's, where it has one.
+        spacing: of the candidates [s].
+        max_duration: of a segment [s].
+        progress: called with what is done, the number of segments planned, and the total.
+
+    Returns:
+        (start, stop) sample indices of every segment, as from `segment`.
+
+    Raises:
+        ValueError: not exactly one of count, penalty and error; a count or an error that is not
+            possible, with the possible range; or see `optimal_segmentations`.
+        NotConverged: see `optimal_segmentations`.
+    """
+    if sum(each is not None for each in (count, penalty, error)) != 1:
+        raise ValueError("exactly one of count, penalty and error must be given")
+    found = optimal_segmentations(
+        metric,
+        motion,
+        measure=measure,
+        model=model,
+        spacing=spacing,
+        max_duration=max_duration,
+        progress=progress,
+    )
+    if count is None:
+        count = found.count_for(penalty=penalty, error=error)
+    return found.segments(count)
+
+
+def optimal_segmentations(
+    metric: Metric,
+    motion: Motion,
+    *,
+    measure: Measure = "joint",
+    model: Model | None = None,
+    spacing: float = 0.05,
+    max_duration: float = 2.0,
+    progress: Progress | None = None,
+) -> OptimalSegmentations:
+    """The cuts that minimize the reconstruction error, for every number of segments.
+
+    For k segments, the cuts c_0 = 0 < c_1 < ... < c_k at the last sample minimize
+
+        E_k = 1/N sum_j e(c_j, c_j+1),
+
+    where e is the sum over a segment's samples of the error that `reconstruct` and `evaluate` give
+    for it, over the N samples of the motion. Candidates for cuts are the samples nearest to times
+    about `spacing` apart. Dynamic programming finds the global optimum among them for all k at once
+    (Bellman, Communications of the ACM 4, 1961; Jackson et al., IEEE Signal Processing Letters 12,
+    2005). A rest is not treated apart: a segment in which nothing moves has no error.
+
+    >>> import numpy as np
+    >>> import geodesic_ocp as go
+    >>> time = np.linspace(0.0, 1.2, 61)
+    >>> slope = np.where(time < 0.5, -1.0, 1.0)  # the first of two coordinates turns at 0.5 s
+    >>> q, v = np.stack([np.abs(time - 0.5), time], 1), np.stack([slope, np.ones(61)], 1)
+    >>> motion = go.Motion(time, q, ("x", "y"), v)
+    >>> found = go.optimal_segmentations(go.Euclidean(2), motion, spacing=0.1)
+    >>> found.segments(2)
+    [(0, 25), (25, 60)]
+
+    Args:
+        metric: of the motion's dimension.
+        motion: with velocities, see `Motion.filtered`.
+        measure: of the error: "joint" [rad], "position" or "orientation" of the hand [m, rad].
+        model: whose hand is measured; None is the metric's, where it has one.
+        spacing: of the candidates [s].
+        max_duration: of a segment [s].
+        progress: called with what is done, the number of segments planned, and the total.
+
+    Raises:
+        ValueError: the motion has no velocities or does not fit the metric, the measure is unknown
+            or needs a model, the metric is not defined at a sample, or a number is out of range.
+        NotConverged: so many log maps fail that nothing covers the motion.
+
+    Warns:
+        RuntimeWarning: log maps failed; such a segment is not available.
+    """
+    spacing = as_positive("spacing", spacing, "s")
+    max_duration = as_positive("max_duration", max_duration, "s")
+    costs = SegmentCosts(metric, motion, measure, model)
+    candidates = _candidates(motion.time, spacing)
+    gap = float(np.diff(motion.time[candidates]).max())
+    if max_duration * (1.0 + _SLACK) < gap:
+        raise ValueError(
+            f"max_duration must be at least {gap:.4g} s, the largest gap between candidates, got "
+            f"{max_duration:g} s"
+        )
+    pairs = _pairs(motion.time, candidates, max_duration)
+
+    report = progress or no_progress
+    values = costs(
+        [(candidates[first], candidates[last]) for first, last in pairs],
+        lambda done: report("planning segments", done, len(pairs)),
+    )
+    table = np.full((len(candidates), max(last - first for first, last in pairs)), np.inf)
+    for (first, last), value in zip(pairs, values, strict=True):
+        table[last, last - first - 1] = value
+    partitions = best_partitions(table)
+    counts = np.flatnonzero(np.isfinite(partitions.totals))
+    if not counts.size:
+        metric.check_domain_along("the motion", motion.time, motion.q)
+        raise NotConverged(
+            f"no segments cover the motion: {costs.failures} of {len(pairs)} log maps failed"
+        )
+    _warn(costs.failures, f"of {len(pairs)}", 3)
+    errors = partitions.totals[counts] / len(motion)
+    return OptimalSegmentations(
+        metric, motion, measure, counts, errors, max_duration, candidates, partitions, costs
+    )
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class OptimalSegmentations:
     """The best cuts of a motion for every number of segments, from `optimal_segmentations`.
@@ -138,89 +288,6 @@ class OptimalSegmentations:
         return [costs.get(pair, np.inf) for pair in pairs]
 
 
-def optimal_segmentations(
-    metric: Metric,
-    motion: Motion,
-    *,
-    measure: Measure = "joint",
-    model: Model | None = None,
-    spacing: float = 0.05,
-    max_duration: float = 2.0,
-    progress: Progress | None = None,
-) -> OptimalSegmentations:
-    """The cuts that minimize the reconstruction error, for every number of segments.
-
-    For k segments, the cuts c_0 = 0 < c_1 < ... < c_k at the last sample minimize
-
-        E_k = 1/N sum_j e(c_j, c_j+1),
-
-    where e is the sum over a segment's samples of the error that `reconstruct` and `evaluate` give
-    for it, over the N samples of the motion. Candidates for cuts are the samples nearest to times
-    about `spacing` apart. Dynamic programming finds the global optimum among them for all k at once
-    (Bellman, Communications of the ACM 4, 1961; Jackson et al., IEEE Signal Processing Letters 12,
-    2005). A rest is not treated apart: a segment in which nothing moves has no error.
-
-    >>> import numpy as np
-    >>> import geodesic_ocp as go
-    >>> time = np.linspace(0.0, 1.2, 61)
-    >>> slope = np.where(time < 0.5, -1.0, 1.0)  # the first of two coordinates turns at 0.5 s
-    >>> q, v = np.stack([np.abs(time - 0.5), time], 1), np.stack([slope, np.ones(61)], 1)
-    >>> motion = go.Motion(time, q, ("x", "y"), v)
-    >>> found = go.optimal_segmentations(go.Euclidean(2), motion, spacing=0.1)
-    >>> found.segments(2)
-    [(0, 25), (25, 60)]
-
-    Args:
-        metric: of the motion's dimension.
-        motion: with velocities, see `Motion.filtered`.
-        measure: of the error: "joint" [rad], "position" or "orientation" of the hand [m, rad].
-        model: whose hand is measured; None is the metric's, where it has one.
-        spacing: of the candidates [s].
-        max_duration: of a segment [s].
-        progress: called with what is done, the number of segments planned, and the total.
-
-    Raises:
-        ValueError: the motion has no velocities or does not fit the metric, the measure is unknown
-            or needs a model, the metric is not defined at a sample, or a number is out of range.
-        NotConverged: so many log maps fail that nothing covers the motion.
-
-    Warns:
-        RuntimeWarning: log maps failed; such a segment is not available.
-    """
-    spacing = as_positive("spacing", spacing, "s")
-    max_duration = as_positive("max_duration", max_duration, "s")
-    costs = SegmentCosts(metric, motion, measure, model)
-    candidates = _candidates(motion.time, spacing)
-    gap = float(np.diff(motion.time[candidates]).max())
-    if max_duration * (1.0 + _SLACK) < gap:
-        raise ValueError(
-            f"max_duration must be at least {gap:.4g} s, the largest gap between candidates, got "
-            f"{max_duration:g} s"
-        )
-    pairs = _pairs(motion.time, candidates, max_duration)
-
-    report = progress or no_progress
-    values = costs(
-        [(candidates[first], candidates[last]) for first, last in pairs],
-        lambda done: report("planning segments", done, len(pairs)),
-    )
-    table = np.full((len(candidates), max(last - first for first, last in pairs)), np.inf)
-    for (first, last), value in zip(pairs, values, strict=True):
-        table[last, last - first - 1] = value
-    partitions = best_partitions(table)
-    counts = np.flatnonzero(np.isfinite(partitions.totals))
-    if not counts.size:
-        metric.check_domain_along("the motion", motion.time, motion.q)
-        raise NotConverged(
-            f"no segments cover the motion: {costs.failures} of {len(pairs)} log maps failed"
-        )
-    _warn(costs.failures, f"of {len(pairs)}", 3)
-    errors = partitions.totals[counts] / len(motion)
-    return OptimalSegmentations(
-        metric, motion, measure, counts, errors, max_duration, candidates, partitions, costs
-    )
-
-
 def _candidates(time: Array, spacing: float) -> list[int]:
     """Indices of the samples nearest to evenly spaced times, both ends included."""
     count = max(1, round(float(time[-1] - time[0]) / spacing))
@@ -247,70 +314,3 @@ def _warn(failures: int, which: str, stacklevel: int) -> None:
             RuntimeWarning,
             stacklevel=stacklevel,
         )
-
-
-def segment_optimal(
-    metric: Metric,
-    motion: Motion,
-    *,
-    count: int | None = None,
-    penalty: float | None = None,
-    error: float | None = None,
-    measure: Measure = "joint",
-    model: Model | None = None,
-    spacing: float = 0.05,
-    max_duration: float = 2.0,
-    progress: Progress | None = None,
-) -> list[tuple[int, int]]:
-    """Cut a motion where `reconstruct` then has the least mean error.
-
-    Exactly one of `count`, `penalty` and `error` says how many segments. The optimum over a grid of
-    candidate cuts, every `spacing` seconds, is found by dynamic programming
-    (`optimal_segmentations`); then each cut moves by single samples as long as that lowers the
-    error. Where `segment` cuts as the motion unfolds, from its past alone, this function sees all
-    of it.
-
-    >>> import geodesic_ocp as go
-    >>> from importlib.resources import files
-    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv").filtered()
-    >>> part = go.Motion(motion.time[:90], motion.q[:90], motion.joint_names, motion.velocity[:90])
-    >>> segments = go.segment_optimal(go.Euclidean(7), part, count=3)
-    >>> len(segments), segments[0][0], segments[-1][1]
-    (3, 0, 89)
-
-    Args:
-        metric: of the motion's dimension.
-        motion: with velocities, see `Motion.filtered`.
-        count: number of segments.
-        penalty: cost of a segment: the number of segments k minimizes (mean error of k segments) +
-            penalty * k, in the unit of the measure, before the refinement.
-        error: the smallest number of segments is taken whose mean error is at most this before the
-            refinement, in the unit of the measure.
-        measure: of the error: "joint" [rad], "position" or "orientation" of the hand [m, rad].
-        model: whose hand is measured; None is the metric's, where it has one.
-        spacing: of the candidates [s].
-        max_duration: of a segment [s].
-        progress: called with what is done, the number of segments planned, and the total.
-
-    Returns:
-        (start, stop) sample indices of every segment, as from `segment`.
-
-    Raises:
-        ValueError: not exactly one of count, penalty and error; a count or an error that is not
-            possible, with the possible range; or see `optimal_segmentations`.
-        NotConverged: see `optimal_segmentations`.
-    """
-    if sum(each is not None for each in (count, penalty, error)) != 1:
-        raise ValueError("exactly one of count, penalty and error must be given")
-    found = optimal_segmentations(
-        metric,
-        motion,
-        measure=measure,
-        model=model,
-        spacing=spacing,
-        max_duration=max_duration,
-        progress=progress,
-    )
-    if count is None:
-        count = found.count_for(penalty=penalty, error=error)
-    return found.segments(count)

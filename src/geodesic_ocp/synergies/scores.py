@@ -130,98 +130,6 @@ def pose_differences(
     return np.asarray(distances), np.asarray(np.linalg.norm(between, axis=1))
 
 
-def _comparable(model: Model, observed: Motion, predicted: Motion) -> tuple[Motion, Motion]:
-    """The joints of the model of two motions with the same sample times."""
-    observed, predicted = (motion.select(model.joint_names) for motion in (observed, predicted))
-    if not np.array_equal(observed.time, predicted.time):
-        raise ValueError("the observed and the predicted motion must have the same sample times")
-    return observed, predicted
-
-
-def action(metric: Metric, motion: Motion) -> float:
-    """The action int 1/2 |q'|_G^2 dt of a motion, along the chords between its samples.
-
-    With the kinetic-energy metric it is the mean kinetic energy times the duration [J s].
-
-    Raises:
-        ValueError: the motion is not of the metric's dimension.
-    """
-    steps = np.diff(motion.time)
-    midpoints, chords = (motion.q[1:] + motion.q[:-1]) / 2.0, np.diff(motion.q, axis=0)
-    if motion.q.shape[1] != metric.dim:
-        raise ValueError(
-            f"the metric has dimension {metric.dim}, the motion {motion.q.shape[1]} joints"
-        )
-    return float(np.sum(speeds_at(metric, midpoints, chords) ** 2 / steps) / 2.0)
-
-
-def area_between(first: Array, second: Array) -> float:
-    """Area of the ruled surface between two curves, polylines through (k, d) and (m, d) points.
-
-    Straight lines connect points of equal relative arc length, x(s, u) = (1 - u) a(s) + u b(s),
-    and the area is that of these lines, int int |dx/ds x dx/du| du ds. Where plane curves do not
-    cross, and the lines do not either, it is the area of the region between them; where they cross,
-    both sides count as positive. This is the construction of Jekel, Venter, Venter, Stander, Haftka
-    (International Journal of Material Forming 12, 2019), who sum quadrilaterals between plane
-    curves, in any dimension.
-    """
-    a, b = _evenly_spaced(first), _evenly_spaced(second)
-    across = (b[1:] + b[:-1] - a[1:] - a[:-1]) / 2.0
-    u = (_ACROSS[:, None, None] + 1.0) / 2.0
-    along = (1.0 - u) * np.diff(a, axis=0) + u * np.diff(b, axis=0)
-    # |x|^2 |y|^2 - (x.y)^2, the square of the area spanned by x and y, in any dimension.
-    squares = np.sum(along**2, axis=2) * np.sum(across**2, axis=1)
-    squares = squares - np.sum(along * across, axis=2) ** 2
-    return float(np.sum(_WEIGHTS @ np.sqrt(np.maximum(squares, 0.0))) / 2.0)
-
-
-def _evenly_spaced(points: Array) -> Array:
-    """Points at equal distances along the polyline; a curve of length zero stays where it is."""
-    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    upto = np.concatenate([[0.0], np.cumsum(lengths)])
-    wanted = np.linspace(0.0, upto[-1], _CELLS + 1)
-    return np.column_stack([np.interp(wanted, upto, column) for column in points.T])
-
-
-def nearest_on_path(points: Array, path: Array) -> Array:
-    """The point (k, n) nearest to each of the points (k, n) on the polyline through path (m, n).
-
-    On the chord from p_i to p_(i+1) it is p_i + u (p_(i+1) - p_i) with u in [0, 1]; distances are
-    Euclidean. Chords rather than samples are searched: the spacing of the samples along the path
-    then does not add to the distance.
-    """
-    chords = np.diff(path, axis=0)
-    squares = np.sum(chords**2, axis=1)
-    squares[squares == 0.0] = 1.0  # a chord of length zero is the point itself
-    nearest = np.empty_like(points)
-    for row, point in enumerate(points):
-        along = np.clip(np.sum((point - path[:-1]) * chords, axis=1) / squares, 0.0, 1.0)
-        candidates = path[:-1] + along[:, None] * chords
-        nearest[row] = candidates[np.argmin(np.sum((candidates - point) ** 2, axis=1))]
-    return nearest
-
-
-def hand_twists(model: Model, motion: Motion) -> Array:
-    """Linear [m/s] and angular [rad/s] velocities (k, 6) of the hand, J(q) q', in base axes.
-
-    q' is the motion's velocity, or the derivative of the spline through its samples if it has none.
-    """
-    velocity = motion(motion.time, 1) if motion.velocity is None else motion.velocity
-    twists = _twist(model).map(len(motion))(motion.q.T, velocity.T)
-    return np.asarray(twists.full().T)
-
-
-def hand_speeds(model: Model, motion: Motion) -> Array:
-    """Speeds (k,) of the hand's position [m/s]."""
-    return np.asarray(np.linalg.norm(hand_twists(model, motion)[:, :3], axis=1))
-
-
-@lru_cache(maxsize=32)
-def _twist(model: Model) -> ca.Function:
-    q, v = ca.SX.sym("q", model.dof), ca.SX.sym("v", model.dof)
-    return ca.Function("twist", [q, v], [ca.densify(model.hand_jacobian(q) @ v)])
-
-
 @dataclass(frozen=True, repr=False)
 class Scores:
     """How far a predicted motion is from the observed one, over its samples.
@@ -330,6 +238,98 @@ def score(
         path_position=float(np.mean(np.linalg.norm(nearest_hand - hand, axis=1))),
         area=float(area),
     )
+
+
+def _comparable(model: Model, observed: Motion, predicted: Motion) -> tuple[Motion, Motion]:
+    """The joints of the model of two motions with the same sample times."""
+    observed, predicted = (motion.select(model.joint_names) for motion in (observed, predicted))
+    if not np.array_equal(observed.time, predicted.time):
+        raise ValueError("the observed and the predicted motion must have the same sample times")
+    return observed, predicted
+
+
+def action(metric: Metric, motion: Motion) -> float:
+    """The action int 1/2 |q'|_G^2 dt of a motion, along the chords between its samples.
+
+    With the kinetic-energy metric it is the mean kinetic energy times the duration [J s].
+
+    Raises:
+        ValueError: the motion is not of the metric's dimension.
+    """
+    steps = np.diff(motion.time)
+    midpoints, chords = (motion.q[1:] + motion.q[:-1]) / 2.0, np.diff(motion.q, axis=0)
+    if motion.q.shape[1] != metric.dim:
+        raise ValueError(
+            f"the metric has dimension {metric.dim}, the motion {motion.q.shape[1]} joints"
+        )
+    return float(np.sum(speeds_at(metric, midpoints, chords) ** 2 / steps) / 2.0)
+
+
+def area_between(first: Array, second: Array) -> float:
+    """Area of the ruled surface between two curves, polylines through (k, d) and (m, d) points.
+
+    Straight lines connect points of equal relative arc length, x(s, u) = (1 - u) a(s) + u b(s),
+    and the area is that of these lines, int int |dx/ds x dx/du| du ds. Where plane curves do not
+    cross, and the lines do not either, it is the area of the region between them; where they cross,
+    both sides count as positive. This is the construction of Jekel, Venter, Venter, Stander, Haftka
+    (International Journal of Material Forming 12, 2019), who sum quadrilaterals between plane
+    curves, in any dimension.
+    """
+    a, b = _evenly_spaced(first), _evenly_spaced(second)
+    across = (b[1:] + b[:-1] - a[1:] - a[:-1]) / 2.0
+    u = (_ACROSS[:, None, None] + 1.0) / 2.0
+    along = (1.0 - u) * np.diff(a, axis=0) + u * np.diff(b, axis=0)
+    # |x|^2 |y|^2 - (x.y)^2, the square of the area spanned by x and y, in any dimension.
+    squares = np.sum(along**2, axis=2) * np.sum(across**2, axis=1)
+    squares = squares - np.sum(along * across, axis=2) ** 2
+    return float(np.sum(_WEIGHTS @ np.sqrt(np.maximum(squares, 0.0))) / 2.0)
+
+
+def _evenly_spaced(points: Array) -> Array:
+    """Points at equal distances along the polyline; a curve of length zero stays where it is."""
+    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    upto = np.concatenate([[0.0], np.cumsum(lengths)])
+    wanted = np.linspace(0.0, upto[-1], _CELLS + 1)
+    return np.column_stack([np.interp(wanted, upto, column) for column in points.T])
+
+
+def nearest_on_path(points: Array, path: Array) -> Array:
+    """The point (k, n) nearest to each of the points (k, n) on the polyline through path (m, n).
+
+    On the chord from p_i to p_(i+1) it is p_i + u (p_(i+1) - p_i) with u in [0, 1]; distances are
+    Euclidean. Chords rather than samples are searched: the spacing of the samples along the path
+    then does not add to the distance.
+    """
+    chords = np.diff(path, axis=0)
+    squares = np.sum(chords**2, axis=1)
+    squares[squares == 0.0] = 1.0  # a chord of length zero is the point itself
+    nearest = np.empty_like(points)
+    for row, point in enumerate(points):
+        along = np.clip(np.sum((point - path[:-1]) * chords, axis=1) / squares, 0.0, 1.0)
+        candidates = path[:-1] + along[:, None] * chords
+        nearest[row] = candidates[np.argmin(np.sum((candidates - point) ** 2, axis=1))]
+    return nearest
+
+
+def hand_twists(model: Model, motion: Motion) -> Array:
+    """Linear [m/s] and angular [rad/s] velocities (k, 6) of the hand, J(q) q', in base axes.
+
+    q' is the motion's velocity, or the derivative of the spline through its samples if it has none.
+    """
+    velocity = motion(motion.time, 1) if motion.velocity is None else motion.velocity
+    twists = _twist(model).map(len(motion))(motion.q.T, velocity.T)
+    return np.asarray(twists.full().T)
+
+
+def hand_speeds(model: Model, motion: Motion) -> Array:
+    """Speeds (k,) of the hand's position [m/s]."""
+    return np.asarray(np.linalg.norm(hand_twists(model, motion)[:, :3], axis=1))
+
+
+@lru_cache(maxsize=32)
+def _twist(model: Model) -> ca.Function:
+    q, v = ca.SX.sym("q", model.dof), ca.SX.sym("v", model.dof)
+    return ca.Function("twist", [q, v], [ca.densify(model.hand_jacobian(q) @ v)])
 
 
 def _nearest(observed: Array, predicted: Array, segments: Sequence[tuple[int, int]]) -> Array:

@@ -35,36 +35,6 @@ _OF_NOISE = 2.0
 _SAMPLES = 32  # at which the speed of the noise is averaged
 
 
-def observed_velocity(motion: Motion) -> Array:
-    """The motion's velocities (k, n); ValueError if it has none."""
-    if motion.velocity is None:
-        raise ValueError("the motion has no velocities; use motion.filtered()")
-    return motion.velocity
-
-
-def moving_velocity(motion: Motion) -> Array:
-    """The motion's velocities (k, n); ValueError if it has none, or no joint moves."""
-    if np.ptp(motion.q, axis=0).max() < _STILL:
-        raise ValueError(
-            f"the motion never moves: every joint stays within {_STILL:g} rad from first to last"
-        )
-    return observed_velocity(motion)
-
-
-def speeds(metric: Metric, motion: Motion) -> Array:
-    """Observed speeds |q'|_G at every sample, (k,); ValueError if motion and metric do not fit."""
-    if metric.dim != len(motion.joint_names):
-        raise ValueError(
-            f"the metric has dimension {metric.dim}, the motion {len(motion.joint_names)} joints"
-        )
-    if metric.joint_names is not None and metric.joint_names != motion.joint_names:
-        raise ValueError(
-            f"the motion's joints {', '.join(motion.joint_names)} are not the metric's in its "
-            f"order, {', '.join(metric.joint_names)}; use motion.select(model.joint_names)"
-        )
-    return speeds_at(metric, motion.q, observed_velocity(motion))
-
-
 def segment(
     metric: Metric,
     motion: Motion,
@@ -139,6 +109,36 @@ def segment(
     rule = (threshold, hysteresis, min_duration)
     cuts = _cuts(metric, motion, velocity, level, rest_duration, rule)
     return list(pairwise(_nearest_samples(motion, np.array(cuts))))
+
+
+def observed_velocity(motion: Motion) -> Array:
+    """The motion's velocities (k, n); ValueError if it has none."""
+    if motion.velocity is None:
+        raise ValueError("the motion has no velocities; use motion.filtered()")
+    return motion.velocity
+
+
+def moving_velocity(motion: Motion) -> Array:
+    """The motion's velocities (k, n); ValueError if it has none, or no joint moves."""
+    if np.ptp(motion.q, axis=0).max() < _STILL:
+        raise ValueError(
+            f"the motion never moves: every joint stays within {_STILL:g} rad from first to last"
+        )
+    return observed_velocity(motion)
+
+
+def speeds(metric: Metric, motion: Motion) -> Array:
+    """Observed speeds |q'|_G at every sample, (k,); ValueError if motion and metric do not fit."""
+    if metric.dim != len(motion.joint_names):
+        raise ValueError(
+            f"the metric has dimension {metric.dim}, the motion {len(motion.joint_names)} joints"
+        )
+    if metric.joint_names is not None and metric.joint_names != motion.joint_names:
+        raise ValueError(
+            f"the motion's joints {', '.join(motion.joint_names)} are not the metric's in its "
+            f"order, {', '.join(metric.joint_names)}; use motion.select(model.joint_names)"
+        )
+    return speeds_at(metric, motion.q, observed_velocity(motion))
 
 
 def _cuts(

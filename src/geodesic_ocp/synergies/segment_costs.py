@@ -1,12 +1,12 @@
-"""What it costs to end a segment at one sample after beginning at another.
+"""What segments of a motion cost, and the cuts whose segments cost least.
 
-What `reconstruct` gives at the observed times, at a third of the cost: a geodesic has constant
-speed, so that the configuration at the distance s(t) is the one at the fraction s(t) / length of
-its parameter, and neither arc lengths nor velocities are needed.
-
-Bellman, "On the approximation of curves by line segments using dynamic programming",
-Communications of the ACM 4, 1961; Jackson et al., "An algorithm for optimal partitioning of data on
-an interval", IEEE Signal Processing Letters 12, 2005.
+A segment is predicted as by `reconstruct`, at the observed times and at a third of the cost: a
+geodesic has constant speed, so that the configuration at the distance s(t) is the one at the
+fraction s(t) / length of its parameter, and neither arc lengths nor velocities are needed. The best
+cuts among candidates are found by dynamic programming (Bellman, "On the approximation of curves by
+line segments using dynamic programming", Communications of the ACM 4, 1961; Jackson et al., "An
+algorithm for optimal partitioning of data on an interval", IEEE Signal Processing Letters 12,
+2005).
 """
 
 from __future__ import annotations
@@ -34,120 +34,9 @@ from geodesic_ocp.trajectory.motion import Motion
 
 # Accuracy of the interpolated velocity, relative to the largest, as of the paths of `geodesic`.
 _RESOLVED = 1e-6
-
-
-def predict_segment(metric: Metric, motion: Motion, speed: Array, start: int, stop: int) -> Array:
-    """Configurations (stop - start + 1, n) at the samples from start to stop.
-
-    Args:
-        metric: whose geodesic connects the observed configurations at the two ends.
-        motion: observed.
-        speed: its speeds |q'|_G at the samples (k,).
-        start, stop: indices of the first and the last sample.
-
-    Raises:
-        NotConverged, IntegrationFailed: no geodesic was found, or it cannot be sampled.
-    """
-    q0, q1 = motion.q[start], motion.q[stop]
-    velocity = log(metric, q0, q1)
-    length = float(metric.norm(q0, velocity))
-    samples = motion.time[start : stop + 1]
-    if not length > 0.0:
-        return np.tile(q0, (samples.size, 1))
-    law = law_of_segment(motion, speed, length, start, stop)
-    covered = np.clip(law(samples - samples[0]) / length, 0.0, 1.0)
-    if metric.has_constant_tensor:
-        return np.asarray(q0 + np.outer(covered, velocity))
-    return _along(metric, ConnectingGeodesic(q0, q1, velocity), covered)
-
-
-def _along(metric: Metric, found: ConnectingGeodesic, s: Array) -> Array:
-    """Positions (k, n) of a geodesic at parameters s (k,), interpolated between its nodes."""
-    for grid in found.grids:
-        nodes, velocities = integrate_geodesic(
-            metric, found.q0, found.velocity, grid.nodes, CHECK_TOLERANCE
-        )
-        nodes[-1] = found.q1
-        by_segment = grid.in_segments(nodes)
-        slopes = grid.differentiation @ by_segment
-        error = np.abs(slopes - grid.in_segments(velocities)).max()
-        rounding = np.finfo(float).eps * np.abs(grid.differentiation).max() * np.abs(nodes).max()
-        if error <= _RESOLVED * np.abs(velocities).max() + 10.0 * rounding:
-            return grid.interpolate(by_segment, s)
-    raise NotConverged(
-        f"the geodesic from {found.q0} to {found.q1} bends too sharply to be sampled"
-    )
-
-
 Pair = tuple[int, int]
 # A smaller relative decrease is rounding.
 _DECREASE = 1e-12
-
-
-def refine_cuts(
-    cuts: Sequence[int], costs_of: Callable[[list[Pair]], list[float]], step: int
-) -> tuple[list[int], float]:
-    """Coordinate descent on the cuts: each moves by `step` samples while that lowers the total.
-
-    The step is halved down to one sample; the result cannot be improved by moving any single cut
-    by one sample. The cuts at even and at odd positions are tried in turn, each group at once:
-    their segments do not overlap. The total never increases.
-
-    Args:
-        cuts: sample indices, of which the first and the last stay.
-        costs_of: costs of segments (start, stop), inf where there is none.
-        step: the first one, in samples.
-
-    Returns:
-        The cuts, and their total cost.
-    """
-    cuts = list(cuts)
-    step = 1 << max(step, 1).bit_length() - 1
-    while step >= 1:
-        # Cuts that may improve: those that moved, and their neighbours.
-        open_cuts = set(range(1, len(cuts) - 1))
-        while open_cuts:
-            for parity in (0, 1):
-                tried = sorted(index for index in open_cuts if index % 2 == parity)
-                open_cuts -= set(tried)
-                for index in _improve(cuts, tried, costs_of, step):
-                    open_cuts |= {index - 1, index, index + 1} & set(range(1, len(cuts) - 1))
-        step //= 2
-    return cuts, sum(costs_of(list(pairwise(cuts))))
-
-
-def _improve(
-    cuts: list[int],
-    tried: Sequence[int],
-    costs_of: Callable[[list[Pair]], list[float]],
-    step: int,
-) -> list[int]:
-    """Move each of these cuts, no two of them neighbours, to its best place; which have moved."""
-    places = {
-        index: [
-            place
-            for place in (cuts[index], cuts[index] - step, cuts[index] + step)
-            if cuts[index - 1] < place < cuts[index + 1]
-        ]
-        for index in tried
-    }
-    pairs = [
-        pair
-        for index in tried
-        for place in places[index]
-        for pair in ((cuts[index - 1], place), (place, cuts[index + 1]))
-    ]
-    costs = iter(costs_of(pairs))
-    moved = []
-    for index in tried:
-        totals = [next(costs) + next(costs) for _ in places[index]]
-        best = min(range(len(totals)), key=totals.__getitem__)
-        if totals[best] < totals[0] * (1.0 - _DECREASE):
-            cuts[index] = places[index][best]
-            moved.append(index)
-    return moved
-
-
 Measure = Literal["joint", "position", "orientation"]
 _ROWS = 2048  # of configurations whose poses are computed at once
 _BLOCK = 8  # segments that a thread plans in one go
@@ -282,6 +171,49 @@ class SegmentCosts:
         return hands
 
 
+def predict_segment(metric: Metric, motion: Motion, speed: Array, start: int, stop: int) -> Array:
+    """Configurations (stop - start + 1, n) at the samples from start to stop.
+
+    Args:
+        metric: whose geodesic connects the observed configurations at the two ends.
+        motion: observed.
+        speed: its speeds |q'|_G at the samples (k,).
+        start, stop: indices of the first and the last sample.
+
+    Raises:
+        NotConverged, IntegrationFailed: no geodesic was found, or it cannot be sampled.
+    """
+    q0, q1 = motion.q[start], motion.q[stop]
+    velocity = log(metric, q0, q1)
+    length = float(metric.norm(q0, velocity))
+    samples = motion.time[start : stop + 1]
+    if not length > 0.0:
+        return np.tile(q0, (samples.size, 1))
+    law = law_of_segment(motion, speed, length, start, stop)
+    covered = np.clip(law(samples - samples[0]) / length, 0.0, 1.0)
+    if metric.has_constant_tensor:
+        return np.asarray(q0 + np.outer(covered, velocity))
+    return _along(metric, ConnectingGeodesic(q0, q1, velocity), covered)
+
+
+def _along(metric: Metric, found: ConnectingGeodesic, s: Array) -> Array:
+    """Positions (k, n) of a geodesic at parameters s (k,), interpolated between its nodes."""
+    for grid in found.grids:
+        nodes, velocities = integrate_geodesic(
+            metric, found.q0, found.velocity, grid.nodes, CHECK_TOLERANCE
+        )
+        nodes[-1] = found.q1
+        by_segment = grid.in_segments(nodes)
+        slopes = grid.differentiation @ by_segment
+        error = np.abs(slopes - grid.in_segments(velocities)).max()
+        rounding = np.finfo(float).eps * np.abs(grid.differentiation).max() * np.abs(nodes).max()
+        if error <= _RESOLVED * np.abs(velocities).max() + 10.0 * rounding:
+            return grid.interpolate(by_segment, s)
+    raise NotConverged(
+        f"the geodesic from {found.q0} to {found.q1} bends too sharply to be sampled"
+    )
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class BestPartitions:
     """The best partition of the steps between m candidates for every number of segments.
@@ -328,3 +260,67 @@ def best_partitions(costs: Array) -> BestPartitions:
         best[number] = np.take_along_axis(totals, steps[:, None], axis=1)[:, 0]
         before[number] = steps + 1
     return BestPartitions(best[:, -1].copy(), before)
+
+
+def refine_cuts(
+    cuts: Sequence[int], costs_of: Callable[[list[Pair]], list[float]], step: int
+) -> tuple[list[int], float]:
+    """Coordinate descent on the cuts: each moves by `step` samples while that lowers the total.
+
+    The step is halved down to one sample; the result cannot be improved by moving any single cut
+    by one sample. The cuts at even and at odd positions are tried in turn, each group at once:
+    their segments do not overlap. The total never increases.
+
+    Args:
+        cuts: sample indices, of which the first and the last stay.
+        costs_of: costs of segments (start, stop), inf where there is none.
+        step: the first one, in samples.
+
+    Returns:
+        The cuts, and their total cost.
+    """
+    cuts = list(cuts)
+    step = 1 << max(step, 1).bit_length() - 1
+    while step >= 1:
+        # Cuts that may improve: those that moved, and their neighbours.
+        open_cuts = set(range(1, len(cuts) - 1))
+        while open_cuts:
+            for parity in (0, 1):
+                tried = sorted(index for index in open_cuts if index % 2 == parity)
+                open_cuts -= set(tried)
+                for index in _improve(cuts, tried, costs_of, step):
+                    open_cuts |= {index - 1, index, index + 1} & set(range(1, len(cuts) - 1))
+        step //= 2
+    return cuts, sum(costs_of(list(pairwise(cuts))))
+
+
+def _improve(
+    cuts: list[int],
+    tried: Sequence[int],
+    costs_of: Callable[[list[Pair]], list[float]],
+    step: int,
+) -> list[int]:
+    """Move each of these cuts, no two of them neighbours, to its best place; which have moved."""
+    places = {
+        index: [
+            place
+            for place in (cuts[index], cuts[index] - step, cuts[index] + step)
+            if cuts[index - 1] < place < cuts[index + 1]
+        ]
+        for index in tried
+    }
+    pairs = [
+        pair
+        for index in tried
+        for place in places[index]
+        for pair in ((cuts[index - 1], place), (place, cuts[index + 1]))
+    ]
+    costs = iter(costs_of(pairs))
+    moved = []
+    for index in tried:
+        totals = [next(costs) + next(costs) for _ in places[index]]
+        best = min(range(len(totals)), key=totals.__getitem__)
+        if totals[best] < totals[0] * (1.0 - _DECREASE):
+            cuts[index] = places[index][best]
+            moved.append(index)
+    return moved
