@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -25,6 +24,7 @@ from geodesic_ocp.model.dynamics.placements import Placement, constant, joint_pl
 from geodesic_ocp.model.geometry.exact_distances import exact_distance
 from geodesic_ocp.model.geometry.signed_distances import (
     LineSegment,
+    add_named,
     as_pair,
     line_segment,
     segment_distance,
@@ -105,26 +105,24 @@ def clearance_constraint(
     by_name = {each.name: each for each in placed.solids}
     q = ca.SX.sym("q", placed.dof)
     segments = _segments(placed, q)
-    distances: list[ca.SX] = []
-    names: list[str] = []
+    distances: dict[str, ca.SX] = {}
     solids: list[tuple[PlacedSolid, PlacedSolid] | None] = []  # None: of a link and an obstacle
     for (one, other), wider in zip(named, excess, strict=True):
         for first, radius in segments[one]:
             for second, other_radius in segments[other]:
                 apart = segment_distance(first, second) - (radius + other_radius)
-                distances.append(apart + wider)
-                names.append(f"{one} to {other}")
+                add_named(distances, f"{one} to {other}", apart + wider)
                 solids.append((by_name[one], by_name[other]))
     for number, obstacle in enumerate(obstacles):
         fixed = _fixed_obstacle(obstacle)
         for link in (each.name for each in placed.solids if each.moves):
-            found = _from_obstacle(segments[link], fixed)
-            distances += found
-            names += [f"{link} to {obstacle.name or f'obstacle {number}'}"] * len(found)
-            solids += [None] * len(found)
+            for found in _from_obstacle(segments[link], fixed):
+                add_named(distances, f"{link} to {obstacle.name or f'obstacle {number}'}", found)
+                solids.append(None)
     if not distances:
         return None
-    function = ca.Function("clearance", [q], [ca.cse(ca.vertcat(*distances))], ["q"], ["d"])
+    together = ca.cse(ca.vertcat(*distances.values()))
+    function = ca.Function("clearance", [q], [together], ["q"], ["d"])
 
     def exact(at: Array, index: int) -> float:
         pair = solids[index]
@@ -134,7 +132,7 @@ def clearance_constraint(
         places = [pose_at(each, poses, 0) for each in pair]
         return exact_distance(pair[0].solid, places[0], pair[1].solid, places[1])
 
-    return Clearance(function, np.full(len(names), margin), _unique(names), exact)
+    return Clearance(function, np.full(len(distances), margin), tuple(distances), exact)
 
 
 def _segments(placed: PlacedSolids, q: ca.SX) -> dict[str, list[tuple[LineSegment, float]]]:
@@ -209,16 +207,6 @@ def _from_obstacle(
         for segment, radius in capsules
         for end in ([segment.start] if segment.is_point else [segment.start, segment.end])
     ]
-
-
-def _unique(names: Sequence[str]) -> tuple[str, ...]:
-    """Names with a number appended where one occurs again."""
-    seen: Counter[str] = Counter()
-    result = []
-    for name in names:
-        seen[name] += 1
-        result.append(name if seen[name] == 1 else f"{name} ({seen[name]})")
-    return tuple(result)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

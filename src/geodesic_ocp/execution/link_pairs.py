@@ -283,9 +283,7 @@ def place_solids(models: Sequence[Model], placements: Sequence[Any] | None = Non
             f"clearance between {' and '.join(titles)} is not known without the placements of "
             "their bases"
         )
-    if is_one_robot:
-        found = _without_shared(found)
-    reached = _within_reach(models, bases, _named(found, titles), placed)
+    reached = _within_reach(models, bases, _named(found, titles, is_one_robot), placed)
     return PlacedSolids(models, bases, reached, placed, tuple(unknown))
 
 
@@ -337,29 +335,25 @@ def _is_one_robot(
     return True
 
 
-def _without_shared(found: Sequence[tuple[LinkSolid, ...]]) -> list[tuple[LinkSolid, ...]]:
-    """Each link once: with the arm that moves it, or else with the first arm."""
-    owners: dict[str, int] = {}
-    for arm, solids in enumerate(found):
-        for solid in solids:
+def _named(
+    found: Sequence[tuple[LinkSolid, ...]], titles: Sequence[str], shared: bool
+) -> list[PlacedSolid]:
+    """All links; what arms of one robot share is with the arm that moves it, or the first one."""
+    each = [(arm, solid) for arm, solids in enumerate(found) for solid in solids]
+    if shared:
+        owners: dict[str, int] = {}
+        for arm, solid in each:
             if solid.joint > 0 or solid.link not in owners:
                 owners[solid.link] = arm
-    return [
-        tuple(solid for solid in solids if owners[solid.link] == arm)
-        for arm, solids in enumerate(found)
-    ]
+        each = [(arm, solid) for arm, solid in each if owners[solid.link] == arm]
+    counts = Counter(solid.link for _, solid in each)
 
-
-def _named(found: Sequence[tuple[LinkSolid, ...]], titles: Sequence[str]) -> list[PlacedSolid]:
-    counts = Counter(solid.link for solids in found for solid in solids)
-
-    def name(link: str, title: str) -> str:
-        return f"{title}/{link}" if counts[link] > 1 else link
+    def name(link: str, arm: int) -> str:
+        return f"{titles[arm]}/{link}" if counts[link] > 1 else link
 
     return [
-        PlacedSolid(arm, name(each.link, title), name(each.parent, title), each)
-        for arm, (solids, title) in enumerate(zip(found, titles, strict=True))
-        for each in solids
+        PlacedSolid(arm, name(solid.link, arm), name(solid.parent, arm), solid)
+        for arm, solid in each
     ]
 
 
@@ -398,17 +392,11 @@ def capsule_distances(one: PlacedSolid, other: PlacedSolid, poses: Sequence[Pose
 
 def _placed_capsules(each: PlacedSolid, poses: Sequence[Pose]) -> tuple[Array, Array, Array]:
     """Ends (c, k, 3) of the segments of a link's capsules, and radii (c,)."""
-    rotations, positions = poses[each.arm]
-    rotation, position = rotations[:, each.solid.joint], positions[:, each.solid.joint]
+    rotation, position = (part[:, each.solid.joint] for part in poses[each.arm])
     capsules = each.solid.capsules
-    starts = np.array([capsule.start for capsule in capsules])
-    ends = np.array([capsule.end for capsule in capsules])
-    radii = np.array([capsule.radius for capsule in capsules])
-    return (
-        np.einsum("kij,cj->cki", rotation, starts) + position,
-        np.einsum("kij,cj->cki", rotation, ends) + position,
-        radii,
-    )
+    ends = np.array([[capsule.start, capsule.end] for capsule in capsules])
+    placed = np.einsum("kij,cej->ecki", rotation, ends) + position
+    return placed[0], placed[1], np.array([capsule.radius for capsule in capsules])
 
 
 def pose_at(each: PlacedSolid, poses: Sequence[Pose], sample: int) -> Pose:
