@@ -25,7 +25,7 @@ import toppra
 import geodesic_ocp as go
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.execution.arm_paths import ArmPaths, joint_names
+from geodesic_ocp.execution.arm_paths import ArmPaths, joint_forces, joint_names
 from geodesic_ocp.execution.check_trajectory import check_trajectory
 from geodesic_ocp.execution.limits import QUANTITIES, JointLimits, joined_limits
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
@@ -34,10 +34,8 @@ from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
 _STILL = 1e-9  # [rad or m]: configurations nearer to each other are one
-ToppraJunctions = Literal["blend", "stop"]
 _GRID = 10  # grid points in each interval of the spline
 _UNLIMITED = 1e4  # [N m or N], where a torque has no limit but others have
-RuckigJunctions = Literal["pass", "stop"]
 _ROUNDS = 8  # of durations and passing velocities found from each other
 _DENSE = 200  # points between junctions from which distances are measured
 _NEAR = 8  # pieces of each path with which Ruckig stays near it
@@ -70,12 +68,8 @@ class StackedPath:
 
     def torque(self, q: Array, v: Array, a: Array) -> Array:
         """Inverse dynamics of all arms (N,) [N m or N]."""
-        ends = np.cumsum([arm.robot.dof for arm in self.arms])[:-1]
-        forces = []
-        for k, arm in enumerate(self.arms):
-            own_q, own_v, own_a = (np.split(np.asarray(each), ends)[k] for each in (q, v, a))
-            forces.append(arm.robot.inverse_dynamics(own_q, own_v, own_a, arm.gravity))
-        return np.concatenate(forces)
+        robots, gravities = zip(*((arm.robot, arm.gravity) for arm in self.arms), strict=True)
+        return joint_forces(robots, gravities, q, v, a)
 
     def sampled(
         self, states: Callable[[Array], Sequence[Array]], duration: float, rate: float

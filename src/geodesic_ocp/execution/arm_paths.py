@@ -1,4 +1,4 @@
-"""The paths of one arm, to be travelled one after the other."""
+"""The paths of arms that move side by side."""
 
 from __future__ import annotations
 
@@ -43,3 +43,16 @@ def joint_names(arms: Sequence[ArmPaths]) -> tuple[str, ...]:
         return tuple(names)
     numbered = enumerate(arms)
     return tuple(f"{k}/{name}" for k, arm in numbered for name in arm.robot.joint_names)
+
+
+def joint_forces(
+    robots: Sequence[Model], gravities: Sequence[Array], q: Array, v: Array, a: Array
+) -> Array:
+    """Inverse dynamics of robots side by side at a state (N,) or at states (k, N) [N m or N]."""
+    ends = np.cumsum([robot.dof for robot in robots])[:-1]
+    states = (np.split(each, ends, axis=-1) for each in (q, v, a))
+    forces = [
+        robot.inverse_dynamics(own_q, own_v, own_a, gravity)
+        for robot, gravity, own_q, own_v, own_a in zip(robots, gravities, *states, strict=True)
+    ]
+    return np.concatenate(forces, axis=-1)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_number, evaluate
+from geodesic_ocp.execution.arm_paths import joint_forces
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import JointLimits, joined_limits, joint_limits
 from geodesic_ocp.model.model import Model
@@ -214,16 +215,8 @@ def _torques(trajectory: JointTrajectory, models: Sequence[Model], gravity: Arra
         falls = np.tile(falls, (len(models), 1))
     if falls.shape != (len(models), 3) or not np.all(np.isfinite(falls)):
         raise ValueError(f"gravity must be 3 numbers, or 3 for each robot, got {gravity!r}")
-    found, start = [], 0
-    for model, fall in zip(models, falls, strict=True):
-        joints = slice(start, start + model.dof)
-        q, v, a = (
-            state[:, joints]
-            for state in (trajectory.positions, trajectory.velocities, trajectory.accelerations)
-        )
-        found.append(model.inverse_dynamics(q, v, a, fall))
-        start += model.dof
-    return np.hstack(found)
+    states = trajectory.positions, trajectory.velocities, trajectory.accelerations
+    return joint_forces(models, list(falls), *states)
 
 
 def _share_of_range(positions: Array, lower: Array, upper: Array) -> Array:

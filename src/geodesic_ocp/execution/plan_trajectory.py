@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.execution.arm_paths import ArmPaths, joint_names
+from geodesic_ocp.execution.arm_paths import ArmPaths, joint_forces, joint_names
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import LimitShares
 from geodesic_ocp.execution.program.joint_spline import JointSpline
@@ -140,14 +140,10 @@ class PlannedTrajectory:
         q, v, a, _ = self.states(times)
         if self.rest:
             v[-1] = a[-1] = 0.0
-        efforts, first = [], 0
-        for arm in self.arms:
-            own = slice(first, first + arm.robot.dof)
-            force = arm.robot.inverse_dynamics(q[:, own], v[:, own], a[:, own], arm.gravity)
-            efforts.append(force)
-            first = own.stop
+        robots, gravities = zip(*((arm.robot, arm.gravity) for arm in self.arms), strict=True)
+        efforts = joint_forces(robots, gravities, q, v, a)
         units = tuple(unit for arm in self.arms for unit in arm.robot.units)
-        return JointTrajectory(times, q, v, a, self.joint_names, units, np.hstack(efforts))
+        return JointTrajectory(times, q, v, a, self.joint_names, units, efforts)
 
 
 def path_deviations(arm: ArmPaths, spline: JointSpline, ends: Array) -> tuple[PathDeviation, ...]:

@@ -105,9 +105,9 @@ def track_within_limits(
     rate = as_positive("rate", rate, "Hz")
     gain = min(as_positive("gain", gain, "1/s"), rate)
     damping = as_positive("damping", damping)
-    weights = Weights(
-        posture=_not_negative("posture_weight", posture_weight) ** 2,
-        change=_not_negative("smoothing", smoothing) * rate,
+    weights = (
+        _not_negative("posture_weight", posture_weight) ** 2,
+        _not_negative("smoothing", smoothing) * rate,
     )
     duration = 1.0 / rate
     rotations, places, velocities = _targets(time, poses, duration)
@@ -129,11 +129,12 @@ def track_within_limits(
             velocity=velocities[k, list(rows)] + gain * error,
             posture=drift * (preferred - q),
             before=speeds[k],
+            weights=weights,
             damping=damping**2 + float(error @ error),
             lower=lower,
             upper=upper,
         )
-        found = by_pink(step) if by_pink else step.solve(weights)
+        found = by_pink(step) if by_pink else step.solve()
         speeds[k + 1] = np.clip(found, lower, upper)
         q = q + duration * speeds[k + 1]
         positions[k + 1] = q
@@ -268,22 +269,9 @@ class SpeedBounds:
         return found
 
 
-@dataclass(frozen=True)
-class Weights:
-    """Weights of what a step minimizes besides the error of the hand's velocity.
-
-    Attributes:
-        posture: of the difference from the speeds towards the posture.
-        change: of the change of the speeds from the step before.
-    """
-
-    posture: float
-    change: float
-
-
 @dataclass(frozen=True, eq=False)
 class Step:
-    """min |J v - w|^2 + posture |v - u|^2 + change |v - v_before|^2 + damping |v|^2, in bounds.
+    """min |J v - w|^2 + a |v - u|^2 + b |v - v_before|^2 + damping |v|^2 between bounds.
 
     Attributes:
         q: configuration (n,).
@@ -291,6 +279,7 @@ class Step:
         velocity: w, of the hand (r,) [m/s, rad/s].
         posture: u, speeds towards the posture (n,).
         before: speeds in the step before (n,).
+        weights: a and b, of the posture and of changes.
         damping: weight of the speeds.
         lower, upper: bounds of the speeds (n,).
     """
@@ -300,14 +289,16 @@ class Step:
     velocity: Array
     posture: Array
     before: Array
+    weights: tuple[float, float]
     damping: float
     lower: Array
     upper: Array
 
-    def solve(self, weights: Weights) -> Array:
+    def solve(self) -> Array:
         """Speeds (n,)."""
-        total = weights.posture + weights.change + self.damping
-        pulled = weights.posture * self.posture + weights.change * self.before
+        posture, change = self.weights
+        pulled = posture * self.posture + change * self.before
+        total = posture + change + self.damping
         return box_least_squares(
             self.jacobian.T @ self.jacobian + total * np.eye(self.q.size),
             -(self.jacobian.T @ self.velocity + pulled),
@@ -341,7 +332,7 @@ def box_least_squares(hessian: Array, gradient: Array, lower: Array, upper: Arra
 
 
 def _pink_step(
-    model: Model, rows: tuple[int, ...], duration: float, weights: Weights
+    model: Model, rows: tuple[int, ...], duration: float, weights: tuple[float, float]
 ) -> Callable[[Step], Array]:
     """A function that solves steps [s] with pink's tasks, and its QP by DAQP.
 
@@ -378,8 +369,8 @@ def _pink_step(
     data = chain.createData()
     placed, turned = (float(first in rows) for first in (0, 3))
     hand = FrameTask(model.hand, position_cost=placed, orientation_cost=turned)
-    posture = PostureTask(cost=float(np.sqrt(weights.posture)))
-    change = LowAccelerationTask(cost=float(np.sqrt(weights.change)))
+    posture = PostureTask(cost=float(np.sqrt(weights[0])))
+    change = LowAccelerationTask(cost=float(np.sqrt(weights[1])))
     bounds = Bounds()
 
     def solve(step: Step) -> Array:
