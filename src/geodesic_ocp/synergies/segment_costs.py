@@ -158,15 +158,12 @@ class SegmentCosts:
         return np.asarray(np.mean(errors, axis=0))
 
     def _hand_poses(self, q: Array) -> list[tuple[Array, Array]]:
-        """Poses of each hand in many configurations, in blocks of one size."""
+        """Poses of each hand in many configurations."""
+        blocks = np.split(q, range(_ROWS, len(q), _ROWS))
         hands = []
         for hand in self._model.hands:
-            blocks = []
-            for first in range(0, len(q), _ROWS):
-                block = q[first : first + _ROWS]
-                padded = block if len(q) <= _ROWS else np.resize(block, (_ROWS, q.shape[1]))
-                blocks.append([each[: len(block)] for each in self._model.frame_pose(hand, padded)])
-            rotations, positions = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
+            poses = [self._model.frame_pose(hand, block) for block in blocks]
+            rotations, positions = (np.concatenate(parts) for parts in zip(*poses, strict=True))
             hands.append((rotations, positions))
         return hands
 
