@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_number, evaluate
+from geodesic_ocp.arrays import Array, as_number
 from geodesic_ocp.execution.arm_paths import joint_forces
-from geodesic_ocp.execution.clearance import Clearance
+from geodesic_ocp.execution.clearance import Clearance, least_distances
 from geodesic_ocp.execution.limits import JointLimits, joined_limits, joint_limits
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.table import Table
@@ -395,24 +395,13 @@ def _least_clearance(trajectory: JointTrajectory, clearance: Clearance) -> tuple
     last = len(trajectory.time) - 1
     stride = max(int(_INTERVAL * last / max(trajectory.duration, _NEAR) + 1e-9), 1)
     chosen = np.unique(np.append(np.arange(0, last, stride), last))
-    q = trajectory.positions[chosen]
-    sentences, least = [], np.inf
-    distances = np.asarray(evaluate(clearance.function.map(len(q)), q.T))
-    for index, (name, bound) in enumerate(zip(clearance.names, clearance.lower, strict=True)):
-        where = int(np.argmin(distances[index]))
-        nearest = float(distances[index, where])
-        if nearest < bound and clearance.exact is not None:
-            nearest = np.inf
-            for sample in np.argsort(distances[index]).tolist():
-                if distances[index, sample] >= nearest:
-                    break  # the function is a lower bound: later samples are farther apart
-                exact = clearance.exact(q[sample], index)
-                if exact < nearest:
-                    nearest, where = exact, sample
-        least = min(least, nearest)
-        if nearest < bound - _NEAR:
-            sentences.append(
-                f"{name}: {nearest:.3g} m apart at {trajectory.time[chosen[where]]:.4g} s, at "
-                f"least {bound:.3g} m must remain"
-            )
-    return least, sentences
+    least, samples = least_distances(clearance, trajectory.positions[chosen])
+    found = zip(
+        clearance.names, clearance.lower, least, trajectory.time[chosen][samples], strict=True
+    )
+    sentences = [
+        f"{name}: {nearest:.3g} m apart at {time:.4g} s, at least {bound:.3g} m must remain"
+        for name, bound, nearest, time in found
+        if nearest < bound - _NEAR
+    ]
+    return float(least.min()), sentences

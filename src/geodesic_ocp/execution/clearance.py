@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from geodesic_ocp.arrays import Array, as_number
+from geodesic_ocp.arrays import Array, as_number, evaluate
 from geodesic_ocp.execution.link_pairs import (
     MARGIN,
     LinkPairs,
@@ -267,3 +267,24 @@ def active_rows(
         close = apart < lower
         samples, rows, lower = samples[close], rows[close], (lower - gaps)[close]
     return ActiveRows(samples, rows, lower)
+
+
+def least_distances(clearance: Clearance, q: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Least of each distance (m,) [m] over configurations q (k, N), and where it is (m,).
+
+    It is that of the exact geometry where the function is below its bound.
+    """
+    distances = np.asarray(evaluate(clearance.function.map(len(q)), q.T))
+    samples = np.argmin(distances, axis=1)
+    least = distances.min(axis=1)
+    if clearance.exact is None:
+        return least, samples
+    for row in np.flatnonzero(least < clearance.lower).tolist():
+        least[row] = np.inf
+        for sample in np.argsort(distances[row]).tolist():
+            if distances[row, sample] >= least[row]:
+                break  # the function is a lower bound: later samples are farther apart
+            exact = clearance.exact(q[sample], row)
+            if exact < least[row]:
+                least[row], samples[row] = exact, sample
+    return least, samples
