@@ -17,7 +17,7 @@ import numpy as np
 import geodesic_ocp as go
 from geodesic_ocp.cli.main import main
 
-for package in ("daqp", "distributed", "mujoco", "pink", "pyarrow", "ruckig", "toppra"):
+for package in ("distributed", "mujoco", "pink", "pyarrow", "ruckig", "toppra"):
     assert importlib.util.find_spec(package) is None, f"{package} is installed"
 modules = [each.name for each in pkgutil.walk_packages(go.__path__, f"{go.__name__}.")]
 for module in modules:
@@ -54,9 +54,6 @@ Path("recordings.parquet").write_bytes(b"PAR1")
 NEEDED: list[tuple[str, Callable[[], object]]] = [
     ("mujoco", lambda: go.replay(trajectory, arm)),
     ("mujoco", lambda: go.load_model("menagerie/franka_emika_panda", hand="hand")),
-    ("timing", lambda: go.toppra_trajectory(paths)),
-    ("timing", lambda: go.ruckig_trajectory(paths)),
-    ("timing", lambda: go.compare_timings(planned)),
     ("pink", lambda: track(solver="pink")),
     ("cluster", lambda: command(*many, "--scheduler", "tcp://127.0.0.1:8786")),
     ("parquet", lambda: go.study("recordings.parquet")),

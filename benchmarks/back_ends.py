@@ -18,9 +18,9 @@ from collections.abc import Callable
 import casadi as ca
 import numpy as np
 import pinocchio as pin
-from geodesic_ocp.model.dynamicsX import BACKENDS, why_unavailable
 
 import geodesic_ocp as go
+from geodesic_ocp.model.dynamics import BACKENDS, why_unavailable
 
 ROUNDS = 7
 

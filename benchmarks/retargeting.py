@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 
 import geodesic_ocp as go
-from geodesic_ocp.execution.clearance.trajectory_clearance import trajectory_clearance
-from geodesic_ocp.execution.tracking.motion_measures import MotionMeasures
+from geodesic_ocp.execution.motion_measures import MotionMeasures
+from geodesic_ocp.execution.trajectory_clearance import trajectory_clearance
 from geodesic_ocp.retargeting.equal_limits import compare_under_equal_limits
 from geodesic_ocp.table import Table
 
@@ -195,7 +195,7 @@ def _replayed(
     trajectory: Any, robot: go.Model, limits: go.JointLimits, gravity: Any
 ) -> dict[str, float]:
     """Largest errors of the joints and of the hand in simulation, if MuJoCo is installed."""
-    from geodesic_ocp.execution.replay.replay import replay
+    from geodesic_ocp.execution.replay import replay
 
     try:
         found = replay(trajectory, robot, limits=limits, gravity=gravity)

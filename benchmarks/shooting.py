@@ -9,7 +9,7 @@ import warnings
 import numpy as np
 
 import geodesic_ocp as go
-from geodesic_ocp.logarithm.to_pose.geodesic_to_pose import Method
+from geodesic_ocp.logarithm.geodesic_to_pose import Method
 
 REACHED = 1e-6  # [m] and [rad]
 

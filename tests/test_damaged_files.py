@@ -16,7 +16,7 @@ from known_problems import PlaneAroundDisc
 
 import geodesic_ocp as go
 from geodesic_ocp.cli.show.file_kind import file_kind
-from geodesic_ocp.fitting.metric_file import FORMAT as METRIC
+from geodesic_ocp.fitting.metric_fit import FORMAT as METRIC
 from geodesic_ocp.retargeting.alignment.read_alignment import read_alignment
 from geodesic_ocp.studies.batch.results.batch_tables import CollectedResults
 from geodesic_ocp.studies.batch.results.result_file import FORMAT as RESULT
@@ -24,7 +24,7 @@ from geodesic_ocp.studies.batch.results.result_file import read_result
 from geodesic_ocp.studies.batch.run_task import outcome_of
 from geodesic_ocp.studies.batch.sources.recording_source import RecordingSource
 from geodesic_ocp.studies.tables.columns import RECORDING_COLUMNS
-from geodesic_ocp.synergies.saved_synergies import read_saved_synergies
+from geodesic_ocp.synergies.synergy import read_saved_synergies
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
 WRONG = (

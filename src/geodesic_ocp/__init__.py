@@ -104,7 +104,6 @@ __all__ = [
     "combine",
     "compare_methods",
     "compare_metrics",
-    "compare_timings",
     "compare_with_tracking",
     "default_joint_inertia",
     "distal_inertia",
@@ -157,7 +156,6 @@ __all__ = [
     "retarget_arms",
     "riemann_curvature",
     "robot_armature",
-    "ruckig_trajectory",
     "save_metric",
     "save_motion",
     "save_synergies",
@@ -173,7 +171,6 @@ __all__ = [
     "solve",
     "study",
     "time_law",
-    "toppra_trajectory",
     "track_hand",
     "track_within_limits",
     "trajectory_clearance",
@@ -193,33 +190,36 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
         RecordingError,
     )
     from geodesic_ocp.execution.arm_paths import ArmPaths
-    from geodesic_ocp.execution.check_trajectory import check_trajectory
-    from geodesic_ocp.execution.clearance.clearance_constraint import clearance_constraint
-    from geodesic_ocp.execution.clearance.clearance_report import ClearanceReport
-    from geodesic_ocp.execution.clearance.link_pairs import LinkPairs, link_pairs
-    from geodesic_ocp.execution.clearance.trajectory_clearance import trajectory_clearance
-    from geodesic_ocp.execution.clearance_constraint import Clearance
-    from geodesic_ocp.execution.joint_limits import JointLimits, joint_limits
-    from geodesic_ocp.execution.other_timings.compare_timings import compare_timings
-    from geodesic_ocp.execution.other_timings.ruckig_trajectory import ruckig_trajectory
-    from geodesic_ocp.execution.other_timings.toppra_trajectory import toppra_trajectory
-    from geodesic_ocp.execution.plan_trajectory import plan_trajectory
-    from geodesic_ocp.execution.planned_trajectory import PlannedTrajectory
-    from geodesic_ocp.execution.replay.replay import replay
-    from geodesic_ocp.execution.replay.result import Replay
-    from geodesic_ocp.execution.tracking.compare_with_tracking import compare_with_tracking
-    from geodesic_ocp.execution.tracking.motion_measures import MotionMeasures, motion_measures
-    from geodesic_ocp.execution.tracking.track_within_limits import track_within_limits
-    from geodesic_ocp.execution.trajectory_check import TrajectoryCheck
+    from geodesic_ocp.execution.check_trajectory import TrajectoryCheck, check_trajectory
+    from geodesic_ocp.execution.clearance import Clearance, clearance_constraint
+    from geodesic_ocp.execution.limits import JointLimits, joint_limits
+    from geodesic_ocp.execution.link_pairs import LinkPairs, link_pairs
+    from geodesic_ocp.execution.motion_measures import (
+        MotionMeasures,
+        compare_with_tracking,
+        motion_measures,
+    )
+    from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory, plan_trajectory
+    from geodesic_ocp.execution.replay import Replay, replay
+    from geodesic_ocp.execution.track_within_limits import track_within_limits
+    from geodesic_ocp.execution.trajectory_clearance import ClearanceReport, trajectory_clearance
     from geodesic_ocp.figures.obstacles import draw_obstacle
-    from geodesic_ocp.fitting.bootstrap_fit import bootstrap_fit
     from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
     from geodesic_ocp.fitting.fit_metric import fit_metric
-    from geodesic_ocp.fitting.leave_one_out import CrossValidation, leave_one_out
-    from geodesic_ocp.fitting.metric_file import load_metric, save_metric
-    from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, Estimate, MetricFit
+    from geodesic_ocp.fitting.metric_fit import (
+        ConfidenceInterval,
+        Estimate,
+        MetricFit,
+        load_metric,
+        save_metric,
+    )
     from geodesic_ocp.fitting.parameter import Parameter
-    from geodesic_ocp.fitting.separate_fits import separate_fits
+    from geodesic_ocp.fitting.resampling import (
+        CrossValidation,
+        bootstrap_fit,
+        leave_one_out,
+        separate_fits,
+    )
     from geodesic_ocp.logarithm.frechet_mean import frechet_mean
     from geodesic_ocp.logarithm.geodesic import (
         Geodesic,
@@ -227,8 +227,8 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
         geodesic_from_velocity,
         geodesics,
     )
+    from geodesic_ocp.logarithm.geodesic_to_pose import ToPose, geodesic_to_pose
     from geodesic_ocp.logarithm.log import distance, log
-    from geodesic_ocp.logarithm.to_pose.geodesic_to_pose import ToPose, geodesic_to_pose
     from geodesic_ocp.manifold.adjustable_kinetic_energy import AdjustableKineticEnergy
     from geodesic_ocp.manifold.curvature import (
         riemann_curvature,
@@ -307,26 +307,23 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.studies.study.study_results import Study
     from geodesic_ocp.synergies.analyse import analyse
     from geodesic_ocp.synergies.analysis import Analysis
-    from geodesic_ocp.synergies.baselines.distal_inertia import distal_inertia
-    from geodesic_ocp.synergies.baselines.joint_polynomials import (
+    from geodesic_ocp.synergies.baselines import (
+        distal_inertia,
         minimum_acceleration,
         minimum_jerk,
+        minimum_jerk_hand,
+        track_hand,
     )
-    from geodesic_ocp.synergies.baselines.minimum_jerk_hand import minimum_jerk_hand
-    from geodesic_ocp.synergies.baselines.track_hand import track_hand
-    from geodesic_ocp.synergies.joint_inertia import default_joint_inertia
-    from geodesic_ocp.synergies.reconstruct import Reconstruction, reconstruct
-    from geodesic_ocp.synergies.scores.evaluate import HandErrors, MotionErrors, evaluate
-    from geodesic_ocp.synergies.scores.score import Scores, score
-    from geodesic_ocp.synergies.segmentation.optimal_segmentations import (
+    from geodesic_ocp.synergies.metrics import default_joint_inertia
+    from geodesic_ocp.synergies.optimal_segmentations import (
         OptimalSegmentations,
         optimal_segmentations,
+        segment_optimal,
     )
-    from geodesic_ocp.synergies.segmentation.segment import segment
-    from geodesic_ocp.synergies.segmentation.segment_optimal import segment_optimal
-    from geodesic_ocp.synergies.segmentation.segment_zero_velocity import segment_zero_velocity
-    from geodesic_ocp.synergies.synergy import Synergy
-    from geodesic_ocp.synergies.synergy_files import load_synergies, save_synergies
+    from geodesic_ocp.synergies.reconstruct import Reconstruction, reconstruct
+    from geodesic_ocp.synergies.scores import HandErrors, MotionErrors, Scores, evaluate, score
+    from geodesic_ocp.synergies.segment import segment, segment_zero_velocity
+    from geodesic_ocp.synergies.synergy import Synergy, load_synergies, save_synergies
     from geodesic_ocp.table import Table
     from geodesic_ocp.trajectory.filters import MotionFilter
     from geodesic_ocp.trajectory.grid import Grid
@@ -347,39 +344,27 @@ else:
         "model.inertias": "RobotArmature robot_armature with_rotor_inertia",
         "trajectory.read_trajectory": "read_trajectory",
         "trajectory.joint_trajectory": "JointTrajectory",
-        "execution.tracking.track_within_limits": "track_within_limits",
-        "execution.tracking.motion_measures": "MotionMeasures motion_measures",
-        "execution.tracking.compare_with_tracking": "compare_with_tracking",
-        "execution.other_timings.toppra_trajectory": "toppra_trajectory",
-        "execution.other_timings.ruckig_trajectory": "ruckig_trajectory",
-        "execution.other_timings.compare_timings": "compare_timings",
-        "execution.replay.result": "Replay",
-        "execution.replay.replay": "replay",
-        "execution.clearance.trajectory_clearance": "trajectory_clearance",
-        "execution.clearance.link_pairs": "LinkPairs link_pairs",
-        "execution.clearance.clearance_report": "ClearanceReport",
-        "execution.clearance.clearance_constraint": "clearance_constraint",
-        "execution.trajectory_check": "TrajectoryCheck",
-        "execution.planned_trajectory": "PlannedTrajectory",
-        "execution.plan_trajectory": "plan_trajectory",
-        "execution.joint_limits": "JointLimits joint_limits",
-        "execution.clearance_constraint": "Clearance",
-        "execution.check_trajectory": "check_trajectory",
+        "execution.track_within_limits": "track_within_limits",
+        "execution.motion_measures": "MotionMeasures motion_measures compare_with_tracking",
+        "execution.replay": "Replay replay",
+        "execution.trajectory_clearance": "trajectory_clearance ClearanceReport",
+        "execution.link_pairs": "LinkPairs link_pairs",
+        "execution.clearance": "clearance_constraint Clearance",
+        "execution.check_trajectory": "TrajectoryCheck check_trajectory",
+        "execution.plan_trajectory": "PlannedTrajectory plan_trajectory",
+        "execution.limits": "JointLimits joint_limits",
         "execution.arm_paths": "ArmPaths",
         "errors": "GeodesicOcpError IntegrationFailed NotConverged RecordingError",
         "figures.obstacles": "draw_obstacle",
         "manifold.adjustable_kinetic_energy": "AdjustableKineticEnergy",
-        "fitting.metric_fit": "Estimate ConfidenceInterval MetricFit",
+        "fitting.metric_fit": "Estimate ConfidenceInterval MetricFit load_metric save_metric",
         "fitting.parameter": "Parameter",
-        "fitting.separate_fits": "separate_fits",
+        "fitting.resampling": "separate_fits bootstrap_fit CrossValidation leave_one_out",
         "fitting.fit_metric": "fit_metric",
-        "fitting.bootstrap_fit": "bootstrap_fit",
         "fitting.error_profile": "ErrorProfile error_profile",
-        "fitting.leave_one_out": "CrossValidation leave_one_out",
-        "fitting.metric_file": "load_metric save_metric",
         "logarithm.frechet_mean": "frechet_mean",
         "logarithm.geodesic": "Geodesic geodesic geodesic_from_velocity geodesics",
-        "logarithm.to_pose.geodesic_to_pose": "ToPose geodesic_to_pose",
+        "logarithm.geodesic_to_pose": "ToPose geodesic_to_pose",
         "logarithm.log": "distance log",
         "manifold.curvature": "riemann_curvature scalar_curvature sectional_curvature",
         "manifold.metrics": "Euclidean JacobiMetric KineticEnergy",
@@ -419,23 +404,18 @@ else:
         "retargeting.settings": "RetargetingSettings",
         "synergies.analyse": "analyse",
         "synergies.analysis": "Analysis",
-        "synergies.scores.evaluate": "HandErrors MotionErrors evaluate",
-        "synergies.joint_inertia": "default_joint_inertia",
+        "synergies.scores": "HandErrors MotionErrors evaluate Scores score",
+        "synergies.metrics": "default_joint_inertia",
         "recordings.read_motion": "read_motion",
         "synergies.reconstruct": "Reconstruction reconstruct",
-        "synergies.segmentation.optimal_segmentations": (
-            "OptimalSegmentations optimal_segmentations "
+        "synergies.optimal_segmentations": (
+            "OptimalSegmentations optimal_segmentations segment_optimal"
         ),
-        "synergies.segmentation.segment": "segment",
-        "synergies.segmentation.segment_optimal": "segment_optimal",
-        "synergies.segmentation.segment_zero_velocity": "segment_zero_velocity",
-        "synergies.synergy": "Synergy",
-        "synergies.synergy_files": "load_synergies save_synergies",
-        "synergies.baselines.track_hand": "track_hand",
-        "synergies.scores.score": "Scores score",
-        "synergies.baselines.joint_polynomials": "minimum_acceleration minimum_jerk",
-        "synergies.baselines.minimum_jerk_hand": "minimum_jerk_hand",
-        "synergies.baselines.distal_inertia": "distal_inertia",
+        "synergies.segment": "segment segment_zero_velocity",
+        "synergies.synergy": "Synergy load_synergies save_synergies",
+        "synergies.baselines": (
+            "track_hand minimum_acceleration minimum_jerk minimum_jerk_hand distal_inertia"
+        ),
         "recordings.opensim_models.osim_convention": "OsimConvention",
         "recordings.recording": "Recording",
         "recordings.read_recordings": "read_recordings",
@@ -444,9 +424,7 @@ else:
         "comparison.method_comparison": "MethodComparison",
         "comparison.metric_comparison": "MetricComparison",
         "comparison.paired_test": "PairedTest paired_test",
-        "recordings.conventions.angle_convention": (
-            "AngleConvention AxisRotation SegmentRelation "
-        ),
+        "recordings.conventions.angle_convention": ("AngleConvention AxisRotation SegmentRelation"),
         "recordings.conventions.segment_orientations": "SegmentOrientations",
         "recordings.conventions.joint_angles": "joint_angles",
         "recordings.skeletons.skeleton_convention": "SkeletonConvention",

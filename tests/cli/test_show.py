@@ -18,7 +18,7 @@ from geodesic_ocp.cli.show import destination, show_command
 from geodesic_ocp.model.formats.robots import folder
 from geodesic_ocp.model.meshes import meshes
 from geodesic_ocp.scenes.playback import Playback
-from geodesic_ocp.synergies.saved_synergies import read_saved_synergies
+from geodesic_ocp.synergies.synergy import read_saved_synergies
 
 ROOT = Path(__file__).resolve().parents[2]
 needs_robots = pytest.mark.skipif(

@@ -11,7 +11,7 @@ from short_reprs import check_reprs
 
 import geodesic_ocp as go
 from geodesic_ocp.manifold.exp import sample_geodesic
-from geodesic_ocp.synergies.scores.score import SCORES
+from geodesic_ocp.synergies.scores import SCORES
 
 TIME = np.linspace(0.0, 1.0, 61)
 LINES = "straight lines"

@@ -15,7 +15,7 @@ import geodesic_ocp as go
 from geodesic_ocp.compiled import compilers
 from geodesic_ocp.compiled.source import STAGE_TIMES
 from geodesic_ocp.manifold.kernels import Integrator, _IntegrationRecord
-from geodesic_ocp.synergies.segmentation.segment import _Observed, _parallel_components
+from geodesic_ocp.synergies.segment import _Observed, _parallel_components
 
 CURVED = sorted(METRICS.keys() - {"Euclidean"})
 

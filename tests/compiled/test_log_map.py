@@ -15,8 +15,8 @@ from known_models import planar_arm, random_tree
 import geodesic_ocp as go
 from geodesic_ocp.compiled import compilers, library
 from geodesic_ocp.logarithm import by_newton
+from geodesic_ocp.logarithm.by_newton import Levels
 from geodesic_ocp.logarithm.correction import STEP
-from geodesic_ocp.logarithm.levels import Levels
 from geodesic_ocp.manifold.kernels import Statistics, Tolerances
 from geodesic_ocp.trajectory.grid import Grid
 

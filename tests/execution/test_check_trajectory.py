@@ -11,11 +11,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.execution.check_trajectory import check_trajectory
-from geodesic_ocp.execution.clearance_constraint import Clearance
-from geodesic_ocp.execution.joint_limits import joint_limits
-from geodesic_ocp.execution.sample_consistency import ROUNDING, sample_consistency
-from geodesic_ocp.execution.trajectory_check import TrajectoryCheck
+from geodesic_ocp.execution.check_trajectory import (
+    ROUNDING,
+    TrajectoryCheck,
+    check_trajectory,
+    sample_consistency,
+)
+from geodesic_ocp.execution.clearance import Clearance
+from geodesic_ocp.execution.limits import joint_limits
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
 LINK = """<inertial><origin xyz="0.5 0 0"/><mass value="2"/>

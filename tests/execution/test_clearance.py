@@ -9,16 +9,16 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import geodesic_ocp as go
-from geodesic_ocp.execution.clearance.active_rows import active_rows
-from geodesic_ocp.execution.clearance.clearance_constraint import clearance_constraint
-from geodesic_ocp.execution.clearance.link_pairs import (
+from geodesic_ocp.execution.clearance import active_rows, clearance_constraint
+from geodesic_ocp.execution.link_pairs import (
     LinkPairs,
+    capsule_distances,
     link_pairs,
+    place_solids,
+    pose_at,
     sampled_configurations,
 )
-from geodesic_ocp.execution.clearance.placed_solids import place_solids
-from geodesic_ocp.execution.clearance.sampled_distances import capsule_distances, pose_at
-from geodesic_ocp.execution.clearance.trajectory_clearance import trajectory_clearance
+from geodesic_ocp.execution.trajectory_clearance import trajectory_clearance
 from geodesic_ocp.model.formats.robots import folder
 from geodesic_ocp.model.link_solids import exact_distance
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory

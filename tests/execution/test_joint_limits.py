@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.execution.joint_limits import QUANTITIES, JointLimits, joint_limits
-from geodesic_ocp.execution.known_limits import KNOWN_LIMITS
+from geodesic_ocp.execution.limits import KNOWN_LIMITS, QUANTITIES, JointLimits, joint_limits
 from geodesic_ocp.model.formats.robots import ROBOTS, folder
 
 ROBOT = """<robot name="two"><link name="base"/>

@@ -14,10 +14,9 @@ from known_models import planar_arm
 import geodesic_ocp as go
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.execution.arm_paths import ArmPaths
-from geodesic_ocp.execution.clearance_constraint import Clearance
-from geodesic_ocp.execution.joint_limits import JointLimits
-from geodesic_ocp.execution.plan_trajectory import plan_trajectory
-from geodesic_ocp.execution.planned_trajectory import PlannedTrajectory
+from geodesic_ocp.execution.clearance import Clearance
+from geodesic_ocp.execution.limits import JointLimits
+from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory, plan_trajectory
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path

@@ -13,9 +13,8 @@ from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 from geodesic_ocp.errors import IntegrationFailed
-from geodesic_ocp.execution.joint_limits import joint_limits
-from geodesic_ocp.execution.replay.replay import replay
-from geodesic_ocp.execution.replay.result import Replay
+from geodesic_ocp.execution.limits import joint_limits
+from geodesic_ocp.execution.replay import Replay, replay
 from geodesic_ocp.model.formats.robots import ROBOTS, folder
 from geodesic_ocp.model.inertias import with_rotor_inertia
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory

@@ -12,8 +12,8 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
-from geodesic_ocp.execution.joint_limits import JointLimits, joint_limits
-from geodesic_ocp.execution.tracking.track_within_limits import Solver, track_within_limits
+from geodesic_ocp.execution.limits import JointLimits, joint_limits
+from geodesic_ocp.execution.track_within_limits import Solver, track_within_limits
 from geodesic_ocp.model.formats.robots import folder
 from geodesic_ocp.rotations import rotation_vector
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
@@ -78,7 +78,7 @@ def test_hand_follows_poses_within_reach(
 
 
 def test_both_solvers_find_the_same_motion(arm: go.Model) -> None:
-    """pink and DAQP know nothing of this package's Jacobian and least squares."""
+    """pink knows nothing of this package's Jacobian and least squares."""
     checked("pink")
     slow = joint_limits(arm, velocity=0.5, acceleration=2.0)
     poses = arm.hand_pose(motion(arm, TIME, size=0.8))

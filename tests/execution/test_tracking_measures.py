@@ -8,10 +8,13 @@ from known_models import planar_arm
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.execution.joint_limits import joint_limits
-from geodesic_ocp.execution.tracking.compare_with_tracking import compare_with_tracking
-from geodesic_ocp.execution.tracking.motion_measures import measures_table, motion_measures
-from geodesic_ocp.execution.tracking.spectral_arc_length import spectral_arc_length
+from geodesic_ocp.execution.limits import joint_limits
+from geodesic_ocp.execution.motion_measures import (
+    compare_with_tracking,
+    measures_table,
+    motion_measures,
+    spectral_arc_length,
+)
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
 RATE, DURATION, WAY = 200.0, 2.0, 0.8

@@ -206,8 +206,7 @@ def test_bootstrap_profile_and_leave_one_out(noisy_fit: go.MetricFit) -> None:
 @pytest.mark.slow
 def test_one_newton_step_bootstraps_several_parameters(noisy: list[Any]) -> None:
     """For one parameter it agrees with the exact refits."""
-    from geodesic_ocp.fitting.bootstrap_fit import _newton_steps
-    from geodesic_ocp.fitting.separate_fits import refit
+    from geodesic_ocp.fitting.resampling import _newton_steps, refit
 
     fit = fitted(*noisy, free_ends=True)
     weights = np.array([[1.0, 1.0, 1.0], [1.0, 1.0, 0.0], [0.0, 1.0, 1.0]])

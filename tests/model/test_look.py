@@ -12,7 +12,7 @@ from known_models import free_rotor, planar_arm, random_tree
 
 import geodesic_ocp as go
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.model.human import Side
+from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.meshes import meshes
 
 

@@ -9,9 +9,8 @@ import pytest
 
 import geodesic_ocp as go
 from geodesic_ocp.execution.arm_paths import ArmPaths
-from geodesic_ocp.execution.joint_limits import joint_limits
-from geodesic_ocp.execution.plan_trajectory import plan_trajectory
-from geodesic_ocp.execution.planned_trajectory import PlannedTrajectory
+from geodesic_ocp.execution.limits import joint_limits
+from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory, plan_trajectory
 from geodesic_ocp.retargeting.alignment.alignment import alignment
 from geodesic_ocp.retargeting.equal_limits import compare_under_equal_limits
 from geodesic_ocp.retargeting.poses.pose_mapping import PoseMapping

@@ -14,14 +14,18 @@ from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.recordings.recording import Recording
-from geodesic_ocp.synergies.as_segments import as_segments
-from geodesic_ocp.synergies.baselines.distal_inertia import distal_inertia, distal_joints
-from geodesic_ocp.synergies.baselines.joint_polynomials import minimum_acceleration, minimum_jerk
-from geodesic_ocp.synergies.baselines.minimum_jerk_hand import minimum_jerk_hand
+from geodesic_ocp.synergies.baselines import (
+    distal_inertia,
+    distal_joints,
+    minimum_acceleration,
+    minimum_jerk,
+    minimum_jerk_hand,
+)
+from geodesic_ocp.synergies.metrics import STRAIGHT_LINES, USUAL_METRICS
 from geodesic_ocp.synergies.reconstruct import reconstruct
-from geodesic_ocp.synergies.scores.score import Scores, score
-from geodesic_ocp.synergies.segmentation.segment import segment
-from geodesic_ocp.synergies.usual_metrics import STRAIGHT_LINES, USUAL_METRICS
+from geodesic_ocp.synergies.scores import Scores, score
+from geodesic_ocp.synergies.segment import segment
+from geodesic_ocp.synergies.synergy import as_segments
 from geodesic_ocp.trajectory.motion import Motion
 
 _Segments = Sequence[tuple[int, int]]

@@ -10,7 +10,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.comparison.paired_test import PairedTest, paired_test
-from geodesic_ocp.synergies.scores.score import SCORES, Scores
+from geodesic_ocp.synergies.scores import SCORES, Scores
 from geodesic_ocp.table import Table
 
 _SHOWN = ("joint_mean", "position_mean", "rotation_angle", "path_joint", "path_position", "area")

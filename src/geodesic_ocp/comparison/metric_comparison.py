@@ -14,8 +14,8 @@ from geodesic_ocp.comparison.error_curves import draw_error_curves
 from geodesic_ocp.figures.new_figure import new_figure, save_figure
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.records import write_together
-from geodesic_ocp.synergies.scores.evaluate import MotionErrors
-from geodesic_ocp.synergies.segmentation.segment_costs import Measure
+from geodesic_ocp.synergies.scores import MotionErrors
+from geodesic_ocp.synergies.segment_costs import Measure
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.motion import Motion
 

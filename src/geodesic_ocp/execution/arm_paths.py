@@ -1,4 +1,4 @@
-"""The paths of one arm, to be travelled one after the other."""
+"""The paths of arms that move side by side."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.execution.joint_limits import JointLimits
+from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.trajectory.path import Path
 
@@ -34,3 +34,25 @@ class ArmPaths:
     def __repr__(self) -> str:
         seconds = float(self.edges[-1] - self.edges[0])
         return f"ArmPaths({len(self.paths)} paths of {self.robot.name} in {seconds:.3g} s)"
+
+
+def joint_names(arms: Sequence[ArmPaths]) -> tuple[str, ...]:
+    """Of all arms, with the number of the arm in front if two arms share a name."""
+    names = [name for arm in arms for name in arm.robot.joint_names]
+    if len(set(names)) == len(names):
+        return tuple(names)
+    numbered = enumerate(arms)
+    return tuple(f"{k}/{name}" for k, arm in numbered for name in arm.robot.joint_names)
+
+
+def joint_forces(
+    robots: Sequence[Model], gravities: Sequence[Array], q: Array, v: Array, a: Array
+) -> Array:
+    """Inverse dynamics of robots side by side at a state (N,) or at states (k, N) [N m or N]."""
+    ends = np.cumsum([robot.dof for robot in robots])[:-1]
+    states = (np.split(each, ends, axis=-1) for each in (q, v, a))
+    forces = [
+        robot.inverse_dynamics(own_q, own_v, own_a, gravity)
+        for robot, gravity, own_q, own_v, own_a in zip(robots, gravities, *states, strict=True)
+    ]
+    return np.concatenate(forces, axis=-1)

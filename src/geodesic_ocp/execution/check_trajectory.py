@@ -2,28 +2,89 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_number
-from geodesic_ocp.execution.clearance_constraint import Clearance
-from geodesic_ocp.execution.joint_limits import JointLimits, joint_limits
-from geodesic_ocp.execution.least_clearance import least_clearance
-from geodesic_ocp.execution.sample_consistency import sample_consistency
-from geodesic_ocp.execution.trajectory_check import TrajectoryCheck
-from geodesic_ocp.execution.trajectory_conditions import (
-    beyond,
-    beyond_positions,
-    contradictions,
-    magnitudes,
-    time_faults,
-    unrest,
-)
+from geodesic_ocp.execution.arm_paths import joint_forces
+from geodesic_ocp.execution.clearance import Clearance, least_distances
+from geodesic_ocp.execution.limits import JointLimits, joined_limits, joint_limits
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
+
+_SHOWN = 140  # characters of the first violation
+# Files round numbers to six digits or so: that is no contradiction.
+ROUNDING = (1e-6, 1e-5, 1e-4)  # of positions [rad], velocities [rad/s], accelerations [rad/s^2]
+_NEIGHBOURS = 1  # steps on either side over which the jerk is estimated
+_PER = {"velocity": "/s", "acceleration": "/s^2", "jerk": "/s^3"}
+_INTERVAL = 0.01  # [s] between the samples at which distances are evaluated
+_NEAR = 1e-6  # [m]: rounding of distances
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TrajectoryCheck:
+    """What a check of a trajectory found.
+
+    Attributes:
+        violations: one sentence for each joint and condition that does not hold, with the worst
+            time, value and limit; none if all hold.
+        usage: largest fraction of each limit that a joint takes (n,), by "position" (0 in the
+            middle of the range, 1 at its ends), "velocity", "acceleration", "jerk" and "torque";
+            0 where there is no limit.
+        largest: largest magnitudes (n,), by "velocity", "acceleration", "jerk" and "torque", of
+            samples and of means between samples [rad or m, per second..., N m or N].
+        consistency: largest contradiction between samples over its bound (n,), by "velocity"
+            (against positions) and "acceleration" (against velocities).
+        joint_names: of the n joints.
+        clearance: least of the distances to be kept [m]; None: not checked.
+    """
+
+    violations: tuple[str, ...]
+    usage: Mapping[str, Array]
+    largest: Mapping[str, Array]
+    consistency: Mapping[str, Array]
+    joint_names: tuple[str, ...]
+    clearance: float | None = None
+
+    @property
+    def passed(self) -> bool:
+        """Whether all conditions hold."""
+        return not self.violations
+
+    def __repr__(self) -> str:
+        shown = "passed"
+        if not self.passed:
+            first = textwrap.shorten(self.violations[0], _SHOWN)
+            others = f", and {len(self.violations) - 1} more" if len(self.violations) > 1 else ""
+            shown = f"{first}{others}"
+        peaks = ", ".join(f"{name} {np.max(use):.0%}" for name, use in self.usage.items())
+        return f"TrajectoryCheck({shown}; of the limits: {peaks})"
+
+    def __str__(self) -> str:
+        return "\n".join([str(self.table()), "", *(self.violations or ("all conditions hold",))])
+
+    def table(self) -> Table:
+        """Largest magnitudes and fractions of limits, by joint."""
+        header = ["joint", "position [limit]"]
+        columns: list[list[float]] = [self.usage["position"].tolist()]
+        for name, unit in (
+            ("velocity", "rad/s, m/s"),
+            ("acceleration", "rad/s^2, m/s^2"),
+            ("jerk", "rad/s^3, m/s^3"),
+            ("torque", "N m, N"),
+        ):
+            header += [f"{name} [{unit}]", f"{name} [limit]"]
+            columns += [self.largest[name].tolist(), self.usage[name].tolist()]
+        return Table(tuple(header), tuple(zip(self.joint_names, *columns, strict=True)))
+
+    def _repr_markdown_(self) -> str:
+        found = self.violations or ("all conditions hold",)
+        return self.table().markdown() + "\n" + "\n".join(f"- {each}" for each in found) + "\n"
 
 
 def check_trajectory(
@@ -77,34 +138,50 @@ def check_trajectory(
     """
     models = [model] if isinstance(model, Model) else list(model)
     trajectory = _in_order(trajectory, models)
-    limit = _joined(limits, models)
+    parts = [joint_limits(each) for each in models] if limits is None else limits
+    limit = joined_limits([parts] if isinstance(parts, JointLimits) else parts)
+    count = len(trajectory.joint_names)
+    if limit.velocity.size != count:
+        raise ValueError(f"limits must be of {count} joints, got {limit.velocity.size}")
     slack = as_number("tolerance", tolerance)
     if slack < 0.0:
         raise ValueError(f"tolerance must not be negative, got {tolerance!r}")
-    sentences = [*time_faults(trajectory, uniform)]
+    found = [*_time_faults(trajectory, uniform)]
     consistency: dict[str, Array] = {}
     if len(trajectory.time) > 1 and np.all(np.diff(trajectory.time) > 0.0):
-        found = sample_consistency(trajectory)
-        sentences += contradictions(trajectory, found)
-        consistency = {"velocity": found.shares()[0], "acceleration": found.shares()[1]}
+        samples = sample_consistency(trajectory)
+        found += _contradictions(trajectory, samples)
+        consistency = {"velocity": samples.shares()[0], "acceleration": samples.shares()[1]}
     lower = np.concatenate([each.lower for each in models])
     upper = np.concatenate([each.upper for each in models])
-    sentences += beyond_positions(trajectory, lower, upper)
-    values = magnitudes(trajectory, _torques(trajectory, models, gravity), rest)
+    found += _beyond_positions(trajectory, lower, upper)
     usage = {"position": _share_of_range(trajectory.positions, lower, upper)}
-    for name, (instants, sizes) in values.items():
+    largest: dict[str, Array] = {}
+    torques = _torques(trajectory, models, gravity)
+    for name, (instants, sizes) in _magnitudes(trajectory, torques, rest).items():
         bound = getattr(limit, name)
-        usage[name] = np.max(sizes, axis=0, initial=0.0) / bound
-        sentences += beyond(trajectory, name, instants, sizes, bound, slack)
+        largest[name] = np.max(sizes, axis=0, initial=0.0)
+        usage[name] = largest[name] / bound
+        found += _beyond(trajectory, name, instants, sizes, bound, slack)
     if rest:
-        sentences += unrest(trajectory)
+        found += _unrest(trajectory)
     least = None
     if clearance is not None:
-        least, found_near = least_clearance(trajectory, clearance)
-        sentences += found_near
-    largest = {name: np.max(sizes, axis=0, initial=0.0) for name, (_, sizes) in values.items()}
-    return TrajectoryCheck(
-        tuple(sentences), usage, largest, consistency, trajectory.joint_names, least
+        least, near = _least_clearance(trajectory, clearance)
+        found += near
+    return TrajectoryCheck(tuple(found), usage, largest, consistency, trajectory.joint_names, least)
+
+
+def chosen_joints(trajectory: JointTrajectory, columns: list[int]) -> JointTrajectory:
+    """The trajectory of the joints with these numbers, without torques."""
+    return replace(
+        trajectory,
+        positions=trajectory.positions[:, columns],
+        velocities=trajectory.velocities[:, columns],
+        accelerations=trajectory.accelerations[:, columns],
+        joint_names=tuple(trajectory.joint_names[k] for k in columns),
+        units=tuple(trajectory.units[k] for k in columns),
+        efforts=None,
     )
 
 
@@ -124,40 +201,11 @@ def _in_order(trajectory: JointTrajectory, models: Sequence[Model]) -> JointTraj
                 f"the trajectory moves joints {', '.join(given)}, the model {', '.join(names)}"
             )
         order = [given.index(name) for name in names]
-    ordered = replace(
-        trajectory,
-        positions=trajectory.positions[:, order],
-        velocities=trajectory.velocities[:, order],
-        accelerations=trajectory.accelerations[:, order],
-        joint_names=tuple(given[k] for k in order),
-        units=tuple(trajectory.units[k] for k in order),
-        efforts=None,
-    )
+    ordered = chosen_joints(trajectory, order)
     for joint, mine, other in zip(ordered.joint_names, ordered.units, units, strict=True):
         if mine != other:
             raise ValueError(f"joint {joint!r} moves in {other}, the trajectory is in {mine}")
     return ordered
-
-
-def _joined(
-    limits: JointLimits | Sequence[JointLimits] | None, models: Sequence[Model]
-) -> JointLimits:
-    """The limits of all models as one record."""
-    if limits is None:
-        parts = [joint_limits(model) for model in models]
-    else:
-        parts = [limits] if isinstance(limits, JointLimits) else list(limits)
-    count = sum(part.velocity.size for part in parts)
-    if count != sum(model.dof for model in models):
-        raise ValueError(
-            f"limits must be of {sum(model.dof for model in models)} joints, got {count}"
-        )
-    return JointLimits(
-        np.concatenate([part.velocity for part in parts]),
-        np.concatenate([part.acceleration for part in parts]),
-        np.concatenate([part.jerk for part in parts]),
-        np.concatenate([part.torque for part in parts]),
-    )
 
 
 def _torques(trajectory: JointTrajectory, models: Sequence[Model], gravity: ArrayLike) -> Array:
@@ -167,16 +215,8 @@ def _torques(trajectory: JointTrajectory, models: Sequence[Model], gravity: Arra
         falls = np.tile(falls, (len(models), 1))
     if falls.shape != (len(models), 3) or not np.all(np.isfinite(falls)):
         raise ValueError(f"gravity must be 3 numbers, or 3 for each robot, got {gravity!r}")
-    found, start = [], 0
-    for model, fall in zip(models, falls, strict=True):
-        joints = slice(start, start + model.dof)
-        q, v, a = (
-            state[:, joints]
-            for state in (trajectory.positions, trajectory.velocities, trajectory.accelerations)
-        )
-        found.append(model.inverse_dynamics(q, v, a, fall))
-        start += model.dof
-    return np.hstack(found)
+    states = trajectory.positions, trajectory.velocities, trajectory.accelerations
+    return joint_forces(models, list(falls), *states)
 
 
 def _share_of_range(positions: Array, lower: Array, upper: Array) -> Array:
@@ -186,3 +226,182 @@ def _share_of_range(positions: Array, lower: Array, upper: Array) -> Array:
     middle = (low + high) / 2.0
     half = np.where(limited, np.maximum((high - low) / 2.0, np.finfo(float).tiny), np.inf)
     return np.asarray(np.max(np.abs(positions - middle) / half, axis=0, initial=0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class SampleConsistency:
+    """Differences between samples less the trapezoidal integral of their derivatives.
+
+    Attributes:
+        positions: q_(i+1) - q_i - h (v_i + v_(i+1)) / 2, (k - 1, n) [rad or m].
+        velocities: v_(i+1) - v_i - h (a_i + a_(i+1)) / 2, (k - 1, n) [rad/s or m/s].
+        position_bounds, velocity_bounds: largest magnitudes that consistent samples can have.
+    """
+
+    positions: Array
+    velocities: Array
+    position_bounds: Array
+    velocity_bounds: Array
+
+    def shares(self) -> tuple[Array, Array]:
+        """Largest magnitude over its bound, of positions and of velocities, by joint (n,)."""
+        return (
+            np.max(np.abs(self.positions) / self.position_bounds, axis=0, initial=0.0),
+            np.max(np.abs(self.velocities) / self.velocity_bounds, axis=0, initial=0.0),
+        )
+
+
+def sample_consistency(trajectory: JointTrajectory) -> SampleConsistency:
+    """Whether velocities are the derivatives of positions, and accelerations of velocities.
+
+    The trapezoidal rule over a step h is wrong by at most J h^3 / 12 for positions and J h^2 / 4
+    for velocities where the jerk is at most J, and by at most J h^3 / 8 and J h^2 / 2 where the
+    acceleration jumps by J h within the step. The bounds are the latter, with the J that the
+    accelerations in the file show in this step and its neighbours, plus rounding to six digits.
+    They are of third and second order in h.
+    """
+    h = np.diff(trajectory.time)[:, None]
+    q, v, a = trajectory.positions, trajectory.velocities, trajectory.accelerations
+    jumps = np.abs(np.diff(a, axis=0))
+    padded = np.pad(jumps / h, ((_NEIGHBOURS, _NEIGHBOURS), (0, 0)), mode="edge")
+    count = len(jumps)
+    jerk = np.max([padded[k : k + count] for k in range(2 * _NEIGHBOURS + 1)], axis=0)
+    return SampleConsistency(
+        np.diff(q, axis=0) - h * (v[1:] + v[:-1]) / 2.0,
+        np.diff(v, axis=0) - h * (a[1:] + a[:-1]) / 2.0,
+        jerk * h**3 / 8.0 + ROUNDING[0],
+        jerk * h**2 / 2.0 + ROUNDING[1],
+    )
+
+
+def _time_faults(trajectory: JointTrajectory, uniform: bool) -> Iterator[str]:
+    """Times that do not increase or are not evenly spaced."""
+    steps = np.diff(trajectory.time)
+    if not steps.size:
+        yield "the trajectory has one sample only"
+    elif not np.all(steps > 0.0):
+        k = int(np.argmin(steps > 0.0))
+        yield (
+            f"time does not increase: sample {k + 1} at {trajectory.time[k + 1]:.6g} s follows "
+            f"{trajectory.time[k]:.6g} s"
+        )
+    elif uniform and trajectory.rate is None:
+        yield (
+            f"samples are not evenly spaced: steps of {1e3 * steps.min():.4g} to "
+            f"{1e3 * steps.max():.4g} ms"
+        )
+
+
+def _worst(excess: Array) -> Iterator[tuple[int, int]]:
+    """Column and row of the largest number of each column (m, n) that has a positive one."""
+    for column in np.flatnonzero(np.max(excess, axis=0, initial=0.0) > 0.0).tolist():
+        yield column, int(np.argmax(excess[:, column]))
+
+
+def _contradictions(trajectory: JointTrajectory, found: SampleConsistency) -> Iterator[str]:
+    """Velocities that are not the derivatives of positions, accelerations not of velocities."""
+    time = trajectory.time
+    for kind, of, values, bounds, per in (
+        ("velocities", "positions", found.positions, found.position_bounds, ""),
+        ("accelerations", "velocities", found.velocities, found.velocity_bounds, "/s"),
+    ):
+        for joint, k in _worst(np.abs(values) / bounds - 1.0):
+            yield (
+                f"{kind} of {trajectory.joint_names[joint]} contradict its {of}: from "
+                f"{time[k]:.4g} to {time[k + 1]:.4g} s they miss the change by "
+                f"{abs(values[k, joint]):.3g} {trajectory.units[joint]}{per}, at most "
+                f"{bounds[k, joint]:.2g} is due to sampling"
+            )
+
+
+def _beyond_positions(trajectory: JointTrajectory, lower: Array, upper: Array) -> Iterator[str]:
+    """Joints that leave their range of positions."""
+    q = trajectory.positions
+    for joint, k in _worst(np.maximum(lower - q, q - upper) - ROUNDING[0]):
+        yield (
+            f"{trajectory.joint_names[joint]} is at {q[k, joint]:.4g} {trajectory.units[joint]} at "
+            f"{trajectory.time[k]:.4g} s, outside its range of {lower[joint]:.4g} to "
+            f"{upper[joint]:.4g}"
+        )
+
+
+def _magnitudes(
+    trajectory: JointTrajectory, torques: Array, rest: bool
+) -> dict[str, tuple[Array, Array]]:
+    """Times (m,) and magnitudes (m, n) of velocity, acceleration, jerk and torque.
+
+    Samples, and means over steps, which the true largest magnitudes are not below; less what
+    rounding in a file may add. At ends at rest, an acceleration is a jump from zero.
+    """
+    time, a = trajectory.time, trajectory.accelerations
+    forward = np.diff(time)[:, None]
+    steps = np.where(forward > 0.0, forward, np.inf)  # elsewhere there is no mean
+    middles = (time[1:] + time[:-1]) / 2.0
+
+    def means(values: Array, rounding: float) -> Array:
+        return np.maximum(np.abs(np.diff(values, axis=0)) - rounding, 0.0) / steps
+
+    jerk = middles, means(a, ROUNDING[2])
+    if rest and len(steps):
+        ends = np.maximum(np.abs(a[[0, -1]]) - ROUNDING[2], 0.0) / steps[[0, -1]]
+        jerk = np.append(middles, time[[0, -1]]), np.vstack([jerk[1], ends])
+    both = np.append(time, middles)
+    q, v = trajectory.positions, trajectory.velocities
+    return {
+        "velocity": (both, np.vstack([np.abs(v), means(q, ROUNDING[0])])),
+        "acceleration": (both, np.vstack([np.abs(a), means(v, ROUNDING[1])])),
+        "jerk": jerk,
+        "torque": (time, np.abs(torques)),
+    }
+
+
+def _beyond(
+    trajectory: JointTrajectory,
+    name: str,
+    instants: Array,
+    sizes: Array,
+    limits: Array,
+    tolerance: float,
+) -> Iterator[str]:
+    """Joints whose magnitudes (m, n) at these instants exceed their limits (n,)."""
+    for joint, k in _worst(sizes - (1.0 + tolerance) * limits):
+        unit = trajectory.units[joint]
+        force = "N m" if unit == "rad" else "N"
+        mean = name == "jerk" or k >= len(trajectory.time)
+        yield (
+            f"{name} of {trajectory.joint_names[joint]} is {sizes[k, joint]:.4g} "
+            + (force if name == "torque" else f"{unit}{_PER[name]}")
+            + (" on average over the step" if mean else "")
+            + f" at {instants[k]:.4g} s, its limit {limits[joint]:.4g}"
+        )
+
+
+def _unrest(trajectory: JointTrajectory) -> Iterator[str]:
+    """Joints that move at the first or the last sample."""
+    for k, end in ((0, "begins"), (-1, "ends")):
+        speeds = np.abs(trajectory.velocities[k])
+        for joint in np.flatnonzero(speeds > ROUNDING[1]).tolist():
+            yield (
+                f"{trajectory.joint_names[joint]} {end} at {speeds[joint]:.3g} "
+                f"{trajectory.units[joint]}/s at {trajectory.time[k]:.4g} s, not at rest"
+            )
+
+
+def _least_clearance(trajectory: JointTrajectory, clearance: Clearance) -> tuple[float, list[str]]:
+    """The least of all distances [m], and a sentence for each that is below its lower bound."""
+    joints = len(trajectory.joint_names)
+    if clearance.dof != joints:
+        raise ValueError(f"clearance must be of the {joints} joints of all models: {clearance!r}")
+    last = len(trajectory.time) - 1
+    stride = max(int(_INTERVAL * last / max(trajectory.duration, _NEAR) + 1e-9), 1)
+    chosen = np.unique(np.append(np.arange(0, last, stride), last))
+    least, samples = least_distances(clearance, trajectory.positions[chosen])
+    found = zip(
+        clearance.names, clearance.lower, least, trajectory.time[chosen][samples], strict=True
+    )
+    sentences = [
+        f"{name}: {nearest:.3g} m apart at {time:.4g} s, at least {bound:.3g} m must remain"
+        for name, bound, nearest, time in found
+        if nearest < bound - _NEAR
+    ]
+    return float(least.min()), sentences

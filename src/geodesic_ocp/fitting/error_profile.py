@@ -13,7 +13,7 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.figures.new_figure import new_figure
 from geodesic_ocp.figures.styles import OBSERVED
 from geodesic_ocp.fitting.metric_fit import MetricFit
-from geodesic_ocp.progress import Progress
+from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.table import Table
 
 if TYPE_CHECKING:
@@ -129,15 +129,14 @@ def error_profile(
                 f"values of {wanted} must be between {parameter.lower:g} and {parameter.upper:g}, "
                 f"got {values!r}"
             )
-    weights = np.ones(len(fit.recordings))
+    report, weights = progress or no_progress, np.ones(len(fit.recordings))
     middle = int(np.argmin(np.abs(grid - estimate.value)))
     squares = np.empty((grid.size, weights.size))
     done = 0
     for order in (range(middle, grid.size), range(middle - 1, -1, -1)):
         near = fit.outcome
         for number in order:
-            if progress is not None:
-                progress(f"profile of {wanted}", done, grid.size)
+            report(f"profile of {wanted}", done, grid.size)
             near = fit.program.solve(weights, near, {index: float(grid[number])})
             if not near.success:
                 raise NotConverged(f"{wanted} = {grid[number]:.4g}: {near.status}", near)

@@ -1,4 +1,4 @@
-"""The parameters of a metric whose geodesics explain recordings best."""
+"""fit_metric: the metric whose geodesics are nearest to recorded motions."""
 
 from __future__ import annotations
 
@@ -7,24 +7,32 @@ from collections.abc import Callable, Sequence
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import as_integer
-from geodesic_ocp.fitting.metric_fit import MetricFit
+from geodesic_ocp.arrays import Array, as_integer
+from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.fitting.metric_fit import Estimate, MetricFit
 from geodesic_ocp.fitting.parameter import JOINT_INERTIA, Parameter, as_parameters, with_parameters
+from geodesic_ocp.fitting.program.curvature import LeastErrors, least_errors
 from geodesic_ocp.fitting.program.metric_program import MetricProgram
 from geodesic_ocp.fitting.program.observed_segments import observe
 from geodesic_ocp.fitting.program.recording_part import RecordingPart
 from geodesic_ocp.fitting.program.segment_functions import Measure, SegmentFunctions, as_measure
-from geodesic_ocp.fitting.solve_program import solve_program
+from geodesic_ocp.fitting.program.start import Start
 from geodesic_ocp.manifold.adjustable_kinetic_energy import AdjustableKineticEnergy
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.progress import Progress
+from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.recordings.recording import Recording
-from geodesic_ocp.synergies.segmentation.segment import segment
+from geodesic_ocp.synergies.segment import segment
 from geodesic_ocp.trajectory.grid import Grid
+from geodesic_ocp.trajectory.motion import bandwidth
 
-_SIDES = ("lower", "upper")
 _UNIT = {"joint": 0.01, "position": 0.01}  # of the errors [rad], [m]
+_AT_BOUND = 1e-4  # distance from a bound, relative to the initial or the largest value
+_UNITS = {"armature": "kg m^2", "payload": "kg", "joint_inertia": "m r^2"}
+# Directions in which the logarithms of the parameters are more uncertain than this are reported.
+_UNCERTAIN = 0.5
+_SINGULAR = 1e-7  # smallest eigenvalue relative to the largest
+_INVOLVED = 0.25  # smallest component of a direction that is named
 
 
 def fit_metric(
@@ -97,35 +105,135 @@ def fit_metric(
     chosen, measure = as_parameters(parameters), as_measure(measure)
     if free_ends and measure != "joint":
         raise ValueError("free_ends needs measure='joint': the hand leaves the redundant arm free")
-    grid = Grid(1, as_integer("degree", degree, 3))
+    report, grid = progress or no_progress, Grid(1, as_integer("degree", degree, 3))
     theta = ca.SX.sym("theta", len(chosen))
     start = np.array([each.start for each in chosen], dtype=float)
     functions: dict[int, SegmentFunctions] = {}
     parts = []
     for number, recording in enumerate(listed):
-        if progress is not None:
-            progress("preparing recordings", number, len(listed))
+        report("preparing recordings", number, len(listed))
         model = recording.model
         if id(model) not in functions:
             symbolic = with_parameters(metric(model), chosen, ca.vertsplit(theta))
             functions[id(model)] = SegmentFunctions(symbolic, theta, model, measure, grid)
         initial = with_parameters(metric(model), chosen, start.tolist())
-        given = None if segments is None else segments[number]
-        if given is None:
-            given = segment(
-                initial,
-                recording.motion,
-                threshold,
-                min_duration=min_duration,
-                hysteresis=hysteresis,
-            )
-        observed = observe(recording, initial, given, grid)
+        if segments is None:
+            rule = {"min_duration": min_duration, "hysteresis": hysteresis}
+            cuts: Sequence[tuple[int, int]] = segment(initial, recording.motion, threshold, **rule)
+        else:
+            cuts = segments[number]
+        observed = observe(recording, initial, cuts, grid)
         parts.append(RecordingPart(functions[id(model)], observed, _UNIT[measure]))
-    lower, upper = (np.array([getattr(each, side) for each in chosen]) for side in _SIDES)
+    lower, upper = np.array([(each.lower, each.upper) for each in chosen]).T
     program = MetricProgram(tuple(parts), start, lower, upper, free_ends)
-    if progress is not None:
-        progress("fitting the metric", 0, 1)
+    report("fitting the metric", 0, 1)
     fit = solve_program(program, chosen, metric)
-    if progress is not None:
-        progress("fitting the metric", 1, 1)
+    report("fitting the metric", 1, 1)
     return fit
+
+
+def solve_program(
+    program: MetricProgram,
+    parameters: tuple[Parameter, ...],
+    metric: Callable[[Model], Metric],
+    near: Start | None = None,
+) -> MetricFit:
+    """The fit of a program with equal weights of its recordings, from a start if it is given.
+
+    Raises:
+        NotConverged: Ipopt did not find a solution.
+    """
+    outcome = program.solve(np.ones(len(program.parts)), near)
+    if not outcome.success:
+        raise NotConverged(f"the metric was not fitted: {outcome.status}", outcome)
+    p = program.size
+    relative = outcome.x[:p]
+    derivatives = least_errors(program, outcome.x, outcome.lam_g)
+    lower, upper = (bound[:p] for bound in program.bounds)
+    bounded = (relative - lower < _AT_BOUND) | (upper - relative < _AT_BOUND * upper)
+    free = np.flatnonzero(~bounded)
+    matrix = _covariance(program, derivatives.of_parameters(free))
+    deviations = np.full(p, np.nan)
+    deviations[free] = np.sqrt(np.diag(matrix)) * program.start[free]
+    found = zip(parameters, relative * program.start, deviations, bounded, strict=True)
+    estimates = tuple(
+        Estimate(each.name, float(value), float(error), _UNITS.get(each.field, ""), bool(at_bound))
+        for each, value, error, at_bound in found
+    )
+    unknown = _undetermined(
+        derivatives.of_parameters(free),
+        matrix,
+        relative[free],
+        [parameters[k].name for k in free],
+    )
+    return MetricFit(estimates, parameters, unknown, program, outcome, derivatives, metric)
+
+
+def _covariance(program: MetricProgram, errors: LeastErrors) -> Array:
+    """Covariance of parameters that are at no bound, in units of their initial values.
+
+    H^-1 (sum_r s_r^2 / k_r H_r) H^-1 with the Hessians H_r of the recordings' least errors, their
+    sum H, the variance s_r^2 of an error and the number k_r of independent samples: the errors of
+    filtered data are correlated over 1 / (2 bandwidth) (Davidson and MacKinnon, "Estimation and
+    Inference in Econometrics", 1993, chapter 5, for the form). Infinite where H is singular.
+    """
+    total = np.asarray(errors.hessians.sum(axis=0))
+    if not total.size:
+        return total
+    weights = []
+    for part, value in zip(program.parts, errors.values, strict=True):
+        motion = part.observed.recording.motion
+        duration = sum(float(motion.time[b] - motion.time[a]) for a, b in part.observed.segments)
+        frequency = bandwidth(motion)
+        samples = min(2.0 * frequency * duration, part.observed.owners.size)
+        components = 3 if part.functions.measure == "position" else part.functions.dim
+        variance = 2.0 * value / components
+        weights.append(variance / max(samples, 1.0))
+    middle = np.einsum("r,rij->ij", np.array(weights), errors.hessians)
+    if np.linalg.eigvalsh(middle)[0] < 0.0:  # single recordings need not have a minimum here
+        sizes, axes = np.linalg.eigh(float(np.mean(weights)) * total)
+        middle = (axes * np.maximum(sizes, 0.0)) @ axes.T
+    # Negative curvature means that the error has no minimum along a direction.
+    values, vectors = np.linalg.eigh(total)
+    regular = values > _SINGULAR * max(values[-1], 1e-300)
+    inverse = (vectors[:, regular] / values[regular]) @ vectors[:, regular].T
+    result = inverse @ middle @ inverse
+    flat = vectors[:, ~regular]
+    return np.asarray(result + np.diag(np.where(np.sum(flat**2, axis=1) > 1e-6, np.inf, 0.0)))
+
+
+def _undetermined(
+    errors: LeastErrors, matrix: Array, relative: Array, names: Sequence[str]
+) -> tuple[str, ...]:
+    """Sentences on combinations of parameters that the data do not determine.
+
+    The eigenvectors of the Hessian by the parameters' logarithms along which one standard deviation
+    is more than half, so that a factor of 1.6 and more is within it.
+
+    Args:
+        errors, matrix: of the parameters at no bound, and their covariance.
+        relative: their values in units of their initial values.
+        names: of these parameters.
+    """
+    if not relative.size:
+        return ()
+    hessian = errors.hessians.sum(axis=0) * np.outer(relative, relative)
+    finite = np.where(np.isfinite(matrix), matrix, 0.0) / np.outer(relative, relative)
+    sentences = []
+    for value, direction in zip(*np.linalg.eigh(hessian), strict=True):
+        flat = value <= _SINGULAR * np.abs(hessian).max()
+        variance = max(float(direction @ finite @ direction), 0.0)
+        if not flat and variance <= _UNCERTAIN**2:
+            continue
+        direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
+        involved = [k for k in range(relative.size) if abs(direction[k]) >= _INVOLVED]
+        listed = [names[k] for k in involved]
+        if len(listed) == 1:
+            sentences.append(f"the data do not determine {listed[0]}")
+            continue
+        powers = [f"{names[k]} by a factor of {2.0 ** direction[k]:.3g}" for k in involved]
+        sentences.append(
+            f"the data determine {', '.join(listed[:-1])} and {listed[-1]} in combination only: "
+            f"changing {' and '.join(powers)} leaves the error almost the same"
+        )
+    return tuple(sentences)

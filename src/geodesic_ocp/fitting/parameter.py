@@ -12,6 +12,8 @@ import numpy as np
 from geodesic_ocp.arrays import as_number
 from geodesic_ocp.manifold.metric import Metric
 
+_VALUES = (int, float, np.number, tuple, list, np.ndarray)
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -55,9 +57,6 @@ class Parameter:
 
 
 JOINT_INERTIA = Parameter("joint_inertia", 0.03, lower=1e-5, upper=100.0)
-
-
-_VALUES = (int, float, np.number, tuple, list, np.ndarray)
 
 
 def as_parameters(parameters: Any) -> tuple[Parameter, ...]:
@@ -111,8 +110,8 @@ def with_parameters(metric: Metric, parameters: Sequence[Parameter], values: Any
         for entry in chosen:
             entries[entry] = values[index]
         changed[parameter.field] = tuple(entries)
-    changed_metric: Metric = replace(record, **changed)
-    return changed_metric
+    result: Metric = replace(record, **changed)
+    return result
 
 
 def _matching(parameter: Parameter, joint_names: Sequence[str], count: int) -> list[int]:

@@ -1,4 +1,4 @@
-"""Geodesics by Ipopt: the NLP of `PointToPoint`, and corrections of its initial velocity.
+"""A geodesic as the solution of its boundary value problem by Ipopt, and why there may be none.
 
 The initial velocity follows from the momentum at the fixed first node, v0 = -G(q0)^-1 dE/dq0, which
 is as accurate as the energy (the discrete Legendre transform of Marsden and West, Acta Numerica
@@ -14,12 +14,11 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, evaluate
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.logarithm.connecting_geodesic import (
+from geodesic_ocp.logarithm.correction import (
     GRIDS,
     ConnectingGeodesic,
+    correct_velocity,
 )
-from geodesic_ocp.logarithm.correction import correct_velocity
-from geodesic_ocp.logarithm.likely_cause import likely_cause
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.ocp.nlp.transcription import Units
 from geodesic_ocp.ocp.problem.point_to_point import PointToPoint
@@ -27,6 +26,9 @@ from geodesic_ocp.ocp.solve.solution import Solution
 from geodesic_ocp.ocp.solve.solve import solve
 from geodesic_ocp.trajectory.path import Path
 
+# Samples of the straight line, and the ratio of the largest to the smallest diagonal entry of the
+# metric that is worth reporting.
+_SAMPLES, _LARGE_RATIO = 21, 1e4
 # CasADi's expressions and its interface to Ipopt are not for several threads.
 _one_at_a_time = threading.RLock()
 # A quick search limits Ipopt's iterations.
@@ -50,6 +52,36 @@ def find_by_ipopt(
     """
     with _one_at_a_time:
         return _find(metric, q0, q1, guess, thorough)
+
+
+def check_straight_line(metric: Metric, q0: Array, q1: Array, guess: Path | None) -> None:
+    """ValueError if the metric is not finite, or not positive, along the initial guess."""
+    s = np.linspace(0.0, 1.0, _SAMPLES)
+    samples = q0 + s[:, None] * (q1 - q0) if guess is None else guess(s)
+    metric.check_domain_along("the guess", s, samples)
+    for q in samples:
+        tensor = metric.matrix(q)
+        if not (np.all(np.isfinite(tensor)) and np.all(np.diag(tensor) > 0.0)):
+            raise ValueError(f"the metric is not finite and positive along the guess: at {q}")
+
+
+def likely_cause(metric: Metric, nodes: Array) -> str:
+    """A singularity that the last path (k, n) passes, or what else the cause may be."""
+    finite = nodes[np.all(np.isfinite(nodes), axis=1)]
+    for sample in finite:
+        if cause := metric.near_singularity(sample):
+            return cause
+    sizes = np.array([np.diag(metric.matrix(sample)) for sample in finite])
+    ratios = sizes.max(axis=0) / sizes.min(axis=0)
+    if ratios.max() > _LARGE_RATIO:
+        worst = int(np.argmax(ratios))
+        names = metric.joint_names or [f"q[{index}]" for index in range(metric.dim)]
+        low, high = (finite[pick(sizes[:, worst])] for pick in (np.argmin, np.argmax))
+        return (
+            f"between {low} and {high} the squared length along {names[worst]} grows by "
+            f"{ratios[worst]:.0e}: one of them is near a singularity or a boundary"
+        )
+    return "no path from any of the attempts led to one; the goal may lie at a conjugate point"
 
 
 def _find(

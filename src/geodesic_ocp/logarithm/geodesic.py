@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, as_vector
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
 from geodesic_ocp.figures.path_figure import draw_path
-from geodesic_ocp.logarithm.connecting_geodesic import (
+from geodesic_ocp.logarithm.correction import (
     CHECK_TOLERANCE,
     TOLERANCE,
     ConnectingGeodesic,

@@ -1,4 +1,8 @@
-"""Geodesics between two configurations from several initial guesses.
+"""Geodesics between two configurations from one or many starts.
+
+Without constraints, Newton's method on the discrete energy finds it in milliseconds (`by_newton`);
+Ipopt solves the same NLP, as reference and where there is no compiler (`by_ipopt`). The argument
+`solver`, or the environment variable GEODESIC_OCP_SOLVER, chooses.
 
 The first guess is the straight line. Where coordinates are periodic, straight lines to goals a
 period away follow, the nearest first. The remaining guesses alternate between a path through a
@@ -9,6 +13,7 @@ including those that are not minimal.
 
 from __future__ import annotations
 
+import os
 from itertools import product
 
 import numpy as np
@@ -16,13 +21,21 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_integer, real_array
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.logarithm.by_shooting import find_by_shooting
-from geodesic_ocp.logarithm.connecting_geodesic import ConnectingGeodesic
-from geodesic_ocp.logarithm.single_start import are_nearby, as_solver, find_from_path
+from geodesic_ocp.logarithm.by_ipopt import find_by_ipopt
+from geodesic_ocp.logarithm.by_newton import find_by_newton
+from geodesic_ocp.logarithm.correction import ConnectingGeodesic, find_by_shooting
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
+SOLVERS = ("newton", "ipopt")
+ENVIRONMENT_VARIABLE = "GEODESIC_OCP_SOLVER"
+# Between points this close, relative to their coordinates, node positions have too few digits for
+# Newton's method; the logarithm is their difference and a small correction.
+_NEARBY = 1e-5
+# Agreement of the correction by one step and by two, relative to the distance: rounding.
+_AGREEMENT = 1e-14
+_CORRECTIONS = 4
 # Two geodesics are the same if their initial velocities differ by less than this, relatively.
 _SAME = 1e-6
 _GRID = Grid(1, 20)  # of initial guesses
@@ -93,6 +106,76 @@ def find_geodesics(
             getattr(failures[0], "solution", None),
         )
     return sorted(found, key=lambda each: float(metric.norm(start, each.velocity)))
+
+
+def find_from_path(
+    metric: Metric,
+    q0: Array,
+    q1: Array,
+    guess: Path | None,
+    solver: str,
+    *,
+    thorough: bool = True,
+) -> ConnectingGeodesic:
+    """The geodesic of locally minimal energy near a path, or near the straight line.
+
+    Raises:
+        NotConverged: none was found, or it does not end at q1 when integrated forward.
+        ValueError: the metric is not finite along the path.
+    """
+    if metric.has_constant_tensor or np.array_equal(q0, q1):
+        return ConnectingGeodesic(q0, q1, q1 - q0)
+    if are_nearby(q0, q1):
+        velocity = _velocity_to_nearby(metric, q0, q1)
+        if velocity is not None:
+            return ConnectingGeodesic(q0, q1, velocity)
+    is_compiled = solver == "newton" and metric.kernels.available()
+    find = find_by_newton if is_compiled else find_by_ipopt
+    return find(metric, q0, q1, guess, thorough=thorough)
+
+
+def as_solver(solver: str | None) -> str:
+    """The argument, the environment variable, or "newton"; ValueError if it is no solver."""
+    name = solver or os.environ.get(ENVIRONMENT_VARIABLE) or SOLVERS[0]
+    if name not in SOLVERS:
+        where = "solver" if solver else ENVIRONMENT_VARIABLE
+        raise ValueError(f"{where} must be one of {', '.join(SOLVERS)}, got {name!r}")
+    return name
+
+
+def are_nearby(q0: Array, q1: Array) -> bool:
+    """Whether the geodesic between two points is nearly a straight line, and found as such."""
+    return bool(np.abs(q1 - q0).max() <= _NEARBY * max(1.0, np.abs(q0).max()))
+
+
+def _velocity_to_nearby(metric: Metric, q0: Array, q1: Array) -> Array | None:
+    """Log_q0(q1) (n,) by integrating the displacement, which keeps its digits; None if too far.
+
+    A fixed-point iteration: over short distances, the displacement is nearly the initial velocity.
+    """
+    wanted = q1 - q0
+    size = np.abs(wanted).max()
+    velocity = wanted
+    for _ in range(_CORRECTIONS):
+        one, two = (_displacement(metric, q0, velocity, steps) for steps in (1, 2))
+        if not np.abs(one - two).max() <= _AGREEMENT * size:
+            return None
+        velocity = velocity + wanted - two
+        if np.abs(wanted - two).max() <= _AGREEMENT * size:
+            return np.asarray(velocity)
+    return None
+
+
+def _displacement(metric: Metric, q0: Array, v0: Array, steps: int) -> Array:
+    """Exp_q0(v0) - q0 (n,), by steps of the classical Runge-Kutta method."""
+    x, v, h = np.zeros_like(v0), v0, 1.0 / steps
+    for _ in range(steps):
+        a1 = metric.acceleration(q0 + x, v)
+        a2 = metric.acceleration(q0 + x + h / 2 * v, v + h / 2 * a1)
+        a3 = metric.acceleration(q0 + x + h / 2 * (v + h / 2 * a1), v + h / 2 * a2)
+        a4 = metric.acceleration(q0 + x + h * (v + h / 2 * a2), v + h * a3)
+        x, v = x + h * v + h * h / 6 * (a1 + a2 + a3), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+    return np.asarray(x)
 
 
 def _as_periods(metric: Metric) -> Array:

@@ -136,7 +136,7 @@ def signed_distances(
     expressions: dict[str, Any] = {}
     for name, body, other in bodies_apart(model, obstacles, links, pairs):
         for distance in _distances(model, x, body, other):
-            _add_named(expressions, name, distance)
+            add_named(expressions, name, distance)
     if isinstance(q, ca.SX) or not expressions:
         return expressions
     function = ca.Function("signed_distances", [x], [ca.vertcat(*expressions.values())])
@@ -218,7 +218,7 @@ def as_pair(pair: Any) -> tuple[str, str]:
     return pair[0], pair[1]
 
 
-def _add_named(found: dict[str, Any], name: str, value: Any) -> None:
+def add_named(found: dict[str, Any], name: str, value: Any) -> None:
     """Add a value under a name, with a number appended if the name is taken."""
     unique, number = name, 1
     while unique in found:
@@ -302,7 +302,7 @@ def nearest_points(
     x, expressions = ca.SX.sym("q", model.dof), dict[str, Any]()
     for name, body, other in bodies_apart(model, obstacles, links, pairs):
         for nearest in _nearest(model, x, body, other):
-            _add_named(expressions, name, ca.vertcat(*nearest))
+            add_named(expressions, name, ca.vertcat(*nearest))
     if not expressions:
         return {}
     values = evaluate(

@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.execution.joint_limits import JointLimits
-from geodesic_ocp.execution.planned_trajectory import PlannedTrajectory
+from geodesic_ocp.execution.limits import JointLimits
+from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
 from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.arm_task import ArmTask
@@ -18,7 +18,7 @@ from geodesic_ocp.retargeting.merge_synergies import SynergyGroup
 from geodesic_ocp.retargeting.poses.pose_mapping import PoseMapping
 from geodesic_ocp.retargeting.transfer import Transfer
 from geodesic_ocp.synergies.analysis import Analysis
-from geodesic_ocp.synergies.scores.evaluate import MotionErrors, action, pose_errors
+from geodesic_ocp.synergies.scores import MotionErrors, action, pose_errors
 from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.execution.arm_paths import ArmPaths
-from geodesic_ocp.execution.joint_limits import JointLimits
-from geodesic_ocp.execution.planned_trajectory import PlannedTrajectory
-from geodesic_ocp.execution.tracking.track_within_limits import track_within_limits
-from geodesic_ocp.logarithm.to_pose.pose_target import metric_of
+from geodesic_ocp.execution.limits import JointLimits
+from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
+from geodesic_ocp.execution.track_within_limits import track_within_limits
+from geodesic_ocp.logarithm.pose_shooting import metric_of
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, merge_synergies
 from geodesic_ocp.retargeting.poses.pose_mapping import PoseMapping

@@ -9,13 +9,13 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.execution.planned_trajectory import PlannedTrajectory
-from geodesic_ocp.execution.tracking.compare_with_tracking import (
+from geodesic_ocp.execution.motion_measures import (
     ElbowOffsets,
+    MotionMeasures,
     compare_with_tracking,
 )
-from geodesic_ocp.execution.tracking.motion_measures import MotionMeasures
-from geodesic_ocp.execution.tracking.track_within_limits import Solver
+from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
+from geodesic_ocp.execution.track_within_limits import Solver
 from geodesic_ocp.retargeting.poses.pose_mapping import PoseMapping
 from geodesic_ocp.retargeting.program.elbow_offset import (
     elbow_offset,

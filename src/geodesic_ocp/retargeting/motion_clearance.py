@@ -10,9 +10,8 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.execution.clearance.clearance_constraint import clearance_constraint
-from geodesic_ocp.execution.clearance.link_pairs import LinkPairs, link_pairs
-from geodesic_ocp.execution.clearance_constraint import Clearance
+from geodesic_ocp.execution.clearance import Clearance, clearance_constraint
+from geodesic_ocp.execution.link_pairs import LinkPairs, link_pairs
 from geodesic_ocp.model.distances import signed_distances
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.settings import RetargetingSettings

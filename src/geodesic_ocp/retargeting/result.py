@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geodesic_ocp.execution.check_trajectory import check_trajectory
-from geodesic_ocp.execution.clearance_constraint import Clearance
-from geodesic_ocp.execution.planned_trajectory import PlannedTrajectory
-from geodesic_ocp.execution.tracking.motion_measures import measures_table
-from geodesic_ocp.execution.trajectory_check import TrajectoryCheck
+from geodesic_ocp.execution.check_trajectory import TrajectoryCheck, check_trajectory
+from geodesic_ocp.execution.clearance import Clearance
+from geodesic_ocp.execution.motion_measures import measures_table
+from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
 from geodesic_ocp.figures import overview
 from geodesic_ocp.figures.new_figure import new_figure, save_figure
 from geodesic_ocp.records import write_together
@@ -23,8 +22,7 @@ from geodesic_ocp.retargeting.motion_clearance import TOUCHING, in_check
 from geodesic_ocp.retargeting.program.planned_paths import PlannedPaths
 from geodesic_ocp.retargeting.retargeting_strips import retargeting_strips
 from geodesic_ocp.retargeting.settings import RetargetingSettings
-from geodesic_ocp.synergies.synergy import Synergy
-from geodesic_ocp.synergies.synergy_files import save_synergies
+from geodesic_ocp.synergies.synergy import Synergy, save_synergies
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion

@@ -12,10 +12,9 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.execution.clearance_constraint import Clearance
-from geodesic_ocp.execution.joint_limits import JointLimits, joint_limits
-from geodesic_ocp.execution.plan_trajectory import plan_trajectory
-from geodesic_ocp.execution.planned_trajectory import PlannedTrajectory
+from geodesic_ocp.execution.clearance import Clearance
+from geodesic_ocp.execution.limits import JointLimits, joint_limits
+from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory, plan_trajectory
 from geodesic_ocp.model.inertias import with_rotor_inertia
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress, no_progress

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from geodesic_ocp.arrays import as_integer, as_number, as_positive, short_repr
-from geodesic_ocp.logarithm.to_pose.geodesic_to_pose import ENERGY_WEIGHT
+from geodesic_ocp.logarithm.geodesic_to_pose import ENERGY_WEIGHT
 from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.ocp.ik.collision_avoidance import CollisionAvoidance
 
@@ -148,5 +148,5 @@ class RetargetingSettings:
 
     @property
     def pose_weights(self) -> tuple[float, float]:
-        """ObjectiveWeights of position and orientation; one for those left free, which do not count."""
+        """Weights of position and orientation; one for those left free, which do not count."""
         return self.position_weight or 1.0, self.orientation_weight or 1.0

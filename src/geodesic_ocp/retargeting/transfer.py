@@ -10,8 +10,8 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.logarithm.to_pose.geodesic_to_pose import ToPose, geodesic_to_pose, nearest_of
-from geodesic_ocp.logarithm.to_pose.pose_target import metric_of
+from geodesic_ocp.logarithm.geodesic_to_pose import ToPose, geodesic_to_pose, nearest_of
+from geodesic_ocp.logarithm.pose_shooting import metric_of
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.ocp.problem.reach import Reach

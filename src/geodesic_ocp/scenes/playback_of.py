@@ -16,7 +16,7 @@ from geodesic_ocp.scenes.beside import beside
 from geodesic_ocp.scenes.playback import Playback
 
 if TYPE_CHECKING:
-    from geodesic_ocp.logarithm.to_pose.geodesic_to_pose import ToPose
+    from geodesic_ocp.logarithm.geodesic_to_pose import ToPose
     from geodesic_ocp.model.model import Model
     from geodesic_ocp.recordings.recording import Recording
     from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment

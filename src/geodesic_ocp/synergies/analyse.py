@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 
 from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.manifold.metric import Metric
@@ -12,17 +12,16 @@ from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.recordings.plausible import check_plausible
 from geodesic_ocp.synergies.analysis import Analysis
-from geodesic_ocp.synergies.analysis_metrics import (
+from geodesic_ocp.synergies.baselines import track_hand
+from geodesic_ocp.synergies.metrics import (
     MetricName,
     as_analysis_metric,
     compared_metrics,
 )
-from geodesic_ocp.synergies.as_segments import as_segments
-from geodesic_ocp.synergies.baselines.track_hand import track_hand
 from geodesic_ocp.synergies.reconstruct import Reconstruction, reconstruct
-from geodesic_ocp.synergies.scores.evaluate import MotionErrors, evaluate
-from geodesic_ocp.synergies.segmentation.segment import segment
-from geodesic_ocp.synergies.segmentation.segment_zero_velocity import segment_zero_velocity
+from geodesic_ocp.synergies.scores import MotionErrors, evaluate
+from geodesic_ocp.synergies.segment import segment, segment_zero_velocity
+from geodesic_ocp.synergies.synergy import as_segments
 from geodesic_ocp.trajectory.motion import Motion
 
 
@@ -99,33 +98,51 @@ def analyse(
         )
     else:
         cut = as_segments(motion, segments)
-    zero_velocity_segments = segment_zero_velocity(motion, joints=_reversing(model))
+    zero_velocity = segment_zero_velocity(motion, joints=_reversing(model))
     compared = compared_metrics(metric, model)
     planned = [("riemannian", metric, cut), *((name, its, cut) for name, its in compared.items())]
-    planned.append(("euclidean", Euclidean(model.dof), zero_velocity_segments))
+    planned.append(("euclidean", Euclidean(model.dof), zero_velocity))
     counts = {method: len(its_segments) for method, _, its_segments in planned}
 
     total, finished = sum(counts.values()) + 1, 0
     found: dict[str, Reconstruction] = {}
     for method, its_metric, its_segments in planned:
-        straight = isinstance(its_metric, Euclidean)
-        label = "planning straight lines" if straight else "planning geodesics"
+        lines = isinstance(its_metric, Euclidean)
+        label = "planning straight lines" if lines else "planning geodesics"
+        done = [0]
 
-        def advance(done: int, label: str = label, finished: int = finished) -> None:
-            report(label, finished + done, total)
+        def advance(
+            number: int, label: str = label, before: int = finished, done: list[int] = done
+        ) -> None:
+            done.append(number)
+            report(label, before + number, total)
 
-        if method in compared:
-            comparison = _reconstruct_or_warn(method, its_metric, motion, its_segments, advance)
-            if comparison is not None:
-                found[method] = comparison
-        else:
+        try:
             found[method] = reconstruct(its_metric, motion, its_segments, progress=advance)
+        except GeodesicOcpError as error:
+            if method not in compared:
+                raise
+            start, stop = its_segments[done[-1]]
+            warnings.warn(
+                f"{method.replace('_', ' ')}: no geodesic was found for the segment from "
+                f"{motion.time[start]:.3f} to {motion.time[stop]:.3f} s (samples {start} to "
+                f"{stop}), so that it is left out of the comparison: {error}",
+                RuntimeWarning,
+                stacklevel=2,
+            )
         finished += len(its_segments)
     found.setdefault("euclidean_same_segments", found["riemannian"])
     report("tracking the hand", finished, total)
     predictions = {method: found[method].predicted for method in found}
     predictions["ik"] = track_hand(model, motion)
     report("done", total, total)
+    unfiltered = None
+    if motion.unfiltered is not None:
+        unfiltered = Motion(motion.time, motion.unfiltered, motion.joint_names)
+
+    def errors(observed: Motion) -> dict[str, MotionErrors]:
+        return {method: evaluate(model, observed, each) for method, each in predictions.items()}
+
     return Analysis(
         model=model,
         motion=motion,
@@ -136,8 +153,8 @@ def analyse(
         predicted=found["riemannian"].predicted,
         segment_counts=counts | {method: len(found[method].synergies) for method in found},
         predictions=predictions,
-        errors={method: evaluate(model, motion, predictions[method]) for method in predictions},
-        errors_unfiltered=_against_unfiltered(model, motion, predictions),
+        errors=errors(motion),
+        errors_unfiltered={} if unfiltered is None else errors(unfiltered),
         not_found=tuple(method for method in compared if method not in found),
     )
 
@@ -148,42 +165,3 @@ def _reversing(model: Model) -> int:
     Of 20 joints, three reverse at once by chance.
     """
     return min(3, model.dof - 1) if len(model.hands) == 1 else round(3 * model.dof / 7)
-
-
-def _against_unfiltered(
-    model: Model, motion: Motion, predictions: Mapping[str, Motion]
-) -> dict[str, MotionErrors]:
-    """Errors against the coordinates before filtering; empty if they are not known."""
-    if motion.unfiltered is None:
-        return {}
-    observed = Motion(motion.time, motion.unfiltered, motion.joint_names)
-    return {method: evaluate(model, observed, predictions[method]) for method in predictions}
-
-
-def _reconstruct_or_warn(
-    method: str,
-    metric: Metric,
-    motion: Motion,
-    segments: Sequence[tuple[int, int]],
-    progress: Callable[[int], object],
-) -> Reconstruction | None:
-    """The motion in a metric that is compared; None, with a warning, if it cannot be planned."""
-    planned = 0
-
-    def advance(done: int) -> None:
-        nonlocal planned
-        planned = done
-        progress(done)
-
-    try:
-        return reconstruct(metric, motion, segments, progress=advance)
-    except GeodesicOcpError as error:
-        start, stop = segments[planned]
-        warnings.warn(
-            f"{method.replace('_', ' ')}: no geodesic was found for the segment from "
-            f"{motion.time[start]:.3f} to {motion.time[stop]:.3f} s (samples {start} to {stop}), "
-            f"so that it is left out of the comparison: {error}",
-            RuntimeWarning,
-            stacklevel=3,
-        )
-        return None

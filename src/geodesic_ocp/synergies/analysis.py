@@ -21,11 +21,15 @@ from geodesic_ocp.manifold.adjustable_kinetic_energy import AdjustableKineticEne
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model, hand_labels
 from geodesic_ocp.records import write_together
-from geodesic_ocp.synergies.analysis_metrics import joint_inertia_of, method_of
-from geodesic_ocp.synergies.scores.evaluate import MotionErrors
-from geodesic_ocp.synergies.synergy import Synergy
-from geodesic_ocp.synergies.synergy_files import save_synergies
-from geodesic_ocp.synergies.usual_metrics import JOINT_INERTIA, KINETIC_ENERGY, STRAIGHT_LINES
+from geodesic_ocp.synergies.metrics import (
+    JOINT_INERTIA,
+    KINETIC_ENERGY,
+    STRAIGHT_LINES,
+    joint_inertia_of,
+    method_of,
+)
+from geodesic_ocp.synergies.scores import MotionErrors
+from geodesic_ocp.synergies.synergy import Synergy, save_synergies
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.motion import Motion
 

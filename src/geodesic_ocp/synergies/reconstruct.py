@@ -10,9 +10,8 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.logarithm.geodesic import geodesic
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.synergies.as_segments import as_segments
-from geodesic_ocp.synergies.observed_velocity import speeds
-from geodesic_ocp.synergies.synergy import Synergy
+from geodesic_ocp.synergies.segment import speeds
+from geodesic_ocp.synergies.synergy import Synergy, as_segments
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.time_law import TimeLaw, time_law
 
@@ -72,16 +71,18 @@ def reconstruct(
     speed = speeds(metric, motion)
     synergies: list[Synergy] = []
     for start, stop in segments:
-        synergies.append(_plan(metric, motion, speed, start, stop))
+        path = geodesic(metric, motion.q[start], motion.q[stop])
+        law = law_of_segment(motion, speed, path.length, start, stop)
+        synergies.append(Synergy(start, stop, float(motion.time[start]), path, law))
         if progress is not None:
             progress(len(synergies))
-    return Reconstruction(tuple(synergies), _predict(motion, synergies))
-
-
-def _plan(metric: Metric, motion: Motion, speed: Array, start: int, stop: int) -> Synergy:
-    path = geodesic(metric, motion.q[start], motion.q[stop])
-    law = law_of_segment(motion, speed, path.length, start, stop)
-    return Synergy(start, stop, float(motion.time[start]), path, law)
+    q, velocity = np.empty_like(motion.q), np.empty_like(motion.q)
+    for synergy in synergies:
+        # A shared sample belongs to the synergy that starts there.
+        samples = slice(synergy.start, synergy.stop + 1)
+        q[samples], velocity[samples] = synergy.states(motion.time[samples], 1)
+    predicted = Motion(motion.time, q, motion.joint_names, velocity, motion.subject)
+    return Reconstruction(tuple(synergies), predicted)
 
 
 def law_of_segment(motion: Motion, speed: Array, length: float, start: int, stop: int) -> TimeLaw:
@@ -97,12 +98,3 @@ def law_of_segment(motion: Motion, speed: Array, length: float, start: int, stop
     max_speed = _MAX_SPEED_RATIO * length / duration
     end_speeds = (float(min(speed[index], max_speed)) for index in (start, stop))
     return time_law(length, duration, *end_speeds, monotone=True)
-
-
-def _predict(motion: Motion, synergies: Sequence[Synergy]) -> Motion:
-    q, velocity = np.empty_like(motion.q), np.empty_like(motion.q)
-    for synergy in synergies:
-        # A shared sample belongs to the synergy that starts there.
-        samples = slice(synergy.start, synergy.stop + 1)
-        q[samples], velocity[samples] = synergy.states(motion.time[samples], 1)
-    return Motion(motion.time, q, motion.joint_names, velocity, motion.subject)

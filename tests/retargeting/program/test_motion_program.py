@@ -10,9 +10,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.execution.clearance_constraint import Clearance
-from geodesic_ocp.execution.joint_limits import JointLimits
-from geodesic_ocp.logarithm.to_pose.pose_target import metric_of
+from geodesic_ocp.execution.clearance import Clearance
+from geodesic_ocp.execution.limits import JointLimits
+from geodesic_ocp.logarithm.pose_shooting import metric_of
 from geodesic_ocp.retargeting.poses.targets import Pose
 from geodesic_ocp.retargeting.program.arm_part import ArmPart
 from geodesic_ocp.retargeting.program.distances.instants import place_at, positions_at

@@ -18,20 +18,17 @@ from geodesic_ocp.cli.interrupts import ProgressBar
 from geodesic_ocp.cli.notes import printed_warnings
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.figures.new_figure import new_figure, save_figure
-from geodesic_ocp.fitting.bootstrap_fit import bootstrap_fit
 from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
 from geodesic_ocp.fitting.fit_metric import fit_metric
-from geodesic_ocp.fitting.leave_one_out import leave_one_out
-from geodesic_ocp.fitting.metric_file import save_metric
-from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit
+from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit, save_metric
 from geodesic_ocp.fitting.parameter import Parameter, with_parameters
-from geodesic_ocp.fitting.separate_fits import separate_fits
+from geodesic_ocp.fitting.resampling import bootstrap_fit, leave_one_out, separate_fits
 from geodesic_ocp.manifold.adjustable_kinetic_energy import AdjustableKineticEnergy
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.recordings.read_recordings import read_recordings
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.records import write_together
-from geodesic_ocp.synergies.segmentation.segment_optimal import segment_optimal
+from geodesic_ocp.synergies.optimal_segmentations import segment_optimal
 from geodesic_ocp.table import Table
 
 _FEW = 10  # units of a bootstrap

@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.fitting.metric_file import FORMAT as METRIC
+from geodesic_ocp.fitting.metric_fit import FORMAT as METRIC
 from geodesic_ocp.ocp.solve.solution import FORMAT as SOLUTION
 from geodesic_ocp.recordings.formats.recognise import recognise
 from geodesic_ocp.recordings.formats.xml_root import xml_root
 from geodesic_ocp.records import parse_json
 from geodesic_ocp.retargeting.alignment.arm_alignment import FORMAT as ALIGNMENT
 from geodesic_ocp.studies.batch.results.result_file import FORMAT as RESULT
-from geodesic_ocp.synergies.synergy_files import FORMAT as SYNERGIES
+from geodesic_ocp.synergies.synergy import FORMAT as SYNERGIES
 
 Kind: TypeAlias = Literal[
     "recording",

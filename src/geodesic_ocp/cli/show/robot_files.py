@@ -18,7 +18,7 @@ from geodesic_ocp.scenes.motions.of_robots import robots_playback
 from geodesic_ocp.scenes.motions.of_trajectory import trajectory_playback
 from geodesic_ocp.scenes.playback import Playback
 from geodesic_ocp.scenes.retargeted.of_alignment import alignment_playback
-from geodesic_ocp.synergies.saved_synergies import read_saved_synergies
+from geodesic_ocp.synergies.synergy import read_saved_synergies
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.read_trajectory import read_trajectory
 

@@ -12,7 +12,7 @@ from geodesic_ocp.model.human import DEFAULT_HEIGHT, human_arm, human_upper_body
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.scenes.playback import Playback
 from geodesic_ocp.scenes.recorded.of_saved_synergies import saved_synergies_playback
-from geodesic_ocp.synergies.saved_synergies import SavedSynergies, read_saved_synergies
+from geodesic_ocp.synergies.synergy import SavedSynergies, read_saved_synergies
 
 
 def synergies_file(

@@ -11,8 +11,7 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.cli.notes import printed_warnings
 from geodesic_ocp.cli.trajectory.limit_values import given_limits
 from geodesic_ocp.execution.check_trajectory import check_trajectory
-from geodesic_ocp.execution.clearance.clearance_constraint import clearance_constraint
-from geodesic_ocp.execution.clearance_constraint import Clearance
+from geodesic_ocp.execution.clearance import Clearance, clearance_constraint
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.inertias import with_rotor_inertia
 from geodesic_ocp.model.model import Model

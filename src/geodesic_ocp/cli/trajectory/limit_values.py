@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
-from geodesic_ocp.execution.joint_limits import QUANTITIES, JointLimits, joint_limits
+from geodesic_ocp.execution.limits import QUANTITIES, JointLimits, joint_limits
 from geodesic_ocp.model.model import Model
 
 

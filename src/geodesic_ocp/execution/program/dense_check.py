@@ -11,8 +11,8 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.execution.arm_paths import ArmPaths
-from geodesic_ocp.execution.clearance_constraint import Clearance
-from geodesic_ocp.execution.limit_shares import LimitShares
+from geodesic_ocp.execution.clearance import Clearance
+from geodesic_ocp.execution.limits import LimitShares
 from geodesic_ocp.execution.program.joint_spline import JointSpline
 
 TOLERANCE = 1e-6  # of limits, relative, or [rad or m] of positions and distances

@@ -9,7 +9,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import as_vector
 from geodesic_ocp.execution.arm_paths import ArmPaths
-from geodesic_ocp.execution.clearance_constraint import Clearance
+from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.program.dense_check import TOLERANCE
 from geodesic_ocp.execution.program.knots import SAME
 from geodesic_ocp.execution.program.reference import path_ends

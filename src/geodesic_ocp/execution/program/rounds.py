@@ -9,7 +9,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.execution.arm_paths import ArmPaths
-from geodesic_ocp.execution.clearance_constraint import Clearance
+from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.program.dense_check import TOLERANCE, ArmCheck, distances_in_pieces
 from geodesic_ocp.execution.program.initial_guess import stretched, through
 from geodesic_ocp.execution.program.joint_spline import JointSpline

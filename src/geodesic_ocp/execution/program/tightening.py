@@ -8,7 +8,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.blocks import Indices
-from geodesic_ocp.execution.clearance_constraint import Clearance
+from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.program.dense_check import TOLERANCE, ArmCheck
 from geodesic_ocp.execution.program.trajectory_program import TrajectoryProgram
 from geodesic_ocp.execution.program.variable_bounds import INSIDE

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.blocks import Indices
-from geodesic_ocp.execution.clearance_constraint import Clearance
+from geodesic_ocp.execution.clearance import Clearance
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.logarithm.geodesic import geodesic
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.recordings.recording import Recording
-from geodesic_ocp.synergies.as_segments import as_segments
+from geodesic_ocp.synergies.synergy import as_segments
 from geodesic_ocp.trajectory.grid import Grid
 
 # Shorter or smaller motions do not determine the shape of a path.

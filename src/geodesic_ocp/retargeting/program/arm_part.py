@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.blocks import Block
-from geodesic_ocp.logarithm.to_pose.pose_target import metric_of
+from geodesic_ocp.logarithm.pose_shooting import metric_of
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.nlp.definition import Structure
 from geodesic_ocp.ocp.nlp.transcription import Transcription, Units

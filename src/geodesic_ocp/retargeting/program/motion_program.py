@@ -2,11 +2,11 @@
 
 Minimized is the action of all paths, sum_k (energy of path k) / (its duration), which is the
 integral of the kinetic energy at constant speeds, plus the time that the joints' speed limits add,
-plus terms of posture and likeness (`ObjectiveWeights`). Variables are the positions at the nodes of all
-paths, so that the configurations where they meet are shared, and the relative time added to each
-interval between two instants at which a movement of any arm begins or ends. The hand's poses at the
-waypoints are equalities, or squared errors where they are out of reach; joint limits are bounds;
-mean speeds within limits are linear inequalities. Distances that are too small enter as
+plus terms of posture and likeness (`ObjectiveWeights`). Variables are the positions at the nodes of
+all paths, so that the configurations where they meet are shared, and the relative time added to
+each interval between two instants at which a movement of any arm begins or ends. The hand's poses
+at the waypoints are equalities, or squared errors where they are out of reach; joint limits are
+bounds; mean speeds within limits are linear inequalities. Distances that are too small enter as
 inequalities with slack variables, whose sum has a large weight (an exact penalty; Fletcher 1987),
 as the pose at a waypoint may not allow them.
 """
@@ -24,7 +24,7 @@ import scipy.sparse
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.blocks import Block, BlockProgram, Terms
-from geodesic_ocp.execution.clearance_constraint import Clearance
+from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.ipopt import Outcome
 from geodesic_ocp.retargeting.program.arm_part import ArmPart
 from geodesic_ocp.retargeting.program.distances.instants import place_at

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.execution.clearance_constraint import Clearance
+from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.retargeting.program.arm_part import ArmPart
 from geodesic_ocp.retargeting.program.distances.keep_apart import (

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.execution.clearance_constraint import Clearance
+from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.ocp.solve.refinement import unresolved_energy
 from geodesic_ocp.retargeting.program.arm_part import ArmPart
 from geodesic_ocp.retargeting.program.motion_program import MotionProgram

@@ -1,4 +1,4 @@
-"""ObjectiveWeights of the terms that the program minimizes."""
+"""Weights of the terms that the program minimizes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class ObjectiveWeights:
-    """ObjectiveWeights and units of the objective's terms.
+    """Weights and units of the objective's terms.
 
     The objective is action / `action` + `stretch` times the time added / `duration`, plus the means
     over the waypoints of `posture` times the mean squared distance of the joints from the middle of

@@ -8,7 +8,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.blocks import Terms
-from geodesic_ocp.execution.joint_limits import JointLimits
+from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
 from geodesic_ocp.retargeting.poses.targets import Pose
@@ -80,7 +80,7 @@ class ArmWaypoints:
 
     @property
     def row_weights(self) -> Array:
-        """ObjectiveWeights of those rows."""
+        """Weights of those rows."""
         return np.repeat(self.weights, 3)[list(self.rows)]
 
     @property

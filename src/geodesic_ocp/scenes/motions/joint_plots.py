@@ -12,7 +12,7 @@ from geodesic_ocp.model.look import Indices
 from geodesic_ocp.model.model import Model, hand_labels
 from geodesic_ocp.scenes.actor import Role
 from geodesic_ocp.scenes.playback import Curve, Plot
-from geodesic_ocp.synergies.scores.hand_speed import hand_speeds
+from geodesic_ocp.synergies.scores import hand_speeds
 from geodesic_ocp.trajectory.motion import Motion
 
 HAND_SPEED = "hand speed [m/s]"

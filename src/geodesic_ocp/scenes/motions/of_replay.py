@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from geodesic_ocp.execution.replay.result import Replay
+from geodesic_ocp.execution.replay import Replay
 from geodesic_ocp.scenes.actor import model_actor
 from geodesic_ocp.scenes.motions.joint_plots import joint_plots
 from geodesic_ocp.scenes.motions.model_scene import hand_trails

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.execution.joint_limits import JointLimits, joint_limits
-from geodesic_ocp.execution.planned_trajectory import PlannedTrajectory
+from geodesic_ocp.execution.limits import JointLimits, joint_limits
+from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
 from geodesic_ocp.model.joint_axes import upward
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.scenes.around.carried import upright

@@ -15,8 +15,7 @@ from geodesic_ocp.scenes.motions.of_motion import motion_playback, of_joints
 from geodesic_ocp.scenes.motions.shown_samples import shown_samples
 from geodesic_ocp.scenes.paths.of_path import model_of
 from geodesic_ocp.scenes.playback import Playback, Span
-from geodesic_ocp.synergies.saved_synergies import SavedSynergies
-from geodesic_ocp.synergies.synergy import Synergy
+from geodesic_ocp.synergies.synergy import SavedSynergies, Synergy
 from geodesic_ocp.trajectory.motion import Motion
 
 _PREDICTED: Role = "predicted"

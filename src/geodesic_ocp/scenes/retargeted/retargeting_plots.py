@@ -14,7 +14,7 @@ from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.scenes.motions.joint_plots import HAND_SPEED, short_name
 from geodesic_ocp.scenes.playback import Curve, Plot
 from geodesic_ocp.scenes.retargeted.robot_pane import BASELINE, TARGET
-from geodesic_ocp.synergies.scores.hand_speed import hand_speeds
+from geodesic_ocp.synergies.scores import hand_speeds
 
 _SYNERGIES = "geodesic synergies"
 _MILLIMETRES = 1000.0

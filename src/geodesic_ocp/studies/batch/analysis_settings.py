@@ -15,10 +15,10 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.recordings.conventions.known_angle_conventions import ANGLE_CONVENTIONS
 from geodesic_ocp.recordings.markers.space_axes import Axis, as_axis
-from geodesic_ocp.synergies.analysis_metrics import METRIC_NAMES, as_analysis_metric
-from geodesic_ocp.synergies.segmentation.segment import as_threshold
-from geodesic_ocp.synergies.segmentation.segment_costs import Measure
-from geodesic_ocp.synergies.segmentation.segment_optimal import segment_optimal
+from geodesic_ocp.synergies.metrics import METRIC_NAMES, as_analysis_metric
+from geodesic_ocp.synergies.optimal_segmentations import segment_optimal
+from geodesic_ocp.synergies.segment import as_threshold
+from geodesic_ocp.synergies.segment_costs import Measure
 from geodesic_ocp.trajectory.motion import Motion
 
 Segments = Literal["online", "optimal"]
@@ -165,7 +165,7 @@ class AnalysisSettings:
             return KineticEnergy(model)  # also with an armature of 0
         if self.metric in METRIC_NAMES:
             return as_analysis_metric(self.metric, model)
-        from geodesic_ocp.fitting.metric_file import load_metric  # with a solver: others save it
+        from geodesic_ocp.fitting.metric_fit import load_metric  # with a solver: others save it
 
         return load_metric(self.metric, model)
 

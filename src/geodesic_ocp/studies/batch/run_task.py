@@ -33,7 +33,7 @@ from geodesic_ocp.studies.batch.results.result_file import (
 from geodesic_ocp.studies.batch.sources.recording_source import RecordingSource
 from geodesic_ocp.studies.tables.analysis_rows import recording_rows, synergy_rows
 from geodesic_ocp.studies.tables.columns import Row
-from geodesic_ocp.synergies.synergy_files import save_synergies
+from geodesic_ocp.synergies.synergy import save_synergies
 from geodesic_ocp.trajectory.motion import Motion
 
 RUNNING = "running"  # folder of files that name the recording of each process

@@ -8,7 +8,7 @@ import numpy as np
 
 from geodesic_ocp.studies.tables.columns import Row
 from geodesic_ocp.synergies.analysis import Analysis
-from geodesic_ocp.synergies.scores.evaluate import MotionErrors, evaluate
+from geodesic_ocp.synergies.scores import MotionErrors, evaluate
 from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.trajectory.motion import Motion
 

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.execution.clearance.active_rows import active_rows
-from geodesic_ocp.execution.clearance_constraint import Clearance
+from geodesic_ocp.execution.clearance import Clearance, active_rows
 from geodesic_ocp.retargeting.program.distances.instants import positions_at
 from geodesic_ocp.retargeting.program.refined import ProgramIterate, refined
 from geodesic_ocp.retargeting.program.terms import ObjectiveWeights
@@ -58,7 +57,7 @@ def keep_apart(
 
 
 def _yielding(clearance: Clearance, iterate: ProgramIterate) -> list[Array] | None:
-    """ObjectiveWeights of missed poses, with those at which links are too near; None if there are no new."""
+    """Weights of missed poses, with those at which links are too near; None if there are no new."""
     every, any_new = [], False
     for part in iterate.parts:
         given = part.waypoints

@@ -49,7 +49,7 @@ class Candidates:
 
     @property
     def missed(self) -> Array:
-        """ObjectiveWeights of the squared errors (k,); zero for those that attain the pose.
+        """Weights of the squared errors (k,); zero for those that attain the pose.
 
         The nearer the pose, the larger: of a pose out of reach as that of the nearest one, and of
         one within reach as that of each.

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, evaluate
-from geodesic_ocp.execution.clearance_constraint import Clearance
+from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.retargeting.program.graph.candidates import (
     Candidates,
     candidates_near,

@@ -1,0 +1,290 @@
+"""Distances that a program keeps above lower bounds, of links and obstacles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from geodesic_ocp.arrays import Array, as_number, evaluate
+from geodesic_ocp.execution.link_pairs import (
+    MARGIN,
+    LinkPairs,
+    PlacedSolid,
+    PlacedSolids,
+    link_pairs,
+    place_solids,
+    pose_at,
+)
+from geodesic_ocp.model.distances import (
+    LineSegment,
+    add_named,
+    as_pair,
+    line_segment,
+    segment_distance,
+)
+from geodesic_ocp.model.link_solids import exact_distance
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.primitives import Ball, Capsule, HalfSpace, Obstacle, as_capsule
+from geodesic_ocp.model.rigid_body import Placement, constant, joint_placements
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Clearance:
+    """Distances that a program keeps above lower bounds.
+
+    Attributes:
+        function: distances (m,) [m] at the configuration (N,) of all arms, one after the other.
+        lower: smallest distances allowed (m,) [m].
+        names: of the distances, such as "panda_link2 to panda_link5".
+        exact: distance [m] of the exact geometry, 0 where it overlaps, at a configuration (N,) for
+            the distance of an index; None if it is not known.
+    """
+
+    function: ca.Function
+    lower: Array
+    names: tuple[str, ...]
+    exact: Callable[[Array, int], float] | None = None
+    _rows: dict[int, ca.Function] = field(default_factory=dict, init=False)
+
+    def __repr__(self) -> str:
+        return f"Clearance({len(self.names)} distances of {self.dof} joints)"
+
+    @property
+    def dof(self) -> int:
+        """Number N of joints of all arms."""
+        return int(self.function.size1_in(0))
+
+    def row(self, index: int) -> ca.Function:
+        """One distance alone, as a function of (N,) with none of the others' operations.
+
+        Raises:
+            ValueError: there is no such distance.
+        """
+        if not 0 <= index < len(self.names):
+            raise ValueError(f"index must be from 0 to {len(self.names) - 1}, got {index!r}")
+        if index not in self._rows:
+            q = ca.SX.sym("q", self.dof)
+            distance = self.function(q)[index]
+            self._rows[index] = ca.Function(f"distance_{index}", [q], [distance], ["q"], ["d"])
+        return self._rows[index]
+
+
+def clearance_constraint(
+    arms: Model | Sequence[Model],
+    *,
+    pairs: LinkPairs | Sequence[tuple[str, str]] | None = None,
+    obstacles: Sequence[Obstacle] = (),
+    margin: float = MARGIN,
+    placements: Sequence[Any] | None = None,
+) -> Clearance | None:
+    """Distances of the capsules of links from each other and from obstacles; None if there are no.
+
+    The capsules contain the links, so the distances are lower bounds of the exact ones, except for
+    pairs with an excess (`LinkPairs.excess`), which is added to them.
+
+    Args:
+        arms: a model, or several.
+        pairs: of links, as from `link_pairs`, whose `constrained` ones are taken, or by name; None:
+            those that `link_pairs` finds.
+        obstacles: balls, capsules and half-spaces in the common base frame, which all moving links
+            keep clear of.
+        margin: smallest distance allowed [m].
+        placements: of the bases of the arms, see `link_pairs`.
+
+    Raises:
+        ValueError: an unknown link, obstacles that are fixed to a link, or a wrong margin.
+    """
+    margin = as_number("margin", margin)
+    models = (arms,) if isinstance(arms, Model) else tuple(arms)
+    placed, named, excess = _pairs(models, pairs, placements, margin)
+    by_name = {each.name: each for each in placed.solids}
+    q = ca.SX.sym("q", placed.dof)
+    segments = _segments(placed, q)
+    distances: dict[str, ca.SX] = {}
+    solids: list[tuple[PlacedSolid, PlacedSolid] | None] = []  # None: of a link and an obstacle
+    for (one, other), wider in zip(named, excess, strict=True):
+        for first, radius in segments[one]:
+            for second, other_radius in segments[other]:
+                apart = segment_distance(first, second) - (radius + other_radius)
+                add_named(distances, f"{one} to {other}", apart + wider)
+                solids.append((by_name[one], by_name[other]))
+    for number, obstacle in enumerate(obstacles):
+        fixed = _fixed_obstacle(obstacle)
+        for link in (each.name for each in placed.solids if each.moves):
+            for found in _from_obstacle(segments[link], fixed):
+                add_named(distances, f"{link} to {obstacle.name or f'obstacle {number}'}", found)
+                solids.append(None)
+    if not distances:
+        return None
+    together = ca.cse(ca.vertcat(*distances.values()))
+    function = ca.Function("clearance", [q], [together], ["q"], ["d"])
+
+    def exact(at: Array, index: int) -> float:
+        pair = solids[index]
+        if pair is None:
+            return max(0.0, float(function(at)[index]))
+        poses = placed.joint_poses(np.asarray(at, dtype=float)[None])
+        places = [pose_at(each, poses, 0) for each in pair]
+        return exact_distance(pair[0].solid, places[0], pair[1].solid, places[1])
+
+    return Clearance(function, np.full(len(distances), margin), tuple(distances), exact)
+
+
+def _segments(placed: PlacedSolids, q: ca.SX) -> dict[str, list[tuple[LineSegment, float]]]:
+    """Segments and radii of the capsules of each link in the common base frame."""
+    chains, first = [], 0
+    for model, (rotation, position) in zip(placed.models, placed.bases, strict=True):
+        chain = [Placement(constant(rotation), constant(position))]
+        joints = joint_placements(model.pin, q[first : first + model.dof])
+        for index, local in enumerate(joints[1:], 1):
+            chain.append(chain[model.pin.parents[index]] @ local)
+        chains.append(chain)
+        first += model.dof
+    found = {}
+    for each in placed.solids:
+        joint = chains[each.arm][each.solid.joint]
+        found[each.name] = [
+            (line_segment(capsule, joint.rotation, joint.translation), capsule.radius)
+            for capsule in each.solid.capsules
+        ]
+    return found
+
+
+def _pairs(
+    models: Sequence[Model],
+    pairs: LinkPairs | Sequence[tuple[str, str]] | None,
+    placements: Sequence[Any] | None,
+    margin: float,
+) -> tuple[PlacedSolids, Sequence[tuple[str, str]], Sequence[float]]:
+    if pairs is None:
+        pairs = link_pairs(models, placements, margin=margin)
+    if isinstance(pairs, LinkPairs):
+        if pairs.solids.models != models:
+            raise ValueError("pairs were found for other models than arms")
+        return pairs.solids, pairs.constrained, pairs.excess
+    placed = place_solids(models, placements)
+    named = [as_pair(pair) for pair in pairs]
+    known = [each.name for each in placed.solids]
+    for link in (link for pair in named for link in pair):
+        if link not in known:
+            raise ValueError(
+                f"pairs: there is no link {link!r} with geometry within reach; there are "
+                f"{', '.join(known) or 'none'}"
+            )
+    return placed, named, [0.0] * len(named)
+
+
+def _fixed_obstacle(obstacle: Obstacle) -> HalfSpace | Capsule:
+    if not isinstance(obstacle, (Capsule, Ball, HalfSpace)):
+        raise ValueError(f"obstacles must be Ball, Capsule or HalfSpace, got {obstacle!r}")
+    if isinstance(obstacle, HalfSpace):
+        return obstacle
+    if obstacle.link is not None:
+        raise ValueError(
+            f"obstacles must not be fixed to a link, as to {obstacle.link!r}; add what a link "
+            "carries with Model.with_bodies"
+        )
+    return as_capsule(obstacle)
+
+
+def _from_obstacle(
+    capsules: Sequence[tuple[LineSegment, float]], obstacle: HalfSpace | Capsule
+) -> list[ca.SX]:
+    if isinstance(obstacle, Capsule):
+        axis = line_segment(obstacle)
+        return [
+            segment_distance(segment, axis) - (radius + obstacle.radius)
+            for segment, radius in capsules
+        ]
+    normal, point = ca.DM(obstacle.normal), ca.DM(obstacle.point)
+    return [
+        ca.dot(normal, end - point) - radius
+        for segment, radius in capsules
+        for end in ([segment.start] if segment.is_point else [segment.start, segment.end])
+    ]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ActiveRows:
+    """Distances that are too small at some of k configurations.
+
+    Attributes:
+        samples: indices of the configurations (j,).
+        rows: index of the distance (j,) that is too small there, of `Clearance.row`.
+        lower: bound (j,) [m] that `Clearance.row` has to keep near that configuration for the
+            exact distance to be the one allowed.
+    """
+
+    samples: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    lower: Array
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __repr__(self) -> str:
+        return f"ActiveRows({len(set(self.rows.tolist()))} distances, {len(self)} violations)"
+
+
+def active_rows(
+    clearance: Clearance, q: ArrayLike, margin: float = 0.0, *, exact: bool = True
+) -> ActiveRows:
+    """The distances that are too small at configurations q (k, N).
+
+    A path is planned without constraints first, checked at many points, and planned again with
+    those distances alone that are too small, at the points where they are.
+
+    With `exact`, a distance counts only if that of the exact geometry is too small, too, so that
+    wide capsules bend no path that is clear; its bound is lower by how much the capsules are closer
+    than the links. Where links overlap the bound is that of the capsules.
+
+    Args:
+        clearance: the distances.
+        q: configurations.
+        margin: added to the smallest distances allowed [m].
+        exact: whether the exact geometry decides, if it is known.
+
+    Raises:
+        ValueError: q has the wrong shape.
+    """
+    margin = as_number("margin", margin)
+    points = np.asarray(q, dtype=float)
+    if points.ndim != 2 or points.shape[1] != clearance.dof or not np.isfinite(points).all():
+        raise ValueError(f"q must be finite, of shape (k, {clearance.dof}), got {points.shape}")
+    distances = clearance.function(points.T).full() if len(points) else np.empty((0, 0))
+    least = clearance.lower + margin
+    rows, samples = np.nonzero(distances < least[: len(distances), None])
+    lower = least[rows]
+    if exact and clearance.exact is not None:
+        places = zip(samples.tolist(), rows.tolist(), strict=True)
+        apart = np.array([clearance.exact(points[k], row) for k, row in places])
+        gaps = np.where(apart > 0.0, apart - distances[rows, samples], 0.0)
+        close = apart < lower
+        samples, rows, lower = samples[close], rows[close], (lower - gaps)[close]
+    return ActiveRows(samples, rows, lower)
+
+
+def least_distances(clearance: Clearance, q: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Least of each distance (m,) [m] over configurations q (k, N), and where it is (m,).
+
+    It is that of the exact geometry where the function is below its bound.
+    """
+    distances = np.asarray(evaluate(clearance.function.map(len(q)), q.T))
+    samples = np.argmin(distances, axis=1)
+    least = distances.min(axis=1)
+    if clearance.exact is None:
+        return least, samples
+    for row in np.flatnonzero(least < clearance.lower).tolist():
+        least[row] = np.inf
+        for sample in np.argsort(distances[row]).tolist():
+            if distances[row, sample] >= least[row]:
+                break  # the function is a lower bound: later samples are farther apart
+            exact = clearance.exact(q[sample], row)
+            if exact < least[row]:
+                least[row], samples[row] = exact, sample
+    return least, samples

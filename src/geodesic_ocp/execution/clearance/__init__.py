@@ -1,1 +1,0 @@
-"""Clearance of links from each other: pairs, constraints, exact distances."""

@@ -1,0 +1,290 @@
+"""Limits of a robot's joints on speed, acceleration, jerk and torque.
+
+URDF files state no limits on acceleration and jerk, MJCF files none on speed either.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from geodesic_ocp.arrays import Array, real_array, short_repr
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.table import Table
+
+QUANTITIES = ("velocity", "acceleration", "jerk", "torque")
+# From which limit a default follows, what that is called, and within which time [s] it is reached.
+_DEFAULTS = {
+    "acceleration": ("velocity", "speed", 0.25),
+    "jerk": ("acceleration", "acceleration", 0.05),
+}
+_PLACEHOLDER = 1e5  # [rad/s or N m]: numbers in files from here on stand for no limit
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class JointLimits:
+    """Largest magnitudes, (n,) each; infinite where there is no limit.
+
+    Attributes:
+        velocity: [rad/s or m/s].
+        acceleration: [rad/s^2 or m/s^2].
+        jerk: [rad/s^3 or m/s^3].
+        torque: [N m or N].
+        sources: where the numbers come from, by the name of the field.
+
+    Raises:
+        ValueError: the fields differ in shape, or an entry is not positive.
+    """
+
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+    torque: Array
+    sources: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        shape = np.shape(self.velocity)
+        for name in QUANTITIES:
+            values = np.array(getattr(self, name), dtype=float)
+            if values.ndim != 1 or values.shape != shape:
+                raise ValueError(f"{name} must have shape {shape}, got {values.shape}")
+            if not np.all(values > 0.0):
+                raise ValueError(f"{name} must be positive, or infinite for no limit: {values}")
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
+
+    def __repr__(self) -> str:
+        return short_repr(replace(self, sources={}))
+
+    def table(self, model: Model | None = None) -> Table:
+        """The numbers by joint, named if the model is given, with their sources below."""
+        count = self.velocity.size
+        names = [str(k + 1) for k in range(count)] if model is None else model.joint_names
+        columns = [getattr(self, name).tolist() for name in QUANTITIES]
+        rows = tuple(zip(names, *columns, strict=True))
+        header = (
+            "joint",
+            "velocity [rad/s, m/s]",
+            "acceleration [rad/s^2, m/s^2]",
+            "jerk [rad/s^3, m/s^3]",
+            "torque [N m, N]",
+        )
+        note = "; ".join(f"{name}: {source}" for name, source in self.sources.items())
+        return Table(header, rows, note)
+
+    def _repr_markdown_(self) -> str:
+        return self.table().markdown()
+
+
+def joined_limits(parts: Sequence[JointLimits]) -> JointLimits:
+    """Those of several arms' joints, one arm after the other."""
+    velocity, acceleration, jerk, torque = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in QUANTITIES
+    )
+    return JointLimits(velocity, acceleration, jerk, torque)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LimitShares:
+    """Largest magnitudes of a trajectory as fractions of the limits, (n,) each.
+
+    Attributes:
+        velocity, acceleration, jerk, torque: zero where there is no limit.
+    """
+
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+    torque: Array
+
+    def __repr__(self) -> str:
+        return short_repr(self)
+
+    @property
+    def largest(self) -> float:
+        """The largest of all."""
+        return float(np.max([self.velocity, self.acceleration, self.jerk, self.torque]))
+
+
+def joint_limits(
+    model: Model,
+    *,
+    velocity: ArrayLike | Mapping[str, float] | None = None,
+    acceleration: ArrayLike | Mapping[str, float] | None = None,
+    jerk: ArrayLike | Mapping[str, float] | None = None,
+    torque: ArrayLike | Mapping[str, float] | None = None,
+) -> JointLimits:
+    """Limits of a model's joints: given ones, else the file's, else published ones, else defaults.
+
+    Files of robots state limits on speed and torque; zero and very large numbers in them count as
+    no limit. Few makers publish limits on acceleration and jerk (`sources` names the document). The
+    default acceleration reaches full speed within 0.25 s, the default jerk full acceleration within
+    0.05 s; published ones of the Panda and the xArm7 do so within 0.13 to 0.29 s and 0.002 to
+    0.04 s. A joint without a limit on its speed has none on these either, nor has one without a
+    stated torque on its torque. Models of human arms have no such limits.
+
+    >>> import geodesic_ocp as go
+    >>> arm = go.human_arm("right")
+    >>> go.joint_limits(arm, velocity=4.0).acceleration
+    array([16., 16., 16., 16., 16., 16., 16.])
+
+    Args:
+        model: a robot arm.
+        velocity: one number for all joints, n numbers, or some by joint name, where the others are
+            found as if none were given [rad/s or m/s]; infinite for no limit.
+        acceleration: likewise [rad/s^2 or m/s^2].
+        jerk: likewise [rad/s^3 or m/s^3].
+        torque: likewise [N m, N for prismatic joints].
+
+    Raises:
+        ValueError: an unknown joint, not 1 or n numbers, or one that is not positive.
+    """
+    given = {"velocity": velocity, "acceleration": acceleration, "jerk": jerk, "torque": torque}
+    torques = np.minimum(np.abs(model.pin.lowerEffortLimit), np.abs(model.pin.upperEffortLimit))
+    in_file = {"velocity": model.pin.velocityLimit, "torque": torques}
+    known = known_limits(model)
+    none = np.zeros(model.dof)
+    found: dict[str, Array] = {}
+    sources: dict[str, str] = {}
+    for name, value in given.items():
+        published = known.values.get(name, none) if known else none
+        # From the weakest source to the strongest; what is not positive is not stated.
+        ways = [(known.source if known else "", np.array(published))]
+        if name in _DEFAULTS:
+            before, what, time = _DEFAULTS[name]
+            default = np.where(np.isfinite(found[before]), found[before] / time, 0.0)
+            ways.insert(0, (f"default: full {what} within {time:g} s", default))
+        in_it = np.array(in_file.get(name, none))
+        ways.append(("file of the model", np.where(in_it < _PLACEHOLDER, in_it, 0.0)))
+        ways.append(("given", _given(name, value, model)))
+        values, origins = np.full(model.dof, np.inf), ["not limited"] * model.dof
+        for origin, numbers in ways:
+            for k in np.flatnonzero(numbers > 0.0).tolist():
+                values[k], origins[k] = numbers[k], origin
+        found[name] = values
+        sources[name] = _summary(origins, model.joint_names)
+    return JointLimits(**found, sources=sources)
+
+
+def _given(name: str, value: ArrayLike | Mapping[str, float] | None, model: Model) -> Array:
+    """The given numbers (n,), 0 where there is none."""
+    found = np.zeros(model.dof)
+    if value is None:
+        return found
+    joints = list(value) if isinstance(value, Mapping) else list(model.joint_names)
+    for joint in joints:
+        if joint not in model.joint_names:
+            known = ", ".join(model.joint_names)
+            raise ValueError(f"{name}: {joint!r} is not one of the joints {known}")
+    try:
+        numbers = real_array(list(value.values()) if isinstance(value, Mapping) else value)
+    except (TypeError, ValueError):
+        numbers = np.zeros((0, 0))
+    if isinstance(value, str) or (numbers.ndim > 0 and numbers.shape != (len(joints),)):
+        raise ValueError(
+            f"{name} must be one number, {model.dof} numbers, or numbers by joint name, "
+            f"got {value!r}"
+        )
+    if not np.all(numbers > 0.0):
+        raise ValueError(f"{name} must be positive, or infinite for no limit, got {value!r}")
+    found[[model.joint_names.index(joint) for joint in joints]] = numbers
+    return found
+
+
+def _summary(origins: Sequence[str], joints: Sequence[str]) -> str:
+    """One sentence; with the joints where they differ."""
+    named: dict[str, list[str]] = {}
+    for origin, joint in zip(origins, joints, strict=True):
+        named.setdefault(origin, []).append(joint)
+    if len(named) == 1:
+        return origins[0]
+    return ", ".join(f"{origin} ({', '.join(each)})" for origin, each in named.items())
+
+
+@dataclass(frozen=True)
+class KnownLimits:
+    """Published limits of a robot's joints, in their order from the base.
+
+    Attributes:
+        source: the document, and what it states.
+        joints: ends of the names of the joints.
+        values: by the name of a field of JointLimits.
+    """
+
+    source: str
+    joints: tuple[str, ...]
+    values: Mapping[str, tuple[float, ...]]
+
+
+_SEVEN = tuple(f"joint{number}" for number in range(1, 8))
+_UR = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
+_UR_JOINTS = tuple(f"{name}_joint" for name in _UR)
+_FRANKA = "joint space limits (https://frankaemika.github.io/docs/control_parameters.html)"
+_FRANKA_TORQUES = (87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0)
+
+
+def _degrees(*values: float) -> tuple[float, ...]:
+    return tuple(np.deg2rad(values).tolist())
+
+
+KNOWN_LIMITS = {
+    "panda": KnownLimits(
+        f"Franka, robot and interface specifications, limits for Panda, {_FRANKA}",
+        _SEVEN,
+        {
+            "velocity": (2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61),
+            "acceleration": (15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0),
+            "jerk": (7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0),
+            "torque": _FRANKA_TORQUES,
+        },
+    ),
+    "fr3": KnownLimits(
+        f"Franka, robot and interface specifications, limits for Franka Research 3, {_FRANKA}",
+        _SEVEN,
+        {
+            "velocity": (2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26),
+            "acceleration": (10.0,) * 7,
+            "jerk": (5000.0,) * 7,
+            "torque": _FRANKA_TORQUES,
+        },
+    ),
+    "xarm7": KnownLimits(
+        "UFACTORY, xArm user manual, ranges of joint motion: up to 180 deg/s, 1145 deg/s^2 and "
+        "28647 deg/s^3",
+        _SEVEN,
+        {"velocity": _degrees(*[180.0] * 7), "acceleration": (20.0,) * 7, "jerk": (500.0,) * 7},
+    ),
+    "iiwa14": KnownLimits(
+        "KUKA, LBR iiwa 14 R820 data sheet, speeds and torques at rated payload",
+        _SEVEN,
+        {
+            "velocity": _degrees(85.0, 85.0, 100.0, 75.0, 130.0, 135.0, 135.0),
+            "torque": (320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0),
+        },
+    ),
+    "ur5e": KnownLimits(
+        "Universal Robots, UR5e technical specifications: 180 deg/s for all joints",
+        _UR_JOINTS,
+        {"velocity": _degrees(*[180.0] * 6)},
+    ),
+    "ur10e": KnownLimits(
+        "Universal Robots, UR10e technical specifications: 120 deg/s for base and shoulder, "
+        "180 deg/s for elbow and wrists",
+        _UR_JOINTS,
+        {"velocity": _degrees(120.0, 120.0, 180.0, 180.0, 180.0, 180.0)},
+    ),
+}
+
+
+def known_limits(model: Model) -> KnownLimits | None:
+    """The published limits of this robot, known by name and joints; None if there are none."""
+    name = re.sub(r" with [0-9.e+-]+ kg$", "", model.name)  # that of a model with a payload
+    known = KNOWN_LIMITS.get(name)
+    if known is None or model.dof != len(known.joints):
+        return None
+    pairs = zip(model.joint_names, known.joints, strict=True)
+    return known if all(mine.endswith(published) for mine, published in pairs) else None

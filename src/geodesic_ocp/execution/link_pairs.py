@@ -1,0 +1,406 @@
+"""The links of one or several arms in a common base frame, and the pairs to be kept apart."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from geodesic_ocp.arrays import Array, as_integer, as_number, as_rotation, as_vector
+from geodesic_ocp.model.distances import segment_distances
+from geodesic_ocp.model.link_geometry import LinkGeometry
+from geodesic_ocp.model.link_solids import (
+    LinkSolid,
+    Pose,
+    is_closer,
+    joint_poses,
+    link_solids,
+    reach_bound,
+)
+from geodesic_ocp.model.model import Model
+
+Pair = tuple[str, str]
+MARGIN = 0.01  # [m]
+SAMPLES = 256
+_ALWAYS, _SOME, _MANY = 0.95, 0.05, 0.25  # shares of the sampled configurations
+_KEPT = 0.75  # of an excess, as no sample is the worst case
+_MORE_SAMPLES, _ENOUGH = 8, 8  # times as many samples, and close ones, for an excess
+_SAME = 1e-9  # [m]: rounding
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LinkPairs:
+    """The pairs of links that have to be kept apart.
+
+    Attributes:
+        constrained: pairs that programs keep apart by their capsules.
+        excess: by how much [m] the capsules of each of them are closer than its links at least,
+            when these are as close as the margin. Not zero only for pairs whose capsules exclude
+            more than 5 % of the sampled configurations without contact; found from eight times as
+            many samples.
+        exact_only: pairs whose capsules are too wide to constrain them: they would exclude more
+            than a quarter of the configurations without contact, or, where the links hardly ever
+            touch, more than 5 %. Their distance is computed from the exact geometry alone.
+        in_contact: pairs of links that touch in nearly every configuration, as neighbours do.
+        unknown: what is not known, a sentence each.
+        solids: the links that the pairs are of.
+    """
+
+    constrained: tuple[Pair, ...]
+    excess: tuple[float, ...]
+    exact_only: tuple[Pair, ...]
+    in_contact: tuple[Pair, ...]
+    unknown: tuple[str, ...]
+    solids: PlacedSolids = field(repr=False)
+
+    def __repr__(self) -> str:
+        counts = len(self.constrained), len(self.exact_only)
+        return f"LinkPairs({counts[0]} constrained, {counts[1]} by exact distances only)"
+
+    def __str__(self) -> str:
+        parts = [f"{len(self.constrained)} pairs of links are kept apart"]
+        if self.exact_only:
+            names = ", ".join(f"{one} to {other}" for one, other in self.exact_only)
+            parts.append(f"checked and not constrained, as capsules are too wide for them: {names}")
+        return "; ".join([*parts, *self.unknown])
+
+
+def link_pairs(
+    arms: Model | Sequence[Model],
+    placements: Sequence[Any] | None = None,
+    *,
+    margin: float = MARGIN,
+    samples: int = SAMPLES,
+) -> LinkPairs:
+    """The pairs of links of one or several arms that have to be kept apart.
+
+    Links that move relative to each other, except neighbours in the chain and those that touch in
+    95 % of the sampled configurations. Links that do not move, such as a torso, count as far as the
+    arm can reach them. For two arms of one robot file the links of one are paired with those of the
+    other; for other arms only with `placements`.
+
+    Args:
+        arms: a model, or several.
+        placements: of the bases of the arms, see `combine`.
+        margin: distance [m] that they will be kept apart.
+        samples: number of configurations within the joint limits at which links are compared.
+
+    Raises:
+        ValueError: no models, or wrong placements or number of samples.
+    """
+    samples = as_integer("samples", samples, 1)
+    margin = as_number("margin", margin)
+    models = (arms,) if isinstance(arms, Model) else tuple(arms)
+    placed = place_solids(models, placements)
+    candidates = [
+        (one, other)
+        for index, one in enumerate(placed.solids)
+        for other in placed.solids[index + 1 :]
+        if _can_meet(one, other, placed.placed)
+    ]
+    poses = placed.joint_poses(sampled_configurations(models, samples))
+    many = cache(
+        lambda: placed.joint_poses(sampled_configurations(models, _MORE_SAMPLES * samples))
+    )
+    kept: dict[str, dict[Pair, float]] = {"constrained": {}, "exact_only": {}, "in_contact": {}}
+    for one, other in candidates:
+        if (found := _kind(one, other, margin, poses, many)) is not None:
+            kind, excess = found
+            kept[kind][one.name, other.name] = excess
+    return LinkPairs(
+        tuple(kept["constrained"]),
+        tuple(kept["constrained"].values()),
+        tuple(kept["exact_only"]),
+        tuple(kept["in_contact"]),
+        placed.unknown,
+        placed,
+    )
+
+
+def _can_meet(one: PlacedSolid, other: PlacedSolid, placed: bool) -> bool:
+    if not (one.moves or other.moves) or (one.arm != other.arm and not placed):
+        return False
+    if one.arm == other.arm and one.solid.joint == other.solid.joint:
+        return False
+    return one.name != other.parent and other.name != one.parent
+
+
+def _kind(
+    one: PlacedSolid,
+    other: PlacedSolid,
+    margin: float,
+    few: Sequence[Pose],
+    many: Callable[[], Sequence[Pose]],
+) -> tuple[str, float] | None:
+    """How a pair is treated, and the excess; None if it needs none, as one joint decides it."""
+    distances, touching = _compared(one, other, few, 0.0)
+    if touching.mean() >= _ALWAYS:
+        return "in_contact", 0.0
+    if not touching.any() and _one_joint_apart(one, other):
+        return None
+    if np.mean((distances < margin) & ~touching) <= _SOME:
+        return "constrained", 0.0
+    distances, close = _compared(one, other, many(), margin)
+    if close.sum() < _ENOUGH:
+        return "exact_only", 0.0
+    excess = _KEPT * max(0.0, margin - float(distances[close].max()))
+    excluded = np.mean((distances + excess < margin) & ~close)
+    return ("exact_only" if excluded > _MANY else "constrained"), excess
+
+
+def _compared(
+    one: PlacedSolid, other: PlacedSolid, poses: Sequence[Pose], margin: float
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Distances (k,) [m] of the capsules, and where the links are closer than the margin."""
+    distances = capsule_distances(one, other, poses).min(axis=0)
+    close = np.zeros(len(distances), dtype=bool)
+    for k in np.flatnonzero(distances <= margin).tolist():
+        at = pose_at(one, poses, k), pose_at(other, poses, k)
+        close[k] = is_closer(one.solid, at[0], other.solid, at[1], margin)
+    return distances, close
+
+
+def _one_joint_apart(one: PlacedSolid, other: PlacedSolid) -> bool:
+    """Whether a single joint moves them relative to each other, so that samples are dense."""
+    if not (one.moves and other.moves):
+        return max(one.solid.parent_joint, other.solid.parent_joint) == 0
+    if one.arm != other.arm:
+        return False
+    first, second = sorted((one.solid, other.solid), key=lambda solid: solid.joint)
+    return second.parent_joint == first.joint
+
+
+def sampled_configurations(models: Sequence[Model], count: int) -> Array:
+    """Configurations (count, N) within the limits of all joints, evenly spread.
+
+    Unlimited joints take one revolution, or 1 m to either side.
+    """
+    lower, upper = (
+        np.concatenate([getattr(m, side) for m in models]) for side in ("lower", "upper")
+    )
+    units = [unit for model in models for unit in model.units]
+    half = np.array([np.pi if unit == "rad" else 1.0 for unit in units])
+    lower = np.where(np.isfinite(lower), lower, np.minimum(-half, upper - 2.0 * half))
+    upper = np.where(np.isfinite(upper), upper, np.maximum(half, lower + 2.0 * half))
+    power = int(np.ceil(np.log2(count)))
+    points = scipy.stats.qmc.Sobol(len(lower), seed=0).random_base2(power)[:count]
+    return np.asarray(lower + (upper - lower) * points)
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedSolid:
+    """A link with geometry.
+
+    Attributes:
+        arm: index of the model that has it.
+        name: of the link, unique among all arms.
+        parent: name of the nearest link before it that has geometry; "" if there is none.
+        solid: its geometry.
+    """
+
+    arm: int
+    name: str
+    parent: str
+    solid: LinkSolid = field(repr=False)
+
+    @property
+    def moves(self) -> bool:
+        """Whether one of the joints moves it."""
+        return self.solid.joint > 0
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedSolids:
+    """The links of one or several arms in a common base frame.
+
+    Attributes:
+        models: the arms.
+        bases: poses of their bases in the common base frame.
+        solids: their links with geometry; what several arms of one robot share is there once.
+        placed: whether it is known where the arms are relative to each other.
+        unknown: what is not known, a sentence each.
+    """
+
+    models: tuple[Model, ...]
+    bases: tuple[Pose, ...]
+    solids: tuple[PlacedSolid, ...] = field(repr=False)
+    placed: bool
+    unknown: tuple[str, ...]
+
+    @property
+    def dof(self) -> int:
+        """Number N of joints of all arms."""
+        return sum(model.dof for model in self.models)
+
+    def joint_poses(self, q: Array) -> list[Pose]:
+        """For each arm rotations (k, j, 3, 3) and positions (k, j, 3) of its joints at q (k, N)."""
+        poses, first = [], 0
+        for model, (base, origin) in zip(self.models, self.bases, strict=True):
+            rotations, positions = joint_poses(model, q[:, first : first + model.dof])
+            poses.append((base @ rotations, positions @ base.T + origin))
+            first += model.dof
+        return poses
+
+
+def place_solids(models: Sequence[Model], placements: Sequence[Any] | None = None) -> PlacedSolids:
+    """The links of arms, placed as in `combine`.
+
+    Args:
+        models: one or more arms.
+        placements: for each the position of its base in the common base frame, (3,) [m], or a pair
+            of rotation (3, 3) and position. None: known only if the arms are of one robot, that is
+            of the same file, with different joints and the same base.
+
+    Raises:
+        ValueError: no arms, or wrong placements.
+    """
+    models = tuple(models)
+    if not models or not all(isinstance(model, Model) for model in models):
+        raise ValueError(f"arms must be one or more models, got {models!r}")
+    bases = _bases(placements, len(models))
+    titles = _titles(models)
+    found: list[tuple[LinkSolid, ...]] = []
+    unknown = []
+    for model, title in zip(models, titles, strict=True):
+        solids: tuple[LinkSolid, ...] = ()
+        reason = "its links have no geometry"
+        try:
+            solids = link_solids(model)
+        except ValueError as error:
+            reason = str(error)
+        found.append(solids)
+        if not any(solid.joint > 0 for solid in solids):
+            unknown.append(f"clearance of {title} is not known: {reason}")
+    is_one_robot = _is_one_robot(models, bases, found)
+    placed = placements is not None or len(models) == 1 or is_one_robot
+    if not placed:
+        unknown.append(
+            f"clearance between {' and '.join(titles)} is not known without the placements of "
+            "their bases"
+        )
+    reached = _within_reach(models, bases, _named(found, titles, is_one_robot), placed)
+    return PlacedSolids(models, bases, reached, placed, tuple(unknown))
+
+
+def _bases(given: Sequence[Any] | None, count: int) -> tuple[Pose, ...]:
+    if given is None:
+        return ((np.eye(3), np.zeros(3)),) * count
+    if not isinstance(given, (Sequence, np.ndarray)) or len(given) != count:
+        raise ValueError(f"placements must be one for each of {count} arms, got {given!r}")
+    poses = []
+    for index, value in enumerate(given):
+        rotation, position = np.eye(3), value
+        if isinstance(value, (tuple, list)) and len(value) == 2 and np.ndim(value[0]) > 0:
+            rotation, position = value
+        name = f"placements[{index}]"
+        poses.append((as_rotation(name, rotation), as_vector(name, position, 3)))
+    return tuple(poses)
+
+
+def _titles(models: Sequence[Model]) -> list[str]:
+    """Names of the models, numbered where several share one."""
+    names = [model.name for model in models]
+    return [
+        f"{name} {names[: k + 1].count(name)}" if names.count(name) > 1 else name
+        for k, name in enumerate(names)
+    ]
+
+
+def _is_one_robot(
+    models: Sequence[Model], bases: Sequence[Pose], found: Sequence[tuple[LinkSolid, ...]]
+) -> bool:
+    """Whether the models are different joints of one file, whose fixed links coincide."""
+    shapes = [model.shapes for model in models]
+    texts = {each.text for each in shapes if isinstance(each, LinkGeometry)}
+    if not all(isinstance(each, LinkGeometry) for each in shapes) or len(texts) != 1:
+        return False
+    joints = [name for model in models for name in model.joint_names]
+    if len(set(joints)) < len(joints):
+        return False
+    fixed = [{each.link: each for each in solids if each.joint == 0} for solids in found]
+    for link in set.intersection(*map(set, fixed)):
+        poses = [
+            np.column_stack(
+                [base @ own[link].at_joint.rotation, base @ own[link].at_joint.translation + origin]
+            )
+            for (base, origin), own in zip(bases, fixed, strict=True)
+        ]
+        if np.ptp(poses, axis=0).max() > _SAME:
+            return False
+    return True
+
+
+def _named(
+    found: Sequence[tuple[LinkSolid, ...]], titles: Sequence[str], shared: bool
+) -> list[PlacedSolid]:
+    """All links; what arms of one robot share is with the arm that moves it, or the first one."""
+    each = [(arm, solid) for arm, solids in enumerate(found) for solid in solids]
+    if shared:
+        owners: dict[str, int] = {}
+        for arm, solid in each:
+            if solid.joint > 0 or solid.link not in owners:
+                owners[solid.link] = arm
+        each = [(arm, solid) for arm, solid in each if owners[solid.link] == arm]
+    counts = Counter(solid.link for _, solid in each)
+
+    def name(link: str, arm: int) -> str:
+        return f"{titles[arm]}/{link}" if counts[link] > 1 else link
+
+    return [
+        PlacedSolid(arm, name(solid.link, arm), name(solid.parent, arm), solid)
+        for arm, solid in each
+    ]
+
+
+def _within_reach(
+    models: Sequence[Model], bases: Sequence[Pose], solids: Sequence[PlacedSolid], placed: bool
+) -> tuple[PlacedSolid, ...]:
+    """All links but the fixed ones that no moving link can reach, by the lengths of all links."""
+    balls = []
+    for arm, model in enumerate(models):
+        moving = [each.solid for each in solids if each.arm == arm and each.moves]
+        if moving:
+            centre, radius = reach_bound(model, moving)
+            balls.append((arm, bases[arm][0] @ centre + bases[arm][1], radius))
+
+    def is_reached(each: PlacedSolid) -> bool:
+        rotation, position = bases[each.arm]
+        return any(
+            each.solid.least_distance(rotation.T @ (centre - position)) <= radius
+            for arm, centre, radius in balls
+            if placed or arm == each.arm
+        )
+
+    return tuple(each for each in solids if each.moves or is_reached(each))
+
+
+def capsule_distances(one: PlacedSolid, other: PlacedSolid, poses: Sequence[Pose]) -> Array:
+    """Signed distances (c, k) [m] of all pairs of capsules of two links, at k sampled poses."""
+    starts, ends, radii = _placed_capsules(one, poses)
+    other_starts, other_ends, other_radii = _placed_capsules(other, poses)
+    apart = segment_distances(
+        starts[:, None], ends[:, None], other_starts[None, :], other_ends[None, :]
+    )
+    apart -= (radii[:, None] + other_radii[None, :])[..., None]
+    return np.asarray(apart.reshape(-1, apart.shape[-1]))
+
+
+def _placed_capsules(each: PlacedSolid, poses: Sequence[Pose]) -> tuple[Array, Array, Array]:
+    """Ends (c, k, 3) of the segments of a link's capsules, and radii (c,)."""
+    rotation, position = (part[:, each.solid.joint] for part in poses[each.arm])
+    capsules = each.solid.capsules
+    ends = np.array([[capsule.start, capsule.end] for capsule in capsules])
+    placed = np.einsum("kij,cej->ecki", rotation, ends) + position
+    return placed[0], placed[1], np.array([capsule.radius for capsule in capsules])
+
+
+def pose_at(each: PlacedSolid, poses: Sequence[Pose], sample: int) -> Pose:
+    """Rotation (3, 3) and position (3,) [m] of the joint that carries a link, at one sample."""
+    rotations, positions = poses[each.arm]
+    return rotations[sample, each.solid.joint], positions[sample, each.solid.joint]

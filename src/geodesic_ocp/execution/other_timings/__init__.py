@@ -1,1 +1,0 @@
-"""The same motion timed by other software, for comparison."""

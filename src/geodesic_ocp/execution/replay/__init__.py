@@ -1,1 +1,0 @@
-"""Replay of trajectories on simulated robots, in MuJoCo."""

@@ -1,0 +1,399 @@
+"""Inverse kinematics that keeps the limits of joints, speed and acceleration: a QP per sample."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Literal, TypeAlias, get_args
+
+import casadi as ca
+import daqp
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation, RotationSpline
+
+from geodesic_ocp.arrays import Array, as_number, as_positive, as_vector, evaluate
+from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.execution.limits import JointLimits
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.ocp.ik.pose_error import rotation_log
+from geodesic_ocp.rotations import rotation_vector
+from geodesic_ocp.synergies.baselines import Poses
+from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
+
+Solver: TypeAlias = Literal["built-in", "pink"]
+_EVEN = 1e-6  # share of a step
+_FEWEST = 3  # steps: at rest, in motion, at rest
+_ROUNDING = 1e-9  # share of limits, and [rad or m], left to the rounding of sums
+_ACCURACY = 1e-10  # [rad/s or m/s], of speeds
+
+
+def track_within_limits(
+    model: Model,
+    start: ArrayLike,
+    time: ArrayLike,
+    poses: Poses | tuple[ArrayLike, ArrayLike],
+    limits: JointLimits,
+    *,
+    rate: float = 200.0,
+    posture: ArrayLike | None = None,
+    posture_weight: float = 1e-2,
+    posture_gain: float = 1.0,
+    smoothing: float = 1e-3,
+    gain: float = 10.0,
+    damping: float = 1e-2,
+    turning: bool = True,
+    placing: bool = True,
+    solver: Solver = "built-in",
+) -> JointTrajectory:
+    """Track poses of the hand from rest to rest, within the limits of joints, speed, acceleration.
+
+    The constant speeds v of every step minimize
+
+        |J v - w|^2 + posture_weight^2 |v - posture_gain (posture - q)|^2
+            + smoothing rate |v - v_before|^2 + (damping^2 + |e|^2) |v|^2
+
+    where w = velocity of the target + gain e and e is the error of the hand's pose: tasks as a
+    quadratic program (Kanoun, Lamiraux, Wieber, IEEE Trans. Robotics 27, 2011; here of one priority
+    with weights), damped by the error (Sugihara, IEEE Trans. Robotics 27, 2011). Bounds of v keep
+    range, speed and acceleration of every joint, and leave room to brake (`SpeedBounds`). Limits on
+    jerk and torque are not considered. Where limits or reach do not allow the pose, the hand stays
+    behind.
+
+    Args:
+        model: a robot arm.
+        start: configuration (n,), within the limits.
+        time: increasing times (k,) [s], of which a function `poses` needs the first and last only.
+        poses: rotations (m, 3, 3) and positions (m, 3) [m] of the hand as a function of m times,
+            or the two arrays at the k times.
+        limits: of the joints; infinite where there are none.
+        rate: of the controller and of the trajectory [Hz].
+        posture: configuration (n,) preferred by a redundant arm; None: the start.
+        posture_weight: of the speeds towards it [m or rad of the hand per unit of a joint].
+        posture_gain: [1/s].
+        smoothing: weight of changes of the speeds [s]; like `gain`, the default is the best in hand
+            errors and jerk of a few values on recorded motions.
+        gain: of the pose error [1/s], at most the rate.
+        damping: as `posture_weight`, of the speeds.
+        turning, placing: whether it tracks rotations, and positions.
+        solver: "built-in", or "pink" for the tasks and the solver of the package of that name.
+
+    Returns:
+        Samples at the rate from time 0. Velocities are central differences of the positions, and
+        accelerations second differences.
+
+    Raises:
+        ValueError: wrong shapes or numbers, a start outside the limits, less than three steps.
+        ImportError: solver "pink" without the extra of that name.
+    """
+    q = as_vector("start", start, model.dof)
+    for name, value, low, high in zip(model.joint_names, q, model.lower, model.upper, strict=True):
+        if not low <= value <= high:
+            raise ValueError(
+                f"start: {name} is at {value:.4g}, outside its limits {low:.4g} to {high:.4g}"
+            )
+    if not isinstance(limits, JointLimits) or limits.velocity.size != model.dof:
+        raise ValueError(f"limits must be JointLimits of {model.dof} joints, got {limits!r}")
+    if not (turning or placing):
+        raise ValueError("turning and placing are both False: there is nothing to track")
+    if solver not in get_args(Solver):
+        raise ValueError(f"solver must be one of {', '.join(get_args(Solver))}, got {solver!r}")
+    preferred = q if posture is None else as_vector("posture", posture, model.dof)
+    drift = _not_negative("posture_gain", posture_gain)
+    rate = as_positive("rate", rate, "Hz")
+    gain = min(as_positive("gain", gain, "1/s"), rate)
+    damping = as_positive("damping", damping)
+    weights = (
+        _not_negative("posture_weight", posture_weight) ** 2,
+        _not_negative("smoothing", smoothing) * rate,
+    )
+    duration = 1.0 / rate
+    rotations, places, velocities = _targets(time, poses, duration)
+    rows = (*range(3 * (not placing), 3), *range(3, 3 + 3 * turning))
+    bounds = SpeedBounds.of(model, limits, duration)
+    by_pink = _pink_step(model, rows, duration, weights) if solver == "pink" else None
+
+    count = len(velocities)
+    positions, speeds = np.empty((count + 1, model.dof)), np.zeros((count + 2, model.dof))
+    positions[0] = q
+    for k in range(count):
+        jacobian, way = evaluate(_tracking(model, rows), q, rotations[k], places[k])
+        error = way[:, 0]
+        # At rest in the first and in the last step.
+        lower, upper = bounds(q, speeds[k], min(k, count - 1 - k))
+        step = Step(
+            q=q,
+            jacobian=jacobian,
+            velocity=velocities[k, list(rows)] + gain * error,
+            posture=drift * (preferred - q),
+            before=speeds[k],
+            weights=weights,
+            damping=damping**2 + float(error @ error),
+            lower=lower,
+            upper=upper,
+        )
+        found = by_pink(step) if by_pink else step.solve()
+        speeds[k + 1] = np.clip(found, lower, upper)
+        q = q + duration * speeds[k + 1]
+        positions[k + 1] = q
+    return JointTrajectory(
+        np.arange(count + 1) / rate,
+        positions,
+        (speeds[1:] + speeds[:-1]) / 2.0,
+        np.diff(speeds, axis=0) / duration,
+        model.joint_names,
+        model.units,
+    )
+
+
+def _targets(
+    time: ArrayLike, poses: Poses | tuple[ArrayLike, ArrayLike], step: float
+) -> tuple[Array, Array, Array]:
+    """Rotations and positions of the hand at the ends of steps [s], and its velocities (k - 1, 6).
+
+    After the last time, the pose is the last one. Velocities are those of translation [m/s] and
+    rotation [rad/s] from each pose to the next. Poses between samples are of cubic splines.
+    """
+    given = np.array(time, dtype=float)
+    if given.ndim != 1 or given.size < 2 or not np.all(np.diff(given) > 0.0):
+        raise ValueError(f"time must be at least two increasing times, got shape {given.shape}")
+    count = int(np.ceil((given[-1] - given[0]) / step - _EVEN))
+    if count < _FEWEST:
+        raise ValueError(
+            f"time must span at least {_FEWEST} steps of {step:.3g} s, got "
+            f"{given[-1] - given[0]:.3g} s"
+        )
+    instants = np.minimum(given[0] + step * np.arange(count + 1), given[-1])
+    if callable(poses):
+        rotations, positions = poses(instants)
+    else:
+        rotations, positions = (np.array(each, dtype=float) for each in poses)
+        if rotations.shape != (given.size, 3, 3) or positions.shape != (given.size, 3):
+            raise ValueError(
+                f"poses must be rotations ({given.size}, 3, 3) and positions ({given.size}, 3) at "
+                f"the times, got shapes {rotations.shape} and {positions.shape}"
+            )
+        rotations = RotationSpline(given, Rotation.from_matrix(rotations))(instants).as_matrix()
+        positions = CubicSpline(given, positions)(instants)
+    turns = rotation_vector(rotations[1:] @ rotations[:-1].transpose(0, 2, 1))
+    return rotations, positions, np.hstack([np.diff(positions, axis=0), turns]) / step
+
+
+def _not_negative(name: str, value: float) -> float:
+    number = as_number(name, value)
+    if number < 0.0:
+        raise ValueError(f"{name} must not be negative, got {value!r}")
+    return number
+
+
+@lru_cache(maxsize=32)
+def _tracking(model: Model, rows: tuple[int, ...]) -> ca.Function:
+    """q, rotation and position of the target -> Jacobian, error."""
+    q, rotation, position = ca.SX.sym("q", model.dof), ca.SX.sym("R", 3, 3), ca.SX.sym("p", 3)
+    here, at = model.hand_pose(q)
+    error = ca.vertcat(position - at, rotation_log(rotation @ here.T))
+    jacobian = ca.densify(model.hand_jacobian(q)[list(rows), :])
+    outputs = ca.cse([jacobian, ca.densify(error[list(rows)])])
+    return ca.Function("tracking", [q, rotation, position], outputs)
+
+
+@dataclass(frozen=True, eq=False)
+class SpeedBounds:
+    """Bounds of the constant speed over a step, q_next = q + step v.
+
+    Between its bounds there is always a speed, at which there is one again, and so on: the joint
+    can brake before the end of its range, and come to rest in the steps that are left. (Viability:
+    Del Prete, "Joint position and velocity bounds in discrete-time acceleration/torque control of
+    robot manipulators", IEEE Robotics and Automation Letters 3, 2018; here for steps of constant
+    speed.)
+
+    Attributes:
+        lower, upper: range of the joints (n,) [rad or m].
+        speed: limit (n,) [rad/s or m/s].
+        change: largest change of the speed from step to step (n,).
+        step: [s].
+    """
+
+    lower: Array
+    upper: Array
+    speed: Array
+    change: Array
+    step: float
+
+    @classmethod
+    def of(cls, model: Model, limits: JointLimits, step: float) -> SpeedBounds:
+        """Of a model's joints."""
+        kept = 1.0 - _ROUNDING
+        return cls(
+            model.lower + _ROUNDING,
+            model.upper - _ROUNDING,
+            kept * limits.velocity,
+            kept * limits.acceleration * step,
+            step,
+        )
+
+    def __call__(self, q: Array, previous: Array, left: int) -> tuple[Array, Array]:
+        """Least and largest speeds (n,).
+
+        Args:
+            q: configuration at the beginning of the step (n,).
+            previous: speed in the step before (n,).
+            left: number of steps after this one, in the last of which the arm is at rest.
+        """
+        to_rest = np.zeros_like(self.change) if left == 0 else left * self.change
+        largest = np.minimum(self.speed, to_rest)
+        up = np.minimum(largest, self._braking(self.upper - q))
+        down = -np.minimum(largest, self._braking(q - self.lower))
+        up = np.maximum(np.minimum(up, previous + self.change), previous - self.change)
+        down = np.minimum(np.maximum(down, previous - self.change), previous + self.change)
+        return np.minimum(down, up), up
+
+    def _braking(self, room: Array) -> Array:
+        """Largest speed v (n,) towards a limit at the distance `room` (n,).
+
+        The distance step (v + (v - c) + (v - 2 c) + ...) until the joint stands, with the change c
+        of speed per step, is the largest of step ((k + 1) v - c k (k + 1) / 2) over k = 0, 1, ...
+        """
+        room = np.maximum(room, 0.0) / self.step
+        limited = np.isfinite(self.change)  # else it may stop at once
+        ratio = np.divide(room, self.change, out=np.zeros_like(room), where=limited)
+        ratio = np.minimum(ratio, 1e12)
+        k = np.floor(np.maximum(np.sqrt(2.0 * ratio) - 1.0, 0.0))
+        found = room.copy()
+        for count in (k, k + 1.0):
+            with np.errstate(invalid="ignore"):  # infinite times zero
+                speed = room / (count + 1.0) + np.where(count > 0.0, self.change * count / 2.0, 0.0)
+            found = np.where(np.isnan(speed), found, np.minimum(found, speed))
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """min |J v - w|^2 + a |v - u|^2 + b |v - v_before|^2 + damping |v|^2 between bounds.
+
+    Attributes:
+        q: configuration (n,).
+        jacobian: J, tracked rows (r, n) of the hand's Jacobian.
+        velocity: w, of the hand (r,) [m/s, rad/s].
+        posture: u, speeds towards the posture (n,).
+        before: speeds in the step before (n,).
+        weights: a and b, of the posture and of changes.
+        damping: weight of the speeds.
+        lower, upper: bounds of the speeds (n,).
+    """
+
+    q: Array
+    jacobian: Array
+    velocity: Array
+    posture: Array
+    before: Array
+    weights: tuple[float, float]
+    damping: float
+    lower: Array
+    upper: Array
+
+    def solve(self) -> Array:
+        """Speeds (n,)."""
+        posture, change = self.weights
+        pulled = posture * self.posture + change * self.before
+        total = posture + change + self.damping
+        return box_least_squares(
+            self.jacobian.T @ self.jacobian + total * np.eye(self.q.size),
+            -(self.jacobian.T @ self.velocity + pulled),
+            self.lower,
+            self.upper,
+        )
+
+
+def box_least_squares(hessian: Array, gradient: Array, lower: Array, upper: Array) -> Array:
+    """The x (n,) that minimizes x' H x / 2 + g' x subject to lower <= x <= upper.
+
+    By DAQP (Arnström, Bemporad, Axehill, "A dual active-set solver for embedded quadratic
+    programming using recursive LDL' updates", IEEE Trans. Automatic Control 67, 2022).
+
+    Args:
+        hessian: H, symmetric and positive definite (n, n).
+        gradient: g (n,).
+        lower, upper: bounds (n,), which may be infinite or equal.
+
+    Raises:
+        NotConverged: DAQP finds no minimum, from rounding.
+    """
+    size = gradient.size
+    no_rows, kinds = np.empty((0, size)), np.zeros(size, dtype=np.intc)
+    x, _, flag, _ = daqp.solve(
+        hessian, gradient, no_rows, upper, lower, kinds, primal_tol=_ACCURACY
+    )
+    if flag != 1:
+        raise NotConverged(f"the least-squares problem of a step was not solved (DAQP: {flag})")
+    return np.asarray(np.clip(x, lower, upper))
+
+
+def _pink_step(
+    model: Model, rows: tuple[int, ...], duration: float, weights: tuple[float, float]
+) -> Callable[[Step], Array]:
+    """A function that solves steps [s] with pink's tasks, and its QP by DAQP.
+
+    FrameTask is given the pose that the hand reaches within the step at the wanted velocity. Bounds
+    of the speeds stand in a Limit. (Those of pink's own AccelerationLimit can contradict each other
+    near the end of a joint's range, as they count the room for braking before the step, not after.)
+
+    Raises:
+        ImportError: without the extra "pink".
+    """
+    try:
+        from pink import Configuration, solve_ik
+        from pink.limits import Limit
+        from pink.tasks import FrameTask, LowAccelerationTask, PostureTask
+    except ImportError as error:
+        raise ImportError(
+            "inverse kinematics by pink needs: pip install 'geodesic_ocp[pink]'"
+        ) from error
+
+    class Bounds(Limit):  # type: ignore[misc, unused-ignore]
+        """Least and largest displacements of all joints."""
+
+        lower: Array
+        upper: Array
+
+        def compute_qp_inequalities(self, configuration: Any, dt: float) -> tuple[Array, Array]:
+            del configuration, dt
+            both = np.concatenate([self.upper, -self.lower])
+            eye = np.eye(self.upper.size)
+            finite = np.isfinite(both)
+            return np.vstack([eye, -eye])[finite], both[finite]
+
+    chain = model.pin.copy()  # pink adds attributes to it
+    data = chain.createData()
+    placed, turned = (float(first in rows) for first in (0, 3))
+    hand = FrameTask(model.hand, position_cost=placed, orientation_cost=turned)
+    posture = PostureTask(cost=float(np.sqrt(weights[0])))
+    change = LowAccelerationTask(cost=float(np.sqrt(weights[1])))
+    bounds = Bounds()
+
+    def solve(step: Step) -> Array:
+        way = np.zeros(6)
+        way[list(rows)] = duration * step.velocity
+        configuration = Configuration(chain, data, step.q, copy_data=False)
+        pose = configuration.get_transform_frame_to_world(model.hand)
+        pose.rotation = Rotation.from_rotvec(way[3:]).as_matrix() @ pose.rotation
+        pose.translation = pose.translation + way[:3]
+        hand.set_target(pose)
+        posture.set_target(step.q + duration * step.posture)
+        change.set_last_integration(step.before, duration)
+        bounds.lower, bounds.upper = duration * step.lower, duration * step.upper
+        return np.asarray(
+            solve_ik(
+                configuration,
+                [hand, posture, change],
+                duration,
+                "daqp",
+                damping=step.damping,
+                limits=[bounds],
+                safety_break=False,
+            )
+        )
+
+    return solve

@@ -1,0 +1,269 @@
+"""Fits to other choices of the recordings: each alone, all but one, and with repetition."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from geodesic_ocp.arrays import Array, as_integer
+from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
+from geodesic_ocp.fitting.fit_metric import solve_program
+from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit
+from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.manifold.metrics import Euclidean
+from geodesic_ocp.progress import Progress, no_progress
+from geodesic_ocp.recordings.recording import Recording
+from geodesic_ocp.synergies.reconstruct import reconstruct
+from geodesic_ocp.synergies.scores import MotionErrors, evaluate
+from geodesic_ocp.table import Table
+
+_FINE = 2000  # points at which an interpolated profile is compared
+_LARGEST_STEP = np.log(10.0)  # of a parameter's logarithm
+
+
+def separate_fits(
+    fit: MetricFit, by: str = "recording", *, progress: Progress | None = None
+) -> dict[str, MetricFit]:
+    """A fit of every recording, or of every subject with all recordings, on the same segments.
+
+    By the name of the recording or the subject.
+
+    Raises:
+        ValueError: by is neither "recording" nor "subject".
+        NotConverged: Ipopt did not find a solution.
+    """
+    report, units = progress or no_progress, _units(fit, by)
+    found: dict[str, MetricFit] = {}
+    for number, (unit, members) in enumerate(units.items()):
+        report(f"fitting each {by}", number, len(units))
+        found[unit] = refit(fit, members)
+    return found
+
+
+def _units(fit: MetricFit, by: str) -> dict[str, list[int]]:
+    """Indices of the recordings of each recording or subject, by its label."""
+    labels = [each.subject for each in fit.recordings]
+    if by == "recording":
+        names = [each.name or "recording" for each in fit.recordings]
+        labels = [
+            f"{name} ({number + 1})" if names.count(name) > 1 else name
+            for number, name in enumerate(names)
+        ]
+    elif by != "subject":
+        raise ValueError(f"by must be 'recording' or 'subject', got {by!r}")
+    units: dict[str, list[int]] = {}
+    for index, label in enumerate(labels):
+        units.setdefault(label, []).append(index)
+    return units
+
+
+def refit(fit: MetricFit, chosen: Sequence[int]) -> MetricFit:
+    """The fit of some of its recordings, by index, on the same segments.
+
+    Raises:
+        NotConverged: Ipopt did not find a solution.
+    """
+    parts = tuple(fit.program.parts[index] for index in chosen)
+    program = replace(fit.program, parts=parts)
+    near = fit.program.start_of(chosen, fit.outcome)
+    return solve_program(program, fit.parameters, fit.family, near)
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """Errors of one recording with parameters estimated from others.
+
+    Attributes:
+        name: of the recording.
+        subject: its subject.
+        values: estimates from the recordings that were not left out.
+        errors: of the geodesics with these parameters (`reconstruct`).
+        straight_lines: errors of straight lines on the same segments.
+    """
+
+    name: str
+    subject: str
+    values: tuple[float, ...]
+    errors: MotionErrors
+    straight_lines: MotionErrors
+
+
+@dataclass(frozen=True, repr=False)
+class CrossValidation:
+    """Errors of recordings that took no part in the estimation.
+
+    Attributes:
+        unit: that was left out at a time, "recording" or "subject".
+        parameters: names.
+        left_out: one for each recording.
+    """
+
+    unit: str
+    parameters: tuple[str, ...]
+    left_out: tuple[LeftOut, ...]
+
+    def __repr__(self) -> str:
+        wins = sum(each.errors.joint < each.straight_lines.joint for each in self.left_out)
+        return (
+            f"CrossValidation({len(self.left_out)} recordings, one {self.unit} left out at a time, "
+            f"joint error below that of straight lines in {wins})"
+        )
+
+    def _repr_markdown_(self) -> str:
+        return self.table().markdown()
+
+    def table(self) -> Table:
+        """Estimates without the recording, its errors, and those of straight lines."""
+        kinds = ("joints [rad]", "hand [m]", "hand [rad]")
+        header = ("left out", *self.parameters, *kinds, *(f"lines: {kind}" for kind in kinds))
+        rows: list[tuple[str | int | float, ...]] = []
+        for each in self.left_out:
+            errors = (
+                error
+                for own in (each.errors, each.straight_lines)
+                for error in (own.joint, own.position, own.orientation)
+            )
+            rows.append((each.name, *each.values, *errors))
+        return Table(header, tuple(rows))
+
+
+def leave_one_out(
+    fit: MetricFit, by: str = "recording", *, progress: Progress | None = None
+) -> CrossValidation:
+    """Estimate anew without each recording, or subject, and predict it.
+
+    Errors are those of `reconstruct` and `evaluate` on all segments of the recording, the same for
+    the geodesics and the straight lines.
+
+    Raises:
+        ValueError: fewer than two recordings or subjects.
+        NotConverged: an estimation or a geodesic of a recording that was left out failed.
+    """
+    report, units = progress or no_progress, _units(fit, by)
+    if len(units) < 2:
+        raise ValueError(f"leaving one {by} out needs at least two, got {len(units)}")
+    results: dict[int, LeftOut] = {}
+    for number, members in enumerate(units.values()):
+        report(f"leaving one {by} out", number, len(units))
+        others = refit(fit, [k for k in range(len(fit.recordings)) if k not in members])
+        for index in members:
+            recording = fit.recordings[index]
+            segments = fit.program.parts[index].observed.every
+            results[index] = LeftOut(
+                recording.name,
+                recording.subject,
+                tuple(others.values.values()),
+                _errors(recording, segments, others.metric(recording.model)),
+                _errors(recording, segments, Euclidean(recording.model.dof)),
+            )
+    return CrossValidation(
+        by,
+        tuple(each.name for each in fit.estimates),
+        tuple(results[index] for index in sorted(results)),
+    )
+
+
+def _errors(
+    recording: Recording, segments: Sequence[tuple[int, int]], metric: Metric
+) -> MotionErrors:
+    predicted = reconstruct(metric, recording.motion, segments).predicted
+    return evaluate(recording.model, recording.motion, predicted)
+
+
+def bootstrap_fit(
+    fit: MetricFit,
+    count: int = 1000,
+    *,
+    by: str = "recording",
+    confidence: float = 0.95,
+    seed: int = 0,
+    curve: ErrorProfile | None = None,
+    progress: Progress | None = None,
+) -> tuple[ConfidenceInterval, ...]:
+    """Percentile intervals of estimates from resampled recordings or subjects.
+
+    Recordings, or subjects with all their recordings, are drawn with replacement (Efron and
+    Tibshirani, "An Introduction to the Bootstrap", 1993, chapters 13 and 6.4). With one parameter
+    every resample is fitted exactly, on the interpolated profiles of the recordings' least errors.
+    With several, the estimate moves by one Newton step in the parameters' logarithms, from the
+    exact derivatives of the recordings' least errors at the solution.
+
+    Args:
+        fit: from several recordings.
+        count: of resamples.
+        by: "recording" or "subject".
+        confidence: of the intervals.
+        seed: of the random numbers.
+        curve: the profile of the only parameter (`error_profile`), if it is known already.
+        progress: called with the current step, the amount done, and the total.
+
+    Raises:
+        ValueError: fewer than two units, or a number out of range.
+    """
+    if not 0.0 < confidence < 1.0:
+        raise ValueError(f"confidence must be between 0 and 1, got {confidence}")
+    count = as_integer("count", count, 1)
+    units = _units(fit, by)
+    if len(units) < 2:
+        raise ValueError(f"a bootstrap needs at least two {by}s, got {len(units)}")
+    members = np.zeros((len(units), len(fit.recordings)))
+    for row, indices in enumerate(units.values()):
+        members[row, indices] = 1.0
+    rng = np.random.default_rng(as_integer("seed", seed, 0))
+    drawn = rng.multinomial(len(units), np.full(len(units), 1.0 / len(units)), size=count)
+    weights = drawn @ members
+    estimates = (
+        _on_profile(curve or error_profile(fit, progress=progress), weights)
+        if len(fit.estimates) == 1
+        else _newton_steps(fit, weights)
+    )
+    # Nothing is known of parameters that the data do not determine.
+    unknown = np.isinf([each.standard_error for each in fit.estimates])
+    tail = 50.0 * (1.0 - confidence)
+    low, high = np.percentile(estimates, [tail, 100.0 - tail], axis=0, method="nearest")
+    low, high = np.where(unknown, 0.0, low), np.where(unknown, np.inf, high)
+    return tuple(
+        ConfidenceInterval(each.name, float(a), float(b), confidence, by, len(units))
+        for each, a, b in zip(fit.estimates, low, high, strict=True)
+    )
+
+
+def _on_profile(curve: ErrorProfile, weights: Array) -> Array:
+    """Minimizers (count, 1) of the weighted sums of the recordings' interpolated profiles."""
+    logs = np.log(curve.values)
+    fine = np.linspace(logs[0], logs[-1], _FINE)
+    errors = CubicSpline(logs, curve.errors**2)(fine)  # (fine, recordings)
+    best = np.argmin(errors @ weights.T, axis=0)
+    estimates = np.exp(fine[best])
+    estimates[best == 0] = 0.0
+    estimates[best == _FINE - 1] = np.inf
+    return np.asarray(estimates[:, None])
+
+
+def _newton_steps(fit: MetricFit, weights: Array) -> Array:
+    """Estimates (count, p) after one Newton step from the solution."""
+    derivatives, values = fit.derivatives, np.array(list(fit.values.values()))
+    relative = values / fit.program.start
+    gradients = derivatives.gradients * relative
+    hessians = derivatives.hessians * np.outer(relative, relative)
+    index = np.arange(values.size)
+    hessians[:, index, index] += gradients
+    bounded = np.array([each.at_bound for each in fit.estimates])
+    free = np.flatnonzero(~bounded)
+    total = np.linalg.eigh(hessians.sum(axis=0)[np.ix_(free, free)])
+    result = np.tile(values, (len(weights), 1))
+    for row, weight in enumerate(weights):
+        hessian = np.einsum("r,rij->ij", weight, hessians)[np.ix_(free, free)]
+        gradient = (weight @ gradients)[free]
+        sizes, axes = np.linalg.eigh(hessian)
+        if sizes[0] <= 1e-9 * sizes[-1]:  # no minimum nearby: the curvature of all recordings
+            sizes, axes = total
+        step = -(axes / np.maximum(sizes, 1e-12)) @ (axes.T @ gradient)
+        result[row, free] *= np.exp(np.clip(step, -_LARGEST_STEP, _LARGEST_STEP))
+    lower, upper = fit.program.lower, fit.program.upper
+    result = np.asarray(np.clip(result, lower, upper))
+    result[:, bounded] = np.nan
+    return result

@@ -1,1 +1,0 @@
-"""Geodesics from a configuration to a pose of the hand."""

@@ -1,0 +1,391 @@
+"""Other predictions of a recorded motion, beside which geodesics are judged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from typing import TypeAlias
+
+import casadi as ca
+import numpy as np
+import scipy
+from scipy.spatial.transform import Rotation
+
+from geodesic_ocp.arrays import Array, as_positive, evaluate
+from geodesic_ocp.manifold.metrics import KineticEnergy
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.ocp.ik.pose_error import rotation_log
+from geodesic_ocp.rotations import rotation_vector
+from geodesic_ocp.synergies.metrics import with_joint_inertia
+from geodesic_ocp.synergies.scores import hand_twists
+from geodesic_ocp.synergies.segment import observed_velocity
+from geodesic_ocp.synergies.synergy import as_segments
+from geodesic_ocp.trajectory.motion import Motion
+
+# Largest displacement of a joint in one step of the controller [rad or m].
+_MAX_STEP = 0.05
+_FOREARM_AND_WRIST = ("Ez_joint", "Wx_joint", "Wy_joint")  # of human_arm, without R or L
+Poses: TypeAlias = Callable[[Array], tuple[Array, Array]]
+Pose: TypeAlias = tuple[ca.SX, ca.SX]
+
+
+def track_hand(
+    model: Model, motion: Motion, *, gain: float = 20.0, damping: float = 0.02
+) -> Motion:
+    """Track the observed hands (end-effectors) with a damped velocity controller.
+
+    It starts from the first observed configuration; the hand moves along the spline through the
+    samples, see `track_poses`. The observed configuration of the redundant arm plays no further
+    role. All hands of the model are tracked at once.
+
+    Args:
+        model: whose hands track; its joints must be the motion's.
+        motion: observed.
+        gain: of the pose error [1/s].
+        damping: of the Jacobian's small singular values [m or rad per joint unit].
+
+    Returns:
+        The controller's motion at the recording's sample times, with its velocities.
+
+    Raises:
+        ValueError: the joints are not the model's, or a number is not positive.
+    """
+    observed = motion.select(model.joint_names)
+
+    def of(hand: str) -> Poses:
+        def poses(times: Array) -> tuple[Array, Array]:
+            rotations, positions = model.frame_pose(hand, observed(times))
+            return rotations, positions
+
+        return poses
+
+    tracked = track_poses(
+        model,
+        observed.q[0],
+        observed.time,
+        {hand: of(hand) for hand in model.hands},
+        gain=gain,
+        damping=damping,
+        counts=steps_between(observed),
+    )
+    return replace(tracked, subject=observed.subject)
+
+
+def steps_between(observed: Motion) -> Array:
+    """Number of controller steps between samples (k - 1,), so that each is a small motion.
+
+    Recordings at low sampling rates need many.
+    """
+    largest = np.abs(np.diff(observed.q, axis=0)).max(axis=1)
+    return np.asarray(np.maximum(1.0, np.ceil(largest / _MAX_STEP)))
+
+
+def track_poses(
+    model: Model,
+    start: Array,
+    time: Array,
+    poses: Poses | Mapping[str, Poses],
+    *,
+    gain: float = 20.0,
+    damping: float = 0.02,
+    counts: Array | None = None,
+    turning: bool = True,
+    placing: bool = True,
+) -> Motion:
+    """Track poses of a hand, or of several, with a damped velocity controller.
+
+    q' = J' (J J' + damping^2)^-1 (hand velocity + gain * pose error), of all hands together. Damped
+    least squares: Wampler, IEEE Trans. Systems, Man, and Cybernetics 16 (1986); the controller
+    ignores joint limits.
+
+    Args:
+        model: whose hand tracks.
+        start: configuration (n,).
+        time: increasing times (k,) [s].
+        poses: rotations (m, 3, 3) and positions (m, 3) [m] of the hand at m times, called once; or
+            such functions by name of the hand frame.
+        gain: of the pose error [1/s].
+        damping: of the Jacobian's small singular values [m or rad per joint unit].
+        counts: (k - 1,) steps of the controller between the times; one by default.
+        turning, placing: whether it tracks rotations, and positions.
+
+    Raises:
+        ValueError: a number is not positive.
+    """
+    gain, damping = as_positive("gain", gain, "1/s"), as_positive("damping", damping)
+    counts = np.ones(time.size - 1) if counts is None else counts
+    step = np.diff(time) / counts
+    interval = np.repeat(np.arange(time.size - 1), counts.astype(int))
+    ends = np.cumsum(counts).astype(int)
+    within = np.arange(interval.size) - (ends - counts)[interval]
+    instants = np.append(time[interval] + within * step[interval], time[-1])
+    wanted = dict(poses) if isinstance(poses, Mapping) else {model.hand: poses}
+    targets: list[Array] = []
+    for rotations, positions in (each(instants) for each in wanted.values()):
+        # Rotations side by side, (3, 3 m), as CasADi takes several arguments.
+        beside = rotations.transpose(1, 0, 2).reshape(3, -1)
+        targets += [beside[:, :-3], positions[:-1].T, beside[:, 3:], positions[1:].T]
+    controller = _controller(model, tuple(wanted), turning, placing).mapaccum(interval.size)
+    configurations = evaluate(
+        controller,
+        start,
+        *targets,
+        step[None, interval],
+        # A gain above 1/step would overshoot, above 2/step diverge.
+        np.minimum(gain, 1.0 / step)[None, interval],
+        np.full((1, interval.size), damping),
+    ).T
+    q = np.vstack([start, configurations[ends - 1]])
+    velocity = np.diff(q, axis=0) / np.diff(time)[:, None]
+    return Motion(time, q, model.joint_names, np.vstack([velocity, velocity[-1:]]))
+
+
+@lru_cache(maxsize=32)
+def _controller(model: Model, hands: tuple[str, ...], turning: bool, placing: bool) -> ca.Function:
+    """One step: q, pose of each hand now and after the step, step [s], gain, damping -> next q."""
+    rows = slice(0 if placing else 3, 6 if turning else 3)
+    q, step, gain, damping = ca.SX.sym("q", model.dof), *(ca.SX.sym(name) for name in "hkd")
+    targets: list[ca.SX] = []
+    twists, jacobians = [], []
+    for hand in hands:
+        now, after = ((ca.SX.sym("R", 3, 3), ca.SX.sym("p", 3)) for _ in range(2))
+        forward, error = _twist(now, after), _twist(model.frame_pose(hand, q), now)
+        twists.append((forward / step + gain * error)[rows])
+        moved = model if hand == model.hand else model.with_hand(hand)
+        jacobians.append(moved.hand_jacobian(q)[rows, :])
+        targets += [*now, *after]
+    twist, jacobian = ca.vertcat(*twists), ca.vertcat(*jacobians)
+    damped = jacobian @ jacobian.T + damping**2 * ca.SX.eye(jacobian.shape[0])
+    factors, upper, permutation = ca.ldl(damped, False)  # positive definite: no pivoting
+    change = step * (jacobian.T @ ca.ldl_solve(twist, factors, upper, permutation))
+    arguments = [q, *targets, step, gain, damping]
+    return ca.Function("controller", arguments, [ca.cse(ca.densify(q + change))])
+
+
+def _twist(pose: Pose, target: Pose) -> ca.SX:
+    """Translation and rotation vector (6,) from one pose to the other, in the base frame."""
+    return ca.vertcat(target[1] - pose[1], rotation_log(target[0] @ pose[0].T))
+
+
+def minimum_acceleration(motion: Motion, segments: Sequence[tuple[int, int]]) -> Motion:
+    """The motion that minimizes int |q''|^2 dt on every segment, between the observed ends.
+
+    With configurations and velocities given at both ends it is a cubic in every joint. A geodesic
+    receives less: two configurations and two speeds, but not the directions of the velocities.
+
+    >>> import geodesic_ocp as go
+    >>> import numpy as np
+    >>> time = np.linspace(0.0, 1.0, 11)
+    >>> cubic = go.Motion(time, time[:, None] ** 3, ("joint",), 3.0 * time[:, None] ** 2)
+    >>> predicted = go.minimum_acceleration(cubic, [(0, 10)])
+    >>> bool(np.allclose(predicted.q, cubic.q))
+    True
+
+    Args:
+        motion: observed, with velocities.
+        segments: (start, stop) sample indices, each starting where the one before stopped, from
+            the first sample to the last.
+
+    Returns:
+        The predicted motion at the recording's own times, with velocities.
+
+    Raises:
+        ValueError: the segments do not cover the motion, or there are no velocities.
+    """
+    return _polynomials(motion, segments, [motion.q, observed_velocity(motion)])
+
+
+def minimum_jerk(motion: Motion, segments: Sequence[tuple[int, int]]) -> Motion:
+    """The motion that minimizes int |q'''|^2 dt on every segment, between the observed ends.
+
+    With configurations, velocities and accelerations given at both ends it is a quintic in every
+    joint (Flash and Hogan, J. Neuroscience 5, 1985, for a hand that starts and ends at rest).
+    Accelerations are central differences of the motion's velocities. A geodesic receives less: two
+    configurations and two speeds.
+
+    >>> import geodesic_ocp as go
+    >>> import numpy as np
+    >>> time = np.linspace(0.0, 1.0, 101)
+    >>> q = 10.0 * time**3 - 15.0 * time**4 + 6.0 * time**5  # from rest to rest
+    >>> reach = go.Motion(time, q[:, None], ("joint",), 30.0 * (time * (1.0 - time))[:, None] ** 2)
+    >>> predicted = go.minimum_jerk(reach, [(0, 100)])
+    >>> bool(np.allclose(predicted.q, reach.q, atol=1e-3))
+    True
+
+    Args:
+        motion: observed, with velocities, of at least three samples.
+        segments: as in `minimum_acceleration`.
+
+    Returns:
+        The predicted motion at the recording's own times, with velocities.
+
+    Raises:
+        ValueError: the segments do not cover the motion, there are no velocities, or fewer than
+            three samples.
+    """
+    velocity = observed_velocity(motion)
+    return _polynomials(motion, segments, [motion.q, velocity, rates(motion, velocity)])
+
+
+def rates(motion: Motion, values: Array) -> Array:
+    """Derivatives (k, m) of sampled values (k, m) by time: central differences, second order.
+
+    Raises:
+        ValueError: the motion has fewer than three samples.
+    """
+    if len(motion) < 3:
+        raise ValueError("accelerations need at least three samples, the motion has two")
+    return np.asarray(np.gradient(values, motion.time, axis=0, edge_order=2))
+
+
+def _polynomials(
+    motion: Motion, segments: Sequence[tuple[int, int]], derivatives: Sequence[Array]
+) -> Motion:
+    """Polynomials on the segments with these derivatives, (k, n) each, at their ends."""
+    edges = [0, *(stop for _, stop in as_segments(motion, segments))]
+    at_edges = np.stack([values[edges] for values in derivatives], axis=1)
+    curve = scipy.interpolate.BPoly.from_derivatives(motion.time[edges], at_edges)
+    q, velocity = curve(motion.time), curve(motion.time, 1)
+    return Motion(motion.time, q, motion.joint_names, velocity, motion.subject)
+
+
+def minimum_jerk_hand(
+    model: Model,
+    motion: Motion,
+    segments: Sequence[tuple[int, int]],
+    *,
+    gain: float = 20.0,
+    damping: float = 0.02,
+) -> Motion:
+    """Minimum jerk of the hand on every segment, between the observed ends, and joints that track.
+
+    The position of the hand is a quintic with the observed positions, velocities and accelerations
+    at both ends (Flash and Hogan, J. Neuroscience 5, 1985). Its orientation turns about the axis of
+    the rotation between the observed ones; the angle is a quintic, too, with the components of the
+    observed angular velocities and accelerations along the axis. Joints follow by the damped
+    velocity controller of `track_hand`, from the observed configuration at the segment's start.
+
+    >>> import geodesic_ocp as go
+    >>> import numpy as np
+    >>> arm, time = go.human_arm(), np.linspace(0.0, 0.5, 51)
+    >>> q = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1]) + 0.2 * np.sin(2.0 * time)[:, None]
+    >>> motion = go.Motion(time, q, arm.joint_names, 0.4 * np.cos(2.0 * time)[:, None] + 0.0 * q)
+    >>> predicted = go.minimum_jerk_hand(arm, motion, [(0, 50)])
+    >>> bool(go.evaluate(arm, motion, predicted).position < 1e-3)  # mean error of the hand [m]
+    True
+
+    Args:
+        model: the arm; its joints are selected from the motion by name.
+        motion: observed, with velocities, of at least three samples.
+        segments: (start, stop) sample indices, each starting where the one before stopped, from
+            the first sample to the last.
+        gain, damping: of the controller, see `track_hand`.
+
+    Returns:
+        The predicted motion at the recording's own times, with velocities.
+
+    Raises:
+        ValueError: a joint of the model is missing, the segments do not cover the motion, there are
+            no velocities or fewer than three samples, or a number is not positive.
+    """
+    observed = motion.select(model.joint_names)
+    pieces = as_segments(observed, segments)
+    velocity = observed_velocity(observed)
+    hands = {hand: _observed_hand(model, hand, observed) for hand in model.hands}
+    counts = steps_between(observed)
+
+    q, velocity = np.empty_like(observed.q), np.empty_like(velocity)
+    for start, stop in pieces:
+        ends, samples = [start, stop], slice(start, stop + 1)
+        tracked = track_poses(
+            model,
+            observed.q[start],
+            observed.time[samples],
+            {
+                hand: _hand_motion(observed.time[ends], *(values[ends] for values in each))
+                for hand, each in hands.items()
+            },
+            gain=gain,
+            damping=damping,
+            counts=counts[start:stop],
+        )
+        q[samples], velocity[samples] = tracked.q, tracked.velocity
+    return Motion(observed.time, q, observed.joint_names, velocity, observed.subject)
+
+
+def _observed_hand(model: Model, hand: str, observed: Motion) -> tuple[Array, Array, Array]:
+    """Rotations (k, 3, 3) of a hand, and derivatives of position and orientation at the samples.
+
+    (k, 3 derivatives, 3) of the position, (k, 2, 3) of the orientation.
+    """
+    model = model if hand == model.hand else model.with_hand(hand)
+    rotations, positions = model.hand_pose(observed.q)
+    twists = hand_twists(model, observed)
+    places = np.stack([positions, twists[:, :3], rates(observed, twists[:, :3])], axis=1)
+    turns = np.stack([twists[:, 3:], rates(observed, twists[:, 3:])], axis=1)
+    return rotations, places, turns
+
+
+def _hand_motion(time: Array, rotations: Array, places: Array, turns: Array) -> Poses:
+    """Poses over a segment, from times (2,), rotations and derivatives of the pose at both ends."""
+    turn = rotation_vector(rotations[1] @ rotations[0].T)  # in base axes
+    size = float(np.linalg.norm(turn))
+    axis = turn / size if size > 0.0 else np.zeros(3)
+    angles = np.column_stack([[0.0, size], turns @ axis])
+    angle = scipy.interpolate.BPoly.from_derivatives(time, angles)
+    position = scipy.interpolate.BPoly.from_derivatives(time, places)
+
+    def poses(times: Array) -> tuple[Array, Array]:
+        turned = Rotation.from_rotvec(angle(times)[:, None] * axis).as_matrix()
+        return turned @ rotations[0], position(times)
+
+    return poses
+
+
+def distal_inertia(
+    model: Model, joints: Sequence[str] | None = None, *, armature: float | None = None
+) -> KineticEnergy:
+    """The kinetic energy with joint inertia on the distal joints alone, as a control.
+
+    The kinetic energy makes rotations of the forearm and the wrist nearly cost-free. If making
+    them costly were all that joint inertia does, G + diag(a) with a on these joints alone would
+    explain recordings as well as G + a I.
+
+    >>> import geodesic_ocp as go
+    >>> go.distal_inertia(go.human_arm(), armature=0.1).model.armature.tolist()
+    [0.0, 0.0, 0.0, 0.0, 0.1, 0.1, 0.1]
+
+    Args:
+        model: the arm.
+        joints: names of the distal joints; by default forearm rotation and wrist of `human_arm`.
+        armature: their joint inertia [kg m^2]; by default that of the model, if it has any, or
+            else `default_joint_inertia`.
+
+    Raises:
+        ValueError: no joints are given and the model is not a `human_arm`, there is no such joint,
+            or the joint inertia is not positive.
+    """
+    if joints is None:
+        joints = distal_joints(model)
+        if not joints:
+            raise ValueError(
+                f"joints must name the distal ones of {', '.join(model.joint_names)}: forearm "
+                "rotation and wrist are known of human_arm only"
+            )
+    if isinstance(joints, str) or not joints:
+        raise ValueError(f"joints must be a sequence of names or None, got {joints!r}")
+    if armature is None:
+        everywhere = dict(zip(model.joint_names, with_joint_inertia(model).armature, strict=True))
+    else:
+        everywhere = dict.fromkeys(model.joint_names, as_positive("armature", armature, "kg m^2"))
+    if missing := [name for name in joints if name not in everywhere]:
+        known = ", ".join(model.joint_names)
+        raise ValueError(f"joints: there is no joint {', '.join(missing)}; there are {known}")
+    values = [everywhere[name] if name in joints else 0.0 for name in model.joint_names]
+    return KineticEnergy(model.with_armature(values))
+
+
+def distal_joints(model: Model) -> list[str]:
+    """Forearm rotation and wrist of `human_arm`; none of other models."""
+    return [name for name in model.joint_names if name[1:] in _FOREARM_AND_WRIST]

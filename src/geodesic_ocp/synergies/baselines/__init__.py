@@ -1,1 +1,0 @@
-"""Predictions that geodesics are compared with."""

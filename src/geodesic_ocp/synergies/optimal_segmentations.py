@@ -1,0 +1,316 @@
+"""The segmentations of a recorded motion with the smallest errors, for every number of segments."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from geodesic_ocp.arrays import Array, as_integer, as_number, as_positive
+from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.progress import Progress, no_progress
+from geodesic_ocp.synergies.segment_costs import (
+    BestPartitions,
+    Measure,
+    SegmentCosts,
+    best_partitions,
+    refine_cuts,
+)
+from geodesic_ocp.trajectory.motion import Motion
+
+_SLACK = 1e-9  # of the longest duration, relative
+
+
+def segment_optimal(
+    metric: Metric,
+    motion: Motion,
+    *,
+    count: int | None = None,
+    penalty: float | None = None,
+    error: float | None = None,
+    measure: Measure = "joint",
+    model: Model | None = None,
+    spacing: float = 0.05,
+    max_duration: float = 2.0,
+    progress: Progress | None = None,
+) -> list[tuple[int, int]]:
+    """Cut a motion where `reconstruct` then has the least mean error.
+
+    Exactly one of `count`, `penalty` and `error` says how many segments. The optimum over a grid of
+    candidate cuts, every `spacing` seconds, is found by dynamic programming
+    (`optimal_segmentations`); then each cut moves by single samples as long as that lowers the
+    error. Where `segment` cuts as the motion unfolds, from its past alone, this function sees all
+    of it.
+
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv").filtered()
+    >>> part = go.Motion(motion.time[:90], motion.q[:90], motion.joint_names, motion.velocity[:90])
+    >>> segments = go.segment_optimal(go.Euclidean(7), part, count=3)
+    >>> len(segments), segments[0][0], segments[-1][1]
+    (3, 0, 89)
+
+    Args:
+        metric: of the motion's dimension.
+        motion: with velocities, see `Motion.filtered`.
+        count: number of segments.
+        penalty: cost of a segment: the number of segments k minimizes (mean error of k segments) +
+            penalty * k, in the unit of the measure, before the refinement.
+        error: the smallest number of segments is taken whose mean error is at most this before the
+            refinement, in the unit of the measure.
+        measure: of the error: "joint" [rad], "position" or "orientation" of the hand [m, rad].
+        model: whose hand is measured; None is the metric's, where it has one.
+        spacing: of the candidates [s].
+        max_duration: of a segment [s].
+        progress: called with what is done, the number of segments planned, and the total.
+
+    Returns:
+        (start, stop) sample indices of every segment, as from `segment`.
+
+    Raises:
+        ValueError: not exactly one of count, penalty and error; a count or an error that is not
+            possible, with the possible range; or see `optimal_segmentations`.
+        NotConverged: see `optimal_segmentations`.
+    """
+    if sum(each is not None for each in (count, penalty, error)) != 1:
+        raise ValueError("exactly one of count, penalty and error must be given")
+    found = optimal_segmentations(
+        metric,
+        motion,
+        measure=measure,
+        model=model,
+        spacing=spacing,
+        max_duration=max_duration,
+        progress=progress,
+    )
+    if count is None:
+        count = found.count_for(penalty=penalty, error=error)
+    return found.segments(count)
+
+
+def optimal_segmentations(
+    metric: Metric,
+    motion: Motion,
+    *,
+    measure: Measure = "joint",
+    model: Model | None = None,
+    spacing: float = 0.05,
+    max_duration: float = 2.0,
+    progress: Progress | None = None,
+) -> OptimalSegmentations:
+    """The cuts that minimize the reconstruction error, for every number of segments.
+
+    For k segments, the cuts c_0 = 0 < c_1 < ... < c_k at the last sample minimize
+
+        E_k = 1/N sum_j e(c_j, c_j+1),
+
+    where e is the sum over a segment's samples of the error that `reconstruct` and `evaluate` give
+    for it, over the N samples of the motion. Candidates for cuts are the samples nearest to times
+    about `spacing` apart. Dynamic programming finds the global optimum among them for all k at once
+    (Bellman, Communications of the ACM 4, 1961; Jackson et al., IEEE Signal Processing Letters 12,
+    2005). A rest is not treated apart: a segment in which nothing moves has no error.
+
+    >>> import numpy as np
+    >>> import geodesic_ocp as go
+    >>> time = np.linspace(0.0, 1.2, 61)
+    >>> slope = np.where(time < 0.5, -1.0, 1.0)  # the first of two coordinates turns at 0.5 s
+    >>> q, v = np.stack([np.abs(time - 0.5), time], 1), np.stack([slope, np.ones(61)], 1)
+    >>> motion = go.Motion(time, q, ("x", "y"), v)
+    >>> found = go.optimal_segmentations(go.Euclidean(2), motion, spacing=0.1)
+    >>> found.segments(2)
+    [(0, 25), (25, 60)]
+
+    Args:
+        metric: of the motion's dimension.
+        motion: with velocities, see `Motion.filtered`.
+        measure: of the error: "joint" [rad], "position" or "orientation" of the hand [m, rad].
+        model: whose hand is measured; None is the metric's, where it has one.
+        spacing: of the candidates [s].
+        max_duration: of a segment [s].
+        progress: called with what is done, the number of segments planned, and the total.
+
+    Raises:
+        ValueError: the motion has no velocities or does not fit the metric, the measure is unknown
+            or needs a model, the metric is not defined at a sample, or a number is out of range.
+        NotConverged: so many log maps fail that nothing covers the motion.
+
+    Warns:
+        RuntimeWarning: log maps failed; such a segment is not available.
+    """
+    spacing = as_positive("spacing", spacing, "s")
+    max_duration = as_positive("max_duration", max_duration, "s")
+    costs = SegmentCosts(metric, motion, measure, model)
+    candidates = _candidates(motion.time, spacing)
+    gap = float(np.diff(motion.time[candidates]).max())
+    if max_duration * (1.0 + _SLACK) < gap:
+        raise ValueError(
+            f"max_duration must be at least {gap:.4g} s, the largest gap between candidates, got "
+            f"{max_duration:g} s"
+        )
+    pairs = _pairs(motion.time, candidates, max_duration)
+
+    report = progress or no_progress
+    values = costs(
+        [(candidates[first], candidates[last]) for first, last in pairs],
+        lambda done: report("planning segments", done, len(pairs)),
+    )
+    table = np.full((len(candidates), max(last - first for first, last in pairs)), np.inf)
+    for (first, last), value in zip(pairs, values, strict=True):
+        table[last, last - first - 1] = value
+    partitions = best_partitions(table)
+    counts = np.flatnonzero(np.isfinite(partitions.totals))
+    if not counts.size:
+        metric.check_domain_along("the motion", motion.time, motion.q)
+        raise NotConverged(
+            f"no segments cover the motion: {costs.failures} of {len(pairs)} log maps failed"
+        )
+    _warn(costs.failures, f"of {len(pairs)}", 3)
+    errors = partitions.totals[counts] / len(motion)
+    return OptimalSegmentations(
+        metric, motion, measure, counts, errors, max_duration, candidates, partitions, costs
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OptimalSegmentations:
+    """The best cuts of a motion for every number of segments, from `optimal_segmentations`.
+
+    Attributes:
+        metric: whose geodesics reconstruct the segments.
+        motion: that is cut.
+        measure: "joint" [rad], "position" [m] or "orientation" [rad]: the error that is minimized.
+        counts: numbers of segments (k,) that are possible.
+        errors: least mean error (k,) of each, with cuts on the grid of candidates, in the unit of
+            the measure.
+        max_duration: of a segment [s].
+    """
+
+    metric: Metric
+    motion: Motion
+    measure: Measure
+    counts: np.ndarray
+    errors: Array
+    max_duration: float
+    _candidates: list[int] = field(repr=False)
+    _partitions: BestPartitions = field(repr=False)
+    _costs: SegmentCosts = field(repr=False)
+    _refined: dict[int, tuple[list[int], float]] = field(repr=False, default_factory=dict)
+
+    def __repr__(self) -> str:
+        return (
+            f"OptimalSegmentations({self.counts[0]} to {self.counts[-1]} segments of "
+            f"{self.motion.duration:.3g} s, {self.measure} error {self.errors[0]:.3g} to "
+            f"{self.errors.min():.3g})"
+        )
+
+    def segments(self, count: int, *, refined: bool = True) -> list[tuple[int, int]]:
+        """(start, stop) sample indices of the best `count` segments, as of `segment`.
+
+        Refined by default: each cut moves by single samples as long as that lowers the error.
+        `refined=False` gives the optimum on the grid of candidates.
+
+        Raises:
+            ValueError: this number of segments is not possible; the message gives the range.
+        """
+        return list(pairwise(self._cuts(count, refined)[0]))
+
+    def error(self, count: int, *, refined: bool = True) -> float:
+        """Mean error of `segments(count)`, in the unit of the measure. Raises likewise."""
+        return self._cuts(count, refined)[1] / len(self.motion)
+
+    def predicted(self, count: int, *, refined: bool = True) -> Motion:
+        """The coordinates that `reconstruct` predicts from `segments(count)`, without velocities.
+
+        Raises likewise.
+        """
+        q = self._costs.predicted(self.segments(count, refined=refined))
+        seen = self.motion
+        return Motion(seen.time, q, seen.joint_names, subject=seen.subject)
+
+    def count_for(self, *, penalty: float | None = None, error: float | None = None) -> int:
+        """The number of segments that a penalty or a largest error selects on the grid.
+
+        Args:
+            penalty: the number minimizes the mean error + penalty * number; in the unit of the
+                measure, for each segment.
+            error: the smallest number whose mean error on the grid is at most this, in the unit of
+                the measure.
+
+        Raises:
+            ValueError: not exactly one of them, a negative penalty, or an error that no number
+                reaches.
+        """
+        if (penalty is None) == (error is None):
+            raise ValueError("exactly one of penalty and error must be given")
+        if penalty is not None:
+            if as_number("penalty", penalty) < 0.0:
+                raise ValueError(f"penalty must not be negative, got {penalty}")
+            return int(self.counts[np.argmin(self.errors + penalty * self.counts)])
+        enough = self.errors <= as_number("error", error)
+        if not enough.any():
+            best = int(np.argmin(self.errors))
+            raise ValueError(
+                f"error must be at least {self.errors[best]:.4g}, which {self.counts[best]} "
+                f"segments reach, got {error}"
+            )
+        return int(self.counts[np.argmax(enough)])
+
+    def _cuts(self, count: int, refined: bool) -> tuple[list[int], float]:
+        """Sample indices of the cuts, with both ends, and their total cost."""
+        count = as_integer("count", count, 1)
+        if count not in self.counts:
+            low, high = int(self.counts[0]), int(self.counts[-1])
+            allowed = f"{low} to {high}" if low < high else f"{low}, the only number possible"
+            raise ValueError(
+                f"count must be {allowed} with these candidates and segments of at most "
+                f"{self.max_duration:g} s, got {count}"
+            )
+        if not refined:
+            cuts = [self._candidates[index] for index in self._partitions.cuts(count)]
+            return cuts, float(self._partitions.totals[count])
+        if count not in self._refined:
+            start, _ = self._cuts(count, False)
+            step = int(np.diff(self._candidates).max()) // 2
+            failures = self._costs.failures
+            self._refined[count] = refine_cuts(start, self._costs_within, step)
+            _warn(self._costs.failures - failures, "of the refinement", 4)
+        return self._refined[count]
+
+    def _costs_within(self, pairs: list[tuple[int, int]]) -> list[float]:
+        """Costs of segments; those that last longer than allowed have none."""
+        time, longest = self.motion.time, self.max_duration * (1.0 + _SLACK)
+        allowed = [pair for pair in pairs if time[pair[1]] - time[pair[0]] <= longest]
+        costs = dict(zip(allowed, self._costs(allowed), strict=True))
+        return [costs.get(pair, np.inf) for pair in pairs]
+
+
+def _candidates(time: Array, spacing: float) -> list[int]:
+    """Indices of the samples nearest to evenly spaced times, both ends included."""
+    count = max(1, round(float(time[-1] - time[0]) / spacing))
+    wanted = np.linspace(time[0], time[-1], count + 1)
+    middles = (time[1:] + time[:-1]) / 2.0
+    return [int(index) for index in np.unique(np.searchsorted(middles, wanted))]
+
+
+def _pairs(time: Array, candidates: list[int], max_duration: float) -> list[tuple[int, int]]:
+    """Indices of candidates between which a segment is short enough."""
+    times = time[candidates]
+    last = np.searchsorted(times, times + max_duration * (1.0 + _SLACK), side="right")
+    return [
+        (first, stop)
+        for first, after in enumerate(last)
+        for stop in range(first + 1, min(int(after), len(candidates)))
+    ]
+
+
+def _warn(failures: int, which: str, stacklevel: int) -> None:
+    if failures:
+        warnings.warn(
+            f"{failures} log maps {which} failed; these segments are not available",
+            RuntimeWarning,
+            stacklevel=stacklevel,
+        )

@@ -1,1 +1,0 @@
-"""How well a predicted motion explains an observed one."""

@@ -1,1 +1,0 @@
-"""Where a motion is cut into segments."""
