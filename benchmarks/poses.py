@@ -11,8 +11,8 @@ import numpy as np
 
 import geodesic_ocp as go
 from geodesic_ocp.retargeting.poses.targets import Pose, PoseFinder
-from geodesic_ocp.retargeting.program.graph.candidates import Candidates, first_candidates
 from geodesic_ocp.retargeting.program.plan_paths import plan_paths
+from geodesic_ocp.retargeting.program.start import Candidates, first_candidates
 from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
 from geodesic_ocp.retargeting.settings import Formulation
 from geodesic_ocp.retargeting.transfer import Transfer, plan_transfers

@@ -258,13 +258,11 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.ocp.problem.point_to_point import PointToPoint
     from geodesic_ocp.ocp.problem.problem import Problem
     from geodesic_ocp.ocp.problem.reach import Reach
-    from geodesic_ocp.ocp.solve.callback import Iterate
+    from geodesic_ocp.ocp.solve.callback import Iterate, LivePlot
     from geodesic_ocp.ocp.solve.certificate import Certificate, certify
-    from geodesic_ocp.ocp.solve.live_plot import LivePlot
     from geodesic_ocp.ocp.solve.load_solution import load_solution
-    from geodesic_ocp.ocp.solve.solution import Solution
+    from geodesic_ocp.ocp.solve.solution import Solution, Stats
     from geodesic_ocp.ocp.solve.solve import solve
-    from geodesic_ocp.ocp.solve.stats import Stats
     from geodesic_ocp.recordings.conventions.angle_convention import (
         AngleConvention,
         AxisRotation,
@@ -286,10 +284,12 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.recordings.save_motion import save_motion
     from geodesic_ocp.recordings.skeletons.skeleton_convention import SkeletonConvention
     from geodesic_ocp.reports.report import report
-    from geodesic_ocp.retargeting.alignment.alignment import alignment
+    from geodesic_ocp.retargeting.alignment.alignment import (
+        alignment,
+        propose_alignment,
+        read_alignment,
+    )
     from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
-    from geodesic_ocp.retargeting.alignment.propose_alignment import propose_alignment
-    from geodesic_ocp.retargeting.alignment.read_alignment import read_alignment
     from geodesic_ocp.retargeting.arm_result import RetargetedArm
     from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, merge_synergies
     from geodesic_ocp.retargeting.poses.reachability import Reachability, reachability
@@ -384,18 +384,14 @@ else:
         "ocp.problem.point_to_point": "PointToPoint",
         "ocp.problem.problem": "Problem",
         "ocp.problem.reach": "Reach",
-        "ocp.solve.callback": "Iterate",
+        "ocp.solve.callback": "Iterate LivePlot",
         "ocp.solve.certificate": "Certificate certify",
-        "ocp.solve.live_plot": "LivePlot",
         "ocp.solve.load_solution": "load_solution",
-        "ocp.solve.solution": "Solution",
+        "ocp.solve.solution": "Solution Stats",
         "ocp.solve.solve": "solve",
-        "ocp.solve.stats": "Stats",
         "reports.report": "report",
-        "retargeting.alignment.alignment": "alignment",
+        "retargeting.alignment.alignment": "alignment propose_alignment read_alignment",
         "retargeting.alignment.arm_alignment": "Alignment",
-        "retargeting.alignment.propose_alignment": "propose_alignment",
-        "retargeting.alignment.read_alignment": "read_alignment",
         "retargeting.arm_result": "RetargetedArm",
         "retargeting.merge_synergies": "SynergyGroup merge_synergies",
         "retargeting.poses.reachability": "Reachability reachability",
@@ -409,12 +405,12 @@ else:
         "recordings.read_motion": "read_motion",
         "synergies.reconstruct": "Reconstruction reconstruct",
         "synergies.optimal_segmentations": (
-            "OptimalSegmentations optimal_segmentations segment_optimal"
+            "OptimalSegmentations optimal_segmentations segment_optimal "
         ),
         "synergies.segment": "segment segment_zero_velocity",
         "synergies.synergy": "Synergy load_synergies save_synergies",
         "synergies.baselines": (
-            "track_hand minimum_acceleration minimum_jerk minimum_jerk_hand distal_inertia"
+            "track_hand minimum_acceleration minimum_jerk minimum_jerk_hand distal_inertia "
         ),
         "recordings.opensim_models.osim_convention": "OsimConvention",
         "recordings.recording": "Recording",
@@ -424,7 +420,9 @@ else:
         "comparison.method_comparison": "MethodComparison",
         "comparison.metric_comparison": "MetricComparison",
         "comparison.paired_test": "PairedTest paired_test",
-        "recordings.conventions.angle_convention": ("AngleConvention AxisRotation SegmentRelation"),
+        "recordings.conventions.angle_convention": (
+            "AngleConvention AxisRotation SegmentRelation "
+        ),
         "recordings.conventions.segment_orientations": "SegmentOrientations",
         "recordings.conventions.joint_angles": "joint_angles",
         "recordings.skeletons.skeleton_convention": "SkeletonConvention",

@@ -10,8 +10,11 @@ from six_joints import six_joints
 
 import geodesic_ocp as go
 from geodesic_ocp.model.formats.robots import ROBOTS, folder
-from geodesic_ocp.retargeting.alignment.alignment import known_alignment
-from geodesic_ocp.retargeting.alignment.propose_alignment import proposal, propose_alignment
+from geodesic_ocp.retargeting.alignment.alignment import (
+    known_alignment,
+    proposal,
+    propose_alignment,
+)
 from geodesic_ocp.retargeting.poses.reachability import reachability
 
 needs_robots = pytest.mark.skipif(

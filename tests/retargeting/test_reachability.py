@@ -11,8 +11,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
-from geodesic_ocp.ocp.ik.collision_avoidance import CollisionAvoidance
-from geodesic_ocp.ocp.ik.inverse_kinematics import nearest_configuration
+from geodesic_ocp.ocp.ik.inverse_kinematics import CollisionAvoidance, nearest_configuration
 from geodesic_ocp.retargeting.poses.reachability import distances_beyond, reachability
 
 

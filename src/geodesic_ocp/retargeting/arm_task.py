@@ -21,10 +21,9 @@ from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, merge_synergi
 from geodesic_ocp.retargeting.poses.pose_mapping import PoseMapping
 from geodesic_ocp.retargeting.poses.reachability import reachability
 from geodesic_ocp.retargeting.poses.targets import REACHED, KeyPose, Pose, PoseFinder
-from geodesic_ocp.retargeting.program.elbow_offset import has_elbow, mapped_offsets
-from geodesic_ocp.retargeting.program.graph.candidates import Candidates, first_candidates
-from geodesic_ocp.retargeting.program.planned_paths import PlannedPaths
-from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
+from geodesic_ocp.retargeting.program.plan_paths import PlannedPaths
+from geodesic_ocp.retargeting.program.start import Candidates, first_candidates
+from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints, has_elbow, mapped_offsets
 from geodesic_ocp.retargeting.transfer import Transfer, plan_transfers, rest_at
 from geodesic_ocp.synergies.analysis import Analysis
 from geodesic_ocp.synergies.synergy import Synergy

@@ -17,7 +17,7 @@ from geodesic_ocp.execution.motion_measures import (
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
 from geodesic_ocp.execution.track_within_limits import Solver
 from geodesic_ocp.retargeting.poses.pose_mapping import PoseMapping
-from geodesic_ocp.retargeting.program.elbow_offset import (
+from geodesic_ocp.retargeting.program.waypoints import (
     elbow_offset,
     has_elbow,
     mapped_offsets,

@@ -26,8 +26,7 @@ from geodesic_ocp.retargeting.detours import warn_of_detours
 from geodesic_ocp.retargeting.motion_clearance import motion_clearance, of_paths, of_trajectory
 from geodesic_ocp.retargeting.poses.pose_mapping import PoseMapping
 from geodesic_ocp.retargeting.poses.targets import PoseFinder
-from geodesic_ocp.retargeting.program.plan_paths import plan_paths
-from geodesic_ocp.retargeting.program.planned_paths import PlannedPaths
+from geodesic_ocp.retargeting.program.plan_paths import PlannedPaths, plan_paths
 from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.retargeting.transfer import Transfer

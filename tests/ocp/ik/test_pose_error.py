@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from geodesic_ocp.ocp.ik.pose_error import pose_difference, rotation_log
+from geodesic_ocp.ocp.ik.pose_search import pose_difference, rotation_log
 
 ROTATION = ca.SX.sym("R", 3, 3)
 LOG = ca.Function("log", [ROTATION], [rotation_log(ROTATION)])

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 from geodesic_ocp.ocp.nlp.transcription import CompiledEnergy, PathTerms, Transcription, Units
-from geodesic_ocp.ocp.problem.parse_conditions import parse_conditions
+from geodesic_ocp.ocp.problem.problem import parse_conditions
 
 
 @pytest.mark.parametrize("grid", [go.Grid(1, 6), go.Grid(3, 4, (0.0, 0.2, 0.9, 1.0))])

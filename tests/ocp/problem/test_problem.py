@@ -16,7 +16,7 @@ from numpy.testing import assert_allclose
 import geodesic_ocp as go
 from geodesic_ocp.ocp.nlp.transcription import PathTerms, Transcription, Units
 from geodesic_ocp.ocp.nlp.violations import find_violations
-from geodesic_ocp.ocp.problem.parse_conditions import parse_conditions
+from geodesic_ocp.ocp.problem.problem import parse_conditions
 
 
 @dataclass(frozen=True)

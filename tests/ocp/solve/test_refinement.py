@@ -14,7 +14,7 @@ from known_problems import PlaneAroundDisc
 
 import geodesic_ocp as go
 from geodesic_ocp.ocp.nlp.violations import violation_profile
-from geodesic_ocp.ocp.problem.parse_conditions import parse_conditions
+from geodesic_ocp.ocp.problem.problem import parse_conditions
 from geodesic_ocp.ocp.solve.refinement import refine
 
 

@@ -14,7 +14,7 @@ from known_problems import PlaneAroundDisc, check_derivatives
 
 import geodesic_ocp as go
 from geodesic_ocp.ocp.nlp.transcription import PathTerms, Transcription, Units
-from geodesic_ocp.ocp.problem.parse_conditions import parse_conditions
+from geodesic_ocp.ocp.problem.problem import parse_conditions
 
 
 @dataclass(frozen=True)

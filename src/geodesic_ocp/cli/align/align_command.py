@@ -8,11 +8,8 @@ import textwrap
 from geodesic_ocp.cli.notes import printed_warnings
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.human import human_arm
-from geodesic_ocp.retargeting.alignment.alignment import known_alignment
-from geodesic_ocp.retargeting.alignment.alignment_figure import alignment_figure
-from geodesic_ocp.retargeting.alignment.alignment_table import alignment_table
-from geodesic_ocp.retargeting.alignment.propose_alignment import proposal
-from geodesic_ocp.retargeting.alignment.read_alignment import read_alignment
+from geodesic_ocp.retargeting.alignment.alignment import known_alignment, proposal, read_alignment
+from geodesic_ocp.retargeting.alignment.alignment_figure import alignment_figure, alignment_table
 
 _WIDTH = 100
 _SUFFIX = ".json"

@@ -24,9 +24,8 @@ from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.reports.report import report
-from geodesic_ocp.retargeting.alignment.alignment import alignment
+from geodesic_ocp.retargeting.alignment.alignment import alignment, read_alignment
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
-from geodesic_ocp.retargeting.alignment.read_alignment import read_alignment
 from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.retargeting.retarget import retarget_arms
 from geodesic_ocp.retargeting.settings import RetargetingSettings

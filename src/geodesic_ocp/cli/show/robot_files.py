@@ -11,8 +11,8 @@ from typing import Any
 from geodesic_ocp.cli.show.shown_robot import is_installed, shown_robot
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.retargeting.alignment.alignment import read_alignment
 from geodesic_ocp.retargeting.alignment.arm_alignment import check_joints
-from geodesic_ocp.retargeting.alignment.read_alignment import read_alignment
 from geodesic_ocp.scenes.motions.of_model import model_playback
 from geodesic_ocp.scenes.motions.of_robots import robots_playback
 from geodesic_ocp.scenes.motions.of_trajectory import trajectory_playback

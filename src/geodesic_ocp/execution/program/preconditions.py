@@ -10,10 +10,9 @@ import numpy as np
 from geodesic_ocp.arrays import as_vector
 from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.clearance import Clearance
-from geodesic_ocp.execution.program.dense_check import TOLERANCE
-from geodesic_ocp.execution.program.knots import SAME
-from geodesic_ocp.execution.program.reference import path_ends
-from geodesic_ocp.execution.program.settings import TrajectorySettings
+from geodesic_ocp.execution.program.arm_terms import TrajectorySettings
+from geodesic_ocp.execution.program.reference import SAME, path_ends
+from geodesic_ocp.execution.program.rounds import TOLERANCE
 
 _MEET = 1e-6  # [rad or m]; successive paths meet, and end within the limits, up to this
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.fitting.program.metric_program import MetricProgram
-from geodesic_ocp.fitting.program.sparse_blocks import triangle
+from geodesic_ocp.fitting.program.metric_program import MetricProgram, triangle
 
 _ACTIVE = 1e-6  # distance from a bound that is active
 

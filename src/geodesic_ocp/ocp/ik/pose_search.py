@@ -1,4 +1,4 @@
-"""The search for configurations with a hand pose: simultaneously, and one by one with Ipopt."""
+"""Inverse kinematics: configurations with a given pose, by many starts at once."""
 
 from __future__ import annotations
 
@@ -10,16 +10,101 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_rotation, as_vector
+from geodesic_ocp.arrays import Array, as_rotation, as_vector, real_array
 from geodesic_ocp.ipopt import Ipopt
 from geodesic_ocp.model.distances import signed_distances
 from geodesic_ocp.model.model import Model, as_model
-from geodesic_ocp.ocp.ik.collision_avoidance import CollisionAvoidance
-from geodesic_ocp.ocp.ik.free_directions import as_directions, complement
-from geodesic_ocp.ocp.ik.pose_error import rotation_log
+from geodesic_ocp.ocp.ik.inverse_kinematics import CollisionAvoidance
 from geodesic_ocp.ocp.ik.simultaneous_search import PoseErrors, search_simultaneously
+from geodesic_ocp.rotations import rotation_vector
+
+_TINY = 1e-12
+
+
+def rotation_log(rotation: ca.SX) -> ca.SX:
+    """Rotation vector (3, 1) [rad], axis times angle, of a rotation (3, 3), up to an angle of pi.
+
+    Computed from the unit quaternion, whose largest entry is found first, so that no division by
+    zero occurs (Shepperd, "Quaternion from rotation matrix", J. Guidance and Control 1, 1978). At
+    pi, where the axis is defined up to its sign, one of both is returned; the norm is right.
+    """
+    trace = rotation[0, 0] + rotation[1, 1] + rotation[2, 2]
+    diagonal = [trace, rotation[0, 0], rotation[1, 1], rotation[2, 2]]
+    skew = [
+        rotation[2, 1] - rotation[1, 2],
+        rotation[0, 2] - rotation[2, 0],
+        rotation[1, 0] - rotation[0, 1],
+    ]
+    mixed = {(i, j): rotation[i, j] + rotation[j, i] for i, j in ((0, 1), (0, 2), (1, 2))}
+    rows: list[list[ca.SX]] = [[ca.SX(0), *skew], [skew[0], ca.SX(0), mixed[0, 1], mixed[0, 2]]]
+    rows.append([skew[1], mixed[0, 1], ca.SX(0), mixed[1, 2]])
+    rows.append([skew[2], mixed[0, 2], mixed[1, 2], ca.SX(0)])
+    candidates = []
+    for index, row in enumerate(rows):
+        square = 1 + 2 * diagonal[index] - trace if index else 1 + trace
+        pivot = ca.sqrt(ca.fmax(square, 0.5)) / 2  # the largest square is at least one
+        entries = [pivot if k == index else each / (4 * pivot) for k, each in enumerate(row)]
+        candidates.append(ca.vertcat(*entries))
+    quaternion, largest = candidates[0], diagonal[0]
+    for candidate, square in zip(candidates[1:], diagonal[1:], strict=True):
+        quaternion = ca.if_else(square > largest, candidate, quaternion)
+        largest = ca.fmax(square, largest)
+    quaternion = ca.if_else(quaternion[0] < 0, -quaternion, quaternion)
+    square = ca.sumsqr(quaternion[1:])
+    sine = ca.sqrt(ca.fmax(square, _TINY))
+    factor = ca.if_else(square > _TINY, 2 * ca.atan2(sine, quaternion[0]) / sine, 2 + square / 3)
+    return factor * quaternion[1:]
+
+
+def pose_difference(
+    rotation: Array, position: Array, target_rotation: Array, target_position: Array
+) -> tuple[float, float]:
+    """Distance [m] and angle [rad] between two poses, given as (3, 3) and (3,) each."""
+    vector = rotation_vector(target_rotation.T @ rotation)
+    return float(np.linalg.norm(position - target_position)), float(np.linalg.norm(vector))
+
+
+def as_directions(name: str, given: ArrayLike | None) -> Array:
+    """Unit directions (k, 3) from None, one direction (3,) or several (k, 3).
+
+    Raises:
+        ValueError: wrong shapes, a zero vector, or directions that span all of space.
+    """
+    if given is None:
+        return np.zeros((0, 3))
+    try:
+        directions = np.atleast_2d(real_array(given))
+    except (TypeError, ValueError):
+        directions = np.zeros(0)
+    if directions.shape == (1, 0) or directions.shape == (0, 3):
+        return np.zeros((0, 3))
+    lengths = np.linalg.norm(directions, axis=-1)
+    scaled = directions / np.where(lengths > 0.0, lengths, 1.0)[..., None]
+    if (
+        directions.ndim != 2
+        or directions.shape[1] != 3
+        or not np.all(np.isfinite(directions))
+        or not np.all(lengths > 0.0)
+        or np.linalg.matrix_rank(np.nan_to_num(scaled)) > 2
+    ):
+        raise ValueError(
+            f"{name} must be a direction (3,), or (k, 3) of at most two independent ones, not "
+            f"zero, got {given!r}"
+        )
+    return np.asarray(scaled)
+
+
+def complement(directions: Array) -> tuple[Array, int]:
+    """Orthonormal axes (3, 3), in columns, of which the first m span the directions, and m."""
+    if not len(directions):
+        return np.eye(3), 0
+    across = scipy.linalg.null_space(directions)
+    along = scipy.linalg.null_space(across.T)
+    return np.hstack([along, across]), along.shape[1]
+
 
 # Starts searched from simultaneously: first those nearby, which are the most promising.
 _FIRST, _AT_ONCE = 8, 20

@@ -1,13 +1,17 @@
-"""Conditions on a path in a common form: named expressions with bounds."""
+"""Conditions on a path in a common form, and their bounds on a grid."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.trajectory.grid import Grid
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -98,3 +102,143 @@ class Conditions:
 def stacked(conditions: Sequence[Condition]) -> ca.SX:
     """All expressions in one column; (0, 1) if there are none."""
     return ca.vertcat(ca.SX(0, 1), *(condition.expression for condition in conditions))
+
+
+_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Indices (count, m) of a condition's values in the raveled nodes, or in g."""
+
+    condition: Condition
+    index: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class NodeBounds:
+    """Bounds of one problem on one grid.
+
+    Attributes:
+        lower, upper: of the positions at the nodes, (size, n).
+        ends: values to which the first and the last node are fixed, (n,) each, NaN if free.
+        lower_g, upper_g: of the constraint functions, in the order of the transcription.
+    """
+
+    lower: Array
+    upper: Array
+    ends: tuple[Array, Array]
+    lower_g: Array
+    upper_g: Array
+    _in_x: tuple[_Rows, ...]
+    _in_g: tuple[_Rows, ...]
+
+    def __repr__(self) -> str:
+        size, n = self.lower.shape
+        return f"NodeBounds({size} nodes, {n} coordinates, {self.lower_g.size} constraints)"
+
+    @classmethod
+    def on_grid(
+        cls, conditions: Conditions, grid: Grid, joint_names: Sequence[str] | None = None
+    ) -> NodeBounds:
+        """The bounds of these conditions on the grid.
+
+        Raises:
+            ValueError: a fixed end lies outside the problem's own bounds.
+        """
+        n = conditions.q.shape[0]
+        lower, upper = np.full((grid.size, n), -np.inf), np.full((grid.size, n), np.inf)
+        in_x = []
+        for condition in conditions.bounds:
+            columns = np.array(condition.coordinates)
+            for column, low, high in zip(columns, condition.lower, condition.upper, strict=True):
+                lower[:, column] = np.maximum(lower[:, column], low)
+                upper[:, column] = np.minimum(upper[:, column], high)
+            in_x.append(_Rows(condition, n * np.arange(grid.size)[:, None] + columns))
+
+        ends = np.full(n, np.nan), np.full(n, np.nan)
+        for condition in conditions.fixed:
+            assert condition.coordinates is not None
+            for coordinate, value in zip(condition.coordinates, condition.lower, strict=True):
+                _fix(condition.name, coordinate, value, lower, upper, ends, joint_names)
+            at_end, columns = np.divmod(np.array(condition.coordinates), n)
+            in_x.append(_Rows(condition, (columns + at_end * n * (grid.size - 1))[None, :]))
+
+        at_via = tuple(condition for at_one in conditions.via for condition in at_one)
+        groups = (
+            *((conditions.ends, 1), (at_via, 1), (conditions.via_continuity, 1)),
+            *((conditions.along_q, grid.size), (conditions.along_qv, grid.collocations)),
+        )
+        in_g, start = [], 0
+        for group, count in groups:
+            in_g += list(_interleaved(group, count, start))
+            start += count * sum(condition.size for condition in group)
+        lower_g, upper_g = np.empty(start), np.empty(start)
+        for rows in in_g:
+            lower_g[rows.index], upper_g[rows.index] = rows.condition.lower, rows.condition.upper
+        return cls(lower, upper, ends, lower_g, upper_g, tuple(in_x), tuple(in_g))
+
+    def worst(self, x: Array, g: Array) -> tuple[float, str]:
+        """Largest violation at the nodes and the name of its condition; NaN counts as infinite."""
+        violations = [(0.0, "")]
+        for rows, source in self._all_rows(x, g):
+            found, condition = source[rows.index], rows.condition
+            excess = np.maximum(condition.lower - found, found - condition.upper)
+            excess = np.where(np.isnan(excess), np.inf, excess)
+            violations.append((float(np.max(excess, initial=0.0)), condition.name))
+        return max(violations, key=lambda pair: pair[0])
+
+    def multipliers(self, lam_x: Array, lam_g: Array) -> Mapping[str, Array]:
+        """Multipliers by the condition's name, (m,) at the ends and (nodes, m) along the path."""
+        result = {}
+        for rows, source in self._all_rows(lam_x, lam_g):
+            found = source[rows.index]
+            result[rows.condition.name] = found[0] if len(found) == 1 else found
+        return result
+
+    def switching_points(
+        self, grid: Grid, active_x: NDArray[np.bool_], active_g: NDArray[np.bool_]
+    ) -> tuple[float, ...]:
+        """S between the nodes where a condition along the path becomes active or inactive."""
+        nodes = {grid.collocations: grid.in_segments(grid.nodes).ravel(), grid.size: grid.nodes}
+        found: set[float] = set()
+        for rows, active in self._all_rows(active_x, active_g):
+            if (s := nodes.get(len(rows.index))) is not None:
+                changed = np.any(np.diff(active[rows.index], axis=0), axis=1)
+                found.update(((s[1:] + s[:-1]) / 2.0)[changed].tolist())
+        return tuple(sorted(found))
+
+    def _all_rows(self, x: NDArray[Any], g: NDArray[Any]) -> Iterator[tuple[_Rows, NDArray[Any]]]:
+        yield from ((rows, x.ravel()) for rows in self._in_x)
+        yield from ((rows, g) for rows in self._in_g)
+
+
+def _fix(
+    name: str,
+    coordinate: int,
+    value: float,
+    lower: Array,
+    upper: Array,
+    ends: tuple[Array, Array],
+    joint_names: Sequence[str] | None,
+) -> None:
+    """Fix a coordinate of the first node (0 to n - 1) or the last (n to 2 n - 1) in the arrays."""
+    end, column = divmod(coordinate, lower.shape[1])
+    node, word = ((0, "start"), (-1, "end"))[end]
+    low, high = lower[node, column], upper[node, column]
+    if not low - _TOLERANCE <= value <= high + _TOLERANCE:
+        which = f"coordinate {column}" if joint_names is None else f"joint {joint_names[column]}"
+        raise ValueError(
+            f"{name}: {which} is fixed at {value:.6g} at the path's {word}, outside "
+            f"its bounds {low:.6g} to {high:.6g}"
+        )
+    lower[node, column] = upper[node, column] = ends[end][column] = value
+
+
+def _interleaved(group: Sequence[Condition], count: int, start: int) -> Iterator[_Rows]:
+    """Rows in g of a group of conditions: all conditions of one node, then those of the next."""
+    width, offset = sum(condition.size for condition in group), start
+    for condition in group:
+        rows = offset + width * np.arange(count)[:, None]
+        yield _Rows(condition, rows + np.arange(condition.size))
+        offset += condition.size

@@ -9,10 +9,9 @@ import casadi as ca
 
 from geodesic_ocp.arrays import short_repr
 from geodesic_ocp.manifold.metric import Metric, as_metric
-from geodesic_ocp.ocp.nlp.definition import Structure
-from geodesic_ocp.ocp.problem.keys import key_of
+from geodesic_ocp.ocp.nlp.nlp import Structure
 from geodesic_ocp.ocp.problem.path_constraints import ConstrainedProblem
-from geodesic_ocp.ocp.problem.problem import Equality, Problem
+from geodesic_ocp.ocp.problem.problem import Equality, Problem, key_of
 
 
 @dataclass(frozen=True, repr=False)

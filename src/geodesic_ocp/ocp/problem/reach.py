@@ -15,9 +15,8 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.model.model import Model, as_model
-from geodesic_ocp.ocp.ik.free_directions import as_directions, complement
 from geodesic_ocp.ocp.ik.inverse_kinematics import inverse_kinematics
-from geodesic_ocp.ocp.ik.pose_error import rotation_log
+from geodesic_ocp.ocp.ik.pose_search import as_directions, complement, rotation_log
 from geodesic_ocp.ocp.problem.path_constraints import ConstrainedProblem
 from geodesic_ocp.ocp.problem.problem import Equality
 

@@ -17,10 +17,15 @@ from geodesic_ocp.ocp.nlp.conditions import Conditions
 from geodesic_ocp.ocp.nlp.transcription import Units
 from geodesic_ocp.ocp.nlp.violations import find_violations
 from geodesic_ocp.ocp.problem.problem import Problem
-from geodesic_ocp.ocp.solve.encoding import decoded, described_model
-from geodesic_ocp.ocp.solve.final_iterate import FinalIterate
-from geodesic_ocp.ocp.solve.solution import FORMAT, VERSION, Solution
-from geodesic_ocp.ocp.solve.stats import Stats
+from geodesic_ocp.ocp.solve.certificate import FinalIterate
+from geodesic_ocp.ocp.solve.solution import (
+    FORMAT,
+    VERSION,
+    Solution,
+    Stats,
+    decoded,
+    described_model,
+)
 from geodesic_ocp.records import SENSELESS, convert, decoding, read_record
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path

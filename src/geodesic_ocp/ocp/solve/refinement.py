@@ -18,8 +18,7 @@ from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.ipopt import STOPPED
 from geodesic_ocp.ocp.nlp.conditions import Conditions
 from geodesic_ocp.ocp.nlp.violations import BETWEEN_NODES, ViolationProfile, violation_profile
-from geodesic_ocp.ocp.solve.solution import Solution
-from geodesic_ocp.ocp.solve.stats import MeshIteration
+from geodesic_ocp.ocp.solve.solution import MeshIteration, Solution
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 

@@ -13,18 +13,14 @@ import casadi as ca
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.ipopt import NO_VALUE, NOT_FINITE, STOPPED, Ipopt, Outcome
-from geodesic_ocp.ocp.nlp.definition import ProblemDefinition, Structure
-from geodesic_ocp.ocp.nlp.nlp import NLP, build_nlp
+from geodesic_ocp.ocp.nlp.nlp import NLP, ProblemDefinition, Structure, build_nlp
 from geodesic_ocp.ocp.nlp.transcription import Transcription
 from geodesic_ocp.ocp.nlp.violations import find_violations, violation_profile
 from geodesic_ocp.ocp.problem.problem import Problem
 from geodesic_ocp.ocp.solve.callback import Callback, IterationCallback
-from geodesic_ocp.ocp.solve.certificate import descent_direction
-from geodesic_ocp.ocp.solve.final_iterate import FinalIterate
-from geodesic_ocp.ocp.solve.messages import describe_failure
+from geodesic_ocp.ocp.solve.certificate import FinalIterate, descent_direction
 from geodesic_ocp.ocp.solve.refinement import meeting_conditions, refine, refine_where_violated
-from geodesic_ocp.ocp.solve.solution import Solution, with_effort_of
-from geodesic_ocp.ocp.solve.stats import Stats
+from geodesic_ocp.ocp.solve.solution import Solution, Stats, describe_failure, with_effort_of
 from geodesic_ocp.ocp.solve.via_points import with_optimal_via_points
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path

@@ -1,4 +1,4 @@
-"""A figure of an alignment: the robot and a person's arm in corresponding postures."""
+"""An alignment as a figure and a table."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from geodesic_ocp.figures.arms.view import View
 from geodesic_ocp.figures.new_figure import new_figure
 from geodesic_ocp.figures.styles import ROLES
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
+from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment, axis_name
 from geodesic_ocp.retargeting.poses.nearest_poses import nearest_poses, search_range
+from geodesic_ocp.table import Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -155,3 +156,23 @@ def _add_legend(figure: Figure, axes: Axes, name: str) -> None:
     for label, style in (("fingers", _FINGERS), ("right, when hanging", _RIGHT)):
         (known[label],) = axes.plot([], [], marker=">", markersize=8, **style)
     figure.legend(known.values(), known.keys(), loc="outside lower center", ncols=4, frameon=False)
+
+
+def alignment_table(robot: Model, aligned: Alignment) -> Table:
+    """Shoulder, axes, length, side, elbow and wrist of an alignment, in words."""
+    base, hand = np.asarray(aligned.base), np.asarray(aligned.hand)
+    across = {"right": "back of the hand", "left": "palm"}.get(aligned.side or "", "hand's right")
+    position = ", ".join(f"{entry:.3f}" for entry in np.asarray(aligned.shoulder) + 0.0)
+    rows = (
+        ("shoulder", f"at ({position}) m in the base frame"),
+        ("person's right", axis_name(base[:, 0], "the base")),
+        ("person's forward", axis_name(base[:, 1], "the base")),
+        ("person's up", axis_name(base[:, 2], "the base")),
+        ("fingers", axis_name(hand[2], robot.hand)),
+        (across, axis_name(hand[0], robot.hand)),
+        ("length", f"{aligned.length:.3f} m from the shoulder to the hand"),
+        ("side", aligned.side or "either"),
+        ("elbow", aligned.elbow or "not known"),
+        ("wrist", aligned.wrist or "not known"),
+    )
+    return Table(("alignment", robot.name), rows)

@@ -17,7 +17,7 @@ from geodesic_ocp.ocp.ik.inverse_kinematics import (
     inverse_kinematics_solutions,
     nearest_configuration,
 )
-from geodesic_ocp.ocp.ik.pose_error import pose_difference
+from geodesic_ocp.ocp.ik.pose_search import pose_difference
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 
 REACHED = 1e-6  # [m] and [rad]

@@ -3,29 +3,76 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.progress import Progress, no_progress
-from geodesic_ocp.retargeting.program.arm_part import ArmPart
-from geodesic_ocp.retargeting.program.distances.keep_apart import (
+from geodesic_ocp.retargeting.program.keep_apart import (
     keep_apart,
     lacking_distances,
     least_distances,
 )
-from geodesic_ocp.retargeting.program.graph.candidates import Candidates
-from geodesic_ocp.retargeting.program.graph.start import (
+from geodesic_ocp.retargeting.program.motion_program import ArmPart
+from geodesic_ocp.retargeting.program.refined import ProgramIterate, refined
+from geodesic_ocp.retargeting.program.start import (
+    Candidates,
     find_start,
     least_action,
     off_the_way,
     own_distances,
 )
-from geodesic_ocp.retargeting.program.planned_paths import PlannedPaths
-from geodesic_ocp.retargeting.program.refined import ProgramIterate, refined
-from geodesic_ocp.retargeting.program.terms import ObjectiveWeights
-from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
+from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints, ObjectiveWeights
+from geodesic_ocp.trajectory.path import Path
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PlannedPaths:
+    """The solution of the program.
+
+    Attributes:
+        starts: configurations in which the arms begin.
+        paths: of the movements of each arm.
+        within_reach: which poses each arm attains, at its m + 1 waypoints: neither out of reach,
+            nor with links too near each other.
+        near_misses: which poses each arm misses on purpose, to avoid a detour.
+        longer: time added to each interval between `edges`, relative.
+        edges: times [s] in the recording at which a movement of any arm begins or ends.
+        action: of all paths at constant speed and in the person's time [J s].
+        iterations: of Ipopt, on all grids.
+        segments: of the last grids.
+        success: whether the program is solved.
+        status: how Ipopt stopped, a sentence.
+        kept: numbers of the distances that entered the program.
+        least_distances: along the paths (m,) [m], in the order of the clearance; empty without one.
+        too_near: names of the distances that fall below their bounds by more than a millimetre,
+            each with by how much [m], and the time in the recording [s].
+    """
+
+    starts: tuple[Array, ...]
+    paths: tuple[tuple[Path, ...], ...]
+    within_reach: tuple[tuple[bool, ...], ...]
+    near_misses: tuple[tuple[bool, ...], ...]
+    longer: Array
+    edges: Array
+    action: float
+    iterations: int
+    segments: int
+    success: bool
+    status: str
+    kept: tuple[int, ...]
+    least_distances: Array
+    too_near: tuple[tuple[str, float, float], ...]
+
+    def __repr__(self) -> str:
+        count = sum(len(each) for each in self.paths)
+        return (
+            f"PlannedPaths({count} paths of action {self.action:.4g} J s, {self.iterations} "
+            f"iterations on up to {self.segments} segments, {self.status})"
+        )
+
 
 _SEGMENTS, _DEGREE = 2, 6  # of each movement, on the first grid
 _DETOUR = 5.0  # weight of the hand's distance from the person's halfway, in the graph

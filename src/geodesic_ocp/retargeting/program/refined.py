@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.ocp.solve.refinement import unresolved_energy
-from geodesic_ocp.retargeting.program.arm_part import ArmPart
-from geodesic_ocp.retargeting.program.motion_program import MotionProgram
-from geodesic_ocp.retargeting.program.terms import ObjectiveWeights
+from geodesic_ocp.retargeting.program.motion_program import ArmPart, MotionProgram
+from geodesic_ocp.retargeting.program.waypoints import ObjectiveWeights
 
 _ROUNDS, _MOST_SEGMENTS = 12, 400
 _RESOLVED = 1e-5  # of the energy

@@ -1,18 +1,145 @@
-"""What the program knows about one arm: its waypoints, and the time between them."""
+"""Waypoints of one arm, the time between them, and the terms of its configurations there.
+
+An elbow's offset is the part of shoulder to elbow perpendicular to shoulder to wrist, relative to
+the length of the arm. It turns with the swivel angle (Tolani, Goswami, Badler, Graphical Models 62,
+2000) and vanishes with the straight arm, where that angle is not defined.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.blocks import Terms
 from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.ocp.ik.pose_search import rotation_log
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
-from geodesic_ocp.retargeting.poses.targets import Pose
-from geodesic_ocp.retargeting.program.waypoint_functions import waypoint_terms
+from geodesic_ocp.retargeting.poses.pose_mapping import PoseMapping
+from geodesic_ocp.retargeting.poses.targets import Pose, middle_of_ranges
+
+_SHORTEST = 1e-4  # [m^2], squared distance from the shoulder to the wrist
+
+
+def has_elbow(model: Model, alignment: Alignment) -> bool:
+    """Whether the alignment names joints of the model as its elbow and its wrist."""
+    names = alignment.elbow, alignment.wrist
+    return all(name is not None and model.pin.existFrame(name) for name in names)
+
+
+def elbow_offset(model: Model, alignment: Alignment, q: Any) -> ca.SX:
+    """Offset (3, 1) of the elbow in the axes of the base, in lengths of the arm."""
+    shoulder = ca.DM(np.asarray(alignment.shoulder))
+    _, elbow = model.frame_pose(str(alignment.elbow), q)
+    _, wrist = model.frame_pose(str(alignment.wrist), q)
+    upper, whole = elbow - shoulder, wrist - shoulder
+    along = ca.dot(upper, whole) / (ca.sumsqr(whole) + _SHORTEST)
+    offset: ca.SX = (upper - along * whole) / alignment.length
+    return offset
+
+
+def mapped_offsets(mapping: PoseMapping, q: Array) -> Array:
+    """The person's elbow offsets (k, 3), in the axes of the robot's base, at q (k, n)."""
+    source, target = mapping.source, mapping.target
+    symbol = ca.SX.sym("q", mapping.model.dof)
+    function = ca.Function("offset", [symbol], [elbow_offset(mapping.model, source, symbol)])
+    offsets = np.atleast_2d(function(q.T).full().T)
+    in_person = offsets @ np.asarray(source.base)
+    if mapping.mirror:
+        in_person = in_person * np.array([-1.0, 1.0, 1.0])
+    return np.asarray(in_person @ np.asarray(target.base).T)
+
+
+@dataclass(frozen=True)
+class ObjectiveWeights:
+    """Weights and units of the objective's terms.
+
+    The objective is action / `action` + `stretch` times the time added / `duration`, plus the means
+    over the waypoints of `posture` times the mean squared distance of the joints from the middle of
+    their ranges, in half ranges, and of `likeness` times the squared distance of the elbow's offset
+    from the person's, in lengths of the arm.
+
+    Attributes:
+        action: unit of the action [J s].
+        duration: of the recording's part [s].
+        stretch, posture, likeness: weights.
+        detour: weight in the graph alone, of the squared distance of the hand from the person's
+            halfway through the movements, mean over these.
+    """
+
+    action: float
+    duration: float
+    stretch: float
+    posture: float
+    likeness: float
+    detour: float
+
+
+_GRAVITY = 9.81  # [m/s^2]
+# A joint that holds the arm with more than this share of its torque is too weak to move it; cost
+# of the squared excess.
+_SHARE, _WEAK = 0.8, 300.0
+NUM_PARAMETERS = 12 + 6 + 3 + 2
+
+
+def parameters(
+    pose: Pose, missed: Array, offset: Array | None, posture: float, likeness: float
+) -> Array:
+    """The parameters of a waypoint.
+
+    Args:
+        pose: of the hand.
+        missed: weights of the squared pose errors (6,); zero for a pose within reach.
+        offset: of the person's elbow (3,); None: not known.
+        posture, likeness: weights of these terms.
+    """
+    position = np.zeros(3) if pose.position is None else pose.position
+    rotation = np.eye(3) if pose.rotation is None else pose.rotation
+    known = offset is not None
+    return np.concatenate(
+        [
+            *(position, rotation.ravel(order="F"), missed),
+            *(offset if known else np.zeros(3), [posture, likeness if known else 0.0]),
+        ]
+    )
+
+
+def limited_torques(
+    arm: Model, alignment: Alignment, q: ca.SX, torque: tuple[float, ...]
+) -> list[tuple[int, ca.SX]]:
+    """Torques that hold the arm still, of the joints with a limit, by their numbers."""
+    limited = np.flatnonzero(np.isfinite(torque)).tolist()
+    if not limited:
+        return []
+    still = ca.SX.zeros(arm.dof)
+    held = arm.inverse_dynamics(q, still, still, -_GRAVITY * np.asarray(alignment.base)[:, 2])
+    return [(joint, held[joint]) for joint in limited]
+
+
+@lru_cache(maxsize=32)
+def waypoint_terms(
+    arm: Model, alignment: Alignment, rows: tuple[int, ...], torque: tuple[float, ...]
+) -> Terms:
+    """Costs and pose errors of an arm, for these rows of the error and limits on torque (n,)."""
+    q, p = ca.SX.sym("q", arm.dof), ca.SX.sym("p", NUM_PARAMETERS)
+    position, rotation, missed, offset, weights = ca.vertsplit(p, [0, 3, 12, 18, 21, 23])
+    hand_rotation, hand_position = arm.hand_pose(q)
+    error = ca.vertcat(
+        hand_position - position, rotation_log(ca.reshape(rotation, 3, 3).T @ hand_rotation)
+    )
+    middle, half = middle_of_ranges(arm)
+    cost = ca.dot(missed, error**2) + weights[0] * ca.sumsqr((q - middle) / half) / arm.dof
+    if has_elbow(arm, alignment):
+        cost += weights[1] * ca.sumsqr(elbow_offset(arm, alignment, q) - offset)
+    for joint, held in limited_torques(arm, alignment, q, torque):
+        cost += _WEAK * ca.fmax(0.0, ca.fabs(held / torque[joint]) - _SHARE) ** 2
+    return Terms(q, p, cost, error[list(rows)])
+
 
 _PEAK, _BRAKING = 1.5, 5.0
 

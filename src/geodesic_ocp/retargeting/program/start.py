@@ -1,4 +1,4 @@
-"""Where the program starts: one configuration a waypoint, by the shortest path in a graph.
+"""Candidates at the waypoints, and the shortest path through them, at which the program starts.
 
 The nodes of the graph are configurations with the poses of the waypoints. An edge costs the energy
 of the straight line, and the time that the joints' speed limits add to it.
@@ -6,7 +6,7 @@ of the straight line, and the time that the joints' speed limits add to it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -15,14 +15,143 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, evaluate
 from geodesic_ocp.execution.clearance import Clearance
-from geodesic_ocp.retargeting.program.graph.candidates import (
-    Candidates,
-    candidates_near,
-)
-from geodesic_ocp.retargeting.program.graph.shortest_path import shortest_path
-from geodesic_ocp.retargeting.program.terms import ObjectiveWeights
-from geodesic_ocp.retargeting.program.waypoint_functions import parameters
-from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
+from geodesic_ocp.ocp.ik.inverse_kinematics import CollisionAvoidance
+from geodesic_ocp.ocp.ik.pose_search import PoseSearch
+from geodesic_ocp.retargeting.poses.targets import REACHED, middle_of_ranges
+from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints, ObjectiveWeights, parameters
+
+_STARTS = 96  # of the search at each waypoint
+_CARRIED = 32  # more, the configurations found at the waypoint before
+_MOST = 64  # configurations at a waypoint
+_SAME = 0.05  # [rad or m]
+# Poses out of reach: errors up to this factor above the least, and this much more [m or rad]. The
+# nearest pose may be on the other side of a singularity.
+_NEARLY, _MORE = 1.5, 0.02
+_NEAR = 32  # more of them that miss a pose within reach
+_POSE_ROUNDS = 4  # of searches, whose results are joined
+_MISSED = 1e3, 1e5  # range of weights of squared errors [1/m^2] or [1/rad^2]
+_TINY = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Configurations (k, n) with the pose of a waypoint, or with the nearest ones.
+
+    Attributes:
+        q: the configurations.
+        errors: of their poses (k,) [m or rad]; zero for those that attain the pose.
+    """
+
+    q: Array
+    errors: Array
+
+    @classmethod
+    def attaining(cls, *configurations: Array) -> Candidates:
+        """Configurations with the pose."""
+        return cls(np.array(configurations), np.zeros(len(configurations)))
+
+    @property
+    def within_reach(self) -> bool:
+        """Whether any of them attains the pose."""
+        return bool(self.errors.min() == 0.0)
+
+    @property
+    def missed(self) -> Array:
+        """Weights of the squared errors (k,); zero for those that attain the pose.
+
+        The nearer the pose, the larger: of a pose out of reach as that of the nearest one, and of
+        one within reach as that of each.
+        """
+        least = self.errors if self.within_reach else np.full_like(self.errors, self.errors.min())
+        weights = np.clip(np.maximum(least, _TINY) ** -2, *_MISSED)
+        return np.where(self.errors == 0.0, 0.0, weights)
+
+    def joined(self, other: Candidates, near_misses: float) -> Candidates:
+        """Those of both; if any attains the pose, without larger errors than `near_misses`."""
+        q = np.vstack([self.q, other.q])
+        errors = np.concatenate([self.errors, other.errors])
+        return _chosen(q, errors, near_misses, _MOST * _POSE_ROUNDS)
+
+
+def first_candidates(waypoints: ArmWaypoints) -> list[Candidates]:
+    """Configurations at each waypoint, from random starts and those of the waypoint before."""
+    found: list[Candidates] = []
+    rng = np.random.default_rng(0)
+    for number in range(waypoints.count + 1):
+        if number == 0 and waypoints.start is not None:
+            found.append(Candidates.attaining(waypoints.start))
+            continue
+        lower, upper = _search(waypoints, number, middle_of_ranges(waypoints.arm)[0]).bounds(
+            waypoints.limited
+        )
+        starts = rng.uniform(lower, upper, (_STARTS, waypoints.arm.dof))
+        before = found[-1].q[:_CARRIED] if found else middle_of_ranges(waypoints.arm)[0][None, :]
+        found.append(candidates_near(waypoints, number, np.vstack([before, starts])))
+    return found
+
+
+def candidates_near(waypoints: ArmWaypoints, number: int, starts: Array) -> Candidates:
+    """Configurations at one waypoint, each near one of the starts (k, n)."""
+    search = _search(waypoints, number, starts[0])
+    arm = waypoints.arm
+    if waypoints.limited:
+        bounds = arm.lower, arm.upper
+    else:
+        bounds = np.full(arm.dof, -np.inf), np.full(arm.dof, np.inf)
+    q, errors = search.from_every_start(bounds, starts, waypoints.row_weights)
+    errors = np.where(errors <= REACHED * 1e-2, 0.0, errors)
+    return _chosen(q, errors, waypoints.near_misses, _MOST)
+
+
+def _chosen(q: Array, errors: Array, near_misses: float, most: int) -> Candidates:
+    """Distinct ones of configurations (k, n), up to a number, those with the least errors first."""
+    least = float(errors.min())
+    largest = near_misses if least == 0.0 else _NEARLY * least + _MORE
+    order = np.argsort(errors, kind="stable")
+    order = order[errors[order] <= largest]
+    kept: list[int] = []
+    near = 0
+    for index in order.tolist():
+        if kept and np.abs(q[kept] - q[index]).max(axis=1).min() <= _SAME:
+            continue
+        near += bool(least == 0.0 and errors[index] > 0.0)
+        if len(kept) - near >= most or near > _NEAR:
+            continue
+        kept.append(index)
+    return Candidates(q[kept], errors[kept])
+
+
+def _search(waypoints: ArmWaypoints, number: int, near: Array) -> PoseSearch:
+    pose = waypoints.poses[number]
+    return PoseSearch.checked(
+        *("retarget", waypoints.arm, near, pose.position, pose.rotation, CollisionAvoidance())
+    )
+
+
+def shortest_path(
+    node_costs: Sequence[Array], edge_costs: Callable[[int], Array]
+) -> tuple[list[int], float]:
+    """One node of each layer, with the least sum of costs.
+
+    Args:
+        node_costs: of each layer, (k_i,).
+        edge_costs: number i of a layer -> costs (k_i, k_i+1) of the edges to the next one.
+
+    Returns:
+        Indices of the nodes, and their cost.
+    """
+    total = np.asarray(node_costs[0], dtype=float)
+    before: list[np.ndarray] = []
+    for layer, costs in enumerate(node_costs[1:]):
+        sums = total[:, None] + edge_costs(layer)
+        best = np.argmin(sums, axis=0)
+        before.append(best)
+        total = sums[best, np.arange(best.size)] + costs
+    chosen = [int(np.argmin(total))]
+    for best in reversed(before):
+        chosen.append(int(best[chosen[-1]]))
+    return chosen[::-1], float(total.min())
+
 
 _ROUNDS = 3  # of new candidates around those chosen
 _FAR = 0.25  # of the arm's length

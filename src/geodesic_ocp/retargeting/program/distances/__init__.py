@@ -1,1 +1,0 @@
-"""Distances of links and obstacles in the program."""

@@ -1,1 +1,0 @@
-"""The graph of configurations from whose shortest path the program starts."""
