@@ -405,12 +405,12 @@ else:
         "recordings.read_motion": "read_motion",
         "synergies.reconstruct": "Reconstruction reconstruct",
         "synergies.optimal_segmentations": (
-            "OptimalSegmentations optimal_segmentations segment_optimal "
+            "OptimalSegmentations optimal_segmentations segment_optimal"
         ),
         "synergies.segment": "segment segment_zero_velocity",
         "synergies.synergy": "Synergy load_synergies save_synergies",
         "synergies.baselines": (
-            "track_hand minimum_acceleration minimum_jerk minimum_jerk_hand distal_inertia "
+            "track_hand minimum_acceleration minimum_jerk minimum_jerk_hand distal_inertia"
         ),
         "recordings.opensim_models.osim_convention": "OsimConvention",
         "recordings.recording": "Recording",
@@ -420,9 +420,7 @@ else:
         "comparison.method_comparison": "MethodComparison",
         "comparison.metric_comparison": "MetricComparison",
         "comparison.paired_test": "PairedTest paired_test",
-        "recordings.conventions.angle_convention": (
-            "AngleConvention AxisRotation SegmentRelation "
-        ),
+        "recordings.conventions.angle_convention": ("AngleConvention AxisRotation SegmentRelation"),
         "recordings.conventions.segment_orientations": "SegmentOrientations",
         "recordings.conventions.joint_angles": "joint_angles",
         "recordings.skeletons.skeleton_convention": "SkeletonConvention",

@@ -8,7 +8,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.ocp.ik.inverse_kinematics import CollisionAvoidance, nearest_configuration
+from geodesic_ocp.ocp.ik.inverse_kinematics import nearest_configuration
+from geodesic_ocp.ocp.ik.pose_search import CollisionAvoidance
 
 START = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
 TARGET = (0.1, 0.45, 0.1)  # [m]

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 import geodesic_ocp as go
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.ocp.ik.inverse_kinematics import configuration_within
-from geodesic_ocp.ocp.ik.simultaneous_search import search_simultaneously
+from geodesic_ocp.ocp.ik.pose_search import search_simultaneously
 
 LOWER, UPPER = np.array([-np.pi, -2.0]), np.array([np.pi, 2.0])
 

@@ -14,8 +14,12 @@ from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.logarithm.pose_shooting import metric_of
 from geodesic_ocp.retargeting.poses.targets import Pose
-from geodesic_ocp.retargeting.program.keep_apart import place_at, positions_at
-from geodesic_ocp.retargeting.program.motion_program import ArmPart, MotionProgram
+from geodesic_ocp.retargeting.program.motion_program import (
+    ArmPart,
+    MotionProgram,
+    place_at,
+    positions_at,
+)
 from geodesic_ocp.retargeting.program.plan_paths import PlannedPaths, plan_paths
 from geodesic_ocp.retargeting.program.start import Candidates, first_candidates
 from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints, ObjectiveWeights

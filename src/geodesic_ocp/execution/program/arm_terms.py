@@ -21,7 +21,7 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.blocks import Block, Indices, Terms
 from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.program import weights
-from geodesic_ocp.execution.program.reference import Course, Reference
+from geodesic_ocp.execution.program.reference import INSIDE, Course, Reference
 from geodesic_ocp.ocp.ik.pose_search import rotation_log
 
 
@@ -41,7 +41,6 @@ class TrajectorySettings:
     deviation_weight: float = 1.0
 
 
-INSIDE = 1e-5  # how far inside the limits a program stays, relative
 _TOUCHES = 1e-5  # of a position limit [rad or m]
 _OUTSIDE = 5e-7  # [rad or m]; lets a path touch its position limits
 

@@ -12,7 +12,24 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.execution.arm_paths import ArmPaths
-from geodesic_ocp.execution.program.rounds import KnotStates
+
+
+@dataclass(frozen=True, eq=False)
+class KnotStates:
+    """Values of a program's variables.
+
+    Attributes:
+        durations: of the intervals (m,) [s].
+        positions, velocities, accelerations: of every arm, (knots, n) each.
+    """
+
+    durations: Array
+    positions: tuple[Array, ...]
+    velocities: tuple[Array, ...]
+    accelerations: tuple[Array, ...]
+
+
+INSIDE = 1e-5  # how far inside the limits a program stays, relative
 
 _SPACING = 0.04  # of knots [s]
 _LEAST, _MOST = 4, 360  # pieces of an interval, and about as many of all intervals together

@@ -23,16 +23,17 @@ from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import LimitShares
 from geodesic_ocp.execution.program import weights
 from geodesic_ocp.execution.program.arm_terms import (
-    INSIDE,
     ArmTerms,
     TrajectorySettings,
     position_bounds,
     variable_bounds,
 )
 from geodesic_ocp.execution.program.reference import (
+    INSIDE,
     Course,
     JointSpline,
     Knots,
+    KnotStates,
     Reference,
     stretched,
     through,
@@ -170,21 +171,6 @@ _IPOPT = {
     "mu_strategy": "adaptive",
     "bound_relax_factor": 1e-9,
 }
-
-
-@dataclass(frozen=True, eq=False)
-class KnotStates:
-    """Values of a program's variables.
-
-    Attributes:
-        durations: of the intervals (m,) [s].
-        positions, velocities, accelerations: of every arm, (knots, n) each.
-    """
-
-    durations: Array
-    positions: tuple[Array, ...]
-    velocities: tuple[Array, ...]
-    accelerations: tuple[Array, ...]
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,28 +12,8 @@ import numpy as np
 from geodesic_ocp.arrays import as_number, as_vector
 from geodesic_ocp.model.distances import as_pair, signed_distances
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.primitives import Ball, Capsule, HalfSpace, Obstacle
+from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.ocp.problem.problem import Inequality, Problem, key_of
-
-
-def drawn_obstacles(problem: Any) -> tuple[Obstacle, ...]:
-    """The obstacles of a problem, which are drawn.
-
-    A class may have an attribute `obstacles` that holds something else: then a warning says that
-    nothing is drawn, and there are none.
-    """
-    given = problem.obstacles
-    listed = isinstance(given, list | tuple)
-    if listed and all(isinstance(each, Ball | Capsule | HalfSpace) for each in given):
-        return tuple(given)
-    warnings.warn(
-        f"{type(problem).__name__}.obstacles are not drawn: they must be a list of go.Ball, "
-        f"go.Capsule and go.HalfSpace, got {given!r}; an attribute that means something else needs "
-        "another name",
-        stacklevel=2,
-    )
-    return ()
-
 
 _NEEDS_MODEL = {"limits": "limits", "obstacles": "bodies", "pairs": "bodies"}
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import inspect
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
@@ -15,12 +16,30 @@ import numpy as np
 from geodesic_ocp.arrays import Array, is_symbolic, real_array
 from geodesic_ocp.figures.obstacles import draw_obstacle
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.model.primitives import Obstacle
+from geodesic_ocp.model.primitives import Ball, Capsule, HalfSpace, Obstacle
 from geodesic_ocp.ocp.nlp.conditions import Condition, Conditions
 from geodesic_ocp.ocp.nlp.nlp import NLP, ProblemDefinition, build_nlp
-from geodesic_ocp.ocp.problem.path_constraints import drawn_obstacles
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
+
+
+def drawn_obstacles(problem: Any) -> tuple[Obstacle, ...]:
+    """The obstacles of a problem, which are drawn.
+
+    A class may have an attribute `obstacles` that holds something else: then a warning says that
+    nothing is drawn, and there are none.
+    """
+    given = problem.obstacles
+    listed = isinstance(given, list | tuple)
+    if listed and all(isinstance(each, Ball | Capsule | HalfSpace) for each in given):
+        return tuple(given)
+    warnings.warn(
+        f"{type(problem).__name__}.obstacles are not drawn: they must be a list of go.Ball, "
+        f"go.Capsule and go.HalfSpace, got {given!r}; an attribute that means something else needs "
+        "another name",
+        stacklevel=2,
+    )
+    return ()
 
 
 def _hashable(value: object) -> bool:

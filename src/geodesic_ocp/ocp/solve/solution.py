@@ -21,8 +21,7 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Ball, Capsule, HalfSpace
 from geodesic_ocp.ocp.nlp.conditions import NodeBounds
 from geodesic_ocp.ocp.nlp.violations import BETWEEN_NODES, NEGLIGIBLE, Violation, find_violations
-from geodesic_ocp.ocp.problem.path_constraints import drawn_obstacles
-from geodesic_ocp.ocp.problem.problem import Problem
+from geodesic_ocp.ocp.problem.problem import Problem, drawn_obstacles
 from geodesic_ocp.ocp.solve.certificate import Certificate, FinalIterate, certify_iterate
 from geodesic_ocp.records import write_file
 from geodesic_ocp.trajectory.motion import Motion
