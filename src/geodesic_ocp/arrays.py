@@ -90,6 +90,16 @@ def as_positive(name: str, value: float, unit: str = "") -> float:
     return number
 
 
+def as_not_negative(name: str, value: float, unit: str = "") -> float:
+    """The value as a finite float that is not negative; ValueError names the argument otherwise."""
+    number = as_number(name, value)
+    if number < 0.0:
+        raise ValueError(
+            f"{name} must not be negative{f' [{unit}]' if unit else ''}, got {value!r}"
+        )
+    return number
+
+
 def as_integer(name: str, value: object, least: int) -> int:
     """The value as an integer of at least `least`; ValueError names the argument otherwise."""
     try:

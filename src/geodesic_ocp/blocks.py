@@ -33,7 +33,7 @@ class Terms:
 
     Args:
         variables: symbols z (size, 1).
-        parameters: symbols p (size_p, 1).
+        parameters: symbols p (k, 1).
         objective: f, a scalar.
         constraints: g (m, 1).
     """
@@ -48,8 +48,7 @@ class Terms:
         self._z, self._p = variables, ca.SX(0, 1) if parameters is None else parameters
         self._f = ca.SX(objective)
         self._g = ca.SX(0, 1) if constraints is None else ca.densify(constraints)
-        self.size, self.size_p = int(self._z.numel()), int(self._p.numel())
-        self.size_g = int(self._g.numel())
+        self.size, self.size_g = int(self._z.numel()), int(self._g.numel())
         self.has_objective = not self._f.is_zero()
 
     @cached_property
@@ -210,7 +209,7 @@ class Block:
         terms: of an instance.
         places: of the variables of every instance in x: indices (instances, size), all different in
             a row; a sparse matrix (instances * size, number of variables); or cells.
-        values: of the parameters, (instances, size_p).
+        values: of the parameters, (instances, k).
         lower, upper: bounds of the constraint functions, (instances, m).
         weights: of the objective (instances,); None: one.
         units: offset and scale of the variables (instances, size); None: zero and one.
@@ -278,20 +277,20 @@ class Block:
         """
         if self.units is not None:
             values = values * _columns(self.units[1])[at.tolist(), :]
-        number, entry, _ = self._expanded(self._of_instances(at))
+        number, entry = self._expanded(self._of_instances(at))
         return number, self._matrix[1][entry], self._matrix[2][entry], ca.vec(values)
 
     def _of_instances(self, at: Indices) -> Indices:
         """Rows of the matrix A for some of the variables of every instance, in order."""
         return np.asarray((self.terms.size * np.arange(self.count)[:, None] + at).ravel())
 
-    def _expanded(self, rows: Indices) -> tuple[Indices, Indices, Indices]:
+    def _expanded(self, rows: Indices) -> tuple[Indices, Indices]:
         """For rows of A, the number of the row in the list and each of its entries in `_matrix`."""
         starts = np.searchsorted(self._matrix[0], np.arange(self.terms.size * self.count + 1))
         lengths = np.diff(starts)[rows]
         number = np.repeat(np.arange(rows.size), lengths)
         within = np.arange(number.size) - np.repeat(np.cumsum(lengths) - lengths, lengths)
-        return number, starts[rows][number] + within, lengths
+        return number, starts[rows][number] + within
 
     def curvature(self, values: ca.MX) -> _Entries:
         """The Hessian by x from the entries of those of all instances, one column each."""
@@ -303,9 +302,9 @@ class Block:
             row, column, entries = self.places.hessians(pattern, values)
             return _Entries(row, column, entries)
         _, columns, factors = self._matrix
-        number, one, _ = self._expanded(self._of_instances(first))
+        number, one = self._expanded(self._of_instances(first))
         # Every entry of the one row of A with every entry of the other.
-        again, other, _ = self._expanded(self._of_instances(second)[number])
+        again, other = self._expanded(self._of_instances(second)[number])
         number, one = number[again], one[again]
         row, column = columns[one], columns[other]
         off_diagonal = np.broadcast_to(first != second, (self.count, first.size)).ravel()[number]
@@ -353,25 +352,19 @@ class BlockProgram:
         lower, upper = zip(*sides, strict=True) if sides else ((), ())
         return _joined(lower), _joined(upper)
 
-    def solve(
-        self,
-        x: Array,
-        bounds: tuple[Array, Array],
-        options: Mapping[str, Any],
-        multipliers: Mapping[str, Array] | None = None,
-    ) -> Outcome:
+    def solve(self, x: Array, bounds: tuple[Array, Array], options: Mapping[str, Any]) -> Outcome:
         """The solution by Ipopt from x, within bounds of the variables.
 
         Args:
             x: (size,).
             bounds: lower and upper (size,).
             options: of Ipopt.
-            multipliers: `lam_x0` and `lam_g0` to start from.
         """
         lower, upper = bounds
         lower_g, upper_g = self.bounds
-        more = {"lbg": lower_g, "ubg": upper_g, **(multipliers or {})}
-        return self.solver(options)(x0=np.clip(x, lower, upper), lbx=lower, ubx=upper, **more)
+        return self.solver(options)(
+            x0=np.clip(x, lower, upper), lbx=lower, ubx=upper, lbg=lower_g, ubg=upper_g
+        )
 
     def solver(self, options: Mapping[str, Any], relay: ca.Callback | None = None) -> Ipopt:
         """Ipopt for this program; the relay is called in every iteration."""
@@ -439,13 +432,8 @@ class BlockProgram:
                 if block.weights is not None:
                     weights = _columns(block.weights)
                 factors = ca.reshape(own, block.terms.size_g, block.count)
-                parts.append(
-                    block.curvature(
-                        *block.terms.mapped(
-                            "hessian", block.count, [z, values, lam_f * weights, factors]
-                        )
-                    )
-                )
+                inputs = [z, values, lam_f * weights, factors]
+                parts.append(block.curvature(*block.terms.mapped("hessian", block.count, inputs)))
         return _assembled((self.size, self.size), parts)
 
 

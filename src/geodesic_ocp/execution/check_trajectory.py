@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_number
+from geodesic_ocp.arrays import Array, as_not_negative
 from geodesic_ocp.execution.arm_paths import joint_forces
 from geodesic_ocp.execution.clearance import Clearance, least_distances
 from geodesic_ocp.execution.limits import JointLimits, joined_limits, joint_limits
@@ -143,9 +143,7 @@ def check_trajectory(
     count = len(trajectory.joint_names)
     if limit.velocity.size != count:
         raise ValueError(f"limits must be of {count} joints, got {limit.velocity.size}")
-    slack = as_number("tolerance", tolerance)
-    if slack < 0.0:
-        raise ValueError(f"tolerance must not be negative, got {tolerance!r}")
+    slack = as_not_negative("tolerance", tolerance)
     found = [*_time_faults(trajectory, uniform)]
     consistency: dict[str, Array] = {}
     if len(trajectory.time) > 1 and np.all(np.diff(trajectory.time) > 0.0):

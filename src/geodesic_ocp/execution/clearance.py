@@ -24,6 +24,7 @@ from geodesic_ocp.model.distances import (
     LineSegment,
     add_named,
     as_pair,
+    half_space_distances,
     line_segment,
     segment_distance,
 )
@@ -201,11 +202,10 @@ def _from_obstacle(
             segment_distance(segment, axis) - (radius + obstacle.radius)
             for segment, radius in capsules
         ]
-    normal, point = ca.DM(obstacle.normal), ca.DM(obstacle.point)
     return [
-        ca.dot(normal, end - point) - radius
+        distance
         for segment, radius in capsules
-        for end in ([segment.start] if segment.is_point else [segment.start, segment.end])
+        for distance in half_space_distances(segment, radius, obstacle)
     ]
 
 

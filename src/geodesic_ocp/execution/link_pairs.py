@@ -12,7 +12,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from geodesic_ocp.arrays import Array, as_integer, as_number, as_rotation, as_vector
+from geodesic_ocp.arrays import Array, as_integer, as_number
+from geodesic_ocp.model.combine import base_placements
 from geodesic_ocp.model.distances import segment_distances
 from geodesic_ocp.model.link_geometry import LinkGeometry
 from geodesic_ocp.model.link_solids import (
@@ -263,7 +264,7 @@ def place_solids(models: Sequence[Model], placements: Sequence[Any] | None = Non
     models = tuple(models)
     if not models or not all(isinstance(model, Model) for model in models):
         raise ValueError(f"arms must be one or more models, got {models!r}")
-    bases = _bases(placements, len(models))
+    bases = base_placements(placements, len(models), "arms")
     titles = _titles(models)
     found: list[tuple[LinkSolid, ...]] = []
     unknown = []
@@ -286,21 +287,6 @@ def place_solids(models: Sequence[Model], placements: Sequence[Any] | None = Non
         )
     reached = _within_reach(models, bases, _named(found, titles, is_one_robot), placed)
     return PlacedSolids(models, bases, reached, placed, tuple(unknown))
-
-
-def _bases(given: Sequence[Any] | None, count: int) -> tuple[Pose, ...]:
-    if given is None:
-        return ((np.eye(3), np.zeros(3)),) * count
-    if not isinstance(given, (Sequence, np.ndarray)) or len(given) != count:
-        raise ValueError(f"placements must be one for each of {count} arms, got {given!r}")
-    poses = []
-    for index, value in enumerate(given):
-        rotation, position = np.eye(3), value
-        if isinstance(value, (tuple, list)) and len(value) == 2 and np.ndim(value[0]) > 0:
-            rotation, position = value
-        name = f"placements[{index}]"
-        poses.append((as_rotation(name, rotation), as_vector(name, position, 3)))
-    return tuple(poses)
 
 
 def _titles(models: Sequence[Model]) -> list[str]:

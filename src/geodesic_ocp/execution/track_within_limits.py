@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
-from geodesic_ocp.arrays import Array, as_number, as_positive, as_vector, evaluate
+from geodesic_ocp.arrays import Array, as_not_negative, as_positive, as_vector, evaluate
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.model import Model
@@ -101,13 +101,13 @@ def track_within_limits(
     if solver not in get_args(Solver):
         raise ValueError(f"solver must be one of {', '.join(get_args(Solver))}, got {solver!r}")
     preferred = q if posture is None else as_vector("posture", posture, model.dof)
-    drift = _not_negative("posture_gain", posture_gain)
+    drift = as_not_negative("posture_gain", posture_gain)
     rate = as_positive("rate", rate, "Hz")
     gain = min(as_positive("gain", gain, "1/s"), rate)
     damping = as_positive("damping", damping)
     weights = (
-        _not_negative("posture_weight", posture_weight) ** 2,
-        _not_negative("smoothing", smoothing) * rate,
+        as_not_negative("posture_weight", posture_weight) ** 2,
+        as_not_negative("smoothing", smoothing) * rate,
     )
     duration = 1.0 / rate
     rotations, places, velocities = _targets(time, poses, duration)
@@ -179,13 +179,6 @@ def _targets(
         positions = CubicSpline(given, positions)(instants)
     turns = rotation_vector(rotations[1:] @ rotations[:-1].transpose(0, 2, 1))
     return rotations, positions, np.hstack([np.diff(positions, axis=0), turns]) / step
-
-
-def _not_negative(name: str, value: float) -> float:
-    number = as_number(name, value)
-    if number < 0.0:
-        raise ValueError(f"{name} must not be negative, got {value!r}")
-    return number
 
 
 @lru_cache(maxsize=32)

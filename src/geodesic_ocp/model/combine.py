@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from geodesic_ocp.arrays import as_rotation, as_vector
+from geodesic_ocp.arrays import Array, as_rotation, as_vector
 from geodesic_ocp.model.joints import distinct_frames, restore_frames
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Body
@@ -43,7 +43,7 @@ def combine(*models: Model, placements: Sequence[Any] | None = None) -> Model:
     """
     if len(models) < 2 or not all(isinstance(model, Model) for model in models):
         raise ValueError(f"combine takes two or more models, got {models!r}")
-    bases = _placements(placements, len(models))
+    bases = [pin.SE3(*each) for each in base_placements(placements, len(models), "models")]
     names = _unique_names(models)
     gravity = bases[0].rotation @ models[0].pin.gravity.linear
     parts = []
@@ -98,19 +98,31 @@ def _bodies(models: Sequence[Model], names: Sequence[Mapping[str, str]]) -> tupl
     )
 
 
-def _placements(given: Sequence[Any] | None, count: int) -> list[pin.SE3]:
+def base_placements(
+    given: Sequence[Any] | None, count: int, of: str
+) -> tuple[tuple[Array, Array], ...]:
+    """Rotation (3, 3) and position (3,) [m] of each base in the common one.
+
+    Args:
+        given: positions, or pairs of rotation and position; None: all bases coincide.
+        count: how many there must be.
+        of: what they are, in the plural.
+
+    Raises:
+        ValueError: another number, or wrong shapes.
+    """
     if given is None:
-        return [pin.SE3.Identity()] * count
+        return ((np.eye(3), np.zeros(3)),) * count
     if not isinstance(given, (Sequence, np.ndarray)) or len(given) != count:
-        raise ValueError(f"placements must be one for each of {count} models, got {given!r}")
-    return [_placement(f"placements[{index}]", value) for index, value in enumerate(given)]
-
-
-def _placement(name: str, given: Any) -> pin.SE3:
-    rotation, position = np.eye(3), given
-    if isinstance(given, (tuple, list)) and len(given) == 2 and np.ndim(given[0]) > 0:
-        rotation, position = given
-    return pin.SE3(as_rotation(name, rotation), as_vector(name, position, 3))
+        raise ValueError(f"placements must be one for each of {count} {of}, got {given!r}")
+    poses = []
+    for index, value in enumerate(given):
+        rotation, position = np.eye(3), value
+        if isinstance(value, (tuple, list)) and len(value) == 2 and np.ndim(value[0]) > 0:
+            rotation, position = value
+        name = f"placements[{index}]"
+        poses.append((as_rotation(name, rotation), as_vector(name, position, 3)))
+    return tuple(poses)
 
 
 def _unique_names(models: Sequence[Model]) -> list[dict[str, str]]:

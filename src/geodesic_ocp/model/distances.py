@@ -253,10 +253,15 @@ def _bodies_of_links(model: Model, links: Sequence[str], argument: str) -> list[
 def _distances(model: Model, q: ca.SX, body: Body, obstacle: Obstacle) -> list[ca.SX]:
     one = _segment(model, q, body)
     if isinstance(obstacle, HalfSpace):
-        normal, point = ca.DM(obstacle.normal), ca.SX(obstacle.point)
-        return [ca.dot(normal, end - point) - body.radius for end in one.ends]
+        return half_space_distances(one, body.radius, obstacle)
     distance = segment_distance(one, _segment(model, q, obstacle))
     return [distance - (body.radius + obstacle.radius)]
+
+
+def half_space_distances(segment: LineSegment, radius: float, obstacle: HalfSpace) -> list[ca.SX]:
+    """Distances [m] of the ends of a capsule from a half-space."""
+    normal, point = ca.DM(obstacle.normal), ca.SX(obstacle.point)
+    return [ca.dot(normal, end - point) - radius for end in segment.ends]
 
 
 def _segment(model: Model, q: ca.SX, body: Body) -> LineSegment:

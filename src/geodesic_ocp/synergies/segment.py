@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from geodesic_ocp.arrays import Array, as_number, as_positive
+from geodesic_ocp.arrays import Array, as_not_negative, as_positive
 from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.trajectory.motion import Motion
@@ -101,8 +101,8 @@ def segment(
     if not 0.0 <= rest < 1.0:
         raise ValueError(f"rest must be in [0, 1), got {rest}")
     rest_duration = as_positive("rest_duration", rest_duration, "s")
-    min_duration = _not_negative("min_duration", min_duration, "s")
-    hysteresis = _not_negative("hysteresis", hysteresis, "rad")
+    min_duration = as_not_negative("min_duration", min_duration, "s")
+    hysteresis = as_not_negative("hysteresis", hysteresis, "rad")
     velocity = moving_velocity(motion)
     level = _rest_level(metric, motion, speeds(metric, motion), rest)
     metric.check_units("motion", motion.q[int(np.argmax(np.abs(motion.q).max(axis=1)))])
@@ -354,13 +354,6 @@ def as_threshold(threshold: float) -> float:
     if threshold >= np.pi:
         raise ValueError(f"threshold must be below pi rad, got {threshold:g} (in degrees?)")
     return threshold
-
-
-def _not_negative(name: str, value: float, unit: str) -> float:
-    number = as_number(name, value)
-    if number < 0.0:
-        raise ValueError(f"{name} must not be negative [{unit}], got {value}")
-    return number
 
 
 def segment_zero_velocity(

@@ -20,7 +20,6 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.blocks import Block, Indices, Terms
 from geodesic_ocp.execution.arm_paths import ArmPaths
-from geodesic_ocp.execution.program import weights
 from geodesic_ocp.execution.program.reference import INSIDE, Course, Reference
 from geodesic_ocp.ocp.ik.pose_search import rotation_log
 
@@ -82,6 +81,9 @@ def variable_bounds(course: Course, settings: TrajectorySettings) -> tuple[Array
 
 # Units of joints without limits [rad/s, rad/s^2].
 _SPEED, _ACCELERATION = 1.0, 10.0
+# Weights of squared accelerations, one at the limit, and of squared differences from the intended
+# speeds at the ends, relative to the limits.
+_SMOOTH, _END_SPEED = 2e-3, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +139,7 @@ class ArmTerms:
         offset, matrix = q - p[:n], ca.reshape(p[n : n + n * n], n, n)
         objective = ca.dot(offset, matrix @ offset) + p[-1] * ca.sumsqr(a)
         matrices = weight * shares[:, None, None] * reference.weights(self.arm)
-        smooth = weights.ACCELERATION * shares[:, None]
+        smooth = _SMOOTH * shares[:, None]
         values = np.hstack([reference.positions, matrices.reshape(count, -1), smooth])
         return Block(Terms(z, p, objective), self.indices(np.arange(count)), values)
 
@@ -225,7 +227,7 @@ class ArmTerms:
         n, arm, durations = self.dof, self.arm, np.diff(self.arm.edges)
         v, p = ca.SX.sym("v", n), ca.SX.sym("p", n)
         first, last = arm.paths[0](0.0, 1) / durations[0], arm.paths[-1](1.0, 1) / durations[-1]
-        objective = weights.END_SPEED * ca.sumsqr(v - p)
+        objective = _END_SPEED * ca.sumsqr(v - p)
         knots = np.array([0, self.course.knots.count])
         intended = np.clip(np.array([first, last]) / self.speed_unit, -0.9, 0.9)
         return Block(Terms(v, p, objective), self.indices(knots, 2)[:, n:], intended)

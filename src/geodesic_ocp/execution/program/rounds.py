@@ -21,7 +21,6 @@ from geodesic_ocp.blocks import Block, BlockProgram, Indices, Terms
 from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import LimitShares
-from geodesic_ocp.execution.program import weights
 from geodesic_ocp.execution.program.arm_terms import (
     ArmTerms,
     TrajectorySettings,
@@ -162,6 +161,12 @@ def distances_in_pieces(clearance: Clearance, splines: Sequence[JointSpline]) ->
     return np.asarray(found.reshape(*times.shape, -1))
 
 
+# The objective counts time beyond the person's as a fraction of the person's; squared distances and
+# jerks are integrated over the trajectory's time.
+_DISTANCE = 0.1  # from the paths [rad] that costs, if kept up, as much as the time it is kept up
+_UNEVEN = 0.05  # of the squared stretch of an interval
+_SHORT = 0.2  # intervals shorter than this [s] may be stretched more
+_JERK, _JERK_TIME = 1e-3, 0.05  # when an acceleration changes by its limit in this time [s]
 _IPOPT = {
     "tol": 1e-6,
     "constr_viol_tol": 1e-9,
@@ -222,8 +227,8 @@ class TrajectoryProgram:
         total = float(knots.person.sum())
         steps = durations[knots.interval] * knots.fraction
         shares = np.convolve(steps, [0.5, 0.5]) / total
-        distance = settings.deviation_weight / weights.DISTANCE**2
-        jerk = weights.JERK * weights.JERK_TIME**2 / (total * steps)
+        distance = settings.deviation_weight / _DISTANCE**2
+        jerk = _JERK * _JERK_TIME**2 / (total * steps)
         blocks = [self._stretch(total)]
         for k, (terms, reference) in enumerate(zip(self.terms, references, strict=True)):
             blocks.append(terms.deviation(reference, shares, distance))
@@ -257,7 +262,7 @@ class TrajectoryProgram:
         duration, p = ca.SX.sym("T"), ca.SX.sym("p", 3)
         more = duration - p[0]
         objective = p[1] * more + p[2] * more**2
-        uneven = weights.UNEVEN / (total * (person + weights.SHORT))
+        uneven = _UNEVEN / (total * (person + _SHORT))
         values = np.stack([person, np.full(person.size, 1.0 / total), uneven], axis=1)
         return Block(Terms(duration, p, objective), np.arange(person.size)[:, None], values)
 

@@ -109,13 +109,10 @@ class PathTerms:
     in_segments: Terms
 
     @classmethod
-    def of(cls, metric: Metric, conditions: Conditions, compiled: bool = True) -> PathTerms:
+    def of(cls, metric: Metric, conditions: Conditions) -> PathTerms:
         """The terms for least energy in the metric under these conditions.
 
-        Args:
-            metric: of the energy.
-            conditions: and running cost.
-            compiled: use compiled derivatives where that is possible and there is no cost.
+        Derivatives of the energy are compiled where that is possible and there is no running cost.
         """
         c = conditions
         state = ca.vertcat(c.q, c.v)
@@ -124,7 +121,7 @@ class PathTerms:
             return Terms(symbols, c.p, 0.0, stacked(group))
 
         energy = None
-        if compiled and c.cost.is_zero() and (file := metric.kernels.file):
+        if c.cost.is_zero() and (file := metric.kernels.file):
             try:
                 energy = CompiledEnergy(metric, c, file)
             except RuntimeError:  # the file has been removed

@@ -22,6 +22,7 @@ import numpy as np
 import scipy
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.blocks import as_dm
 from geodesic_ocp.ipopt import Ipopt, Outcome
 
 _IPOPT = {"max_iter": 200, "mu_strategy": "monotone", "acceptable_iter": 0}
@@ -132,7 +133,7 @@ class FitProgram:
             ca.repmat(p, 1, frames),
         ]
         matrix, linear = self.quadratic
-        q_matrix, b = _as_dm(matrix), ca.DM(linear)
+        q_matrix, b = as_dm(matrix), ca.DM(linear)
         bent = q_matrix @ x
         smooth = ca.dot(x, bent) / 2 - ca.dot(b, x)
         f = ca.sum2(value.map(frames).call(inputs)[0]) + smooth
@@ -182,13 +183,5 @@ class FitProgram:
             (np.ones(count), (inverse.ravel()[:count], np.arange(count))), (keys.size, count)
         )
         constant = np.bincount(inverse.ravel()[count:], upper.data, keys.size)
-        total = _as_dm(adder) @ ca.vec(entries) + ca.DM(constant)
+        total = as_dm(adder) @ ca.vec(entries) + ca.DM(constant)
         return ca.MX(sparsity, ca.densify(lam * total))
-
-
-def _as_dm(matrix: scipy.sparse.csc_matrix) -> ca.DM:
-    matrix = scipy.sparse.csc_matrix(matrix)
-    matrix.sort_indices()
-    rows, columns = matrix.shape
-    pattern = ca.Sparsity(rows, columns, matrix.indptr.tolist(), matrix.indices.tolist())
-    return ca.DM(pattern, matrix.data)
