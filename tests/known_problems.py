@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 import geodesic_ocp as go
-from geodesic_ocp.ocp.nlp.transcription import Transcription
+from geodesic_ocp.ocp.transcription import Transcription
 
 
 @dataclass(frozen=True)

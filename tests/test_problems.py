@@ -13,7 +13,7 @@ import pytest
 
 import geodesic_ocp as go
 from geodesic_ocp.cli.solve.problem_file import problem_classes
-from geodesic_ocp.ocp.problem.problem import parse_conditions
+from geodesic_ocp.ocp.problem import parse_conditions
 
 GALLERY = Path(__file__).resolve().parents[1] / "problems"
 EXPENSIVE = ("AroundBall", "BothArms", "CarryingCup", "ViaPoint", "WithinLimits")

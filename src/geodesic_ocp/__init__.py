@@ -252,17 +252,17 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.model.link_geometry import enclosing_capsule
     from geodesic_ocp.model.model import Model
     from geodesic_ocp.model.primitives import Ball, Capsule, HalfSpace
-    from geodesic_ocp.ocp.ik.inverse_kinematics import inverse_kinematics
-    from geodesic_ocp.ocp.nlp.nlp import NLP
-    from geodesic_ocp.ocp.problem.path_constraints import clearance_constraints
-    from geodesic_ocp.ocp.problem.point_to_point import PointToPoint
-    from geodesic_ocp.ocp.problem.problem import Problem
-    from geodesic_ocp.ocp.problem.reach import Reach
-    from geodesic_ocp.ocp.solve.callback import Iterate, LivePlot
-    from geodesic_ocp.ocp.solve.certificate import Certificate, certify
-    from geodesic_ocp.ocp.solve.load_solution import load_solution
-    from geodesic_ocp.ocp.solve.solution import Solution, Stats
-    from geodesic_ocp.ocp.solve.solve import solve
+    from geodesic_ocp.ocp.callback import Iterate, LivePlot
+    from geodesic_ocp.ocp.certificate import Certificate, certify
+    from geodesic_ocp.ocp.inverse_kinematics import inverse_kinematics
+    from geodesic_ocp.ocp.load_solution import load_solution
+    from geodesic_ocp.ocp.nlp import NLP
+    from geodesic_ocp.ocp.path_constraints import clearance_constraints
+    from geodesic_ocp.ocp.point_to_point import PointToPoint
+    from geodesic_ocp.ocp.problem import Problem
+    from geodesic_ocp.ocp.reach import Reach
+    from geodesic_ocp.ocp.solution import Solution, Stats
+    from geodesic_ocp.ocp.solve import solve
     from geodesic_ocp.recordings.conventions.angle_convention import (
         AngleConvention,
         AxisRotation,
@@ -378,17 +378,17 @@ else:
         "model.distances": "collision_pairs signed_distances",
         "model.human": "human_arm human_upper_body",
         "model.model": "Model",
-        "ocp.ik.inverse_kinematics": "inverse_kinematics",
-        "ocp.nlp.nlp": "NLP",
-        "ocp.problem.path_constraints": "clearance_constraints",
-        "ocp.problem.point_to_point": "PointToPoint",
-        "ocp.problem.problem": "Problem",
-        "ocp.problem.reach": "Reach",
-        "ocp.solve.callback": "Iterate LivePlot",
-        "ocp.solve.certificate": "Certificate certify",
-        "ocp.solve.load_solution": "load_solution",
-        "ocp.solve.solution": "Solution Stats",
-        "ocp.solve.solve": "solve",
+        "ocp.inverse_kinematics": "inverse_kinematics",
+        "ocp.nlp": "NLP",
+        "ocp.path_constraints": "clearance_constraints",
+        "ocp.point_to_point": "PointToPoint",
+        "ocp.problem": "Problem",
+        "ocp.reach": "Reach",
+        "ocp.callback": "Iterate LivePlot",
+        "ocp.certificate": "Certificate certify",
+        "ocp.load_solution": "load_solution",
+        "ocp.solution": "Solution Stats",
+        "ocp.solve": "solve",
         "reports.report": "report",
         "retargeting.alignment.alignment": "alignment propose_alignment read_alignment",
         "retargeting.alignment.arm_alignment": "Alignment",
@@ -405,12 +405,12 @@ else:
         "recordings.read_motion": "read_motion",
         "synergies.reconstruct": "Reconstruction reconstruct",
         "synergies.optimal_segmentations": (
-            "OptimalSegmentations optimal_segmentations segment_optimal"
+            "OptimalSegmentations optimal_segmentations segment_optimal "
         ),
         "synergies.segment": "segment segment_zero_velocity",
         "synergies.synergy": "Synergy load_synergies save_synergies",
         "synergies.baselines": (
-            "track_hand minimum_acceleration minimum_jerk minimum_jerk_hand distal_inertia"
+            "track_hand minimum_acceleration minimum_jerk minimum_jerk_hand distal_inertia "
         ),
         "recordings.opensim_models.osim_convention": "OsimConvention",
         "recordings.recording": "Recording",
@@ -420,7 +420,9 @@ else:
         "comparison.method_comparison": "MethodComparison",
         "comparison.metric_comparison": "MetricComparison",
         "comparison.paired_test": "PairedTest paired_test",
-        "recordings.conventions.angle_convention": ("AngleConvention AxisRotation SegmentRelation"),
+        "recordings.conventions.angle_convention": (
+            "AngleConvention AxisRotation SegmentRelation "
+        ),
         "recordings.conventions.segment_orientations": "SegmentOrientations",
         "recordings.conventions.joint_angles": "joint_angles",
         "recordings.skeletons.skeleton_convention": "SkeletonConvention",

@@ -11,8 +11,8 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
-from geodesic_ocp.ocp.ik.inverse_kinematics import nearest_configuration
-from geodesic_ocp.ocp.ik.pose_search import CollisionAvoidance
+from geodesic_ocp.ocp.inverse_kinematics import nearest_configuration
+from geodesic_ocp.ocp.pose_search import CollisionAvoidance
 from geodesic_ocp.retargeting.poses.reachability import distances_beyond, reachability
 
 

@@ -14,10 +14,10 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.execution.arm_paths import ArmPaths, joint_forces, joint_names
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import LimitShares
-from geodesic_ocp.execution.program.arm_terms import TrajectorySettings
-from geodesic_ocp.execution.program.preconditions import attainable, check_arms
-from geodesic_ocp.execution.program.reference import JointSpline
-from geodesic_ocp.execution.program.rounds import MOST_ROUNDS, solve_in_rounds
+from geodesic_ocp.execution.preconditions import attainable, check_arms
+from geodesic_ocp.execution.reference import JointSpline
+from geodesic_ocp.execution.trajectory_program import MOST_ROUNDS, solve_in_rounds
+from geodesic_ocp.execution.trajectory_terms import TrajectorySettings
 from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.synergies.scores import nearest_on_path
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory

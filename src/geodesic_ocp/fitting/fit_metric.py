@@ -9,12 +9,12 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, as_integer
 from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.fitting.curvature import LeastErrors, least_errors
 from geodesic_ocp.fitting.metric_fit import Estimate, MetricFit
+from geodesic_ocp.fitting.metric_program import MetricProgram, Start
 from geodesic_ocp.fitting.parameter import JOINT_INERTIA, Parameter, as_parameters, with_parameters
-from geodesic_ocp.fitting.program.curvature import LeastErrors, least_errors
-from geodesic_ocp.fitting.program.metric_program import MetricProgram, Start
-from geodesic_ocp.fitting.program.recording_part import RecordingPart, observe
-from geodesic_ocp.fitting.program.segment_functions import Measure, SegmentFunctions, as_measure
+from geodesic_ocp.fitting.recording_part import RecordingPart, observe
+from geodesic_ocp.fitting.segment_functions import Measure, SegmentFunctions, as_measure
 from geodesic_ocp.manifold.adjustable_kinetic_energy import AdjustableKineticEnergy
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model

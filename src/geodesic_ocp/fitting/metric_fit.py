@@ -12,9 +12,9 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.fitting.curvature import LeastErrors
+from geodesic_ocp.fitting.metric_program import MetricProgram
 from geodesic_ocp.fitting.parameter import Parameter, with_parameters
-from geodesic_ocp.fitting.program.curvature import LeastErrors
-from geodesic_ocp.fitting.program.metric_program import MetricProgram
 from geodesic_ocp.ipopt import Outcome
 from geodesic_ocp.manifold.adjustable_kinetic_energy import AdjustableKineticEnergy
 from geodesic_ocp.manifold.metric import Metric

@@ -20,10 +20,10 @@ from geodesic_ocp.logarithm.correction import (
     correct_velocity,
 )
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.ocp.nlp.transcription import Units
-from geodesic_ocp.ocp.problem.point_to_point import PointToPoint
-from geodesic_ocp.ocp.solve.solution import Solution
-from geodesic_ocp.ocp.solve.solve import solve
+from geodesic_ocp.ocp.point_to_point import PointToPoint
+from geodesic_ocp.ocp.solution import Solution
+from geodesic_ocp.ocp.solve import solve
+from geodesic_ocp.ocp.transcription import Units
 from geodesic_ocp.trajectory.path import Path
 
 # Samples of the straight line, and the ratio of the largest to the smallest diagonal entry of the

@@ -21,7 +21,7 @@ from geodesic_ocp.logarithm.correction import (
 from geodesic_ocp.logarithm.multi_start import find_geodesics
 from geodesic_ocp.manifold.exp import exp, sample_geodesic
 from geodesic_ocp.manifold.metric import Metric, as_metric
-from geodesic_ocp.ocp.solve.certificate import Certificate, certify
+from geodesic_ocp.ocp.certificate import Certificate, certify
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 

@@ -26,7 +26,7 @@ from geodesic_ocp.logarithm.pose_shooting import (
     shoot,
 )
 from geodesic_ocp.model.model import Model, as_model
-from geodesic_ocp.ocp.ik.pose_search import pose_difference
+from geodesic_ocp.ocp.pose_search import pose_difference
 
 Method = Literal["newton", "transport"]
 ENERGY_WEIGHT = 1e-8

@@ -25,7 +25,7 @@ from geodesic_ocp.manifold.exp import exp
 from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.manifold.parallel_transport import parallel_transport
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.ocp.ik.pose_search import rotation_log
+from geodesic_ocp.ocp.pose_search import rotation_log
 from geodesic_ocp.trajectory.path import Path
 
 # Fixed steps of the integrator within the NLP: at first, after a failure, at most; and how closely

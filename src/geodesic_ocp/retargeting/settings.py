@@ -9,7 +9,7 @@ from typing import Literal, get_args
 from geodesic_ocp.arrays import as_integer, as_number, as_positive, short_repr
 from geodesic_ocp.logarithm.geodesic_to_pose import ENERGY_WEIGHT
 from geodesic_ocp.model.primitives import Obstacle
-from geodesic_ocp.ocp.ik.pose_search import CollisionAvoidance
+from geodesic_ocp.ocp.pose_search import CollisionAvoidance
 
 Formulation = Literal["constrained", "geodesic"]
 

@@ -14,9 +14,9 @@ from geodesic_ocp.logarithm.geodesic_to_pose import ToPose, geodesic_to_pose, ne
 from geodesic_ocp.logarithm.pose_shooting import metric_of
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import KineticEnergy
-from geodesic_ocp.ocp.problem.reach import Reach
-from geodesic_ocp.ocp.solve.solution import Solution
-from geodesic_ocp.ocp.solve.solve import solve
+from geodesic_ocp.ocp.reach import Reach
+from geodesic_ocp.ocp.solution import Solution
+from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.retargeting.poses.targets import REACHED, KeyPose, Pose, PoseFinder
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path

@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.fitting.metric_fit import FORMAT as METRIC
-from geodesic_ocp.ocp.solve.solution import FORMAT as SOLUTION
+from geodesic_ocp.ocp.solution import FORMAT as SOLUTION
 from geodesic_ocp.recordings.formats.recognise import recognise
 from geodesic_ocp.recordings.formats.xml_root import xml_root
 from geodesic_ocp.records import parse_json

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from geodesic_ocp.cli.solve.problem_file import problem_classes
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.ocp.solve.load_solution import load_solution
-from geodesic_ocp.ocp.solve.solve import solve
+from geodesic_ocp.ocp.load_solution import load_solution
+from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.scenes.paths.of_solution import solution_playback
 from geodesic_ocp.scenes.playback import Playback
 

@@ -12,8 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from geodesic_ocp.ocp.problem.problem import Problem
-from geodesic_ocp.ocp.solve.solution import Solution
+from geodesic_ocp.ocp.problem import Problem
+from geodesic_ocp.ocp.solution import Solution
 from geodesic_ocp.table import Table
 
 

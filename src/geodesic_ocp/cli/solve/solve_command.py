@@ -8,7 +8,7 @@ import shlex
 
 from geodesic_ocp.cli.analyse.recording import check_folder
 from geodesic_ocp.cli.solve.problem_file import problem_classes, solution_table, with_fields
-from geodesic_ocp.ocp.solve.solve import solve
+from geodesic_ocp.ocp.solve import solve
 
 
 def solve_file(options: argparse.Namespace) -> None:

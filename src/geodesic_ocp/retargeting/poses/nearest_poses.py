@@ -10,7 +10,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.ocp.ik.pose_search import rotation_log
+from geodesic_ocp.ocp.pose_search import rotation_log
 
 _LONGEST = 0.7  # step [rad or m]
 _DAMPING, _LEAST_DAMPING = 0.05, 1e-10  # of the squared error

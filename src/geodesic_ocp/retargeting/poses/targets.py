@@ -13,11 +13,11 @@ from geodesic_ocp.arrays import Array, as_vector
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.model.distances import signed_distances
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.ocp.ik.inverse_kinematics import (
+from geodesic_ocp.ocp.inverse_kinematics import (
     inverse_kinematics_solutions,
     nearest_configuration,
 )
-from geodesic_ocp.ocp.ik.pose_search import pose_difference
+from geodesic_ocp.ocp.pose_search import pose_difference
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 
 REACHED = 1e-6  # [m] and [rad]

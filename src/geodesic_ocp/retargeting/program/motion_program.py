@@ -29,10 +29,10 @@ from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.ipopt import Outcome
 from geodesic_ocp.logarithm.pose_shooting import metric_of
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.ocp.nlp.nlp import Structure
-from geodesic_ocp.ocp.nlp.transcription import Transcription, Units
-from geodesic_ocp.ocp.problem.point_to_point import PointToPoint
-from geodesic_ocp.ocp.solve.refinement import halved
+from geodesic_ocp.ocp.nlp import Structure
+from geodesic_ocp.ocp.point_to_point import PointToPoint
+from geodesic_ocp.ocp.refinement import halved
+from geodesic_ocp.ocp.transcription import Transcription, Units
 from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints, ObjectiveWeights, parameters
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.execution.clearance import Clearance
-from geodesic_ocp.ocp.solve.refinement import unresolved_energy
+from geodesic_ocp.ocp.refinement import unresolved_energy
 from geodesic_ocp.retargeting.program.motion_program import ArmPart, MotionProgram
 from geodesic_ocp.retargeting.program.waypoints import ObjectiveWeights
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, evaluate
 from geodesic_ocp.execution.clearance import Clearance
-from geodesic_ocp.ocp.ik.pose_search import CollisionAvoidance, PoseSearch
+from geodesic_ocp.ocp.pose_search import CollisionAvoidance, PoseSearch
 from geodesic_ocp.retargeting.poses.targets import REACHED, middle_of_ranges
 from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints, ObjectiveWeights, parameters
 

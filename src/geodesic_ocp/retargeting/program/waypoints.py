@@ -18,7 +18,7 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.blocks import Terms
 from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.ocp.ik.pose_search import rotation_log
+from geodesic_ocp.ocp.pose_search import rotation_log
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
 from geodesic_ocp.retargeting.poses.pose_mapping import PoseMapping
 from geodesic_ocp.retargeting.poses.targets import Pose, middle_of_ranges

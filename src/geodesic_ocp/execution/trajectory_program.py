@@ -1,0 +1,542 @@
+"""Rounds of the program: solve, check densely, mind what was violated, solve again.
+
+Variables: durations of the intervals between edges, no shorter than the person's; positions,
+velocities and accelerations of all arms at the knots. Objective: the time beyond the person's, the
+mean squared distance from the paths, and small weights on accelerations and jerks, which are taken
+relative to their limits. Every arm passes the ends of its paths at its edges.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.blocks import Block, BlockProgram, Indices, Terms
+from geodesic_ocp.execution.arm_paths import ArmPaths
+from geodesic_ocp.execution.clearance import Clearance
+from geodesic_ocp.execution.limits import LimitShares
+from geodesic_ocp.execution.reference import (
+    INSIDE,
+    Course,
+    JointSpline,
+    Knots,
+    KnotStates,
+    Reference,
+    stretched,
+    through,
+    union_of_edges,
+)
+from geodesic_ocp.execution.trajectory_terms import (
+    ArmTerms,
+    TrajectorySettings,
+    position_bounds,
+    variable_bounds,
+)
+from geodesic_ocp.ipopt import Outcome
+
+
+@dataclass(frozen=True, eq=False)
+class WatchedArm:
+    """Limits of one arm.
+
+    Attributes:
+        pieces: by the kind of limit ("jerk", "velocity", "position"), numbers of pieces and joints
+            (k, 2).
+        torques: numbers of the knots at which torques are limited (k,).
+        torque_shares: of the limits that torques may reach at the knots, (knots, n); less than all
+            where a torque is larger between the knots.
+    """
+
+    pieces: Mapping[str, Indices]
+    torques: Indices
+    torque_shares: Array
+
+
+@dataclass(frozen=True, eq=False)
+class WatchedDistances:
+    """Distances of one clearance.
+
+    Attributes:
+        clearance: the distances.
+        knots: at which each is kept, by its index.
+        lower: bounds at all knots (knots, m) [m]; more than the clearance's where a distance is
+            smaller between the knots, -inf where the configuration is given.
+    """
+
+    clearance: Clearance
+    knots: Mapping[int, Indices]
+    lower: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Watched:
+    """Constraints of a program, beside those that it always has.
+
+    Attributes:
+        arms: limits of each arm.
+        clearances: distances of each clearance.
+    """
+
+    arms: tuple[WatchedArm, ...]
+    clearances: tuple[WatchedDistances, ...]
+
+
+TOLERANCE = 1e-6  # of limits, relative, or [rad or m] of positions and distances
+_SAMPLES, _FEW = 21, 7  # of every piece, both ends included, for torques and for distances
+
+
+@dataclass(frozen=True, eq=False)
+class ArmCheck:
+    """Shares of an arm's limits in every piece of its spline.
+
+    Attributes:
+        arm: with its limits.
+        spline: of its joints.
+        position_bounds: (n,) each [rad or m].
+    """
+
+    arm: ArmPaths
+    spline: JointSpline
+    position_bounds: tuple[Array, Array]
+
+    @cached_property
+    def pieces(self) -> Mapping[str, Array]:
+        """Largest shares in every piece (k, n) by the kind of limit; all are exact.
+
+        Positions count from their bounds: one and the distance beyond them [rad or m].
+        """
+        spline, limits = self.spline, self.arm.limits
+        low, high = spline.extreme_positions
+        beyond = np.maximum(self.position_bounds[0] - low, high - self.position_bounds[1])
+        growth = np.abs(spline.accelerations) / limits.acceleration
+        return {
+            "position": 1.0 + beyond,
+            "velocity": spline.extreme_velocities / limits.velocity,
+            "acceleration": np.maximum(growth[:-1], growth[1:]),
+            "jerk": np.abs(spline.jerks) / limits.jerk,
+        }
+
+    @cached_property
+    def torques(self) -> Array:
+        """Shares of the torques at evenly spaced times in every piece, (k, samples, n)."""
+        limit = self.arm.limits.torque
+        shape = (len(self.spline.jerks), _SAMPLES, limit.size)
+        if not np.any(np.isfinite(limit)):
+            return np.zeros(shape)
+        states = self.spline(self.spline.within_pieces(_SAMPLES).ravel())[:3]
+        force = self.arm.robot.inverse_dynamics(*states, self.arm.gravity)
+        return np.asarray((np.abs(force) / limit).reshape(shape))
+
+    @property
+    def shares(self) -> LimitShares:
+        """Largest shares of the whole spline."""
+        velocity, acceleration, jerk = (
+            self.pieces[kind].max(axis=0) for kind in ("velocity", "acceleration", "jerk")
+        )
+        return LimitShares(velocity, acceleration, jerk, self.torques.max(axis=(0, 1)))
+
+    @property
+    def worst(self) -> tuple[float, str]:
+        """By how much the worst limit is exceeded, relative or [rad or m], and a clause on it."""
+        excess = {kind: shares.max(axis=0) - 1.0 for kind, shares in self.pieces.items()}
+        excess["torque"] = self.torques.max(axis=(0, 1)) - 1.0
+        kind = max(excess, key=lambda name: float(excess[name].max()))
+        joint = int(excess[kind].argmax())
+        name = f"the {kind} of {self.arm.robot.joint_names[joint]} exceeds its limit"
+        return float(excess[kind][joint]), name
+
+
+def distances_in_pieces(clearance: Clearance, splines: Sequence[JointSpline]) -> Array:
+    """Distances at evenly spaced times in every piece, (pieces, samples, m) [m]."""
+    times = splines[0].within_pieces(_FEW)
+    q = np.hstack([spline(times.ravel())[0] for spline in splines])
+    function: ca.Function = clearance.function
+    found = function.map(len(q))(q.T).full().T
+    return np.asarray(found.reshape(*times.shape, -1))
+
+
+# The objective counts time beyond the person's as a fraction of the person's; squared distances and
+# jerks are integrated over the trajectory's time.
+_DISTANCE = 0.1  # from the paths [rad] that costs, if kept up, as much as the time it is kept up
+_UNEVEN = 0.05  # of the squared stretch of an interval
+_SHORT = 0.2  # intervals shorter than this [s] may be stretched more
+_JERK, _JERK_TIME = 1e-3, 0.05  # when an acceleration changes by its limit in this time [s]
+_IPOPT = {
+    "tol": 1e-6,
+    "constr_viol_tol": 1e-9,
+    "dual_inf_tol": 1e-3,
+    "max_iter": 400,
+    "acceptable_iter": 0,
+    "mu_strategy": "adaptive",
+    "bound_relax_factor": 1e-9,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class TrajectoryProgram:
+    """The program for given knots.
+
+    Attributes:
+        arms: with their paths and limits.
+        knots: in time.
+        settings: of the trajectory.
+    """
+
+    arms: Sequence[ArmPaths]
+    knots: Knots
+    settings: TrajectorySettings
+
+    @cached_property
+    def courses(self) -> tuple[Course, ...]:
+        """Paths of the arms over the knots."""
+        return tuple(Course(arm, self.knots) for arm in self.arms)
+
+    @cached_property
+    def terms(self) -> tuple[ArmTerms, ...]:
+        """Terms of the arms."""
+        first, found = self.knots.person.size, []
+        for course in self.courses:
+            found.append(ArmTerms(course, first))
+            first += 3 * course.arm.robot.dof * (self.knots.count + 1)
+        return tuple(found)
+
+    @property
+    def size_x(self) -> int:
+        """Number of variables."""
+        dof = sum(arm.robot.dof for arm in self.arms)
+        return int(self.knots.person.size + 3 * dof * (self.knots.count + 1))
+
+    def solve(
+        self, start: KnotStates, references: Sequence[Reference], watched: Watched
+    ) -> Outcome:
+        """The solution near references, with the limits that are to be minded."""
+        blocks = self._blocks(start.durations, references, watched)
+        return BlockProgram(self.size_x, blocks).solve(self.as_x(start), self.bounds, _IPOPT)
+
+    def _blocks(
+        self, durations: Array, references: Sequence[Reference], watched: Watched
+    ) -> list[Block]:
+        """Integrals over time are by the trapezoidal rule for these durations (m,)."""
+        knots, settings = self.knots, self.settings
+        total = float(knots.person.sum())
+        steps = durations[knots.interval] * knots.fraction
+        shares = np.convolve(steps, [0.5, 0.5]) / total
+        distance = settings.deviation_weight / _DISTANCE**2
+        jerk = _JERK * _JERK_TIME**2 / (total * steps)
+        blocks = [self._stretch(total)]
+        for k, (terms, reference) in enumerate(zip(self.terms, references, strict=True)):
+            blocks.append(terms.deviation(reference, shares, distance))
+            blocks.append(terms.motion(jerk, settings.tolerance is None))
+            limits = watched.arms[k]
+            for kind, pairs in limits.pieces.items():
+                blocks.append(terms.between_knots(kind, pairs))
+            if limits.torques.size:
+                allowed = limits.torque_shares[limits.torques]
+                blocks.append(terms.torques(limits.torques, allowed))
+            if settings.tolerance is not None:
+                blocks.append(terms.hand_poses(settings.tolerance))
+            if not settings.rest:
+                blocks.append(terms.end_speeds())
+        for kept in watched.clearances:
+            blocks += [self._distance(kept, index) for index in kept.knots]
+        return blocks
+
+    def _distance(self, kept: WatchedDistances, index: int) -> Block:
+        """One distance at some of the knots."""
+        knots, q = kept.knots[index], ca.SX.sym("q", kept.clearance.dof)
+        distance = kept.clearance.row(index)(q)
+        columns = np.hstack([terms.indices(knots, 1) for terms in self.terms])
+        lower = kept.lower[knots, index, None]
+        upper = np.full_like(lower, np.inf)
+        return Block(Terms(q, constraints=distance), columns, None, lower, upper)
+
+    def _stretch(self, total: float) -> Block:
+        """The time beyond the person's, and its square, so that no interval bears all of it."""
+        person = self.knots.person
+        duration, p = ca.SX.sym("T"), ca.SX.sym("p", 3)
+        more = duration - p[0]
+        objective = p[1] * more + p[2] * more**2
+        uneven = _UNEVEN / (total * (person + _SHORT))
+        values = np.stack([person, np.full(person.size, 1.0 / total), uneven], axis=1)
+        return Block(Terms(duration, p, objective), np.arange(person.size)[:, None], values)
+
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """Of the variables."""
+        lowers, uppers = [self.knots.person], [np.full(self.knots.person.size, np.inf)]
+        for course in self.courses:
+            lower, upper = variable_bounds(course, self.settings)
+            lowers.append(lower.ravel())
+            uppers.append(upper.ravel())
+        return np.concatenate(lowers), np.concatenate(uppers)
+
+    @cached_property
+    def fixed_knots(self) -> NDArray[np.bool_]:
+        """Knots at which the configuration of every arm is given, (knots,)."""
+        lower, upper = (self.states(bound) for bound in self.bounds)
+        pairs = zip(lower.positions, upper.positions, strict=True)
+        fixed = [np.all(low == high, axis=1) for low, high in pairs]
+        return np.asarray(np.all(fixed, axis=0))
+
+    def as_x(self, states: KnotStates) -> Array:
+        """Vector of the variables."""
+        parts = [states.durations]
+        for k, terms in enumerate(self.terms):
+            relative = [
+                states.positions[k],
+                states.velocities[k] / terms.speed_unit,
+                states.accelerations[k] / terms.acceleration_unit,
+            ]
+            parts.append(np.stack(relative, axis=1).ravel())
+        return np.concatenate(parts)
+
+    def states(self, x: Array) -> KnotStates:
+        """Values of the variables from their vector."""
+        found = []
+        for terms in self.terms:
+            size = 3 * terms.dof * (self.knots.count + 1)
+            own = x[terms.first : terms.first + size].reshape(-1, 3, terms.dof)
+            v, a = own[:, 1] * terms.speed_unit, own[:, 2] * terms.acceleration_unit
+            found.append((own[:, 0], v, a))
+        return KnotStates(x[: self.knots.person.size], *zip(*found, strict=True))
+
+
+# Shares of the limits, one and [rad] for positions, from which on a limit is minded as well where
+# it is exceeded elsewhere.
+_NEAR = {"velocity": 0.98, "position": 1.0 - 0.01, "jerk": 0.2}
+_NEAR_TORQUE, _NEAR_DISTANCE = 0.85, 0.01  # a share, and [m]
+_MORE, _ROUNDING = 1.2, 2e-6  # what lies between knots is corrected by a little more
+
+
+def watched_at_first(
+    program: TrajectoryProgram, durations: Array, clearances: Sequence[Clearance]
+) -> Watched:
+    """Jerks of joints that take longer than a piece to reach their accelerations, and no more.
+
+    Args:
+        program: with its knots.
+        durations: of the intervals (m,) [s].
+        clearances: distances to be kept.
+    """
+    count, given = program.knots.count + 1, program.fixed_knots[:, None]
+    steps, arms = np.diff(program.knots.times(durations))[:, None], []
+    for terms in program.terms:
+        slow = np.argwhere(terms.arm.limits.jerk * steps < terms.acceleration_unit)
+        pieces = {"jerk": slow} if slow.size else {}
+        shares = np.full((count, terms.dof), 1.0 - INSIDE)
+        arms.append(WatchedArm(pieces, np.zeros(0, dtype=np.int64), shares))
+    distances = [
+        WatchedDistances(each, {}, np.where(given, -np.inf, each.lower)) for each in clearances
+    ]
+    return Watched(tuple(arms), tuple(distances))
+
+
+def tightened(watched: Watched, checks: Sequence[ArmCheck], distances: Sequence[Array]) -> Watched:
+    """The constraints of the next round.
+
+    Args:
+        watched: those of the last round.
+        checks: of its result.
+        distances: in every piece (pieces, samples, m) [m], of each clearance.
+    """
+    arms = [_arm(each, check) for each, check in zip(watched.arms, checks, strict=True)]
+    kept = [_kept(each, at) for each, at in zip(watched.clearances, distances, strict=True)]
+    return Watched(tuple(arms), tuple(kept))
+
+
+def _arm(watched: WatchedArm, check: ArmCheck) -> WatchedArm:
+    pieces = dict(watched.pieces)
+    for kind, near in _NEAR.items():
+        shares = check.pieces[kind]
+        if shares.max() > 1.0 + TOLERANCE:
+            known = pieces.get(kind, np.zeros((0, 2), dtype=np.int64))
+            pieces[kind] = np.unique(np.vstack([known, np.argwhere(shares > near)]), axis=0)
+    largest = check.torques.max(axis=1)  # of pieces (k, n)
+    if largest.max() <= 1.0 + TOLERANCE:
+        return WatchedArm(pieces, watched.torques, watched.torque_shares)
+    at_knots = np.concatenate([check.torques[:, 0], check.torques[-1:, -1]])
+    between = np.flatnonzero(largest.max(axis=1) > 1.0)
+    close = np.flatnonzero(at_knots.max(axis=1) > _NEAR_TORQUE)
+    knots = np.unique(np.concatenate([watched.torques, close, between, between + 1]))
+    # Torques at knots will keep the limit; what is larger in between has to be taken off.
+    ends = np.maximum(np.maximum(at_knots[:-1], at_knots[1:]), 1.0 - INSIDE)
+    excess = np.where(largest > 1.0, _MORE * (largest - ends) + _ROUNDING, 0.0)
+    less = 1.0 - np.minimum(_at_both_ends(excess), 0.5)
+    return WatchedArm(pieces, knots, watched.torque_shares * less)
+
+
+def _kept(watched: WatchedDistances, found: Array) -> WatchedDistances:
+    """Distances to keep from now on, given those that were found (pieces, samples, m)."""
+    wanted, least = watched.clearance.lower, found.min(axis=1)
+    at_knots = np.concatenate([found[:, 0], found[-1:, -1]])
+    short = least < wanted - TOLERANCE
+    near = (at_knots < wanted + _NEAR_DISTANCE) | (_at_both_ends(short) > 0.0)
+    knots = dict(watched.knots)
+    for index in np.flatnonzero(short.any(axis=0)).tolist():
+        known: Indices = knots.get(index, np.zeros(0, dtype=np.int64))
+        knots[index] = np.union1d(known, np.flatnonzero(near[:, index]))
+    # Distances at knots will keep their bounds; what is smaller in between is added to these.
+    ends = np.minimum(np.minimum(at_knots[:-1], at_knots[1:]), wanted)
+    lack = np.where(short, _MORE * (ends - least) + _ROUNDING, 0.0)
+    return WatchedDistances(watched.clearance, knots, watched.lower + _at_both_ends(lack))
+
+
+def _at_both_ends(of_pieces: Array) -> Array:
+    """At the knots, the larger one of two successive pieces."""
+    none = np.zeros((1, of_pieces.shape[1]))
+    return np.maximum(np.vstack([of_pieces, none]), np.vstack([none, of_pieces]))
+
+
+MOST_ROUNDS = 15
+_OTHER_COUNT = 0.15  # change of the number of knots that is worth it, once durations are known
+# The nearest points of the paths are found anew until the duration changes by less than this.
+_SETTLED = 0.005
+# The first guess, and others if Ipopt fails from it: time stretched more, and stops in corners.
+_STARTS = ((1.3, False), (2.0, False), (1.3, True), (3.0, True))
+
+
+@dataclass(frozen=True, eq=False)
+class TrajectoryAttempt:
+    """Where the rounds ended.
+
+    Attributes:
+        knots: in time.
+        durations: of the intervals (m,) [s].
+        checks: of the arms, with their splines.
+        least_distances: of each clearance (m,) [m].
+        excess: largest excess over a limit, relative or [rad or m].
+        status: in words.
+        success: whether all limits are kept.
+        iterations: of Ipopt.
+    """
+
+    knots: Knots
+    durations: Array
+    checks: tuple[ArmCheck, ...]
+    least_distances: tuple[Array, ...]
+    excess: float
+    status: str
+    success: bool
+    iterations: int
+
+
+def solve_in_rounds(
+    arms: Sequence[ArmPaths],
+    settings: TrajectorySettings,
+    clearances: Sequence[Clearance],
+    progress: Callable[[int], object],
+) -> TrajectoryAttempt:
+    """The trajectory within all limits, or the best attempt."""
+    attempts: list[TrajectoryAttempt] = []
+    for more, stops in _STARTS:
+        attempts.append(_from_start(arms, settings, clearances, progress, (more, stops)))
+        if attempts[-1].success:
+            break
+    best = min(attempts, key=lambda attempt: (not attempt.success, attempt.excess))
+    return replace(best, iterations=sum(attempt.iterations for attempt in attempts))
+
+
+def _from_start(
+    arms: Sequence[ArmPaths],
+    settings: TrajectorySettings,
+    clearances: Sequence[Clearance],
+    progress: Callable[[int], object],
+    start: tuple[float, bool],
+) -> TrajectoryAttempt:
+    program, states, references = _first_guess(arms, settings, *start)
+    watched, iterations = watched_at_first(program, states.durations, clearances), 0
+    kept: TrajectoryAttempt | None = None
+    for number in range(MOST_ROUNDS):
+        progress(number)
+        outcome = program.solve(states, references, watched)
+        iterations += outcome.iterations
+        before, states = states, program.states(outcome.x)
+        checks = tuple(
+            ArmCheck(course.arm, spline, position_bounds(course))
+            for course, spline in zip(program.courses, _splines(program, states), strict=True)
+        )
+        splines = [check.spline for check in checks]
+        distances = [distances_in_pieces(each, splines) for each in clearances]
+        excess, worst = _worst(checks, clearances, distances)
+        success = outcome.success and excess <= TOLERANCE
+        change = abs(states.durations.sum() / before.durations.sum() - 1.0)
+        if not outcome.success and kept is not None:
+            return replace(kept, iterations=iterations)
+        if success:
+            least = tuple(each.min(axis=(0, 1)) for each in distances)
+            kept = TrajectoryAttempt(
+                *(program.knots, states.durations, checks, least, excess),
+                *("within all limits", True, iterations),
+            )
+        if not outcome.success or (success and change <= _SETTLED):
+            break
+        watched = tightened(watched, checks, distances)
+        if number == 0:
+            fitting = Knots.spaced(program.knots.edges, states.durations)
+            if abs(fitting.count / program.knots.count - 1.0) > _OTHER_COUNT:
+                program = replace(program, knots=fitting)
+                states = _at_knots(program, splines, states.durations)
+                watched = watched_at_first(program, states.durations, clearances)
+        references = [
+            course.nearest(q) for course, q in zip(program.courses, states.positions, strict=True)
+        ]
+    if kept is not None:
+        return replace(kept, iterations=iterations)
+    status = outcome.status
+    if excess > TOLERANCE:
+        status = f"{outcome.status}; {worst} by {excess:.2g}"
+    least = tuple(each.min(axis=(0, 1)) for each in distances)
+    knots = program.knots
+    return TrajectoryAttempt(
+        knots, states.durations, checks, least, excess, status, success, iterations
+    )
+
+
+def _first_guess(
+    arms: Sequence[ArmPaths], settings: TrajectorySettings, more: float, stops: bool
+) -> tuple[TrajectoryProgram, KnotStates, list[Reference]]:
+    """The paths in time that is stretched until limits are nearly kept, times `more`."""
+    edges = union_of_edges(arms)
+    coarse = TrajectoryProgram(arms, Knots.spaced(edges, np.diff(edges)), settings)
+    references = [course.as_recorded(settings.rest, stops) for course in coarse.courses]
+    durations = stretched(arms, references, coarse.knots, settings.rest)
+    program = TrajectoryProgram(arms, Knots.spaced(edges, durations), settings)
+    references = [course.as_recorded(settings.rest, stops) for course in program.courses]
+    states = through(references, program.knots, more * durations, settings.rest)
+    return program, states, references
+
+
+def _at_knots(
+    program: TrajectoryProgram, splines: Sequence[JointSpline], durations: Array
+) -> KnotStates:
+    """States of splines at the knots of another program."""
+    time = program.knots.times(durations)
+    states = [spline(time)[:3] for spline in splines]
+    return KnotStates(durations, *zip(*states, strict=True))
+
+
+def _worst(
+    checks: Sequence[ArmCheck], clearances: Sequence[Clearance], distances: Sequence[Array]
+) -> tuple[float, str]:
+    """Largest excess over a limit, relative or [rad or m], and a clause that names it."""
+    found = [check.worst for check in checks]
+    for clearance, values in zip(clearances, distances, strict=True):
+        lack = (clearance.lower - values).max(axis=(0, 1))
+        index = int(lack.argmax())
+        found.append((float(lack[index]), f"the distance {clearance.names[index]} is too small"))
+    return max(found, key=lambda pair: pair[0])
+
+
+def _splines(program: TrajectoryProgram, states: KnotStates) -> list[JointSpline]:
+    """Without the rounding that the program's equations leave at the knots."""
+    time = program.knots.times(states.durations)
+    return [
+        JointSpline.through(time, q, v[[0, -1]])
+        for q, v in zip(states.positions, states.velocities, strict=True)
+    ]

@@ -1,0 +1,372 @@
+"""A path's second variation, and certificates that it is locally minimizing.
+
+A geodesic is a stationary point of the energy. It is locally minimizing if the second variation is
+positive definite; the number of negative directions, the Morse index, equals the number of points
+conjugate to the start inside the path (Milnor, *Morse Theory* (1963), section 15). It is computed
+here from the Hessian of the discrete energy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike, NDArray
+
+from geodesic_ocp.arrays import Array, as_vector
+from geodesic_ocp.errors import IntegrationFailed
+from geodesic_ocp.manifold.exp import exp
+from geodesic_ocp.ocp.conditions import NodeBounds
+from geodesic_ocp.ocp.point_to_point import geodesic_structure
+from geodesic_ocp.ocp.transcription import Transcription, Units
+from geodesic_ocp.trajectory.grid import Grid
+from geodesic_ocp.trajectory.path import Path
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FinalIterate:
+    """Primal and dual variables of an NLP where the solver stopped.
+
+    Attributes:
+        path: of the iterate, in the problem's units.
+        transcription, units, p_values: the NLP, and the values of the problem's parameters.
+        x, lam_x, lam_g: variables and multipliers in the NLP's units.
+        fixed_x, fixed_g: where the lower bound equals the upper bound.
+        success: whether the solver accepted it as a solution.
+        energy_only: whether the problem has no running cost besides the energy.
+    """
+
+    path: Path
+    transcription: Transcription
+    units: Units
+    p_values: Array
+    x: Array
+    lam_x: Array
+    lam_g: Array
+    fixed_x: NDArray[np.bool_]
+    fixed_g: NDArray[np.bool_]
+    success: bool
+    energy_only: bool
+
+    @property
+    def p(self) -> Array:
+        """Parameters of the NLP."""
+        return self.units.parameters(self.path.grid, self.p_values)
+
+    def gradient(self) -> Array:
+        """Gradient of the objective."""
+        _, gradient = self.transcription.objective(self.x, self.p)
+        return np.asarray(gradient.full()[:, 0])
+
+    def hessian(self) -> Array:
+        """Hessian of the Lagrangian."""
+        return self.transcription.full_hessian(self.x, self.p, self.lam_g)
+
+    def constraint_jacobian(self) -> Array:
+        """Jacobian of the constraint functions."""
+        return np.asarray(self.transcription.constraints(self.x, self.p)[1].full())
+
+
+# Eigenvalues of the second variation that are smaller than the largest by this factor are rounding.
+_ROUNDING = 1e-11
+_MOST_VARIABLES = 1500  # longer paths are resampled on a coarser grid
+_COARSER = Grid(8, 20)
+_BISECTIONS = 30
+# At a stationary point a Newton step would change the energy by at most this fraction.
+_DECREASE = 1e-5
+_TINY = 1e-300
+
+
+def stationarity_and_index(gradient: Array, hessian: Array) -> tuple[bool, int]:
+    """Whether a point is stationary, and the number of negative eigenvalues of the Hessian.
+
+    A point is stationary if a Newton step would change the function by less than a small fraction:
+    the gradient is measured in the scale of the Hessian.
+    """
+    if not (np.all(np.isfinite(gradient)) and np.all(np.isfinite(hessian))):
+        return False, 0
+    if gradient.size == 0:
+        return True, 0
+    if (factor := _cholesky(hessian)) is not None:
+        along = scipy.linalg.solve_triangular(factor, gradient, lower=True)
+        return bool(along @ along <= _DECREASE), 0
+    eigenvalues, vectors = np.linalg.eigh(hessian)
+    rounding = _ROUNDING * np.abs(eigenvalues).max()
+    along = vectors.T @ gradient
+    decrease = float(np.sum(along**2 / np.maximum(np.abs(eigenvalues), max(rounding, _TINY))))
+    return decrease <= _DECREASE, int(np.sum(eigenvalues < -rounding))
+
+
+def energy_derivatives(path: Path, end: float = 1.0) -> tuple[Array, Array]:
+    """Gradient and Hessian of the energy, relative to it, of the path from s = 0 to s = end.
+
+    The derivatives are those by the inner nodes.
+    """
+    n, grid = path.metric.dim, path.grid
+    if grid.size * n > _MOST_VARIABLES and grid.segments > _COARSER.segments:
+        grid = _COARSER
+    nodes = path.nodes if grid is path.grid and end == 1.0 else path(end * grid.nodes)
+    # Not a problem with these ends, at which there may be no metric: the NLP is the same for all.
+    transcription = geodesic_structure(path.metric).transcription(grid)
+    extent = float(np.ptp(nodes, axis=0).max()) or 1.0
+    energy = transcription.energy(grid, nodes)
+    units = Units(nodes[0], extent, energy if 0.0 < energy < np.inf else 1.0)
+    x = units.scaled(nodes).ravel()
+    p = units.parameters(grid)
+    _, gradient = transcription.objective(x, p)
+    hessian = transcription.full_hessian(x, p, np.zeros(0))
+    return gradient.full()[n:-n, 0], hessian[n:-n, n:-n]
+
+
+def first_conjugate_point(path: Path) -> float:
+    """S of the first point conjugate to the start, of a path whose Morse index is positive."""
+    below, above = 0.0, 1.0
+    width = path.metric.dim * (max(path.grid.degree, _COARSER.degree) + 1)
+    for _ in range(_BISECTIONS):
+        middle = (below + above) / 2.0
+        _, hessian = energy_derivatives(path, middle)
+        # The Hessian is banded, as nodes interact within segments only; 30 dense factorizations
+        # would dominate the computing time.
+        has_index = not _is_positive_definite(hessian, width)
+        below, above = (below, middle) if has_index else (middle, above)
+    return above
+
+
+def _is_positive_definite(matrix: Array, width: int) -> bool:
+    """Whether a symmetric matrix with this bandwidth is positive definite."""
+    size = len(matrix)
+    band = np.zeros((min(width, size), size))
+    for row in range(len(band)):
+        band[row, : size - row] = np.diagonal(matrix, -row)
+    try:
+        scipy.linalg.cholesky_banded(band, lower=True, check_finite=False)
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def _cholesky(matrix: Array) -> Array | None:
+    """Cholesky factor, or None if the matrix is not positive definite."""
+    try:
+        return np.asarray(np.linalg.cholesky(matrix))
+    except np.linalg.LinAlgError:
+        return None
+
+
+_DRIFT = 0.05  # an unconstrained stationary path conserves its kinetic energy to this fraction
+# Forces in the scaled NLP above this belong to active conditions.
+_ACTIVE = 1e-6
+# Distance from a bound, and unbalanced force, in the scaled NLP.
+_AT_BOUND, _BALANCE = 1e-4, 1e-3
+_SMALLEST = np.finfo(float).tiny
+_DEPENDENT = 1e-10
+
+
+@dataclass(frozen=True, repr=False)
+class Certificate:
+    """What is known about a path.
+
+    Attributes:
+        endpoint_error: distance between the end of the path and the end of the geodesic with the
+            same initial velocity, integrated forward, in the worst coordinate [rad or m]; inf if
+            the integration fails. It is large where constraints are active: such a path is not a
+            geodesic.
+        drift: largest relative deviation of the kinetic energy along the path from its mean; inf
+            where there is no metric.
+        stationary: whether the energy does not change to first order under variations that meet
+            the path's conditions. If not, the path is not a solution.
+        morse_index: number of independent directions in which the energy of a stationary path
+            decreases to second order; None if the path is not stationary.
+        first_conjugate_point: s, to 1e-6, of the first point conjugate to the start of a geodesic
+            between fixed ends: up to there it is locally minimizing. None: there is none inside.
+        has_active_constraints: whether conditions along the path are active, so that the path is
+            not a geodesic.
+        has_running_cost: whether the problem's own cost is minimized together with the energy;
+            `stationary` and `morse_index` then refer to their sum.
+        switching_points: s, to the distance of two nodes, at which conditions along the path become
+            active or inactive. The path's second derivative jumps there, but not that of a
+            polynomial: in the segments around them, the force of a limit that is computed from
+            second derivatives may have the wrong sign. The multipliers at the nodes do not, or the
+            path is not stationary; the error disappears as the grid becomes finer.
+    """
+
+    endpoint_error: float
+    drift: float
+    stationary: bool
+    morse_index: int | None
+    first_conjugate_point: float | None = None
+    has_active_constraints: bool = False
+    has_running_cost: bool = False
+    switching_points: tuple[float, ...] = ()
+
+    @property
+    def locally_shortest(self) -> bool:
+        """Whether the path is locally minimizing among the paths that meet its conditions.
+
+        To second order, and for the sum of energy and cost if there is a running cost.
+        """
+        return self.stationary and self.morse_index == 0
+
+    def __str__(self) -> str:
+        if not self.stationary:
+            verdict = "not stationary"
+        elif self.locally_shortest:
+            verdict = "locally minimizing"
+            verdict += " energy and cost" if self.has_running_cost else ""
+            verdict += " under its constraints" if self.has_active_constraints else ""
+        else:
+            what = "energy and cost" if self.has_running_cost else "length"
+            verdict = (
+                f"stationary, not locally minimizing: Morse index {self.morse_index} of {what}"
+            )
+            if self.first_conjugate_point:
+                verdict += f", first conjugate point at s = {self.first_conjugate_point:.4g}"
+        if self.has_active_constraints:
+            count = len(self.switching_points)
+            switching = f", {count} switching point{'s' * (count > 1)}" * (count > 0)
+            return f"{verdict}; not a geodesic, constraints are active{switching}"
+        if self.has_running_cost:
+            return f"{verdict}; not a geodesic, there is a running cost"
+        return f"{verdict}; endpoint error {self.endpoint_error:.1e}, energy drift {self.drift:.1e}"
+
+    def __repr__(self) -> str:
+        return f"Certificate({self})"
+
+
+def certify(path: Path, velocity: ArrayLike | None = None) -> Certificate:
+    """The certificate of a path between fixed ends as a geodesic of its metric.
+
+    Args:
+        path: any path; `stationary` tells whether it is a geodesic, as far as its nodes resolve it.
+        velocity: the initial velocity (n,), if it is known more accurately than from the path.
+
+    Raises:
+        ValueError: not a path, or a velocity of another shape.
+    """
+    if not isinstance(path, Path):
+        raise ValueError(f"path must be a Path, got {path!r}")
+    start = path(0.0, 1) if velocity is None else as_vector("velocity", velocity, path.metric.dim)
+    drift = _energy_drift(path)
+    stationary, index = stationarity_and_index(*energy_derivatives(path))
+    stationary = stationary and drift <= _DRIFT
+    return Certificate(
+        endpoint_error=_endpoint_error(path, start),
+        drift=drift,
+        stationary=stationary,
+        morse_index=index if stationary else None,
+        first_conjugate_point=first_conjugate_point(path) if stationary and index else None,
+    )
+
+
+def certify_iterate(iterate: FinalIterate, bounds: NodeBounds) -> Certificate:
+    """The certificate of a solution among the paths that meet the problem's conditions."""
+    path, n = iterate.path, iterate.path.metric.dim
+    has_cost = not iterate.energy_only
+    momentum = -iterate.gradient()[:n] * iterate.units.scale / iterate.units.length
+    drift = _energy_drift(path)
+    start = np.full(n, np.nan)
+    if np.isfinite(drift):
+        start = np.linalg.solve(path.metric.matrix(path.nodes[0]), momentum)
+    error = _endpoint_error(path, start)
+    if not iterate.success or not np.isfinite(drift):
+        return Certificate(error, drift, False, None, has_running_cost=has_cost)
+
+    jacobian = iterate.constraint_jacobian()
+    if not _is_first_order(iterate, bounds, jacobian):
+        return Certificate(error, drift, False, None, has_running_cost=has_cost)
+    active_x, active_g = _active(iterate, jacobian)
+    inner_are_free = np.sum(~active_x) == iterate.x.size - 2 * n and not np.any(active_x[n:-n])
+    if inner_are_free and not np.any(active_g) and iterate.energy_only:
+        # Also finds stationary points of a coarse discretization that are no geodesics.
+        return replace(certify(path), endpoint_error=error)
+    along = active_g[iterate.transcription.size_ends :]
+    is_constrained = bool(np.any(along) or np.any(active_x[n:-n]))
+    if iterate.energy_only and not is_constrained and drift > _DRIFT:
+        return Certificate(error, drift, False, None)
+    reduced, _ = _reduced_hessian(iterate, jacobian, active_x, active_g)
+    _, index = stationarity_and_index(np.zeros(len(reduced)), reduced)
+    along_x = active_x.reshape(-1, n).copy()
+    along_x[[0, -1]] = along_x[[1, -2]]  # what fixes the ends does not act along the path
+    return Certificate(
+        endpoint_error=error,
+        drift=drift,
+        stationary=True,
+        morse_index=index,
+        has_active_constraints=is_constrained,
+        has_running_cost=has_cost,
+        switching_points=bounds.switching_points(path.grid, along_x.ravel(), active_g),
+    )
+
+
+def descent_direction(iterate: FinalIterate) -> Array | None:
+    """Change of x, largest entry 1, along which the objective decreases to second order.
+
+    Active conditions remain satisfied to first order. None: there is no such direction.
+    """
+    jacobian = iterate.constraint_jacobian()
+    reduced, basis = _reduced_hessian(iterate, jacobian, *_active(iterate, jacobian))
+    if stationarity_and_index(np.zeros(len(reduced)), reduced)[1] == 0:
+        return None
+    direction = basis @ np.linalg.eigh(reduced)[1][:, 0]
+    return np.asarray(direction / np.abs(direction).max())
+
+
+def _active(iterate: FinalIterate, jacobian: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which bounds of x, and which constraints, exert a force."""
+    # Multiplier times gradient is the force of a condition, whatever the condition's unit.
+    forces = np.abs(iterate.lam_g) * np.linalg.norm(jacobian, axis=1)
+    at_bound = iterate.fixed_x | (np.abs(iterate.lam_x) > _ACTIVE)
+    return at_bound, iterate.fixed_g | (forces > _ACTIVE)
+
+
+def _reduced_hessian(
+    iterate: FinalIterate,
+    jacobian: Array,
+    active_x: NDArray[np.bool_],
+    active_g: NDArray[np.bool_],
+) -> tuple[Array, Array]:
+    """The Lagrangian's Hessian (k, k) on the tangent space of active conditions; its basis."""
+    basis = np.eye(iterate.x.size)[:, ~active_x]
+    reduced = iterate.hessian()[np.ix_(~active_x, ~active_x)]
+    if np.any(active_g):
+        normals = jacobian[np.ix_(active_g, ~active_x)]
+        normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), _SMALLEST)
+        tangent = scipy.linalg.null_space(normals, rcond=_DEPENDENT)
+        reduced, basis = tangent.T @ reduced @ tangent, basis @ tangent
+    return reduced, basis
+
+
+def _is_first_order(iterate: FinalIterate, bounds: NodeBounds, jacobian: Array) -> bool:
+    """Whether forces balance, and multipliers have the sign of the bound at which the value is."""
+    balance = iterate.gradient() + iterate.lam_x + jacobian.T @ iterate.lam_g
+    g = iterate.transcription.constraints(iterate.x, iterate.p)[0].full()[:, 0]
+    length, q = iterate.units.length, iterate.path.nodes
+    sizes = np.maximum(np.linalg.norm(jacobian, axis=1), _SMALLEST)
+    wrong = [np.abs(balance)]
+    for force, scale, value, lower, upper in (
+        (iterate.lam_x, 1.0 / length, q.ravel(), bounds.lower.ravel(), bounds.upper.ravel()),
+        (iterate.lam_g * sizes, 1.0 / sizes, g, bounds.lower_g, bounds.upper_g),
+    ):
+        away = scale * np.array([upper - value, value - lower])
+        wrong.append(np.maximum([force, -force], 0.0)[away > _AT_BOUND])
+    return bool(np.concatenate(wrong).max(initial=0.0) <= _BALANCE)
+
+
+def _endpoint_error(path: Path, velocity: Array) -> float:
+    """Distance of the geodesic with this initial velocity from the path's end."""
+    extent = float(np.ptp(path.nodes, axis=0).max())
+    try:
+        arrival = exp(path.metric, path.nodes[0], velocity, tolerance=1e-9 * max(1.0, extent))
+    except (IntegrationFailed, ValueError):  # it does not get there, or no metric at the start
+        return np.inf
+    return float(np.abs(arrival - path.nodes[-1]).max())
+
+
+def _energy_drift(path: Path) -> float:
+    """Largest relative deviation of |q'|^2 from its mean, at the points of the quadrature."""
+    squares = path.speeds_at_quadrature_points**2
+    if not np.all(np.isfinite(squares)):
+        return np.inf
+    mean = float(np.sum(path.grid.quadrature.weights * squares))
+    return float(np.abs(squares / mean - 1.0).max()) if mean > 0.0 else 0.0

@@ -1,0 +1,185 @@
+"""Inverse kinematics of a model, clear of obstacles where that is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.primitives import Obstacle
+from geodesic_ocp.ocp.pose_search import CollisionAvoidance, PoseSearch
+
+_STARTS, _ENOUGH = 60, 4
+_STARTS_NEAREST, _STARTS_WITHIN = 28, 4
+_FEW, _LAST_RESORT = 2, 6  # configurations that are too few, and further starts of Ipopt then
+_BEST = 4  # starts of Ipopt for a pose out of reach, from different configurations
+_DIFFERENT = 0.3  # [rad or m]
+_REACHED = 1e-6  # [m] and [rad]
+# Among configurations with the same pose error, the one near the start: too small a weight to
+# change the pose error.
+_STAY = 1e-6
+
+
+def inverse_kinematics(
+    model: Model,
+    near: ArrayLike,
+    position: ArrayLike | None = None,
+    rotation: ArrayLike | None = None,
+    *,
+    limits: bool = True,
+    free: ArrayLike | None = None,
+    obstacles: Sequence[Obstacle] = (),
+    links: Sequence[str] | None = None,
+    pairs: Sequence[tuple[str, str]] = (),
+    margin: float = 0.0,
+) -> Array:
+    """The configuration (n,) nearest to a given one, joint by joint, with a pose of the hand.
+
+    min |q - near|^2 over q such that the hand has the position, the rotation, or both. The search
+    starts from several configurations and covers one revolution of joints with a larger range.
+
+    Args:
+        model: whose hand (end-effector) is placed.
+        near: configuration (n,) to stay near to [rad or m].
+        position: of the hand (3,) [m] in the base frame; None leaves it free.
+        rotation: of the hand (3, 3); None leaves it free.
+        limits: whether the joints stay within their limits.
+        free: directions (3,) or (k, 3) in which the position is free.
+        obstacles, links, pairs: collision bodies to keep apart, see `signed_distances`.
+        margin: smallest distance allowed between them [m].
+
+    Raises:
+        ValueError: wrong shapes or values, or neither position nor rotation.
+        NotConverged: no such configuration was found; the message gives the smallest error reached.
+
+    Example:
+        >>> import geodesic_ocp as go
+        >>> arm = go.human_arm()
+        >>> q = go.inverse_kinematics(arm, [0.3, 0, -0.4, 0.9, 0, 0, 0], [0.10, 0.45, -0.05])
+        >>> arm.hand_pose(q)[1].round(6).tolist()
+        [0.1, 0.45, -0.05]
+    """
+    collisions = CollisionAvoidance.checked(obstacles, links, pairs, margin)
+    q = inverse_kinematics_solutions(
+        model, near, position, rotation, limits, free, collisions, _ENOUGH
+    )[0]
+    if not collisions.is_empty:
+        return q
+    search = PoseSearch.checked("inverse_kinematics", model, near, position, rotation, collisions)
+    axes, bound = search.axes_and_bound(free)
+    (exact,) = search.outcomes(limits, [q], axes, np.zeros(6), 1.0, bound)
+    nearer = np.linalg.norm(exact.q - search.near) <= np.linalg.norm(q - search.near)
+    return exact.q if exact.success and exact.error(bound) <= _REACHED and nearer else q
+
+
+def inverse_kinematics_solutions(
+    model: Model,
+    near: ArrayLike,
+    position: ArrayLike | None,
+    rotation: ArrayLike | None,
+    limits: bool,
+    free: ArrayLike | None,
+    collisions: CollisionAvoidance,
+    enough: int,
+    settled: float = 1e-2,
+    least: int = 1,
+) -> list[Array]:
+    """At least `least` configurations with a hand pose, if there are as many, from several starts.
+
+    They are sorted by their distance from `near`, which is also the first start. Each is near to a
+    local minimum of that distance, not exactly at it: the search still moves by `settled` a step.
+    """
+    search = PoseSearch.checked("inverse_kinematics", model, near, position, rotation, collisions)
+    axes, bound = search.axes_and_bound(free)
+    bounds = search.bounds(limits)
+    starts = search.starts(bounds, _STARTS)
+    weights = (bound == 0.0).astype(float)
+    found, others, smallest = search.simultaneously(
+        bounds, starts, axes, weights, enough, settled, least
+    )
+    candidates: list[Array] = []
+    if not collisions.is_empty:
+        candidates, found, smallest = [*found, *starts], [], np.inf
+    elif len(found) < min(_FEW, enough):
+        # Joints that stop at their limits can trap that search, not Ipopt's interior points.
+        candidates = [starts[0], *others[len(found) :][:1], *starts[-_LAST_RESORT:]]
+        enough = len(found) + _FEW + 1
+    for outcome in search.outcomes(limits, candidates, axes, np.zeros(6), 1.0, bound):
+        error = outcome.error(bound)
+        smallest = min(smallest, error)
+        if outcome.success and error <= _REACHED:
+            found.append(outcome.q)
+            if len(found) == enough:
+                break
+    if not found:
+        given = {"position": position, "rotation": rotation}
+        what = [name for name, value in given.items() if value is not None]
+        unit = "m or rad" if len(what) > 1 else {"position": "m", "rotation": "rad"}[what[0]]
+        raise NotConverged(
+            f"no configuration of {model.name!r}{' within its limits' if limits else ''}"
+            f"{'' if collisions.is_empty else ', clear of collision bodies,'} was found for the "
+            f"hand's {' and '.join(what)}: the smallest error reached is {smallest:.3g} {unit}"
+        )
+    return sorted(found, key=lambda q: float(np.linalg.norm(q - search.near)))
+
+
+def configuration_within(
+    model: Model,
+    near: ArrayLike,
+    position: ArrayLike | None,
+    rotation: ArrayLike | None,
+    bounds: tuple[Array, Array],
+) -> Array | None:
+    """A configuration (n,) with a hand pose within bounds, (n,) each, or None if none is found.
+
+    Raises:
+        ValueError: wrong shapes or values, or neither position nor rotation.
+    """
+    collisions = CollisionAvoidance()
+    search = PoseSearch.checked("configuration_within", model, near, position, rotation, collisions)
+    starts, weights = search.starts(bounds, _STARTS_WITHIN), np.ones(len(search.rows))
+    found, _, _ = search.simultaneously(bounds, starts, np.eye(3), weights, 1, np.inf)
+    return found[0] if found else None
+
+
+def nearest_configuration(
+    model: Model,
+    near: ArrayLike,
+    position: ArrayLike | None,
+    rotation: ArrayLike | None,
+    weights: tuple[float, float],
+    limits: bool,
+    collisions: CollisionAvoidance,
+) -> Array:
+    """The configuration (n,) whose hand pose is nearest to one that may be out of reach.
+
+    min (a |p - position|)^2 + (b angle)^2 with weights (a, b) [1/m], [1/rad], from several starts;
+    the angle is that of the rotation between the two poses.
+
+    Raises:
+        ValueError: wrong shapes or values, or neither position nor rotation.
+        NotConverged: no start led to a configuration that is clear of the collision bodies.
+    """
+    search = PoseSearch.checked(
+        "nearest_configuration", model, near, position, rotation, collisions
+    )
+    bound = np.full(len(search.rows), np.inf)
+    each = np.repeat(weights, 3)
+    bounds = search.bounds(limits)
+    starts = search.starts(bounds, _STARTS_NEAREST)
+    rows = each[list(search.rows)]
+    _, nearest, _ = search.simultaneously(bounds, starts, np.eye(3), rows, len(starts))
+    best: list[Array] = []
+    for q in nearest:
+        if len(best) < _BEST and all(np.abs(q - other).max() > _DIFFERENT for other in best):
+            best.append(q)
+    starts = best if collisions.is_empty else [*best, *starts]
+    outcomes = search.outcomes(limits, starts, np.eye(3), each, _STAY, bound)
+    found = [outcome for outcome in outcomes if outcome.success]
+    if not found:
+        raise NotConverged(f"no configuration of {model.name!r} was found near the hand pose")
+    return min(found, key=lambda outcome: outcome.objective).q

@@ -1,0 +1,216 @@
+"""Solutions from the files that `Solution.save` writes."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.ocp.certificate import FinalIterate
+from geodesic_ocp.ocp.conditions import Conditions
+from geodesic_ocp.ocp.problem import Problem
+from geodesic_ocp.ocp.solution import (
+    FORMAT,
+    VERSION,
+    Solution,
+    Stats,
+    decoded,
+    described_model,
+)
+from geodesic_ocp.ocp.transcription import Units
+from geodesic_ocp.ocp.violations import find_violations
+from geodesic_ocp.records import SENSELESS, convert, decoding, read_record
+from geodesic_ocp.trajectory.grid import Grid
+from geodesic_ocp.trajectory.path import Path
+
+_SAME_ENERGY = 1e-9  # relative
+_SAME_VIOLATION = 1e-8  # rounding may change it
+
+
+@dataclass(eq=False)
+class _IterateRecord:
+    origin: Array
+    length: float
+    scale: float
+    energy_only: bool
+    p_values: Array
+    x: Array
+    lam_x: Array
+    lam_g: Array
+    fixed_x: list[bool]
+    fixed_g: list[bool]
+
+
+@dataclass(eq=False)
+class _SolutionRecord:
+    grid: Grid
+    nodes: Array
+    stats: Stats
+    multipliers: dict[str, Array]
+    nlp: _IterateRecord
+    models: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+
+@dataclass
+class _ClassRecord:
+    problem: str
+    module: str
+    fields: dict[str, Any]
+    left_out: tuple[str, ...] = ()
+
+
+def load_solution(file: str | PathLike[str], problem: Problem | None = None) -> Solution:
+    """Read a solution that `Solution.save` wrote.
+
+    Args:
+        file: the JSON file.
+        problem: the problem that was solved. None: an instance of the class of that name with the
+            fields in the file. The class must be imported already; fields that are models or
+            metrics, which the file does not hold, take their defaults.
+
+    Raises:
+        RecordingError: the file is missing or malformed; it holds a solution of another problem;
+            or the path has another energy or violates other conditions than when it was saved, as
+            with another model.
+    """
+    path = FilePath(file)
+    record = read_record(path, FORMAT, VERSION, "a solution")
+    saved = record.get("problem")
+    if problem is None:
+        problem = _saved_problem(record, path)
+    if saved != type(problem).__qualname__:
+        raise RecordingError(
+            f"{path} has a solution of {saved}, not of {type(problem).__qualname__}"
+        )
+    names = problem.metric.joint_names
+    if record.get("joint_names") != (None if names is None else list(names)):
+        raise RecordingError(
+            f"{path}: its joints {record.get('joint_names')} are not the problem's"
+        )
+    decoded_record = convert(record, _SolutionRecord, path)
+    with decoding(path):
+        _check_models(decoded_record.models, problem, path)
+        solution = _decoded_solution(decoded_record, problem)
+    _check_same_problem(solution, path)
+    return solution
+
+
+def _saved_problem(record: dict[str, Any], path: FilePath) -> Problem:
+    """An instance of the recorded class, which must be imported already, with the saved fields."""
+    saved = convert(record, _ClassRecord, path)
+    name, given = saved.problem, f"load_solution({str(path)!r}, problem)"
+    found = _imported_class(saved.module, name)
+    if found is None:
+        raise RecordingError(
+            f"{path} has a solution of {name} of the module {saved.module}, which is not imported; "
+            f"import it, or use {given}"
+        )
+    if "__dataclass_fields__" not in vars(found):
+        raise RecordingError(f"{path} does not hold the fields of {name}; use {given}")
+    if saved.left_out:
+        missing = ", ".join(saved.left_out)
+        raise RecordingError(f"{path} does not hold the fields {missing}; use {given}")
+    try:
+        return found(**{key: decoded(value) for key, value in saved.fields.items()})
+    except (ValueError, *SENSELESS) as error:
+        raise RecordingError(
+            f"{path}: {name} cannot be created from the fields in the file ({error}); use {given}"
+        ) from None
+
+
+def _imported_class(module: str, name: str) -> type[Problem] | None:
+    """The imported problem class of that name: of that module, or of a file of that name.
+
+    A file is `around_disc` or `problems.around_disc`, depending on how it was run.
+    """
+    own = getattr(sys.modules.get(module), name, None)
+    if isinstance(own, type) and issubclass(own, Problem):
+        return own
+    file = module.rpartition(".")[2]
+    for each in _subclasses(Problem):
+        if each.__qualname__ == name and each.__module__.rpartition(".")[2] == file:
+            return each
+    return None
+
+
+def _subclasses(base: Any) -> Iterator[type[Problem]]:
+    for each in base.__subclasses__():
+        yield each
+        yield from _subclasses(each)
+
+
+def _check_models(models: dict[str, dict[str, Any]], problem: Problem, path: FilePath) -> None:
+    """RecordingError if a model of the problem is not the one that was saved."""
+    for name, saved in models.items():
+        here = described_model(getattr(problem, name))
+        for key, value in here.items():
+            if saved.get(key) != value:
+                raise RecordingError(
+                    f"{path}: {key} of the problem's {name} {here['name']!r} is not that of the "
+                    "model with which it was saved; use load_solution(file, problem)"
+                )
+
+
+def _check_same_problem(solution: Solution, path: FilePath) -> None:
+    """RecordingError if energy or violations are not those that were saved."""
+    energy, saved = solution.path.discrete_energy, solution.stats.energy
+    if np.isfinite(saved) and not abs(energy - saved) <= _SAME_ENERGY * abs(saved):
+        raise RecordingError(
+            f"{path}: its path has the energy {energy:.9g} in this problem's metric and was saved "
+            f"with {saved:.9g}; pass the problem that was solved"
+        )
+    largest = solution.violations[0].amount if solution.violations else 0.0
+    saved = solution.stats.max_path_violation
+    same = abs(largest - saved) <= _SAME_VIOLATION * max(1.0, abs(saved))
+    if not (same or np.array_equal(largest, saved, equal_nan=True)):
+        raise RecordingError(
+            f"{path}: its path violates this problem's conditions by {largest:.3g} and was saved "
+            f"with {saved:.3g}; pass the problem that was solved"
+        )
+
+
+def _decoded_solution(record: _SolutionRecord, problem: Problem) -> Solution:
+    nlp, definition = record.nlp, problem.definition()
+    path = Path(problem.metric, record.grid, record.nodes)
+    conditions = definition.conditions
+    if len(record.grid.via_segments) != len(conditions.via):
+        raise ValueError(
+            f"the path has {len(record.grid.via_segments)} via points, not {len(conditions.via)}"
+        )
+    iterate = FinalIterate(
+        path,
+        definition.structure.transcription(record.grid),
+        Units(nlp.origin, nlp.length, nlp.scale),
+        nlp.p_values,
+        x=nlp.x,
+        lam_x=nlp.lam_x,
+        lam_g=nlp.lam_g,
+        fixed_x=np.array(nlp.fixed_x, dtype=bool),
+        fixed_g=np.array(nlp.fixed_g, dtype=bool),
+        success=record.stats.success,
+        energy_only=nlp.energy_only,
+    )
+    _check_sizes(iterate, conditions)
+    found = find_violations(conditions, path, problem.metric.joint_names)
+    return Solution(problem, path, record.stats, record.multipliers, found, iterate)
+
+
+def _check_sizes(iterate: FinalIterate, conditions: Conditions) -> None:
+    """ValueError if the arrays do not fit an NLP with these conditions on the grid."""
+    n, grid = iterate.path.metric.dim, iterate.path.grid
+    size_g = iterate.transcription.program.size_g
+    sizes = {"x": n * grid.size, "lam_x": n * grid.size, "fixed_x": n * grid.size}
+    sizes |= {"lam_g": size_g, "fixed_g": size_g, "p_values": conditions.p_values.size}
+    for name, size in sizes.items():
+        if getattr(iterate, name).shape != (size,):
+            raise ValueError(f"nlp.{name} must be {size} numbers")
+    units = iterate.units
+    if units.origin.shape != (n,) or not (units.length > 0.0 and units.scale > 0.0):
+        raise ValueError(f"nlp.origin must be {n} numbers, nlp.length and nlp.scale positive")

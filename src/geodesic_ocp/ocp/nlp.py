@@ -1,0 +1,262 @@
+"""A problem on a grid as a nonlinear program, with the numbers to solve it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+
+from geodesic_ocp.arrays import Array, evaluate
+from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.ocp.conditions import Conditions, NodeBounds
+from geodesic_ocp.ocp.transcription import PathTerms, Transcription, Units
+from geodesic_ocp.ocp.violations import NEGLIGIBLE, violations_at
+from geodesic_ocp.trajectory.grid import Grid
+from geodesic_ocp.trajectory.path import Path
+
+
+@dataclass(frozen=True)
+class Structure:
+    """The expressions of a problem, without the numbers that may change from solve to solve.
+
+    Attributes:
+        key: equal for problems that share one NLP; None if the NLP is not shared.
+        metric: of the manifold.
+        conditions: of the problem.
+    """
+
+    key: Hashable
+    metric: Metric = field(compare=False)
+    conditions: Conditions = field(compare=False)
+
+    def transcription(self, grid: Grid) -> Transcription:
+        """The NLP on all grids of this shape, built once for all problems with this key."""
+        even = replace(grid, ends=None)
+        if self.key is None:
+            return Transcription(_unshared_terms(self.metric, self.conditions), even)
+        return _shared(self, even)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ProblemDefinition:
+    """Everything about a problem that its NLP is built from.
+
+    Attributes:
+        metric: of the manifold.
+        conditions: boundary conditions, constraints and running cost.
+        guess: initial guess, s (k,) -> positions (k, n), or None for the straight line.
+        via_parameters: s of each via point; None if they are free.
+        key: equal for problems that share one NLP; None if the NLP is not shared.
+        grid: to solve on unless another is requested.
+    """
+
+    metric: Metric
+    conditions: Conditions
+    guess: Callable[[Array], Array | None]
+    via_parameters: tuple[float, ...] | None
+    key: Hashable
+    grid: Grid
+
+    def __repr__(self) -> str:
+        return f"ProblemDefinition({self.metric!r}, {self.conditions!r}, {self.grid!r})"
+
+    @property
+    def structure(self) -> Structure:
+        """The expressions alone."""
+        return Structure(self.key, self.metric, self.conditions)
+
+
+# Differentiating takes longest, and the derivatives are the same on every grid.
+_unshared_terms = lru_cache(maxsize=4)(PathTerms.of)
+
+
+@lru_cache(maxsize=32)
+def _shared_terms(structure: Structure) -> PathTerms:
+    return PathTerms.of(structure.metric, structure.conditions)
+
+
+@lru_cache(maxsize=32)
+def _shared(structure: Structure, grid: Grid) -> Transcription:
+    return Transcription(_shared_terms(structure), grid)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class NLP:
+    """A nonlinear program whose variables x are the scaled positions at the grid's nodes.
+
+    Attributes:
+        definition: of the problem.
+        transcription: functions of x and p: energy and cost with their derivatives, constraints.
+        grid: of the nodes.
+        bounds: on the positions and the constraint functions.
+        units: of x and of the energy.
+        nodes: positions (size, n) of the initial guess.
+    """
+
+    definition: ProblemDefinition
+    transcription: Transcription
+    grid: Grid
+    bounds: NodeBounds
+    units: Units
+    nodes: Array
+
+    def __repr__(self) -> str:
+        grid = self.grid
+        return (
+            f"NLP({self.transcription.dim * grid.size} variables, {self.bounds.lower_g.size} "
+            f"constraints, grid of {grid.segments} segments of degree {grid.degree})"
+        )
+
+    @property
+    def conditions(self) -> Conditions:
+        """Conditions of the problem."""
+        return self.definition.conditions
+
+    @property
+    def values(self) -> dict[str, Array]:
+        """Numerical arguments for a CasADi solver: x0, p, lbx, ubx, lbg, ubg."""
+        units, bounds = self.units, self.bounds
+        return {
+            "x0": units.scaled(self.nodes).ravel(),
+            "p": units.parameters(self.grid, self.conditions.p_values),
+            "lbx": units.scaled(bounds.lower).ravel(),
+            "ubx": units.scaled(bounds.upper).ravel(),
+            "lbg": bounds.lower_g,
+            "ubg": bounds.upper_g,
+        }
+
+    @property
+    def expressions(self) -> dict[str, ca.MX]:
+        """CasADi's x, p, f and g, as `nlpsol` takes them.
+
+        The exact derivatives of `transcription` are not part of them; pass these as nlpsol's
+        options to save it from deriving its own.
+        """
+        x = ca.MX.sym("x", self.transcription.dim * self.grid.size)
+        p = ca.MX.sym("p", self.transcription.size_p)
+        f, g = self.transcription.value(x, p)
+        return {"x": x, "p": p, "f": f, "g": g}
+
+    def not_finite(self) -> list[str]:
+        """Names of the expressions that are not finite or not differentiable on the guess."""
+        c, grid, metric = self.conditions, self.grid, self.definition.metric
+        path = Path(metric, grid, self.nodes)
+        points = grid.in_segments(grid.nodes) @ grid.quadrature.values.T
+        s = np.sort(np.concatenate([grid.nodes, points.ravel()]))
+        q, v = path(s).T, path(s, 1).T
+        expressions = {"the metric": metric.inner(c.q, c.v, c.v), "the cost": c.cost}
+        expressions |= {repr(each.name): each.expression for each in (*c.along_q, *c.along_qv)}
+        names = []
+        for name, expression in expressions.items():
+            outputs = [expression, ca.jacobian(expression, ca.vertcat(c.q, c.v))]
+            function = ca.Function("expression", [c.q, c.v, c.p], outputs).map(s.size)
+            repeated = np.tile(c.p_values[:, None], s.size)
+            finite = [np.isfinite(values) for values in evaluate(function, q, v, repeated)]
+            by_node = [each.all(axis=0).reshape(s.size, -1).all(axis=1) for each in finite]
+            bad = ~np.all(by_node, axis=0)
+            if np.any(bad):
+                names.append(f"{name} at s = {s[int(np.argmax(bad))]:.2f}")
+        return names
+
+    def path(self, x: Array) -> Path:
+        """The path of a value of the variables (size * n,)."""
+        nodes = np.nan_to_num(np.asarray(x, dtype=float)).reshape(self.grid.size, -1)
+        positions = self.units.positions(nodes)
+        # Fixed coordinates keep their exact value instead of a rounded, scaled one.
+        fixed = self.bounds.lower == self.bounds.upper
+        nodes = np.where(fixed, self.bounds.lower, positions)
+        return Path(self.definition.metric, self.grid, nodes)
+
+
+def build_nlp(definition: ProblemDefinition, grid: Grid, guess: Path | None = None) -> NLP:
+    """The nonlinear program of a problem on a grid.
+
+    Args:
+        definition: of the problem.
+        grid: of the nodes.
+        guess: initial guess; by default the problem's own, or the straight line.
+
+    Raises:
+        ValueError: the fixed ends violate the problem's own conditions, or the guess is malformed.
+    """
+    conditions, metric = definition.conditions, definition.metric
+    grid = _with_via_points(definition, grid, guess)
+    bounds = NodeBounds.on_grid(conditions, grid, metric.joint_names)
+    transcription = definition.structure.transcription(grid)
+    _check_fixed_ends(conditions, bounds)
+    nodes = _initial_nodes(definition, grid, bounds, guess)
+    units = _units(definition, transcription, grid, nodes)
+    return NLP(definition, transcription, grid, bounds, units, nodes)
+
+
+def _check_fixed_ends(conditions: Conditions, bounds: NodeBounds) -> None:
+    """ValueError if an end whose coordinates are all fixed violates a path constraint."""
+    for s, end in enumerate(bounds.ends):
+        if not np.any(np.isnan(end)):
+            violated = [
+                each
+                for each in violations_at(conditions, end, float(s))
+                if each.amount > NEGLIGIBLE
+            ]
+            if violated:
+                word = ("start", "end")[s]
+                raise ValueError(
+                    f"the given {word} violates a constraint: {'; '.join(map(str, violated))}"
+                )
+
+
+def _with_via_points(definition: ProblemDefinition, grid: Grid, guess: Path | None) -> Grid:
+    """The grid with the problem's via points: at their s, as in the guess, or evenly spaced."""
+    count = len(definition.conditions.via)
+    if not count:
+        if grid.via_segments:
+            raise ValueError(f"the grid has {len(grid.via_segments)} via points, the problem none")
+        return grid
+    if definition.via_parameters is not None:
+        via_s = list(definition.via_parameters)
+        if len(via_s) != count:
+            raise ValueError(f"via_parameters must be s for {count} via points, got {via_s}")
+        return grid if list(grid.via_s) == via_s else grid.with_via_points(via_s)
+    if len(grid.via_segments) == count:
+        return grid
+    if guess is not None and len(guess.grid.via_segments) == count:
+        return grid.with_via_points(guess.grid.via_s.tolist())
+    return grid.with_via_points([(number + 1) / (count + 1) for number in range(count)])
+
+
+def _initial_nodes(
+    definition: ProblemDefinition, grid: Grid, bounds: NodeBounds, guess: Path | None
+) -> Array:
+    """Positions (size, n) of the initial guess, with the fixed coordinates at their values."""
+    given = guess(grid.nodes) if guess is not None else definition.guess(grid.nodes)
+    if given is None:
+        start, end = bounds.ends
+        start, end = np.where(np.isnan(start), end, start), np.where(np.isnan(end), start, end)
+        # Exactly constant if both ends are equal: rounding would look like motion.
+        given = np.nan_to_num(start + grid.nodes[:, None] * (end - start))
+    nodes = np.array(given, dtype=float)
+    shape = (grid.size, definition.metric.dim)
+    if nodes.shape != shape or not np.all(np.isfinite(nodes)):
+        raise ValueError(
+            f"guess(s) must give finite positions of shape {shape} for s of shape ({grid.size},), "
+            f"got shape {nodes.shape}"
+        )
+    return np.asarray(np.clip(nodes, bounds.lower, bounds.upper))
+
+
+def _units(
+    definition: ProblemDefinition, transcription: Transcription, grid: Grid, nodes: Array
+) -> Units:
+    """Extent and energy of the guess, or one and the mean of G's diagonal if it does not move."""
+    metric = definition.metric
+    extent = float(np.ptp(nodes, axis=0).max())
+    size = float(np.trace(metric.matrix(nodes[0]))) / metric.dim
+    energy = abs(transcription.energy(grid, nodes, definition.conditions.p_values))
+    if not np.isfinite(energy) or not np.isfinite(size) or size <= 0.0:
+        raise ValueError("the metric is not finite and positive along the guess")
+    if extent <= 0.0 or energy <= 0.0:
+        return Units(nodes[0], 1.0, size)
+    return Units(nodes[0], extent, energy)

@@ -1,1 +1,0 @@
-"""The nonlinear program of a problem on a grid."""

@@ -1,1 +1,0 @@
-"""Problems: which path is sought."""

@@ -1,0 +1,232 @@
+"""Mesh refinement: segments of the grid are halved until the solution meets a tolerance.
+
+A path is smooth between the points where a constraint becomes active or inactive; there its
+acceleration jumps, which no polynomial resolves. Segments are halved where conditions are violated
+between the nodes, or where the last terms of the polynomials still carry energy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+
+from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.ipopt import STOPPED
+from geodesic_ocp.ocp.conditions import Conditions
+from geodesic_ocp.ocp.solution import MeshIteration, Solution
+from geodesic_ocp.ocp.violations import BETWEEN_NODES, ViolationProfile, violation_profile
+from geodesic_ocp.trajectory.grid import Grid
+from geodesic_ocp.trajectory.path import Path
+
+# Halving has led to a path that jumps through an obstacle if segments are narrower than this.
+_NARROWEST = 1e-5
+_MAX_ROUNDS = 20
+_MAX_SEGMENTS = 400
+# Segments are halved whose error exceeds this fraction of the largest.
+_FRACTION = 0.1
+# After this many rounds, an objective larger by this factor has diverged.
+_PATIENCE, _WORSE = 3, 1.2
+
+
+class SolveOn(Protocol):
+    """Solves on a grid from an initial guess; `near` tells that the guess is nearly a solution."""
+
+    def __call__(self, grid: Grid, guess: Path | None, near: bool) -> Solution:
+        """The solution, or the last iterate."""
+
+
+def refine(
+    solve_on: SolveOn, profile: ViolationProfile, grid: Grid, tolerance: float, guess: Path | None
+) -> Solution:
+    """The solution on a grid fine enough for the tolerance.
+
+    Coarse grids admit spurious solutions that jump through obstacles from node to node, from which
+    refinement diverges. The search then restarts from polynomials of low degree, which oscillate
+    less.
+
+    Args:
+        solve_on: solves on a grid.
+        profile: violations of the path constraints along a path.
+        grid: the first one.
+        tolerance: for violations between nodes, in the unit of the condition, and for the
+            relative change of the objective from one grid to the next.
+        guess: initial guess.
+
+    If the grid becomes too large or a solve fails, `stats.success` is False.
+    """
+    tolerance = as_positive("tolerance", tolerance)
+    solution = _refine_from(solve_on, profile, grid, tolerance, guess)
+    stats = solution.stats
+    has_failed_at_once = len(stats.mesh_history) == 1  # no grid will do
+    if stats.success or stats.status == STOPPED or has_failed_at_once:
+        return solution
+    rough = solve_on(_regrid(grid, 4 * grid.segments, 2), guess, False)
+    if not rough.stats.success:
+        return solution
+    finer = _regrid(rough.path.grid, 2 * grid.segments, grid.degree)
+    again = _refine_from(solve_on, profile, finer, tolerance, rough.path)
+    if not again.stats.success:
+        return solution
+    history = (*solution.stats.mesh_history, _mesh_iteration(rough), *again.stats.mesh_history)
+    return replace(again, stats=replace(again.stats, mesh_history=history))
+
+
+def refine_where_violated(
+    solve_on: SolveOn, conditions: Conditions, solution: Solution
+) -> Solution:
+    """The solution on a grid on which conditions hold to `BETWEEN_NODES` everywhere on the path.
+
+    Segments in which they do not are halved; if that fails, it is repeated from polynomials of low
+    degree. A path that still violates a condition is no solution.
+
+    Args:
+        solve_on: solves on a grid.
+        conditions: of the problem.
+        solution: on the first grid.
+    """
+    profile = violation_profile(conditions)
+    history = [_mesh_iteration(solution)]
+    refined = _halve_where_violated(solve_on, profile, solution, history)
+    grid = solution.path.grid
+    if _violates(refined):
+        rough = solve_on(_regrid(grid, 4 * grid.segments, 2), None, False)
+        history.append(_mesh_iteration(rough))
+        again = _halve_where_violated(solve_on, profile, rough, history)
+        if again.stats.success and not _violates(again):
+            refined = again
+    if len(history) > 1:
+        stats = replace(refined.stats, mesh_history=tuple(history))
+        refined = replace(refined, stats=stats)
+    return meeting_conditions(refined, "no finer grid meets its conditions")
+
+
+def meeting_conditions(solution: Solution, advice: str) -> Solution:
+    """The solution, not successful if it violates a condition by more than `BETWEEN_NODES`."""
+    if not _violates(solution):
+        return solution
+    status = f"it meets its conditions at the nodes, but not between them; {advice}"
+    return _failed(solution, status)
+
+
+def _failed(solution: Solution, status: str) -> Solution:
+    """The solution as the last iterate of a solve that failed."""
+    stats = replace(solution.stats, success=False, status=status)
+    return replace(solution, stats=stats, iterate=replace(solution.iterate, success=False))
+
+
+def _violates(solution: Solution) -> bool:
+    stats = solution.stats
+    return stats.success and stats.max_path_violation > BETWEEN_NODES
+
+
+def _halve_where_violated(
+    solve_on: SolveOn, profile: ViolationProfile, solution: Solution, history: list[MeshIteration]
+) -> Solution:
+    """The last solution, on grids whose segments are halved where conditions are violated."""
+    for _ in range(_MAX_ROUNDS):
+        path = solution.path
+        if not _violates(solution):
+            break
+        coarse = _worst_by_segment(path, profile(path)) > BETWEEN_NODES
+        diverged = len(history) > _PATIENCE and min(path.grid.widths) < _NARROWEST
+        too_many = path.grid.segments + int(coarse.sum()) > _MAX_SEGMENTS
+        if not np.any(coarse) or diverged or too_many:
+            break
+        finer = solve_on(halved(path.grid, coarse), path, True)
+        history.append(_mesh_iteration(finer))
+        if finer.stats.status == STOPPED:
+            return finer
+        if not finer.stats.success:
+            break
+        solution = finer
+    return solution
+
+
+def _regrid(grid: Grid, segments: int, degree: int) -> Grid:
+    even = Grid(segments, degree)
+    return even.with_via_points(grid.via_s.tolist()) if grid.via_segments else even
+
+
+def _mesh_iteration(solution: Solution) -> MeshIteration:
+    stats, segments = solution.stats, solution.path.grid.segments
+    return MeshIteration(
+        segments, stats.iterations, stats.seconds, stats.objective, stats.max_path_violation
+    )
+
+
+def _refine_from(
+    solve_on: SolveOn, profile: ViolationProfile, grid: Grid, tolerance: float, guess: Path | None
+) -> Solution:
+    history: list[MeshIteration] = []
+    for number in range(_MAX_ROUNDS):
+        solution = solve_on(grid, guess, number > 0)
+        stats, grid = solution.stats, solution.path.grid  # its via points may have moved
+        history.append(_mesh_iteration(solution))
+        solution = replace(solution, stats=replace(stats, mesh_history=tuple(history)))
+        if not stats.success:
+            return solution
+        settled = number > 0 and (
+            abs(stats.objective - history[-2].objective) <= tolerance * abs(stats.objective)
+        )
+        if settled and stats.max_path_violation <= tolerance:
+            return solution
+        coarse = _coarse(solution.path, profile(solution.path), tolerance)
+        diverged = number >= _PATIENCE and stats.objective > _WORSE * history[0].objective > 0.0
+        if diverged or grid.segments + int(coarse.sum()) > _MAX_SEGMENTS:
+            break
+        grid, guess = halved(grid, coarse), solution.path
+    change = abs(history[-1].objective - history[-2].objective)
+    status = (
+        f"not solved to {tolerance:g}: on {history[-1].segments} segments conditions are still "
+        f"violated by {stats.max_path_violation:.2g}, and the objective has changed by {change:.2g}"
+    )
+    return _failed(solution, status)
+
+
+def _coarse(path: Path, violations: tuple[Array, Array], tolerance: float) -> NDArray[np.bool_]:
+    """Which segments to halve, (segments,); all of them if none stands out."""
+    worst = _worst_by_segment(path, violations)
+    unresolved = unresolved_energy(path)
+    allowed = tolerance * path.energy / path.grid.segments
+    coarse = (worst > tolerance) & (worst > _FRACTION * worst.max())
+    coarse |= (unresolved > allowed) & (unresolved > _FRACTION * unresolved.max())
+    return coarse if np.any(coarse) else np.ones_like(coarse)
+
+
+def _worst_by_segment(path: Path, violations: tuple[Array, Array]) -> Array:
+    """Largest violation in each segment, (segments,)."""
+    s, amounts = violations
+    segment = np.searchsorted(path.breakpoints, s, side="right") - 1
+    worst = np.zeros(path.grid.segments)
+    np.maximum.at(worst, np.clip(segment, 0, path.grid.segments - 1), amounts)
+    return worst
+
+
+def unresolved_energy(path: Path) -> Array:
+    """Energy (segments,) of the last term of each segment's polynomial velocity."""
+    grid = path.grid
+    values = grid.in_segments(path.nodes)
+    slopes = grid.differentiation @ (values - values[:, :1])
+    # The velocity is of degree d - 1: its coefficient of Legendre's polynomial P_(d-1).
+    last = np.eye(grid.degree)[-1]
+    local = np.cos(np.pi * (np.arange(grid.degree) + 0.5) / grid.degree)[::-1]
+    s = path.breakpoints[:-1, None] + grid.widths[:, None] * (local + 1.0) / 2.0
+    velocity = grid.interpolate(slopes, s.ravel()).reshape(grid.segments, grid.degree, -1)
+    to_terms = np.linalg.inv(legendre.legvander(local, grid.degree - 1))
+    terms = np.einsum("j,jk,skn->sn", last, to_terms, velocity)
+    middle = (path.breakpoints[:-1] + path.breakpoints[1:]) / 2.0
+    sizes = [path.metric.norm(q, term) for q, term in zip(path(middle), terms, strict=True)]
+    return np.asarray(0.5 * grid.widths * np.square(sizes) / (2 * grid.degree - 1))
+
+
+def halved(grid: Grid, coarse: NDArray[np.bool_]) -> Grid:
+    """The grid with some of its segments halved."""
+    ends = grid.breakpoints
+    middle = (ends[:-1] + ends[1:])[coarse] / 2.0
+    every = np.sort(np.concatenate([ends, middle]))
+    via_segments = tuple(np.searchsorted(every, grid.via_s).tolist())
+    return Grid(every.size - 1, grid.degree, tuple(every.tolist()), via_segments)

@@ -1,0 +1,358 @@
+"""Solutions of problems: the path with its statistics, multipliers and violations."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from functools import cached_property
+from os import PathLike
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.figures.path_figure import draw_path
+from geodesic_ocp.ipopt import STOPPED
+from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.model.primitives import Ball, Capsule, HalfSpace
+from geodesic_ocp.ocp.certificate import Certificate, FinalIterate, certify_iterate
+from geodesic_ocp.ocp.conditions import NodeBounds
+from geodesic_ocp.ocp.problem import Problem, drawn_obstacles
+from geodesic_ocp.ocp.violations import BETWEEN_NODES, NEGLIGIBLE, Violation, find_violations
+from geodesic_ocp.records import write_file
+from geodesic_ocp.trajectory.motion import Motion
+from geodesic_ocp.trajectory.path import Path
+from geodesic_ocp.trajectory.time_law import TimeLaw
+from geodesic_ocp.trajectory.timed_path import motion_along
+
+
+@dataclass(frozen=True)
+class MeshIteration:
+    """One solve of a mesh refinement.
+
+    Attributes:
+        segments: of its grid.
+        iterations, seconds: of Ipopt.
+        objective: the value reached.
+        max_path_violation: largest violation of any condition anywhere on the path.
+    """
+
+    segments: int
+    iterations: int
+    seconds: float
+    objective: float
+    max_path_violation: float
+
+
+@dataclass(frozen=True, repr=False)
+class Stats:
+    """Statistics of one solve.
+
+    Attributes:
+        success: whether the path is a local solution, to Ipopt's tolerance.
+        status: how the solver stopped, a sentence.
+        iterations: of Ipopt; with several grids, on the last one (`mesh_history` has all).
+        seconds: wall time of the solver, likewise.
+        variables, constraints: sizes of the NLP, bounds not counted.
+        energy: of the path by the quadrature of its grid, 1/2 int |q'|_G^2 ds.
+        objective: what was minimized, energy and running cost.
+        max_node_violation: largest violation of any condition at the nodes, in its unit.
+        worst_constraint: name of the condition with that violation.
+        max_path_violation: largest violation anywhere on the path, between the nodes included.
+        mesh_history: the solves of a mesh refinement; empty if there was none.
+    """
+
+    success: bool
+    status: str
+    iterations: int
+    seconds: float
+    variables: int
+    constraints: int
+    energy: float
+    objective: float
+    max_node_violation: float
+    worst_constraint: str
+    max_path_violation: float
+    mesh_history: tuple[MeshIteration, ...] = ()
+
+    def __repr__(self) -> str:
+        refined = f" on {len(self.mesh_history)} grids" if self.mesh_history else ""
+        return (
+            f"Stats({self.status}: {self.total_iterations} iterations{refined}, "
+            f"{self.total_seconds:.2g} s, energy {self.energy:.6g}, "
+            f"largest violation {self.max_path_violation:.1e})"
+        )
+
+    @property
+    def total_iterations(self) -> int:
+        """Iterations of Ipopt on all grids."""
+        return sum(each.iterations for each in self.mesh_history) or self.iterations
+
+    @property
+    def total_seconds(self) -> float:
+        """Wall time [s] of the solver on all grids."""
+        return sum(each.seconds for each in self.mesh_history) or self.seconds
+
+
+_DATACLASSES = {kind.__name__: kind for kind in (Ball, Capsule, HalfSpace)}
+
+
+def encoded_fields(problem: object) -> dict[str, Any]:
+    """The fields of a dataclass as JSON values.
+
+    Returns:
+        "fields", values by name; "models", descriptions of models, which are not saved themselves;
+        and "left_out", names of all other fields that JSON cannot hold, metrics excepted.
+    """
+    kept: dict[str, Any] = {}
+    models: dict[str, Any] = {}
+    left_out = []
+    for each in fields(problem) if is_dataclass(problem) else ():
+        if not each.init:
+            continue
+        value = getattr(problem, each.name)
+        if isinstance(value, Model):
+            models[each.name] = described_model(value)
+            continue
+        try:
+            kept[each.name] = encoded(value)
+        except TypeError:
+            if not isinstance(value, Metric):  # the path's energy identifies it
+                left_out.append(each.name)
+    return {"fields": kept, "models": models, "left_out": left_out}
+
+
+def described_model(model: Model) -> dict[str, Any]:
+    """What must be equal for a model to be taken for the one that was saved."""
+    return {
+        "name": model.name,
+        "hand": model.hand,
+        "joint_names": list(model.joint_names),
+        "lower": as_json(model.lower),
+        "upper": as_json(model.upper),
+    }
+
+
+def encoded(value: Any) -> Any:
+    """A JSON value from which `decoded` restores the value.
+
+    Raises:
+        TypeError: a value that JSON cannot hold.
+    """
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, np.ndarray):
+        if value.dtype.kind not in "biuf":
+            raise TypeError
+        return {"array": [encoded(each) for each in value.ravel().tolist()], "shape": value.shape}
+    if isinstance(value, (list, tuple)):
+        return {type(value).__name__: [encoded(each) for each in value]}
+    if type(value).__name__ in _DATACLASSES:
+        parts = {each.name: encoded(getattr(value, each.name)) for each in fields(value)}
+        return {"dataclass": type(value).__name__, "fields": parts}
+    if isinstance(value, float) and not np.isfinite(value):
+        return {"number": str(value)}
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
+    raise TypeError
+
+
+def decoded(value: Any) -> Any:
+    """The value from which `encoded` made a JSON value."""
+    if not isinstance(value, dict):
+        return value
+    if "array" in value:
+        return np.array([decoded(each) for each in value["array"]]).reshape(value["shape"])
+    if "number" in value:
+        return float(value["number"])
+    if "dataclass" in value:
+        parts = {name: decoded(each) for name, each in value["fields"].items()}
+        return _DATACLASSES[value["dataclass"]](**parts)
+    [(name, entries)] = value.items()
+    return {"tuple": tuple, "list": list}[name](map(decoded, entries))
+
+
+def as_json(value: Any) -> Any:
+    """Nested lists and numbers; numbers that are not finite by name."""
+    if isinstance(value, dict):
+        return {key: as_json(each) for key, each in value.items()}
+    if isinstance(value, (np.ndarray, np.generic)):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [as_json(each) for each in value]
+    if isinstance(value, float) and not np.isfinite(value):
+        return str(value)
+    return value
+
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMAT, VERSION = "geodesic_ocp solution", 2
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Solution:
+    """A path of least energy under a problem's conditions, or the last iterate towards one.
+
+    Attributes:
+        problem: the problem that was solved.
+        path: the path that was found.
+        stats: statistics of the solve; `stats.success` distinguishes a solution from an iterate.
+        violations: conditions that the path violates, between its nodes included, the worst first.
+        iterate: the NLP's last iterate, in its units.
+        multipliers: derivatives of the least energy by the value of each condition, by its name,
+            with Ipopt's sign (positive for an active upper bound): (m,) at an end, (nodes, m) along
+            the path, and for conditions in q and v (segments * (degree + 1), m), as interior
+            breakpoints belong to two segments.
+    """
+
+    problem: Problem
+    path: Path
+    stats: Stats
+    multipliers: Mapping[str, Array]
+    violations: tuple[Violation, ...]
+    iterate: FinalIterate = field(repr=False)
+
+    def __repr__(self) -> str:
+        stats, kind = self.stats, type(self.problem).__name__
+        if not stats.success:
+            return f"Solution of {kind}: not solved, {stats.status}"
+        lines = [
+            f"Solution of {kind}: energy {stats.energy:.6g}, length {self.path.length:.6g}",
+            f"  {stats.status} in {stats.total_iterations} iterations, "
+            f"{stats.total_seconds:.2g} s; largest violation {stats.max_path_violation:.1e}",
+        ]
+        if "certificate" in self.__dict__:  # computing it takes longer than a repr may
+            lines.append(f"  {self.certificate}")
+        return "\n".join(lines)
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """How close the path is to a geodesic, and whether it is locally minimizing.
+
+        Under constraints: whether the energy decreases, to second order, in any direction in which
+        the active conditions remain satisfied.
+        """
+        conditions = self.problem.definition().conditions
+        return certify_iterate(self.iterate, NodeBounds.on_grid(conditions, self.path.grid))
+
+    def record(self) -> dict[str, Any]:
+        """The solution as JSON values: nodes of the path [rad or m], statistics, multipliers.
+
+        The problem is recorded by the name of its class and by those fields that are numbers,
+        strings, obstacles, or lists and arrays of them.
+        """
+        grid, iterate = self.path.grid, self.iterate
+        nlp = {
+            "origin": iterate.units.origin,
+            "length": iterate.units.length,
+            "scale": iterate.units.scale,
+            "energy_only": iterate.energy_only,
+            **{name: getattr(iterate, name) for name in ITERATE_ARRAYS},
+        }
+        record = {
+            "format": FORMAT,
+            "version": VERSION,
+            "problem": type(self.problem).__qualname__,
+            "module": type(self.problem).__module__,
+            **encoded_fields(self.problem),
+            "joint_names": self.path.metric.joint_names,
+            "grid": asdict(grid),
+            "s": grid.nodes,
+            "nodes": self.path.nodes,
+            "stats": asdict(self.stats),
+            "multipliers": dict(self.multipliers),
+            "nlp": nlp,
+        }
+        plain: dict[str, Any] = as_json(record)
+        return plain
+
+    def save(self, file: str | PathLike[str]) -> FilePath:
+        """Write `record` to a JSON file, which `load_solution` reads; all of it or nothing.
+
+        Returns:
+            Path of the file.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        text = json.dumps(self.record(), indent=1, allow_nan=False)
+        return write_file(file, text)
+
+    def resample(self, count: int, by: str = "length") -> Array:
+        """Positions (count, n) along the path; see `Path.resample`."""
+        return self.path.resample(count, by)
+
+    def to_motion(self, timing: float | TimeLaw, rate: float = 100.0) -> Motion:
+        """The path as a motion in time, with velocities.
+
+        Args:
+            timing: duration [s] of a motion from rest to rest with the least squared acceleration
+                s''(t) along the path (`time_law`); or a time law, which may have any end speeds.
+            rate: samples per second [Hz], rounded so that they are evenly spaced up to the end.
+
+        Raises:
+            ValueError: a duration or rate that is not positive, a path of zero length, or a time
+                law for another length.
+            NotConverged: the path is no solution, or violates the problem's conditions.
+        """
+        allowed = max(BETWEEN_NODES, 1.1 * self.stats.max_path_violation)
+        names, conditions = self.path.metric.joint_names, self.problem.definition().conditions
+        violations = find_violations(conditions, self.path, names)
+        if not self.stats.success or (violations and not violations[0].amount <= allowed):
+            cause = "; ".join(map(str, violations[:1])) or self.stats.status
+            raise NotConverged(f"no motion along a path that is not a solution: {cause}", self)
+        return motion_along(self.path, timing, rate)
+
+    def plot(self) -> Figure:
+        """Coordinates and speed over s, beside the path of the hand or in the plane, and the arm.
+
+        The arm is drawn at some values of s, with the obstacles of the problem; where it comes
+        nearest to one of them, the distance of its collision bodies is given.
+        """
+        title = (
+            f"{type(self.problem).__name__}: energy {self.stats.energy:.4g}, "
+            f"length {self.path.length:.4g}"
+        )
+        return draw_path(
+            self.path,
+            title,
+            self.problem.draw,
+            obstacles=drawn_obstacles(self.problem),
+            links=getattr(self.problem, "links", None),
+        )
+
+
+ITERATE_ARRAYS = ("p_values", "x", "lam_x", "lam_g", "fixed_x", "fixed_g")
+
+
+def with_effort_of(before: Stats, solution: Solution) -> Solution:
+    """The solution with the iterations and seconds of a preceding solve added to its own."""
+    stats = solution.stats
+    iterations, seconds = stats.iterations + before.iterations, stats.seconds + before.seconds
+    return replace(solution, stats=replace(stats, iterations=iterations, seconds=seconds))
+
+
+_LISTED = 3  # violations in a message
+
+
+def describe_failure(solution: Solution) -> str:
+    """Why there is no solution, which conditions are violated, and what to try."""
+    stats = solution.stats
+    large = [each for each in solution.violations if each.amount > NEGLIGIBLE][:_LISTED]
+    violated = f": {'; '.join(map(str, large))}" if large else ""
+    advice = (
+        ". Are its conditions compatible? If so, try another guess (guess(s) or solve(..., "
+        "guess=path)) or a finer grid"
+    )
+    told = stats.status == STOPPED or len(stats.mesh_history) > 1 or "leave grid" in stats.status
+    advice = "" if told else advice
+    return (
+        f"{type(solution.problem).__name__} was not solved: {stats.status}, after "
+        f"{stats.iterations} iterations{violated}{advice}."
+    )

@@ -1,0 +1,287 @@
+"""solve: Problem -> NLP -> Ipopt -> Solution."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from types import MappingProxyType
+from typing import Any, TypeAlias
+
+import casadi as ca
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.ipopt import NO_VALUE, NOT_FINITE, STOPPED, Ipopt, Outcome
+from geodesic_ocp.ocp.callback import Callback, IterationCallback
+from geodesic_ocp.ocp.certificate import FinalIterate, descent_direction
+from geodesic_ocp.ocp.nlp import NLP, ProblemDefinition, Structure, build_nlp
+from geodesic_ocp.ocp.problem import Problem
+from geodesic_ocp.ocp.refinement import meeting_conditions, refine, refine_where_violated
+from geodesic_ocp.ocp.solution import Solution, Stats, describe_failure, with_effort_of
+from geodesic_ocp.ocp.transcription import Transcription
+from geodesic_ocp.ocp.via_points import with_optimal_via_points
+from geodesic_ocp.ocp.violations import find_violations, violation_profile
+from geodesic_ocp.trajectory.grid import Grid
+from geodesic_ocp.trajectory.path import Path
+
+# With a free end, polynomials of a higher degree need an initial guess, solved on this grid.
+_STIFF, _COARSE = 8, Grid(4, 4)
+_SADDLE = "Ipopt found a stationary path, a saddle point: it is not locally minimizing"
+# Largest displacement of a node, relative to the path's extent, by which a saddle point is left.
+_STEP = 0.1
+# A step may increase the energy only if it reduces the violation of the conditions by this
+# fraction, without a second-order correction: otherwise one step can replace a good guess by a path
+# of fifty times its energy, and the result depends on rounding.
+FILTER = {"gamma_theta": 0.9, "max_soc": 0}
+# If the guess is nearly a solution, Ipopt must not push it far from its bounds.
+NEAR = {"bound_push": 1e-6, "bound_frac": 1e-6, "mu_init": 1e-4}
+# If there are multipliers as well, it need not estimate them.
+_WARM_START = {
+    "warm_start_init_point": "yes",
+    "warm_start_bound_push": 1e-8,
+    "warm_start_bound_frac": 1e-8,
+    "warm_start_slack_bound_push": 1e-8,
+    "warm_start_slack_bound_frac": 1e-8,
+    "warm_start_mult_bound_push": 1e-8,
+    "mu_init": 1e-6,
+}
+
+Settings: TypeAlias = tuple[tuple[str, Any], ...]  # Ipopt's options, by name
+
+
+def solve(
+    problem: Problem,
+    *,
+    grid: Grid | None = None,
+    guess: Path | Solution | None = None,
+    tolerance: float | None = None,
+    throw: bool = True,
+    callback: Callback | None = None,
+    ipopt: Mapping[str, Any] | None = None,
+) -> Solution:
+    """The path of least energy under the problem's conditions, a local solution.
+
+    A saddle point, as from a symmetric guess, is left in a direction in which the energy decreases;
+    where that leads nowhere, the saddle point is the solution, and its status says so.
+
+    min int (|q'(s)|_G^2 / 2 + cost) ds over the positions at the grid's nodes.
+
+    Args:
+        problem: an instance of a subclass of Problem.
+        grid: of the nodes; the solution has this grid. None: the problem's own, refined where
+            conditions are violated between the nodes by more than 1e-4, each in its unit.
+        guess: path or solution to start from, on any grid; by default the problem's guess, or the
+            straight line. A solution is a warm start.
+        tolerance: refine the grid until the conditions hold to this everywhere, each in its unit,
+            and the objective changes by less, relative, from one grid to the next;
+            stats.mesh_history lists the solves.
+        throw: raise NotConverged if there is no solution; else return the last iterate, with
+            stats.success False.
+        callback: called with an `Iterate` in every iteration of Ipopt, and stops it by returning
+            True. Numbers start anew on every grid.
+        ipopt: options of Ipopt, by name.
+
+    Raises:
+        ValueError: the problem is malformed; its fixed ends violate its own conditions; or a
+            tolerance is requested for a path with continuous velocity at via points or prescribed
+            velocities at the ends, of which there is none of least energy.
+        NotConverged: Ipopt found no solution, the callback stopped it, or the path violates a
+            condition between the nodes by more than the tolerance, without one by more than 1e-4:
+            on a given grid, or if refinement fails. The last iterate is its `solution`.
+
+    Example:
+        >>> import geodesic_ocp as go
+        >>> problem = go.Reach(go.human_arm(), [0.3, 0, -0.4, 0.9, 0, 0, 0], [0.10, 0.45, -0.05])
+        >>> solution = go.solve(problem)
+        >>> solution.stats.status
+        'Ipopt found a local solution'
+        >>> problem.model.hand_pose(solution.path(1.0))[1].round(6).tolist()
+        [0.1, 0.45, -0.05]
+    """
+    if not isinstance(problem, Problem):
+        raise ValueError(f"problem must be an instance of a Problem class, got {problem!r}")
+    if getattr(problem, "metric", None) is None:
+        raise ValueError(f"{type(problem).__name__} defines no metric")
+    definition = problem.definition()
+    first = definition.grid if grid is None else grid
+    before = guess if isinstance(guess, Solution) else None
+    start = guess.path if isinstance(guess, Solution) else guess
+    solver = _Solver(problem, definition, dict(ipopt or {}), callback, before)
+    conditions = definition.conditions
+    if tolerance is None:
+        solution = solver.solve_from(first, start)
+        if grid is None:
+            solution = refine_where_violated(solver, conditions, solution)
+        else:
+            solution = meeting_conditions(solution, "leave grid out, or set tolerance")
+    elif conditions.via_continuity:
+        raise ValueError(
+            "tolerance: the path of least energy has a corner at its via points, which a path with "
+            "continuous velocity approaches as the grid is refined; set "
+            "continuous_velocity_at_via = False, or leave tolerance out"
+        )
+    elif names := conditions.on_end_velocities:
+        raise ValueError(
+            f"tolerance: there is no path of least energy with a prescribed velocity at an end "
+            f"({names}): the finer the grid, the shorter the piece on which it is reached; leave "
+            "tolerance out"
+        )
+    else:
+        solution = refine(solver, violation_profile(conditions), first, tolerance, start)
+    if throw and not solution.stats.success:
+        raise NotConverged(describe_failure(solution), solution)
+    return solution
+
+
+@dataclass(frozen=True, eq=False)
+class _Solver:
+    """A problem with everything that stays the same from one grid to the next."""
+
+    problem: Problem
+    definition: ProblemDefinition
+    ipopt: Mapping[str, Any]
+    callback: Callback | None
+    before: Solution | None
+
+    def __call__(self, grid: Grid, guess: Path | None, near: bool) -> Solution:
+        """The solution or last iterate on a grid; near: the guess is nearly a solution."""
+        has_free_end = bool(self.definition.conditions.ends)
+        if guess is None and has_free_end and grid.degree > _STIFF:
+            return self._solve_from_coarse(grid)
+        return self._optimize_via(self._solve_once(grid, guess, NEAR if near else {}))
+
+    def solve_from(self, grid: Grid, start: Path | None) -> Solution:
+        """The solution on a grid, from another solution if there is one, else from a path."""
+        if self.before is None:
+            return self(grid, start, False)
+        nlp = build_nlp(self.definition, grid, start)
+        multipliers = _scaled_multipliers(nlp, self.before)
+        usual = {**NEAR, **(_WARM_START if multipliers else {})}
+        solution = self._optimize_via(self._solve_nlp(nlp, usual, multipliers))
+        if solution.stats.success or solution.stats.status == STOPPED:
+            return solution
+        return self(grid, start, False)
+
+    def _solve_from_coarse(self, grid: Grid) -> Solution:
+        """With a free end, polynomials of high degree easily converge to an oscillating path."""
+        coarse = self(_COARSE, None, False)
+        if coarse.stats.status == STOPPED:
+            return coarse
+        if coarse.stats.success:
+            return with_effort_of(coarse.stats, self(grid, coarse.path, True))
+        return with_effort_of(coarse.stats, self._solve_once(grid, None, {}))
+
+    def _optimize_via(self, solution: Solution) -> Solution:
+        if self.definition.via_parameters is not None:
+            return solution
+        return with_optimal_via_points(
+            solution, lambda grid, start: self._solve_once(grid, start, NEAR)
+        )
+
+    def _solve_once(self, grid: Grid, guess: Path | None, usual: Mapping[str, Any]) -> Solution:
+        return self._solve_nlp(build_nlp(self.definition, grid, guess), usual)
+
+    def _solve_nlp(
+        self,
+        nlp: NLP,
+        usual: Mapping[str, Any],
+        multipliers: Mapping[str, Array] = MappingProxyType({}),
+    ) -> Solution:
+        """The solution of the NLP from given multipliers, or the last iterate."""
+        values = {**nlp.values, **multipliers}
+        given = {**FILTER, **usual, **self.ipopt}
+        settings = tuple(sorted(given.items()))
+        try:
+            hash(settings)
+        except TypeError:
+            raise ValueError(f"ipopt: options are numbers and strings, got {given}") from None
+        if self.callback is not None:
+            relay = IterationCallback(nlp, self.callback)
+            outcome = _ipopt(nlp.transcription, settings, relay)(**values)
+            if relay.failure is not None:
+                raise relay.failure
+        elif self.definition.key is not None:
+            shape = nlp.transcription.grid
+            outcome = shared_ipopt(self.definition.structure, shape, settings)(**values)
+        else:
+            outcome = _ipopt(nlp.transcription, settings)(**values)
+        if outcome.status == NOT_FINITE and (names := nlp.not_finite()):
+            status = f"already on the initial guess, {NO_VALUE}: {', '.join(names)}"
+            outcome = replace(outcome, status=status)
+        solution = _solution(self.problem, nlp, outcome)
+        return self._beyond_saddle(nlp, solution) if outcome.may_be_saddle else solution
+
+    def _beyond_saddle(self, nlp: NLP, solution: Solution) -> Solution:
+        """A solution of less energy if this one is a saddle point, as from a symmetric guess."""
+        direction = descent_direction(solution.iterate) if solution.stats.success else None
+        if direction is None:
+            return solution
+        before = solution.stats
+        for step in (_STEP, -_STEP):
+            beside = nlp.path(solution.iterate.x + step * direction)
+            found = self._solve_once(solution.path.grid, beside, {})
+            is_less = found.stats.success and found.stats.objective < before.objective
+            # Coarse grids also admit paths that jump where the metric is singular.
+            if is_less and found.certificate.stationary:
+                return with_effort_of(before, found)
+        return replace(solution, stats=replace(before, status=_SADDLE))
+
+
+def _scaled_multipliers(nlp: NLP, before: Solution) -> dict[str, Array]:
+    """Another solution's multipliers in the NLP's units, if conditions and grid are the same."""
+    old, units = before.iterate, nlp.units
+    if before.path.grid != nlp.grid or old.lam_g.size != nlp.bounds.lower_g.size:
+        return {}
+    energies = old.units.scale / units.scale
+    lam_x = old.lam_x * energies * (units.length / old.units.length)
+    return {"lam_x0": lam_x, "lam_g0": old.lam_g * energies}
+
+
+def _ipopt(
+    transcription: Transcription, settings: Settings, relay: ca.Callback | None = None
+) -> Ipopt:
+    return transcription.program.solver(dict(settings), relay)
+
+
+@lru_cache(maxsize=32)
+def shared_ipopt(structure: Structure, shape: Grid, settings: Settings) -> Ipopt:
+    """Ipopt for all problems of this structure, on all grids of a shape (with equal segments)."""
+    return _ipopt(structure.transcription(shape), settings)
+
+
+def _solution(problem: Problem, nlp: NLP, outcome: Outcome) -> Solution:
+    conditions, transcription = nlp.conditions, nlp.transcription
+    bounds, units = nlp.bounds, nlp.units
+    path = nlp.path(outcome.x)
+    violation, worst = bounds.worst(path.nodes, outcome.g)
+    violations = find_violations(conditions, path, problem.metric.joint_names)
+    stats = Stats(
+        success=outcome.success,
+        status=outcome.status,
+        iterations=outcome.iterations,
+        seconds=outcome.seconds,
+        variables=outcome.x.size,
+        constraints=outcome.g.size,
+        objective=transcription.energy(path.grid, path.nodes, conditions.p_values),
+        energy=path.discrete_energy,
+        max_node_violation=violation,
+        worst_constraint=worst,
+        max_path_violation=violations[0].amount if violations else 0.0,
+    )
+    lam_x = units.scale / units.length * outcome.lam_x.reshape(path.nodes.shape)
+    multipliers = bounds.multipliers(lam_x, units.scale * outcome.lam_g)
+    iterate = FinalIterate(
+        path,
+        transcription,
+        units,
+        conditions.p_values,
+        outcome.x,
+        outcome.lam_x,
+        outcome.lam_g,
+        fixed_x=(bounds.lower == bounds.upper).ravel(),
+        fixed_g=bounds.lower_g == bounds.upper_g,
+        success=stats.success,
+        energy_only=bool(conditions.cost.is_zero()),
+    )
+    return Solution(problem, path, stats, multipliers, violations, iterate)

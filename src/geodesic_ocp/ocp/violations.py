@@ -1,0 +1,248 @@
+"""How far a path violates a problem's conditions, at the nodes of its grid and between them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import casadi as ca
+import numpy as np
+
+from geodesic_ocp.arrays import Array, evaluate
+from geodesic_ocp.ocp.conditions import Condition, Conditions, stacked
+from geodesic_ocp.trajectory.path import Path
+
+_PER_NODE = 4  # samples between two nodes
+_NEAR_BOUND = 1e-2  # of the range of a condition's values
+_REFINEMENTS = 3  # times that the vertices of parabolas are added to the samples
+
+
+def excess_over_bounds(condition: Condition, values: Array) -> Array:
+    """Distance of values (m, k) from the bounds, positive outside; NaN counts as infinite."""
+    excess = np.maximum(condition.lower[:, None] - values, values - condition.upper[:, None])
+    return np.asarray(np.where(np.isnan(excess), np.inf, excess))
+
+
+class PathSamples:
+    """Evaluates the path constraints of a problem along paths.
+
+    Samples lie at the nodes, between them, and at the local maxima of the excess over the bounds,
+    which parabolas through neighbouring samples locate.
+    """
+
+    def __init__(self, conditions: Conditions) -> None:
+        c = conditions
+        self._conditions, self._functions = c, (*c.along_q, *c.along_qv)
+        self._function = ca.Function("along", [c.q, c.v, c.p], [stacked(self._functions)])
+
+    def __call__(self, path: Path) -> tuple[Array, list[tuple[Condition, Array]]]:
+        """Parameters s (k,), and for each path constraint its values (m, k) there."""
+        s = sample_parameters(path)
+        found = self._values(path, s)
+        for _ in range(_REFINEMENTS):
+            peaks = [_peaks(s, excess_over_bounds(c, values)) for c, values in found]
+            new = np.setdiff1d(np.concatenate([np.zeros(0), *peaks]), s)
+            if not new.size:
+                break
+            s = np.sort(np.concatenate([s, new]))
+            found = self._values(path, s)
+        return s, found
+
+    def _values(self, path: Path, s: Array) -> list[tuple[Condition, Array]]:
+        positions = path(s)
+        found = [(c, positions[:, list(c.coordinates or ())].T) for c in self._conditions.bounds]
+        if self._functions:
+            parameters = np.tile(self._conditions.p_values[:, None], s.size)
+            values = evaluate(self._function.map(s.size), positions.T, path(s, 1).T, parameters)
+            ends = np.cumsum([condition.size for condition in self._functions])[:-1]
+            found += zip(self._functions, np.split(values, ends), strict=True)
+        return found
+
+
+def sample_parameters(path: Path) -> Array:
+    """Parameters s (k,) at the nodes and between them; one-sided at interior breakpoints."""
+    nodes = path.grid.nodes
+    steps = np.arange(_PER_NODE) / _PER_NODE
+    between = (nodes[:-1, None] + np.diff(nodes)[:, None] * steps).ravel()
+    inner = path.breakpoints[1:-1]
+    return np.sort(np.concatenate([between, [1.0], inner - 1e-12]))
+
+
+def _peaks(s: Array, excess: Array) -> Array:
+    """Vertices of parabolas through three neighbours of excess (m, k) that are near or above 0."""
+    if s.size < 3:
+        return np.zeros(0)
+    left, middle, right = excess[:, :-2], excess[:, 1:-1], excess[:, 2:]
+    a, b = np.diff(s)[:-1], np.diff(s)[1:]
+    with np.errstate(all="ignore"):  # there may be infinities
+        before, after = (middle - left) / a, (right - middle) / b
+        curvature = (after - before) / (a + b)
+        slope = before + curvature * a
+        maximum = middle - slope**2 / (4.0 * curvature)
+        vertex = s[1:-1] - slope / (2.0 * curvature)
+        inside = (vertex > s[:-2]) & (vertex < s[2:])
+        finite = np.where(np.isfinite(excess), excess, 0.0)
+        near = -_NEAR_BOUND * np.ptp(finite, axis=1, keepdims=True)  # parabolas are approximate
+        relevant = (curvature < 0.0) & (maximum > near) & inside
+    return np.asarray(vertex[relevant])
+
+
+# Without a tolerance, solutions violate no condition by more than this, in its unit.
+BETWEEN_NODES = 1e-4
+NEGLIGIBLE = 1e-6  # smaller violations are ignored before a solve, and in messages
+
+# path -> parameters s (k,), and the largest violation of any path constraint at each (k,)
+ViolationProfile: TypeAlias = Callable[[Path], tuple[Array, Array]]
+
+
+@dataclass(frozen=True)
+class Violation:
+    """The largest violation of a condition.
+
+    Attributes:
+        name: of the condition, as given by the problem, or its position in the problem's list.
+        component: the row of the condition, in words: a joint, a coordinate, or a number.
+        value: of the expression there.
+        limit: the violated bound or value.
+        s: path parameter; None for a condition on both ends.
+        unit: of the coordinate, for joint limits of a model; None for other conditions.
+    """
+
+    name: str
+    component: str
+    value: float
+    limit: float
+    s: float | None
+    unit: str | None = None
+
+    @property
+    def amount(self) -> float:
+        """Distance of the value from the limit."""
+        return abs(self.value - self.limit)
+
+    def __str__(self) -> str:
+        side = "exceeds" if self.value > self.limit else "falls below"
+        where = "at both ends" if self.s is None else f"at s = {self.s:.2f}"
+        bound = f"{self.limit:.4g}"
+        if self.unit is not None:
+            which = "upper" if self.value > self.limit else "lower"
+            bound = f"its {which} limit {bound} {self.unit}".rstrip()
+        return (
+            f"{self.component} {side} {bound} by {self.amount:.2g} {where}"
+            f" (condition {self.name!r})"
+        )
+
+
+def find_violations(
+    conditions: Conditions, path: Path, joint_names: Sequence[str] | None
+) -> tuple[Violation, ...]:
+    """The largest violation of every violated condition, the worst first.
+
+    Path constraints are evaluated at the nodes and between them.
+    """
+    found = [
+        *_at_ends(conditions, path, joint_names),
+        *_at_via(conditions, path, joint_names),
+        *_along(conditions, path, joint_names),
+    ]
+    return tuple(sorted(found, key=lambda one: -one.amount))
+
+
+def violations_at(conditions: Conditions, q: Array, s: float) -> tuple[Violation, ...]:
+    """Violations of the path constraints in q, except bounds, at one configuration (n,)."""
+    found: list[Violation] = []
+    for condition in conditions.along_q:
+        function = ca.Function("condition", [conditions.q, conditions.p], [condition.expression])
+        values = evaluate(function, q, conditions.p_values)
+        found += _worst(condition, values, np.array([s]), q.size, None)
+    return tuple(sorted(found, key=lambda one: -one.amount))
+
+
+def violation_profile(conditions: Conditions) -> ViolationProfile:
+    """A function that gives the largest violation of the path constraints along a path."""
+    samples = PathSamples(conditions)
+
+    def profile(path: Path) -> tuple[Array, Array]:
+        s, found = samples(path)
+        excess = [excess_over_bounds(c, values).max(axis=0, initial=0.0) for c, values in found]
+        return s, np.maximum.reduce([np.zeros(s.size), *excess])
+
+    return profile
+
+
+def _at_ends(
+    conditions: Conditions, path: Path, joint_names: Sequence[str] | None
+) -> Iterator[Violation]:
+    c, n, nodes = conditions, path.metric.dim, path.nodes
+    for condition in c.fixed:
+        assert condition.coordinates is not None
+        ends = {coordinate // n for coordinate in condition.coordinates}
+        s = np.array([float(max(ends))]) if len(ends) == 1 else None
+        values = nodes[[0, -1]].ravel()[list(condition.coordinates)]
+        yield from _worst(condition, values[:, None], s, n, joint_names)
+    if c.ends:
+        symbols = [c.q0, c.q1, c.v0, c.v1, c.p]
+        states = [*nodes[[0, -1]], *path([0.0, 1.0], 1), c.p_values]
+    for condition in c.ends:
+        first, last = (
+            ca.depends_on(condition.expression, ca.vertcat(*pair))
+            for pair in ((c.q0, c.v0), (c.q1, c.v1))
+        )
+        values = evaluate(ca.Function("condition", symbols, [condition.expression]), *states)
+        s = None if first == last else np.array([float(last)])
+        yield from _worst(condition, values, s, n, joint_names)
+
+
+def _at_via(
+    conditions: Conditions, path: Path, joint_names: Sequence[str] | None
+) -> Iterator[Violation]:
+    grid = path.grid
+    for s, node, at_one in zip(grid.via_s, grid.via_nodes, conditions.via, strict=True):
+        for condition in at_one:
+            symbols = [conditions.q, conditions.p]
+            function = ca.Function("condition", symbols, [condition.expression])
+            values = evaluate(function, path.nodes[node], conditions.p_values)
+            yield from _worst(condition, values, np.array([s]), path.metric.dim, joint_names)
+
+
+def _along(
+    conditions: Conditions, path: Path, joint_names: Sequence[str] | None
+) -> Iterator[Violation]:
+    if conditions.along_q or conditions.along_qv or conditions.bounds:
+        s, found = PathSamples(conditions)(path)
+        n = path.metric.dim
+        units = getattr(getattr(path.metric, "model", None), "units", ("",) * n)
+        for condition, values in found:
+            of_limits = units if condition in conditions.bounds else None
+            yield from _worst(condition, values, s, n, joint_names, of_limits)
+
+
+def _worst(
+    condition: Condition,
+    values: Array,
+    s: Array | None,
+    n: int,
+    joint_names: Sequence[str] | None,
+    units: Sequence[str] | None = None,
+) -> Iterator[Violation]:
+    """The largest violation of a condition's values (m, k), if any; NaN counts as infinite.
+
+    Units (n,) are given for limits of coordinates.
+    """
+    unit = None
+    excess = excess_over_bounds(condition, values)
+    if not np.any(excess > 0.0):
+        return
+    row, column = np.unravel_index(int(np.argmax(excess)), excess.shape)
+    value = float(values[row, column])
+    limit = float(condition.upper[row] if value > condition.upper[row] else condition.lower[row])
+    component = f"{condition.name}[{row}]" if condition.size > 1 else condition.name
+    if condition.coordinates is not None:
+        coordinate = condition.coordinates[int(row)] % n
+        unit = None if units is None else units[coordinate]
+        component = (
+            f"q[{coordinate}]" if joint_names is None else f"joint {joint_names[coordinate]}"
+        )
+    where = None if s is None else float(s[min(int(column), s.size - 1)])
+    yield Violation(condition.name, component, value, limit, where, unit)

@@ -1,0 +1,206 @@
+"""Refinement of the grid until the conditions hold to a tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from known_metrics import Sphere
+from known_problems import PlaneAroundDisc
+
+import geodesic_ocp as go
+from geodesic_ocp.ocp.problem import parse_conditions
+from geodesic_ocp.ocp.refinement import refine
+from geodesic_ocp.ocp.violations import violation_profile
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, pytest.param(1e-5, marks=pytest.mark.slow), 1e-7])
+def test_path_around_a_disc_to_several_tolerances(tolerance: float) -> None:
+    solution = go.solve(PlaneAroundDisc(), tolerance=tolerance)
+    stats = solution.stats
+    assert stats.max_path_violation <= tolerance
+    assert solution.path.length == pytest.approx(PlaneAroundDisc().exact_length, rel=tolerance)
+    s = np.linspace(0.0, 1.0, 5001)
+    inside = 0.5 - np.linalg.norm(solution.path(s), axis=1)
+    assert inside.max() <= 1.1 * tolerance  # also between the checked points
+    assert len(stats.mesh_history) > 1
+    assert stats.mesh_history[-1].max_path_violation == stats.max_path_violation
+    assert stats.mesh_history[0].segments == 16
+
+
+def test_grid_is_finest_where_the_constraint_becomes_active() -> None:
+    solution = go.solve(PlaneAroundDisc(), tolerance=1e-7)
+    widths, ends = solution.path.grid.widths, solution.path.breakpoints
+    assert solution.path.grid.segments < 40
+    # The tangent points are (-+1/4, sqrt(3)/4): sqrt(3)/2 from the start and from the end.
+    length = PlaneAroundDisc().exact_length
+    for contact in (np.sqrt(0.75) / length, 1.0 - np.sqrt(0.75) / length):
+        finest = int(np.argmin(np.where(np.abs(ends[:-1] - contact) < 0.1, widths, np.inf)))
+        assert widths[finest] < widths.max() / 8.0
+        assert abs(ends[finest] - contact) < 0.02
+
+
+@dataclass(frozen=True)
+class Limited(go.Problem):
+    """The arm is raised; the geodesic would exceed a limit of the wrist."""
+
+    model: go.Model
+
+    @property
+    def metric(self) -> go.Metric:
+        return go.KineticEnergy(self.model)
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Any]:
+        raised = [1.4, 0.2, -0.6, 0.3, 0.0, 0.0, 0.0]
+        return [(q0, [-0.3, 0.0, -0.6, 0.3, 0.0, 0.0, 0.0]), (q1, raised)]
+
+    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
+        return [(self.model.lower, q, self.model.upper, "limits")]
+
+
+@pytest.mark.slow
+def test_joint_limits_hold_between_the_nodes(arm: go.Model) -> None:
+    with pytest.raises(go.NotConverged, match=r"between them.*joint .* limit .* rad by") as failure:
+        go.solve(Limited(arm), grid=go.Grid(16, 4))
+    coarse = failure.value.solution
+    assert coarse.stats.max_path_violation > 1e-4
+    solution = go.solve(Limited(arm), tolerance=1e-6, guess=coarse)
+    q = solution.path(np.linspace(0.0, 1.0, 5001))
+    assert np.all(q >= arm.lower - 1.1e-6)
+    assert np.all(q <= arm.upper + 1.1e-6)
+    assert solution.path.energy == pytest.approx(coarse.path.energy, rel=1e-3)
+    assert solution.certificate.locally_shortest
+
+
+def test_smooth_path_is_refined_until_its_energy_converges() -> None:
+    problem = go.PointToPoint(Sphere(), (0.4, 0.0), (0.5, 2.5))
+    solution = go.solve(problem, grid=go.Grid(1, 4), tolerance=1e-9)
+    assert solution.path.length == pytest.approx(
+        go.distance(Sphere(), problem.q0, problem.q1), rel=1e-9
+    )
+    assert solution.stats.mesh_history[-1].segments > 1
+
+
+@pytest.mark.slow
+def test_unattainable_tolerance_is_reported() -> None:
+    with pytest.raises(
+        go.NotConverged, match=r"PlaneAroundDisc was not solved: not solved to 1e-13"
+    ) as info:
+        go.solve(PlaneAroundDisc(), tolerance=1e-13)
+    assert len(info.value.solution.stats.mesh_history) > 2
+
+
+def test_refinement_stops_at_wrong_tolerances_and_failures() -> None:
+    with pytest.raises(ValueError, match="tolerance must be positive"):
+        go.solve(PlaneAroundDisc(), tolerance=0.0)
+    record = go.solve(PlaneAroundDisc(), tolerance=1e-6, throw=False, ipopt={"max_iter": 2})
+    assert not record.stats.success
+    assert len(record.stats.mesh_history) == 1
+
+
+def test_low_degree_gives_the_guess_where_high_degrees_fail() -> None:
+    """Finer grids fail here until polynomials of degree two have been tried."""
+    problem, seen = PlaneAroundDisc(), []
+
+    def solve_on(grid: go.Grid, guess: go.Path | None, near: bool) -> go.Solution:
+        solution = go.solve(problem, grid=grid, guess=guess)
+        seen.append((grid.degree, guess is None, near))
+        failed = near and all(degree > 2 for degree, _, _ in seen)
+        return replace(solution, stats=replace(solution.stats, success=not failed))
+
+    found = refine(
+        solve_on, violation_profile(parse_conditions(problem)), go.Grid(8, 4), 1e-5, None
+    )
+    assert found.stats.success
+    assert found.stats.max_path_violation <= 1e-5
+    assert seen[:4] == [(4, True, False), (4, False, True), (2, True, False), (4, False, False)]
+    assert all(near for _, _, near in seen[4:])
+    first, _, low_degree, again = [each.segments for each in found.stats.mesh_history[:4]]
+    assert (first, low_degree, again) == (8, 32, 16)
+
+
+@pytest.mark.slow
+def test_reach_whose_coarse_solution_jumps_between_nodes() -> None:
+    """Near the extended elbow a coarse grid has solutions that no continuous path resembles."""
+    arm, rng = go.human_arm(), np.random.default_rng(5)
+    for _ in range(18):
+        start, end = rng.uniform(arm.lower, arm.upper, (2, 7))
+    reach = go.Reach(arm, start, arm.hand_pose(end)[1])
+    solution = go.solve(reach, tolerance=1e-6)
+    assert solution.stats.max_path_violation <= 1e-6
+    # On the first grid the objective is 0.6488, and the path through its nodes costs 0.7512.
+    assert solution.path.energy == pytest.approx(0.56081265, rel=1e-5)
+
+
+@pytest.mark.slow
+def test_narrow_violations_between_nodes_are_found() -> None:
+    """With four check points per node, this reach exceeded a limit by 3e-5."""
+    arm, rng = go.human_arm(), np.random.default_rng(5)
+    for _ in range(9):
+        start, end = rng.uniform(arm.lower, arm.upper, (2, 7))
+    path = go.solve(go.Reach(arm, start, arm.hand_pose(end)[1]), tolerance=1e-6).path
+    q = path(np.linspace(0.0, 1.0, 20_001))
+    assert np.max([arm.lower - q, q - arm.upper]) <= 1.05e-6
+
+
+def test_speed_limit_holds_between_the_nodes_by_default() -> None:
+    """On 16 segments the speed would exceed its limit between the nodes by more than 1e-3."""
+    problem = go.PointToPoint(Sphere(), (0.25, 0.0), (0.25, 2.7), speed=2.9)
+    solution = go.solve(problem)
+    assert 0.0 < solution.stats.max_path_violation <= 1e-4
+    assert np.abs(solution.path(np.linspace(0.0, 1.0, 5001), 1)).max() <= 2.9 + 1.1e-4
+    first, *_, last = solution.stats.mesh_history
+    assert first.segments == 16
+    assert first.max_path_violation > 1e-3
+    assert last.segments == solution.path.grid.segments > 16
+    assert solution.stats.total_iterations > solution.stats.iterations
+
+
+def test_own_grid_is_kept_and_violations_between_its_nodes_are_no_solution() -> None:
+    problem = go.PointToPoint(Sphere(), (0.25, 0.0), (0.25, 2.7), speed=2.9)
+    message = (
+        r"meets its conditions at the nodes, but not between them; leave grid out, or set tolerance"
+        r".* exceeds 2.9 by 0\.\d+ at s = 0\.\d\d \(condition 'speed'\)"
+    )
+    with pytest.raises(go.NotConverged, match=message) as failure:
+        go.solve(problem, grid=go.Grid(6, 4))
+    solution = failure.value.solution
+    assert solution.path.grid == go.Grid(6, 4)
+    assert solution.stats.mesh_history == ()
+    assert solution.stats.max_path_violation > 1e-4
+    assert not solution.certificate.stationary
+
+
+def test_limits_that_hold_need_no_finer_grid_and_no_warning() -> None:
+    problem = go.PointToPoint(Sphere(), (1.0, 0.0), (1.0, 0.3), speed=2.9)
+    for grid in (None, go.Grid(8, 4)):
+        assert go.solve(problem, grid=grid).stats.mesh_history == ()
+
+
+@dataclass(frozen=True)
+class Wall(go.Problem):
+    """In the plane from one side of a wall without a gap to the other: there is no path."""
+
+    thickness: float = 0.2
+    metric: go.Metric = field(default_factory=lambda: go.Euclidean(2))
+
+    def boundary(self, q0: Any, q1: Any) -> Any:
+        return [(q0, (0.0, 0.0)), (q1, (1.0, 0.3))]
+
+    def constraints(self, q: Any, v: Any) -> Any:
+        return [((self.thickness / 2.0) ** 2, (q[0] - 0.5) ** 2, np.inf, "wall")]
+
+
+@pytest.mark.parametrize("options", [{}, {"grid": go.Grid(8, 4)}, {"tolerance": 1e-4}])
+def test_paths_through_an_obstacle_are_no_solutions(options: Any) -> None:
+    with pytest.raises(go.NotConverged) as failure:
+        go.solve(Wall(), **options)
+    solution = failure.value.solution
+    assert not solution.stats.success
+    assert not solution.certificate.stationary
+    with pytest.raises(go.NotConverged):
+        solution.to_motion(1.0)
