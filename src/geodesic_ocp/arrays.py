@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Sized
-from dataclasses import fields
-from typing import Any, TypeAlias
+from dataclasses import MISSING, fields
+from typing import Any, ClassVar, TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -121,16 +121,27 @@ def evaluate(function: ca.Function, *arguments: Any) -> Any:
     return outputs[0] if len(outputs) == 1 else tuple(outputs)
 
 
-def short_repr(value: Any) -> str:
-    """Class and fields of a dataclass on one line: no defaults, no arrays of many numbers."""
-    shown = []
-    for each in fields(value):
-        entry = getattr(value, each.name)
-        is_empty = isinstance(entry, (np.ndarray, Sized)) and len(entry) == 0
-        if entry is each.default or is_empty or (np.isscalar(entry) and entry == each.default):
-            continue
-        shown.append(f"{each.name}={_short(entry)}")
-    return f"{type(value).__name__}({', '.join(shown)})"
+class ShortRepr:
+    """Mixin of dataclasses: `repr` is the class and its fields on one line.
+
+    Left out are fields with their default values, and the entries of long sequences and arrays.
+    Dataclasses state `repr=False`.
+
+    Attributes:
+        _shown: names of the attributes that are shown; empty: all fields.
+    """
+
+    _shown: ClassVar[tuple[str, ...]] = ()
+
+    def __repr__(self) -> str:
+        defaults = {each.name: each.default for each in fields(self)}  # type: ignore[arg-type]
+        shown = []
+        for name in self._shown or defaults:
+            entry, default = getattr(self, name), defaults.get(name, MISSING)
+            is_empty = isinstance(entry, Sized) and len(entry) == 0
+            if not (entry is default or is_empty or (np.isscalar(entry) and entry == default)):
+                shown.append(f"{name}={_short(entry)}")
+        return f"{type(self).__name__}({', '.join(shown)})"
 
 
 def _short(entry: Any) -> str:
@@ -138,6 +149,9 @@ def _short(entry: Any) -> str:
         array = np.asarray(entry)
         if array.size <= 9 and array.dtype.kind in "biuf":
             return str((array.round(3) + 0.0).tolist())
-    elif not isinstance(entry, (list, tuple)) or len(repr(entry)) <= 60:
-        return repr(entry)
-    return f"<{len(entry)} entries>"
+        return f"<{' x '.join(map(str, array.shape))} entries>"
+    if isinstance(entry, float):
+        return f"{entry:.6g}"
+    if isinstance(entry, Sized) and not isinstance(entry, str) and len(repr(entry)) > 60:
+        return f"<{len(entry)} entries>"
+    return repr(entry)

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, real_array, short_repr
+from geodesic_ocp.arrays import Array, ShortRepr, real_array
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.table import Table
 
@@ -26,7 +26,7 @@ _PLACEHOLDER = 1e5  # [rad/s or N m]: numbers in files from here on stand for no
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class JointLimits:
+class JointLimits(ShortRepr):
     """Largest magnitudes, (n,) each; infinite where there is no limit.
 
     Attributes:
@@ -45,6 +45,7 @@ class JointLimits:
     jerk: Array
     torque: Array
     sources: Mapping[str, str] = field(default_factory=dict)
+    _shown = QUANTITIES
 
     def __post_init__(self) -> None:
         shape = np.shape(self.velocity)
@@ -56,9 +57,6 @@ class JointLimits:
                 raise ValueError(f"{name} must be positive, or infinite for no limit: {values}")
             values.flags.writeable = False
             object.__setattr__(self, name, values)
-
-    def __repr__(self) -> str:
-        return short_repr(replace(self, sources={}))
 
     def table(self, model: Model | None = None) -> Table:
         """The numbers by joint, named if the model is given, with their sources below."""
@@ -89,7 +87,7 @@ def joined_limits(parts: Sequence[JointLimits]) -> JointLimits:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LimitShares:
+class LimitShares(ShortRepr):
     """Largest magnitudes of a trajectory as fractions of the limits, (n,) each.
 
     Attributes:
@@ -100,9 +98,6 @@ class LimitShares:
     acceleration: Array
     jerk: Array
     torque: Array
-
-    def __repr__(self) -> str:
-        return short_repr(self)
 
     @property
     def largest(self) -> float:

@@ -11,7 +11,7 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from geodesic_ocp.arrays import Array, short_repr
+from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.model.formats.mjcf import mjcf_text
 from geodesic_ocp.model.formats.robots import locate
@@ -29,7 +29,7 @@ _UNUSED = ("actuators", "equalities", "tendons", "sensors", "keys")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SimulatedRobot:
+class SimulatedRobot(ShortRepr):
     """A MuJoCo model whose joints are those of a Model; all other joints are locked.
 
     Attributes:
@@ -45,9 +45,6 @@ class SimulatedRobot:
     velocities: Array
     links: tuple[str, ...]
     capsules: bool
-
-    def __repr__(self) -> str:
-        return short_repr(self)
 
 
 def import_mujoco() -> Any:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from geodesic_ocp.arrays import Array, short_repr
+from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.model.joints import configuration, frame_index, max_reach, motion_subspace
 from geodesic_ocp.model.model import Model
 
@@ -106,7 +106,7 @@ def _check_mass_matrix(model: pin.Model) -> None:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RobotArmature:
+class RobotArmature(ShortRepr):
     """Joint inertia of a robot, and where the numbers come from.
 
     Attributes:
@@ -116,9 +116,6 @@ class RobotArmature:
 
     values: Array
     source: str
-
-    def __repr__(self) -> str:
-        return short_repr(self)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from geodesic_ocp.arrays import short_repr
+from geodesic_ocp.arrays import ShortRepr
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.ocp.nlp import Structure
 from geodesic_ocp.ocp.path_constraints import ConstrainedProblem
@@ -15,7 +15,7 @@ from geodesic_ocp.ocp.problem import Equality, Problem, key_of
 
 
 @dataclass(frozen=True, repr=False)
-class PointToPoint(ConstrainedProblem):
+class PointToPoint(ShortRepr, ConstrainedProblem):
     """The geodesic between two configurations.
 
     Attributes:
@@ -50,9 +50,6 @@ class PointToPoint(ConstrainedProblem):
             vector = metric.point(name, getattr(self, name))
             object.__setattr__(self, name, tuple(vector.tolist()))
         self.check_path_constraints()
-
-    def __repr__(self) -> str:
-        return short_repr(self)
 
     def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Equality]:
         """Both ends."""

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_rotation, as_vector, short_repr
+from geodesic_ocp.arrays import Array, ShortRepr, as_rotation, as_vector
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import KineticEnergy
@@ -22,7 +22,7 @@ from geodesic_ocp.ocp.problem import Equality
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Reach(ConstrainedProblem):
+class Reach(ShortRepr, ConstrainedProblem):
     """The path of least energy from a configuration to a pose of the hand.
 
     The position of the hand, its orientation, or both are prescribed at the end; whatever they
@@ -76,9 +76,6 @@ class Reach(ConstrainedProblem):
         points = [as_vector(f"through[{k}]", each, 3) for k, each in enumerate(_rows(self.through))]
         object.__setattr__(self, "through", np.array(points).reshape(-1, 3))
         self.check_path_constraints()
-
-    def __repr__(self) -> str:
-        return short_repr(self)
 
     @property
     def metric(self) -> Metric:  # type: ignore[override]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from geodesic_ocp.arrays import as_integer, as_number, as_positive, short_repr
+from geodesic_ocp.arrays import ShortRepr, as_integer, as_number, as_positive
 from geodesic_ocp.logarithm.geodesic_to_pose import ENERGY_WEIGHT
 from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.ocp.pose_search import CollisionAvoidance
@@ -15,7 +15,7 @@ Formulation = Literal["constrained", "geodesic"]
 
 
 @dataclass(frozen=True, repr=False)
-class RetargetingSettings:
+class RetargetingSettings(ShortRepr):
     """Settings of `retarget`.
 
     Attributes:
@@ -127,9 +127,6 @@ class RetargetingSettings:
             raise ValueError(
                 "the formulation 'geodesic' does not avoid collisions; use 'constrained'"
             )
-
-    def __repr__(self) -> str:
-        return short_repr(self)
 
     @property
     def constrained(self) -> bool:

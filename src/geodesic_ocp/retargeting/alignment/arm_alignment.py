@@ -13,7 +13,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_positive, as_rotation, as_vector, short_repr
+from geodesic_ocp.arrays import Array, ShortRepr, as_positive, as_rotation, as_vector
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.joints import frame_index, max_reach
 from geodesic_ocp.model.model import Model
@@ -101,7 +101,7 @@ _MIRROR = np.diag([-1.0, 1.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Alignment:
+class Alignment(ShortRepr):
     """Position of a person's shoulder on a robot, and correspondence of the axes of base and hand.
 
     A hand pose with rotation R and position p in the person's axes (x right, y forward, z up,
@@ -143,9 +143,6 @@ class Alignment:
             joint = getattr(self, name)
             if joint is not None and not (isinstance(joint, str) and joint):
                 raise ValueError(f"{name} must be the name of a joint or None, got {joint!r}")
-
-    def __repr__(self) -> str:
-        return short_repr(self)
 
     def save(self, file: str | PathLike[str], notes: Sequence[str] = ()) -> Path:
         """Write a JSON file to edit, for `read_alignment`; returns its path.
