@@ -10,12 +10,12 @@ import warnings
 import numpy as np
 
 import geodesic_ocp as go
-from geodesic_ocp.retargeting.poses.targets import Pose, PoseFinder
-from geodesic_ocp.retargeting.program.plan_paths import plan_paths
-from geodesic_ocp.retargeting.program.start import Candidates, first_candidates
-from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
+from geodesic_ocp.retargeting.candidates import Candidates, first_candidates
+from geodesic_ocp.retargeting.key_poses import Pose, PoseFinder
 from geodesic_ocp.retargeting.settings import Formulation
+from geodesic_ocp.retargeting.synergy_paths import plan_paths
 from geodesic_ocp.retargeting.transfer import Transfer, plan_transfers
+from geodesic_ocp.retargeting.waypoints import ArmWaypoints
 
 ROBOTS = ("armar6-left", "armar6-right", "panda", "talos-left-arm", "xarm7")
 REACHED = 1e-6  # [m] and [rad]

@@ -292,7 +292,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
     from geodesic_ocp.retargeting.arm_result import RetargetedArm
     from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, merge_synergies
-    from geodesic_ocp.retargeting.poses.reachability import Reachability, reachability
+    from geodesic_ocp.retargeting.reachability import Reachability, reachability
     from geodesic_ocp.retargeting.result import Retargeting
     from geodesic_ocp.retargeting.retarget import retarget, retarget_arms
     from geodesic_ocp.retargeting.settings import RetargetingSettings
@@ -394,7 +394,7 @@ else:
         "retargeting.alignment.arm_alignment": "Alignment",
         "retargeting.arm_result": "RetargetedArm",
         "retargeting.merge_synergies": "SynergyGroup merge_synergies",
-        "retargeting.poses.reachability": "Reachability reachability",
+        "retargeting.reachability": "Reachability reachability",
         "retargeting.result": "Retargeting",
         "retargeting.retarget": "retarget retarget_arms",
         "retargeting.settings": "RetargetingSettings",

@@ -14,8 +14,8 @@ from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
 from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.arm_task import ArmTask
+from geodesic_ocp.retargeting.key_poses import PoseMapping
 from geodesic_ocp.retargeting.merge_synergies import SynergyGroup
-from geodesic_ocp.retargeting.poses.pose_mapping import PoseMapping
 from geodesic_ocp.retargeting.transfer import Transfer
 from geodesic_ocp.synergies.analysis import Analysis
 from geodesic_ocp.synergies.scores import MotionErrors, action, pose_errors

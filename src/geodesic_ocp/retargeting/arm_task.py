@@ -17,14 +17,13 @@ from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
 from geodesic_ocp.execution.track_within_limits import track_within_limits
 from geodesic_ocp.logarithm.pose_shooting import metric_of
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.retargeting.candidates import Candidates, first_candidates
+from geodesic_ocp.retargeting.key_poses import REACHED, KeyPose, Pose, PoseFinder, PoseMapping
 from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, merge_synergies
-from geodesic_ocp.retargeting.poses.pose_mapping import PoseMapping
-from geodesic_ocp.retargeting.poses.reachability import reachability
-from geodesic_ocp.retargeting.poses.targets import REACHED, KeyPose, Pose, PoseFinder
-from geodesic_ocp.retargeting.program.plan_paths import PlannedPaths
-from geodesic_ocp.retargeting.program.start import Candidates, first_candidates
-from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints, has_elbow, mapped_offsets
+from geodesic_ocp.retargeting.reachability import reachability
+from geodesic_ocp.retargeting.synergy_paths import PlannedPaths
 from geodesic_ocp.retargeting.transfer import Transfer, plan_transfers, rest_at
+from geodesic_ocp.retargeting.waypoints import ArmWaypoints, has_elbow, mapped_offsets
 from geodesic_ocp.synergies.analysis import Analysis
 from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory

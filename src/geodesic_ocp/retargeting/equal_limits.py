@@ -16,8 +16,8 @@ from geodesic_ocp.execution.motion_measures import (
 )
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
 from geodesic_ocp.execution.track_within_limits import Solver
-from geodesic_ocp.retargeting.poses.pose_mapping import PoseMapping
-from geodesic_ocp.retargeting.program.waypoints import (
+from geodesic_ocp.retargeting.key_poses import PoseMapping
+from geodesic_ocp.retargeting.waypoints import (
     elbow_offset,
     has_elbow,
     mapped_offsets,

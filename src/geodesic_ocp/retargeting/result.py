@@ -19,9 +19,9 @@ from geodesic_ocp.records import write_together
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.equal_limits import compare_under_equal_limits
 from geodesic_ocp.retargeting.motion_clearance import TOUCHING, in_check
-from geodesic_ocp.retargeting.program.plan_paths import PlannedPaths
 from geodesic_ocp.retargeting.retargeting_strips import retargeting_strips
 from geodesic_ocp.retargeting.settings import RetargetingSettings
+from geodesic_ocp.retargeting.synergy_paths import PlannedPaths
 from geodesic_ocp.synergies.synergy import Synergy, save_synergies
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory

@@ -23,12 +23,11 @@ from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment, check_jo
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.arm_task import ArmTask
 from geodesic_ocp.retargeting.detours import warn_of_detours
+from geodesic_ocp.retargeting.key_poses import PoseFinder, PoseMapping
 from geodesic_ocp.retargeting.motion_clearance import motion_clearance, of_paths, of_trajectory
-from geodesic_ocp.retargeting.poses.pose_mapping import PoseMapping
-from geodesic_ocp.retargeting.poses.targets import PoseFinder
-from geodesic_ocp.retargeting.program.plan_paths import PlannedPaths, plan_paths
 from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.retargeting.settings import RetargetingSettings
+from geodesic_ocp.retargeting.synergy_paths import PlannedPaths, plan_paths
 from geodesic_ocp.retargeting.transfer import Transfer
 from geodesic_ocp.synergies.analysis import Analysis
 

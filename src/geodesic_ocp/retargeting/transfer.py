@@ -17,7 +17,7 @@ from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.ocp.reach import Reach
 from geodesic_ocp.ocp.solution import Solution
 from geodesic_ocp.ocp.solve import solve
-from geodesic_ocp.retargeting.poses.targets import REACHED, KeyPose, Pose, PoseFinder
+from geodesic_ocp.retargeting.key_poses import REACHED, KeyPose, Pose, PoseFinder
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 

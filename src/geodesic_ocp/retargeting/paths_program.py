@@ -33,7 +33,7 @@ from geodesic_ocp.ocp.nlp import Structure
 from geodesic_ocp.ocp.point_to_point import PointToPoint
 from geodesic_ocp.ocp.refinement import halved
 from geodesic_ocp.ocp.transcription import Transcription, Units
-from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints, ObjectiveWeights, parameters
+from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights, parameters
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 

@@ -13,16 +13,16 @@ import geodesic_ocp as go
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.logarithm.pose_shooting import metric_of
-from geodesic_ocp.retargeting.poses.targets import Pose
-from geodesic_ocp.retargeting.program.motion_program import (
+from geodesic_ocp.retargeting.candidates import Candidates, first_candidates
+from geodesic_ocp.retargeting.key_poses import Pose
+from geodesic_ocp.retargeting.paths_program import (
     ArmPart,
     MotionProgram,
     place_at,
     positions_at,
 )
-from geodesic_ocp.retargeting.program.plan_paths import PlannedPaths, plan_paths
-from geodesic_ocp.retargeting.program.start import Candidates, first_candidates
-from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints, ObjectiveWeights
+from geodesic_ocp.retargeting.synergy_paths import PlannedPaths, plan_paths
+from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights
 
 CONFIGURATIONS = np.array(
     [

@@ -16,8 +16,8 @@ import numpy as np
 from geodesic_ocp.arrays import Array, evaluate
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.ocp.pose_search import CollisionAvoidance, PoseSearch
-from geodesic_ocp.retargeting.poses.targets import REACHED, middle_of_ranges
-from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints, ObjectiveWeights, parameters
+from geodesic_ocp.retargeting.key_poses import REACHED, middle_of_ranges
+from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights, parameters
 
 _STARTS = 96  # of the search at each waypoint
 _CARRIED = 32  # more, the configurations found at the waypoint before

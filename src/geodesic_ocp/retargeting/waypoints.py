@@ -20,8 +20,7 @@ from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.pose_search import rotation_log
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
-from geodesic_ocp.retargeting.poses.pose_mapping import PoseMapping
-from geodesic_ocp.retargeting.poses.targets import Pose, middle_of_ranges
+from geodesic_ocp.retargeting.key_poses import Pose, PoseMapping, middle_of_ranges
 
 _SHORTEST = 1e-4  # [m^2], squared distance from the shoulder to the wrist
 
