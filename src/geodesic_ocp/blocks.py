@@ -9,10 +9,10 @@ variables.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -23,6 +23,8 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.ipopt import Ipopt, Outcome
 
 Indices: TypeAlias = NDArray[np.int64]
+Start = TypeVar("Start")
+Found = TypeVar("Found")
 _SPARSE = 0.5  # matrices with a smaller fraction of entries other than zero are stored as sparse
 # CasADi's own product of dense matrices is several times slower.
 _BLAS = ("classic",) if getattr(ca, "has_blas", lambda _: False)("classic") else ()
@@ -493,3 +495,26 @@ def as_dm(matrix: Any) -> ca.DM:
     rows, columns = matrix.shape
     pattern = ca.Sparsity(rows, columns, matrix.indptr.tolist(), matrix.indices.tolist())
     return ca.DM(pattern, matrix.data)
+
+
+def in_rounds(
+    start: Start,
+    solve: Callable[[Start], Found],
+    judged: Callable[[int, Found], tuple[Found, Start | None]],
+    most: int,
+) -> Found:
+    """Solve, look between the instants, add rows or nodes where that is needed, solve again.
+
+    Args:
+        start: from which the first round begins, whatever `solve` takes.
+        solve: the solution from a start, or the last iterate.
+        judged: number of the round and what it found -> the same, with a verdict if it is the last
+            one, and the start of the next round; None: there is none.
+        most: number of rounds.
+    """
+    for number in range(most):
+        found, following = judged(number, solve(start))
+        if following is None:
+            break
+        start = following
+    return found

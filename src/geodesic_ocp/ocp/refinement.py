@@ -131,7 +131,7 @@ def _halve_where_violated(
         path = solution.path
         if not _violates(solution):
             break
-        coarse = _worst_by_segment(path, profile(path)) > BETWEEN_NODES
+        coarse = worst_by_segment(path, profile(path)) > BETWEEN_NODES
         diverged = len(history) > _PATIENCE and min(path.grid.widths) < _NARROWEST
         too_many = path.grid.segments + int(coarse.sum()) > _MAX_SEGMENTS
         if not np.any(coarse) or diverged or too_many:
@@ -189,7 +189,7 @@ def _refine_from(
 
 def _coarse(path: Path, violations: tuple[Array, Array], tolerance: float) -> NDArray[np.bool_]:
     """Which segments to halve, (segments,); all of them if none stands out."""
-    worst = _worst_by_segment(path, violations)
+    worst = worst_by_segment(path, violations)
     unresolved = unresolved_energy(path)
     allowed = tolerance * path.energy / path.grid.segments
     coarse = (worst > tolerance) & (worst > _FRACTION * worst.max())
@@ -197,7 +197,7 @@ def _coarse(path: Path, violations: tuple[Array, Array], tolerance: float) -> ND
     return coarse if np.any(coarse) else np.ones_like(coarse)
 
 
-def _worst_by_segment(path: Path, violations: tuple[Array, Array]) -> Array:
+def worst_by_segment(path: Path, violations: tuple[Array, Array]) -> Array:
     """Largest violation in each segment, (segments,)."""
     s, amounts = violations
     segment = np.searchsorted(path.breakpoints, s, side="right") - 1

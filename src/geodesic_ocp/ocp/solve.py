@@ -103,6 +103,11 @@ def solve(
         raise ValueError(f"problem must be an instance of a Problem class, got {problem!r}")
     if getattr(problem, "metric", None) is None:
         raise ValueError(f"{type(problem).__name__} defines no metric")
+    if (own := problem.solved()) is not None:
+        if throw and not own.success:
+            raise NotConverged(f"{type(problem).__name__} was not solved: {own.status}", own)
+        found: Solution = own
+        return found
     definition = problem.definition()
     first = definition.grid if grid is None else grid
     before = guess if isinstance(guess, Solution) else None

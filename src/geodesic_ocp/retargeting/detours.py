@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.retargeting.arm_task import NEAR_MISS, TOO_NEAR
+from geodesic_ocp.retargeting.transfer import NEAR_MISS, TOO_NEAR
 from geodesic_ocp.rotations import rotation_vector
 
 if TYPE_CHECKING:

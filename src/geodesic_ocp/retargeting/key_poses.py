@@ -2,32 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_vector
+from geodesic_ocp.arrays import Array, ShortRepr, as_vector
 from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.distances import signed_distances
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.inverse_kinematics import (
     inverse_kinematics_solutions,
     nearest_configuration,
 )
-from geodesic_ocp.ocp.pose_search import pose_difference
+from geodesic_ocp.ocp.pose_search import CollisionAvoidance, pose_difference
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
+from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, merge_synergies
 from geodesic_ocp.retargeting.settings import RetargetingSettings
+from geodesic_ocp.synergies.analysis import Analysis
 
+_GRAVITY = 9.81  # [m/s^2]
+NO_COLLISIONS = CollisionAvoidance()
 REACHED = 1e-6  # [m] and [rad]
 # How near inverse kinematics comes to the configuration it starts from [rad or m].
-_SETTLED, _ANYWHERE = 1e-2, 0.2
-_SOLUTIONS, _ENDS = 5, 10  # of inverse kinematics
-_FEWEST = 4  # ends of a path to choose from, if there are as many
-_SAME = 0.1  # [rad or m]
-_CLOSE = 1e-3  # [m] and [rad]
+_SETTLED = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,26 +61,6 @@ class Pose:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class KeyPose:
-    """The target pose at the end of a synergy, and what inverse kinematics found for it.
-
-    Attributes:
-        pose: the target.
-        configuration: with that pose, or with the nearest one (n,).
-        error: distance [m] and angle [rad] of the hand from the target there.
-    """
-
-    pose: Pose
-    configuration: Array
-    error: tuple[float, float]
-
-    @property
-    def within_reach(self) -> bool:
-        """Whether the configuration attains the target."""
-        return max(self.error) <= REACHED
-
-
 def middle_of_ranges(arm: Model) -> tuple[Array, Array]:
     """Middle and half width of the joints' ranges (n,); 0 and pi where they are unlimited."""
     finite = np.isfinite(arm.lower) & np.isfinite(arm.upper)
@@ -95,126 +75,75 @@ def with_narrowed_limits(robot: Model, tolerance: float) -> Model:
     return robot.with_limits(robot.lower + gap, robot.upper - gap)
 
 
-@dataclass(frozen=True, eq=False)
-class PoseFinder:
-    """Inverse kinematics of one robot under the settings of a retargeting.
+def nearest_configurations(
+    arm: Model,
+    near: Array,
+    pose: Pose,
+    limits: bool,
+    weights: tuple[float, float],
+    collisions: CollisionAvoidance = NO_COLLISIONS,
+    enough: int = 1,
+    settled: float = _SETTLED,
+    least: int = 1,
+) -> list[Array]:
+    """Configurations (n,) with a pose, the nearest first, or the one with the nearest pose.
 
-    Attributes:
-        robot: the arm.
-        settings: of the retargeting.
-        tolerance: of the paths' conditions.
+    Args:
+        arm: the robot.
+        near: configuration (n,) from which they are sought.
+        pose: of the hand.
+        limits: whether joints stay within their limits.
+        weights: of errors in position [1/m] and orientation [1/rad].
+        collisions: bodies that are kept apart.
+        enough, settled, least: see `inverse_kinematics_solutions`.
+
+    Raises:
+        NotConverged: no configuration is clear of the collision bodies.
     """
-
-    robot: Model
-    settings: RetargetingSettings
-    tolerance: float
-
-    @property
-    def arm(self) -> Model:
-        """The robot, with narrowed limits if they are to be met."""
-        if not self.settings.within_limits:
-            return self.robot
-        return with_narrowed_limits(self.robot, self.tolerance)
-
-    def first_configuration(self, pose: Pose, given: ArrayLike | None) -> Array:
-        """Configuration (n,) to begin in: the given one, or one with the pose near mid-range.
-
-        Raises:
-            ValueError: the given one is outside the limits, or too close to a collision body.
-            NotConverged: no configuration is clear of the collision bodies.
-        """
-        robot, arm, collisions = self.robot, self.arm, self.settings.collisions
-        if given is None:
-            return self._nearest(middle_of_ranges(arm)[0], pose, _SOLUTIONS)
-        start = as_vector("start", given, robot.dof)
-        if self.settings.within_limits:
-            for joint, value, low, high in zip(
-                robot.joint_names, start, robot.lower, robot.upper, strict=True
-            ):
-                if not low <= value <= high:
-                    raise ValueError(
-                        f"start: {joint} is at {value:.4g}, outside its limits {low:.4g} to "
-                        f"{high:.4g}"
-                    )
-        obstacles, links, pairs, margin = collisions
-        distances = signed_distances(robot, start, obstacles, links=links, pairs=pairs)
-        for name, distance in distances.items():
-            if distance < margin:
-                raise ValueError(
-                    f"start: {name} is {distance:.3g} m, and must be at least {margin:.3g} m"
-                )
-        return start
-
-    def key_poses(self, start: Array, poses: Sequence[Pose]) -> list[KeyPose]:
-        """Configurations with the poses, or the nearest to them, each near the one before."""
-        found, near = [], start
-        for pose in poses:
-            near = self._nearest(near, pose, settled=_ANYWHERE)
-            found.append(KeyPose(pose, near, pose.error(self.robot, near)))
-        return found
-
-    def end_configurations(self, near: Array, target: KeyPose) -> list[Array]:
-        """Configurations in which a path may end, sorted by the energy of the straight line."""
-        if not target.within_reach:
-            return [self._nearest(near, target.pose)]
-        try:
-            found = self._solutions(near, target.pose, _ENDS, _ANYWHERE, least=_FEWEST)
-        except NotConverged:  # from here; it was found from elsewhere
-            return [target.configuration]
-        distinct: list[Array] = []
-        for q in found:
-            if all(np.abs(q - other).max() > _SAME for other in distinct):
-                distinct.append(q)
-        return sorted(distinct, key=lambda q: line_energy(self.arm, near, q))
-
-    def is_beyond(self, pose: Pose) -> bool:
-        """Whether the hand's position is farther from the base than the hand ever is."""
-        if pose.position is None:
-            return False
-        joint = self.robot.frame_pose(self.robot.joint_names[0], np.zeros(self.robot.dof))[1]
-        return float(np.linalg.norm(pose.position - joint)) > self.robot.reach
-
-    def nearest(self, near: Array, pose: Pose) -> Array:
-        """A configuration with the pose, or that with the nearest pose."""
-        return self._nearest(near, pose)
-
-    def configuration_near(self, start: Array, pose: Pose) -> Array:
-        """The start if it has the pose, else the nearest configuration with it."""
-        if max(pose.error(self.robot, start)) <= _CLOSE:
-            return start
-        return self._nearest(start, pose)
-
-    def _nearest(
-        self, near: Array, pose: Pose, enough: int = 1, settled: float = _SETTLED
-    ) -> Array:
-        """The nearest of several configurations with the pose, or the nearest pose."""
-        try:
-            return self._solutions(near, pose, enough, settled)[0]
-        except NotConverged:
-            settings = self.settings
-            return nearest_configuration(
-                *(self.arm, near, pose.position, pose.rotation, settings.pose_weights),
-                *(settings.within_limits, settings.collisions),
-            )
-
-    def _solutions(
-        self, near: Array, pose: Pose, enough: int, settled: float = _SETTLED, least: int = 1
-    ) -> list[Array]:
-        within, collisions = self.settings.within_limits, self.settings.collisions
+    placed = arm, near, pose.position, pose.rotation
+    try:
         return inverse_kinematics_solutions(
-            *(self.arm, near, pose.position, pose.rotation, within, None, collisions),
-            *(enough, settled, least),
+            *placed, limits, None, collisions, enough, settled, least
         )
+    except NotConverged:
+        return [nearest_configuration(*placed, weights, limits, collisions)]
 
 
-def line_energy(arm: Model, q0: Array, q1: Array) -> float:
-    """Energy of the straight line, with the mass matrix at three of its points."""
-    matrices = [arm.mass_matrix(q0 + s * (q1 - q0)) for s in (0.0, 0.5, 1.0)]
-    return float((q1 - q0) @ np.mean(matrices, axis=0) @ (q1 - q0))
+def checked_start(robot: Model, given: ArrayLike, settings: RetargetingSettings) -> Array:
+    """The configuration (n,) to begin in.
+
+    Raises:
+        ValueError: it is outside the limits, or too close to a collision body.
+    """
+    start = as_vector("start", given, robot.dof)
+    if settings.within_limits:
+        for joint, value, low, high in zip(
+            robot.joint_names, start, robot.lower, robot.upper, strict=True
+        ):
+            if not low <= value <= high:
+                raise ValueError(
+                    f"start: {joint} is at {value:.4g}, outside its limits {low:.4g} to {high:.4g}"
+                )
+    obstacles, links, pairs, margin = settings.collisions
+    distances = signed_distances(robot, start, obstacles, links=links, pairs=pairs)
+    for name, distance in distances.items():
+        if distance < margin:
+            raise ValueError(
+                f"start: {name} is {distance:.3g} m, and must be at least {margin:.3g} m"
+            )
+    return start
+
+
+def is_beyond(robot: Model, pose: Pose) -> bool:
+    """Whether the hand's position is farther from the base than the hand ever is."""
+    if pose.position is None:
+        return False
+    joint = robot.frame_pose(robot.joint_names[0], np.zeros(robot.dof))[1]
+    return float(np.linalg.norm(pose.position - joint)) > robot.reach
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PoseMapping:
+class PoseMapping(ShortRepr):
     """Maps configurations of a person's arm to poses of a robot's hand.
 
     Attributes:
@@ -229,10 +158,7 @@ class PoseMapping:
     target: Alignment
     scale: float
     mirror: bool
-
-    def __repr__(self) -> str:
-        mirrored = ", mirrored" if self.mirror else ""
-        return f"PoseMapping(from {self.model.name}, scale {self.scale:.4g}{mirrored})"
+    _shown = ("scale", "mirror")
 
     @classmethod
     def between(
@@ -250,3 +176,78 @@ class PoseMapping:
         """Rotations (k, 3, 3) and positions (k, 3) [m] in the robot's base, for q (k, n)."""
         rotation, position = self.source.to_person(*self.model.hand_pose(q))
         return self.target.to_robot(rotation, position, scale=self.scale, mirror=self.mirror)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PairedArm:
+    """A person's arm, and the robot that takes over its motion.
+
+    Attributes:
+        analysis: of the person's motion.
+        robot: the arm.
+        mapping: from the person's configurations to poses of the robot's hand.
+        limits: of its joints.
+        settings: of the retargeting.
+        groups: how the person's synergies were dropped and merged.
+        target_poses: rotations (k, 3, 3) and positions (k, 3) [m] of the hand, mapped from the
+            person to the robot's base frame, at all samples.
+    """
+
+    analysis: Analysis
+    robot: Model
+    mapping: PoseMapping
+    limits: JointLimits
+    settings: RetargetingSettings
+    groups: tuple[SynergyGroup, ...]
+    target_poses: tuple[Array, Array]
+
+    @classmethod
+    def of(
+        cls,
+        analysis: Analysis,
+        robot: Model,
+        mapping: PoseMapping,
+        limits: JointLimits,
+        settings: RetargetingSettings,
+    ) -> PairedArm:
+        """With the person's synergies merged and its poses mapped.
+
+        Raises:
+            ValueError: the lengths to drop and merge are out of range.
+        """
+        groups = merge_synergies(analysis.synergies, drop=settings.drop, merge=settings.merge)
+        poses = mapping(analysis.motion.q)
+        return cls(analysis, robot, mapping, limits, settings, groups, poses)
+
+    @property
+    def gravity(self) -> Array:
+        """In the axes of the robot's base (3,) [m/s^2]."""
+        return np.asarray(-_GRAVITY * np.asarray(self.mapping.target.base)[:, 2])
+
+    @property
+    def edges(self) -> Array:
+        """Times in the recording at which groups begin and end [s]."""
+        samples = [self.groups[0].start, *(group.stop for group in self.groups)]
+        return np.asarray(self.analysis.motion.time[samples])
+
+    @property
+    def bounded(self) -> Model:
+        """The robot, without limits of its joints' ranges if they need not be met."""
+        if self.settings.within_limits:
+            return self.robot
+        infinite = np.full(self.robot.dof, np.inf)
+        return self.robot.with_limits(-infinite, infinite)
+
+    def target(self, sample: int) -> Pose:
+        """The pose of the hand at a sample of the recording."""
+        return self.as_pose(*(each[sample] for each in self.target_poses))
+
+    def as_pose(self, rotation: Array, position: Array) -> Pose:
+        """Of this rotation and position, without what the settings leave free."""
+        weights = self.settings.orientation_weight, self.settings.position_weight
+        return Pose(
+            *(
+                each if weight > 0.0 else None
+                for each, weight in zip((rotation, position), weights, strict=True)
+            )
+        )
