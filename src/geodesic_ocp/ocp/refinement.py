@@ -15,6 +15,7 @@ from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.blocks import in_rounds
 from geodesic_ocp.ipopt import STOPPED
 from geodesic_ocp.ocp.conditions import Conditions
 from geodesic_ocp.ocp.solution import MeshIteration, Solution
@@ -124,26 +125,33 @@ def _violates(solution: Solution) -> bool:
 
 
 def _halve_where_violated(
-    solve_on: SolveOn, profile: ViolationProfile, solution: Solution, history: list[MeshIteration]
+    solve_on: SolveOn, profile: ViolationProfile, first: Solution, history: list[MeshIteration]
 ) -> Solution:
     """The last solution, on grids whose segments are halved where conditions are violated."""
-    for _ in range(_MAX_ROUNDS):
-        path = solution.path
-        if not _violates(solution):
-            break
+    kept = first
+
+    def solve(grid: Grid | None) -> Solution:
+        if grid is None:
+            return first
+        found = solve_on(grid, kept.path, True)
+        history.append(_mesh_iteration(found))
+        return found
+
+    def judged(number: int, found: Solution) -> tuple[Solution, Grid | None]:
+        nonlocal kept
+        if not found.stats.success and found.stats.status != STOPPED:
+            return kept, None
+        kept, path = found, found.path
+        if not _violates(found):
+            return found, None
         coarse = worst_by_segment(path, profile(path)) > BETWEEN_NODES
         diverged = len(history) > _PATIENCE and min(path.grid.widths) < _NARROWEST
         too_many = path.grid.segments + int(coarse.sum()) > _MAX_SEGMENTS
         if not np.any(coarse) or diverged or too_many:
-            break
-        finer = solve_on(halved(path.grid, coarse), path, True)
-        history.append(_mesh_iteration(finer))
-        if finer.stats.status == STOPPED:
-            return finer
-        if not finer.stats.success:
-            break
-        solution = finer
-    return solution
+            return found, None
+        return found, halved(path.grid, coarse)
+
+    return in_rounds(None, solve, judged, _MAX_ROUNDS + 1)
 
 
 def _regrid(grid: Grid, segments: int, degree: int) -> Grid:
@@ -162,29 +170,31 @@ def _refine_from(
     solve_on: SolveOn, profile: ViolationProfile, grid: Grid, tolerance: float, guess: Path | None
 ) -> Solution:
     history: list[MeshIteration] = []
-    for number in range(_MAX_ROUNDS):
-        solution = solve_on(grid, guess, number > 0)
-        stats, grid = solution.stats, solution.path.grid  # its via points may have moved
+
+    def solve(start: tuple[Grid, Path | None]) -> Solution:
+        solution = solve_on(*start, bool(history))
         history.append(_mesh_iteration(solution))
-        solution = replace(solution, stats=replace(stats, mesh_history=tuple(history)))
-        if not stats.success:
-            return solution
-        settled = number > 0 and (
-            abs(stats.objective - history[-2].objective) <= tolerance * abs(stats.objective)
-        )
-        if settled and stats.max_path_violation <= tolerance:
-            return solution
-        coarse = _coarse(solution.path, profile(solution.path), tolerance)
+        return replace(solution, stats=replace(solution.stats, mesh_history=tuple(history)))
+
+    def judged(number: int, found: Solution) -> tuple[Solution, tuple[Grid, Path] | None]:
+        stats, path = found.stats, found.path
+        change = abs(stats.objective - history[-2].objective) if number else np.inf
+        settled = change <= tolerance * abs(stats.objective)
+        if not stats.success or (settled and stats.max_path_violation <= tolerance):
+            return found, None
+        coarse = _coarse(path, profile(path), tolerance)
         diverged = number >= _PATIENCE and stats.objective > _WORSE * history[0].objective > 0.0
-        if diverged or grid.segments + int(coarse.sum()) > _MAX_SEGMENTS:
-            break
-        grid, guess = halved(grid, coarse), solution.path
-    change = abs(history[-1].objective - history[-2].objective)
-    status = (
-        f"not solved to {tolerance:g}: on {history[-1].segments} segments conditions are still "
-        f"violated by {stats.max_path_violation:.2g}, and the objective has changed by {change:.2g}"
-    )
-    return _failed(solution, status)
+        too_many = path.grid.segments + int(coarse.sum()) > _MAX_SEGMENTS
+        if not diverged and not too_many and number + 1 < _MAX_ROUNDS:
+            return found, (halved(path.grid, coarse), path)
+        status = (
+            f"not solved to {tolerance:g}: on {history[-1].segments} segments conditions are still "
+            f"violated by {stats.max_path_violation:.2g}, and the objective has changed by "
+            f"{change:.2g}"
+        )
+        return _failed(found, status), None
+
+    return in_rounds((grid, guess), solve, judged, _MAX_ROUNDS)
 
 
 def _coarse(path: Path, violations: tuple[Array, Array], tolerance: float) -> NDArray[np.bool_]:
