@@ -14,8 +14,8 @@ PACKAGE = SOURCE.name
 # From the ground up: a module imports from its own layer and from those before it.
 LAYERS = [
     ("errors", "progress", "arrays", "rotations", "latex", "table", "records", "over_rows"),
-    ("ipopt", "blocks"),
-    ("compiled",),
+    ("ipopt", "compiled"),
+    ("blocks",),
     ("model",),
     ("model.formats",),
     ("manifold",),

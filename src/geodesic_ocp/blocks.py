@@ -3,8 +3,8 @@
 f(x) = sum_k w_k f_b(z_k, p_k) and g(x) = (g_b(z_k, p_k))_bk over kinds b of terms and their
 instances k, with z_k = offset_k + scale_k * (A_k x): some of the variables, or values and slopes of
 polynomials between them. First and second derivatives are exact: those of one instance are
-generated once as a function, mapped over the instances, and added up in the places of their
-variables.
+generated once as a function, compiled, mapped over the instances, and added up in the places of
+their variables.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from hashlib import sha256
 from typing import Any, TypeAlias, TypeVar
 
 import casadi as ca
@@ -20,11 +21,13 @@ import scipy.sparse
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.compiled.library import Library
 from geodesic_ocp.ipopt import Ipopt, Outcome
 
 Indices: TypeAlias = NDArray[np.int64]
 Start = TypeVar("Start")
 Found = TypeVar("Found")
+_MANY = 200  # instructions from which on a function is compiled
 _SPARSE = 0.5  # matrices with a smaller fraction of entries other than zero are stored as sparse
 # CasADi's own product of dense matrices is several times slower.
 _BLAS = ("classic",) if getattr(ca, "has_blas", lambda _: False)("classic") else ()
@@ -76,7 +79,25 @@ class Terms:
 
     def mapped(self, name: str, count: int, arguments: Sequence[Any]) -> list[ca.MX]:
         """Outputs of one of these functions for so many instances, one column each."""
-        return list(getattr(self, name).map(count).call(list(arguments)))
+        function = self._compiled.get(name, getattr(self, name))
+        return list(function.map(count).call(list(arguments)))
+
+    @cached_property
+    def _compiled(self) -> dict[str, ca.Function]:
+        """The derivatives that take long enough, from a library, where there is a compiler."""
+        names = [("gradient", self.has_objective), ("jacobian", self.size_g > 0), ("hessian", True)]
+        functions = {name: getattr(self, name) for name, has in names if has}
+        functions = {
+            name: each for name, each in functions.items() if each.n_instructions() > _MANY
+        }
+        if not functions:
+            return {}
+        text = "".join(each.serialize() for each in functions.values())
+        file = Library(lambda: functions, sha256(text.encode()).hexdigest()).file
+        try:
+            return {name: ca.external(name, file) for name in functions} if file else {}
+        except RuntimeError:  # the file has been removed
+            return {}
 
     @cached_property
     def jacobian_entries(self) -> tuple[Indices, Indices]:

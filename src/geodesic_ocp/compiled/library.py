@@ -36,18 +36,21 @@ _NOTEWORTHY = 0.005
 
 
 class Library:
-    """CasADi functions on R^dim and the core that calls them, as one shared library.
+    """CasADi functions, and for a metric the core that calls them, as one shared library.
 
     It may be used by several threads at once.
 
     Args:
         functions: gives the functions by their names, when they have to be compiled.
         fingerprint: text that changes with the functions.
-        dim: of the manifold.
+        dim: of the manifold; 0: without the core.
     """
 
     def __init__(
-        self, functions: Callable[[], Mapping[str, ca.Function]], fingerprint: str, dim: int
+        self,
+        functions: Callable[[], Mapping[str, ca.Function]],
+        fingerprint: str,
+        dim: int = 0,
     ) -> None:
         self._functions, self._fingerprint, self._dim = functions, fingerprint, dim
         self._lock = threading.Lock()
@@ -178,7 +181,8 @@ class Library:
             except OSError as error:
                 failure = str(error)
             if self._load_stored(compiler):
-                cache.limit_size()
+                if key.startswith("0"):  # looking at all libraries takes longer than building one
+                    cache.limit_size()
                 return
         if failure:
             self._failures.append(f"{compiler.command[0]} failed: {failure}")
@@ -196,7 +200,8 @@ class Library:
         return self._source
 
     def _key(self, compiler: Compiler) -> str:
-        parts = (_versions(), core_text(), compiler.identity, self._fingerprint)
+        core = "" if not self._dim else core_text()
+        parts = (_versions(), core, compiler.identity, self._fingerprint)
         return sha256("\0".join(parts).encode()).hexdigest()[:32]
 
     def _load_stored(self, compiler: Compiler) -> bool:
@@ -206,7 +211,8 @@ class Library:
         try:
             _load_mathematics()
             library = ctypes.CDLL(str(file))
-            library.log_map  # noqa: B018 - raises if this is a library of something else
+            if self._dim:
+                library.log_map  # noqa: B018 - raises if this is a library of something else
         except (OSError, AttributeError) as error:
             self._failures.append(f"a library of {compiler.command[0]} cannot be loaded: {error}")
             cache.remove(file)
