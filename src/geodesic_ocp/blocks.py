@@ -54,6 +54,7 @@ class Terms:
         self._f = ca.SX(objective)
         self._g = ca.SX(0, 1) if constraints is None else ca.densify(constraints)
         self.size, self.size_g = int(self._z.numel()), int(self._g.numel())
+        self.size_p = int(self._p.numel())
         self.has_objective = not self._f.is_zero()
 
     @cached_property
@@ -458,6 +459,13 @@ class BlockProgram:
                 inputs = [z, values, lam_f * weights, factors]
                 parts.append(block.curvature(*block.terms.mapped("hessian", block.count, inputs)))
         return _assembled((self.size, self.size), parts)
+
+
+def single_block(terms: Terms, options: Mapping[str, Any] | None = None) -> Ipopt:
+    """Ipopt for a program of one instance, whose variables and parameters are its own."""
+    p = ca.MX.sym("p", terms.size_p)
+    block = Block(terms, np.arange(terms.size)[None, :], p.T)
+    return BlockProgram(terms.size, [block], p).solver(options or {})
 
 
 def _columns(values: Array | ca.MX | ca.DM) -> ca.MX | ca.DM:
