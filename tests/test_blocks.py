@@ -36,6 +36,16 @@ def test_derivatives_are_those_of_the_whole_program(
     some = np.array([rng.permutation(SIZE)[:3] for _ in range(6)])
     combined = scipy.sparse.random_array((12, SIZE), density=0.2, rng=rng)
     nodes = 4 * np.arange(4)[:, None] + 2 * np.arange(3)  # of cells that share one of them
+    both = ca.vertcat(state, ca.SX.sym("common", 2))
+    sharing = Terms(
+        both,
+        objective=ca.sumsqr(ca.sin(both)) * both[0] * both[6] * both[7],
+        constraints=ca.vertcat(both[0] * both[7] * both[2], both[4] * both[6] ** 2),
+    )
+    common = Cells(20 + nodes[:, :, None] + np.arange(2), rng.normal(size=(3, 3, 3)), (3, 7))
+    scales = rng.normal(size=(12, 8)), rng.normal(size=(12, 8))
+    alone = Terms(z, p, ca.sin(z[0] * z[1]) * p[0] + z[2] ** 4 * p[1])
+    groups = np.array([0, 1, 1, 0, 1])
     cells = Cells(nodes[:, :, None] + np.arange(2), rng.normal(size=(5, 3, 3)))
     units = rng.normal(size=(4, 3)), ca.DM(rng.normal(size=(4, 3))) * shared[0]
     linear = scipy.sparse.random_array((5, SIZE), density=0.2, rng=rng)
@@ -46,6 +56,15 @@ def test_derivatives_are_those_of_the_whole_program(
             Block(Terms(z[0], constraints=z[0]), linear),
             Block(
                 mixed, combined, rng.normal(size=(4, 2)), weights=rng.normal(size=4), units=units
+            ),
+            Block(sharing, common, units=scales),
+            Block(
+                alone,
+                some[:2],
+                rng.normal(size=(5, 2)),
+                weights=rng.normal(size=5),
+                units=(rng.normal(size=(2, 3)), rng.normal(size=(2, 3))),
+                groups=groups,
             ),
             Block(moving, cells, weights=shared[1] * ca.DM(rng.normal(size=20))),
         ],

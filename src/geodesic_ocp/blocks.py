@@ -130,15 +130,18 @@ class Cells:
     """Values and derivatives, at points of cells, of polynomials through the nodes of the cell.
 
     Variables of the instance of cell c and point k are, one row after the other,
-    sum_a rows[k, r, a] x[indices[c, a]]. They are the same combinations in all cells.
+    sum_a rows[k, r, a] x[indices[c, a]], the same combinations in all cells, and then some that all
+    instances share.
 
     Attributes:
         indices: of the coordinates at the nodes in x, (cells, nodes, n).
         rows: (points, r, nodes).
+        shared: indices in x of what all instances share, below those of the nodes.
     """
 
     indices: Indices
     rows: Array
+    shared: tuple[int, ...] = ()
 
     @property
     def matrix(self) -> tuple[Indices, Indices, Array]:
@@ -146,14 +149,64 @@ class Cells:
         (cells, _, n), (points, rows, _) = self.indices.shape, self.rows.shape
         point, row, node = np.nonzero(self.rows)
         cell, at, i = np.ix_(np.arange(cells), np.arange(point.size), np.arange(n))
-        of_z = ((cell * points + point[at]) * rows + row[at]) * n + i
+        size = rows * n + len(self.shared)
+        of_z = (cell * points + point[at]) * size + row[at] * n + i
         entries = np.broadcast_to(self.rows[point, row, node][at], of_z.shape)
-        return of_z.ravel(), self.indices[cell, node[at], i].ravel(), entries.ravel()
+        last = size * np.arange(cells * points)[:, None] + rows * n + np.arange(len(self.shared))
+        return (
+            np.concatenate([of_z.ravel(), last.ravel()]),
+            np.concatenate(
+                [self.indices[cell, node[at], i].ravel(), np.tile(self.shared, cells * points)]
+            ).astype(np.int64),
+            np.concatenate([entries.ravel(), np.ones(last.size)]),
+        )
 
     def hessians(
         self, pattern: tuple[Indices, Indices], entries: ca.MX
     ) -> tuple[Indices, Indices, ca.MX]:
-        """Rows, columns and entries of [sum_k A_k' H_k A_k] of all cells, their upper triangles.
+        """Rows, columns and entries of the sums of A_k' H_k A_k, their upper triangles.
+
+        Args:
+            pattern: rows and columns of the entries of an H_k, its upper triangle.
+            entries: one column a point.
+        """
+        size = self.rows.shape[1] * self.indices.shape[2]
+        of_nodes = pattern[1] < size
+        own = pattern[0][of_nodes], pattern[1][of_nodes]
+        parts = [self._of_nodes(own, entries[np.flatnonzero(of_nodes).tolist(), :])]
+        corner = pattern[0] >= size
+        if np.any(corner):
+            at = np.array(self.shared, dtype=np.int64)
+            row, column = (at[each[corner] - size] for each in pattern)
+            total = ca.sum2(entries[np.flatnonzero(corner).tolist(), :])
+            parts.append((np.minimum(row, column), np.maximum(row, column), total))
+        mixed = ~of_nodes & ~corner
+        if np.any(mixed):
+            kept = pattern[0][mixed], pattern[1][mixed] - size
+            parts.append(self._mixed(kept, entries[np.flatnonzero(mixed).tolist(), :]))
+        rows, columns, values = zip(*parts, strict=True)
+        return np.concatenate(rows), np.concatenate(columns), ca.vertcat(*values)
+
+    def _mixed(
+        self, pattern: tuple[Indices, Indices], entries: ca.MX
+    ) -> tuple[Indices, Indices, ca.MX]:
+        """By the nodes and what is shared: sum_k A_sa H_st over points and rows s, of node a."""
+        cells, nodes, n = self.indices.shape
+        (row, i), to = np.divmod(pattern[0], n), pattern[1]
+        places, found = [], []
+        for s in np.unique(row).tolist():
+            here = np.flatnonzero(row == s)
+            factors = scipy.sparse.kron(scipy.sparse.eye(cells), self.rows[:, s])
+            found.append(ca.vec(entries[here.tolist(), :] @ as_dm(factors)))
+            at = self.indices[:, :, i[here]].ravel()
+            places.append((np.tile(np.array(self.shared)[to[here]], cells * nodes), at))
+        rows, columns = zip(*places, strict=True)
+        return np.concatenate(rows), np.concatenate(columns), ca.vertcat(*found)
+
+    def _of_nodes(
+        self, pattern: tuple[Indices, Indices], entries: ca.MX
+    ) -> tuple[Indices, Indices, ca.MX]:
+        """By the nodes alone.
 
         With blocks H_st of rows s and t, the block of nodes a and b is the sum over k, s <= t of
 
@@ -161,10 +214,6 @@ class Cells:
 
         half the first term where s = t: half of the entries of symmetric and antisymmetric matrices
         suffice.
-
-        Args:
-            pattern: rows and columns of the entries of an H_k, its upper triangle.
-            entries: one column a point.
         """
         (cells, nodes, n), (points, rows, _) = self.indices.shape, self.rows.shape
         first, second = np.triu_indices(nodes)  # the pairs (a, b) of a cell's nodes with a <= b
@@ -236,7 +285,9 @@ class Block:
         values: of the parameters, (instances, k).
         lower, upper: bounds of the constraint functions, (instances, m).
         weights: of the objective (instances,); None: one.
-        units: offset and scale of the variables (instances, size); None: zero and one.
+        units: offset and scale of the variables (rows of places, size); None: zero and one.
+        groups: for each instance the row of `places` with its variables, of terms without
+            constraints; None: each has its own.
     """
 
     terms: Terms
@@ -244,12 +295,18 @@ class Block:
     values: Array | ca.MX | None = None
     lower: Array | None = None
     upper: Array | None = None
-    weights: Array | ca.MX | None = None
+    weights: Array | ca.MX | ca.DM | None = None
     units: tuple[Any, Any] | None = None
+    groups: Indices | None = None
 
-    @cached_property
+    @property
     def count(self) -> int:
         """Number of instances."""
+        return self.num_places if self.groups is None else self.groups.size
+
+    @cached_property
+    def num_places(self) -> int:
+        """Number of different sets of variables."""
         if isinstance(self.places, Cells):
             return len(self.places.indices) * len(self.places.rows)
         rows = int(self.places.shape[0])
@@ -280,14 +337,20 @@ class Block:
         if isinstance(self.places, np.ndarray):
             z = x[columns.tolist()]
         else:
-            shape = self.terms.size * self.count, x.shape[0]
+            shape = self.terms.size * self.num_places, x.shape[0]
             z = ca.DM.triplet(rows.tolist(), columns.tolist(), entries, *shape) @ x
-        z = ca.reshape(ca.densify(z), self.terms.size, self.count)
+        z = ca.reshape(ca.densify(z), self.terms.size, self.num_places)
         if self.units is not None:
             offset, scale = (_columns(each) for each in self.units)
             z = offset + scale * z
+        if self.groups is not None:
+            z = z[:, self.groups.tolist()]
         values = ca.DM(0, self.count) if self.values is None else _columns(self.values)
         return [z, values]
+
+    def objective(self, x: ca.MX) -> ca.MX:
+        """The weighted sum of the objective of all instances."""
+        return _weighted(self, self.terms.mapped("value", self.count, self.arguments(x))[0])
 
     def spread(self, at: Indices, values: ca.MX) -> tuple[Indices, Indices, Array, ca.MX]:
         """Entries of all instances by their variables, as entries by x.
@@ -299,6 +362,7 @@ class Block:
         Returns:
             Numbers of the entries, variables in x, coefficients, and the entries.
         """
+        values = self._summed(values)
         if self.units is not None:
             values = values * _columns(self.units[1])[at.tolist(), :]
         number, entry = self._expanded(self._of_instances(at))
@@ -306,11 +370,19 @@ class Block:
 
     def _of_instances(self, at: Indices) -> Indices:
         """Rows of the matrix A for some of the variables of every instance, in order."""
-        return np.asarray((self.terms.size * np.arange(self.count)[:, None] + at).ravel())
+        return np.asarray((self.terms.size * np.arange(self.num_places)[:, None] + at).ravel())
+
+    def _summed(self, values: ca.MX) -> ca.MX:
+        """Values of instances, one column each, added up where they have the same variables."""
+        if self.groups is None:
+            return values
+        ones, each = np.ones(self.count), np.arange(self.count)
+        shape = self.count, self.num_places
+        return values @ as_dm(scipy.sparse.csc_array((ones, (each, self.groups)), shape))
 
     def _expanded(self, rows: Indices) -> tuple[Indices, Indices]:
         """For rows of A, the number of the row in the list and each of its entries in `_matrix`."""
-        starts = np.searchsorted(self._matrix[0], np.arange(self.terms.size * self.count + 1))
+        starts = np.searchsorted(self._matrix[0], np.arange(self.terms.size * self.num_places + 1))
         lengths = np.diff(starts)[rows]
         number = np.repeat(np.arange(rows.size), lengths)
         within = np.arange(number.size) - np.repeat(np.cumsum(lengths) - lengths, lengths)
@@ -319,6 +391,7 @@ class Block:
     def curvature(self, values: ca.MX) -> _Entries:
         """The Hessian by x from the entries of those of all instances, one column each."""
         first, second = pattern = self.terms.hessian_entries
+        values = self._summed(values)
         if self.units is not None:
             scale = _columns(self.units[1])
             values = values * (scale[first.tolist(), :] * scale[second.tolist(), :])
@@ -331,7 +404,7 @@ class Block:
         again, other = self._expanded(self._of_instances(second)[number])
         number, one = number[again], one[again]
         row, column = columns[one], columns[other]
-        off_diagonal = np.broadcast_to(first != second, (self.count, first.size)).ravel()[number]
+        off_diagonal = np.tile(first != second, self.num_places)[number]
         coefficient = factors[one] * factors[other]
         coefficient *= np.where((row == column) & off_diagonal, 2.0, 1.0)
         kept = off_diagonal | (row <= column)
