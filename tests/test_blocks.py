@@ -49,6 +49,7 @@ def test_derivatives_are_those_of_the_whole_program(
     cells = Cells(nodes[:, :, None] + np.arange(2), rng.normal(size=(5, 3, 3)))
     units = rng.normal(size=(4, 3)), ca.DM(rng.normal(size=(4, 3))) * shared[0]
     linear = scipy.sparse.random_array((5, SIZE), density=0.2, rng=rng)
+    form = scipy.sparse.random_array((SIZE, SIZE), density=0.1, rng=rng)
     program = BlockProgram(
         SIZE,
         [
@@ -69,6 +70,7 @@ def test_derivatives_are_those_of_the_whole_program(
             Block(moving, cells, weights=shared[1] * ca.DM(rng.normal(size=20))),
         ],
         shared,
+        (form + form.T, rng.normal(size=SIZE)),
     )
     x, lam_f, lam_g = ca.MX.sym("x", SIZE), ca.MX.sym("f"), ca.MX.sym("g", program.size_g)
     f, g = program.functions["nlp"](x, shared)

@@ -431,11 +431,13 @@ class BlockProgram:
         size: number of variables.
         blocks: the kinds of terms.
         parameters: symbols of the parameters p in which numbers of the blocks are expressed.
+        quadratic: Q (size, size) and b (size,) of a term x' Q x / 2 - b' x; None: there is none.
     """
 
     size: int
     blocks: Sequence[Block]
     parameters: ca.MX | None = None
+    quadratic: tuple[scipy.sparse.sparray, Array] | None = None
 
     @property
     def size_g(self) -> int:
@@ -482,6 +484,10 @@ class BlockProgram:
             f += _weighted(block, of_each) if block.terms.has_objective else 0
             g.append(ca.vec(constraints))
         again, gradient = self._gradient(pairs)
+        if self.quadratic is not None:
+            bent, linear = as_dm(self.quadratic[0]) @ x, ca.DM(self.quadratic[1])
+            more = ca.dot(x, bent) / 2 - ca.dot(linear, x)
+            f, again, gradient = f + more, again + more, ca.densify(gradient + bent - linear)
         names, constraints = ["x", "p"], ca.vertcat(ca.MX(0, 1), *g)
         functions = {
             "nlp": ([x, p], [f, constraints], names, ["f", "g"]),
@@ -531,6 +537,9 @@ class BlockProgram:
                 factors = ca.reshape(own, block.terms.size_g, block.count)
                 inputs = [z, values, lam_f * weights, factors]
                 parts.append(block.curvature(*block.terms.mapped("hessian", block.count, inputs)))
+        if self.quadratic is not None:
+            upper = scipy.sparse.triu(self.quadratic[0]).tocoo()
+            parts.append(_Entries(upper.row, upper.col, lam_f * ca.DM(upper.data)))
         return _assembled((self.size, self.size), parts)
 
 
