@@ -257,10 +257,8 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.ocp.inverse_kinematics import inverse_kinematics
     from geodesic_ocp.ocp.load_solution import load_solution
     from geodesic_ocp.ocp.nlp import NLP
-    from geodesic_ocp.ocp.path_constraints import clearance_constraints
-    from geodesic_ocp.ocp.point_to_point import PointToPoint
     from geodesic_ocp.ocp.problem import Problem
-    from geodesic_ocp.ocp.reach import Reach
+    from geodesic_ocp.ocp.problems import PointToPoint, Reach, clearance_constraints
     from geodesic_ocp.ocp.solution import Solution, Stats
     from geodesic_ocp.ocp.solve import solve
     from geodesic_ocp.recordings.conventions.angle_convention import (
@@ -380,10 +378,8 @@ else:
         "model.model": "Model",
         "ocp.inverse_kinematics": "inverse_kinematics",
         "ocp.nlp": "NLP",
-        "ocp.path_constraints": "clearance_constraints",
-        "ocp.point_to_point": "PointToPoint",
+        "ocp.problems": "clearance_constraints PointToPoint Reach",
         "ocp.problem": "Problem",
-        "ocp.reach": "Reach",
         "ocp.callback": "Iterate LivePlot",
         "ocp.certificate": "Certificate certify",
         "ocp.load_solution": "load_solution",

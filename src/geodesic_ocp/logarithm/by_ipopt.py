@@ -20,7 +20,7 @@ from geodesic_ocp.logarithm.correction import (
     correct_velocity,
 )
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.ocp.point_to_point import PointToPoint
+from geodesic_ocp.ocp.problems import PointToPoint
 from geodesic_ocp.ocp.solution import Solution
 from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.ocp.transcription import Units

@@ -17,10 +17,14 @@ from geodesic_ocp.ocp.callback import Callback, IterationCallback
 from geodesic_ocp.ocp.certificate import FinalIterate, descent_direction
 from geodesic_ocp.ocp.nlp import NLP, ProblemDefinition, Structure, build_nlp
 from geodesic_ocp.ocp.problem import Problem
-from geodesic_ocp.ocp.refinement import meeting_conditions, refine, refine_where_violated
+from geodesic_ocp.ocp.refinement import (
+    meeting_conditions,
+    refine,
+    refine_where_violated,
+    with_optimal_via_points,
+)
 from geodesic_ocp.ocp.solution import Solution, Stats, describe_failure, with_effort_of
 from geodesic_ocp.ocp.transcription import Transcription
-from geodesic_ocp.ocp.via_points import with_optimal_via_points
 from geodesic_ocp.ocp.violations import find_violations, violation_profile
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path

@@ -18,7 +18,7 @@ from geodesic_ocp.logarithm.geodesic_to_pose import ToPose, geodesic_to_pose, ne
 from geodesic_ocp.logarithm.pose_shooting import metric_of
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.ocp.reach import Reach
+from geodesic_ocp.ocp.problems import Reach
 from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.retargeting.candidates import Candidates
