@@ -86,6 +86,7 @@ __all__ = [
     "Subject",
     "Synergy",
     "SynergyGroup",
+    "SynergyPaths",
     "SynergyStatistics",
     "Table",
     "TimeLaw",
@@ -294,6 +295,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.retargeting.result import Retargeting
     from geodesic_ocp.retargeting.retarget import retarget, retarget_arms
     from geodesic_ocp.retargeting.settings import RetargetingSettings
+    from geodesic_ocp.retargeting.synergy_paths import SynergyPaths
     from geodesic_ocp.studies.batch.analyse_recordings import analyse_recordings
     from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
     from geodesic_ocp.studies.batch.batch_result import BatchResult
@@ -394,6 +396,7 @@ else:
         "retargeting.result": "Retargeting",
         "retargeting.retarget": "retarget retarget_arms",
         "retargeting.settings": "RetargetingSettings",
+        "retargeting.synergy_paths": "SynergyPaths",
         "synergies.analyse": "analyse",
         "synergies.analysis": "Analysis",
         "synergies.scores": "HandErrors MotionErrors evaluate Scores score",

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from short_reprs import check_reprs
 
 import geodesic_ocp as go
 from geodesic_ocp.execution.clearance import Clearance
@@ -291,6 +292,7 @@ def test_a_subclass_adds_constraints_and_costs(
         curves = [path(np.linspace(0.0, 1.0, 201)) for path in planned.paths[0]]
         return float((arm.hand_pose(np.concatenate(curves))[1] @ DIRECTION).min())
 
+    check_reprs([WithConditions((waypoints,))])
     free: PlannedPaths = go.solve(WithConditions((waypoints,), likeness=0.0))
     assert free.action > found.action
     ends = [path.nodes[k] for path in found.paths[0] for k in (0, -1)]
