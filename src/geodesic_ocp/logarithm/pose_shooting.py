@@ -21,9 +21,9 @@ from geodesic_ocp.compiled.source import RK_A, RK_B, STAGES
 from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.ipopt import Ipopt, Outcome
 from geodesic_ocp.logarithm.geodesic import geodesic_from_velocity
+from geodesic_ocp.manifold.connection import parallel_transport
 from geodesic_ocp.manifold.exp import exp
 from geodesic_ocp.manifold.metrics import KineticEnergy
-from geodesic_ocp.manifold.parallel_transport import parallel_transport
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.pose_search import rotation_log
 from geodesic_ocp.trajectory.path import Path

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, as_positive, as_vector, real_array
 from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.manifold.kernels import Integrator
-from geodesic_ocp.manifold.metric import Metric, as_metric, has_compiled_code
-from geodesic_ocp.over_rows import over_rows
+from geodesic_ocp.manifold.metric import Metric, as_metric, has_compiled_code, over_rows
 
 _UNIT_INTERVAL = np.array([0.0, 1.0])
 # Initial tolerance of a step, relative to the tolerance of the end point, and its lower bound.

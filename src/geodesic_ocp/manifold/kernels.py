@@ -213,9 +213,8 @@ class Kernels(Library):
         path: Array,
         levels: ctypes.Array[Level],
         first: int,
-        largest: int,
-        added: Array,
         tolerances: Tolerances,
+        added: Array | None = None,
     ) -> tuple[Array, Array, int, Statistics]:
         """Minimize the discrete energy from coarse to fine levels, and correct by integration.
 
@@ -224,40 +223,28 @@ class Kernels(Library):
             path: (k, n), nodes on the first level.
             levels: their tables.
             first: the level from which on results are corrected.
-            largest: largest number of nodes of a level.
-            added: (m, n), diagonals added to G for a continuation on the first level.
             tolerances: of the result.
+            added: (m, n), diagonals added to G for a continuation on the first level, if any.
 
         Returns:
             Initial velocity, nodes on the last level used, status and statistics.
         """
-        n = self._dim
         handle = self.handle(True)
         assert handle is not None
-        nodes, velocity = np.empty((largest, n)), np.empty(n)
+        sizes = [level.segments * level.degree + 1 for level in levels]
+        nodes, velocity = np.empty((max(sizes), self._dim)), np.empty(self._dim)
         nodes[: len(path)] = path
+        added = np.zeros((0, self._dim)) if added is None else np.ascontiguousarray(added)
         handle.log_workspace.restype = c_long
         memory = self._memory(handle.log_workspace(levels, c_int(len(levels))))
         statistics = Statistics()
+        numbers = c_int(len(levels)), c_int(first)
+        continued = added, c_int(len(added))
+        given = byref(tolerances), byref(blas())
+        results = nodes, memory, velocity, byref(statistics)
         with one_blas_thread:
-            status = self._call(
-                "log_map",
-                q0,
-                q1,
-                levels,
-                c_int(len(levels)),
-                c_int(first),
-                added,
-                c_int(len(added)),
-                byref(tolerances),
-                byref(blas()),
-                nodes,
-                memory,
-                velocity,
-                byref(statistics),
-            )
-        last = levels[statistics.level]
-        return velocity, nodes[: last.segments * last.degree + 1], status, statistics
+            status = self._call("log_map", q0, q1, levels, *numbers, *continued, *given, *results)
+        return velocity, nodes[: sizes[statistics.level]], status, statistics
 
 
 def _c_value(argument: Any) -> Any:

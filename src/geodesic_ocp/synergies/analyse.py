@@ -11,17 +11,16 @@ from geodesic_ocp.manifold.metrics import Euclidean
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.recordings.plausible import check_plausible
-from geodesic_ocp.synergies.analysis import Analysis
-from geodesic_ocp.synergies.baselines import track_hand
-from geodesic_ocp.synergies.metrics import (
+from geodesic_ocp.synergies.analysis import (
+    Analysis,
     MetricName,
     as_analysis_metric,
     compared_metrics,
 )
-from geodesic_ocp.synergies.reconstruct import Reconstruction, reconstruct
+from geodesic_ocp.synergies.baselines import track_hand
 from geodesic_ocp.synergies.scores import MotionErrors, evaluate
 from geodesic_ocp.synergies.segment import segment, segment_zero_velocity
-from geodesic_ocp.synergies.synergy import as_segments
+from geodesic_ocp.synergies.synergy import Reconstruction, as_segments, reconstruct
 from geodesic_ocp.trajectory.motion import Motion
 
 

@@ -17,7 +17,7 @@ from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.pose_search import rotation_log
 from geodesic_ocp.rotations import rotation_vector
-from geodesic_ocp.synergies.metrics import with_joint_inertia
+from geodesic_ocp.synergies.analysis import with_joint_inertia
 from geodesic_ocp.synergies.scores import hand_twists
 from geodesic_ocp.synergies.segment import observed_velocity
 from geodesic_ocp.synergies.synergy import as_segments

@@ -21,15 +21,14 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
-from geodesic_ocp.logarithm.correction import CHECK_TOLERANCE, ConnectingGeodesic
+from geodesic_ocp.logarithm.by_newton import CHECK_TOLERANCE, ConnectingGeodesic
 from geodesic_ocp.logarithm.log import log
 from geodesic_ocp.manifold.exp import integrate_geodesic
-from geodesic_ocp.manifold.metric import Metric, as_metric, has_compiled_code
+from geodesic_ocp.manifold.metric import Metric, as_metric, has_compiled_code, in_threads
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.over_rows import in_threads
-from geodesic_ocp.synergies.reconstruct import law_of_segment
 from geodesic_ocp.synergies.scores import pose_differences
 from geodesic_ocp.synergies.segment import speeds
+from geodesic_ocp.synergies.synergy import law_of_segment
 from geodesic_ocp.trajectory.motion import Motion
 
 # Accuracy of the interpolated velocity, relative to the largest, as of the paths of `geodesic`.
