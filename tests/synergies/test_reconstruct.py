@@ -65,7 +65,9 @@ def test_prediction_is_continuous_and_passes_through_the_ends(
 def test_reprs_are_short(motion: go.Motion) -> None:
     result = go.reconstruct(go.Euclidean(7), motion, [(0, 80)])
     assert repr(result) == "Reconstruction(1 synergies, 0.800 s)"
-    assert repr(result.synergies[0]).startswith("Synergy(samples 0 to 80, 0.000 to 0.800 s, length")
+    assert repr(result.synergies[0]).startswith(
+        "Synergy(start=0, stop=80, start_time=0, duration=0.8, length="
+    )
 
 
 def test_euclidean_synergies_are_straight(motion: go.Motion) -> None:

@@ -18,7 +18,7 @@ from geodesic_ocp.synergies.analysis import (
     compared_metrics,
 )
 from geodesic_ocp.synergies.baselines import track_hand
-from geodesic_ocp.synergies.scores import MotionErrors, evaluate
+from geodesic_ocp.synergies.scores import evaluate
 from geodesic_ocp.synergies.segment import segment, segment_zero_velocity
 from geodesic_ocp.synergies.synergy import Reconstruction, as_segments, reconstruct
 from geodesic_ocp.trajectory.motion import Motion
@@ -86,42 +86,35 @@ def analyse(
         motion = motion.filtered()
     report("cutting into segments", 0, 1)
     if segments is None:
-        cut = segment(
-            metric,
-            motion,
-            threshold,
-            rest=rest,
-            rest_duration=rest_duration,
-            min_duration=min_duration,
-            hysteresis=hysteresis,
-        )
+        rests = {"rest": rest, "rest_duration": rest_duration}
+        noise = {"min_duration": min_duration, "hysteresis": hysteresis}
+        cut = segment(metric, motion, threshold, **rests, **noise)
     else:
         cut = as_segments(motion, segments)
-    zero_velocity = segment_zero_velocity(motion, joints=_reversing(model))
+    # Three of the seven joints of an arm, in proportion: of 20, three reverse at once by chance.
+    reversing = min(3, model.dof - 1) if len(model.hands) == 1 else round(3 * model.dof / 7)
+    zero_velocity = segment_zero_velocity(motion, joints=reversing)
     compared = compared_metrics(metric, model)
     planned = [("riemannian", metric, cut), *((name, its, cut) for name, its in compared.items())]
     planned.append(("euclidean", Euclidean(model.dof), zero_velocity))
     counts = {method: len(its_segments) for method, _, its_segments in planned}
+    total, finished, done, label = sum(counts.values()) + 1, 0, 0, ""
 
-    total, finished = sum(counts.values()) + 1, 0
+    def advance(number: int) -> None:
+        nonlocal done
+        done = number
+        report(label, finished + number, total)
+
     found: dict[str, Reconstruction] = {}
     for method, its_metric, its_segments in planned:
-        lines = isinstance(its_metric, Euclidean)
+        lines, done = isinstance(its_metric, Euclidean), 0
         label = "planning straight lines" if lines else "planning geodesics"
-        done = [0]
-
-        def advance(
-            number: int, label: str = label, before: int = finished, done: list[int] = done
-        ) -> None:
-            done.append(number)
-            report(label, before + number, total)
-
         try:
             found[method] = reconstruct(its_metric, motion, its_segments, progress=advance)
         except GeodesicOcpError as error:
             if method not in compared:
                 raise
-            start, stop = its_segments[done[-1]]
+            start, stop = its_segments[done]
             warnings.warn(
                 f"{method.replace('_', ' ')}: no geodesic was found for the segment from "
                 f"{motion.time[start]:.3f} to {motion.time[stop]:.3f} s (samples {start} to "
@@ -135,13 +128,13 @@ def analyse(
     predictions = {method: found[method].predicted for method in found}
     predictions["ik"] = track_hand(model, motion)
     report("done", total, total)
-    unfiltered = None
+    observed = [motion]
     if motion.unfiltered is not None:
-        unfiltered = Motion(motion.time, motion.unfiltered, motion.joint_names)
-
-    def errors(observed: Motion) -> dict[str, MotionErrors]:
-        return {method: evaluate(model, observed, each) for method, each in predictions.items()}
-
+        observed.append(Motion(motion.time, motion.unfiltered, motion.joint_names))
+    errors = [
+        {method: evaluate(model, seen, each) for method, each in predictions.items()}
+        for seen in observed
+    ]
     return Analysis(
         model=model,
         motion=motion,
@@ -152,15 +145,7 @@ def analyse(
         predicted=found["riemannian"].predicted,
         segment_counts=counts | {method: len(found[method].synergies) for method in found},
         predictions=predictions,
-        errors=errors(motion),
-        errors_unfiltered={} if unfiltered is None else errors(unfiltered),
+        errors=errors[0],
+        errors_unfiltered=errors[1] if len(errors) > 1 else {},
         not_found=tuple(method for method in compared if method not in found),
     )
-
-
-def _reversing(model: Model) -> int:
-    """Joints that may reverse at once without a cut: 3 of the 7 of an arm, and in proportion.
-
-    Of 20 joints, three reverse at once by chance.
-    """
-    return min(3, model.dof - 1) if len(model.hands) == 1 else round(3 * model.dof / 7)

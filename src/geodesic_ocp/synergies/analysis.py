@@ -1,4 +1,4 @@
-"""The metrics that synergies are compared under."""
+"""Analysis: a recorded motion, its geodesic synergies, and the metrics that are compared."""
 
 from __future__ import annotations
 
@@ -27,17 +27,21 @@ from geodesic_ocp.synergies.synergy import Synergy, save_synergies
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.motion import Motion
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 JOINT_INERTIA = "kinetic energy with joint inertia"
 KINETIC_ENERGY = "kinetic energy"
 STRAIGHT_LINES = "straight lines"
 MetricName = Literal["joint-inertia", "kinetic", "euclidean"]
 METRIC_NAMES: tuple[str, ...] = get_args(MetricName)
-_USUAL = dict(zip(METRIC_NAMES, (JOINT_INERTIA, KINETIC_ENERGY, STRAIGHT_LINES), strict=True))
 # Of m r^2: what `fit_metric` estimates from recordings of the KIT database and the bundled one,
 # with 0.02 to 0.04 as its 95 % interval.
 FRACTION = 0.03
-# Functions of a model: the kinetic energy with the model's or the default joint inertia, that of
-# the links alone, and the Euclidean metric, whose geodesics are straight lines in joint space.
+# Functions of a model, in the order of the names: the kinetic energy with the model's or the
+# default joint inertia, that of the links alone, and the Euclidean metric, whose geodesics are
+# straight lines in joint space.
 USUAL_METRICS: Mapping[str, Callable[[Model], Metric]] = {
     JOINT_INERTIA: lambda model: KineticEnergy(with_joint_inertia(model)),
     KINETIC_ENERGY: lambda model: KineticEnergy(
@@ -88,10 +92,10 @@ def as_analysis_metric(metric: Metric | str | None, model: Model) -> Metric:
     Raises:
         ValueError: an unknown name, no metric, or one of another dimension or of other joints.
     """
+    metric = METRIC_NAMES[0] if metric is None else metric
+    if isinstance(metric, str) and metric in METRIC_NAMES:
+        return [*USUAL_METRICS.values()][METRIC_NAMES.index(metric)](model)
     if not isinstance(metric, Metric):
-        name = METRIC_NAMES[0] if metric is None else metric
-        if isinstance(name, str) and name in _USUAL:
-            return USUAL_METRICS[_USUAL[name]](model)
         known = ", ".join(map(repr, METRIC_NAMES))
         raise ValueError(f"metric must be {known} or a Metric, got {metric!r}")
     if metric.dim != model.dof or (metric.joint_names or model.joint_names) != model.joint_names:
@@ -140,10 +144,6 @@ def joint_inertia_of(metric: Metric) -> str:
             values[per_unit] = f"{shown} {per_unit}"
     return ", ".join(values.values())
 
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _METRICS = {
     "kinetic_energy": KINETIC_ENERGY,
@@ -197,11 +197,10 @@ class Analysis:
     not_found: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        duration = self.motion.time[-1] - self.motion.time[0]
-        errors = self.errors["riemannian"]
         return (
-            f"Analysis({self.model.name}, {duration:.3f} s, {len(self.synergies)} geodesic "
-            f"synergies{self._by_rule},\n  {self.metric_name},\n  {errors})"
+            f"Analysis({self.model.name}, {self.motion.duration:.3f} s, {len(self.synergies)} "
+            f"geodesic synergies{self._by_rule},\n  {self.metric_name},\n"
+            f"  {self.errors['riemannian']})"
         )
 
     def _repr_markdown_(self) -> str:
@@ -234,13 +233,12 @@ class Analysis:
         columns = [f"{hand} [{unit}]" for hand in hand_labels(self.model.hands) for unit in _UNITS]
         rows: list[tuple[str | int | float, ...]] = []
         for method, label in self.labels().items():
-            count = self.segment_counts.get(method, "-")
-            if method in self.not_found:
-                rows.append((label, count, NOT_FOUND, *[NOT_FOUND] * len(columns)))
-            else:
+            entries: list[str | float] = [NOT_FOUND] * (1 + len(columns))
+            if method not in self.not_found:
                 values = errors[method]
                 hands = [(hand.position, hand.orientation) for hand in values.hands or [values]]
-                rows.append((label, count, values.joint, *chain(*hands)))
+                entries = [values.joint, *chain(*hands)]
+            rows.append((label, self.segment_counts.get(method, "-"), *entries))
         return Table(("method", "segments", "joints [rad]", *columns), tuple(rows))
 
     def labels(self) -> dict[str, str]:
@@ -271,19 +269,17 @@ class Analysis:
         """
         model, motion = self.model, self.motion
         labels = hand_labels(model.hands)
-        named = dict(zip(labels, model.hands, strict=True))
-        observed = {label: model.frame_pose(hand, motion.q)[1] for label, hand in named.items()}
         joints: dict[str, Array] = {}
         distances: dict[str, dict[str, Array]] = {label: {} for label in labels}
-        predicted: dict[str, Array] = {}
+        ways: dict[str, tuple[Array, Array]] = {}
         for method, name in self.on_same_segments().items():
             q = self.predictions[method].q
             joints[name] = np.mean(np.abs(q - motion.q), axis=1)
-            for label, hand in named.items():
-                way = model.frame_pose(hand, q)[1]
-                distances[label][name] = np.linalg.norm(way - observed[label], axis=1)
+            for label, hand in zip(labels, model.hands, strict=True):
+                seen, way = (model.frame_pose(hand, each)[1] for each in (motion.q, q))
+                distances[label][name] = np.linalg.norm(way - seen, axis=1)
                 if method == "riemannian":
-                    predicted[label] = way
+                    ways[label] = seen, way
         several = len(labels) > 1
         # Both arms stretched out are twice as wide as one.
         instants = strip_instants(self.segments, INSTANTS // 2 + 1 if several else INSTANTS)
@@ -292,7 +288,7 @@ class Analysis:
             StripArm(Postures.of(model, motion.q[instants]), "observed", "observed"),
             StripArm(Postures.of(model, self.predicted.q[instants]), "predicted", name, False),
         )
-        view = best_view(arms[0].postures, np.concatenate(list(observed.values())))
+        view = best_view(arms[0].postures, np.concatenate([seen for seen, _ in ways.values()]))
         figure = new_figure(10.0, 12.0 if several else 9.6)
         draw_analysis(
             figure,
@@ -301,7 +297,7 @@ class Analysis:
             instants,
             (view, across(view, arms[0].postures)),
             arms,
-            {label: (observed[label], predicted[label]) for label in labels},
+            ways,
             joints,
             distances,
             curve,

@@ -1,10 +1,10 @@
-"""Geodesic synergies, what they consist of, and their files."""
+"""Geodesic synergies: what they consist of, how they reconstruct a motion, and their files."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from os import PathLike
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.logarithm.geodesic import geodesic
 from geodesic_ocp.manifold.metric import Metric
@@ -27,13 +27,16 @@ from geodesic_ocp.trajectory.path import Path
 from geodesic_ocp.trajectory.time_law import TimeLaw, states_at, time_law
 
 FORMAT, VERSION = "geodesic_ocp synergies", 1
+# A segment that returns to its start has a path too short for the observed speeds at its ends:
+# these are limited to this multiple of the mean speed along the path.
+_MAX_SPEED_RATIO = 100.0
 _SAME = 1e-6  # of lengths, relative: quadrature of the same path in the same metric
 _RATE = 100.0  # [Hz]
 _LONGEST = 86400.0  # [s], of a motion; a damaged file may ask for any amount of memory
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Synergy:
+class Synergy(ShortRepr):
     """A geodesic synergy: a segment of a motion, as a path with a time law.
 
     In the sense of Klein, Jaquier, Meixner, Asfour (IROS 2022): a segment of a recorded motion that
@@ -54,12 +57,7 @@ class Synergy:
     path: Path
     law: TimeLaw
 
-    def __repr__(self) -> str:
-        stop_time = self.start_time + self.duration
-        return (
-            f"Synergy(samples {self.start} to {self.stop}, {self.start_time:.3f} to "
-            f"{stop_time:.3f} s, length {self.length:.4g})"
-        )
+    _shown = ("start", "stop", "start_time", "duration", "length")
 
     @property
     def duration(self) -> float:
@@ -110,201 +108,6 @@ def as_segments(motion: Motion, segments: Sequence[tuple[int, int]]) -> list[tup
     if any(start >= stop for start, stop in segments):
         raise ValueError(f"every segment must end after it starts, got {segments}")
     return segments
-
-
-@dataclass(eq=False)
-class _PathRecord:
-    """The path of a synergy in a file."""
-
-    segments: int
-    degree: int
-    nodes: Array
-    ends: tuple[float, ...] | None = None
-
-    def path(self, metric: Metric) -> Path:
-        """The path itself, whose metric the file does not contain."""
-        return Path(metric, Grid(self.segments, self.degree, self.ends), self.nodes)
-
-
-@dataclass(eq=False)
-class _SynergyRecord:
-    """A synergy in a file."""
-
-    start: int
-    stop: int
-    start_time: float
-    path: _PathRecord
-    law: TimeLaw
-
-
-@dataclass(eq=False)
-class _SynergiesRecord:
-    synergies: tuple[_SynergyRecord, ...]
-
-
-def save_synergies(
-    file: str | FilePath,
-    synergies: Sequence[Synergy],
-    joint_names: Sequence[str],
-    model: Model | None = None,
-) -> None:
-    """Write segments, paths and time laws of synergies in SI units, at full precision.
-
-    Args:
-        file: to write.
-        synergies: of one motion.
-        joint_names: of the coordinates.
-        model: whose name, and height if it is a person's, are written, by which `geodesic-ocp show`
-            knows what to draw.
-    """
-    record = {
-        "format": FORMAT,
-        "version": VERSION,
-        "units": {"q": "rad or m", "time": "s", "length": "of the metric: sqrt(kg) m"},
-        "joint_names": list(joint_names),
-        **({} if model is None else {"model": {"name": model.name, "height": stature(model)}}),
-        "segments": [[synergy.start, synergy.stop] for synergy in synergies],
-        "synergies": [_encode(synergy) for synergy in synergies],
-    }
-    FilePath(file).write_text(json.dumps(record, indent=1), encoding="utf-8")
-
-
-def _encode(synergy: Synergy) -> dict[str, Any]:
-    grid, law = synergy.path.grid, synergy.law
-    return {
-        "start": synergy.start,
-        "stop": synergy.stop,
-        "start_time": synergy.start_time,
-        "duration": synergy.duration,
-        "length": synergy.length,
-        "path": {
-            "segments": grid.segments,
-            "degree": grid.degree,
-            "ends": grid.ends,
-            "nodes": synergy.path.nodes.tolist(),
-        },
-        "law": {
-            "knots": law.knots.tolist(),
-            "positions": law.positions.tolist(),
-            "speeds": law.speeds.tolist(),
-        },
-    }
-
-
-def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
-    """Read synergies that `save_synergies` wrote.
-
-    Args:
-        file: the JSON file.
-        metric: of the paths, such as `Analysis.metric`; the file does not contain it.
-
-    Raises:
-        RecordingError: the file is missing, is not such a file, or does not fit the metric, in
-            which its paths must have the lengths that were saved.
-    """
-    path = FilePath(file)
-    record = read_record(path, FORMAT, VERSION, "synergies")
-    names = metric.joint_names
-    if names is not None and record.get("joint_names") != list(names):
-        raise RecordingError(
-            f"{path}: its joints {record.get('joint_names')} are not the metric's, {list(names)}"
-        )
-    synergies = []
-    with decoding(path):
-        for each in convert(record, _SynergiesRecord, path).synergies:
-            curve = each.path.path(metric)
-            if not np.isclose(curve.length, each.law.length, rtol=_SAME, atol=_SAME):
-                raise ValueError(
-                    f"the synergy of samples {each.start} to {each.stop} has the length "
-                    f"{curve.length:.6g} in this metric, not {each.law.length:.6g}: it was saved "
-                    "in another"
-                )
-            synergies.append(Synergy(each.start, each.stop, each.start_time, curve, each.law))
-    return tuple(synergies)
-
-
-@dataclass
-class _ModelRecord:
-    name: str = ""
-    height: float | None = None
-
-
-@dataclass(eq=False)
-class _SavedRecord:
-    joint_names: tuple[str, ...]
-    synergies: tuple[_SynergyRecord, ...]
-    model: _ModelRecord | None = None
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class SavedSynergies:
-    """What a file of `save_synergies` says without the metric.
-
-    Attributes:
-        motion: that the synergies predict, at 100 Hz, without velocities.
-        spans: start and end of each synergy [s].
-        model: name of the model; "" if the file does not say.
-        height: of the person [m]; None if the file does not say.
-    """
-
-    motion: Motion
-    spans: tuple[tuple[float, float], ...]
-    model: str = ""
-    height: float | None = None
-
-    def __repr__(self) -> str:
-        which = f" of {self.model}" if self.model else ""
-        return f"SavedSynergies({len(self.spans)}{which}, {self.motion!r})"
-
-
-def read_saved_synergies(file: str | PathLike[str]) -> SavedSynergies:
-    """The motion that the synergies in a file predict.
-
-    A geodesic has a constant speed in its metric, so the fraction of its length that a synergy has
-    covered is the parameter of its path, and the metric is not needed. Paths of a robot under
-    constraints have so nearly (to some mrad), as their grids are coarse.
-
-    Args:
-        file: that `save_synergies` wrote.
-
-    Raises:
-        RecordingError: the file is missing, or is not such a file.
-    """
-    record = convert(read_record(file, FORMAT, VERSION, "synergies"), _SavedRecord, file)
-    with decoding(file):
-        return _saved(record)
-
-
-def _saved(record: _SavedRecord) -> SavedSynergies:
-    names, synergies, model = record.joint_names, record.synergies, record.model or _ModelRecord()
-    if not synergies:
-        raise ValueError("synergies must not be empty")
-    starts = [each.start_time for each in synergies]
-    spans = tuple((each.start_time, each.start_time + each.law.duration) for each in synergies)
-    duration = spans[-1][1] - spans[0][0]
-    if not (np.all(np.diff(starts) >= 0.0) and 0.0 < duration <= _LONGEST):
-        raise ValueError("synergies: each start_time must follow the one before, within a day")
-    time = np.linspace(spans[0][0], spans[-1][1], max(2, 1 + round(duration * _RATE)))
-    owner = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, len(starts) - 1)
-    q = np.empty((len(time), len(names)))
-    for number, each in enumerate(synergies):
-        own = owner == number
-        path = each.path.path(Euclidean(len(names)))
-        q[own] = _positions(path, each.law, time[own] - starts[number])
-    return SavedSynergies(Motion(time, q, names), spans, model.name, model.height)
-
-
-def _positions(path: Path, law: TimeLaw, t: Array) -> Array:
-    """Configurations (k, n) on a path at times t (k,) from its start [s]."""
-    length = law.length
-    if not length > 0.0:
-        return np.tile(path.nodes[0], (t.size, 1))
-    return path(np.clip(law(np.clip(t, 0.0, law.duration)) / length, 0.0, 1.0))
-
-
-# A segment that returns to its start has a path too short for the observed speeds at its ends:
-# these are limited to this multiple of the mean speed along the path.
-_MAX_SPEED_RATIO = 100.0
 
 
 class Reconstruction(NamedTuple):
@@ -385,3 +188,158 @@ def law_of_segment(motion: Motion, speed: Array, length: float, start: int, stop
     max_speed = _MAX_SPEED_RATIO * length / duration
     end_speeds = (float(min(speed[index], max_speed)) for index in (start, stop))
     return time_law(length, duration, *end_speeds, monotone=True)
+
+
+@dataclass(eq=False)
+class _PathRecord:
+    """The path of a synergy in a file."""
+
+    segments: int
+    degree: int
+    nodes: Array
+    ends: tuple[float, ...] | None = None
+
+    def path(self, metric: Metric) -> Path:
+        """The path itself, whose metric the file does not contain."""
+        return Path(metric, Grid(self.segments, self.degree, self.ends), self.nodes)
+
+
+@dataclass(eq=False)
+class _SynergyRecord:
+    """A synergy in a file."""
+
+    start: int
+    stop: int
+    start_time: float
+    path: _PathRecord
+    law: TimeLaw
+
+
+@dataclass
+class _ModelRecord:
+    name: str = ""
+    height: float | None = None
+
+
+@dataclass(eq=False)
+class _FileRecord:
+    joint_names: tuple[str, ...]
+    synergies: tuple[_SynergyRecord, ...]
+    model: _ModelRecord = field(default_factory=_ModelRecord)
+
+
+def save_synergies(
+    file: str | FilePath,
+    synergies: Sequence[Synergy],
+    joint_names: Sequence[str],
+    model: Model | None = None,
+) -> None:
+    """Write segments, paths and time laws of synergies in SI units, at full precision.
+
+    Args:
+        file: to write.
+        synergies: of one motion.
+        joint_names: of the coordinates.
+        model: whose name, and height if it is a person's, are written, by which `geodesic-ocp show`
+            knows what to draw.
+    """
+    record = {
+        "format": FORMAT,
+        "version": VERSION,
+        "units": {"q": "rad or m", "time": "s", "length": "of the metric: sqrt(kg) m"},
+        "joint_names": list(joint_names),
+        **({} if model is None else {"model": {"name": model.name, "height": stature(model)}}),
+        "segments": [[synergy.start, synergy.stop] for synergy in synergies],
+        "synergies": [_encode(synergy) for synergy in synergies],
+    }
+    text = json.dumps(record, indent=1, default=np.ndarray.tolist)
+    FilePath(file).write_text(text, encoding="utf-8")
+
+
+def _encode(synergy: Synergy) -> dict[str, Any]:
+    path = {name: getattr(synergy.path.grid, name) for name in ("segments", "degree", "ends")}
+    path["nodes"] = synergy.path.nodes
+    values = {name: getattr(synergy, name) for name in Synergy._shown}
+    return {**values, "path": path, "law": asdict(synergy.law)}
+
+
+def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
+    """Read synergies that `save_synergies` wrote.
+
+    Args:
+        file: the JSON file.
+        metric: of the paths, such as `Analysis.metric`; the file does not contain it.
+
+    Raises:
+        RecordingError: the file is missing, is not such a file, or does not fit the metric, in
+            which its paths must have the lengths that were saved.
+    """
+    record = convert(read_record(file, FORMAT, VERSION, "synergies"), _FileRecord, file)
+    names, synergies = metric.joint_names, []
+    if names is not None and record.joint_names != names:
+        raise RecordingError(
+            f"{file}: its joints {list(record.joint_names)} are not the metric's, {list(names)}"
+        )
+    with decoding(file):
+        for each in record.synergies:
+            curve = each.path.path(metric)
+            if not np.isclose(curve.length, each.law.length, rtol=_SAME, atol=_SAME):
+                raise ValueError(
+                    f"the synergy of samples {each.start} to {each.stop} has the length "
+                    f"{curve.length:.6g} in this metric, not {each.law.length:.6g}: it was saved "
+                    "in another"
+                )
+            synergies.append(Synergy(each.start, each.stop, each.start_time, curve, each.law))
+    return tuple(synergies)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SavedSynergies(ShortRepr):
+    """What a file of `save_synergies` says without the metric.
+
+    Attributes:
+        motion: that the synergies predict, at 100 Hz, without velocities.
+        spans: start and end of each synergy [s].
+        model: name of the model; "" if the file does not say.
+        height: of the person [m]; None if the file does not say.
+    """
+
+    motion: Motion
+    spans: tuple[tuple[float, float], ...]
+    model: str = ""
+    height: float | None = None
+
+
+def read_saved_synergies(file: str | PathLike[str]) -> SavedSynergies:
+    """The motion that the synergies in a file predict.
+
+    A geodesic has a constant speed in its metric, so the fraction of its length that a synergy has
+    covered is the parameter of its path, and the metric is not needed. Paths of a robot under
+    constraints have so nearly (to some mrad), as their grids are coarse.
+
+    Args:
+        file: that `save_synergies` wrote.
+
+    Raises:
+        RecordingError: the file is missing, or is not such a file.
+    """
+    record = convert(read_record(file, FORMAT, VERSION, "synergies"), _FileRecord, file)
+    names, synergies = record.joint_names, record.synergies
+    with decoding(file):
+        if not synergies:
+            raise ValueError("synergies must not be empty")
+        starts = [each.start_time for each in synergies]
+        spans = tuple((each.start_time, each.start_time + each.law.duration) for each in synergies)
+        duration = spans[-1][1] - spans[0][0]
+        if not (np.all(np.diff(starts) >= 0.0) and 0.0 < duration <= _LONGEST):
+            raise ValueError("synergies: each start_time must follow the one before, within a day")
+        time = np.linspace(spans[0][0], spans[-1][1], max(2, 1 + round(duration * _RATE)))
+        owner = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, len(starts) - 1)
+        q = np.empty((len(time), len(names)))
+        for number, (each, start) in enumerate(zip(synergies, starts, strict=True)):
+            path, law = each.path.path(Euclidean(len(names))), each.law
+            covered = law(np.clip(time[owner == number] - start, 0.0, law.duration))
+            length = law.length if law.length > 0.0 else np.inf  # where nothing moves
+            q[owner == number] = path(np.clip(covered / length, 0.0, 1.0))
+        motion = Motion(time, q, names)
+    return SavedSynergies(motion, spans, record.model.name, record.model.height)
