@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 
-from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.arrays import Array, ShortRepr, as_positive
 
 # Time stamps may deviate from even spacing by this fraction of a step, as recordings round them.
 _UNEVEN = 0.1
@@ -34,7 +34,7 @@ _STILL = 1e-5  # [rad]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MotionFilter:
+class MotionFilter(ShortRepr):
     """The filter of a motion, and the noise that was found in the recording.
 
     Attributes:
@@ -65,27 +65,18 @@ class MotionFilter:
         noise, velocity_noise = self.noise[columns], self.velocity_noise[columns]
         return replace(self, noise=noise, velocity_noise=velocity_noise)
 
-    def __repr__(self) -> str:
-        chosen = " (chosen)" if self.chosen else ""
-        if self.cutoff is None:
-            size = f"window {self.duration:.3g} s"
-        else:
-            size = f"cut-off {self.cutoff:.1f} Hz"
-        return f"MotionFilter({self.kind}, {size}{chosen}, noise {self._noise})"
+    _shown = ("kind", "cutoff", "duration", "noise")
 
     def __str__(self) -> str:
         """As a sentence."""
+        low, high = (f"{1e3 * float(end):.2g}" for end in (self.noise.min(), self.noise.max()))
+        noise = low if low == high else f"{low} to {high}"
         if self.cutoff is None:
             size = f"with a window of {self.duration:.3g} s"
         else:
             how = ", chosen from the noise floor" if self.chosen else ""
             size = f"with a cut-off frequency of {self.cutoff:.3g} Hz{how}"
-        return f"Filtered by a {self.kind} {size}; noise of the joints: {self._noise}."
-
-    @property
-    def _noise(self) -> str:
-        low, high = (f"{1e3 * float(end):.2g}" for end in (self.noise.min(), self.noise.max()))
-        return f"{low} mrad" if low == high else f"{low} to {high} mrad"
+        return f"Filtered by a {self.kind} {size}; noise of the joints: {noise} mrad."
 
 
 Filtered = tuple[Array, Array, MotionFilter]  # coordinates, velocities, filter

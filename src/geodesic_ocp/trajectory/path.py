@@ -121,14 +121,12 @@ class Path:
         Its degree is twice the path's, and it is refined until the length no longer changes:
         rounded corners are almost kinks of the speed.
         """
-        fine = _refined(self.grid, 0)
-        speeds = self._speeds_on(fine)
-        length = float(np.sum(fine.weights * speeds))
-        for level in range(1, _LEVELS + 1):
+        length = np.inf
+        for level in range(_LEVELS + 1):
             fine, before = _refined(self.grid, level), length
             speeds = self._speeds_on(fine)
             length = float(np.sum(fine.weights * speeds))
-            if not abs(length - before) > _RESOLVED * before:
+            if level > 0 and not abs(length - before) > _RESOLVED * before:
                 break
         return fine, speeds
 
@@ -159,10 +157,8 @@ class Path:
         fine, values = self._arc_length
         s, upto = fine.nodes, np.append(values[:, :-1, 0].ravel(), values[-1, -1, 0])
         upto = np.maximum.accumulate(upto)
-        found = np.interp(wanted, upto, s)
-        below, above = (
-            s[np.clip(np.searchsorted(upto, wanted) + k, 0, s.size - 1)] for k in (-1, 0)
-        )
+        found, place = np.interp(wanted, upto, s), np.searchsorted(upto, wanted)
+        below, above = (s[np.clip(place + k, 0, s.size - 1)] for k in (-1, 0))
         for _ in range(_NEWTON):
             here, rates = fine.interpolate(values, found).T
             step = np.divide(here - wanted, rates, out=np.zeros_like(found), where=rates > 0)

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import csv
 import re
+from dataclasses import dataclass, fields
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
+import msgspec
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, as_vector
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.records import parse_json, read_arrays
-from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
+from geodesic_ocp.records import convert, decoding, parse_json, read_arrays
+from geodesic_ocp.trajectory.joint_trajectory import KINDS, NANO, JointTrajectory
 
 _TIME = re.compile(r"(time_from_start|timestamp|time|t)( *[\[(]s[\])])?", re.IGNORECASE)
 _COLUMN = re.compile(
@@ -23,19 +25,42 @@ _COLUMN = re.compile(
     r"(?: *[\[(](?P<unit>rad|deg|m|N)(?:[ */]?[a-z0-9^*/ ]*)[\])])?"
 )
 _FACTORS = {"rad": 1.0, "deg": np.pi / 180.0, "m": 1.0}
-_NANO = 1_000_000_000
-_KINDS = ("position", "velocity", "acceleration", "effort")
+# Time (k,), arrays (k, n) by "position" and so on, names and units of the joints.
+_Content = tuple[Array, dict[str, Array], tuple[str, ...], tuple[str, ...]]
 
 
-def read_trajectory_table(
-    path: Path,
-) -> tuple[Array, dict[str, Array], tuple[str, ...], tuple[str, ...]]:
-    """Time (k,), arrays (k, n) by "position" and so on, names and units of the joints.
+def read_trajectory(file: str | PathLike[str]) -> JointTrajectory:
+    """Read a joint trajectory: .csv, .json or .npz as written by `JointTrajectory.save`, or others.
+
+    Other people's files are read as well. A CSV needs a header, a column for time [s] (time,
+    time_from_start, timestamp or t), and one for each joint: its name alone, or followed by
+    position, velocity, acceleration or effort, and by a unit in brackets (rad, deg or m; rad by
+    default, and converted from deg). Lines that start with # are left out, except `# unit: deg`. A
+    JSON file is the ROS 2 message trajectory_msgs/msg/JointTrajectory. An .npz has the arrays time
+    (k,), position (k, n) and joint_names (n,), and may have velocity, acceleration, effort and
+    units.
+
+    Where a file has no velocities they are the derivatives of a cubic spline through the positions
+    (not-a-knot), and where it has no accelerations those of a spline through the velocities:
+    noise in what is given is amplified.
 
     Raises:
-        RecordingError: no header with time and joints, a joint without a position, or an entry
-            that is not a finite number; names the line.
+        ValueError: the file is missing, or malformed; names the file, and the line or field.
     """
+    path = Path(file)
+    if not path.is_file():
+        raise RecordingError(f"{path}: there is no such file")
+    readers = {".csv": _from_table, ".json": _from_json, ".npz": _from_npz}
+    if path.suffix not in readers:
+        raise RecordingError(f"{path}: must end in {', '.join(readers)}")
+    with decoding(path):
+        try:
+            return _trajectory(*readers[path.suffix](path))
+        except UnicodeDecodeError:
+            raise RecordingError(f"{path}: is not text in UTF-8") from None
+
+
+def _from_table(path: Path) -> _Content:
     lines = path.read_text(encoding="utf-8-sig").split("\n")
     default, first = "rad", 0
     while first < len(lines) and (not lines[first].strip() or lines[first].startswith("#")):
@@ -56,7 +81,7 @@ def read_trajectory_table(
             f"{path}: line {first + 1} must be a header with time (time, time_from_start, "
             f"timestamp or t) and joints, separated by commas, is {','.join(header)[:60]!r}"
         )
-    table = _numbers(path, lines, first + 1, header)
+    table = _numbers(path, lines, first + 1, len(header))
     columns: dict[str, dict[str, int]] = {}
     units: dict[str, str] = {}
     for k, name in enumerate(header):
@@ -91,60 +116,24 @@ def read_trajectory_table(
     return table[:, at_time[0]], arrays, names, in_metres
 
 
-def _numbers(path: Path, lines: list[str], start: int, header: list[str]) -> Array:
-    rows = []
+def _numbers(path: Path, lines: list[str], start: int, columns: int) -> Array:
+    """Entries of the rows below the header; lines that start with # are left out."""
+    table = []
     for number, row in enumerate(csv.reader(lines[start:]), start=start + 1):
-        if not row or row[0].startswith("#"):
-            continue
-        if len(row) != len(header):
-            raise RecordingError(
-                f"{path}: line {number} has {len(row)} entries, the header {len(header)}"
-            )
-        try:
-            values = [float(entry) for entry in row]
-        except ValueError:
-            values = [np.nan]
-        if not np.all(np.isfinite(values)):
-            raise RecordingError(f"{path}: line {number} must be finite numbers, is {row!r:.80}")
-        rows.append(values)
-    if not rows:
+        if row and not row[0].startswith("#"):
+            if len(row) != columns:
+                raise RecordingError(
+                    f"{path}: line {number} has {len(row)} entries, the header {columns}"
+                )
+            try:
+                table.append(as_vector("row", row, columns))
+            except ValueError:
+                raise RecordingError(
+                    f"{path}: line {number} must be finite numbers, is {row!r:.80}"
+                ) from None
+    if not table:
         raise RecordingError(f"{path}: has no rows below its header")
-    return np.array(rows)
-
-
-def read_trajectory(file: str | PathLike[str]) -> JointTrajectory:
-    """Read a joint trajectory: .csv, .json or .npz as written by `JointTrajectory.save`, or others.
-
-    Other people's files are read as well. A CSV needs a header, a column for time [s] (time,
-    time_from_start, timestamp or t), and one for each joint: its name alone, or followed by
-    position, velocity, acceleration or effort, and by a unit in brackets (rad, deg or m; rad by
-    default, and converted from deg). Lines that start with # are left out, except `# unit: deg`. A
-    JSON file is the ROS 2 message trajectory_msgs/msg/JointTrajectory. An .npz has the arrays time
-    (k,), position (k, n) and joint_names (n,), and may have velocity, acceleration, effort and
-    units.
-
-    Where a file has no velocities they are the derivatives of a cubic spline through the positions
-    (not-a-knot), and where it has no accelerations those of a spline through the velocities:
-    noise in what is given is amplified.
-
-    Raises:
-        ValueError: the file is missing, or malformed; names the file, and the line or field.
-    """
-    path = Path(file)
-    if not path.is_file():
-        raise RecordingError(f"{path}: there is no such file")
-    readers = {".csv": read_trajectory_table, ".json": _from_json, ".npz": _from_npz}
-    if path.suffix not in readers:
-        raise RecordingError(f"{path}: must end in {', '.join(readers)}")
-    try:
-        time, arrays, names, units = readers[path.suffix](path)
-        return _trajectory(time, arrays, names, units)
-    except RecordingError:
-        raise
-    except UnicodeDecodeError:
-        raise RecordingError(f"{path}: is not text in UTF-8") from None
-    except ValueError as failure:
-        raise RecordingError(f"{path}: {failure}") from None
+    return np.array(table)
 
 
 def _trajectory(
@@ -155,61 +144,60 @@ def _trajectory(
     accelerations, efforts = arrays.get("acceleration"), arrays.get("effort")
     if velocities is None or accelerations is None:
         found = JointTrajectory.from_positions(time, positions, names, units)
-        if velocities is None:
-            velocities, between = found.velocities, found.accelerations
-        else:
-            between = make_interp_spline(time, velocities, k=3).derivative()(time)
-        accelerations = between if accelerations is None else accelerations
+        if accelerations is None:
+            accelerations = found.accelerations
+            if velocities is not None:
+                accelerations = make_interp_spline(time, velocities, k=3).derivative()(time)
+        velocities = found.velocities if velocities is None else velocities
     return JointTrajectory(time, positions, velocities, accelerations, names, units, efforts)
 
 
-def _from_json(path: Path) -> tuple[Array, dict[str, Array], tuple[str, ...], tuple[str, ...]]:
+@dataclass
+class _Instant:
+    sec: float
+    nanosec: float = 0.0
+
+
+@dataclass
+class _Point:
+    positions: list[float]
+    time_from_start: _Instant
+    velocities: list[float] | None = None
+    accelerations: list[float] | None = None
+    effort: list[float] | None = None
+
+
+@dataclass
+class _Message:
+    joint_names: tuple[str, ...]
+    points: Annotated[list[_Point], msgspec.Meta(min_length=1)]
+
+
+def _from_json(path: Path) -> _Content:
     try:
-        message = parse_json(path.read_text(encoding="utf-8"))
+        record = parse_json(path.read_text(encoding="utf-8"))
     except UnicodeDecodeError:
         raise
     except (ValueError, RecursionError) as failure:
         raise RecordingError(f"{path}: is not JSON: {failure}") from None
-    names = message.get("joint_names") if isinstance(message, dict) else None
-    points = message.get("points") if isinstance(message, dict) else None
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise RecordingError(f"{path}: joint_names must be a list of names")
-    if not isinstance(points, list) or not points:
-        raise RecordingError(f"{path}: points must be a list that is not empty")
-    time = np.array([_instant(path, k, point) for k, point in enumerate(points)])
+    message = convert(record, _Message, path)
+    names, instants = message.joint_names, [each.time_from_start for each in message.points]
     arrays = {}
-    fields = ("positions", "velocities", "accelerations", "effort")
-    for kind, key in zip(_KINDS, fields, strict=True):
-        rows = [point.get(key) or [] for point in points]
+    for kind, field in zip(KINDS, fields(_Point)[:1] + fields(_Point)[2:], strict=True):
+        rows = [getattr(point, field.name) or [] for point in message.points]
         if kind != "position" and not any(rows):
             continue
         for k, row in enumerate(rows):
-            if not isinstance(row, list) or len(row) != len(names) or not _are_numbers(row):
+            if len(row) != len(names):
                 raise RecordingError(
-                    f"{path}: points[{k}].{key} must be {len(names)} numbers, is {row!r:.60}"
+                    f"{path}: points[{k}].{field.name} must be {len(names)} numbers, is {row!r:.60}"
                 )
-        arrays[kind] = np.array(rows, dtype=float)
-    return time, arrays, tuple(names), ()
+        arrays[kind] = np.array(rows)
+    time = np.array([instant.sec + instant.nanosec / NANO for instant in instants])
+    return time, arrays, names, ()
 
 
-def _instant(path: Path, k: int, point: Any) -> float:
-    since = point.get("time_from_start") if isinstance(point, dict) else None
-    parts: list[Any] = [None]
-    if isinstance(since, dict):
-        parts = [since.get("sec"), since.get("nanosec", 0)]
-    if not _are_numbers(parts):
-        raise RecordingError(
-            f"{path}: points[{k}].time_from_start must have the numbers sec and nanosec, "
-            f"is {since!r:.60}"
-        )
-    return float(parts[0] + parts[1] / _NANO)
-
-
-def _are_numbers(values: list[Any]) -> bool:
-    return all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values)
-
-
-def _from_npz(path: Path) -> tuple[Array, dict[str, Array], tuple[str, ...], tuple[str, ...]]:
+def _from_npz(path: Path) -> _Content:
     found = read_arrays(path)
     for name in ("time", "position", "joint_names"):
         if name not in found:
@@ -217,7 +205,7 @@ def _from_npz(path: Path) -> tuple[Array, dict[str, Array], tuple[str, ...], tup
                 f"{path}: has no array {name}, only {', '.join(found) or 'none at all'}"
             )
     arrays = {}
-    for name in ("time", *_KINDS):
+    for name in ("time", *KINDS):
         if name in found:
             if found[name].dtype.kind not in "iuf":
                 raise RecordingError(f"{path}: {name} must be numbers, has {found[name].dtype}")

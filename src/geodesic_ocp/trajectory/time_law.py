@@ -22,11 +22,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_positive, evaluate, real_array
+from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_positive, as_vector, evaluate
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.path import Path, speeds_at
 
+_LARGEST = 1e100  # numbers whose squares are finite
 # Tolerance for bounds that hold with equality, relative to the speed scale of the problem.
 _SLACK = 1e-9
 # Braking to rest over less than this fraction of the length at full speed loses its digits.
@@ -36,7 +37,7 @@ _NEGLIGIBLE = 1e-12
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TimeLaw:
+class TimeLaw(ShortRepr):
     """s(t) on t in [0, duration], a piecewise cubic through knots.
 
     Attributes:
@@ -53,23 +54,15 @@ class TimeLaw:
     speeds: Array
 
     def __post_init__(self) -> None:
-        arrays = {
-            name: real_array(getattr(self, name), name) for name in ("knots", "positions", "speeds")
-        }
-        knots = arrays["knots"]
-        for name, array in arrays.items():
-            if array.shape != knots.shape or array.ndim != 1 or array.size < 2:
-                raise ValueError(f"{name} must have one shape (k,), k > 1, got {array.shape}")
-            if not np.all(np.isfinite(array)):
-                raise ValueError(f"{name} must be finite")
+        size = max(np.size(self.knots), 2)
+        for name in ("knots", "positions", "speeds"):
+            array = as_vector(name, getattr(self, name), size)
             array.flags.writeable = False
             object.__setattr__(self, name, array)
-        if knots[0] != 0.0 or np.any(np.diff(knots) <= 0.0):
+        if self.knots[0] != 0.0 or np.any(np.diff(self.knots) <= 0.0):
             raise ValueError("knots must increase from 0")
 
-    def __repr__(self) -> str:
-        ends = f"speeds {self.speeds[0]:.4g} to {self.speeds[-1]:.4g}"
-        return f"TimeLaw(length {self.length:.6g} in {self.duration:.4g} s, {ends})"
+    _shown = ("length", "duration")
 
     @property
     def duration(self) -> float:
@@ -149,7 +142,9 @@ def time_law(
     """
     duration = as_positive("duration", duration, "s")
     given = {"length": length, "start_speed": start_speed, "end_speed": end_speed}
-    numbers = {name: _finite(name, number) for name, number in given.items()}
+    numbers = {name: as_number(name, number) for name, number in given.items()}
+    if too_large := [name for name, number in numbers.items() if abs(number) >= _LARGEST]:
+        raise ValueError(f"{too_large[0]} must be below {_LARGEST:g}")
     length, start_speed, end_speed = numbers.values()
     if length < 0.0:
         raise ValueError(f"length must not be negative, got {length}")
@@ -182,17 +177,6 @@ def time_law(
         positions, speeds = high * knots - behind, high - slower
     positions[-1], speeds[[0, -1]] = scaled[0], scaled[1:]
     return TimeLaw(duration * knots, speed * duration * positions, speed * speeds)
-
-
-def _finite(name: str, value: float) -> float:
-    """The value as a number whose square is finite."""
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} must be a number, got {value!r}") from None
-    if not abs(number) < 1e100:
-        raise ValueError(f"{name} must be finite and below 1e100, got {value}")
-    return number
 
 
 def _speed_range(length: float, start: float, end: float) -> tuple[float, float]:
