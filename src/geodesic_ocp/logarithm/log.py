@@ -25,7 +25,7 @@ from geodesic_ocp.arrays import Array, as_integer, real_array
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.logarithm.by_ipopt import find_by_ipopt
 from geodesic_ocp.logarithm.by_newton import ConnectingGeodesic, find_by_newton, find_by_shooting
-from geodesic_ocp.manifold.metric import Metric, as_metric, has_compiled_code, over_rows
+from geodesic_ocp.manifold.metric import Metric, as_metric, over_rows
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
@@ -262,7 +262,7 @@ def _are_same(metric: Metric, one: ConnectingGeodesic, other: ConnectingGeodesic
     return bool(difference <= _SAME * metric.norm(one.q0, one.velocity))
 
 
-@over_rows(has_compiled_code)
+@over_rows
 def log(
     metric: Metric,
     q0: ArrayLike,
@@ -300,7 +300,7 @@ def log(
     return find_geodesics(metric, q0, q1, num_starts, seed, solver)[0].velocity
 
 
-@over_rows(has_compiled_code)
+@over_rows
 def distance(
     metric: Metric,
     q0: ArrayLike,

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, as_positive, as_vector
 from geodesic_ocp.compiled.source import STAGE_TIMES
 from geodesic_ocp.errors import IntegrationFailed
-from geodesic_ocp.manifold.kernels import Integrator
+from geodesic_ocp.manifold.kernels import integrate_by_scipy
 from geodesic_ocp.manifold.metric import Metric, as_metric
 
 _MAX_STEPS = 20_000  # between two breakpoints
@@ -54,18 +54,7 @@ def parallel_transport(
             where the metric is not defined.
         IntegrationFailed: the metric becomes singular along the curve.
     """
-    curve = path_or_motion
-    transported = transport_between(metric, curve, v, curve.breakpoints, tolerance=tolerance)
-    return np.asarray(transported[-1])
-
-
-def transport_between(
-    metric: Metric, curve: ParametricCurve, v: ArrayLike, stops: Array, *, tolerance: float = 1e-9
-) -> Array:
-    """Parallel-transport v (n,) from stops[0] along the curve to each of the k stops, (k, n).
-
-    The curve must be smooth from each stop to the next.
-    """
+    curve, stops = path_or_motion, path_or_motion.breakpoints
     metric = as_metric(metric)
     vector = as_vector("v", v, metric.dim)
     tolerance = as_positive("tolerance", tolerance)
@@ -73,10 +62,10 @@ def transport_between(
         raise ValueError(f"the curve must have the dimension of the metric, {metric.dim}")
     size = float(np.linalg.norm(vector))
     if size == 0.0:
-        return np.zeros((len(stops), metric.dim))
+        return np.zeros(metric.dim)
     if metric.has_constant_tensor:
         metric.point("the curve's start", curve(stops[:1])[0])
-        return np.tile(vector, (len(stops), 1))
+        return vector
     transport = _compiled if metric.kernels.available(at_once=False) else _by_scipy
     began = time.perf_counter()
     try:
@@ -92,19 +81,18 @@ def transport_between(
 def _by_scipy(
     metric: Metric, curve: ParametricCurve, vector: Array, stops: Array, tolerance: float
 ) -> Array:
-    """Transported vectors at the stops (k, n), with adaptive steps of this tolerance."""
-    result, integrate = [vector], Integrator(metric.transport_equation)
+    """The vector transported along all stops, with adaptive steps of this tolerance."""
     for start, stop in pairwise(stops):
 
-        def along(times: Array, start: float = start, stop: float = stop) -> Array:
-            return _states(curve, times, start, stop).T
+        def along(t: float, start: float = start, stop: float = stop) -> Array:
+            return _states(curve, np.array([t]), start, stop).T
 
+        ends, rate = np.array([start, stop]), metric.transport_equation
         try:
-            states = integrate(result[-1], np.array([start, stop]), tolerance, along)
+            vector = integrate_by_scipy(rate, vector, ends, tolerance, along)[-1]
         except IntegrationFailed as failure:
             raise IntegrationFailed(f"parallel transport: {failure}") from None
-        result.append(states[-1])
-    return np.array(result)
+    return vector
 
 
 def _states(curve: ParametricCurve, times: Array, start: ArrayLike, stop: ArrayLike) -> Array:
@@ -134,7 +122,7 @@ def _compiled(
         )
         errors = np.maximum.reduceat(errors, np.cumsum(counts) - counts)
         if np.all(errors <= 1.0):
-            return np.vstack([vector, vectors[np.cumsum(counts) - 1]])
+            return np.asarray(vectors[-1])
         worst = int(np.argmax(errors))
         if counts[worst] >= _MAX_STEPS:
             raise IntegrationFailed(

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, as_vector, real_array
 from geodesic_ocp.errors import IntegrationFailed
-from geodesic_ocp.manifold.kernels import Integrator
-from geodesic_ocp.manifold.metric import Metric, as_metric, has_compiled_code, over_rows
+from geodesic_ocp.manifold.kernels import integrate_by_scipy
+from geodesic_ocp.manifold.metric import Metric, as_metric, over_rows
 
 _UNIT_INTERVAL = np.array([0.0, 1.0])
 # Initial tolerance of a step, relative to the tolerance of the end point, and its lower bound.
@@ -32,7 +32,7 @@ _ROUNDING = 4.0
 _DIFFERENCE, _DIFFERENCE_TOLERANCE = 1e-5, 1e-11
 
 
-@over_rows(has_compiled_code)
+@over_rows
 def exp(metric: Metric, q: Any, v: Any, *, tolerance: float = 1e-9) -> Array:
     """Exp_q(v): the point at time 1 of the geodesic from q (n,) with initial velocity v (n,).
 
@@ -148,8 +148,8 @@ def integrate_geodesic(
             states = metric.kernels.integrate(start, times, step_tolerance, max_steps)
         else:
             began = time.perf_counter()
-            states = Integrator(metric.geodesic_equation)(
-                start, times, step_tolerance, max_steps=max_steps
+            states = integrate_by_scipy(
+                metric.geodesic_equation, start, times, step_tolerance, max_steps=max_steps
             )
             metric.kernels.used(time.perf_counter() - began)
     except IntegrationFailed as failure:
@@ -175,14 +175,15 @@ def exp_with_derivative(
     their differences give the derivative to about five digits, in a fraction of the time.
 
     Raises:
-        IntegrationFailed: see `Integrator`.
+        IntegrationFailed: see `integrate_by_scipy`.
     """
     if metric.kernels.available(at_once=False):
         return _by_differences(metric, q, v, max_steps)
     n = metric.dim
     start = np.concatenate([q, v, np.zeros(n * n), np.eye(n).ravel()])
-    integrate = Integrator(metric.variation_equation)
-    states = integrate(start, _UNIT_INTERVAL, step_tolerance, max_steps=max_steps)
+    states = integrate_by_scipy(
+        metric.variation_equation, start, _UNIT_INTERVAL, step_tolerance, max_steps=max_steps
+    )
     return states[-1, :n], states[-1, 2 * n : (2 + n) * n].reshape(n, n).T
 
 

@@ -27,81 +27,80 @@ _SMALLEST_STEP = 1e-13  # relative to the interval
 _FINEST = 2.3e-14  # the smallest tolerance that SciPy takes
 
 
+class _IntegrationRecord(ctypes.Structure):
+    _fields_ = [("time", c_double), ("step", c_double), ("steps", c_long)]
+
+
 def _failure(
-    too_many: bool, time: float, step: float, steps: int, times: Array, tolerance: float, y: Array
+    too_many: bool, record: _IntegrationRecord, times: Array, tolerance: float, y: Array
 ) -> IntegrationFailed:
     """The exception for an integration over `times` that stopped early, at state y.
 
     Either there were too many steps, or the last step was too small.
     """
     why = (
-        f"{steps} steps were not enough, the last of {step:.1e}; the motion is too fast or the "
-        "tolerance too small"
+        f"{record.steps} steps were not enough, the last of {record.step:.1e}; the motion is too "
+        "fast or the tolerance too small"
         if too_many
-        else f"the step fell to {step:.1e}; the metric is singular there, or the tolerance cannot "
-        "be reached"
+        else f"the step fell to {record.step:.1e}; the metric is singular there, or the tolerance "
+        "cannot be reached"
     )
     return IntegrationFailed(
-        f"the integration stopped at t = {time:.6g} in [{times[0]:.6g}, {times[-1]:.6g}], with a "
-        f"tolerance of {tolerance:.1e} per step: {why}",
-        time,
+        f"the integration stopped at t = {record.time:.6g} in [{times[0]:.6g}, {times[-1]:.6g}], "
+        f"with a tolerance of {tolerance:.1e} per step: {why}",
+        record.time,
         y,
     )
 
 
-class Integrator:
-    """Integrates y' = f(y) or y' = f(y, p(t)).
+def integrate_by_scipy(
+    rate: ca.Function,
+    start: Array,
+    times: Array,
+    tolerance: float,
+    parameters: Callable[[float], Array] | None = None,
+    max_steps: int = 20_000,
+) -> Array:
+    """The solution of y' = f(y) or y' = f(y, p(t)) from y(times[0]) = start.
+
+    The estimated error of every step is at most `tolerance`, absolute for components below one and
+    relative above.
 
     Args:
-        rate: CasADi function y -> y' or (y, p) -> y', where p is a known function of time, such as
-            the position and velocity of the curve in parallel transport.
+        rate: y -> y' or (y, p) -> y', where p is a known function of time, such as the position and
+            velocity of the curve in parallel transport.
+        start: (n,).
+        times: increasing (k,).
+        tolerance: of a step.
+        parameters: p at a time.
+        max_steps: largest number of steps.
+
+    Returns:
+        States at the times, (k, n).
+
+    Raises:
+        IntegrationFailed: the step became too small, or more than `max_steps` were needed.
     """
 
-    def __init__(self, rate: ca.Function) -> None:
-        self._rate = rate
+    def slope(t: float, y: Array) -> Array:
+        p = [] if parameters is None else [parameters(t)]
+        return np.asarray(rate(y, *p).full()[:, 0])
 
-    def __call__(
-        self,
-        start: Array,
-        times: Array,
-        tolerance: float,
-        parameters: Callable[[Array], Array] | None = None,
-        max_steps: int = 20_000,
-    ) -> Array:
-        """The solution at the given times, (len(times), len(start)), from y(times[0]) = start.
-
-        The estimated error of every step is at most `tolerance`, absolute for components below one
-        and relative above. `parameters` returns p, (size, len(t)), at an array of times t.
-
-        Raises:
-            IntegrationFailed: the step became too small, or more than `max_steps` were needed.
-        """
-
-        def slope(t: float, y: Array) -> Array:
-            p = [] if parameters is None else [parameters(np.array([t]))]
-            return np.asarray(self._rate(y, *p).full()[:, 0])
-
-        interval = float(times[-1] - times[0])
-        states, taken, size = [np.array(start, dtype=float)], 0, interval / 8.0
-        tolerance = max(tolerance, _FINEST)
-        for begin, stop in pairwise(times.tolist()):
-            first = min(size, stop - begin)
-            solver = DOP853(
-                slope, begin, states[-1], stop, rtol=tolerance, atol=tolerance, first_step=first
-            )
-            while solver.status == "running":
-                solver.step()
-                taken, size = taken + 1, solver.h_abs
-                is_short = solver.status == "failed" or size < _SMALLEST_STEP * interval
-                if solver.status != "finished" and (is_short or taken >= max_steps):
-                    reached = not is_short, solver.t, size, taken
-                    raise _failure(*reached, times, tolerance, solver.y)
-            states.append(solver.y)
-        return np.array(states)
-
-
-class _IntegrationRecord(ctypes.Structure):
-    _fields_ = [("time", c_double), ("step", c_double), ("steps", c_long)]
+    interval = float(times[-1] - times[0])
+    states, taken, size = [np.array(start, dtype=float)], 0, interval / 8.0
+    error = max(tolerance, _FINEST)
+    for begin, stop in pairwise(times.tolist()):
+        first = min(size, stop - begin)
+        solver = DOP853(slope, begin, states[-1], stop, rtol=error, atol=error, first_step=first)
+        while solver.status == "running":
+            solver.step()
+            taken, size = taken + 1, solver.h_abs
+            is_short = solver.status == "failed" or size < _SMALLEST_STEP * interval
+            if solver.status != "finished" and (is_short or taken >= max_steps):
+                record = _IntegrationRecord(solver.t, size, taken)
+                raise _failure(not is_short, record, times, error, solver.y)
+        states.append(solver.y)
+    return np.array(states)
 
 
 class Level(ctypes.Structure):
@@ -152,16 +151,12 @@ class Kernels(Library):
         return memory
 
     def integrate(self, start: Array, times: Array, tolerance: float, max_steps: int) -> Array:
-        """States (len(times), 2 n) of the geodesic equation, like `Integrator`."""
-        states = np.empty((times.size, start.size))
-        record = _IntegrationRecord(0.0, 0.0, 0)
-        count, limit = c_int(times.size), c_long(max_steps)
-        status = self._call(
-            "integrate_geodesic", start, count, times, tolerance, limit, states, byref(record)
-        )
+        """States (len(times), 2 n) of the geodesic equation, like `integrate_by_scipy`."""
+        states, record = np.empty((times.size, start.size)), _IntegrationRecord()
+        arguments = start, c_int(times.size), times, tolerance, c_long(max_steps), states
+        status = self._call("integrate_geodesic", *arguments, byref(record))
         if status:
-            reached = status == 1, record.time, record.step, record.steps
-            raise _failure(*reached, times, tolerance, states[0])
+            raise _failure(status == 1, record, times, tolerance, states[0])
         return states
 
     def matrix(self, q: Array) -> Array:
@@ -195,8 +190,8 @@ class Kernels(Library):
         Returns w after every step (k, n) and the errors of the steps relative to the tolerance.
         """
         states, errors = np.empty((sizes.size, vector.size)), np.empty(sizes.size)
-        count = c_long(sizes.size)
-        self._call("transport", count, sizes, curve, vector, tolerance, states, errors)
+        steps = c_long(sizes.size), sizes, curve
+        self._call("transport", *steps, vector, tolerance, states, errors)
         return states, errors
 
     def transport_matrices(self, curve: Array) -> Array:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import functools
 import inspect
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar, cast
 
@@ -24,6 +24,7 @@ from geodesic_ocp.errors import IntegrationFailed, NotConverged
 from geodesic_ocp.manifold.metric_functions import MetricFunctions
 from geodesic_ocp.model.model import Model
 
+_FEW = 8  # rows; fewer are not worth starting threads
 # Eigenvalues of the normalized tensor below the first are zero up to rounding, as are entries of
 # the diagonal below the second relative to the largest, such as the square of sin(pi).
 _SINGULAR, _VANISHING = 1e-14, 1e-28
@@ -155,12 +156,27 @@ class Metric(MetricFunctions):
         return values
 
     def near_singularity(self, q: Array) -> str:
-        """Why the metric is nearly singular or not defined at q (n,); empty if it is neither."""
+        """Why the metric is nearly singular or not defined at q (n,); empty if it is neither.
+
+        Based on the eigenvalues of g_ij / sqrt(g_ii g_jj), which do not depend on units.
+        """
         try:
             tensor = self.matrix(q)
         except ValueError as outside:
             return str(outside)
-        return _describe_singularity(tensor, q, self.joint_names)
+        diagonal = np.diag(tensor)
+        if not (np.all(np.isfinite(tensor)) and np.all(diagonal > 0.0)):
+            return f"the metric is not positive definite at {q}"
+        eigenvalues, vectors = np.linalg.eigh(tensor / np.sqrt(np.outer(diagonal, diagonal)))
+        if eigenvalues[0] > _NEARLY_SINGULAR:
+            return ""
+        components = np.abs(vectors[:, 0])
+        moved = np.flatnonzero(components > _FRACTION * components.max()).tolist()
+        names = self.joint_names or [f"q[{index}]" for index in range(self.dim)]
+        return (
+            f"the metric is nearly singular at {q}, where {' and '.join(names[k] for k in moved)} "
+            "are linearly dependent (kinematic singularity)"
+        )
 
     # -- the geometry --------------------------------------------------------------------------
 
@@ -248,78 +264,48 @@ def _is_singular(tensor: Array) -> bool:
     return bool(np.linalg.eigvalsh(tensor / np.outer(sizes, sizes))[0] <= _SINGULAR)
 
 
-def _describe_singularity(tensor: Array, q: Array, names: Sequence[str] | None) -> str:
-    """Say which coordinates make a tensor (n, n) at q (n,) nearly singular; empty if it is not.
-
-    Based on the eigenvalues of g_ij / sqrt(g_ii g_jj), which do not depend on units.
-    """
-    diagonal = np.diag(tensor)
-    if not (np.all(np.isfinite(tensor)) and np.all(diagonal > 0.0)):
-        return f"the metric is not positive definite at {q}"
-    sizes = np.sqrt(diagonal)
-    eigenvalues, vectors = np.linalg.eigh(tensor / np.outer(sizes, sizes))
-    if eigenvalues[0] > _NEARLY_SINGULAR:
-        return ""
-    components = np.abs(vectors[:, 0])
-    moved = np.flatnonzero(components > _FRACTION * components.max()).tolist()
-    dependent = [f"q[{index}]" if names is None else names[index] for index in moved]
-    return (
-        f"the metric is nearly singular at {q}, where {' and '.join(dependent)} are linearly "
-        "dependent (kinematic singularity)"
-    )
-
-
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-# Fewer rows than this are not worth starting threads.
-_FEW = 8
-
-
-def over_rows(parallel: Callable[[Any], bool]) -> Callable[[Function], Function]:
+def over_rows(function: Function) -> Function:
     """Let a function of (metric, a, b), each (n,), also take (k, n) for one or both of them.
 
     The results are stacked along a first axis of length k. An exception names the first row that
-    fails.
-
-    Args:
-        parallel: whether the function spends its time in code that releases Python's lock with this
-            metric, so that rows are computed by as many threads as there are processors.
+    fails. Where the metric has compiled code, which releases Python's lock, rows are computed by as
+    many threads as there are processors.
     """
+    signature = inspect.signature(function)
+    of_metric, *names = list(signature.parameters)[:3]
 
-    def decorate(function: Function) -> Function:
-        signature = inspect.signature(function)
-        names = list(signature.parameters)[:3]
+    @functools.wraps(function)
+    def wrapped(*positional: Any, **named: Any) -> Any:
+        if len(positional) > 2 and all(getattr(a, "ndim", 0) == 1 for a in positional[1:3]):
+            return function(*positional, **named)  # the usual case, without detours
+        arguments = signature.bind(*positional, **named).arguments
+        try:
+            counts = {name: len(arguments[name]) for name in names if np.ndim(arguments[name]) == 2}
+        except ValueError:  # ragged rows: the function itself names the argument
+            counts = {}
+        if not counts:
+            return function(**arguments)
+        count = max(counts.values())
+        if len(set(counts.values())) > 1:
+            raise ValueError(
+                f"{' and '.join(counts)} have {' and '.join(map(str, counts.values()))} rows"
+            )
+        if count == 0:
+            raise ValueError(f"{next(iter(counts))} has no rows")
 
-        @functools.wraps(function)
-        def wrapped(*positional: Any, **named: Any) -> Any:
-            if len(positional) > 2 and all(getattr(a, "ndim", 0) == 1 for a in positional[1:3]):
-                return function(*positional, **named)  # the usual case, without detours
-            arguments = signature.bind(*positional, **named).arguments
-            pair = {name: arguments[name] for name in names[1:]}
-            try:
-                stacked = [name for name, value in pair.items() if np.ndim(value) == 2]
-            except ValueError:  # ragged rows: the function itself names the argument
-                stacked = []
-            if not stacked:
-                return function(**arguments)
-            counts = [len(pair[name]) for name in stacked]
-            if len(set(counts)) > 1:
-                raise ValueError(f"{' and '.join(stacked)} have {counts[0]} and {counts[1]} rows")
-            if counts[0] == 0:
-                raise ValueError(f"{stacked[0]} has no rows")
+        def of_row(row: int) -> Any:
+            return _of_row(
+                function, arguments | {name: arguments[name][row] for name in counts}, row
+            )
 
-            def of_row(row: int) -> Any:
-                values = {name: pair[name][row] for name in stacked}
-                return _of_row(function, arguments | values, row)
+        threaded = count >= _FEW and has_compiled_code(arguments[of_metric])
+        results = in_threads(of_row, count) if threaded else map(of_row, range(count))
+        return np.array(list(results))
 
-            threaded = counts[0] >= _FEW and parallel(arguments[names[0]])
-            results = in_threads(of_row, counts[0]) if threaded else map(of_row, range(counts[0]))
-            return np.array(list(results))
-
-        return cast(Function, wrapped)
-
-    return decorate
+    return cast(Function, wrapped)
 
 
 def _of_row(function: Callable[..., Any], arguments: dict[str, Any], row: int) -> Any:
@@ -336,12 +322,7 @@ def _of_row(function: Callable[..., Any], arguments: dict[str, Any], row: int) -
 def in_threads(of_row: Callable[[int], Any], count: int) -> Iterator[Any]:
     """Results of calls with 0 to count - 1, in order; where one raises, the rest is left out."""
     with ThreadPoolExecutor(_processors()) as threads:
-        futures = [threads.submit(of_row, row) for row in range(count)]
-        try:
-            for future in futures:
-                yield future.result()
-        finally:
-            threads.shutdown(wait=False, cancel_futures=True)
+        yield from threads.map(of_row, range(count))
 
 
 def _processors() -> int:

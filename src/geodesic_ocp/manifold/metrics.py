@@ -1,4 +1,4 @@
-"""The metrics of the package: Euclidean, kinetic energy of a model, Jacobi's."""
+"""The metrics of the package: Euclidean, Jacobi's, kinetic energy of a model, or adjusted."""
 
 from __future__ import annotations
 
@@ -10,11 +10,14 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array, as_number
+from geodesic_ocp.arrays import Array, as_not_negative, as_positive
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.model.inertias import inertia_scale, scale_inertias
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.rigid_body import link_energies
+
+_CHECKS = {"payload": as_not_negative, "mass_ratio": as_positive, "height_ratio": as_positive}
+_PER_JOINT = ("armature", "joint_inertia", "link_mass_ratios", "link_inertia_ratios")
 
 
 @dataclass(frozen=True)
@@ -73,11 +76,9 @@ class ModelMetric(Metric):
     @cached_property
     def _conceivable(self) -> tuple[Array, Array]:
         """Limits of the joints, wider by a revolution; none for continuous and prismatic joints."""
-        model = self.model
-        names = zip(model.joint_names, model.units, strict=True)
-        free = [unit != "rad" or name in model.continuous for name, unit in names]
-        wider = np.where(free, np.inf, 2.0 * np.pi)
-        return model.lower - wider, model.upper + wider
+        turning = np.array([unit == "rad" for unit in self.model.units])
+        wider = np.where(turning & np.isinf(self.periods), 2.0 * np.pi, np.inf)
+        return self.model.lower - wider, self.model.upper + wider
 
 
 @dataclass(frozen=True)
@@ -155,10 +156,6 @@ class JacobiMetric(ModelMetric):
             )
 
 
-_POSITIVE = ("mass_ratio", "height_ratio")
-_PER_JOINT = ("armature", "joint_inertia", "link_mass_ratios", "link_inertia_ratios")
-
-
 @dataclass(frozen=True, repr=False)
 class AdjustableKineticEnergy(ModelMetric):
     """The kinetic energy of a model whose inertial parameters differ from the model's own.
@@ -219,9 +216,11 @@ class AdjustableKineticEnergy(ModelMetric):
                 raise ValueError(f"{name} must have {n} entries, one a joint, got {len(entries)}")
             object.__setattr__(self, name, entries)
             for joint, entry in zip(self.model.joint_names, entries, strict=True):
-                _check(f"{name} of {joint}", entry, positive=False)
-        for name in ("payload", *_POSITIVE):
-            _check(name, getattr(self, name), positive=name in _POSITIVE)
+                if not isinstance(entry, ca.SX):
+                    as_not_negative(f"{name} of {joint}", entry)
+        for name, check in _CHECKS.items():
+            if not isinstance(getattr(self, name), ca.SX):
+                check(name, getattr(self, name))
         if "m" in self.model.units and not (
             isinstance(self.height_ratio, (int, float)) and self.height_ratio == 1.0
         ):
@@ -297,17 +296,6 @@ class AdjustableKineticEnergy(ModelMetric):
         if self.adjusted is not None:
             return self.adjusted._christoffel_force(q, u, v)
         return super()._christoffel_force(q, u, v)
-
-
-def _check(name: str, value: Any, positive: bool) -> None:
-    """ValueError if a number is negative, not finite, or zero where it must be positive."""
-    if isinstance(value, ca.SX):
-        return
-    number = as_number(name, value)
-    if number < 0.0 or (positive and number == 0.0):
-        raise ValueError(
-            f"{name} must be {'positive' if positive else 'not negative'}, got {value}"
-        )
 
 
 def _range(values: tuple[Any, ...]) -> str:

@@ -73,22 +73,16 @@ def region_of_functions(functions: Callable[[ca.SX], Any], dim: int) -> Region:
     if isinstance(given, ca.SX) and given.shape[1] == 1 and given.shape[0] > 0:
         given = ca.vertsplit(given)
     if not isinstance(given, (list, tuple)) or not given:
-        raise ValueError(
-            f"functions(q) must be a column or a list of scalars, is {_describe(given)}"
-        )
+        raise ValueError(f"functions(q) must be a column or a list of scalars, is {given!r}")
     for index, row in enumerate(given):
         if not isinstance(row, ca.SX) or row.shape != (1, 1):
-            raise ValueError(f"functions[{index}] must be a CasADi scalar, is {_describe(row)}")
+            raise ValueError(f"functions[{index}] must be a CasADi scalar, is {row!r}")
         if not ca.depends_on(row, q):
             raise ValueError(f"functions[{index}] does not depend on q, is {row}")
         if ca.symvar(ca.substitute(row, q, ca.DM.zeros(dim))):
             raise ValueError(f"functions[{index}] depends on other symbols than q, is {row}")
     labels = [f"functions[{index}]" for index in range(len(given))]
     return _region(ca.SX(ca.vertcat(*given)), q, labels, [])
-
-
-def _describe(given: Any) -> str:
-    return f"of shape {given.shape}" if isinstance(given, (ca.SX, ca.MX, ca.DM)) else repr(given)
 
 
 def _region(h: ca.SX, q: ca.SX, labels: list[str], joints: list[int]) -> Region:
