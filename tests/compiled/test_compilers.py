@@ -21,7 +21,7 @@ from all_metrics import METRICS, points
 from known_metrics import HalfPlane, Sphere, half_plane_distance
 
 import geodesic_ocp as go
-from geodesic_ocp.compiled import build, cache, compilers, library
+from geodesic_ocp.compiled import cache, compilers, library
 from geodesic_ocp.compiled.source import source_text
 
 Q0, Q1 = np.array([0.3, 1.2]), np.array([1.4, 0.9])
@@ -238,7 +238,7 @@ def test_a_build_of_another_process_is_awaited(empty_cache: Path) -> None:
     go.log(metric, Q0, Q1)
     assert metric.kernels.compiler_name == "tcc"
     assert lib._is_building
-    build.build(job, key, list(system.command))
+    cache.build(job, key, list(system.command))
     wait_until(lambda: metric.kernels.compiler_name == "system")
 
 

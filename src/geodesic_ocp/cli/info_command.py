@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from geodesic_ocp.compiled import build, cache, compilers
+from geodesic_ocp.compiled import cache, compilers
 from geodesic_ocp.logarithm import log
 from geodesic_ocp.model import dynamics
 
@@ -86,8 +86,8 @@ def _why_broken(compiler: compilers.Compiler) -> str:
     """Why a function of one line cannot be compiled; empty if it can."""
     with tempfile.TemporaryDirectory(prefix="geodesic_ocp-") as folder:
         try:
-            job = cache.new_job(Path(folder), "double twice(double x) { return 2 * x; }\n")
-            build.build(job, "test", list(compiler.command))
+            job = cache.new_job(Path(folder), "double twice(double x) { return 2 * x; }\n", "test")
+            cache.build(job, "test", list(compiler.command))
         except subprocess.CalledProcessError as error:
             return " ".join(error.stderr.split()) or f"exit code {error.returncode}"
         except OSError as error:

@@ -15,6 +15,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import lru_cache, partial
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
@@ -23,7 +24,7 @@ from typing import Any
 
 import casadi as ca
 
-from geodesic_ocp.compiled import build, cache
+from geodesic_ocp.compiled import cache
 from geodesic_ocp.compiled.compilers import Compiler, compiler_choice, compilers
 from geodesic_ocp.compiled.source import core_text, source_text
 
@@ -115,7 +116,7 @@ class Library:
         if at_once or self._used > _FIRST_WORTHWHILE:
             while self._untried and self._loaded is None and not self._is_building:
                 if self._untried[0].is_quick or compiler_choice() == "system":
-                    self._build(self._untried.pop(0), build.build)
+                    self._build(self._untried.pop(0), cache.build)
                 else:
                     self._start_building()
         if self._failures and not (self._loaded or self._untried or self._is_building):
@@ -138,7 +139,7 @@ class Library:
 
     def _build_beside(self, compiler: Compiler, leave_alone: Callable[[], None]) -> None:
         can_run = sys.executable and not getattr(sys, "frozen", False)
-        run = partial(_run, leave_alone) if can_run else build.build
+        run = partial(_run, leave_alone) if can_run else cache.build
         try:
             if not can_run:
                 leave_alone()
@@ -163,9 +164,13 @@ class Library:
         key, failure = self._key(compiler), "other users can change all folders for its output"
         for folder in cache.writable_folders():
             try:
-                while (job := self._new_job(folder, key)) is None:
-                    before_waiting()
-                    cache.wait_for_job(folder, key)
+                while True:
+                    try:
+                        job = cache.new_job(folder, self._text(), key)
+                        break
+                    except FileExistsError:  # another process builds it
+                        before_waiting()
+                        cache.wait_for_job(folder, key)
                 if self._load_stored(compiler):  # another process has built it meanwhile
                     shutil.rmtree(job, ignore_errors=True)
                     return
@@ -182,13 +187,6 @@ class Library:
                 return
         if failure:
             self._failures.append(f"{compiler.command[0]} failed: {failure}")
-
-    def _new_job(self, folder: Path, key: str) -> Path | None:
-        """A folder in which nobody else builds this library; None while another process does."""
-        try:
-            return cache.new_job(folder, self._text(), key)
-        except FileExistsError:
-            return None
 
     def _text(self) -> str:
         if self._source is None:
@@ -209,7 +207,8 @@ class Library:
             library.log_map  # noqa: B018 - raises if this is a library of something else
         except (OSError, AttributeError) as error:
             self._failures.append(f"a library of {compiler.command[0]} cannot be loaded: {error}")
-            cache.remove(file)
+            with suppress(OSError):
+                file.unlink()
             return False
         self._loaded = (library, compiler)
         self._used += cache.use(file)
@@ -217,10 +216,10 @@ class Library:
 
 
 def _run(started: Callable[[], None], job: Path, key: str, command: list[str]) -> None:
-    """`build.build` in a process of its own."""
+    """`cache.build` in a process of its own."""
     try:
         process = subprocess.Popen(
-            [sys.executable, "-I", build.__file__, str(job), key, *command],
+            [sys.executable, "-I", cache.__file__, str(job), key, *command],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
@@ -240,20 +239,15 @@ def _run(started: Callable[[], None], job: Path, key: str, command: list[str]) -
 @lru_cache(maxsize=1)
 def _versions() -> str:
     """Versions of what makes the functions, with the package's own code, which may be edited."""
-    versions = [version(name) for name in ("geodesic_ocp", "casadi", "pin") if _is_known(name)]
+    versions = []
+    for name in ("geodesic_ocp", "casadi", "pin"):
+        with suppress(PackageNotFoundError):  # conda-forge's Pinocchio
+            versions.append(version(name))
     package = Path(__file__).parents[1]
     sources = sorted(
         file for name in ("model", "manifold") for file in (package / name).rglob("*.py")
     )
     return "\n".join([*versions, *(sha256(file.read_bytes()).hexdigest() for file in sources)])
-
-
-def _is_known(name: str) -> bool:
-    try:
-        version(name)
-    except PackageNotFoundError:  # conda-forge's Pinocchio
-        return False
-    return True
 
 
 def _reason(messages: str) -> str:
