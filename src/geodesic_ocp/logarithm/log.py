@@ -47,6 +47,64 @@ _MAX_PERIODIC = 6  # coordinates of which goals one period to either side are tr
 _EQUAL = 1e-6
 
 
+@over_rows
+def log(
+    metric: Metric,
+    q0: ArrayLike,
+    q1: ArrayLike,
+    *,
+    num_starts: int = 1,
+    seed: int = 0,
+    solver: str | None = None,
+) -> Array:
+    """Log_q0(q1): the velocity v0 (n,) with Exp_q0(v0) = q1.
+
+    Where several geodesics connect the two points, the shortest of those found from `num_starts`
+    initial guesses, of which the first is the straight line; see `geodesics`. The end point
+    Exp_q0(v0) equals q1 to 1e-9 in every coordinate, with more than one start up to whole periods
+    of the metric's coordinates. For k points (k, n) at either end or both: k velocities (k, n).
+
+    `solver` is "newton", which takes milliseconds, or "ipopt", the reference; None takes the
+    environment variable GEODESIC_OCP_SOLVER, or "newton". Both minimize the same discrete energy.
+
+    >>> import geodesic_ocp as go
+    >>> metric = go.KineticEnergy(go.human_arm())
+    >>> q0 = [0.0, 0.1, -0.5, 0.8, 0.0, 0.0, 0.0]
+    >>> q1 = [0.6, 0.2, -0.9, 1.4, 0.1, 0.2, 0.1]
+    >>> v0 = go.log(metric, q0, q1)
+    >>> v0.round(3)
+    array([ 0.035, -0.141, -0.488,  2.169,  0.438, -2.102,  0.88 ])
+    >>> go.exp(metric, q0, v0).round(6)
+    array([ 0.6,  0.2, -0.9,  1.4,  0.1,  0.2,  0.1])
+
+    Raises:
+        ValueError: wrong shapes, numbers that are not finite, or, with one start, a straight line
+            along which the metric is not defined.
+        NotConverged: no geodesic was found, or it does not end at q1 when integrated forward.
+    """
+    return find_geodesics(metric, q0, q1, num_starts, seed, solver)[0].velocity
+
+
+@over_rows
+def distance(
+    metric: Metric,
+    q0: ArrayLike,
+    q1: ArrayLike,
+    *,
+    num_starts: int = 1,
+    seed: int = 0,
+    solver: str | None = None,
+) -> Any:
+    """Length |Log_q0(q1)| of the geodesic of `log`, a float; for k pairs an array (k,).
+
+    >>> import geodesic_ocp as go
+    >>> go.distance(go.Euclidean(2), [0.0, 0.0], [3.0, 4.0])
+    5.0
+    """
+    velocity = log(metric, q0, q1, num_starts=num_starts, seed=seed, solver=solver)
+    return float(metric.norm(q0, velocity))
+
+
 def find_geodesics(
     metric: Metric,
     q0: ArrayLike,
@@ -75,19 +133,22 @@ def find_geodesics(
     for number in range(len(goals) if metric.has_constant_tensor else count):
         try:
             if number < len(goals):
-                new = find_from_path(
-                    metric, start, goals[number], None, solver, thorough=number == 0
-                )
+                first = number == 0
+                new = find_from_path(metric, start, goals[number], None, solver, thorough=first)
             elif (number - len(goals)) % 3 < 2 or not found:
                 if (number - len(goals)) % 3 == 0:
-                    goal, offset = goals[int(rng.integers(len(goals)))], _random_offset(metric, rng)
+                    goal = goals[int(rng.integers(len(goals)))]
+                    offset = _random_direction(metric, rng, _WAYPOINT)
                 else:
                     offset = -offset  # to the other side
-                guess = _path_through_waypoint(metric, start, goal, offset)
+                s = _GRID.nodes[:, None]
+                bulge = 4.0 * s * (1.0 - s) * np.linalg.norm(goal - start) * offset
+                guess = Path(metric, _GRID, start + s * (goal - start) + bulge)
                 new = find_from_path(metric, start, goal, guess, solver, thorough=False)
             else:
                 near = found[int(rng.integers(len(found)))]
-                goal, velocity = near.q1, _perturbed_velocity(metric, near, rng)
+                goal, change = near.q1, _random_direction(metric, rng, _PERTURBATION, near)
+                velocity = near.velocity + change
                 if len(goals) > 1 and (number - len(goals)) % 2:
                     # Where a coordinate is periodic, the opposite direction leads to the goal, too.
                     goal = goals[int(rng.integers(len(goals)))]
@@ -185,26 +246,31 @@ def _displacement(metric: Metric, q0: Array, v0: Array, steps: int) -> Array:
     return np.asarray(x)
 
 
-def _as_periods(metric: Metric) -> Array:
-    """The metric's periods (n,); ValueError if they are wrong."""
-    if metric.periods is None:
-        return np.full(metric.dim, np.inf)
+def _periodic_goals(metric: Metric, q0: Array, q1: Array) -> list[Array]:
+    """The goal, then goals whole periods away, sorted by the straight line's length at q0.
+
+    Raises:
+        ValueError: the metric's periods are wrong.
+    """
+    name, tensor = type(metric).__name__, metric.matrix(q1)
     try:
-        periods = real_array(metric.periods)
+        periods = real_array(
+            np.full(metric.dim, np.inf) if metric.periods is None else metric.periods
+        )
     except (TypeError, ValueError):
         periods = np.zeros(0)
     if periods.shape != (metric.dim,) or not np.all(periods > 0.0):
         raise ValueError(
-            f"{type(metric).__name__}.periods must be {metric.dim} positive numbers (inf where a "
-            f"coordinate is not periodic), got {metric.periods!r}"
+            f"{name}.periods must be {metric.dim} positive numbers (inf where a coordinate is not "
+            f"periodic), got {metric.periods!r}"
         )
-    return periods
-
-
-def _periodic_goals(metric: Metric, q0: Array, q1: Array) -> list[Array]:
-    """The goal, then goals whole periods away, sorted by the straight line's length at q0."""
-    periods = _as_periods(metric)
     periodic = np.flatnonzero(np.isfinite(periods))
+    for shift in np.diag(np.where(np.isfinite(periods), periods, 0.0))[periodic]:
+        if not np.abs(metric.matrix(q1 + shift) - tensor).max() <= _EQUAL * np.abs(tensor).max():
+            raise ValueError(
+                f"{name}.periods: the metric is not the same at {q1} and {shift.max():g} further "
+                f"in q[{np.argmax(shift)}]"
+            )
     nearest = q1.copy()
     nearest[periodic] -= periods[periodic] * np.round((q1 - q0)[periodic] / periods[periodic])
     # Of many coordinates, those closest to half a period away matter most.
@@ -216,105 +282,24 @@ def _periodic_goals(metric: Metric, q0: Array, q1: Array) -> list[Array]:
         goal[doubtful] += np.array(revolutions, dtype=float) * periods[doubtful]
         if not np.array_equal(goal, q1):
             goals.append(goal)
-    _check_periods(metric, q1, periods)
     return [q1, *sorted(goals, key=lambda goal: float(metric.norm(q0, goal - q0)))]
 
 
-def _check_periods(metric: Metric, q1: Array, periods: Array) -> None:
-    tensor = metric.matrix(q1)
-    size = np.abs(tensor).max()
-    for coordinate in np.flatnonzero(np.isfinite(periods)):
-        shifted = q1.copy()
-        shifted[coordinate] += periods[coordinate]
-        if not np.abs(metric.matrix(shifted) - tensor).max() <= _EQUAL * size:
-            raise ValueError(
-                f"{type(metric).__name__}.periods: the metric is not the same at {q1} and "
-                f"{periods[coordinate]:g} further in q[{coordinate}]"
-            )
-
-
-def _random_offset(metric: Metric, rng: np.random.Generator) -> Array:
-    """Random offset (n,) of a waypoint from the straight line's middle, relative to |q1 - q0|."""
-    direction = rng.normal(size=metric.dim)
-    size = np.exp(rng.uniform(*np.log(_WAYPOINT)))
-    return np.asarray(size / np.linalg.norm(direction) * direction)
-
-
-def _path_through_waypoint(metric: Metric, q0: Array, q1: Array, offset: Array) -> Path:
-    """A parabola from q0 to q1 whose middle is the waypoint."""
-    s = _GRID.nodes[:, None]
-    bulge = 4.0 * s * (1.0 - s) * np.linalg.norm(q1 - q0) * offset
-    return Path(metric, _GRID, q0 + s * (q1 - q0) + bulge)
-
-
-def _perturbed_velocity(
-    metric: Metric, near: ConnectingGeodesic, rng: np.random.Generator
+def _random_direction(
+    metric: Metric,
+    rng: np.random.Generator,
+    size: tuple[float, float],
+    near: ConnectingGeodesic | None = None,
 ) -> Array:
-    """The initial velocity of a geodesic plus a random vector of a fraction of its norm."""
+    """Random vector (n,) whose length is in this range, relative to that of a geodesic if given."""
     direction = rng.normal(size=metric.dim)
-    fraction = np.exp(rng.uniform(*np.log(_PERTURBATION)))
-    size = metric.norm(near.q0, near.velocity) / metric.norm(near.q0, direction)
-    return np.asarray(near.velocity + fraction * size * direction)
+    length = np.exp(rng.uniform(*np.log(size)))
+    if near is None:
+        return np.asarray(length / np.linalg.norm(direction) * direction)
+    unit = metric.norm(near.q0, near.velocity) / metric.norm(near.q0, direction)
+    return np.asarray(length * unit * direction)
 
 
 def _are_same(metric: Metric, one: ConnectingGeodesic, other: ConnectingGeodesic) -> bool:
     difference = metric.norm(one.q0, one.velocity - other.velocity)
     return bool(difference <= _SAME * metric.norm(one.q0, one.velocity))
-
-
-@over_rows
-def log(
-    metric: Metric,
-    q0: ArrayLike,
-    q1: ArrayLike,
-    *,
-    num_starts: int = 1,
-    seed: int = 0,
-    solver: str | None = None,
-) -> Array:
-    """Log_q0(q1): the velocity v0 (n,) with Exp_q0(v0) = q1.
-
-    Where several geodesics connect the two points, the shortest of those found from `num_starts`
-    initial guesses, of which the first is the straight line; see `geodesics`. The end point
-    Exp_q0(v0) equals q1 to 1e-9 in every coordinate, with more than one start up to whole periods
-    of the metric's coordinates. For k points (k, n) at either end or both: k velocities (k, n).
-
-    `solver` is "newton", which takes milliseconds, or "ipopt", the reference; None takes the
-    environment variable GEODESIC_OCP_SOLVER, or "newton". Both minimize the same discrete energy.
-
-    >>> import geodesic_ocp as go
-    >>> metric = go.KineticEnergy(go.human_arm())
-    >>> q0 = [0.0, 0.1, -0.5, 0.8, 0.0, 0.0, 0.0]
-    >>> q1 = [0.6, 0.2, -0.9, 1.4, 0.1, 0.2, 0.1]
-    >>> v0 = go.log(metric, q0, q1)
-    >>> v0.round(3)
-    array([ 0.035, -0.141, -0.488,  2.169,  0.438, -2.102,  0.88 ])
-    >>> go.exp(metric, q0, v0).round(6)
-    array([ 0.6,  0.2, -0.9,  1.4,  0.1,  0.2,  0.1])
-
-    Raises:
-        ValueError: wrong shapes, numbers that are not finite, or, with one start, a straight line
-            along which the metric is not defined.
-        NotConverged: no geodesic was found, or it does not end at q1 when integrated forward.
-    """
-    return find_geodesics(metric, q0, q1, num_starts, seed, solver)[0].velocity
-
-
-@over_rows
-def distance(
-    metric: Metric,
-    q0: ArrayLike,
-    q1: ArrayLike,
-    *,
-    num_starts: int = 1,
-    seed: int = 0,
-    solver: str | None = None,
-) -> Any:
-    """Length |Log_q0(q1)| of the geodesic of `log`, a float; for k pairs an array (k,).
-
-    >>> import geodesic_ocp as go
-    >>> go.distance(go.Euclidean(2), [0.0, 0.0], [3.0, 4.0])
-    5.0
-    """
-    velocity = log(metric, q0, q1, num_starts=num_starts, seed=seed, solver=solver)
-    return float(metric.norm(q0, velocity))
