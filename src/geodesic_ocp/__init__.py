@@ -242,6 +242,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
         Euclidean,
         JacobiMetric,
         KineticEnergy,
+        default_joint_inertia,
     )
     from geodesic_ocp.manifold.region_avoiding import RegionAvoiding
     from geodesic_ocp.model.combine import combine
@@ -309,8 +310,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.studies.study.statistics.synergy_statistics import SynergyStatistics
     from geodesic_ocp.studies.study.study import study
     from geodesic_ocp.studies.study.study_results import Study
-    from geodesic_ocp.synergies.analyse import analyse
-    from geodesic_ocp.synergies.analysis import Analysis, default_joint_inertia
+    from geodesic_ocp.synergies.analyse import Analysis, analyse
     from geodesic_ocp.synergies.baselines import (
         distal_inertia,
         minimum_acceleration,
@@ -364,7 +364,9 @@ else:
         "execution.arm_paths": "ArmPaths",
         "errors": "GeodesicOcpError IntegrationFailed NotConverged RecordingError",
         "figures.obstacles": "draw_obstacle",
-        "manifold.metrics": "AdjustableKineticEnergy Euclidean JacobiMetric KineticEnergy",
+        "manifold.metrics": (
+            "AdjustableKineticEnergy Euclidean JacobiMetric KineticEnergy default_joint_inertia "
+        ),
         "fitting.metric_fit": "Estimate ConfidenceInterval MetricFit load_metric save_metric",
         "fitting.parameter": "Parameter",
         "fitting.resampling": "separate_fits bootstrap_fit CrossValidation leave_one_out",
@@ -406,8 +408,7 @@ else:
         "retargeting.result": "Retargeting",
         "retargeting.retarget": "retarget retarget_arms",
         "retargeting.settings": "RetargetingSettings",
-        "synergies.analyse": "analyse",
-        "synergies.analysis": "Analysis default_joint_inertia",
+        "synergies.analyse": "analyse Analysis",
         "synergies.scores": "HandErrors MotionErrors evaluate Scores score",
         "recordings.read_motion": "read_motion",
         "synergies.synergy": "Reconstruction reconstruct Synergy load_synergies save_synergies",

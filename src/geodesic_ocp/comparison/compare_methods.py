@@ -11,10 +11,10 @@ from geodesic_ocp.comparison.method_comparison import MethodComparison
 from geodesic_ocp.comparison.named_metrics import MetricOrFunction, as_named_metrics, metric_of
 from geodesic_ocp.errors import GeodesicOcpError, IntegrationFailed
 from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.manifold.metrics import STRAIGHT_LINES, USUAL_METRICS
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.recordings.recording import Recording
-from geodesic_ocp.synergies.analysis import STRAIGHT_LINES, USUAL_METRICS
 from geodesic_ocp.synergies.baselines import (
     distal_inertia,
     distal_joints,

@@ -16,9 +16,9 @@ from geodesic_ocp.comparison.metric_comparison import ErrorCurve, MetricComparis
 from geodesic_ocp.comparison.named_metrics import MetricOrFunction, as_named_metrics, metric_of
 from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.manifold.metrics import USUAL_METRICS
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.progress import Progress
-from geodesic_ocp.synergies.analysis import USUAL_METRICS
 from geodesic_ocp.synergies.optimal_segmentations import (
     OptimalSegmentations,
     optimal_segmentations,

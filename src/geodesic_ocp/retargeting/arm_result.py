@@ -17,7 +17,7 @@ from geodesic_ocp.retargeting.arm_task import ArmTask
 from geodesic_ocp.retargeting.merge_synergies import SynergyGroup
 from geodesic_ocp.retargeting.poses.pose_mapping import PoseMapping
 from geodesic_ocp.retargeting.transfer import Transfer
-from geodesic_ocp.synergies.analysis import Analysis
+from geodesic_ocp.synergies.analyse import Analysis
 from geodesic_ocp.synergies.scores import MotionErrors, action, pose_errors
 from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory

@@ -25,7 +25,7 @@ from geodesic_ocp.retargeting.program.plan_paths import PlannedPaths
 from geodesic_ocp.retargeting.program.start import Candidates, first_candidates
 from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints, has_elbow, mapped_offsets
 from geodesic_ocp.retargeting.transfer import Transfer, plan_transfers, rest_at
-from geodesic_ocp.synergies.analysis import Analysis
+from geodesic_ocp.synergies.analyse import Analysis
 from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion

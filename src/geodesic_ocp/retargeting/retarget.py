@@ -30,7 +30,7 @@ from geodesic_ocp.retargeting.program.plan_paths import PlannedPaths, plan_paths
 from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.retargeting.transfer import Transfer
-from geodesic_ocp.synergies.analysis import Analysis
+from geodesic_ocp.synergies.analyse import Analysis
 
 _DEFAULT = RetargetingSettings()
 _TOLERANCE = 1e-6
