@@ -35,6 +35,7 @@ GRIDS = (Grid(1, 14), *(Grid(segments, 20) for segments in (1, 2, 4, 8)))
 # A sharply bending path needs more segments to be represented than to be found.
 _FINE_GRIDS = (Grid(16, 20), Grid(32, 20))
 MAX_STEPS = 2000  # of one integration: hundreds suffice for the longest geodesics of an arm
+_FAR = "integrated forward, it ends {:.1e} from the goal"
 ROUNDING = "rounding errors exceed the tolerance of its end point"
 # Tolerance of a step: of the last integrations, of the first relative to them, the smallest.
 STEP, _COARSER, _SMALLEST = 1e-12, 30.0, 1e-15
@@ -46,7 +47,7 @@ _UNIT_INTERVAL = np.array([0.0, 1.0])
 # Number of Newton steps, smallest damping factor, required reduction of the endpoint error by a
 # full step, error from which corrections take over, integration tolerance until then.
 _MAX_SHOTS, _MIN_DAMPING, _REDUCTION = 12, 0.05, 0.1
-_CLOSE, _COARSE_STEP_TOLERANCE = 1e-7, 1e-9
+_CLOSE, _COARSE_TOLERANCE = 1e-7, 1e-9
 # Samples of the straight line, and the ratio of the largest to the smallest diagonal entry of the
 # metric that is worth reporting.
 _SAMPLES, _LARGE_RATIO = 21, 1e4
@@ -305,7 +306,7 @@ def _shoot(metric: Metric, q0: Array, q1: Array, velocity: Array) -> ConnectingG
     """Newton's method with step halving."""
     for _ in range(_MAX_SHOTS):
         end, jacobian = exp_with_derivative(
-            metric, q0, velocity, _COARSE_STEP_TOLERANCE, max_steps=MAX_STEPS
+            metric, q0, velocity, _COARSE_TOLERANCE, max_steps=MAX_STEPS
         )
         error = end - q1
         if np.abs(error).max() <= _CLOSE:
@@ -317,12 +318,11 @@ def _shoot(metric: Metric, q0: Array, q1: Array, velocity: Array) -> ConnectingG
         step, damping = np.linalg.solve(jacobian, error), 1.0
         while damping > _MIN_DAMPING:
             try:
-                trial = (
-                    _end_point(metric, q0, velocity - damping * step, _COARSE_STEP_TOLERANCE) - q1
-                )
+                changed = velocity - damping * step
+                missed = _end_point(metric, q0, changed, _COARSE_TOLERANCE) - q1
             except IntegrationFailed:
-                trial = np.full_like(error, np.inf)
-            if np.linalg.norm(trial) <= (1.0 - _REDUCTION * damping) * np.linalg.norm(error):
+                missed = np.full_like(error, np.inf)
+            if np.linalg.norm(missed) <= (1.0 - _REDUCTION * damping) * np.linalg.norm(error):
                 break
             damping /= 2.0
         else:
@@ -332,11 +332,7 @@ def _shoot(metric: Metric, q0: Array, q1: Array, velocity: Array) -> ConnectingG
 
 
 def correct_velocity(
-    metric: Metric,
-    q0: Array,
-    q1: Array,
-    velocity: Array,
-    by_goal: Array,
+    metric: Metric, q0: Array, q1: Array, velocity: Array, by_goal: Array
 ) -> tuple[Array | None, str]:
     """Correct the velocity (n,) until Exp_q0(velocity) is q1, with its derivative by q1 (n, n).
 
@@ -347,41 +343,34 @@ def correct_velocity(
     """
     wanted, last, step, is_fine = wanted_error(q0, q1), np.inf, STEP, False
     before = change = np.zeros_like(velocity)
-    for number in range(_ROUNDS):
-        after_coarse, is_fine = not is_fine, last < _NEAR
-        tolerance = step if is_fine else _COARSER * step
-        try:
+    try:
+        for number in range(_ROUNDS):
+            after_coarse, is_fine = not is_fine, last < _NEAR
+            tolerance = step if is_fine else _COARSER * step
             difference = _end_point(metric, q0, velocity, tolerance) - q1
-        except IntegrationFailed as failure:
-            return None, _where(failure)
-        error = float(np.abs(difference).max())
-        if not (error < _CONTRACTION * last or error <= TOLERANCE):
-            if not error < _STALLED or step <= _SMALLEST:
-                if error < _ROUNDED:
+            error = float(np.abs(difference).max())
+            if not (error < _CONTRACTION * last or error <= TOLERANCE):
+                if not error < _STALLED or step <= _SMALLEST:
+                    return None, ROUNDING if error < _ROUNDED else _FAR.format(error)
+                step = max(_SMALLEST, step / _COARSER)
+            elif number:
+                by_goal = _update(by_goal, difference - before, change)
+            before, change = difference, -by_goal @ difference
+            velocity = velocity + change
+            if is_fine and error <= TOLERANCE and (error <= wanted or error >= _CONTRACTION * last):
+                if step < STEP and not _survives_rounding(metric, q0, q1, velocity, step):
                     return None, ROUNDING
-                return None, f"integrated forward, it ends {error:.1e} from the goal"
-            step = max(_SMALLEST, step / _COARSER)
-        elif number:
-            by_goal = _update(by_goal, difference - before, change)
-        before, change = difference, -by_goal @ difference
-        velocity = velocity + change
-        if is_fine and error <= TOLERANCE and (error <= wanted or error >= _CONTRACTION * last):
-            if step < STEP and not _survives_rounding(metric, q0, q1, velocity, step):
-                return None, ROUNDING
-            if after_coarse:
-                return velocity, ""
-            try:
-                end = _end_point(metric, q0, velocity, _COARSER * step)
-            except IntegrationFailed as failure:
-                return None, _where(failure)
-            verified = float(np.abs(end - q1).max()) / 2.0
-            if verified <= TOLERANCE:
-                return velocity, ""
-            if step <= _SMALLEST:
-                return None, ROUNDING
-            step, error = max(_SMALLEST, step / _COARSER), _NEAR / 10.0
-        last = error
-    return None, f"integrated forward, it ends {last:.1e} from the goal"
+                end = q1 if after_coarse else _end_point(metric, q0, velocity, _COARSER * step)
+                if np.abs(end - q1).max() / 2.0 <= TOLERANCE:
+                    return velocity, ""
+                if step <= _SMALLEST:
+                    return None, ROUNDING
+                step, error = max(_SMALLEST, step / _COARSER), _NEAR / 10.0
+            last = error
+    except IntegrationFailed as failure:
+        place = "" if failure.time is None else f" at s = {failure.time:.3g}"
+        return None, f"its integration fails{place}"
+    return None, _FAR.format(last)
 
 
 def _survives_rounding(metric: Metric, q0: Array, q1: Array, velocity: Array, step: float) -> bool:
@@ -399,11 +388,6 @@ def _end_point(metric: Metric, q0: Array, velocity: Array, tolerance: float) -> 
         metric, q0, velocity, _UNIT_INTERVAL, tolerance, max_steps=MAX_STEPS
     )
     return np.asarray(positions[-1])
-
-
-def _where(failure: IntegrationFailed) -> str:
-    place = "" if failure.time is None else f" at s = {failure.time:.3g}"
-    return f"its integration fails{place}"
 
 
 def _update(inverse: Array, difference: Array, change: Array) -> Array:

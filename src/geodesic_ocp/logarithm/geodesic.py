@@ -14,11 +14,7 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, as_vector
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
 from geodesic_ocp.figures.path_figure import draw_path
-from geodesic_ocp.logarithm.by_newton import (
-    CHECK_TOLERANCE,
-    TOLERANCE,
-    ConnectingGeodesic,
-)
+from geodesic_ocp.logarithm.by_newton import CHECK_TOLERANCE, TOLERANCE, ConnectingGeodesic
 from geodesic_ocp.logarithm.log import find_geodesics
 from geodesic_ocp.manifold.exp import exp, sample_geodesic
 from geodesic_ocp.manifold.metric import Metric, as_metric

@@ -171,13 +171,7 @@ def find_geodesics(
 
 
 def find_from_path(
-    metric: Metric,
-    q0: Array,
-    q1: Array,
-    guess: Path | None,
-    solver: str,
-    *,
-    thorough: bool = True,
+    metric: Metric, q0: Array, q1: Array, guess: Path | None, solver: str, *, thorough: bool = True
 ) -> ConnectingGeodesic:
     """The geodesic of locally minimal energy near a path, or near the straight line.
 

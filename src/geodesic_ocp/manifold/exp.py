@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_positive, as_vector, real_array
+from geodesic_ocp.arrays import Array, as_positive, as_vector
 from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.manifold.kernels import integrate_by_scipy
 from geodesic_ocp.manifold.metric import Metric, as_metric, over_rows
@@ -70,14 +70,12 @@ def sample_geodesic(
 ) -> tuple[Array, Array]:
     """Positions and velocities, (k, n) each, of the geodesic of `exp` at k increasing times.
 
-    The geodesic starts at times[0], and every position is within the tolerance. Raises like `exp`.
+    The geodesic starts at times[0], and every position is within the tolerance.
+
+    Raises:
+        IntegrationFailed: see `exp`.
     """
-    metric = as_metric(metric)
-    point, velocity = metric.point("q", q), as_vector("v", v, metric.dim)
-    tolerance = as_positive("tolerance", tolerance)
-    instants = real_array(times, "times")
-    if instants.ndim != 1 or instants.size < 2 or not np.all(np.diff(instants) > 0):
-        raise ValueError("times must be at least two increasing numbers")
+    point, velocity, instants = (np.asarray(each, dtype=float) for each in (q, v, times))
     if metric.has_constant_tensor:
         line = point + np.outer(instants - instants[0], velocity)
         return line, np.tile(velocity, (instants.size, 1))

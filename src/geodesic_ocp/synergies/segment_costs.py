@@ -258,10 +258,7 @@ def refine_cuts(
 
 
 def _improve(
-    cuts: list[int],
-    tried: Sequence[int],
-    costs_of: Callable[[list[Pair]], list[float]],
-    step: int,
+    cuts: list[int], tried: Sequence[int], costs_of: Callable[[list[Pair]], list[float]], step: int
 ) -> list[int]:
     """Move each of these cuts, no two of them neighbours, to its best place; which have moved."""
     places = [

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
-from numpy.lib.stride_tricks import sliding_window_view
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_positive
 
@@ -154,18 +153,18 @@ def locally_fitted(time: Array, q: Array, window: int, order: int) -> Filtered:
             f"the motion is too short to filter: a window of {window} needs as many samples, not "
             f"{time.size}"
         )
-    step, half = (time[-1] - time[0]) / (time.size - 1), window // 2
-    fit, slope = _polynomial_weights(window, order)
-    windows = sliding_window_view(q, window, axis=0)
+    step = (time[-1] - time[0]) / (time.size - 1)
     smooth, velocity = (
-        np.vstack([at[:half] @ q[:window], windows @ at[half], at[half + 1 :] @ q[-window:]])
-        for at in (fit, slope / step)
+        scipy.signal.savgol_filter(q, window, order, deriv, step, axis=0) for deriv in (0, 1)
     )
     # Standard deviations of the residual and of the slope in a window of unit white noise.
-    left_out = float(np.linalg.norm(np.eye(window)[half] - fit[half]))
+    fit, slope = (
+        scipy.signal.savgol_coeffs(window, order, deriv, step, use="dot") for deriv in (0, 1)
+    )
+    left_out = float(np.linalg.norm(np.eye(window)[window // 2] - fit))
     removed = np.sqrt(np.mean((q - smooth) ** 2, axis=0))
     noise = removed / left_out if left_out > 0.0 else np.zeros_like(removed)
-    left = noise * float(np.linalg.norm(slope[half])) / step
+    left = noise * float(np.linalg.norm(slope))
     kind = f"Savitzky-Golay filter of order {order}"
     return smooth, velocity, MotionFilter(kind, None, window * step, False, noise, left)
 
@@ -316,11 +315,3 @@ def _spectrum(rate: float, q: Array) -> tuple[Array, Array]:
     scale = 2.0 / (rate * float((window**2).sum()))
     density: Array = np.asarray(scale * np.abs(transform) ** 2, dtype=float)
     return np.linspace(0.0, (len(density) - 1) * rate / size, len(density)), density
-
-
-def _polynomial_weights(window: int, order: int) -> tuple[Array, Array]:
-    """From the samples of a window to values and slopes at each of them, (window, window)."""
-    half, powers = window // 2, np.arange(order + 1)
-    x = np.linspace(-1.0, 1.0, window)[:, None]
-    fit = np.linalg.pinv(x**powers)  # from samples to coefficients
-    return x**powers @ fit, (powers / half * x ** np.maximum(powers - 1, 0)) @ fit

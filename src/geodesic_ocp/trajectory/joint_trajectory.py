@@ -7,6 +7,7 @@ import io
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from math import perm
 from os import PathLike
 from pathlib import Path
 
@@ -23,18 +24,9 @@ KINDS = ("position", "velocity", "acceleration", "effort")  # of columns of a ta
 _METRES = ("m", "m/s", "m/s^2", "N")  # their units for a joint in metres
 _SUFFIXES = (".csv", ".json", ".npz")
 # Powers of s in [0, 1] of the quintic with q, h q', h^2 q'' at 0 and 1: coefficients (6, 6).
-_ENDS = np.array(
-    [
-        [1, 0, 0, 0, 0, 0],
-        [0, 1, 0, 0, 0, 0],
-        [0, 0, 2, 0, 0, 0],
-        [1, 1, 1, 1, 1, 1],
-        [0, 1, 2, 3, 4, 5],
-        [0, 0, 2, 6, 12, 20],
-    ],
-    dtype=float,
+_COEFFICIENTS = np.linalg.inv(
+    [[perm(k, d) * s ** max(k - d, 0) for k in range(6)] for s in (0.0, 1.0) for d in range(3)]
 )
-_COEFFICIENTS = np.linalg.inv(_ENDS)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
