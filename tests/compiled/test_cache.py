@@ -14,7 +14,7 @@ from known_metrics import HalfPlane, Sphere
 
 import geodesic_ocp as go
 from geodesic_ocp.compiled import cache, library, source
-from geodesic_ocp.compiled.compilers import Compiler, tiny_compiler
+from geodesic_ocp.compiled.library import Compiler, tiny_compiler
 
 Q0, Q1 = np.array([1.0, 0.2]), np.array([1.4, 1.1])
 pytestmark = pytest.mark.usefixtures("tcc")

