@@ -411,11 +411,7 @@ def joint_inertia_of(metric: Metric) -> str:
     if method_of(metric) != "joint_inertia":
         return ""
     assert isinstance(metric, KineticEnergy)
-    values = {}
-    for unit, per_unit in (("rad", "kg m^2"), ("m", "kg")):
-        chosen = metric.model.armature[[each == unit for each in metric.model.units]]
-        if chosen.size:
-            low, high = chosen.min(), chosen.max()
-            shown = f"{low:.3g}" if np.isclose(low, high) else f"{low:.3g} to {high:.3g}"
-            values[per_unit] = f"{shown} {per_unit}"
-    return ", ".join(values.values())
+    units = np.array(metric.model.units)
+    values = {unit: tuple(metric.model.armature[units == unit].tolist()) for unit in ("rad", "m")}
+    per_unit = {"rad": "kg m^2", "m": "kg"}
+    return ", ".join(f"{_range(each)} {per_unit[unit]}" for unit, each in values.items() if each)

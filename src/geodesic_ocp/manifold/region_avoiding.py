@@ -151,14 +151,14 @@ class RegionAvoiding(Metric):
 
     def __post_init__(self) -> None:
         as_metric(self.metric)
-        if np.ndim(self.margin) == 0:
-            margin: Any = float(as_vector("margin", [self.margin], 1)[0])
-        else:
-            count = self.dim if self.functions is None else len(self._region.labels)
-            margin = tuple(as_vector("margin", self.margin, count).tolist())
-        if not np.all(np.asarray(margin) > 0.0):
-            raise ValueError(f"margin must be positive, got {margin}")
-        object.__setattr__(self, "margin", margin)
+        count = self.dim if self.functions is None else len(self._region.labels)
+        several = np.ndim(self.margin) > 0
+        given = as_vector(
+            "margin", self.margin if several else [self.margin], count if several else 1
+        )
+        if not np.all(given > 0.0):
+            raise ValueError(f"margin must be positive, got {self.margin}")
+        object.__setattr__(self, "margin", tuple(given.tolist()) if several else float(given[0]))
         if self.configuration is not None:
             configuration = tuple(as_vector("configuration", self.configuration, self.dim).tolist())
             object.__setattr__(self, "configuration", configuration)
@@ -188,13 +188,11 @@ class RegionAvoiding(Metric):
             return None
         rng, periods = np.random.default_rng(0), list(self.metric.periods)
         for coordinate in np.flatnonzero(np.isfinite(periods)):
-            for q in rng.normal(size=(_NUM_SAMPLES, self.dim)):
-                shifted = q.copy()
-                shifted[coordinate] += periods[coordinate]
-                first, second = (evaluate(self._region.values, point) for point in (q, shifted))
-                if not np.allclose(first, second, rtol=_EQUAL, atol=_EQUAL, equal_nan=True):
-                    periods[coordinate] = np.inf
-                    break
+            q = rng.normal(size=(self.dim, _NUM_SAMPLES))
+            shifted = q + periods[coordinate] * np.eye(self.dim)[:, [coordinate]]
+            first, second = (self._region.values(each).full() for each in (q, shifted))
+            if not np.allclose(first, second, rtol=_EQUAL, atol=_EQUAL, equal_nan=True):
+                periods[coordinate] = np.inf
         return tuple(periods)
 
     @cached_property

@@ -16,10 +16,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from math import perm
 
 import casadi as ca
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_positive, as_vector, evaluate
@@ -86,28 +86,16 @@ class TimeLaw(ShortRepr):
             raise ValueError(f"t must lie in [0, {self.duration:.6g}] s, got {t!r}")
         if order < 0:
             raise ValueError(f"order must not be negative, got {order}")
-        if order > 3:
-            return np.zeros(times.shape)
-        inside = np.clip(times, 0.0, self.duration)
-        interval = np.searchsorted(self.knots[1:-1], inside, side="right")
-        since = inside - self.knots[interval]
-        result: Array = np.zeros(times.shape)
-        for power in range(3, order - 1, -1):  # Horner's scheme
-            result = result * since + perm(power, order) * self._coefficients[power, interval]
-        return result
+        return np.asarray(self._spline(np.clip(times, 0.0, self.duration), order))
 
     @cached_property
-    def _coefficients(self) -> Array:
-        """Of the powers 0 to 3 of the time since an interval's first knot, (4, k - 1)."""
-        h, start, stop = np.diff(self.knots), self.speeds[:-1], self.speeds[1:]
-        chord = np.diff(self.positions) / h
-        second, third = (3.0 * chord - 2.0 * start - stop) / h, (start + stop - 2.0 * chord) / h**2
-        return np.array([self.positions[:-1], start, second, third])
+    def _spline(self) -> scipy.interpolate.CubicHermiteSpline:
+        return scipy.interpolate.CubicHermiteSpline(self.knots, self.positions, self.speeds)
 
     @property
     def cost(self) -> float:
         """The integral of s''(t)^2 over time."""
-        h, (_, _, second, third) = np.diff(self.knots), self._coefficients
+        h, (third, second, _, _) = np.diff(self.knots), self._spline.c
         start, stop = 2.0 * second, 2.0 * second + 6.0 * third * h
         return float(np.sum(h * (start**2 + start * stop + stop**2) / 3.0))
 
