@@ -72,10 +72,10 @@ def sample_geodesic(
 
     The geodesic starts at times[0], and every position is within the tolerance.
 
-    Raises:
-        IntegrationFailed: see `exp`.
+    Raises like `exp`.
     """
-    point, velocity, instants = (np.asarray(each, dtype=float) for each in (q, v, times))
+    point, velocity = metric.point("q", q), as_vector("v", v, metric.dim)
+    instants = np.asarray(times, dtype=float)
     if metric.has_constant_tensor:
         line = point + np.outer(instants - instants[0], velocity)
         return line, np.tile(velocity, (instants.size, 1))

@@ -89,8 +89,13 @@ class TimeLaw(ShortRepr):
         return np.asarray(self._spline(np.clip(times, 0.0, self.duration), order))
 
     @cached_property
-    def _spline(self) -> scipy.interpolate.CubicHermiteSpline:
-        return scipy.interpolate.CubicHermiteSpline(self.knots, self.positions, self.speeds)
+    def _spline(self) -> scipy.interpolate.PPoly:
+        """As `scipy.interpolate.CubicHermiteSpline`, at a fraction of the time."""
+        h, start, stop = np.diff(self.knots), self.speeds[:-1], self.speeds[1:]
+        chord = np.diff(self.positions) / h
+        second, third = (3.0 * chord - 2.0 * start - stop) / h, (start + stop - 2.0 * chord) / h**2
+        coefficients = np.array([third, second, start, self.positions[:-1]])
+        return scipy.interpolate.PPoly.construct_fast(coefficients, self.knots)
 
     @property
     def cost(self) -> float:
