@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, ShortRepr
-from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.logarithm.geodesic import geodesic
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import Euclidean
@@ -275,12 +274,10 @@ def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
             which its paths must have the lengths that were saved.
     """
     record = convert(read_record(file, FORMAT, VERSION, "synergies"), _FileRecord, file)
-    names, synergies = metric.joint_names, []
-    if names is not None and record.joint_names != names:
-        raise RecordingError(
-            f"{file}: its joints {list(record.joint_names)} are not the metric's, {list(names)}"
-        )
+    names, synergies = metric.joint_names or record.joint_names, []
     with decoding(file):
+        if record.joint_names != names:
+            raise ValueError(f"its joints {record.joint_names} are not the metric's, {names}")
         for each in record.synergies:
             curve = each.path.path(metric)
             if not np.isclose(curve.length, each.law.length, rtol=_SAME, atol=_SAME):

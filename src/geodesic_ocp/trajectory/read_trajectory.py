@@ -68,20 +68,20 @@ def _from_table(path: Path) -> _Content:
         if key.strip().lower() == "unit":
             default = value.strip()
             if default not in _FACTORS:
-                raise RecordingError(
-                    f"{path}: line {first + 1}: the unit must be rad, deg or m, is {default!r}"
+                raise ValueError(
+                    f"line {first + 1}: the unit must be rad, deg or m, is {default!r}"
                 )
         first += 1
     if first == len(lines):
-        raise RecordingError(f"{path}: has no header")
+        raise ValueError("has no header")
     header = [name.strip() for name in next(csv.reader(lines[first:]))]
     at_time = [k for k, name in enumerate(header) if _TIME.fullmatch(name)]
     if len(at_time) != 1 or len(header) < 2:
-        raise RecordingError(
-            f"{path}: line {first + 1} must be a header with time (time, time_from_start, "
+        raise ValueError(
+            f"line {first + 1} must be a header with time (time, time_from_start, "
             f"timestamp or t) and joints, separated by commas, is {','.join(header)[:60]!r}"
         )
-    table = _numbers(path, lines, first + 1, len(header))
+    table = _numbers(lines, first + 1, len(header))
     columns: dict[str, dict[str, int]] = {}
     units: dict[str, str] = {}
     for k, name in enumerate(header):
@@ -89,8 +89,8 @@ def _from_table(path: Path) -> _Content:
         if k in at_time:
             continue
         if found is None or found["kind"] in columns.get(found["joint"], {}):
-            raise RecordingError(
-                f"{path}: line {first + 1}: column {k + 1}, {name!r}, "
+            raise ValueError(
+                f"line {first + 1}: column {k + 1}, {name!r}, "
                 + ("has no joint's name" if found is None else "is there twice")
             )
         kind = found["kind"] or "position"
@@ -98,8 +98,8 @@ def _from_table(path: Path) -> _Content:
         if kind != "effort":
             unit = found["unit"] or default
             if unit not in _FACTORS or units.setdefault(found["joint"], unit) != unit:
-                raise RecordingError(
-                    f"{path}: line {first + 1}: the unit of {name!r} must be rad, deg or m, and "
+                raise ValueError(
+                    f"line {first + 1}: the unit of {name!r} must be rad, deg or m, and "
                     "the same in all columns of a joint"
                 )
             table[:, k] *= _FACTORS[unit]
@@ -107,32 +107,28 @@ def _from_table(path: Path) -> _Content:
     for kind in dict.fromkeys(kind for of_joint in columns.values() for kind in of_joint):
         missing = [joint for joint, of_joint in columns.items() if kind not in of_joint]
         if missing:
-            raise RecordingError(f"{path}: line {first + 1}: no {kind} of {', '.join(missing)}")
+            raise ValueError(f"line {first + 1}: no {kind} of {', '.join(missing)}")
         arrays[kind] = table[:, [of_joint[kind] for of_joint in columns.values()]]
     if "position" not in arrays:
-        raise RecordingError(f"{path}: line {first + 1}: no joint has a position")
+        raise ValueError(f"line {first + 1}: no joint has a position")
     names = tuple(columns)
     in_metres = tuple("m" if units[name] == "m" else "rad" for name in names)
     return table[:, at_time[0]], arrays, names, in_metres
 
 
-def _numbers(path: Path, lines: list[str], start: int, columns: int) -> Array:
+def _numbers(lines: list[str], start: int, columns: int) -> Array:
     """Entries of the rows below the header; lines that start with # are left out."""
     table = []
     for number, row in enumerate(csv.reader(lines[start:]), start=start + 1):
         if row and not row[0].startswith("#"):
             if len(row) != columns:
-                raise RecordingError(
-                    f"{path}: line {number} has {len(row)} entries, the header {columns}"
-                )
+                raise ValueError(f"line {number} has {len(row)} entries, the header {columns}")
             try:
                 table.append(as_vector("row", row, columns))
             except ValueError:
-                raise RecordingError(
-                    f"{path}: line {number} must be finite numbers, is {row!r:.80}"
-                ) from None
+                raise ValueError(f"line {number} must be finite numbers, is {row!r:.80}") from None
     if not table:
-        raise RecordingError(f"{path}: has no rows below its header")
+        raise ValueError("has no rows below its header")
     return np.array(table)
 
 
@@ -160,8 +156,8 @@ class _Instant:
 
 @dataclass
 class _Point:
-    positions: list[float]
     time_from_start: _Instant
+    positions: list[float]
     velocities: list[float] | None = None
     accelerations: list[float] | None = None
     effort: list[float] | None = None
@@ -179,18 +175,18 @@ def _from_json(path: Path) -> _Content:
     except UnicodeDecodeError:
         raise
     except (ValueError, RecursionError) as failure:
-        raise RecordingError(f"{path}: is not JSON: {failure}") from None
+        raise ValueError(f"is not JSON: {failure}") from None
     message = convert(record, _Message, path)
     names, instants = message.joint_names, [each.time_from_start for each in message.points]
     arrays = {}
-    for kind, field in zip(KINDS, fields(_Point)[:1] + fields(_Point)[2:], strict=True):
+    for kind, field in zip(KINDS, fields(_Point)[1:], strict=True):
         rows = [getattr(point, field.name) or [] for point in message.points]
         if kind != "position" and not any(rows):
             continue
         for k, row in enumerate(rows):
             if len(row) != len(names):
-                raise RecordingError(
-                    f"{path}: points[{k}].{field.name} must be {len(names)} numbers, is {row!r:.60}"
+                raise ValueError(
+                    f"points[{k}].{field.name} must be {len(names)} numbers, is {row!r:.60}"
                 )
         arrays[kind] = np.array(rows)
     time = np.array([instant.sec + instant.nanosec / NANO for instant in instants])
@@ -201,14 +197,12 @@ def _from_npz(path: Path) -> _Content:
     found = read_arrays(path)
     for name in ("time", "position", "joint_names"):
         if name not in found:
-            raise RecordingError(
-                f"{path}: has no array {name}, only {', '.join(found) or 'none at all'}"
-            )
+            raise ValueError(f"has no array {name}, only {', '.join(found) or 'none at all'}")
     arrays = {}
     for name in ("time", *KINDS):
         if name in found:
             if found[name].dtype.kind not in "iuf":
-                raise RecordingError(f"{path}: {name} must be numbers, has {found[name].dtype}")
+                raise ValueError(f"{name} must be numbers, has {found[name].dtype}")
             arrays[name] = np.asarray(found[name], dtype=float)
     names, units = (found.get(name, np.zeros(0)).ravel() for name in ("joint_names", "units"))
     return arrays.pop("time"), arrays, tuple(map(str, names)), tuple(map(str, units))
