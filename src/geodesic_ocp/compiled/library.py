@@ -56,11 +56,6 @@ class Compiler:
     command: tuple[str, ...]
     identity: str
 
-    @property
-    def is_quick(self) -> bool:
-        """Whether compiling takes a fraction of a second."""
-        return self.name == "tcc"
-
 
 def compiler_choice() -> str:
     """The value of the environment variable; ValueError if it is none of `CHOICES`."""
@@ -226,7 +221,7 @@ class Library:
             self._untried = candidates[candidates.index(best) + 1 :] if best else candidates
         if at_once or self._used > _FIRST_WORTHWHILE:
             while self._untried and self._loaded is None and not self._is_building:
-                if self._untried[0].is_quick or compiler_choice() == "system":
+                if self._untried[0].name == "tcc" or compiler_choice() == "system":
                     self._build(self._untried.pop(0), cache.build)
                 else:
                     self._start_building()

@@ -159,7 +159,9 @@ def find_geodesics(
         except (NotConverged, ValueError) as failure:
             failures.append(failure)
             continue
-        if not any(_are_same(metric, new, other) for other in found):
+        size = metric.norm(start, new.velocity)
+        differences = (metric.norm(start, new.velocity - other.velocity) for other in found)
+        if all(difference > _SAME * size for difference in differences):
             found.append(new)
     if not found:
         raise NotConverged(
@@ -292,8 +294,3 @@ def _random_direction(
         return np.asarray(length / np.linalg.norm(direction) * direction)
     unit = metric.norm(near.q0, near.velocity) / metric.norm(near.q0, direction)
     return np.asarray(length * unit * direction)
-
-
-def _are_same(metric: Metric, one: ConnectingGeodesic, other: ConnectingGeodesic) -> bool:
-    difference = metric.norm(one.q0, one.velocity - other.velocity)
-    return bool(difference <= _SAME * metric.norm(one.q0, one.velocity))

@@ -24,6 +24,8 @@ from geodesic_ocp.errors import IntegrationFailed, NotConverged
 from geodesic_ocp.manifold.metric_functions import MetricFunctions
 from geodesic_ocp.model.model import Model
 
+# Processors that this process may use.
+_PROCESSORS = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
 _FEW = 8  # rows; fewer are not worth starting threads
 # Eigenvalues of the normalized tensor below the first are zero up to rounding, as are entries of
 # the diagonal below the second relative to the largest, such as the square of sin(pi).
@@ -124,7 +126,12 @@ class Metric(MetricFunctions):
             raise ValueError(f"{name}: the metric is not finite at {point}")
         if not np.abs(tensor - tensor.T).max() <= 1e-9 * np.abs(tensor).max():
             raise ValueError(f"{name}: the metric tensor is not symmetric at {point}")
-        if _is_singular(tensor):
+        diagonal = np.diag(tensor)
+        is_singular = np.any(diagonal <= _VANISHING * diagonal.max())
+        if not is_singular:  # neither in other units, nor where lengths grow near a boundary
+            normalized = tensor / np.sqrt(np.outer(diagonal, diagonal))
+            is_singular = np.linalg.eigvalsh(normalized)[0] <= _SINGULAR
+        if is_singular:
             smallest, largest = np.linalg.eigvalsh(tensor)[[0, -1]]
             why = self.near_singularity(point)
             raise ValueError(
@@ -252,18 +259,6 @@ class Metric(MetricFunctions):
         return self._defined(rates, q)
 
 
-def _is_singular(tensor: Array) -> bool:
-    """Whether a symmetric, finite tensor (n, n) is not positive definite, up to rounding.
-
-    The result does not depend on units of coordinates, nor on lengths that grow near a boundary.
-    """
-    diagonal = np.diag(tensor)
-    if np.any(diagonal <= _VANISHING * diagonal.max()):
-        return True
-    sizes = np.sqrt(diagonal)
-    return bool(np.linalg.eigvalsh(tensor / np.outer(sizes, sizes))[0] <= _SINGULAR)
-
-
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
@@ -321,12 +316,5 @@ def _of_row(function: Callable[..., Any], arguments: dict[str, Any], row: int) -
 
 def in_threads(of_row: Callable[[int], Any], count: int) -> Iterator[Any]:
     """Results of calls with 0 to count - 1, in order; where one raises, the rest is left out."""
-    with ThreadPoolExecutor(_processors()) as threads:
+    with ThreadPoolExecutor(_PROCESSORS) as threads:
         yield from threads.map(of_row, range(count))
-
-
-def _processors() -> int:
-    """Number of processors that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

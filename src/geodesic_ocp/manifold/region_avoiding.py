@@ -91,14 +91,6 @@ def _region(h: ca.SX, q: ca.SX, labels: list[str], joints: list[int]) -> Region:
     return Region(values, gradients, tuple(labels), tuple(joints))
 
 
-def middle_configuration(model: Model) -> Array:
-    """The middle (n,) of the joint limits; of a joint without both limits, the value next to 0."""
-    both = np.isfinite(model.lower) & np.isfinite(model.upper)
-    configuration = np.clip(0.0, model.lower, model.upper)
-    configuration[both] = (model.lower[both] + model.upper[both]) / 2.0
-    return np.asarray(configuration)
-
-
 @dataclass(frozen=True, repr=False)
 class RegionAvoiding(Metric):
     """G + sum_i w_i (margin_i / h_i)^2 grad h_i grad h_i', where all h_i(q) > 0.
@@ -219,11 +211,17 @@ class RegionAvoiding(Metric):
     def _lengths(self) -> Array:
         """margin_i sqrt(w_i), (m,): least length of a path on which h_i changes by a factor e."""
         region = self._region
+        model = getattr(self.metric, "model", None)
+        q = np.zeros(self.dim)
         if self.configuration is not None:
             q = np.array(self.configuration)
-        else:
-            model = getattr(self.metric, "model", None)
-            q = np.zeros(self.dim) if model is None else middle_configuration(model)
+        elif (
+            model is not None
+        ):  # the middle, or of a joint without both limits, the value next to 0
+            both = np.isfinite(model.lower) & np.isfinite(model.upper)
+            with np.errstate(invalid="ignore"):
+                middle = (model.lower + model.upper) / 2.0
+            q = np.where(both, middle, np.clip(0.0, model.lower, model.upper))
         q = self.metric.point("configuration", q)
         gradients, tensor = region.gradients(q).full(), self.metric.matrix(q)
         mobilities = np.sum(gradients.T * np.linalg.solve(tensor, gradients.T), axis=0)

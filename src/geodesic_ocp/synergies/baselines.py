@@ -251,7 +251,6 @@ def minimum_jerk_hand(
         ends, samples = [start, stop], slice(start, stop + 1)
         times = observed.time[ends]
         poses = [_hand_motion(times, *(values[ends] for values in each)) for each in hands]
-
         part = Motion(observed.time[samples], observed.q[samples], observed.joint_names)
         tracked = _track_poses(model, part, poses, gain, damping)
         q[samples], velocity[samples] = tracked.q, tracked.velocity
@@ -266,8 +265,9 @@ def _observed_hand(model: Model, hand: str, observed: Motion) -> tuple[Array, Ar
     model = model if hand == model.hand else model.with_hand(hand)
     rotations, positions = model.hand_pose(observed.q)
     twists = hand_twists(model, observed)
-    places = np.stack([positions, twists[:, :3], rates(observed, twists[:, :3])], axis=1)
-    turns = np.stack([twists[:, 3:], rates(observed, twists[:, 3:])], axis=1)
+    changes = rates(observed, twists)
+    places = np.stack([positions, twists[:, :3], changes[:, :3]], axis=1)
+    turns = np.stack([twists[:, 3:], changes[:, 3:]], axis=1)
     return rotations, places, turns
 
 
