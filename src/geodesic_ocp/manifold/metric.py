@@ -24,8 +24,6 @@ from geodesic_ocp.errors import IntegrationFailed, NotConverged
 from geodesic_ocp.manifold.metric_functions import MetricFunctions
 from geodesic_ocp.model.model import Model
 
-# Processors that this process may use.
-_PROCESSORS = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
 _FEW = 8  # rows; fewer are not worth starting threads
 # Eigenvalues of the normalized tensor below the first are zero up to rounding, as are entries of
 # the diagonal below the second relative to the largest, such as the square of sin(pi).
@@ -316,5 +314,6 @@ def _of_row(function: Callable[..., Any], arguments: dict[str, Any], row: int) -
 
 def in_threads(of_row: Callable[[int], Any], count: int) -> Iterator[Any]:
     """Results of calls with 0 to count - 1, in order; where one raises, the rest is left out."""
-    with ThreadPoolExecutor(_PROCESSORS) as threads:
+    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
+    with ThreadPoolExecutor(usable) as threads:
         yield from threads.map(of_row, range(count))

@@ -215,9 +215,7 @@ class RegionAvoiding(Metric):
         q = np.zeros(self.dim)
         if self.configuration is not None:
             q = np.array(self.configuration)
-        elif (
-            model is not None
-        ):  # the middle, or of a joint without both limits, the value next to 0
+        elif model is not None:  # the middle; of a joint without both limits, the value next to 0
             both = np.isfinite(model.lower) & np.isfinite(model.upper)
             with np.errstate(invalid="ignore"):
                 middle = (model.lower + model.upper) / 2.0

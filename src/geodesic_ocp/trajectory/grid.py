@@ -43,10 +43,8 @@ class Grid(ShortRepr):
 
     def __post_init__(self) -> None:
         ends, via = self.ends, tuple(as_integer("via_segments", k, 1) for k in self.via_segments)
-        segments, degree = (
-            as_integer("segments", self.segments, 1),
-            as_integer("degree", self.degree, 2),
-        )
+        segments = as_integer("segments", self.segments, 1)
+        degree = as_integer("degree", self.degree, 2)
         if degree > _MAX_DEGREE:
             raise ValueError(f"degree must be 2 to {_MAX_DEGREE}, got {degree}")
         if ends is not None:
