@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, as_positive, as_vector
 from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.manifold.kernels import integrate_by_scipy
-from geodesic_ocp.manifold.metric import Metric, as_metric, over_rows
+from geodesic_ocp.manifold.metric import Metric, as_metric, over_rows, speeds_at
 
 _UNIT_INTERVAL = np.array([0.0, 1.0])
 # Initial tolerance of a step, relative to the tolerance of the end point, and its lower bound.
@@ -114,11 +114,7 @@ def _check_speed(metric: Metric, positions: Array, velocities: Array) -> None:
 
     There the distance to the boundary loses its digits, in both integrations alike.
     """
-    if metric.kernels.loaded:
-        squares = metric.kernels.speeds(positions, velocities) ** 2
-    else:
-        tensors = [metric.matrix(q) for q in positions]
-        squares = np.einsum("ki,kij,kj->k", velocities, tensors, velocities)
+    squares = speeds_at(metric, positions, velocities) ** 2
     kept = np.abs(squares - squares[0]) <= _SPEED_CHANGE * squares[0]
     if not np.all(kept):
         first = int(np.argmin(kept))

@@ -52,6 +52,16 @@ def has_compiled_code(metric: Any) -> bool:
     )
 
 
+def speeds_at(metric: Metric, q: Array, velocity: Array) -> Array:
+    """Speeds |v|_q (k,) of velocities (k, n) at positions (k, n); NaN where there is no metric."""
+    if metric.has_constant_tensor:
+        squares = np.sum(velocity @ metric.matrix(q[0]) * velocity, axis=1)
+        return np.asarray(np.sqrt(squares))
+    if metric.kernels.available(at_once=False):
+        return metric.kernels.speeds(q, velocity)
+    return np.asarray(evaluate(metric.speed.map(len(q)), q.T, velocity.T)[0])
+
+
 def _also_numeric(matrix: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
     """The symbolic matrix(q) of a subclass, extended to take and return NumPy arrays."""
 

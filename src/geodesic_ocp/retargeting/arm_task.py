@@ -16,6 +16,7 @@ from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
 from geodesic_ocp.execution.track_within_limits import track_within_limits
 from geodesic_ocp.logarithm.pose_shooting import metric_of
+from geodesic_ocp.manifold.metric import speeds_at
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, merge_synergies
 from geodesic_ocp.retargeting.poses.pose_mapping import PoseMapping
@@ -29,7 +30,6 @@ from geodesic_ocp.synergies.analyse import Analysis
 from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion
-from geodesic_ocp.trajectory.path import speeds_at
 from geodesic_ocp.trajectory.time_law import time_law
 
 _GRAVITY = 9.81  # [m/s^2]

@@ -10,13 +10,12 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, ShortRepr
-from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.manifold.metric import Metric, speeds_at
 from geodesic_ocp.model.model import Model, hand_labels
 from geodesic_ocp.rotations import rotation_vector
 from geodesic_ocp.synergies.synergy import as_segments
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.motion import Motion
-from geodesic_ocp.trajectory.path import speeds_at
 
 _CELLS = 200  # along the curves; the error falls with the square of their number
 _ACROSS, _WEIGHTS = np.polynomial.legendre.leggauss(5)  # from one curve to the other

@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, as_not_negative, as_positive
 from geodesic_ocp.errors import IntegrationFailed
-from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.manifold.metric import Metric, speeds_at
 from geodesic_ocp.trajectory.motion import Motion
-from geodesic_ocp.trajectory.path import speeds_at
 
 # Joints within this range do not move: it is below the noise of motion capture [rad or m].
 _STILL = 1e-3

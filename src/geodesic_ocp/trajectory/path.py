@@ -8,8 +8,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_number, evaluate, real_array
-from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.arrays import Array, as_number, real_array
+from geodesic_ocp.manifold.metric import Metric, speeds_at
 from geodesic_ocp.trajectory.grid import Grid, interpolation_between
 
 # Newton's method for s at an arc length converges quadratically: one step below this is the last.
@@ -198,17 +198,6 @@ class Path:
             raise ValueError(f"by must be 'length' or 's', got {by!r}")
         s = np.linspace(0.0, 1.0, int(count))
         return self(s if by == "s" else self.at_length(s * self.length))
-
-
-def speeds_at(metric: Metric, q: Array, velocity: Array) -> Array:
-    """Speeds |v|_q (k,) of velocities (k, n) at positions (k, n); NaN where there is no metric."""
-    if metric.has_constant_tensor:
-        squares = np.sum(velocity @ metric.matrix(q[0]) * velocity, axis=1)
-        return np.asarray(np.sqrt(squares))
-    if metric.kernels.available(at_once=False):
-        return metric.kernels.speeds(q, velocity)
-    result: Array = evaluate(metric.speed.map(len(q)), q.T, velocity.T)[0]
-    return result
 
 
 @lru_cache(maxsize=64)

@@ -23,9 +23,9 @@ import scipy
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_positive, as_vector, evaluate
-from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.manifold.metric import Metric, speeds_at
 from geodesic_ocp.trajectory.motion import Motion
-from geodesic_ocp.trajectory.path import Path, speeds_at
+from geodesic_ocp.trajectory.path import Path
 
 _LARGEST = 1e100  # numbers whose squares are finite
 # Tolerance for bounds that hold with equality, relative to the speed scale of the problem.
