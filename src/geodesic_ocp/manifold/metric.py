@@ -5,6 +5,8 @@ Motion Analysis and Retargeting" (IROS 2022), section III, with Christoffel symb
 kind,
 
     Gamma_ijk = 1/2 (d g_ij / d q_k + d g_ik / d q_j - d g_jk / d q_i).
+
+Functions of a metric and two points or vectors are vectorized over rows of arrays by `over_rows`.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from geodesic_ocp.errors import IntegrationFailed, NotConverged
 from geodesic_ocp.manifold.metric_functions import MetricFunctions
 from geodesic_ocp.model.model import Model
 
+Function = TypeVar("Function", bound=Callable[..., Any])
 _FEW = 8  # rows; fewer are not worth starting threads
 # Eigenvalues of the normalized tensor below the first are zero up to rounding, as are entries of
 # the diagonal below the second relative to the largest, such as the square of sin(pi).
@@ -265,9 +268,6 @@ class Metric(MetricFunctions):
             return self.geodesic_equation(ca.vertcat(q, v))[self.dim :]
         rates = evaluate(self.geodesic_equation, np.concatenate([q, v]))[self.dim :, 0]
         return self._defined(rates, q)
-
-
-Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def over_rows(function: Function) -> Function:

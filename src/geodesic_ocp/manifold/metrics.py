@@ -17,6 +17,15 @@ from geodesic_ocp.model.inertias import inertia_scale, scale_inertias
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.rigid_body import link_energies
 
+JOINT_INERTIA = "kinetic energy with joint inertia"
+KINETIC_ENERGY = "kinetic energy"
+STRAIGHT_LINES = "straight lines"
+MetricName = Literal["joint-inertia", "kinetic", "euclidean"]
+METRIC_NAMES: tuple[str, ...] = get_args(MetricName)
+# Of m r^2: what `fit_metric` estimates from recordings of the KIT database and the bundled one,
+# with 0.02 to 0.04 as its 95 % interval.
+FRACTION = 0.03
+# Of `AdjustableKineticEnergy`: checks of its numbers, and parameters of every joint.
 _CHECKS = {"payload": as_not_negative, "mass_ratio": as_positive, "height_ratio": as_positive}
 _PER_JOINT = ("armature", "joint_inertia", "link_mass_ratios", "link_inertia_ratios")
 
@@ -307,14 +316,6 @@ def _range(values: tuple[Any, ...]) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-JOINT_INERTIA = "kinetic energy with joint inertia"
-KINETIC_ENERGY = "kinetic energy"
-STRAIGHT_LINES = "straight lines"
-MetricName = Literal["joint-inertia", "kinetic", "euclidean"]
-METRIC_NAMES: tuple[str, ...] = get_args(MetricName)
-# Of m r^2: what `fit_metric` estimates from recordings of the KIT database and the bundled one,
-# with 0.02 to 0.04 as its 95 % interval.
-FRACTION = 0.03
 # Functions of a model, in the order of the names: the kinetic energy with the model's or the
 # default joint inertia, that of the links alone, and the Euclidean metric, whose geodesics are
 # straight lines in joint space.
