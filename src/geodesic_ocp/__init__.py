@@ -220,7 +220,6 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
         leave_one_out,
         separate_fits,
     )
-    from geodesic_ocp.logarithm.frechet_mean import frechet_mean
     from geodesic_ocp.logarithm.geodesic import (
         Geodesic,
         geodesic,
@@ -228,7 +227,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
         geodesics,
     )
     from geodesic_ocp.logarithm.geodesic_to_pose import ToPose, geodesic_to_pose
-    from geodesic_ocp.logarithm.log import distance, log
+    from geodesic_ocp.logarithm.log import distance, frechet_mean, log
     from geodesic_ocp.manifold.connection import (
         parallel_transport,
         riemann_curvature,
@@ -372,10 +371,9 @@ else:
         "fitting.resampling": "separate_fits bootstrap_fit CrossValidation leave_one_out",
         "fitting.fit_metric": "fit_metric",
         "fitting.error_profile": "ErrorProfile error_profile",
-        "logarithm.frechet_mean": "frechet_mean",
+        "logarithm.log": "frechet_mean distance log",
         "logarithm.geodesic": "Geodesic geodesic geodesic_from_velocity geodesics",
         "logarithm.geodesic_to_pose": "ToPose geodesic_to_pose",
-        "logarithm.log": "distance log",
         "manifold.connection": (
             "riemann_curvature scalar_curvature sectional_curvature parallel_transport "
         ),
