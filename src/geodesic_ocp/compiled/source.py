@@ -84,10 +84,5 @@ def _read(name: str) -> str:
 def _constant(name: str, values: ArrayLike) -> str:
     array = np.asarray(values, dtype=float)
     sizes = "".join(f"[{size}]" for size in array.shape)
-    return f"static const double {name}{sizes} = {_initializer(array)};"
-
-
-def _initializer(array: np.ndarray) -> str:
-    if array.ndim == 0:
-        return repr(float(array))
-    return "{" + ", ".join(map(_initializer, array)) + "}"
+    braces = str.maketrans("[]", "{}")
+    return f"static const double {name}{sizes} = {str(array.tolist()).translate(braces)};"

@@ -12,13 +12,13 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.execution.check_trajectory import check_trajectory
 from geodesic_ocp.execution.limits import QUANTITIES, JointLimits
 from geodesic_ocp.execution.track_within_limits import Solver, track_within_limits
+from geodesic_ocp.manifold.metric import speeds_at
 from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.synergies.baselines import Poses
 from geodesic_ocp.synergies.scores import pose_differences
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
-from geodesic_ocp.trajectory.path import speeds_at
 
 _HIGHEST = 10.0  # [Hz]
 _LEAST = 0.05  # of the largest amplitude: higher frequencies are cut off from there on

@@ -16,8 +16,8 @@ from geodesic_ocp.fitting.curvature import LeastErrors
 from geodesic_ocp.fitting.metric_program import MetricProgram
 from geodesic_ocp.fitting.parameter import Parameter, with_parameters
 from geodesic_ocp.ipopt import Outcome
-from geodesic_ocp.manifold.adjustable_kinetic_energy import AdjustableKineticEnergy
 from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.manifold.metrics import AdjustableKineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.records import convert, decoding, read_record, write_file

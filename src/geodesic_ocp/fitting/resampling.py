@@ -16,8 +16,8 @@ from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import Euclidean
 from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.recordings.recording import Recording
-from geodesic_ocp.synergies.reconstruct import reconstruct
 from geodesic_ocp.synergies.scores import MotionErrors, evaluate
+from geodesic_ocp.synergies.synergy import reconstruct
 from geodesic_ocp.table import Table
 
 _FINE = 2000  # points at which an interpolated profile is compared

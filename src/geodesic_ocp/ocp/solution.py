@@ -26,8 +26,7 @@ from geodesic_ocp.ocp.violations import BETWEEN_NODES, NEGLIGIBLE, Violation, fi
 from geodesic_ocp.records import write_file
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.path import Path
-from geodesic_ocp.trajectory.time_law import TimeLaw
-from geodesic_ocp.trajectory.timed_path import motion_along
+from geodesic_ocp.trajectory.time_law import TimeLaw, motion_along
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
 from geodesic_ocp.execution.track_within_limits import track_within_limits
 from geodesic_ocp.logarithm.pose_shooting import metric_of
+from geodesic_ocp.manifold.metric import speeds_at
 from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.key_poses import PairedArm, nearest_configurations
@@ -21,7 +22,6 @@ from geodesic_ocp.synergies.scores import MotionErrors, action, pose_errors
 from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion
-from geodesic_ocp.trajectory.path import speeds_at
 from geodesic_ocp.trajectory.time_law import time_law
 
 _BASELINE_RATE = 200.0  # [Hz], of the controller

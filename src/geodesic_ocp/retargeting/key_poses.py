@@ -21,7 +21,7 @@ from geodesic_ocp.ocp.pose_search import CollisionAvoidance, pose_difference
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
 from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, merge_synergies
 from geodesic_ocp.retargeting.settings import RetargetingSettings
-from geodesic_ocp.synergies.analysis import Analysis
+from geodesic_ocp.synergies.analyse import Analysis
 
 _GRAVITY = 9.81  # [m/s^2]
 NO_COLLISIONS = CollisionAvoidance()

@@ -39,7 +39,7 @@ from geodesic_ocp.retargeting.transfer import (
     unattained,
 )
 from geodesic_ocp.retargeting.waypoints import arm_waypoints
-from geodesic_ocp.synergies.analysis import Analysis
+from geodesic_ocp.synergies.analyse import Analysis
 
 _DEFAULT = RetargetingSettings()
 _TOLERANCE = 1e-6

@@ -27,7 +27,7 @@ from geodesic_ocp.recordings.save_motion import save_motion
 from geodesic_ocp.records import write_file
 from geodesic_ocp.studies.batch.analyse_recording import analyse_recording, read_by_settings
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
-from geodesic_ocp.synergies.analysis import Analysis
+from geodesic_ocp.synergies.analyse import Analysis
 
 
 def analyse_file(options: argparse.Namespace, side: Side) -> Analysis:
