@@ -14,7 +14,7 @@ from short_reprs import check_reprs
 import geodesic_ocp as go
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import JointLimits
-from geodesic_ocp.logarithm.pose_shooting import metric_of
+from geodesic_ocp.manifold.metrics import metric_of
 from geodesic_ocp.retargeting.candidates import Candidates
 from geodesic_ocp.retargeting.key_poses import Pose
 from geodesic_ocp.retargeting.paths_program import (

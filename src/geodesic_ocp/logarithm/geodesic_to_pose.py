@@ -22,9 +22,9 @@ from geodesic_ocp.logarithm.pose_shooting import (
     PoseTarget,
     ShootingResult,
     descend_transported_gradient,
-    metric_of,
     shoot,
 )
+from geodesic_ocp.manifold.metrics import metric_of
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.ocp.pose_search import pose_difference
 

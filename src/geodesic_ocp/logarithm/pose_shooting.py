@@ -24,7 +24,7 @@ from geodesic_ocp.ipopt import Ipopt, Outcome
 from geodesic_ocp.logarithm.geodesic import geodesic_from_velocity
 from geodesic_ocp.manifold.connection import parallel_transport
 from geodesic_ocp.manifold.exp import exp
-from geodesic_ocp.manifold.metrics import KineticEnergy
+from geodesic_ocp.manifold.metrics import KineticEnergy, metric_of
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.pose_search import rotation_log
 from geodesic_ocp.trajectory.path import Path
@@ -101,12 +101,6 @@ def shoot(target: PoseTarget, velocity: Array, energy_weight: float) -> Shooting
         else:
             break
     return best._replace(iterations=iterations)
-
-
-@lru_cache(maxsize=32)
-def metric_of(model: Model) -> KineticEnergy:
-    """The kinetic-energy metric of a model, whose functions are built once."""
-    return KineticEnergy(model)
 
 
 @lru_cache(maxsize=1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import chain
 from typing import Any, Literal, get_args
 
@@ -125,6 +125,12 @@ class KineticEnergy(ModelMetric):
     def _has_mass_matrix(self) -> bool:
         """Whether no subclass overrides `matrix`, so that the model's recursions apply."""
         return type(self).matrix is KineticEnergy.matrix
+
+
+@lru_cache(maxsize=32)
+def metric_of(model: Model) -> KineticEnergy:
+    """The kinetic-energy metric of a model, whose functions are built once."""
+    return KineticEnergy(model)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_rotation, as_vector
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.manifold.metric import Metric, as_metric
-from geodesic_ocp.manifold.metrics import KineticEnergy
+from geodesic_ocp.manifold.metrics import metric_of
 from geodesic_ocp.model.distances import as_pair, signed_distances
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.model.primitives import Obstacle
@@ -257,7 +257,7 @@ class Reach(ShortRepr, ConstrainedProblem):
     @property
     def metric(self) -> Metric:  # type: ignore[override]
         """Kinetic energy of the model."""
-        return KineticEnergy(self.model)
+        return metric_of(self.model)
 
     @property
     def parameters(self) -> Sequence[str]:  # type: ignore[override]

@@ -12,9 +12,8 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
 from geodesic_ocp.execution.track_within_limits import track_within_limits
-from geodesic_ocp.logarithm.pose_shooting import metric_of
 from geodesic_ocp.manifold.metric import speeds_at
-from geodesic_ocp.manifold.metrics import KineticEnergy
+from geodesic_ocp.manifold.metrics import KineticEnergy, metric_of
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.key_poses import PairedArm, nearest_configurations
 from geodesic_ocp.retargeting.transfer import OutOfReach, Transfer

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.blocks import in_rounds
 from geodesic_ocp.execution.clearance import Clearance, active_rows
-from geodesic_ocp.logarithm.pose_shooting import metric_of
-from geodesic_ocp.manifold.metrics import KineticEnergy
+from geodesic_ocp.manifold.metrics import KineticEnergy, metric_of
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.problem import Equality, Inequality, Problem, key_of
 from geodesic_ocp.ocp.refinement import unresolved_energy, worst_by_segment

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.logarithm.geodesic_to_pose import ToPose, geodesic_to_pose, nearest_of
-from geodesic_ocp.logarithm.pose_shooting import metric_of
 from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.manifold.metrics import metric_of
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.problems import Reach
 from geodesic_ocp.ocp.solve import solve
