@@ -280,8 +280,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.recordings.markers.sets.marker_set import MarkerSet
     from geodesic_ocp.recordings.opensim_models.osim_convention import OsimConvention
     from geodesic_ocp.recordings.read_markers import read_markers
-    from geodesic_ocp.recordings.read_motion import read_motion
-    from geodesic_ocp.recordings.read_recording import read_recording
+    from geodesic_ocp.recordings.read_recording import read_motion, read_recording
     from geodesic_ocp.recordings.read_recordings import read_recordings
     from geodesic_ocp.recordings.recording import Recording
     from geodesic_ocp.recordings.save_motion import save_motion
@@ -407,7 +406,7 @@ else:
         "retargeting.synergy_paths": "SynergyPaths",
         "synergies.analyse": "analyse Analysis",
         "synergies.scores": "HandErrors MotionErrors evaluate Scores score",
-        "recordings.read_motion": "read_motion",
+        "recordings.read_recording": "read_motion read_recording",
         "synergies.synergy": "Reconstruction reconstruct Synergy load_synergies save_synergies",
         "synergies.optimal_segmentations": (
             "OptimalSegmentations optimal_segmentations segment_optimal "
@@ -436,7 +435,6 @@ else:
         "recordings.markers.marker_fit": "MarkerFit",
         "recordings.markers.fit_motion": "fit_motion",
         "recordings.markers.lost_markers": "LostMarker",
-        "recordings.read_recording": "read_recording",
         "trajectory.motion": "FrameMotion Motion Subject",
         "studies.batch.analyse_recordings": "analyse_recordings",
         "studies.batch.batch_result": "BatchResult",

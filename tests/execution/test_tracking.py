@@ -12,10 +12,10 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
+from geodesic_ocp.arrays import rotation_vector
 from geodesic_ocp.execution.limits import JointLimits, joint_limits
 from geodesic_ocp.execution.track_within_limits import Solver, track_within_limits
 from geodesic_ocp.model.formats.robots import folder
-from geodesic_ocp.rotations import rotation_vector
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
 TIME = np.linspace(0.0, 2.0, 101)

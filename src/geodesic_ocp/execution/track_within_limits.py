@@ -14,12 +14,18 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
-from geodesic_ocp.arrays import Array, as_not_negative, as_positive, as_vector, evaluate
+from geodesic_ocp.arrays import (
+    Array,
+    as_not_negative,
+    as_positive,
+    as_vector,
+    evaluate,
+    rotation_vector,
+)
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.pose_search import rotation_log
-from geodesic_ocp.rotations import rotation_vector
 from geodesic_ocp.synergies.baselines import Poses
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 

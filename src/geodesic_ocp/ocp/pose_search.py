@@ -18,13 +18,19 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from geodesic_ocp.arrays import Array, as_number, as_rotation, as_vector, real_array
+from geodesic_ocp.arrays import (
+    Array,
+    as_number,
+    as_rotation,
+    as_vector,
+    real_array,
+    rotation_vector,
+)
 from geodesic_ocp.blocks import Terms, single_block
 from geodesic_ocp.ipopt import Ipopt
 from geodesic_ocp.model.distances import as_pair, signed_distances
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.model.primitives import Obstacle
-from geodesic_ocp.rotations import rotation_vector
 
 # configurations (k, n) -> weighted pose errors (k, m) and their Jacobians (k, m, n)
 PoseErrors: TypeAlias = Callable[[Array], tuple[Array, Array]]

@@ -24,12 +24,15 @@ from geodesic_ocp.retargeting.alignment.alignment import alignment as default_al
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment, check_joints
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.candidates import first_candidates
-from geodesic_ocp.retargeting.detours import warn_of_detours
 from geodesic_ocp.retargeting.key_poses import PairedArm, PoseMapping
-from geodesic_ocp.retargeting.motion_clearance import motion_clearance, of_paths, of_trajectory
 from geodesic_ocp.retargeting.reachability import reachability
-from geodesic_ocp.retargeting.result import Retargeting
-from geodesic_ocp.retargeting.settings import RetargetingSettings
+from geodesic_ocp.retargeting.result import Retargeting, warn_of_detours
+from geodesic_ocp.retargeting.settings import (
+    RetargetingSettings,
+    motion_clearance,
+    of_paths,
+    of_trajectory,
+)
 from geodesic_ocp.retargeting.synergy_paths import PlannedPaths, SynergyPaths
 from geodesic_ocp.retargeting.transfer import (
     FreeGeodesics,

@@ -11,11 +11,10 @@ import numpy as np
 import scipy
 from scipy.spatial.transform import Rotation
 
-from geodesic_ocp.arrays import Array, as_positive, evaluate
+from geodesic_ocp.arrays import Array, as_positive, evaluate, rotation_vector
 from geodesic_ocp.manifold.metrics import KineticEnergy, with_joint_inertia
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.pose_search import rotation_log
-from geodesic_ocp.rotations import rotation_vector
 from geodesic_ocp.synergies.scores import hand_twists
 from geodesic_ocp.synergies.segment import observed_velocity
 from geodesic_ocp.synergies.synergy import as_segments

@@ -9,10 +9,9 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.arrays import Array, ShortRepr, rotation_vector
 from geodesic_ocp.manifold.metric import Metric, speeds_at
 from geodesic_ocp.model.model import Model, hand_labels
-from geodesic_ocp.rotations import rotation_vector
 from geodesic_ocp.synergies.synergy import as_segments
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.motion import Motion
