@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.trajectory.path import Path
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ArmPaths:
+class ArmPaths(ShortRepr):
     """The paths of one arm, to be travelled one after the other.
 
     Attributes:
@@ -30,10 +30,7 @@ class ArmPaths:
     edges: Array
     paths: Sequence[Path]
     gravity: Array = field(default_factory=lambda: np.array([0.0, 0.0, -9.81]))
-
-    def __repr__(self) -> str:
-        seconds = float(self.edges[-1] - self.edges[0])
-        return f"ArmPaths({len(self.paths)} paths of {self.robot.name} in {seconds:.3g} s)"
+    _shown = ("robot", "edges")
 
 
 def joint_names(arms: Sequence[ArmPaths]) -> tuple[str, ...]:

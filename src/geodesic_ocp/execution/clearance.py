@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from geodesic_ocp.arrays import Array, as_number, evaluate
+from geodesic_ocp.arrays import Array, ShortRepr, as_number, evaluate
 from geodesic_ocp.execution.link_pairs import (
     MARGIN,
     LinkPairs,
@@ -35,7 +35,7 @@ from geodesic_ocp.model.rigid_body import Placement, constant, joint_placements
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Clearance:
+class Clearance(ShortRepr):
     """Distances that a program keeps above lower bounds.
 
     Attributes:
@@ -51,9 +51,7 @@ class Clearance:
     names: tuple[str, ...]
     exact: Callable[[Array, int], float] | None = None
     _rows: dict[int, ca.Function] = field(default_factory=dict, init=False)
-
-    def __repr__(self) -> str:
-        return f"Clearance({len(self.names)} distances of {self.dof} joints)"
+    _shown = ("names",)
 
     @property
     def dof(self) -> int:
@@ -210,7 +208,7 @@ def _from_obstacle(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ActiveRows:
+class ActiveRows(ShortRepr):
     """Distances that are too small at some of k configurations.
 
     Attributes:
@@ -226,9 +224,6 @@ class ActiveRows:
 
     def __len__(self) -> int:
         return len(self.rows)
-
-    def __repr__(self) -> str:
-        return f"ActiveRows({len(set(self.rows.tolist()))} distances, {len(self)} violations)"
 
 
 def active_rows(

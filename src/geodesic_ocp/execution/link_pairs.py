@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from geodesic_ocp.arrays import Array, as_integer, as_number
+from geodesic_ocp.arrays import Array, ShortRepr, as_integer, as_number
 from geodesic_ocp.model.combine import base_placements
 from geodesic_ocp.model.distances import segment_distances
 from geodesic_ocp.model.link_geometry import LinkGeometry
@@ -36,7 +36,7 @@ _SAME = 1e-9  # [m]: rounding
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LinkPairs:
+class LinkPairs(ShortRepr):
     """The pairs of links that have to be kept apart.
 
     Attributes:
@@ -59,10 +59,7 @@ class LinkPairs:
     in_contact: tuple[Pair, ...]
     unknown: tuple[str, ...]
     solids: PlacedSolids = field(repr=False)
-
-    def __repr__(self) -> str:
-        counts = len(self.constrained), len(self.exact_only)
-        return f"LinkPairs({counts[0]} constrained, {counts[1]} by exact distances only)"
+    _shown = ("constrained", "exact_only")
 
     def __str__(self) -> str:
         parts = [f"{len(self.constrained)} pairs of links are kept apart"]

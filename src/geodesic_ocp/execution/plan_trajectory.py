@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_positive, as_vector
+from geodesic_ocp.arrays import Array, ShortRepr, as_positive, as_vector
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.execution.arm_paths import ArmPaths, joint_forces, joint_names
 from geodesic_ocp.execution.clearance import Clearance
@@ -153,7 +153,7 @@ class PathDeviation:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PlannedTrajectory:
+class PlannedTrajectory(ShortRepr):
     """The motion of all arms in time: a cubic spline, with continuous accelerations.
 
     Attributes:
@@ -183,13 +183,7 @@ class PlannedTrajectory:
     iterations: int
     seconds: float
     rest: bool = True
-
-    def __repr__(self) -> str:
-        largest = max((shares.largest for shares in self.usage), default=0.0)
-        return (
-            f"PlannedTrajectory({self.duration:.3g} s, {self.stretch:.3g} times the person's time, "
-            f"{largest:.4g} of the limits at most, {self.status})"
-        )
+    _shown = ("duration", "stretch", "success", "status")
 
     @property
     def duration(self) -> float:

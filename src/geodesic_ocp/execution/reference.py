@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.execution.arm_paths import ArmPaths
 
 
@@ -259,7 +259,7 @@ def _rests(nodes: Array) -> bool:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class JointSpline:
+class JointSpline(ShortRepr):
     """Joints over time, with constant jerk between knots.
 
     Attributes:
@@ -271,9 +271,7 @@ class JointSpline:
     positions: Array
     velocities: Array
     accelerations: Array
-
-    def __repr__(self) -> str:
-        return f"JointSpline({self.positions.shape[1]} joints, {self.duration:.3g} s)"
+    _shown = ("duration",)
 
     @classmethod
     def through(cls, time: Array, positions: Array, ends: Array) -> JointSpline:

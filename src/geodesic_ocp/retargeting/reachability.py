@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.arrays import Array, ShortRepr, as_positive
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
 from geodesic_ocp.retargeting.nearest_poses import NearestPoses, nearest_poses, search_range
@@ -165,7 +165,7 @@ class Unreachable:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Reachability:
+class Reachability(ShortRepr):
     """Which of some poses a robot's hand attains.
 
     Attributes:
@@ -182,9 +182,7 @@ class Reachability:
     mounting: Mounting | None
     helped: int
     advice: str
-
-    def __repr__(self) -> str:
-        return f"Reachability({self.count - len(self.unreachable)} of {self.count} within reach)"
+    _shown = ("count", "helped", "advice")
 
     def __str__(self) -> str:
         return self.advice or f"all {self.count} poses are within reach"
