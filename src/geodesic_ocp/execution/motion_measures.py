@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.execution.check_trajectory import check_trajectory
 from geodesic_ocp.execution.limits import QUANTITIES, JointLimits
-from geodesic_ocp.execution.track_within_limits import Solver, track_within_limits
+from geodesic_ocp.execution.track_within_limits import track_within_limits
 from geodesic_ocp.manifold.metric import speeds_at
 from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.model.model import Model
@@ -36,7 +36,7 @@ _COLUMNS = {  # of `measures_table`
     "largest [rad]": "largest_rotation",
     "outside joint limits [rad or m]": "outside",
 }
-_NAMES = {"built-in": "inverse kinematics (QP)", "pink": "inverse kinematics (pink)"}
+_TRACKED = "inverse kinematics (QP)"
 # Offsets of the elbow (k, 3), of the robot in configurations (k, n), of the person at times (k,).
 ElbowOffsets = tuple[Callable[[Array], Array], Callable[[Array], Array]]
 
@@ -189,7 +189,6 @@ def compare_with_tracking(
     elbow_offsets: ElbowOffsets | None = None,
     turning: bool = True,
     placing: bool = True,
-    solvers: Sequence[Solver] = ("built-in",),
     name: str = "geodesic synergies",
 ) -> dict[str, MotionMeasures]:
     """Measures of a trajectory, and of inverse kinematics that tracks the hand (`measures_table`).
@@ -206,7 +205,7 @@ def compare_with_tracking(
         limits: of the joints.
         gravity: acceleration of free fall in the axes of the robot's base (3,) [m/s^2].
         elbow_offsets: of the robot and of the person, in lengths of the arm.
-        turning, placing, solvers: of inverse kinematics, see `track_within_limits`.
+        turning, placing: of inverse kinematics, see `track_within_limits`.
         name: of the trajectory.
 
     Raises:
@@ -229,22 +228,20 @@ def compare_with_tracking(
 
     found = {name: measured(trajectory, time)}
     own = trajectory.time[0] + np.array([0.0, time[-1] - time[0]])
-    for solver in solvers:
-        for suffix, span, at in (
-            ("", trajectory.time, time),
-            (", the person's time", own, own - own[0] + time[0]),
-        ):
+    for suffix, span, at in (
+        ("", trajectory.time, time),
+        (", the person's time", own, own - own[0] + time[0]),
+    ):
 
-            def in_time(instants: Array, span: Array = span, at: Array = at) -> tuple[Array, Array]:
-                return poses(np.interp(instants, span, at))
+        def in_time(instants: Array, span: Array = span, at: Array = at) -> tuple[Array, Array]:
+            return poses(np.interp(instants, span, at))
 
-            tracked = track_within_limits(
-                *(robot, trajectory.positions[0], span, in_time, limits),
-                rate=rate,
-                turning=turning,
-                placing=placing,
-                solver=solver,
-            )
-            targets = np.interp(tracked.time + span[0], span, at)
-            found[_NAMES[solver] + suffix] = measured(tracked, targets)
+        tracked = track_within_limits(
+            *(robot, trajectory.positions[0], span, in_time, limits),
+            rate=rate,
+            turning=turning,
+            placing=placing,
+        )
+        targets = np.interp(tracked.time + span[0], span, at)
+        found[_TRACKED + suffix] = measured(tracked, targets)
     return found

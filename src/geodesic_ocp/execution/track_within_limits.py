@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Literal, TypeAlias, get_args
 
 import casadi as ca
 import daqp
@@ -29,7 +28,6 @@ from geodesic_ocp.ocp.pose_search import rotation_log
 from geodesic_ocp.synergies.baselines import Poses
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
-Solver: TypeAlias = Literal["built-in", "pink"]
 _EVEN = 1e-6  # share of a step
 _FEWEST = 3  # steps: at rest, in motion, at rest
 _ROUNDING = 1e-9  # share of limits, and [rad or m], left to the rounding of sums
@@ -52,7 +50,7 @@ def track_within_limits(
     damping: float = 1e-2,
     turning: bool = True,
     placing: bool = True,
-    solver: Solver = "built-in",
+    solver: Callable[[Step], Array] | None = None,
 ) -> JointTrajectory:
     """Track poses of the hand from rest to rest, within the limits of joints, speed, acceleration.
 
@@ -84,7 +82,7 @@ def track_within_limits(
         gain: of the pose error [1/s], at most the rate.
         damping: as `posture_weight`, of the speeds.
         turning, placing: whether it tracks rotations, and positions.
-        solver: "built-in", or "pink" for the tasks and the solver of the package of that name.
+        solver: of the problem of one step; None: DAQP.
 
     Returns:
         Samples at the rate from time 0. Velocities are central differences of the positions, and
@@ -92,7 +90,6 @@ def track_within_limits(
 
     Raises:
         ValueError: wrong shapes or numbers, a start outside the limits, less than three steps.
-        ImportError: solver "pink" without the extra of that name.
     """
     q = as_vector("start", start, model.dof)
     for name, value, low, high in zip(model.joint_names, q, model.lower, model.upper, strict=True):
@@ -104,8 +101,6 @@ def track_within_limits(
         raise ValueError(f"limits must be JointLimits of {model.dof} joints, got {limits!r}")
     if not (turning or placing):
         raise ValueError("turning and placing are both False: there is nothing to track")
-    if solver not in get_args(Solver):
-        raise ValueError(f"solver must be one of {', '.join(get_args(Solver))}, got {solver!r}")
     preferred = q if posture is None else as_vector("posture", posture, model.dof)
     drift = as_not_negative("posture_gain", posture_gain)
     rate = as_positive("rate", rate, "Hz")
@@ -119,8 +114,6 @@ def track_within_limits(
     rotations, places, velocities = _targets(time, poses, duration)
     rows = (*range(3 * (not placing), 3), *range(3, 3 + 3 * turning))
     bounds = SpeedBounds.of(model, limits, duration)
-    by_pink = _pink_step(model, rows, duration, weights) if solver == "pink" else None
-
     count = len(velocities)
     positions, speeds = np.empty((count + 1, model.dof)), np.zeros((count + 2, model.dof))
     positions[0] = q
@@ -140,7 +133,7 @@ def track_within_limits(
             lower=lower,
             upper=upper,
         )
-        found = by_pink(step) if by_pink else step.solve()
+        found = step.solve() if solver is None else solver(step)
         speeds[k + 1] = np.clip(found, lower, upper)
         q = q + duration * speeds[k + 1]
         positions[k + 1] = q
@@ -328,71 +321,3 @@ def box_least_squares(hessian: Array, gradient: Array, lower: Array, upper: Arra
     if flag != 1:
         raise NotConverged(f"the least-squares problem of a step was not solved (DAQP: {flag})")
     return np.asarray(np.clip(x, lower, upper))
-
-
-def _pink_step(
-    model: Model, rows: tuple[int, ...], duration: float, weights: tuple[float, float]
-) -> Callable[[Step], Array]:
-    """A function that solves steps [s] with pink's tasks, and its QP by DAQP.
-
-    FrameTask is given the pose that the hand reaches within the step at the wanted velocity. Bounds
-    of the speeds stand in a Limit. (Those of pink's own AccelerationLimit can contradict each other
-    near the end of a joint's range, as they count the room for braking before the step, not after.)
-
-    Raises:
-        ImportError: without the extra "pink".
-    """
-    try:
-        from pink import Configuration, solve_ik
-        from pink.limits import Limit
-        from pink.tasks import FrameTask, LowAccelerationTask, PostureTask
-    except ImportError as error:
-        raise ImportError(
-            "inverse kinematics by pink needs: pip install 'geodesic_ocp[pink]'"
-        ) from error
-
-    class Bounds(Limit):  # type: ignore[misc, unused-ignore]
-        """Least and largest displacements of all joints."""
-
-        lower: Array
-        upper: Array
-
-        def compute_qp_inequalities(self, configuration: Any, dt: float) -> tuple[Array, Array]:
-            del configuration, dt
-            both = np.concatenate([self.upper, -self.lower])
-            eye = np.eye(self.upper.size)
-            finite = np.isfinite(both)
-            return np.vstack([eye, -eye])[finite], both[finite]
-
-    chain = model.pin.copy()  # pink adds attributes to it
-    data = chain.createData()
-    placed, turned = (float(first in rows) for first in (0, 3))
-    hand = FrameTask(model.hand, position_cost=placed, orientation_cost=turned)
-    posture = PostureTask(cost=float(np.sqrt(weights[0])))
-    change = LowAccelerationTask(cost=float(np.sqrt(weights[1])))
-    bounds = Bounds()
-
-    def solve(step: Step) -> Array:
-        way = np.zeros(6)
-        way[list(rows)] = duration * step.velocity
-        configuration = Configuration(chain, data, step.q, copy_data=False)
-        pose = configuration.get_transform_frame_to_world(model.hand)
-        pose.rotation = Rotation.from_rotvec(way[3:]).as_matrix() @ pose.rotation
-        pose.translation = pose.translation + way[:3]
-        hand.set_target(pose)
-        posture.set_target(step.q + duration * step.posture)
-        change.set_last_integration(step.before, duration)
-        bounds.lower, bounds.upper = duration * step.lower, duration * step.upper
-        return np.asarray(
-            solve_ik(
-                configuration,
-                [hand, posture, change],
-                duration,
-                "daqp",
-                damping=step.damping,
-                limits=[bounds],
-                safety_break=False,
-            )
-        )
-
-    return solve

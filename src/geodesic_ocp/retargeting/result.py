@@ -142,7 +142,7 @@ class Retargeting:
             clearance=None if self.clearance is None else in_check(self.clearance),
         )
 
-    def comparison(self, arm: int = 0, *, pink: bool = False) -> Table:
+    def comparison(self, arm: int = 0) -> Table:
         """Beside inverse kinematics under the same limits, in this time and in the person's.
 
         Energy, torque, smoothness, likeness to the person, errors of the hand, and the time that it
@@ -150,10 +150,6 @@ class Retargeting:
 
         Args:
             arm: number of the arm.
-            pink: whether inverse kinematics by the package pink is compared as well.
-
-        Raises:
-            ImportError: without the extra `pink`.
         """
         one = self.arms[arm]
         settings = self.settings
@@ -165,7 +161,6 @@ class Retargeting:
             rate=self.rate,
             turning=settings.orientation_weight > 0.0,
             placing=settings.position_weight > 0.0,
-            solvers=("built-in", "pink") if pink else ("built-in",),
         )
         return measures_table(found)
 
