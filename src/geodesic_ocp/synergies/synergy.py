@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from os import PathLike
@@ -18,7 +17,7 @@ from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import Euclidean
 from geodesic_ocp.model.human import stature
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.records import convert, decoding, read_record
+from geodesic_ocp.records import convert, decoding, read_record, write_record
 from geodesic_ocp.synergies.segment import speeds
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.motion import Motion
@@ -251,8 +250,7 @@ def save_synergies(
         "segments": [[synergy.start, synergy.stop] for synergy in synergies],
         "synergies": [_encode(synergy) for synergy in synergies],
     }
-    text = json.dumps(record, indent=1, default=np.ndarray.tolist)
-    FilePath(file).write_text(text, encoding="utf-8")
+    write_record(file, record)
 
 
 def _encode(synergy: Synergy) -> dict[str, Any]:
