@@ -219,7 +219,8 @@ class Library:
     def _prepare(self, at_once: bool) -> None:
         """Load the best library that is stored, or build one."""
         if self._untried is None:
-            candidates = compilers()
+            # Functions without a core serve one program: a slow compiler would not pay.
+            candidates = [each for each in compilers() if self._dim or each.name == "tcc"]
             best = next((each for each in reversed(candidates) if self._load_stored(each)), None)
             self._untried = candidates[candidates.index(best) + 1 :] if best else candidates
         if at_once or self._used > _FIRST_WORTHWHILE:
