@@ -139,6 +139,13 @@ class Stretched(go.Metric):
         return ca.diagcat(1.0, 1.0 + self.stretch * q[0] ** 2)
 
 
+class Squared(Stretched):
+    """The same, not linear in its parameter."""
+
+    def matrix(self, q: Any) -> Any:
+        return ca.diagcat(1.0, 1.0 + (self.stretch * q[0]) ** 2)
+
+
 def test_parameters_of_a_users_metric() -> None:
     model = go.load_model(PLANAR, hand="hand")
     data = synthetic_recording(Stretched(2.0), model, np.random.default_rng(1), count=4)
@@ -184,6 +191,22 @@ def test_derivatives_of_the_least_errors(noisy_fit: go.MetricFit) -> None:
     size = np.abs(first).max()
     assert found.gradients[:, 0] == pytest.approx(first, abs=0.02 * size)
     assert found.hessians[:, 0, 0] == pytest.approx(second, abs=0.02 * np.abs(second).max())
+
+
+def test_a_metric_that_is_not_linear_in_its_parameter() -> None:
+    """The equations of each recording have second derivatives by the parameter alone."""
+    model, rng = go.load_model(PLANAR, hand="hand"), np.random.default_rng(1)
+    data = [synthetic_recording(Stretched(4.0), model, rng, count=2) for _ in range(2)]
+    start = go.Parameter("stretch", 1.4)
+    fit = fitted(*data, metric=lambda model: Squared(), parameters=start)
+    assert fit.values["stretch"] == pytest.approx(2.0, rel=1e-3)
+    program, x = fit.program, fit.outcome.x
+    factors = rng.normal(size=fit.outcome.lam_g.size)
+    for half, found in enumerate(program._corners.call([x, factors])):
+        own = np.where(np.arange(factors.size) // (factors.size // 2) == half, factors, 0.0)
+        hessian = program.program.functions["hess_lag"](x, np.ones(2), 0.0, own)
+        assert float(found) == pytest.approx(float(hessian[0, 0]), rel=1e-12)
+        assert abs(float(found)) > 1e-3
 
 
 @pytest.mark.slow

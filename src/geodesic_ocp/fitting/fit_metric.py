@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import get_args
 
 import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, as_integer
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.fitting.curvature import LeastErrors, least_errors
 from geodesic_ocp.fitting.metric_fit import Estimate, MetricFit
-from geodesic_ocp.fitting.metric_program import MetricProgram, Start
+from geodesic_ocp.fitting.metric_program import LeastErrors, MetricProgram
 from geodesic_ocp.fitting.parameter import JOINT_INERTIA, Parameter, as_parameters, with_parameters
-from geodesic_ocp.fitting.recording_part import RecordingPart, observe
-from geodesic_ocp.fitting.segment_functions import Measure, SegmentFunctions, as_measure
+from geodesic_ocp.fitting.recording_part import Measure, SegmentTerms, observe
+from geodesic_ocp.ipopt import Outcome
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import AdjustableKineticEnergy
 from geodesic_ocp.model.model import Model
@@ -24,7 +24,6 @@ from geodesic_ocp.synergies.segment import segment
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.motion import bandwidth
 
-_UNIT = {"joint": 0.01, "position": 0.01}  # of the errors [rad], [m]
 _AT_BOUND = 1e-4  # distance from a bound, relative to the initial or the largest value
 _UNITS = {"armature": "kg m^2", "payload": "kg", "joint_inertia": "m r^2"}
 # Directions in which the logarithms of the parameters are more uncertain than this are reported.
@@ -100,29 +99,33 @@ def fit_metric(
         raise ValueError(f"segments must be given for each of {len(listed)} recordings")
     if not callable(metric):
         raise ValueError(f"metric must give the metric of a model, such as a class, got {metric!r}")
-    chosen, measure = as_parameters(parameters), as_measure(measure)
+    if measure not in get_args(Measure):
+        raise ValueError(f"measure must be one of {', '.join(get_args(Measure))}, got {measure!r}")
     if free_ends and measure != "joint":
         raise ValueError("free_ends needs measure='joint': the hand leaves the redundant arm free")
-    report, grid = progress or no_progress, Grid(1, as_integer("degree", degree, 3))
+    chosen, report = as_parameters(parameters), progress or no_progress
+    grid = Grid(1, as_integer("degree", degree, 3))
     theta = ca.SX.sym("theta", len(chosen))
-    start = np.array([each.start for each in chosen], dtype=float)
-    functions: dict[int, SegmentFunctions] = {}
+    start, lower, upper = np.array([(p.start, p.lower, p.upper) for p in chosen], dtype=float).T
+    terms: dict[int, SegmentTerms] = {}  # recordings of one model share them
     parts = []
     for number, recording in enumerate(listed):
         report("preparing recordings", number, len(listed))
         model = recording.model
-        if id(model) not in functions:
+        if id(model) not in terms:
             symbolic = with_parameters(metric(model), chosen, ca.vertsplit(theta))
-            functions[id(model)] = SegmentFunctions(symbolic, theta, model, measure, grid)
+            terms[id(model)] = SegmentTerms(symbolic, theta, model, measure, grid)
         initial = with_parameters(metric(model), chosen, start.tolist())
-        if segments is None:
-            rule = {"min_duration": min_duration, "hysteresis": hysteresis}
-            cuts: Sequence[tuple[int, int]] = segment(initial, recording.motion, threshold, **rule)
-        else:
-            cuts = segments[number]
-        observed = observe(recording, initial, cuts, grid)
-        parts.append(RecordingPart(functions[id(model)], observed, _UNIT[measure]))
-    lower, upper = np.array([(each.lower, each.upper) for each in chosen]).T
+        cuts = (
+            segment(
+                *(initial, recording.motion, threshold),
+                min_duration=min_duration,
+                hysteresis=hysteresis,
+            )
+            if segments is None
+            else segments[number]
+        )
+        parts.append(observe(recording, initial, cuts, terms[id(model)]))
     program = MetricProgram(tuple(parts), start, lower, upper, free_ends)
     report("fitting the metric", 0, 1)
     fit = solve_program(program, chosen, metric)
@@ -134,7 +137,7 @@ def solve_program(
     program: MetricProgram,
     parameters: tuple[Parameter, ...],
     metric: Callable[[Model], Metric],
-    near: Start | None = None,
+    near: Outcome | None = None,
 ) -> MetricFit:
     """The fit of a program with equal weights of its recordings, from a start if it is given.
 
@@ -144,26 +147,23 @@ def solve_program(
     outcome = program.solve(np.ones(len(program.parts)), near)
     if not outcome.success:
         raise NotConverged(f"the metric was not fitted: {outcome.status}", outcome)
-    p = program.size
-    relative = outcome.x[:p]
-    derivatives = least_errors(program, outcome.x, outcome.lam_g)
-    lower, upper = (bound[:p] for bound in program.bounds)
+    derivatives = program.least_errors(outcome)
+    relative, lower, upper = (each[: program.size] for each in (outcome.x, *program.bounds))
     bounded = (relative - lower < _AT_BOUND) | (upper - relative < _AT_BOUND * upper)
     free = np.flatnonzero(~bounded)
-    matrix = _covariance(program, derivatives.of_parameters(free))
-    deviations = np.full(p, np.nan)
+    of_free = derivatives.of_parameters(free)
+    matrix = _covariance(program, of_free)
+    deviations = np.full(program.size, np.nan)
     deviations[free] = np.sqrt(np.diag(matrix)) * program.start[free]
-    found = zip(parameters, relative * program.start, deviations, bounded, strict=True)
+    found = zip(
+        *(parameters, (relative * program.start).tolist(), deviations.tolist(), bounded.tolist()),
+        strict=True,
+    )
     estimates = tuple(
-        Estimate(each.name, float(value), float(error), _UNITS.get(each.field, ""), bool(at_bound))
+        Estimate(each.name, value, error, _UNITS.get(each.field, ""), at_bound)
         for each, value, error, at_bound in found
     )
-    unknown = _undetermined(
-        derivatives.of_parameters(free),
-        matrix,
-        relative[free],
-        [parameters[k].name for k in free],
-    )
+    unknown = _undetermined(of_free, matrix, relative[free], [parameters[k].name for k in free])
     return MetricFit(estimates, parameters, unknown, program, outcome, derivatives, metric)
 
 
@@ -178,16 +178,15 @@ def _covariance(program: MetricProgram, errors: LeastErrors) -> Array:
     total = np.asarray(errors.hessians.sum(axis=0))
     if not total.size:
         return total
-    weights = []
-    for part, value in zip(program.parts, errors.values, strict=True):
-        motion = part.observed.recording.motion
-        duration = sum(float(motion.time[b] - motion.time[a]) for a, b in part.observed.segments)
-        frequency = bandwidth(motion)
-        samples = min(2.0 * frequency * duration, part.observed.owners.size)
-        components = 3 if part.functions.measure == "position" else part.functions.dim
-        variance = 2.0 * value / components
-        weights.append(variance / max(samples, 1.0))
-    middle = np.einsum("r,rij->ij", np.array(weights), errors.hessians)
+    samples = []
+    for part in program.parts:
+        motion = part.recording.motion
+        duration = sum(float(motion.time[b] - motion.time[a]) for a, b in part.segments)
+        samples.append(max(min(2.0 * bandwidth(motion) * duration, part.owners.size), 1.0))
+    terms = program.parts[0].terms
+    components = 3 if terms.measure == "position" else terms.dim
+    weights = 2.0 * errors.values / components / np.array(samples)
+    middle = np.einsum("r,rij->ij", weights, errors.hessians)
     if np.linalg.eigvalsh(middle)[0] < 0.0:  # single recordings need not have a minimum here
         sizes, axes = np.linalg.eigh(float(np.mean(weights)) * total)
         middle = (axes * np.maximum(sizes, 0.0)) @ axes.T

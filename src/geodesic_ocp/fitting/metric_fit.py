@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.fitting.curvature import LeastErrors
-from geodesic_ocp.fitting.metric_program import MetricProgram
+from geodesic_ocp.fitting.metric_program import LeastErrors, MetricProgram
 from geodesic_ocp.fitting.parameter import Parameter, with_parameters
+from geodesic_ocp.fitting.recording_part import DEVIATION
 from geodesic_ocp.ipopt import Outcome
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import AdjustableKineticEnergy
@@ -49,8 +49,8 @@ class Estimate:
         return f"{self.name} = {self.value:.4g}{bound} {self.unit}".rstrip()
 
 
-@dataclass(frozen=True)
-class ConfidenceInterval:
+@dataclass(frozen=True, repr=False)
+class ConfidenceInterval(ShortRepr):
     """A confidence interval of a parameter.
 
     Attributes:
@@ -68,12 +68,6 @@ class ConfidenceInterval:
     confidence: float
     unit: str
     count: int
-
-    def __repr__(self) -> str:
-        return (
-            f"{self.name}: {self.low:.4g} to {self.high:.4g} ({100 * self.confidence:g} %, "
-            f"bootstrap over {self.count} {self.unit}s)"
-        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -93,10 +87,10 @@ class MetricFit:
     estimates: tuple[Estimate, ...]
     parameters: tuple[Parameter, ...]
     undetermined: tuple[str, ...]
-    program: MetricProgram = field(repr=False)
-    outcome: Outcome = field(repr=False)
-    derivatives: LeastErrors = field(repr=False)
-    family: Callable[[Model], Metric] = field(repr=False)
+    program: MetricProgram
+    outcome: Outcome
+    derivatives: LeastErrors
+    family: Callable[[Model], Metric]
 
     def __repr__(self) -> str:
         count, error = len(self.recordings), float(np.sqrt(np.mean(self.errors**2)))
@@ -110,7 +104,7 @@ class MetricFit:
     @property
     def error_unit(self) -> str:
         """Unit of the errors, "rad" or "m"."""
-        return "rad" if self.program.parts[0].functions.measure == "joint" else "m"
+        return "rad" if self.program.parts[0].terms.measure == "joint" else "m"
 
     def _repr_markdown_(self) -> str:
         notes = "".join(f"\n- {sentence}" for sentence in self.undetermined)
@@ -124,7 +118,7 @@ class MetricFit:
     @property
     def recordings(self) -> tuple[Recording, ...]:
         """The recordings, in the order of `errors`."""
-        return tuple(part.observed.recording for part in self.program.parts)
+        return tuple(part.recording for part in self.program.parts)
 
     @property
     def errors(self) -> Array:
@@ -133,9 +127,8 @@ class MetricFit:
 
     def root_mean_squares(self, squares: Array) -> Array:
         """Root mean square errors from the program's mean squares."""
-        part = self.program.parts[0]
-        entries = part.functions.dim if part.functions.measure == "joint" else 1
-        return np.asarray(part.deviation * np.sqrt(squares / entries))
+        entries = self.program.parts[0].terms.dim if self.error_unit == "rad" else 1
+        return np.asarray(DEVIATION * np.sqrt(squares / entries))
 
     def metric(self, model: Model) -> Metric:
         """The metric of a model with the estimated parameters."""
@@ -143,18 +136,23 @@ class MetricFit:
 
     def table(self, intervals: tuple[ConfidenceInterval, ...] = ()) -> Table:
         """Estimates, standard errors, and bootstrap intervals if given (`bootstrap_fit`)."""
-        header = ["parameter", "unit", "estimate", "standard error"]
+        header: tuple[str, ...] = ("parameter", "unit", "estimate", "standard error")
+        rows: list[tuple[str | int | float, ...]] = [
+            (
+                each.name,
+                each.unit,
+                each.value,
+                "at its bound" if each.at_bound else each.standard_error,
+            )
+            for each in self.estimates
+        ]
         if intervals:
-            header += [f"{100 * intervals[0].confidence:g} % from", "to"]
-        rows = []
-        for index, each in enumerate(self.estimates):
-            error: str | float = "at its bound" if each.at_bound else each.standard_error
-            row: list[str | int | float] = [each.name, each.unit, each.value, error]
-            if intervals:
-                own = intervals[index]
-                row += ["-", "-"] if np.isnan(own.low) else [own.low, own.high]
-            rows.append(tuple(row))
-        return Table(tuple(header), tuple(rows))
+            header += (f"{100 * intervals[0].confidence:g} % from", "to")
+            ends = [
+                ("-", "-") if np.isnan(each.low) else (each.low, each.high) for each in intervals
+            ]
+            rows = [(*row, *pair) for row, pair in zip(rows, ends, strict=True)]
+        return Table(header, tuple(rows))
 
 
 def save_metric(
@@ -200,25 +198,21 @@ def save_metric(
 def _fixed_fields(fit: MetricFit) -> dict[str, Any]:
     """Fields of the metric that are not estimated, where they are not the defaults."""
     estimated = {each.field for each in fit.parameters}
-    fixed: dict[str, Any] = {}
-    for number, recording in enumerate(fit.recordings):
+    found: list[dict[str, Any]] = []
+    for recording in fit.recordings:
         metric = fit.metric(recording.model)
         if not isinstance(metric, AdjustableKineticEnergy):
             return {}
-        usual = AdjustableKineticEnergy(recording.model.with_armature(0.0))
-        own = {
-            each.name: getattr(metric, each.name)
-            for each in fields(metric)
-            if each.name not in ("model", *estimated)
-            and getattr(metric, each.name) != getattr(usual, each.name)
-        }
-        if number and own != fixed:
+        usual = vars(AdjustableKineticEnergy(recording.model.with_armature(0.0)))
+        names = (each.name for each in fields(metric) if each.name not in {"model"} | estimated)
+        own = {name: getattr(metric, name) for name in names}
+        found.append({name: value for name, value in own.items() if value != usual[name]})
+        if found[-1] != found[0]:
             raise ValueError(
                 f"{recording.name}: its metric differs from that of {fit.recordings[0].name} in "
-                f"what was not estimated ({own} and {fixed}); one file cannot hold both"
+                f"what was not estimated ({found[-1]} and {found[0]}); one file cannot hold both"
             )
-        fixed = own
-    return fixed
+    return found[0]
 
 
 def _finite(number: float) -> float | None:

@@ -14,48 +14,23 @@ Hatz, Schloeder, Bock, "Estimating parameters in optimal control problems", SIAM
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Protocol
 
 import casadi as ca
 import numpy as np
+import scipy.sparse
 
 from geodesic_ocp.arrays import Array, ShortRepr
-from geodesic_ocp.blocks import Block, BlockProgram, Terms
+from geodesic_ocp.blocks import Block, BlockProgram, Indices, Terms
 from geodesic_ocp.fitting.recording_part import MAX_END_RATE, RecordingPart
 from geodesic_ocp.ipopt import Ipopt, Outcome
-
-
-class Start(Protocol):
-    """Values of the variables and of the multipliers, such as an `Outcome`."""
-
-    @property
-    def x(self) -> Array:
-        """Variables."""
-
-    @property
-    def lam_x(self) -> Array:
-        """Multipliers of their bounds."""
-
-    @property
-    def lam_g(self) -> Array:
-        """Multipliers of the equations."""
-
-
-@dataclass(frozen=True, eq=False)
-class StartValues:
-    """A `Start` of given values."""
-
-    x: Array
-    lam_x: Array
-    lam_g: Array
-
 
 # Weight of the squared logarithm of each parameter relative to its initial value: negligible where
 # the data determine it, it keeps combinations that they do not determine near these values.
 _REGULARIZATION = 1e-6
 _NEGLIGIBLE = 1e-3  # relative values much below this one are as zero to the logarithm
+_ACTIVE = 1e-6  # distance from a bound that is active
 _IPOPT = {"tol": 1e-7, "max_iter": 200, "acceptable_iter": 0}
 _WARM = {
     "warm_start_init_point": "yes",
@@ -64,6 +39,29 @@ _WARM = {
     "warm_start_mult_bound_push": 1e-8,
     "warm_start_slack_bound_push": 1e-8,
 }
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LeastErrors(ShortRepr):
+    """Derivatives of e_r(theta), half the least mean squared error of recording r.
+
+    The least error over all paths that are geodesics of the metric with these parameters, in units
+    of the deviation; the parameters in units of their initial values.
+
+    Attributes:
+        values: (recordings,).
+        gradients: (recordings, p).
+        hessians: (recordings, p, p).
+    """
+
+    values: Array
+    gradients: Array
+    hessians: Array
+
+    def of_parameters(self, chosen: Indices) -> LeastErrors:
+        """The derivatives by some of the parameters, by index."""
+        hessians = self.hessians[:, chosen][:, :, chosen]
+        return LeastErrors(self.values, self.gradients[:, chosen], hessians)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -82,7 +80,6 @@ class MetricProgram(ShortRepr):
     lower: Array
     upper: Array
     free_ends: bool
-
     _shown = ("size", "counts")
 
     @property
@@ -93,7 +90,7 @@ class MetricProgram(ShortRepr):
     @cached_property
     def num_x(self) -> int:
         """Number of variables of a segment."""
-        return self.parts[0].functions.num_nodes + 2
+        return self.parts[0].terms.sample.size
 
     @cached_property
     def counts(self) -> list[int]:
@@ -101,20 +98,30 @@ class MetricProgram(ShortRepr):
         return [part.count for part in self.parts]
 
     @cached_property
+    def _owners(self) -> Indices:
+        """Index of the recording of every segment."""
+        return np.repeat(np.arange(len(self.parts)), self.counts)
+
+    @cached_property
     def _first(self) -> list[int]:
         """Index of the first variable of each recording."""
         return [self.size + self.num_x * sum(self.counts[:k]) for k in range(len(self.parts))]
 
     @cached_property
+    def _equations(self) -> list[Block]:
+        pairs = zip(self.parts, self._first, strict=True)
+        return [part.equations(first, self.start) for part, first in pairs]
+
+    @cached_property
     def program(self) -> BlockProgram:
         """All blocks; the weights of the recordings are its parameters."""
         p, weights = self.size, ca.MX.sym("weights", len(self.parts))
-        pairs = list(zip(self.parts, self._first, strict=True))
         share = np.full(p, _REGULARIZATION)
-        blocks = [Block(_change(), np.arange(p)[:, None], weights=share)]
-        blocks += [part.errors(first, weights[k]) for k, (part, first) in enumerate(pairs)]
-        blocks += [part.equations(first, self.start) for part, first in pairs]
-        return BlockProgram(p + self.num_x * sum(self.counts), blocks, weights)
+        near = Block(_change(), np.arange(p)[:, None], weights=share)
+        own = zip(self.parts, self._first, ca.vertsplit(weights), strict=True)
+        errors = [part.errors(first, weight) for part, first, weight in own]
+        size = p + self.num_x * sum(self.counts)
+        return BlockProgram(size, [near, *errors, *self._equations], weights)
 
     @cached_property
     def _errors(self) -> ca.Function:
@@ -123,6 +130,10 @@ class MetricProgram(ShortRepr):
         pairs = zip(self.parts, self._first, strict=True)
         errors = [part.errors(first, 1.0).objective(z) for part, first in pairs]
         return ca.Function("errors", [z], [ca.vertcat(*errors)])
+
+    def mean_squares(self, z: Array) -> Array:
+        """Mean squared error of each recording, (recordings,), in units of the deviation."""
+        return np.asarray(2.0 * self._errors(z).full()[:, 0])
 
     @cached_property
     def _cold_solver(self) -> Ipopt:
@@ -137,19 +148,19 @@ class MetricProgram(ShortRepr):
         """The initial values of all variables."""
         parts = [np.ones(self.size)]
         for part in self.parts:
-            nodes = part.observed.nodes.transpose(0, 2, 1).reshape(part.count, -1)
-            parts.append(np.hstack([nodes, part.observed.end_rates]).ravel())
+            nodes = part.nodes.reshape(part.count, -1)
+            parts.append(np.hstack([nodes, part.end_rates]).ravel())
         return np.concatenate(parts)
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Of the variables, those of the parameters included."""
-        n, nodes = self.parts[0].functions.dim, self.num_x - 2
+        n = self.parts[0].terms.dim
         lower, upper = np.full((2, sum(self.counts), self.num_x), np.inf)
         lower *= -1.0
-        lower[:, nodes:], upper[:, nodes:] = 0.0, MAX_END_RATE
+        lower[:, -2:], upper[:, -2:] = 0.0, MAX_END_RATE
         if not self.free_ends:
-            ends = [*range(n), *range(nodes - n, nodes)]
+            ends = [*range(n), *range(self.num_x - 2 - n, self.num_x - 2)]
             given = self.guess[self.size :].reshape(-1, self.num_x)
             lower[:, ends] = upper[:, ends] = given[:, ends]
         return (
@@ -158,7 +169,7 @@ class MetricProgram(ShortRepr):
         )
 
     def solve(
-        self, weights: Array, near: Start | None = None, fixed: dict[int, float] | None = None
+        self, weights: Array, near: Outcome | None = None, fixed: dict[int, float] | None = None
     ) -> Outcome:
         """The solution for weights of the recordings.
 
@@ -171,38 +182,77 @@ class MetricProgram(ShortRepr):
         start = (self.guess if near is None else near.x).copy()
         for index, value in (fixed or {}).items():
             lower[index] = upper[index] = start[index] = value / self.start[index]
-        arguments = {"p": weights, "lbx": lower, "ubx": upper, "lbg": 0.0, "ubg": 0.0}
-        arguments["x0"] = np.clip(start, lower, upper)
+        given = {"p": weights, "lbx": lower, "ubx": upper, "lbg": 0.0, "ubg": 0.0}
+        given["x0"] = np.clip(start, lower, upper)
         if near is not None:
-            more = {"lam_x0": near.lam_x, "lam_g0": near.lam_g}
-            outcome = self._warm_solver(**arguments, **more)
+            outcome = self._warm_solver(**given, lam_x0=near.lam_x, lam_g0=near.lam_g)
             if outcome.success:
                 return outcome
-        outcome = self._cold_solver(**arguments)
-        held = {index: float(value) for index, value in enumerate(self.start)}
+        outcome = self._cold_solver(**given)
         if outcome.success or near is not None or fixed is not None:
             return outcome
         # From poor initial values: first the paths alone, then the parameters as well.
-        paths = self.solve(weights, fixed=held)
+        paths = self.solve(weights, fixed=dict(enumerate(self.start.tolist())))
         return self.solve(weights, paths) if paths.success else outcome
 
-    def start_of(self, chosen: Sequence[int], solution: Start) -> Start:
+    def start_of(self, chosen: Sequence[int], solution: Outcome) -> Outcome:
         """The part of a solution that belongs to some of the recordings, by index."""
-        owners = np.repeat(np.arange(len(self.parts)), self.counts)
-        segments = np.concatenate([np.flatnonzero(owners == index) for index in chosen])
-        first = slice(0, self.size)
-        m = self.parts[0].functions.num_equations
+        segments = np.concatenate([np.flatnonzero(self._owners == index) for index in chosen])
 
         def of_variables(values: Array) -> Array:
             rest = values[self.size :].reshape(-1, self.num_x)[segments]
-            return np.concatenate([values[first], rest.ravel()])
+            return np.concatenate([values[: self.size], rest.ravel()])
 
-        equations = solution.lam_g.reshape(-1, m)[segments].ravel()
-        return StartValues(of_variables(solution.x), of_variables(solution.lam_x), equations)
+        lam_g = solution.lam_g.reshape(-1, self.parts[0].terms.num_equations)[segments].ravel()
+        x, lam_x = of_variables(solution.x), of_variables(solution.lam_x)
+        return replace(solution, x=x, lam_x=lam_x, lam_g=lam_g)
 
-    def mean_squares(self, z: Array) -> Array:
-        """Mean squared error of each recording, (recordings,), in units of the deviation."""
-        return np.asarray(2.0 * self._errors(z).full()[:, 0])
+    def least_errors(self, solution: Outcome) -> LeastErrors:
+        """Derivatives by the parameters at the solution for equal weights of all recordings.
+
+        By the implicit function theorem, segment by segment.
+        """
+        z, lam_g, ones = solution.x, solution.lam_g, np.ones(len(self.parts))
+        p, m, functions = self.size, self.parts[0].terms.num_equations, self.program.functions
+        jacobian = functions["jac_g"](z, ones)[1].sparse().tocsr()
+        upper = functions["hess_lag"](z, ones, 1.0, lam_g).sparse()
+        hessian = scipy.sparse.csc_array(upper + scipy.sparse.triu(upper, 1).T)
+        lower_bound, upper_bound = self.bounds
+        free = (z > lower_bound + _ACTIVE) & (z < upper_bound - _ACTIVE)
+        gradients = np.zeros((len(self.parts), p))
+        hessians = np.stack([each.full() for each in self._corners.call([z, lam_g])])
+        for segment, owner in enumerate(self._owners):
+            first, rows = p + segment * self.num_x, slice(segment * m, (segment + 1) * m)
+            columns = first + np.flatnonzero(free[first : first + self.num_x])
+            equations = jacobian[rows]  # rows first: they are stored together
+            by_theta, by_x = equations[:, :p].toarray(), equations[:, columns].toarray()
+            of_segment = hessian[:, columns]
+            block, mixed = of_segment[columns].toarray(), of_segment[:p].toarray()
+            kkt = np.block([[block, by_x.T], [by_x, np.zeros((m, m))]])
+            right = np.vstack([mixed.T, by_theta])
+            hessians[owner] -= right.T @ np.linalg.lstsq(kkt, right, rcond=1e-13)[0]
+            gradients[owner] += by_theta.T @ lam_g[rows]
+        return LeastErrors(self.mean_squares(z) / 2.0, gradients, hessians)
+
+    @cached_property
+    def _corners(self) -> ca.Function:
+        """(z, lam_g) -> second derivatives (p, p) of each recording's equations by theta alone."""
+        p, z = self.size, ca.MX.sym("z", self.program.size)
+        lam_g, ends = ca.MX.sym("lam_g", self.program.size_g), [0]
+        for block in self._equations:
+            ends.append(ends[-1] + block.size_g)
+        corners = []
+        for block, own in zip(self._equations, ca.vertsplit(lam_g, ends), strict=True):
+            each = ca.reshape(own, -1, block.count)
+            inputs = [*block.arguments(z), ca.DM.zeros(1, block.count), each]
+            entries = ca.sum2(block.terms.mapped("hessian", block.count, inputs)[0])
+            corner = ca.MX.zeros(p, p)
+            for k, pair in enumerate(zip(*block.terms.hessian_entries, strict=True)):
+                i, j = (int(index) - (block.terms.size - p) for index in pair)
+                if i >= 0:
+                    corner[i, j] = corner[j, i] = entries[k] * self.start[i] * self.start[j]
+            corners.append(corner)
+        return ca.Function("corners", [z, lam_g], corners)
 
 
 @lru_cache(maxsize=1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from fnmatch import fnmatchcase
@@ -85,46 +86,44 @@ def with_parameters(metric: Metric, parameters: Sequence[Parameter], values: Any
         if each.init and isinstance(getattr(record, each.name), _VALUES)
     ]
     changed: dict[str, Any] = {}
-    of_joints: dict[str, set[int]] = {}
-    for index, parameter in enumerate(parameters):
-        if parameter.field not in known:
+    taken: dict[str, set[int]] = defaultdict(set)
+    for parameter, value in zip(parameters, values, strict=True):
+        name = parameter.field
+        if name not in known:
             raise ValueError(
-                f"{type(metric).__name__} has no number {parameter.field!r}; it has "
+                f"{type(metric).__name__} has no number {name!r}; it has "
                 f"{', '.join(known) or 'none'}"
             )
-        value = changed.get(parameter.field, getattr(metric, parameter.field))
-        if not isinstance(value, (tuple, list, np.ndarray)):
-            if parameter.joints:
+        before = changed.get(name, getattr(metric, name))
+        if isinstance(before, (tuple, list, np.ndarray)):
+            chosen = _matching(parameter, metric.joint_names or (), len(before))
+            if taken[name] & chosen:
                 raise ValueError(
-                    f"{parameter.name}: {parameter.field} is one number; it takes no joints"
+                    f"{parameter.name}: some of its joints have another parameter as well"
                 )
-            if parameter.field in changed:
-                raise ValueError(f"{parameter.field} is a parameter twice")
-            changed[parameter.field] = values[index]
-            continue
-        entries, taken = list(value), of_joints.setdefault(parameter.field, set())
-        chosen = _matching(parameter, metric.joint_names or (), len(entries))
-        if taken & set(chosen):
-            raise ValueError(f"{parameter.name}: some of its joints have another parameter as well")
-        taken |= set(chosen)
-        for entry in chosen:
-            entries[entry] = values[index]
-        changed[parameter.field] = tuple(entries)
+            taken[name] |= chosen
+            changed[name] = tuple(value if k in chosen else each for k, each in enumerate(before))
+        elif parameter.joints:
+            raise ValueError(f"{parameter.name}: {name} is one number; it takes no joints")
+        elif name in changed:
+            raise ValueError(f"{name} is a parameter twice")
+        else:
+            changed[name] = value
     result: Metric = replace(record, **changed)
     return result
 
 
-def _matching(parameter: Parameter, joint_names: Sequence[str], count: int) -> list[int]:
+def _matching(parameter: Parameter, joint_names: Sequence[str], count: int) -> set[int]:
     """Indices of the joints that share a parameter's value; ValueError if a pattern has none."""
     if not parameter.joints:
-        return list(range(count))
-    chosen = []
+        return set(range(count))
+    chosen: set[int] = set()
     for pattern in parameter.joints:
-        found = [k for k, name in enumerate(joint_names) if fnmatchcase(name, pattern)]
+        found = {k for k, name in enumerate(joint_names) if fnmatchcase(name, pattern)}
         if not found:
             raise ValueError(
                 f"{parameter.name}: no joint matches {pattern!r}; there are "
                 f"{', '.join(joint_names)}"
             )
-        chosen += found
+        chosen |= found
     return chosen

@@ -145,7 +145,7 @@ def leave_one_out(
         others = refit(fit, [k for k in range(len(fit.recordings)) if k not in members])
         for index in members:
             recording = fit.recordings[index]
-            segments = fit.program.parts[index].observed.every
+            segments = fit.program.parts[index].every
             results[index] = LeftOut(
                 recording.name,
                 recording.subject,

@@ -9,7 +9,7 @@ from typing import get_args
 
 from geodesic_ocp.cli.analyse.recording_options import RECORDING_FILE, add_format
 from geodesic_ocp.fitting.parameter import JOINT_INERTIA, Parameter
-from geodesic_ocp.fitting.segment_functions import Measure
+from geodesic_ocp.fitting.recording_part import Measure
 
 _DEFAULTS = {
     "joint_inertia": JOINT_INERTIA,
