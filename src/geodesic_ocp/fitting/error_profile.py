@@ -59,25 +59,18 @@ class ErrorProfile(ShortRepr):
 
     def draw(self, axes: Axes) -> None:
         """Draw the curves of the recordings and of their mean."""
-        several = len(self.recordings) > 1
-        for number, each in enumerate(self.errors.T if several else ()):
-            label = "single recordings" if number == 0 else None
-            axes.plot(self.values, each, color="0.65", linewidth=1.0, label=label)
-        axes.plot(
-            self.values,
-            self.mean,
-            **OBSERVED,
-            marker="o",
-            markersize=4,
-            label="all" if several else self.recordings[0],
-        )
+        label = self.recordings[0]
+        if len(self.recordings) > 1:
+            single, *_ = axes.plot(self.values, self.errors, color="0.65", linewidth=1.0)
+            single.set_label("single recordings")
+            label = "all"
+        axes.plot(self.values, self.mean, **OBSERVED, marker="o", markersize=4, label=label)
         label = f"estimate {self.estimate:.3g}"
         axes.axvline(self.estimate, color="0.2", linestyle=":", linewidth=1.3, label=label)
         axes.set_xscale("log")
-        unit = {"m r^2": " [$m r^2$]", "kg m^2": " [kg m$^2$]"}.get(self.unit, f" [{self.unit}]")
-        axes.set_xlabel(
-            self.name.replace("joint_inertia", "joint inertia") + (unit if self.unit else "")
-        )
+        units = {"m r^2": " [$m r^2$]", "kg m^2": " [kg m$^2$]", "": ""}
+        name = self.name.replace("joint_inertia", "joint inertia")
+        axes.set_xlabel(name + units.get(self.unit, f" [{self.unit}]"))
         axes.set_ylabel(f"rms error [{self.error_unit}]")
         axes.legend()
 
@@ -127,16 +120,15 @@ def error_profile(
     report, weights = progress or no_progress, np.ones(len(fit.recordings))
     middle = int(np.argmin(np.abs(grid - estimate.value)))
     squares = np.empty((grid.size, weights.size))
-    done = 0
-    for order in (range(middle, grid.size), range(middle - 1, -1, -1)):
-        near = fit.outcome
-        for number in order:
-            report(f"profile of {wanted}", done, grid.size)
-            near = fit.program.solve(weights, near, {index: float(grid[number])})
-            if not near.success:
-                raise NotConverged(f"{wanted} = {grid[number]:.4g}: {near.status}", near)
-            squares[number] = fit.program.mean_squares(near.x)
-            done += 1
+    near = fit.outcome
+    for done, number in enumerate([*range(middle, grid.size), *range(middle - 1, -1, -1)]):
+        report(f"profile of {wanted}", done, grid.size)
+        if number == middle - 1:  # downwards, from the middle again
+            near = fit.outcome
+        near = fit.program.solve(weights, near, {index: float(grid[number])})
+        if not near.success:
+            raise NotConverged(f"{wanted} = {grid[number]:.4g}: {near.status}", near)
+        squares[number] = fit.program.mean_squares(near.x)
     return ErrorProfile(
         wanted,
         estimate.unit,

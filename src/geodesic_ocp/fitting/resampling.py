@@ -12,10 +12,8 @@ from geodesic_ocp.arrays import Array, ShortRepr, as_integer
 from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
 from geodesic_ocp.fitting.fit_metric import solve_program
 from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit
-from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import Euclidean
 from geodesic_ocp.progress import Progress, no_progress
-from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.synergies.scores import MotionErrors, evaluate
 from geodesic_ocp.synergies.synergy import reconstruct
 from geodesic_ocp.table import Table
@@ -35,8 +33,7 @@ def separate_fits(
         ValueError: by is neither "recording" nor "subject".
         NotConverged: Ipopt did not find a solution.
     """
-    report, units = progress or no_progress, _units(fit, by)
-    found: dict[str, MetricFit] = {}
+    report, units, found = progress or no_progress, _units(fit, by), {}
     for number, (unit, members) in enumerate(units.items()):
         report(f"fitting each {by}", number, len(units))
         found[unit] = refit(fit, members)
@@ -66,8 +63,7 @@ def refit(fit: MetricFit, chosen: Sequence[int]) -> MetricFit:
     Raises:
         NotConverged: Ipopt did not find a solution.
     """
-    parts = tuple(fit.program.parts[index] for index in chosen)
-    program = replace(fit.program, parts=parts)
+    program = replace(fit.program, parts=tuple(fit.program.parts[index] for index in chosen))
     near = fit.program.start_of(chosen, fit.outcome)
     return solve_program(program, fit.parameters, fit.family, near)
 
@@ -104,7 +100,6 @@ class CrossValidation(ShortRepr):
     unit: str
     parameters: tuple[str, ...]
     left_out: tuple[LeftOut, ...]
-    _shown = ("unit", "parameters", "left_out")
 
     def _repr_markdown_(self) -> str:
         return self.table().markdown()
@@ -144,27 +139,19 @@ def leave_one_out(
         report(f"leaving one {by} out", number, len(units))
         others = refit(fit, [k for k in range(len(fit.recordings)) if k not in members])
         for index in members:
-            recording = fit.recordings[index]
-            segments = fit.program.parts[index].every
-            results[index] = LeftOut(
-                recording.name,
-                recording.subject,
-                tuple(others.values.values()),
-                _errors(recording, segments, others.metric(recording.model)),
-                _errors(recording, segments, Euclidean(recording.model.dof)),
+            part = fit.program.parts[index]
+            recording, model = part.recording, part.recording.model
+            errors = (
+                evaluate(
+                    *(model, recording.motion),
+                    reconstruct(each, recording.motion, part.every).predicted,
+                )
+                for each in (others.metric(model), Euclidean(model.dof))
             )
-    return CrossValidation(
-        by,
-        tuple(each.name for each in fit.estimates),
-        tuple(results[index] for index in sorted(results)),
-    )
-
-
-def _errors(
-    recording: Recording, segments: Sequence[tuple[int, int]], metric: Metric
-) -> MotionErrors:
-    predicted = reconstruct(metric, recording.motion, segments).predicted
-    return evaluate(recording.model, recording.motion, predicted)
+            values = tuple(others.values.values())
+            results[index] = LeftOut(recording.name, recording.subject, values, *errors)
+    in_order = tuple(results[index] for index in sorted(results))
+    return CrossValidation(by, tuple(each.name for each in fit.estimates), in_order)
 
 
 def bootstrap_fit(
@@ -203,17 +190,15 @@ def bootstrap_fit(
     units = _units(fit, by)
     if len(units) < 2:
         raise ValueError(f"a bootstrap needs at least two {by}s, got {len(units)}")
-    members = np.zeros((len(units), len(fit.recordings)))
-    for row, indices in enumerate(units.values()):
-        members[row, indices] = 1.0
     rng = np.random.default_rng(as_integer("seed", seed, 0))
     drawn = rng.multinomial(len(units), np.full(len(units), 1.0 / len(units)), size=count)
-    weights = drawn @ members
-    estimates = (
-        _on_profile(curve or error_profile(fit, progress=progress), weights)
-        if len(fit.estimates) == 1
-        else _newton_steps(fit, weights)
-    )
+    weights = np.zeros((count, len(fit.recordings)))
+    for column, members in enumerate(units.values()):
+        weights[:, members] = drawn[:, [column]]
+    if len(fit.estimates) == 1:
+        estimates = _on_profile(curve or error_profile(fit, progress=progress), weights)
+    else:
+        estimates = _newton_steps(fit, weights)
     # Nothing is known of parameters that the data do not determine.
     unknown = np.isinf([each.standard_error for each in fit.estimates])
     tail = 50.0 * (1.0 - confidence)
@@ -241,23 +226,18 @@ def _newton_steps(fit: MetricFit, weights: Array) -> Array:
     """Estimates (count, p) after one Newton step from the solution."""
     derivatives, values = fit.derivatives, np.array(list(fit.values.values()))
     relative = values / fit.program.start
-    gradients = derivatives.gradients * relative
-    hessians = derivatives.hessians * np.outer(relative, relative)
-    index = np.arange(values.size)
-    hessians[:, index, index] += gradients
-    bounded = np.array([each.at_bound for each in fit.estimates])
-    free = np.flatnonzero(~bounded)
-    total = np.linalg.eigh(hessians.sum(axis=0)[np.ix_(free, free)])
-    result = np.tile(values, (len(weights), 1))
-    for row, weight in enumerate(weights):
-        hessian = np.einsum("r,rij->ij", weight, hessians)[np.ix_(free, free)]
-        gradient = (weight @ gradients)[free]
-        sizes, axes = np.linalg.eigh(hessian)
-        if sizes[0] <= 1e-9 * sizes[-1]:  # no minimum nearby: the curvature of all recordings
-            sizes, axes = total
-        step = -(axes / np.maximum(sizes, 1e-12)) @ (axes.T @ gradient)
-        result[row, free] *= np.exp(np.clip(step, -_LARGEST_STEP, _LARGEST_STEP))
-    lower, upper = fit.program.lower, fit.program.upper
-    result = np.asarray(np.clip(result, lower, upper))
-    result[:, bounded] = np.nan
+    free = np.flatnonzero([not each.at_bound for each in fit.estimates])
+    own = derivatives.of_parameters(free)
+    gradients = own.gradients * relative[free]
+    hessians = own.hessians * np.outer(relative[free], relative[free])
+    hessians += gradients[:, :, None] * np.eye(free.size)
+    sizes, axes = np.linalg.eigh(np.einsum("kr,rij->kij", weights, hessians))
+    if free.size:  # where no minimum is near: the curvature of all recordings
+        flat = sizes[:, 0] <= 1e-9 * sizes[:, -1]
+        sizes[flat], axes[flat] = np.linalg.eigh(hessians.sum(axis=0))
+    along = np.einsum("kij,ki->kj", axes, weights @ gradients) / np.maximum(sizes, 1e-12)
+    steps = np.clip(-np.einsum("kij,kj->ki", axes, along), -_LARGEST_STEP, _LARGEST_STEP)
+    lower, upper = fit.program.lower[free], fit.program.upper[free]
+    result = np.full((len(weights), values.size), np.nan)
+    result[:, free] = np.clip(values[free] * np.exp(steps), lower, upper)
     return result
