@@ -274,8 +274,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
     from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
     from geodesic_ocp.recordings.markers.fit_motion import fit_motion
-    from geodesic_ocp.recordings.markers.lost_markers import LostMarker
-    from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
+    from geodesic_ocp.recordings.markers.marker_fit import LostMarker, MarkerFit
     from geodesic_ocp.recordings.markers.markers import Markers
     from geodesic_ocp.recordings.markers.sets.marker_set import MarkerSet
     from geodesic_ocp.recordings.opensim_models.osim_convention import OsimConvention
@@ -432,9 +431,8 @@ else:
         "recordings.markers.markers": "Markers",
         "recordings.read_markers": "read_markers",
         "recordings.markers.sets.marker_set": "MarkerSet",
-        "recordings.markers.marker_fit": "MarkerFit",
+        "recordings.markers.marker_fit": "MarkerFit LostMarker",
         "recordings.markers.fit_motion": "fit_motion",
-        "recordings.markers.lost_markers": "LostMarker",
         "trajectory.motion": "FrameMotion Motion Subject",
         "studies.batch.analyse_recordings": "analyse_recordings",
         "studies.batch.batch_result": "BatchResult",

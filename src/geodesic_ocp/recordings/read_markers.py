@@ -7,9 +7,13 @@ from pathlib import Path
 
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.formats.recognise import FORMATS, MARKERS, recognise
-from geodesic_ocp.recordings.markers.markers import Markers
-from geodesic_ocp.recordings.markers.plausible_size import check_plausible_size
-from geodesic_ocp.recordings.markers.space_axes import Axis, as_axis, with_z_up
+from geodesic_ocp.recordings.markers.markers import (
+    Axis,
+    Markers,
+    as_axis,
+    check_plausible_size,
+    with_z_up,
+)
 from geodesic_ocp.recordings.plausible import named_failures
 
 

@@ -22,8 +22,8 @@ from geodesic_ocp.model.human import (
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.formats.recognise import FORMATS, MARKERS, recognise
 from geodesic_ocp.recordings.markers.marker_fit import DOUBTFUL, MarkerFit
+from geodesic_ocp.recordings.markers.markers import Axis, as_axis
 from geodesic_ocp.recordings.markers.sets.marker_set import MarkerSet
-from geodesic_ocp.recordings.markers.space_axes import Axis, as_axis
 from geodesic_ocp.recordings.plausible import (
     ask_about_limits,
     check_plausible,

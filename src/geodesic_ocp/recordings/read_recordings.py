@@ -14,8 +14,8 @@ from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.errors import NotConverged, RecordingError
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.human import human_arm
+from geodesic_ocp.recordings.markers.markers import Axis, as_axis
 from geodesic_ocp.recordings.markers.sets.marker_set import MarkerSet
-from geodesic_ocp.recordings.markers.space_axes import Axis, as_axis
 from geodesic_ocp.recordings.read_recording import read_recording, that_apply
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.recordings.recording_files import recording_files

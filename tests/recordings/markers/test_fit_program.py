@@ -6,9 +6,8 @@ import casadi as ca
 import numpy as np
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.markers.program.body import MarkedBody
-from geodesic_ocp.recordings.markers.program.fit_problem import FitProblem
-from geodesic_ocp.recordings.markers.program.fit_settings import FitSettings
+from geodesic_ocp.recordings.markers.body import MarkedBody
+from geodesic_ocp.recordings.markers.fit_program import FitProblem, FitSettings
 
 
 def test_derivatives_are_those_of_the_objective() -> None:

@@ -1,4 +1,4 @@
-"""MarkerFit: a motion that was fitted to markers."""
+"""MarkerFit: a motion that was fitted to markers, and how far it is to be trusted."""
 
 from __future__ import annotations
 
@@ -9,9 +9,64 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.recordings.markers.lost_markers import LOST, LostMarker
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.motion import FrameMotion, Motion
+
+LOST = 0.25  # weight below which a marker counts as lost: it is farther away than `outlier`
+_NEAR = 0.5  # distance from another marker's place, relative to that from its own
+
+
+@dataclass(frozen=True)
+class LostMarker:
+    """A marker that lost its weight.
+
+    Attributes:
+        marker: its name.
+        start, end: first and last such sample [s].
+        distance: median from its place [m].
+        near: marker near whose place it is instead, with which it may be swapped; or None.
+    """
+
+    marker: str
+    start: float
+    end: float
+    distance: float
+    near: str | None = None
+
+    def __str__(self) -> str:
+        instead = f", where {self.near} should be" if self.near else ""
+        return (
+            f"{self.marker} is {1e3 * self.distance:.0f} mm away from {self.start:.2f} to "
+            f"{self.end:.2f} s{instead}"
+        )
+
+
+def lost_markers(
+    time: Array, names: tuple[str, ...], observed: Array, predicted: Array, weights: Array
+) -> tuple[LostMarker, ...]:
+    """All spans of all markers; observed and predicted (k, m, 3) [m], weights (k, m)."""
+    found = []
+    for column, name in enumerate(names):
+        seen = np.flatnonzero(~np.isnan(weights[:, column]))
+        lost = weights[seen, column] < LOST
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], lost, [False]]).astype(int)))
+        for first, last in edges.reshape(-1, 2):
+            rows = seen[first:last]
+            away = np.linalg.norm(observed[rows, column, None] - predicted[rows], axis=2)
+            distances = np.median(away, axis=0)
+            nearest = int(np.argmin(distances))
+            is_near = distances[nearest] < _NEAR * distances[column]
+            found.append(
+                LostMarker(
+                    name,
+                    float(time[rows[0]]),
+                    float(time[rows[-1]]),
+                    float(distances[column]),
+                    names[nearest] if is_near else None,
+                )
+            )
+    return tuple(found)
+
 
 #: How the warning of a fit that is doubtful begins.
 DOUBTFUL = "the fit of the markers is doubtful: "
@@ -176,3 +231,50 @@ class MarkerFit:
             f"{1e3 * float(np.nanmean(self.errors)):.1f} mm, {len(self.lost)} spans of lost "
             f"markers{height}, {self.seconds:.1f} s)"
         )
+
+
+# Bounds of this project's choice, see `MarkerFit.typical_error`: a recording by the Master Motor
+# Map's set is fitted within 7 mm, without estimated offsets within 30 mm, one that is mirrored
+# within 70 mm.
+_NO_FIT = 0.04  # [m]
+_MOST = 0.75  # share of the samples of markers that are lost
+_SHORTEST, _TALLEST = 0.8, 2.4  # body heights that are believed if they are estimated [m]
+
+
+def check_fit(fit: MarkerFit, estimated: bool) -> None:
+    """Refuse a fit that is none; `estimated` says whether the height was.
+
+    Raises:
+        ValueError: the typical error is above 40 mm, markers are lost for three quarters of the
+            time, or the body height is outside 0.8 to 2.4 m; names likely causes.
+    """
+    found = ""
+    if fit.typical_error > _NO_FIT:
+        found = (
+            f"markers are typically {1e3 * fit.typical_error:.0f} mm from their places on "
+            f"{fit.model.name!r}, {1e3 * NEAR:.0f} mm at most are usual"
+        )
+    elif fit.lost_share > _MOST:
+        found = f"the markers are far from their places for {fit.lost_share:.0%} of the time"
+    elif fit.height is not None and estimated and not _SHORTEST < fit.height < _TALLEST:
+        found = f"the body height would be {fit.height:.2f} m, {fit.height_from}"
+    if found:
+        raise ValueError(f"the markers are not fitted: {found}. {_causes(fit)}")
+
+
+def _causes(fit: MarkerFit) -> str:
+    causes = ["the unit (Markers must be in m)"]
+    if fit.base is None:
+        causes.insert(
+            0,
+            "base='fixed' (which takes positions in the axes and from the origin of the model's "
+            "base, the shoulder of an arm; for positions in a room give base='free' and markers of "
+            "the thorax)",
+        )
+    causes += [
+        "right and left exchanged, or axes that are left-handed",
+        f"names that mean other places than in the marker set {fit.marker_set!r}",
+    ]
+    if fit.height is not None:
+        causes.append("another height of the person (give height=...)")
+    return "Check " + ", ".join(causes)

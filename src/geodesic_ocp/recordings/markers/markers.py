@@ -1,8 +1,9 @@
-"""Markers: positions of markers on a person over time."""
+"""Positions of markers on a person over time, their axes and their unit."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Literal, cast, get_args
 
 import numpy as np
 
@@ -68,3 +69,73 @@ class Markers:
             f"Markers({len(self)} samples of {len(self.names)} markers, {missing:.1%} missing, "
             f"{self.time[-1] - self.time[0]:.3g} s)"
         )
+
+
+Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
+
+# The coordinates, counted from 1 and signed, that become x, y and z; every choice is a rotation.
+_TURNS: dict[Axis, tuple[int, int, int]] = {
+    "x": (2, 3, 1),
+    "y": (1, -3, 2),
+    "z": (1, 2, 3),
+    "-x": (2, -3, -1),
+    "-y": (1, 3, -2),
+    "-z": (1, -2, -3),
+}
+
+
+def as_axis(up: str) -> Axis:
+    """An axis by its name; ValueError if it is none."""
+    for axis in get_args(Axis):
+        if up == axis:
+            return cast(Axis, axis)
+    raise ValueError(f"up must be one of {', '.join(get_args(Axis))}, got {up!r}")
+
+
+def with_z_up(markers: Markers, up: Axis) -> Markers:
+    """The markers in a space that is turned so that its axis `up`, such as "y", becomes z.
+
+    Raises:
+        ValueError: `up` is not an axis.
+    """
+    turn = np.array(_TURNS[as_axis(up)])
+    return replace(markers, positions=np.sign(turn) * markers.positions[:, :, np.abs(turn) - 1])
+
+
+# Markers of people in one room are not farther apart, nor farther from its origin; those of the
+# smallest movements that are recorded, of one hand, are farther apart [m].
+_WIDEST, _FARTHEST, _NARROWEST = 10.0, 100.0, 0.05
+_IN_MM = ": are the numbers mm or cm? A file must state their unit, Markers must be in m"
+_IN_M = ": are the numbers m or cm? A file must state their unit, Markers must be in m"
+
+
+def check_plausible_size(markers: Markers) -> None:
+    """Check markers for another unit of length than m.
+
+    The size is that of the markers of a sample, the median over the samples in which two or more
+    are seen; a few markers that are far away do not count.
+
+    Raises:
+        ValueError: they are more than 10 m or, if three or more, less than 5 cm apart, or most are
+            more than 100 m from the origin; asks for the unit.
+    """
+    positions = markers.positions
+    seen = ~np.isnan(positions[:, :, 0])
+    if not seen.any():
+        return
+    away = float(np.median(np.abs(positions[seen]).max(axis=1)))
+    if away > _FARTHEST:
+        raise ValueError(f"half of the markers are over {away:.4g} m from the origin{_IN_MM}")
+    rows = positions[seen.sum(axis=1) > 1]
+    if not len(rows):
+        return
+    with np.errstate(over="ignore"):  # damaged files have numbers of any size
+        middle = np.nanmedian(rows, axis=1, keepdims=True)
+        # Half of the markers are within this size.
+        around = np.nanmedian(np.linalg.norm(rows - middle, axis=2), axis=1)
+        size = 2.0 * float(np.median(around))
+        widest = float(np.max(np.nanmax(rows, axis=1) - np.nanmin(rows, axis=1)))
+    if size > _WIDEST:
+        raise ValueError(f"the markers of a sample are {size:.4g} m apart{_IN_MM}")
+    if len(markers.names) >= 3 and widest < _NARROWEST:
+        raise ValueError(f"all markers of a sample are within {widest:.3g} m{_IN_M}")

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.recordings.markers.body import MarkedBody
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.markers.markers import Markers
-from geodesic_ocp.recordings.markers.program.body import MarkedBody
 from geodesic_ocp.scenes.around.carried import carried
 from geodesic_ocp.scenes.markings import PointCloud
 from geodesic_ocp.scenes.motions.joint_plots import POSITIONS, joint_plots

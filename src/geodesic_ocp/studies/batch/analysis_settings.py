@@ -14,7 +14,7 @@ from geodesic_ocp.manifold.metrics import METRIC_NAMES, KineticEnergy, as_analys
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.recordings.conventions.known_angle_conventions import ANGLE_CONVENTIONS
-from geodesic_ocp.recordings.markers.space_axes import Axis, as_axis
+from geodesic_ocp.recordings.markers.markers import Axis, as_axis
 from geodesic_ocp.synergies.optimal_segmentations import segment_optimal
 from geodesic_ocp.synergies.segment import as_threshold
 from geodesic_ocp.synergies.segment_costs import Measure

@@ -1,4 +1,4 @@
-"""How far angles may be off by a constant, because the places of markers are uncertain."""
+"""What the markers leave open: joints that they do not determine, and constant errors."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.recordings.markers.program.fit_problem import FitProblem
-from geodesic_ocp.recordings.markers.program.fit_settings import LOOSE_SPREAD, PRIOR_TIME
+from geodesic_ocp.recordings.markers.fit_program import LOOSE_SPREAD, PRIOR_TIME, FitProblem
 
 _FRAMES = 50
 
@@ -60,3 +60,31 @@ def constant_errors(
         information = information + scale * (told + told.T) / 2.0
     variance = np.einsum("is,si->i", carried, np.linalg.solve(information, carried.T))
     return np.asarray(np.sqrt(variance[problem.first_joint :]))
+
+
+_LEVER = 0.004  # [m/rad]: what moves no marker by more is not determined
+_PART = 0.3  # of a joint in such a motion of unit length
+
+
+def undetermined_joints(
+    problem: FitProblem, z: Array, shared: Array, weights: Array
+) -> NDArray[np.bool_]:
+    """Which joints (n,) can move, alone or along with others, without moving the markers.
+
+    Joints that do so in at least half of the frames, of which up to 50 are considered.
+
+    Args:
+        problem: of the fit.
+        z: variables of the frames (k, nz).
+        shared: variables of all frames (ns,).
+        weights: of the markers (k, m); NaN where missing.
+    """
+    rows = np.unique(np.linspace(0, len(weights) - 1, _FRAMES).round().astype(int))
+    votes = np.zeros(problem.body.model.dof)
+    for row in rows:
+        weight = np.repeat(np.nan_to_num(weights[row]), 3)
+        jacobian = problem.terms.slopes(z[row], shared)[1].full()
+        moves, vectors = np.linalg.eigh((jacobian.T * weight) @ jacobian)
+        free = vectors[problem.first_joint :, moves < _LEVER**2]
+        votes += np.linalg.norm(free, axis=1) > _PART
+    return np.asarray(votes >= rows.size / 2)

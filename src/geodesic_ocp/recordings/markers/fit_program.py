@@ -1,9 +1,20 @@
-"""A fit of markers as variables, predictions, priors and bounds."""
+"""The nonlinear program of a motion that fits markers.
+
+Variables: root and joints of every frame, and what is common to all frames: lengths and offsets of
+markers. Objective, divided by the duration:
+
+    integral of sum_m rho(|r_m| / noise) + sum_i (q_i'' / a_i)^2 + (q_i''' / j_i)^2 dt, and priors
+
+with the markers' residuals r_m and the loss rho(u) = c^2 u^2 / (c^2 + u^2) of Geman and McClure
+(Bulletin of the International Statistical Institute 52, 1987), in which a marker that is far away
+loses its weight, rho'(u) / 2u = 1 / (1 + u^2 / c^2)^2.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -11,17 +22,171 @@ import scipy
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.recordings.markers.program.body import MarkedBody
-from geodesic_ocp.recordings.markers.program.fit_program import FitProgram, FrameTerms
-from geodesic_ocp.recordings.markers.program.fit_settings import (
-    LENGTH_SPREAD,
-    LOOSE_SPREAD,
-    POSTURE_SPREAD,
-    PRIOR_TIME,
-    ROOT_LEVER,
-    FitSettings,
-)
-from geodesic_ocp.recordings.markers.program.smoothness import roughness, sample_shares
+from geodesic_ocp.blocks import Block, BlockProgram, Terms
+from geodesic_ocp.ipopt import Outcome
+from geodesic_ocp.recordings.markers.body import MarkedBody
+
+Base = Literal["fixed", "free"]
+
+# Residuals count by their integral over time, relative to `noise`. Priors weigh as much as
+# observations over this time [s]: errors of the markers on the skin last, so that a short recording
+# says less about offsets than its number of samples suggests.
+PRIOR_TIME = 10.0
+# Translations of the root per rad: expected accelerations and jerks are so much of the joints' [m].
+ROOT_LEVER = 0.2
+# Spread of the joints about zero, or the limit next to it [rad]: one so wide that it hardly
+# matters, and that of joints which the markers do not determine.
+POSTURE_SPREAD, LOOSE_SPREAD = 10.0, 1.0
+# Spread of segment lengths about their proportion to body height, relative; no more than an
+# assumption of moderate size.
+LENGTH_SPREAD = 0.05
+# Spread of a body height about that of the model, if nothing else is known of it, relative.
+HEIGHT_SPREAD = 0.3
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """See `fit_motion`, whose arguments these are."""
+
+    base: Base = "free"
+    lengths: bool = True
+    offsets: bool = True
+    limits: bool = True
+    noise: float = 0.002
+    acceleration: float = 100.0
+    jerk: float = 1000.0
+    outlier: float = 0.03
+
+
+def sample_shares(time: Array) -> Array:
+    """The time (k,) [s] that each sample stands for: half of that to its neighbours."""
+    steps = np.diff(time)
+    shares: Array = np.convolve(steps, [0.5, 0.5])
+    return shares
+
+
+def roughness(time: Array, orders: dict[int, float]) -> scipy.sparse.csc_matrix:
+    """Matrix R (k, k) with x' R x = sum over the orders n of the integral of (x^(n) / s_n)^2 dt.
+
+    Derivatives are divided differences of the samples, so that the integral hardly depends on the
+    sampling rate, and samples may be unevenly spaced.
+
+    Args:
+        time: increasing (k,) [s].
+        orders: the expected size s_n of the derivative of every order n.
+    """
+    count = time.size
+    total = scipy.sparse.csc_matrix((count, count))
+    for order, size in orders.items():
+        if count <= order:
+            continue
+        difference = scipy.sparse.identity(count, format="csc")
+        for step in range(1, order + 1):
+            weights = scipy.sparse.diags(step / (time[step:] - time[:-step]))
+            difference = weights @ (difference[1:] - difference[:-1])
+        widths = time[order:] - time[:-order]
+        widths *= (time[-1] - time[0]) / widths.sum()
+        total = total + difference.T @ scipy.sparse.diags(widths / size**2) @ difference
+    return scipy.sparse.csc_matrix(total)
+
+
+_IPOPT = {"max_iter": 200, "mu_strategy": "monotone", "acceptable_iter": 0}
+# How rounding limits the tolerance, relative to the largest curvature of the objective.
+_ROUNDING = 1e-14
+# Of the barrier, summed over all variables with bounds: at first, and complementarity at the end.
+# Together the barriers of all frames pull at lengths and offsets.
+_BARRIER, _COMPLEMENTARITY = 1e-2, 1e-2
+
+
+@dataclass(frozen=True, eq=False)
+class FrameTerms:
+    """Predicted positions of markers in one frame.
+
+    Attributes:
+        z: root and joints of the frame, symbols (nz, 1).
+        shared: what is common to all frames, symbols (ns, 1).
+        points: positions of the markers (3, m) [m].
+    """
+
+    z: ca.SX
+    shared: ca.SX
+    points: ca.SX
+
+    @cached_property
+    def positions(self) -> ca.Function:
+        """(z, shared) -> positions (3, m)."""
+        return ca.Function("positions", [self.z, self.shared], [ca.cse(ca.densify(self.points))])
+
+    @cached_property
+    def slopes(self) -> ca.Function:
+        """(z, shared) -> positions (3 m, 1) and their derivatives by z (3 m, nz)."""
+        stacked = ca.vec(self.points)
+        outputs = [stacked, ca.densify(ca.jacobian(stacked, self.z))]
+        return ca.Function("slopes", [self.z, self.shared], [ca.cse(each) for each in outputs])
+
+    @cached_property
+    def loss(self) -> Terms:
+        """The loss of a frame.
+
+        Parameters are the observed positions (3 m), weights (m) and the outlier size.
+        """
+        count = self.points.shape[1]
+        observed, weights = ca.SX.sym("y", 3 * count), ca.SX.sym("w", count)
+        outlier = ca.SX.sym("c")
+        residuals = self.points - ca.reshape(observed, 3, count)
+        squares = ca.sum1(residuals**2).T
+        loss = ca.dot(weights, squares / (1 + squares / outlier**2)) / 2
+        numbers = ca.vertcat(observed, weights, outlier)
+        return Terms(ca.vertcat(self.z, self.shared), numbers, loss)
+
+
+@dataclass(frozen=True, eq=False)
+class FitProgram:
+    """The program for the observations of K frames.
+
+    Attributes:
+        terms: of one frame.
+        observed: positions (K, m, 3) [m], any number where the weight is zero.
+        weights: of the squared residuals in the objective (K, m) [1/m^2].
+        quadratic: of the rest of the objective, x' Q x / 2 - b' x: Q and b, over the variables
+            of all frames in order, and then the shared ones.
+        lower, upper: bounds of the variables.
+    """
+
+    terms: FrameTerms
+    observed: Array
+    weights: Array
+    quadratic: tuple[scipy.sparse.csc_matrix, Array]
+    lower: Array
+    upper: Array
+
+    def solve(
+        self, x: Array, outlier: float, tolerance: float, options: dict[str, Any] | None = None
+    ) -> Outcome:
+        """The solution from x, where a marker `outlier` [m] away keeps a quarter of its weight."""
+        stiffest = float(abs(self.quadratic[0]).max())
+        bounded = max(1, int(np.isfinite(self.lower).sum() + np.isfinite(self.upper).sum()))
+        own = {
+            "tol": max(tolerance, _ROUNDING * stiffest),
+            "compl_inf_tol": _COMPLEMENTARITY / bounded,
+            "mu_init": _BARRIER / bounded,
+        }
+        solver = self.program.solver({**_IPOPT, **own, **(options or {})})
+        start = np.clip(x, self.lower, self.upper)
+        return solver(x0=start, p=outlier, lbx=self.lower, ubx=self.upper)
+
+    @cached_property
+    def program(self) -> BlockProgram:
+        """The frames' losses and the rest; the outlier size is its parameter."""
+        frames, nz, outlier = len(self.observed), int(self.terms.z.numel()), ca.MX.sym("c")
+        shared = np.arange(frames * nz, self.lower.size)
+        own = np.arange(frames * nz).reshape(frames, nz)
+        places = np.hstack([own, np.tile(shared, (frames, 1))])
+        numbers = np.hstack([self.observed.reshape(frames, -1), self.weights])
+        values = ca.horzcat(ca.DM(numbers), ca.repmat(outlier, frames, 1))
+        block = Block(self.terms.loss, places, values)
+        return BlockProgram(self.lower.size, [block], outlier, self.quadratic)
+
 
 ROOT = 6  # coordinates of a root that moves
 

@@ -1,4 +1,4 @@
-"""Which markers of a recording are fitted, and where they belong."""
+"""Which markers of a recording are fitted, where they belong, and how tall the person is."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.recordings.markers.body import MarkedBody
+from geodesic_ocp.recordings.markers.fit_program import HEIGHT_SPREAD, FitSettings
 from geodesic_ocp.recordings.markers.markers import Markers
-from geodesic_ocp.recordings.markers.program.body import MarkedBody
 from geodesic_ocp.recordings.markers.sets.known_marker_sets import MARKER_SETS
 from geodesic_ocp.recordings.markers.sets.marker_set import MarkerSet
 
@@ -92,3 +93,79 @@ def _frames(body: MarkedBody) -> MarkerSet:
     frames = [str(frame.name) for frame in list(body.model.pin.frames)[1:]]
     places = {frame: (frame, (0.0, 0.0, 0.0)) for frame in frames}
     return MarkerSet("frames of the model", places, "m", 0.0)
+
+
+# Heights of markers above the ground when the person stands upright, as fractions of body height:
+# the reference model of the Master Motor Map (hip 0.530, from there to the vertex 0.470), its
+# markers of head and feet. LANK and LHEE include the height of the ankle, 0.039.
+_HEAD = {"RFHD": 0.970, "LFHD": 0.970, "RBHD": 0.955, "LBHD": 0.955}
+_FEET = {"RANK": 0.02075, "LANK": 0.02075, "RHEE": 0.0135, "LHEE": 0.0135}
+_UPRIGHT = 90.0  # percentile of the heights over time: people bend more often than they stretch
+
+
+def standing_height(positions: Markers) -> float | None:
+    """Body height [m] from the markers of head and feet, in a space with z up; None without them.
+
+    The mean over the pairs of a marker of the head and one of the feet of their vertical distance,
+    divided by what it is at a height of 1 m, when the person stands as upright as at any time.
+    """
+    plain = {name.rpartition(":")[2].upper(): index for index, name in enumerate(positions.names)}
+    pairs = [
+        (positions.positions[:, plain[head], 2] - positions.positions[:, plain[foot], 2])
+        / (_HEAD[head] - _FEET[foot])
+        for head in _HEAD
+        for foot in _FEET
+        if head in plain and foot in plain
+    ]
+    known = [pair for pair in pairs if np.isfinite(pair).any()]
+    if not known:
+        return None
+    height = float(np.mean([np.nanpercentile(pair, _UPRIGHT) for pair in known]))
+    return height if 0.4 < height < 2.6 else None
+
+
+_TALLEST = 3.0  # [m]
+
+
+@dataclass(frozen=True)
+class KnownHeight:
+    """What is known of the person's height before the fit.
+
+    Attributes:
+        factor: from the model's height to the person's.
+        spread: standard deviation of the factor that is estimated; 0 if the factor is kept.
+        origin: where it was taken from, in words.
+    """
+
+    factor: float
+    spread: float
+    origin: str
+
+
+def known_height(
+    body: MarkedBody, positions: Markers, height: float | None, settings: FitSettings
+) -> KnownHeight:
+    """The height that is given, of the recording's subject, of a standing person or of the model.
+
+    Raises:
+        ValueError: a height for a model that is not of a person, or not a height.
+    """
+    if body.height is None:
+        if height is not None:
+            raise ValueError(f"height is for models of people, not for {body.model.name!r}")
+        return KnownHeight(1.0, 0.0, "")
+    if height is not None:
+        if as_positive("height", height, "m") > _TALLEST:
+            in_cm = "; is it in cm?" if 50.0 < height < 100.0 * _TALLEST else ""
+            raise ValueError(f"height must be at most {_TALLEST:g} m, got {height:g} m{in_cm}")
+        return KnownHeight(height / body.height, 0.0, "as given")
+    if positions.subject.height is not None:
+        return KnownHeight(
+            positions.subject.height / body.height, 0.0, "of the recording's subject"
+        )
+    if not settings.lengths:
+        return KnownHeight(1.0, 0.0, "of the model")
+    standing = standing_height(positions) if settings.base == "free" else None
+    if standing is not None:
+        return KnownHeight(standing / body.height, 0.0, "from the markers of head and feet")
+    return KnownHeight(1.0, HEIGHT_SPREAD, "from lengths of segments, by the model's proportions")

@@ -1,1 +1,0 @@
-"""The nonlinear program that fits a motion to markers."""
