@@ -7,28 +7,31 @@ import numpy as np
 
 import geodesic_ocp as go
 from geodesic_ocp.recordings.markers.body import MarkedBody
-from geodesic_ocp.recordings.markers.fit_program import FitProblem, FitSettings
+from geodesic_ocp.recordings.markers.chosen_markers import (
+    ChosenMarkers,
+    FitSettings,
+    KnownHeight,
+)
+from geodesic_ocp.recordings.markers.fit_program import FitProblem
 
 
 def test_derivatives_are_those_of_the_objective() -> None:
     """Gradient and Hessian, put together by frames, against CasADi's of the whole objective."""
     body = MarkedBody(go.human_arm("right"))
     random = np.random.default_rng(0)
-    sought = np.array([True, True, True, False])
-    problem = FitProblem(
-        body,
-        ("thorax", "right upper arm", "right hand"),
-        random.normal(0.0, 0.1, (3, 3)),
-        np.array([0.01, 0.0, 0.02]),
-        np.ones(4),
-        sought,
-        0.1,
-        np.eye(3),
-        FitSettings(),
-    )
     time = np.array([0.0, 0.1, 0.22, 0.3, 0.41])
     observed = random.normal(0.0, 0.3, (5, 3, 3))
     observed[2, 1] = np.nan
+    chosen = ChosenMarkers(
+        "three",
+        ("a", "b", "c"),
+        observed,
+        ("thorax", "right upper arm", "right forearm"),
+        random.normal(0.0, 0.1, (3, 3)),
+        np.array([0.01, 0.0, 0.02]),
+        (),
+    )
+    problem = FitProblem(body, chosen, KnownHeight(1.0, 0.1, ""), FitSettings())
     program = problem.program(time, observed, np.zeros(7, dtype=bool))
     functions = program.program.functions
     size = 5 * 13 + 3 + 6

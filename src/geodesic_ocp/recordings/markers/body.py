@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import itertools
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -24,6 +25,7 @@ from geodesic_ocp.model.model import Model
 # Joints that carry the segments of a person, by the first letter of the side.
 _CARRIERS = {"upper arm": "Sy", "elbow": "Ex", "forearm": "Ez", "hand": "Wy"}
 _LENGTHS = {"upper arm": "Ex", "forearm": "Wx"}
+_SHOULDERS = "shoulder half width"
 _SIDES = {"right": "R", "left": "L"}
 
 
@@ -71,42 +73,40 @@ class MarkedBody:
         across = trunk().half_width * float(self.height or 0.0)
         return np.array([across if self.lone_side == "right" else -across, 0.0, 0.0])
 
+    def base(self, lengths: Any) -> Any:
+        """From the root to the model's base (3,) [m], for lengths relative to the model's."""
+        return self.to_base * lengths[1] if self.lone_side else self.to_base
+
+    @cached_property
+    def _limbs(self) -> dict[str, int]:
+        """Joints at the far ends of the segments whose lengths can be adjusted."""
+        every = itertools.product(_SIDES.items(), _LENGTHS.items())
+        return {
+            f"{side} {segment}": joint_index(self.model, f"{letter}{joint}_joint")
+            for (side, letter), (segment, joint) in every
+            if self._has(f"{letter}{joint}_joint")
+        }
+
     @cached_property
     def lengths(self) -> tuple[str, ...]:
         """Names of the lengths that can be adjusted; the first is the body height."""
         if self.height is None:
             return ()
-        found = ["height"]
-        if self.lone_side or self.model.pin.existFrame("thorax"):
-            found.append("shoulder half width")
-        for side, letter in _SIDES.items():
-            found += [
-                f"{side} {segment}"
-                for segment, joint in _LENGTHS.items()
-                if self._has(f"{letter}{joint}_joint")
-            ]
-        return tuple(found)
+        shoulders = [_SHOULDERS] if self.lone_side or self.model.pin.existFrame("thorax") else []
+        return ("height", *shoulders, *self._limbs)
 
     @cached_property
     def nominal(self) -> Array:
         """The lengths as the model has them [m]."""
-        values = []
-        for name in self.lengths:
-            side, _, segment = name.partition(" ")
-            if name == "height":
-                values.append(float(self.height or 0.0))
-            elif name == "shoulder half width":
-                values.append(abs(float(self._shoulder_offset[0])))
+        joints = self._limbs.values() if self.lengths else ()
+        values = [float(np.linalg.norm(joint_offset(self.model, joint))) for joint in joints]
+        if _SHOULDERS in self.lengths:
+            if self.lone_side:
+                across = self.to_base
             else:
-                joint = joint_index(self.model, f"{_SIDES[side]}{_LENGTHS[segment]}_joint")
-                values.append(float(np.linalg.norm(joint_offset(self.model, joint))))
-        return np.array(values)
-
-    @property
-    def _shoulder_offset(self) -> Array:
-        if self.lone_side:
-            return self.to_base
-        return joint_offset(self.model, joint_index(self.model, "RSx_joint"))
+                across = joint_offset(self.model, joint_index(self.model, "RSx_joint"))
+            values.insert(0, abs(float(across[0])))
+        return np.array(values if self.height is None else [self.height, *values])
 
     def _has(self, joint: str) -> bool:
         return bool(self.model.pin.existJointName(joint))
@@ -117,14 +117,11 @@ class MarkedBody:
         if not self.lengths:
             return ca.SX.ones(3, count)
         factors = ca.repmat(lengths[0], 3, count)
-        for index, name in enumerate(self.lengths):
-            side, _, segment = name.partition(" ")
-            if segment in _LENGTHS:
-                joint = joint_index(self.model, f"{_SIDES[side]}{_LENGTHS[segment]}_joint")
-                factors[:, joint] = lengths[index]
-            elif name == "shoulder half width" and not self.lone_side:
-                for letter in _SIDES.values():
-                    factors[0, joint_index(self.model, f"{letter}Sx_joint")] = lengths[index]
+        for name, joint in self._limbs.items():
+            factors[:, joint] = lengths[self.lengths.index(name)]
+        if _SHOULDERS in self.lengths and not self.lone_side:
+            for letter in _SIDES.values():
+                factors[0, joint_index(self.model, f"{letter}Sx_joint")] = lengths[1]
         return factors
 
     def attachment(self, segment: str) -> Attachment:
@@ -158,6 +155,11 @@ class MarkedBody:
             return False
         return True
 
+    def stretch(self, place: Attachment, lengths: Any) -> list[Any]:
+        """Factors of the three components of offsets there; lengths relative to the model's."""
+        common = lengths[0] if self.lengths else 1.0
+        return [common, common, common if place.length is None else lengths[place.length]]
+
     def points(
         self, q: ca.SX, lengths: ca.SX, attachments: list[Attachment], offsets: ca.SX
     ) -> ca.SX:
@@ -165,27 +167,17 @@ class MarkedBody:
 
         The lengths are relative to those of the model; offsets are those at the model's height.
         """
-        factors = self.factors(lengths)
-        poses = joint_poses(self.model, q, factors)
-        base = ca.SX(self.to_base)
-        common = ca.SX(1)
-        if self.lengths:
-            common = lengths[0]
-            if self.lone_side:
-                base *= lengths[self.lengths.index("shoulder half width")]
+        poses, base = joint_poses(self.model, q, self.factors(lengths)), self.base(lengths)
         points = []
-        for index, place in enumerate(attachments):
-            along = common if place.length is None else lengths[place.length]
-            stretch = ca.vertcat(common, common, along)
-            own = common * ca.SX(place.origin) + ca.SX(place.rotation) @ (
-                stretch * offsets[:, index]
-            )
-            if place.joint < 0:
-                points.append(own)
-            else:
+        for place, offset in zip(attachments, ca.horzsplit(offsets), strict=True):
+            common, *_ = stretch = self.stretch(place, lengths)
+            own = ca.SX(place.rotation) @ (ca.vertcat(*stretch) * offset) + common * place.origin
+            if place.joint >= 0:
                 rotation, position = poses[place.joint]
-                points.append(base + position + rotation @ own)
-        return ca.horzcat(*points)
+                own = base + position + rotation @ own
+            points.append(own)
+        positions: ca.SX = ca.horzcat(*points)
+        return positions
 
     def scaled(self, lengths: Array) -> Model:
         """The model with these lengths, relative to those that it has."""
@@ -193,15 +185,6 @@ class MarkedBody:
             return self.model
         factors = ca.evalf(self.factors(ca.SX(lengths))).full().T
         bodies = np.full(self.model.pin.njoints, lengths[0])
-        for index, name in enumerate(self.lengths):
-            side, _, segment = name.partition(" ")
-            if segment in _LENGTHS:
-                joint = f"{_SIDES[side]}{_CARRIERS[segment]}_joint"
-                bodies[joint_index(self.model, joint)] = lengths[index]
+        for name in self._limbs:
+            bodies[self.attachment(name).joint] = lengths[self.lengths.index(name)]
         return with_lengths(self.model, factors, bodies)
-
-
-def factors_by_name(body: MarkedBody, lengths: Array) -> Mapping[str, float]:
-    """Lengths [m] by name, the body height left out."""
-    found = zip(body.lengths, body.nominal * lengths, strict=True)
-    return {name: float(value) for name, value in found if name != "height"}

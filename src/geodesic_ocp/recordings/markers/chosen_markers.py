@@ -1,18 +1,43 @@
-"""Which markers of a recording are fitted, where they belong, and how tall the person is."""
+"""What a fit starts from: settings, markers and where they belong, and how tall the person is."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.recordings.markers.body import MarkedBody
-from geodesic_ocp.recordings.markers.fit_program import HEIGHT_SPREAD, FitSettings
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.markers.sets.known_marker_sets import MARKER_SETS
 from geodesic_ocp.recordings.markers.sets.marker_set import MarkerSet
+
+Base = Literal["fixed", "free"]
+
+# Spread of a body height about that of the model, if nothing else is known of it, relative.
+_HEIGHT_SPREAD = 0.3
+_TALLEST = 3.0  # [m]
+# Heights of markers above the ground when the person stands upright, as fractions of body height:
+# the reference model of the Master Motor Map (hip 0.530, from there to the vertex 0.470), its
+# markers of head and feet. LANK and LHEE include the height of the ankle, 0.039.
+_HEAD = {"RFHD": 0.970, "LFHD": 0.970, "RBHD": 0.955, "LBHD": 0.955}
+_FEET = {"RANK": 0.02075, "LANK": 0.02075, "RHEE": 0.0135, "LHEE": 0.0135}
+_UPRIGHT = 90.0  # percentile of the heights over time: people bend more often than they stretch
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """See `fit_motion`, whose arguments these are."""
+
+    base: Base = "free"
+    lengths: bool = True
+    offsets: bool = True
+    limits: bool = True
+    noise: float = 0.002
+    acceleration: float = 100.0
+    jerk: float = 1000.0
+    outlier: float = 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +47,7 @@ class ChosenMarkers:
     Attributes:
         set_name: name of the marker set.
         names: in the recording (m,).
-        columns: of the recording (m,).
+        observed: their positions (k, m, 3) [m], NaN where missing.
         segments: that they are fixed to.
         places: on these segments, at the height of the body's model (m, 3) [m].
         uncertainty: of the places (m,) [m].
@@ -31,7 +56,7 @@ class ChosenMarkers:
 
     set_name: str
     names: tuple[str, ...]
-    columns: NDArray[np.int64]
+    observed: Array
     segments: tuple[str, ...]
     places: Array
     uncertainty: Array
@@ -59,9 +84,15 @@ def choose_markers(
         candidates = [each for each in candidates if each.unit == "m"]
     if np.isnan(positions.positions).all():
         raise ValueError("positions: no marker is seen in any sample")
-    matches = [_on_body(body, positions, each) for each in candidates]
-    best = int(np.argmax([len(match) for match in matches]))
-    match, used = matches[best], candidates[best]
+    unseen = np.isnan(positions.positions[:, :, 0]).all(axis=0)
+    names = tuple(np.array(positions.names)[~unseen].tolist())
+
+    def on_body(used: MarkerSet) -> dict[str, str]:
+        """Markers of the set on this body by their names in the recording."""
+        found = used.matching(names)
+        return {name: each for name, each in found.items() if body.has(used.places[each][0])}
+
+    match, used = max(((on_body(each), each) for each in candidates), key=lambda pair: len(pair[0]))
     if not match:
         known = marker_set.name if marker_set is not None else "the known marker sets"
         raise ValueError(
@@ -73,7 +104,7 @@ def choose_markers(
     return ChosenMarkers(
         used.name,
         tuple(match),
-        np.array([positions.names.index(name) for name in match]),
+        positions.positions[:, [positions.names.index(name) for name in match]],
         tuple(used.places[marker][0] for marker in match.values()),
         unit * np.array([used.places[marker][1] for marker in match.values()]),
         np.array([used.uncertainty_of(marker) for marker in match.values()]),
@@ -81,26 +112,11 @@ def choose_markers(
     )
 
 
-def _on_body(body: MarkedBody, positions: Markers, used: MarkerSet) -> dict[str, str]:
-    seen = np.flatnonzero(~np.isnan(positions.positions[:, :, 0]).all(axis=0))
-    names = tuple(positions.names[column] for column in seen)
-    found = used.matching(names)
-    return {name: marker for name, marker in found.items() if body.has(used.places[marker][0])}
-
-
 def _frames(body: MarkedBody) -> MarkerSet:
     """The frames of the model as points that may be recorded by their names."""
     frames = [str(frame.name) for frame in list(body.model.pin.frames)[1:]]
     places = {frame: (frame, (0.0, 0.0, 0.0)) for frame in frames}
     return MarkerSet("frames of the model", places, "m", 0.0)
-
-
-# Heights of markers above the ground when the person stands upright, as fractions of body height:
-# the reference model of the Master Motor Map (hip 0.530, from there to the vertex 0.470), its
-# markers of head and feet. LANK and LHEE include the height of the ankle, 0.039.
-_HEAD = {"RFHD": 0.970, "LFHD": 0.970, "RBHD": 0.955, "LBHD": 0.955}
-_FEET = {"RANK": 0.02075, "LANK": 0.02075, "RHEE": 0.0135, "LHEE": 0.0135}
-_UPRIGHT = 90.0  # percentile of the heights over time: people bend more often than they stretch
 
 
 def standing_height(positions: Markers) -> float | None:
@@ -120,11 +136,8 @@ def standing_height(positions: Markers) -> float | None:
     known = [pair for pair in pairs if np.isfinite(pair).any()]
     if not known:
         return None
-    height = float(np.mean([np.nanpercentile(pair, _UPRIGHT) for pair in known]))
+    height = float(np.mean(np.nanpercentile(known, _UPRIGHT, axis=1)))
     return height if 0.4 < height < 2.6 else None
-
-
-_TALLEST = 3.0  # [m]
 
 
 @dataclass(frozen=True)
@@ -160,12 +173,10 @@ def known_height(
             raise ValueError(f"height must be at most {_TALLEST:g} m, got {height:g} m{in_cm}")
         return KnownHeight(height / body.height, 0.0, "as given")
     if positions.subject.height is not None:
-        return KnownHeight(
-            positions.subject.height / body.height, 0.0, "of the recording's subject"
-        )
+        factor = positions.subject.height / body.height
+        return KnownHeight(factor, 0.0, "of the recording's subject")
     if not settings.lengths:
         return KnownHeight(1.0, 0.0, "of the model")
-    standing = standing_height(positions) if settings.base == "free" else None
-    if standing is not None:
+    if settings.base == "free" and (standing := standing_height(positions)) is not None:
         return KnownHeight(standing / body.height, 0.0, "from the markers of head and feet")
-    return KnownHeight(1.0, HEIGHT_SPREAD, "from lengths of segments, by the model's proportions")
+    return KnownHeight(1.0, _HEIGHT_SPREAD, "from lengths of segments, by the model's proportions")

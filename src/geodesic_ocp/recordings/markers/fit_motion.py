@@ -13,16 +13,15 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, as_positive
-from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.recordings.markers.body import MarkedBody, factors_by_name
+from geodesic_ocp.recordings.markers.body import MarkedBody
 from geodesic_ocp.recordings.markers.chosen_markers import (
-    ChosenMarkers,
-    KnownHeight,
+    Base,
+    FitSettings,
     choose_markers,
     known_height,
 )
-from geodesic_ocp.recordings.markers.fit_program import ROOT, Base, FitProblem, FitSettings
+from geodesic_ocp.recordings.markers.fit_program import ROOT, FitProblem
 from geodesic_ocp.recordings.markers.marker_fit import DOUBTFUL, MarkerFit, check_fit, lost_markers
 from geodesic_ocp.recordings.markers.markers import Axis, Markers, check_plausible_size, with_z_up
 from geodesic_ocp.recordings.markers.sets.marker_set import MarkerSet, as_marker_set
@@ -31,92 +30,7 @@ from geodesic_ocp.recordings.markers.trunk import check_trunk
 from geodesic_ocp.recordings.markers.uncertainty import constant_errors
 from geodesic_ocp.trajectory.motion import FrameMotion, Motion
 
-
-def as_marker_fit(
-    fitted: FittedVariables,
-    positions: Markers,
-    chosen: ChosenMarkers,
-    known: KnownHeight,
-    seconds: float,
-) -> MarkerFit:
-    """The motion, lengths, errors and lost markers from the variables of the program."""
-    problem, body = fitted.problem, fitted.problem.body
-    lengths, offsets = problem.shared_values(fitted.shared)
-    model = body.scaled(lengths)
-    q = fitted.z[:, problem.first_joint :]
-    observed = positions.positions[:, chosen.columns]
-    errors = np.linalg.norm(fitted.predicted - observed, axis=2)
-    weights = 1.0 / (1.0 + (errors / problem.settings.outlier) ** 2) ** 2
-    height = None if body.height is None else body.height * float(lengths[0])
-    root, thorax = _poses(fitted, model, q)
-    base = root
-    if root is not None and body.lone_side:
-        across = body.to_base * lengths[body.lengths.index("shoulder half width")]
-        base = FrameMotion(root.rotations, root.positions + root.rotations @ across)
-    subject = replace(positions.subject, height=height or positions.subject.height)
-    motion = Motion(positions.time, q, model.joint_names, subject=subject, trunk=thorax)
-    return MarkerFit(
-        motion=motion,
-        model=model,
-        base=base,
-        names=chosen.names,
-        segments=chosen.segments,
-        errors=errors,
-        weights=weights,
-        lost=lost_markers(positions.time, chosen.names, observed, fitted.predicted, weights),
-        offsets=_scaled_offsets(problem, lengths, offsets, chosen.names),
-        lengths=factors_by_name(body, lengths),
-        height=height,
-        height_from=known.origin,
-        undetermined=tuple(model.joint_names[index] for index in np.flatnonzero(fitted.loose)),
-        marker_set=chosen.set_name,
-        constant_errors=np.where(
-            fitted.loose,
-            np.nan,
-            constant_errors(problem, positions.time, fitted.z, fitted.shared, weights),
-        ),
-        left_out=chosen.left_out,
-        seconds=seconds,
-        iterations=fitted.iterations,
-    )
-
-
-def _poses(
-    fitted: FittedVariables, model: Model, q: Array
-) -> tuple[FrameMotion | None, FrameMotion | None]:
-    """Poses of the root and of the thorax, as far as they are known."""
-    problem = fitted.problem
-    if not problem.moves:
-        return None, None
-    angles = ca.SX.sym("angles", 3)
-    rotation = ca.Function("rotation", [angles], [ca.densify(problem.root_rotation(angles))])
-    stacked = rotation.map(len(q))(fitted.z[:, 3:ROOT].T).full()
-    rotations = stacked.reshape(3, -1, 3).transpose(1, 0, 2)
-    root = FrameMotion(rotations, fitted.z[:, :3])
-    if problem.body.lone_side:
-        return root, root
-    if not model.pin.existFrame("thorax"):
-        return root, None
-    turned, moved = model.frame_pose("thorax", q)
-    there = root.positions + np.einsum("kij,kj->ki", rotations, moved)
-    return root, FrameMotion(rotations @ turned, there)
-
-
-def _scaled_offsets(
-    problem: FitProblem, lengths: Array, offsets: Array, names: tuple[str, ...]
-) -> dict[str, Array]:
-    """Offsets [m] on the segments of the scaled model, by marker."""
-    found = {}
-    for name, segment, offset in zip(names, problem.segments, offsets, strict=True):
-        length = problem.body.attachment(segment).length
-        common = lengths[0] if lengths.size else 1.0
-        along = common if length is None else lengths[length]
-        found[name] = offset * np.array([common, common, along])
-    return found
-
-
 _ESTIMATES = ("lengths", "offsets")
-_FAR = 0.2  # median distance of the markers from their places at which a fit is refused [m]
 _CLOSEST = 0.05  # least step between samples, relative to their median
 
 
@@ -196,7 +110,19 @@ def fit_motion(
         RuntimeWarning: the fit is doubtful, see `MarkerFit.doubts`.
     """
     begin = clock.perf_counter()
-    settings = _checked(base, estimate, limits, noise, acceleration, jerk, outlier)
+    if base not in get_args(Base):
+        raise ValueError(f"base must be 'fixed' or 'free', got {base!r}")
+    asked = (estimate,) if isinstance(estimate, str) else tuple(estimate)
+    for each in asked:
+        if each not in _ESTIMATES:
+            raise ValueError(f"estimate takes any of {', '.join(_ESTIMATES)}, got {each!r}")
+    settings = FitSettings(
+        *(base, "lengths" in asked, "offsets" in asked, bool(limits)),
+        as_positive("noise", noise, "m"),
+        as_positive("acceleration", acceleration, "rad/s^2"),
+        as_positive("jerk", jerk, "rad/s^3"),
+        as_positive("outlier", outlier, "m"),
+    )
     if not isinstance(positions, Markers):
         raise TypeError(
             f"positions must be Markers, got {type(positions).__name__}; give "
@@ -208,61 +134,16 @@ def fit_motion(
     body = MarkedBody(model)
     known = known_height(body, positions, height, settings)
     chosen = choose_markers(body, positions, as_marker_set(marker_set), known.factor)
-    observed = positions.positions[:, chosen.columns]
     _check_times(positions.time)
     if base == "free" and body.height is not None:
-        check_trunk(chosen, observed, ask_up=up is None)
-    sought = np.zeros(len(body.lengths), dtype=bool)
-    if settings.lengths:
-        sought[1:] = _seen_lengths(body, chosen)
-        sought[:1] = known.spread > 0.0
-    problem = FitProblem(
-        body,
-        chosen.segments,
-        chosen.places,
-        chosen.uncertainty,
-        np.full(len(body.lengths), known.factor),
-        sought,
-        known.spread,
-        np.eye(3),
-        settings,
-    )
-    fitted = solve_fit(problem, positions.time, observed, ipopt)
-    if not fitted.success:
-        raise NotConverged(f"no motion was fitted to the markers: {fitted.status}", fitted)
-    fit = as_marker_fit(fitted, positions, chosen, known, clock.perf_counter() - begin)
+        check_trunk(chosen, ask_up=up is None)
+    fitted = solve_fit(FitProblem(body, chosen, known, settings), positions.time, ipopt)
+    fit = _marker_fit(fitted, positions, clock.perf_counter() - begin)
     given = height is not None or positions.subject.height is not None
     check_fit(fit, estimated=settings.lengths and not given)
     if fit.doubts:
         warnings.warn(DOUBTFUL + "; ".join(fit.doubts), RuntimeWarning, stacklevel=2)
     return fit
-
-
-def _checked(
-    base: Base,
-    estimate: Collection[str],
-    limits: bool,
-    noise: float,
-    acceleration: float,
-    jerk: float,
-    outlier: float,
-) -> FitSettings:
-    if base not in get_args(Base):
-        raise ValueError(f"base must be 'fixed' or 'free', got {base!r}")
-    asked = (estimate,) if isinstance(estimate, str) else tuple(estimate)
-    for each in asked:
-        if each not in _ESTIMATES:
-            raise ValueError(f"estimate takes any of {', '.join(_ESTIMATES)}, got {each!r}")
-    return FitSettings(
-        base,
-        "lengths" in asked,
-        "offsets" in asked,
-        bool(limits),
-        as_positive("noise", noise, "m"),
-        as_positive("acceleration", acceleration, "rad/s^2"),
-        as_positive("jerk", jerk, "rad/s^3"),
-        as_positive("outlier", outlier, "m"),
-    )
 
 
 def _check_times(time: Array) -> None:
@@ -275,15 +156,51 @@ def _check_times(time: Array) -> None:
         )
 
 
-def _seen_lengths(body: MarkedBody, chosen: ChosenMarkers) -> list[bool]:
-    """Which of the lengths, apart from the height, lie between markers."""
-    seen = []
-    for name in body.lengths[1:]:
-        side, _, segment = name.partition(" ")
-        beyond = {"upper arm": ("elbow", "forearm", "hand"), "forearm": ("hand",)}.get(segment)
-        if beyond is None:
-            on_arm = [each.startswith(("right", "left")) for each in chosen.segments]
-            seen.append(any(on_arm) and not all(on_arm))
-        else:
-            seen.append(any(f"{side} {each}" in chosen.segments for each in beyond))
-    return seen
+def _marker_fit(fitted: FittedVariables, positions: Markers, seconds: float) -> MarkerFit:
+    """The motion, lengths, errors and lost markers from the variables of the program."""
+    problem, body, chosen = fitted.problem, fitted.problem.body, fitted.problem.chosen
+    found, offsets = (ca.DM(each).full() for each in problem.shared_values(ca.DM(fitted.shared)))
+    lengths, time, q = found[:, 0], positions.time, fitted.z[:, problem.first_joint :]
+    model = body.scaled(lengths)
+    predicted = problem.positions(fitted.z, fitted.shared)
+    errors = np.linalg.norm(predicted - chosen.observed, axis=2)
+    weights = 1.0 / (1.0 + (errors / problem.settings.outlier) ** 2) ** 2
+    constant = constant_errors(problem, time, fitted.z, fitted.shared, weights)
+    height = None if body.height is None else body.height * float(lengths[0])
+    root = base = thorax = None
+    if problem.moves:
+        rotations = problem.root_rotations(fitted.z[:, 3:ROOT])
+        root = base = FrameMotion(rotations, fitted.z[:, :3])
+        if body.lone_side:
+            thorax = root
+            base = FrameMotion(rotations, root.positions + rotations @ body.base(lengths))
+        elif model.pin.existFrame("thorax"):
+            turned, moved = model.frame_pose("thorax", q)
+            there = root.positions + np.einsum("kij,kj->ki", rotations, moved)
+            thorax = FrameMotion(rotations @ turned, there)
+    subject = replace(positions.subject, height=height or positions.subject.height)
+    stretches = (body.stretch(body.attachment(each), lengths) for each in chosen.segments)
+    named = zip(body.lengths[1:], (body.nominal * lengths).tolist()[1:], strict=True)
+    return MarkerFit(
+        motion=Motion(time, q, model.joint_names, subject=subject, trunk=thorax),
+        model=model,
+        base=base,
+        names=chosen.names,
+        segments=chosen.segments,
+        errors=errors,
+        weights=weights,
+        lost=lost_markers(time, chosen.names, chosen.observed, predicted, weights),
+        offsets={
+            name: np.array(stretch) * offset
+            for name, stretch, offset in zip(chosen.names, stretches, offsets.T, strict=True)
+        },
+        lengths=dict(named),
+        height=height,
+        height_from=problem.known.origin,
+        undetermined=tuple(model.joint_names[index] for index in np.flatnonzero(fitted.loose)),
+        marker_set=chosen.set_name,
+        constant_errors=np.where(fitted.loose, np.nan, constant),
+        left_out=chosen.left_out,
+        seconds=seconds,
+        iterations=fitted.iterations,
+    )

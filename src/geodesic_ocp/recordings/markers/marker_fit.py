@@ -12,8 +12,21 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.motion import FrameMotion, Motion
 
-LOST = 0.25  # weight below which a marker counts as lost: it is farther away than `outlier`
+#: How the warning of a fit that is doubtful begins.
+DOUBTFUL = "the fit of the markers is doubtful: "
+# A typical error that is usual at most [m]: skin moves, and places of markers are assumed.
+_USUAL = 0.02
+_MANY = 0.25  # share of the samples of markers that are lost
+_SHORT = 1.0  # [s]
+_TRUNK = ("thorax", "abdomen", "pelvis")
+_LOST = 0.25  # weight below which a marker counts as lost: it is farther away than `outlier`
 _NEAR = 0.5  # distance from another marker's place, relative to that from its own
+# Bounds of this project's choice, see `MarkerFit.typical_error`: a recording by the Master Motor
+# Map's set is fitted within 7 mm, without estimated offsets within 30 mm, one that is mirrored
+# within 70 mm.
+_NO_FIT = 0.04  # [m]
+_MOST = 0.75  # share of the samples of markers that are lost
+_SHORTEST, _TALLEST = 0.8, 2.4  # body heights that are believed if they are estimated [m]
 
 
 @dataclass(frozen=True)
@@ -48,33 +61,17 @@ def lost_markers(
     found = []
     for column, name in enumerate(names):
         seen = np.flatnonzero(~np.isnan(weights[:, column]))
-        lost = weights[seen, column] < LOST
+        lost = weights[seen, column] < _LOST
         edges = np.flatnonzero(np.diff(np.concatenate([[False], lost, [False]]).astype(int)))
         for first, last in edges.reshape(-1, 2):
             rows = seen[first:last]
             away = np.linalg.norm(observed[rows, column, None] - predicted[rows], axis=2)
             distances = np.median(away, axis=0)
             nearest = int(np.argmin(distances))
-            is_near = distances[nearest] < _NEAR * distances[column]
-            found.append(
-                LostMarker(
-                    name,
-                    float(time[rows[0]]),
-                    float(time[rows[-1]]),
-                    float(distances[column]),
-                    names[nearest] if is_near else None,
-                )
-            )
+            near = names[nearest] if distances[nearest] < _NEAR * distances[column] else None
+            start, end, distance = map(float, (*time[rows[[0, -1]]], distances[column]))
+            found.append(LostMarker(name, start, end, distance, near))
     return tuple(found)
-
-
-#: How the warning of a fit that is doubtful begins.
-DOUBTFUL = "the fit of the markers is doubtful: "
-#: A typical error that is usual at most [m]: skin moves, and places of markers are assumed.
-NEAR = 0.02
-_MANY = 0.25  # share of the samples of markers that are lost
-_SHORT = 1.0  # [s]
-_TRUNK = ("thorax", "abdomen", "pelvis")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -128,32 +125,18 @@ class MarkerFit:
 
     def table(self) -> Table:
         """Errors of every marker, and the share of time in which it is missing or lost."""
-        rows = []
         missing = np.isnan(self.errors)
-        for column, name in enumerate(self.names):
-            seen = self.errors[~missing[:, column], column]
-            kept = self.weights[~missing[:, column], column]
-            rows.append(
-                (
-                    name,
-                    self.segments[column],
-                    1e3 * float(seen.mean()),
-                    1e3 * float(np.percentile(seen, 95)),
-                    1e3 * float(seen.max()),
-                    100.0 * float(missing[:, column].mean()),
-                    100.0 * float(np.mean(kept < LOST)),
-                )
-            )
-        header = (
-            "marker",
-            "segment",
-            "mean error [mm]",
-            "95 % below [mm]",
-            "max [mm]",
-            "missing [%]",
-            "lost [%]",
-        )
-        return Table(header, tuple(rows), self._note)
+        lost = np.where(missing, np.nan, self.weights < _LOST)
+        columns = {
+            "mean error [mm]": 1e3 * np.nanmean(self.errors, axis=0),
+            "95 % below [mm]": 1e3 * np.nanpercentile(self.errors, 95, axis=0),
+            "max [mm]": 1e3 * np.nanmax(self.errors, axis=0),
+            "missing [%]": 100.0 * missing.mean(axis=0),
+            "lost [%]": 100.0 * np.nanmean(lost, axis=0),
+        }
+        numbers = (each.tolist() for each in columns.values())
+        rows = tuple(zip(self.names, self.segments, *numbers, strict=True))
+        return Table(("marker", "segment", *columns), rows, self._note)
 
     @property
     def typical_error(self) -> float:
@@ -170,26 +153,29 @@ class MarkerFit:
     @property
     def lost_share(self) -> float:
         """Share of the positions that were recorded in which markers lost their weight."""
-        return float(np.mean(self.weights[~np.isnan(self.weights)] < LOST))
+        return float(np.mean(self.weights[~np.isnan(self.weights)] < _LOST))
 
     @property
     def doubts(self) -> tuple[str, ...]:
         """Why the motion may not be what was recorded, as phrases; empty for a good fit."""
         found = []
-        if self.typical_error > NEAR:
-            mean, seconds = 1e3 * self.typical_error, float(np.ptp(self.motion.time))
+        if self.typical_error > _USUAL:
+            seconds = float(np.ptp(self.motion.time))
             short = f" (a recording of {seconds:.2g} s says little about their places)"
-            found.append(
-                f"markers are typically {mean:.0f} mm from their places"
-                + (short if seconds < _SHORT else "")
-            )
+            found.append(self._distance + (short if seconds < _SHORT else ""))
         if self.lost_share > _MANY:
-            found.append(
-                f"the markers are far from their places for {self.lost_share:.0%} of the time"
-            )
+            found.append(self._share)
         if self.undetermined:
             found.append(f"the markers do not determine {', '.join(self.undetermined)}")
         return tuple(found)
+
+    @property
+    def _distance(self) -> str:
+        return f"markers are typically {1e3 * self.typical_error:.0f} mm from their places"
+
+    @property
+    def _share(self) -> str:
+        return f"the markers are far from their places for {self.lost_share:.0%} of the time"
 
     @property
     def _note(self) -> str:
@@ -202,27 +188,22 @@ class MarkerFit:
         if self.undetermined:
             lines.append(f"Not determined by the markers: {', '.join(self.undetermined)}.")
         if np.nansum(self.constant_errors) > 0.0:
+            sizes = {"rad": (np.rad2deg(1.0), "deg"), "m": (1e3, "mm")}
+            scales = (sizes[unit] for unit in self.model.units)
+            errors = zip(self.model.joint_names, self.constant_errors, scales, strict=True)
+            shown = ", ".join(
+                f"{name.removesuffix('_joint')} {scale * error:.1f} {unit}"
+                for name, error, (scale, unit) in errors
+                if not np.isnan(error)
+            )
             lines.append(
                 "Constant errors of the angles are possible, as places of markers on the segments "
-                f"are assumed (standard deviations): {self._constant_errors}."
+                f"are assumed (standard deviations): {shown}."
             )
         lines += [f"{each}." for each in self.lost[:20]]
         if len(self.lost) > 20:
             lines.append(f"{len(self.lost) - 20} more spans of lost markers.")
         return "\n".join(lines)
-
-    @property
-    def _constant_errors(self) -> str:
-        sizes = {"rad": (np.rad2deg(1.0), "deg"), "m": (1e3, "mm")}
-        shown = []
-        for name, error, unit in zip(
-            self.model.joint_names, self.constant_errors, self.model.units, strict=True
-        ):
-            if np.isnan(error):
-                continue
-            factor, shown_unit = sizes[unit]
-            shown.append(f"{name.removesuffix('_joint')} {factor * error:.1f} {shown_unit}")
-        return ", ".join(shown)
 
     def __repr__(self) -> str:
         height = "" if self.height is None else f", body height {self.height:.2f} m"
@@ -233,14 +214,6 @@ class MarkerFit:
         )
 
 
-# Bounds of this project's choice, see `MarkerFit.typical_error`: a recording by the Master Motor
-# Map's set is fitted within 7 mm, without estimated offsets within 30 mm, one that is mirrored
-# within 70 mm.
-_NO_FIT = 0.04  # [m]
-_MOST = 0.75  # share of the samples of markers that are lost
-_SHORTEST, _TALLEST = 0.8, 2.4  # body heights that are believed if they are estimated [m]
-
-
 def check_fit(fit: MarkerFit, estimated: bool) -> None:
     """Refuse a fit that is none; `estimated` says whether the height was.
 
@@ -248,22 +221,20 @@ def check_fit(fit: MarkerFit, estimated: bool) -> None:
         ValueError: the typical error is above 40 mm, markers are lost for three quarters of the
             time, or the body height is outside 0.8 to 2.4 m; names likely causes.
     """
-    found = ""
     if fit.typical_error > _NO_FIT:
-        found = (
-            f"markers are typically {1e3 * fit.typical_error:.0f} mm from their places on "
-            f"{fit.model.name!r}, {1e3 * NEAR:.0f} mm at most are usual"
-        )
+        usual = f"{1e3 * _USUAL:.0f} mm at most are usual"
+        found = f"{fit._distance} on {fit.model.name!r}, {usual}"
     elif fit.lost_share > _MOST:
-        found = f"the markers are far from their places for {fit.lost_share:.0%} of the time"
+        found = fit._share
     elif fit.height is not None and estimated and not _SHORTEST < fit.height < _TALLEST:
         found = f"the body height would be {fit.height:.2f} m, {fit.height_from}"
-    if found:
-        raise ValueError(f"the markers are not fitted: {found}. {_causes(fit)}")
-
-
-def _causes(fit: MarkerFit) -> str:
-    causes = ["the unit (Markers must be in m)"]
+    else:
+        return
+    causes = [
+        "the unit (Markers must be in m)",
+        "right and left exchanged, or axes that are left-handed",
+        f"names that mean other places than in the marker set {fit.marker_set!r}",
+    ]
     if fit.base is None:
         causes.insert(
             0,
@@ -271,10 +242,6 @@ def _causes(fit: MarkerFit) -> str:
             "base, the shoulder of an arm; for positions in a room give base='free' and markers of "
             "the thorax)",
         )
-    causes += [
-        "right and left exchanged, or axes that are left-handed",
-        f"names that mean other places than in the marker set {fit.marker_set!r}",
-    ]
     if fit.height is not None:
         causes.append("another height of the person (give height=...)")
-    return "Check " + ", ".join(causes)
+    raise ValueError(f"the markers are not fitted: {found}. Check {', '.join(causes)}")

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, cast, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.trajectory.motion import Subject
@@ -54,11 +55,9 @@ class Markers:
                 f"marker {names[column]} is at {positions[row, column]} at sample {row}: it "
                 "must be finite, or missing (NaN) in all coordinates"
             )
-        for array in (time, positions):
-            array.flags.writeable = False
-        object.__setattr__(self, "time", time)
-        object.__setattr__(self, "names", names)
-        object.__setattr__(self, "positions", positions)
+        time.flags.writeable = positions.flags.writeable = False
+        for name, value in (("time", time), ("names", names), ("positions", positions)):
+            object.__setattr__(self, name, value)
 
     def __len__(self) -> int:
         return int(self.time.size)
@@ -86,10 +85,9 @@ _TURNS: dict[Axis, tuple[int, int, int]] = {
 
 def as_axis(up: str) -> Axis:
     """An axis by its name; ValueError if it is none."""
-    for axis in get_args(Axis):
-        if up == axis:
-            return cast(Axis, axis)
-    raise ValueError(f"up must be one of {', '.join(get_args(Axis))}, got {up!r}")
+    if up not in get_args(Axis):
+        raise ValueError(f"up must be one of {', '.join(get_args(Axis))}, got {up!r}")
+    return cast(Axis, up)
 
 
 def with_z_up(markers: Markers, up: Axis) -> Markers:
@@ -102,11 +100,16 @@ def with_z_up(markers: Markers, up: Axis) -> Markers:
     return replace(markers, positions=np.sign(turn) * markers.positions[:, :, np.abs(turn) - 1])
 
 
+def evenly(count: int, most: int) -> NDArray[np.int64]:
+    """Indices of up to so many of `count` rows, the first and the last among them."""
+    return np.unique(np.linspace(0, count - 1, most).round().astype(np.int64))
+
+
 # Markers of people in one room are not farther apart, nor farther from its origin; those of the
 # smallest movements that are recorded, of one hand, are farther apart [m].
 _WIDEST, _FARTHEST, _NARROWEST = 10.0, 100.0, 0.05
-_IN_MM = ": are the numbers mm or cm? A file must state their unit, Markers must be in m"
-_IN_M = ": are the numbers m or cm? A file must state their unit, Markers must be in m"
+_ASKED = ": are the numbers {} or cm? A file must state their unit, Markers must be in m"
+_IN_MM, _IN_M = _ASKED.format("mm"), _ASKED.format("m")
 
 
 def check_plausible_size(markers: Markers) -> None:

@@ -10,8 +10,34 @@ from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.recordings.markers.fit_program import LOOSE_SPREAD, PRIOR_TIME, FitProblem
+from geodesic_ocp.recordings.markers.markers import evenly
 
-_FRAMES = 50
+_FRAMES = 50  # that are considered
+_LEVER = 0.004  # [m/rad]: what moves no marker by more is not determined
+_PART = 0.3  # of a joint in such a motion of unit length
+
+
+def undetermined_joints(
+    problem: FitProblem, z: Array, shared: Array, seen: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Which joints (n,) can move, alone or along with others, without moving the markers.
+
+    Joints that do so in at least half of the frames, of which up to 50 are considered.
+
+    Args:
+        problem: of the fit.
+        z: variables of the frames (k, nz).
+        shared: variables of all frames (ns,).
+        seen: which markers are (k, m).
+    """
+    rows = evenly(len(z), _FRAMES)
+    votes = np.zeros(problem.body.model.dof)
+    for row in rows:
+        jacobian = problem.slopes(z[row], shared)[1].full()[np.repeat(seen[row], 3)]
+        moves, vectors = np.linalg.eigh(jacobian.T @ jacobian)
+        free = vectors[problem.first_joint :, moves < _LEVER**2]
+        votes += np.linalg.norm(free, axis=1) > _PART
+    return np.asarray(votes >= rows.size / 2)
 
 
 def constant_errors(
@@ -30,22 +56,19 @@ def constant_errors(
         shared: variables of all frames (ns,).
         weights: of the markers (k, m); NaN where missing.
     """
-    rows = np.unique(np.linspace(0, len(z) - 1, _FRAMES).round().astype(int))
-    estimated = problem.settings.offsets
+    noise, estimated = problem.settings.noise, problem.settings.offsets
     if not estimated:
         problem = replace(problem, settings=replace(problem.settings, offsets=True))
         shared = np.concatenate([shared, np.zeros(problem.ns - shared.size)])
     if not problem.ns:
         return np.zeros(problem.body.model.dof)
-    terms = problem.terms
-    points = ca.vec(terms.points)
-    slopes = [ca.densify(ca.jacobian(points, each)) for each in (terms.z, terms.shared)]
-    at = ca.Function("slopes", [terms.z, terms.shared], [ca.cse(each) for each in slopes])
-    weak = np.zeros(problem.nz)
-    weak[problem.first_joint :] = (problem.settings.noise / LOOSE_SPREAD) ** 2
+    *symbols, points = problem.frame
+    slopes = [ca.densify(ca.jacobian(ca.vec(points), each)) for each in symbols]
+    at = ca.Function("slopes", symbols, [ca.cse(each) for each in slopes])
+    weak = np.full(problem.nz, (noise / LOOSE_SPREAD) ** 2)
     weak[: problem.first_joint] = 1e-12
-    carried = np.zeros((problem.nz, problem.ns))
-    told = np.zeros((problem.ns, problem.ns))
+    carried, told = np.zeros((problem.nz, problem.ns)), np.zeros((problem.ns, problem.ns))
+    rows = evenly(len(z), _FRAMES)
     for row in rows:
         by_z, by_shared = (each.full() for each in at(z[row], shared))
         weight = np.repeat(np.nan_to_num(weights[row]), 3)[:, None]
@@ -54,37 +77,9 @@ def constant_errors(
         follow = np.linalg.solve(normal, by_z.T @ (weight * by_shared))
         carried += follow / rows.size
         told += by_shared.T @ (weight * (by_shared - by_z @ follow)) / rows.size
-    information, _ = problem.priors()
+    information = problem.priors
     if estimated:
-        scale = float(time[-1] - time[0]) / PRIOR_TIME / problem.settings.noise**2
+        scale = float(time[-1] - time[0]) / PRIOR_TIME / noise**2
         information = information + scale * (told + told.T) / 2.0
     variance = np.einsum("is,si->i", carried, np.linalg.solve(information, carried.T))
     return np.asarray(np.sqrt(variance[problem.first_joint :]))
-
-
-_LEVER = 0.004  # [m/rad]: what moves no marker by more is not determined
-_PART = 0.3  # of a joint in such a motion of unit length
-
-
-def undetermined_joints(
-    problem: FitProblem, z: Array, shared: Array, weights: Array
-) -> NDArray[np.bool_]:
-    """Which joints (n,) can move, alone or along with others, without moving the markers.
-
-    Joints that do so in at least half of the frames, of which up to 50 are considered.
-
-    Args:
-        problem: of the fit.
-        z: variables of the frames (k, nz).
-        shared: variables of all frames (ns,).
-        weights: of the markers (k, m); NaN where missing.
-    """
-    rows = np.unique(np.linspace(0, len(weights) - 1, _FRAMES).round().astype(int))
-    votes = np.zeros(problem.body.model.dof)
-    for row in rows:
-        weight = np.repeat(np.nan_to_num(weights[row]), 3)
-        jacobian = problem.terms.slopes(z[row], shared)[1].full()
-        moves, vectors = np.linalg.eigh((jacobian.T * weight) @ jacobian)
-        free = vectors[problem.first_joint :, moves < _LEVER**2]
-        votes += np.linalg.norm(free, axis=1) > _PART
-    return np.asarray(votes >= rows.size / 2)

@@ -8,7 +8,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Literal
 
-from geodesic_ocp.arrays import as_number, as_vector
+from geodesic_ocp.arrays import as_not_negative, as_vector
 from geodesic_ocp.recordings.conventions.read_convention_record import from_record
 
 Place = tuple[str, tuple[float, float, float]]
@@ -60,8 +60,7 @@ class MarkerSet:
         for marker, value in named.items():
             if marker not in places:
                 raise ValueError(f"uncertainty: {marker!r} is not a marker of this set")
-            if as_number(f"uncertainty of {marker}", value) < 0.0:
-                raise ValueError(f"uncertainty of {marker} must not be negative, got {value}")
+            as_not_negative(f"uncertainty of {marker}", value)
 
     def uncertainty_of(self, marker: str) -> float:
         """Standard deviation [m] of a marker's distance from its place."""
