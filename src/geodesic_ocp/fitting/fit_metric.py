@@ -105,6 +105,7 @@ def fit_metric(
         raise ValueError("free_ends needs measure='joint': the hand leaves the redundant arm free")
     chosen, report = as_parameters(parameters), progress or no_progress
     grid = Grid(1, as_integer("degree", degree, 3))
+    rule = {"min_duration": min_duration, "hysteresis": hysteresis}
     theta = ca.SX.sym("theta", len(chosen))
     start, lower, upper = np.array([(p.start, p.lower, p.upper) for p in chosen], dtype=float).T
     terms: dict[int, SegmentTerms] = {}  # recordings of one model share them
@@ -116,15 +117,10 @@ def fit_metric(
             symbolic = with_parameters(metric(model), chosen, ca.vertsplit(theta))
             terms[id(model)] = SegmentTerms(symbolic, theta, model, measure, grid)
         initial = with_parameters(metric(model), chosen, start.tolist())
-        cuts = (
-            segment(
-                *(initial, recording.motion, threshold),
-                min_duration=min_duration,
-                hysteresis=hysteresis,
-            )
-            if segments is None
-            else segments[number]
-        )
+        if segments is None:
+            cuts: Sequence[tuple[int, int]] = segment(initial, recording.motion, threshold, **rule)
+        else:
+            cuts = segments[number]
         parts.append(observe(recording, initial, cuts, terms[id(model)]))
     program = MetricProgram(tuple(parts), start, lower, upper, free_ends)
     report("fitting the metric", 0, 1)
@@ -155,13 +151,10 @@ def solve_program(
     matrix = _covariance(program, of_free)
     deviations = np.full(program.size, np.nan)
     deviations[free] = np.sqrt(np.diag(matrix)) * program.start[free]
-    found = zip(
-        *(parameters, (relative * program.start).tolist(), deviations.tolist(), bounded.tolist()),
-        strict=True,
-    )
+    numbers = (relative * program.start).tolist(), deviations.tolist(), bounded.tolist()
     estimates = tuple(
         Estimate(each.name, value, error, _UNITS.get(each.field, ""), at_bound)
-        for each, value, error, at_bound in found
+        for each, value, error, at_bound in zip(parameters, *numbers, strict=True)
     )
     unknown = _undetermined(of_free, matrix, relative[free], [parameters[k].name for k in free])
     return MetricFit(estimates, parameters, unknown, program, outcome, derivatives, metric)
@@ -212,25 +205,24 @@ def _undetermined(
         relative: their values in units of their initial values.
         names: of these parameters.
     """
-    if not relative.size:
-        return ()
     hessian = errors.hessians.sum(axis=0) * np.outer(relative, relative)
     finite = np.where(np.isfinite(matrix), matrix, 0.0) / np.outer(relative, relative)
     sentences = []
     for value, direction in zip(*np.linalg.eigh(hessian), strict=True):
         flat = value <= _SINGULAR * np.abs(hessian).max()
-        variance = max(float(direction @ finite @ direction), 0.0)
-        if not flat and variance <= _UNCERTAIN**2:
+        if not flat and direction @ finite @ direction <= _UNCERTAIN**2:
             continue
         direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
-        involved = [k for k in range(relative.size) if abs(direction[k]) >= _INVOLVED]
-        listed = [names[k] for k in involved]
-        if len(listed) == 1:
-            sentences.append(f"the data do not determine {listed[0]}")
-            continue
-        powers = [f"{names[k]} by a factor of {2.0 ** direction[k]:.3g}" for k in involved]
+        powers = {
+            name: f"{name} by a factor of {2.0**power:.3g}"
+            for name, power in zip(names, direction, strict=True)
+            if abs(power) >= _INVOLVED
+        }
+        *others, last = powers
         sentences.append(
-            f"the data determine {', '.join(listed[:-1])} and {listed[-1]} in combination only: "
-            f"changing {' and '.join(powers)} leaves the error almost the same"
+            f"the data determine {', '.join(others)} and {last} in combination only: "
+            f"changing {' and '.join(powers.values())} leaves the error almost the same"
+            if others
+            else f"the data do not determine {last}"
         )
     return tuple(sentences)

@@ -137,21 +137,14 @@ class MetricFit:
     def table(self, intervals: tuple[ConfidenceInterval, ...] = ()) -> Table:
         """Estimates, standard errors, and bootstrap intervals if given (`bootstrap_fit`)."""
         header: tuple[str, ...] = ("parameter", "unit", "estimate", "standard error")
-        rows: list[tuple[str | int | float, ...]] = [
-            (
-                each.name,
-                each.unit,
-                each.value,
-                "at its bound" if each.at_bound else each.standard_error,
-            )
-            for each in self.estimates
-        ]
+        rows: list[tuple[str | int | float, ...]] = []
+        for each in self.estimates:
+            error = "at its bound" if each.at_bound else each.standard_error
+            rows.append((each.name, each.unit, each.value, error))
         if intervals:
             header += (f"{100 * intervals[0].confidence:g} % from", "to")
-            ends = [
-                ("-", "-") if np.isnan(each.low) else (each.low, each.high) for each in intervals
-            ]
-            rows = [(*row, *pair) for row, pair in zip(rows, ends, strict=True)]
+            for row, own in enumerate(intervals):
+                rows[row] += ("-", "-") if np.isnan(own.low) else (own.low, own.high)
         return Table(header, tuple(rows))
 
 

@@ -110,12 +110,11 @@ class CrossValidation(ShortRepr):
         header = ("left out", *self.parameters, *kinds, *(f"lines: {kind}" for kind in kinds))
         rows: list[tuple[str | int | float, ...]] = []
         for each in self.left_out:
-            errors = (
-                error
-                for own in (each.errors, each.straight_lines)
-                for error in (own.joint, own.position, own.orientation)
+            own, lines = (
+                (errors.joint, errors.position, errors.orientation)
+                for errors in (each.errors, each.straight_lines)
             )
-            rows.append((each.name, *each.values, *errors))
+            rows.append((each.name, *each.values, *own, *lines))
         return Table(header, tuple(rows))
 
 

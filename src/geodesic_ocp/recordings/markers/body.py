@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -37,9 +37,9 @@ class Attachment:
     """
 
     joint: int
-    rotation: Array
-    origin: Array
-    length: int | None  # index of the length along which the segment's z axis is scaled
+    rotation: Array = field(default_factory=lambda: np.eye(3))
+    origin: Array = field(default_factory=lambda: np.zeros(3))
+    length: int | None = None  # index of the length along which the segment's z axis is scaled
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,15 +98,14 @@ class MarkedBody:
     @cached_property
     def nominal(self) -> Array:
         """The lengths as the model has them [m]."""
-        joints = self._limbs.values() if self.lengths else ()
-        values = [float(np.linalg.norm(joint_offset(self.model, joint))) for joint in joints]
-        if _SHOULDERS in self.lengths:
-            if self.lone_side:
-                across = self.to_base
-            else:
-                across = joint_offset(self.model, joint_index(self.model, "RSx_joint"))
-            values.insert(0, abs(float(across[0])))
-        return np.array(values if self.height is None else [self.height, *values])
+        if self.height is None:
+            return np.zeros(0)
+        shoulder = [self.to_base] if self.lone_side else []
+        if self.model.pin.existFrame("thorax"):
+            shoulder = [joint_offset(self.model, joint_index(self.model, "RSx_joint"))]
+        limbs = [joint_offset(self.model, joint) for joint in self._limbs.values()]
+        limb_lengths = (np.linalg.norm(each) for each in limbs)
+        return np.array([self.height, *(abs(each[0]) for each in shoulder), *limb_lengths])
 
     def _has(self, joint: str) -> bool:
         return bool(self.model.pin.existJointName(joint))
@@ -130,21 +129,18 @@ class MarkedBody:
         Raises:
             ValueError: the model has none of that name.
         """
-        none, straight = np.zeros(3), np.eye(3)
         side, _, part = segment.partition(" ")
+        joint = f"{_SIDES.get(side)}{_CARRIERS.get(part)}_joint"
         if self.height is not None:
-            if part in _CARRIERS and side in _SIDES:
-                joint = f"{_SIDES[side]}{_CARRIERS[part]}_joint"
-                if self._has(joint):
-                    length = self.lengths.index(segment) if segment in self.lengths else None
-                    return Attachment(joint_index(self.model, joint), straight, none, length)
+            if self._has(joint):
+                length = self.lengths.index(segment) if segment in self.lengths else None
+                return Attachment(joint_index(self.model, joint), length=length)
             if segment == "thorax" and self.lone_side:
-                return Attachment(-1, straight, none, None)
+                return Attachment(-1)
             if segment == "pelvis" and self._has("BPx_joint"):
-                return Attachment(0, straight, none, None)
+                return Attachment(0)
         if self.model.pin.existFrame(segment):
-            joint_number, rotation, origin = frame_place(self.model, segment)
-            return Attachment(joint_number, rotation, origin, None)
+            return Attachment(*frame_place(self.model, segment))
         raise ValueError(f"the model {self.model.name!r} has no segment or frame {segment!r}")
 
     def has(self, segment: str) -> bool:

@@ -18,8 +18,6 @@ from geodesic_ocp.recordings.markers.uncertainty import undetermined_joints
 _STARTS, _STEPS = 40, 60
 _ENOUGH = 1e-6  # relative decrease at which a frame's angles are good enough
 _PULL = 1e-2  # towards the start of a search, relative to the markers' weight
-
-
 _COARSE_STEP = 0.05  # [s]
 _WIDE = 0.2  # outlier size of the first solution, to which few markers are lost [m]
 _ROUGHLY, _CLOSELY = 1e-5, 1e-6  # tolerances
@@ -62,10 +60,9 @@ class FrameSearch:
                 if decrease < _ENOUGH * best:
                     break
                 damping /= 3.0
-                weighted = slopes.full().T * np.repeat(
-                    seen / (1.0 + squares / self.outlier**2) ** 2, 3
-                )
-                matrix = weighted @ slopes.full() + pull * np.eye(z.size)
+                jacobian, weight = slopes.full(), seen / (1.0 + squares / self.outlier**2) ** 2
+                weighted = jacobian.T * np.repeat(weight, 3)
+                matrix = weighted @ jacobian + pull * np.eye(z.size)
                 slope = weighted @ residual + pull * (z - start)
             else:
                 damping *= 4.0

@@ -2,29 +2,28 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
-
-import numpy as np
 
 from geodesic_ocp.recordings.markers.sets.marker_set import MarkerSet, Place
 
 
 def _mirrored(places: Mapping[str, Place]) -> dict[str, Place]:
     """The places of the left side from those of the right."""
-    mirrored: dict[str, Place] = {}
-    for marker, (segment, offset) in places.items():
-        x, y, z = offset
-        name = "L" + marker[1:] if marker.startswith("R") else marker.replace("right", "left")
-        mirrored[name] = (segment.replace("right", "left"), (-x, y, z))
-    return mirrored
+    return {
+        re.sub("^R", "L", marker.replace("right", "left")): (
+            segment.replace("right", "left"),
+            (-x, y, z),
+        )
+        for marker, (segment, (x, y, z)) in places.items()
+    }
 
 
 def _per_mille(places: Mapping[str, Place]) -> dict[str, Place]:
-    found: dict[str, Place] = {}
-    for marker, (segment, offset) in places.items():
-        x, y, z = (float(each) for each in 1e-3 * np.array(offset))
-        found[marker] = (segment, (x, y, z))
-    return found
+    return {
+        marker: (segment, (1e-3 * x, 1e-3 * y, 1e-3 * z))
+        for marker, (segment, (x, y, z)) in places.items()
+    }
 
 
 # The reference model of the Master Motor Map (its model file, sensors of type position), in
