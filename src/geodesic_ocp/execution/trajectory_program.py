@@ -172,7 +172,6 @@ _IPOPT = {
     "tol": 1e-6,
     "constr_viol_tol": 1e-9,
     "dual_inf_tol": 1e-3,
-    "max_iter": 400,
     "acceptable_iter": 0,
     "mu_strategy": "adaptive",
     "bound_relax_factor": 1e-9,
@@ -214,11 +213,19 @@ class TrajectoryProgram:
         return int(self.knots.person.size + 3 * dof * (self.knots.count + 1))
 
     def solve(
-        self, start: KnotStates, references: Sequence[Reference], watched: Watched
+        self, start: KnotStates, references: Sequence[Reference], watched: Watched, most: int
     ) -> Outcome:
-        """The solution near references, with the limits that are to be minded."""
-        blocks = self._blocks(start.durations, references, watched)
-        return BlockProgram(self.size_x, blocks).solve(self.as_x(start), self.bounds, _IPOPT)
+        """The solution near references, with the limits that are to be minded.
+
+        Args:
+            start: states at the knots.
+            references: of the arms.
+            watched: constraints.
+            most: number of Ipopt's iterations.
+        """
+        program = BlockProgram(self.size_x, self._blocks(start.durations, references, watched))
+        options = {**_IPOPT, "max_iter": most}
+        return program.solve(self.as_x(start), self.bounds, options)
 
     def _blocks(
         self, durations: Array, references: Sequence[Reference], watched: Watched
@@ -398,8 +405,10 @@ MOST_ROUNDS = 15
 _OTHER_COUNT = 0.15  # change of the number of knots that is worth it, once durations are known
 # The nearest points of the paths are found anew until the duration changes by less than this.
 _SETTLED = 0.005
-# The first guess, and others if Ipopt fails from it: time stretched more, and stops in corners.
+# The first guess, and others if Ipopt fails from it: time stretched more, and stops in corners. A
+# round takes twenty iterations as a rule: where it takes many, another start is quicker.
 _STARTS = ((1.3, False), (2.0, False), (1.3, True), (3.0, True))
+_ITERATIONS = (100, 100, 400, 400)
 
 
 @dataclass(frozen=True, eq=False)
@@ -459,8 +468,8 @@ def solve_in_rounds(
 ) -> TrajectoryAttempt:
     """The trajectory within all limits, or the best attempt."""
     attempts: list[TrajectoryAttempt] = []
-    for more, stops in _STARTS:
-        attempts.append(_from_start(arms, settings, clearances, progress, (more, stops)))
+    for start, most in zip(_STARTS, _ITERATIONS, strict=True):
+        attempts.append(_from_start(arms, settings, clearances, progress, start, most))
         if attempts[-1].success:
             break
     best = min(attempts, key=lambda attempt: (not attempt.success, attempt.excess))
@@ -473,6 +482,7 @@ def _from_start(
     clearances: Sequence[Clearance],
     progress: Callable[[int], object],
     start: tuple[float, bool],
+    most: int,
 ) -> TrajectoryAttempt:
     program, states, references = _first_guess(arms, settings, *start)
     watched = watched_at_first(program, states.durations, clearances)
@@ -481,7 +491,7 @@ def _from_start(
 
     def solve(given: _Start) -> TrajectoryAttempt:
         progress(len(attempts))
-        attempts.append(_attempt(*given))
+        attempts.append(_attempt(*given, most))
         return attempts[-1]
 
     def judged(number: int, found: TrajectoryAttempt) -> tuple[TrajectoryAttempt, _Start | None]:
@@ -512,8 +522,9 @@ def _attempt(
     before: KnotStates,
     references: Sequence[Reference],
     watched: Watched,
+    most: int,
 ) -> TrajectoryAttempt:
-    outcome = program.solve(before, references, watched)
+    outcome = program.solve(before, references, watched, most)
     states = program.states(outcome.x)
     checks = tuple(
         ArmCheck(course.arm, spline, position_bounds(course))
