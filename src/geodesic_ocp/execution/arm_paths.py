@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.trajectory.path import Path
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ArmPaths:
+class ArmPaths(ShortRepr):
     """The paths of one arm, to be travelled one after the other.
 
     Attributes:
@@ -31,9 +32,12 @@ class ArmPaths:
     paths: Sequence[Path]
     gravity: Array = field(default_factory=lambda: np.array([0.0, 0.0, -9.81]))
 
-    def __repr__(self) -> str:
-        seconds = float(self.edges[-1] - self.edges[0])
-        return f"ArmPaths({len(self.paths)} paths of {self.robot.name} in {seconds:.3g} s)"
+    _shown = ("robot", "edges")
+
+    @cached_property
+    def ends(self) -> Array:
+        """Configurations at the ends of the k paths (k + 1, n)."""
+        return np.array([*(path(0.0) for path in self.paths), self.paths[-1](1.0)])
 
 
 def joint_names(arms: Sequence[ArmPaths]) -> tuple[str, ...]:

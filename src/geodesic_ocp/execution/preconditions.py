@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from geodesic_ocp.arrays import as_vector
 from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.clearance import Clearance
-from geodesic_ocp.execution.reference import SAME, path_ends
+from geodesic_ocp.execution.reference import SAME
 from geodesic_ocp.execution.trajectory_program import TOLERANCE
 from geodesic_ocp.execution.trajectory_terms import TrajectorySettings
 
@@ -27,11 +28,10 @@ def check_arms(arms: Sequence[ArmPaths]) -> None:
         raise ValueError("arms must be at least one, got none")
     for number, arm in enumerate(arms):
         name = f"arms[{number}]"
-        edges = np.asarray(arm.edges, dtype=float)
-        if edges.shape != (len(arm.paths) + 1,) or edges.size < 2 or not np.all(np.diff(edges) > 0):
+        edges, count, dof = np.asarray(arm.edges, dtype=float), len(arm.paths), arm.robot.dof
+        if edges.shape != (count + 1,) or not count or not np.all(np.diff(edges) > 0):
             raise ValueError(
-                f"{name}.edges must be {len(arm.paths) + 1} increasing times for "
-                f"{len(arm.paths)} paths, got {edges}"
+                f"{name}.edges must be {count + 1} increasing times for {count} paths, got {edges}"
             )
         first, last = arms[0].edges[0], arms[0].edges[-1]
         if abs(edges[0] - first) > SAME or abs(edges[-1] - last) > SAME:
@@ -40,31 +40,24 @@ def check_arms(arms: Sequence[ArmPaths]) -> None:
                 f"{edges[-1]:.6g} s, arms[0] from {first:.6g} to {last:.6g} s"
             )
         as_vector(f"{name}.gravity", arm.gravity, 3)
-        _check_limits(name, arm)
-        _check_junctions(name, arm)
-
-
-def _check_limits(name: str, arm: ArmPaths) -> None:
-    for kind in ("velocity", "acceleration", "jerk", "torque"):
-        limit = np.asarray(getattr(arm.limits, kind), dtype=float)
-        if limit.shape != (arm.robot.dof,):
+        if arm.limits.velocity.size != dof:
             raise ValueError(
-                f"{name}.limits.{kind} must be {arm.robot.dof} numbers, got {limit.size}"
+                f"{name}.limits.velocity must be {dof} numbers, got {arm.limits.velocity.size}"
             )
+        for number, path in enumerate(arm.paths):
+            if path.metric.dim != dof:
+                raise ValueError(f"{name}.paths[{number}] is not a path of {dof} joints")
+        _check_ends(name, arm)
 
 
-def _check_junctions(name: str, arm: ArmPaths) -> None:
+def _check_ends(name: str, arm: ArmPaths) -> None:
     """That paths meet within the limits, where the arm can be held against gravity."""
-    robot = arm.robot
-    for number, path in enumerate(arm.paths):
-        if path.metric.dim != robot.dof:
-            raise ValueError(f"{name}.paths[{number}] is not a path of {robot.dof} joints")
-    ends = path_ends(arm)
-    for number, path in enumerate(arm.paths[:-1]):
-        gap = float(np.abs(path(1.0) - ends[number + 1]).max())
+    robot, ends = arm.robot, arm.ends
+    for number, (before, after) in enumerate(pairwise(arm.paths), 1):
+        gap = float(np.abs(before(1.0) - after(0.0)).max())
         if gap > _MEET:
             raise ValueError(
-                f"{name}.paths[{number + 1}] must begin where the one before ends; the distance is "
+                f"{name}.paths[{number}] must begin where the one before ends; the distance is "
                 f"{gap:.3g} in the worst joint"
             )
     beyond = np.maximum(robot.lower - ends, ends - robot.upper)
@@ -104,26 +97,25 @@ def attainable(
     if settings.tolerance is not None:
         return clearances, ""
     # Configurations of all arms are given together only where paths of all of them end.
-    shared = [
-        instant
-        for instant in arms[0].edges
-        if all(np.abs(arm.edges - instant).min() <= SAME for arm in arms)
-    ]
-    attainable, sentence = [], ""
+    shared = []
+    for instant in arms[0].edges:
+        nearest = [int(np.abs(arm.edges - instant).argmin()) for arm in arms]
+        ends = list(zip(arms, nearest, strict=True))
+        if all(abs(arm.edges[k] - instant) <= SAME for arm, k in ends):
+            shared.append((instant, np.concatenate([arm.ends[k] for arm, k in ends])))
+    possible, sentence = [], ""
     for clearance in clearances:
         lower = clearance.lower.copy()
-        for instant in shared:
-            q = np.concatenate(
-                [path_ends(arm)[int(np.abs(arm.edges - instant).argmin())] for arm in arms]
-            )
-            lack = clearance.lower - clearance.function(q).full()[:, 0]
+        for instant, q in shared:
+            distances = clearance.function(q).full()[:, 0]
+            lack = clearance.lower - distances
             worst = int(lack.argmax())
             if lack[worst] > TOLERANCE and not sentence:
                 sentence = (
-                    f"{clearance.names[worst]} is {clearance.lower[worst] - lack[worst]:.3g} m at "
-                    f"{instant:.4g} s, where the paths fix the configuration, and has to be "
+                    f"{clearance.names[worst]} is {distances[worst]:.3g} m at {instant:.4g} s, "
+                    "where the paths fix the configuration, and has to be "
                     f"{clearance.lower[worst]:.3g} m"
                 )
             lower[lack > TOLERANCE] = -np.inf
-        attainable.append(replace(clearance, lower=lower))
-    return tuple(attainable), sentence
+        possible.append(replace(clearance, lower=lower))
+    return tuple(possible), sentence

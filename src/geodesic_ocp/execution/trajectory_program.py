@@ -114,19 +114,20 @@ class ArmCheck:
         spline, limits = self.spline, self.arm.limits
         low, high = spline.extreme_positions
         beyond = np.maximum(self.position_bounds[0] - low, high - self.position_bounds[1])
-        growth = np.abs(spline.accelerations) / limits.acceleration
+        _, _, a, jerk = spline(spline.curve.x)
+        growth = np.abs(a) / limits.acceleration
         return {
             "position": 1.0 + beyond,
             "velocity": spline.extreme_velocities / limits.velocity,
             "acceleration": np.maximum(growth[:-1], growth[1:]),
-            "jerk": np.abs(spline.jerks) / limits.jerk,
+            "jerk": np.abs(jerk[:-1]) / limits.jerk,
         }
 
     @cached_property
     def torques(self) -> Array:
         """Shares of the torques at evenly spaced times in every piece, (k, samples, n)."""
         limit = self.arm.limits.torque
-        shape = (len(self.spline.jerks), _SAMPLES, limit.size)
+        shape = (self.spline.curve.x.size - 1, _SAMPLES, limit.size)
         if not np.any(np.isfinite(limit)):
             return np.zeros(shape)
         states = self.spline(self.spline.within_pieces(_SAMPLES).ravel())[:3]
