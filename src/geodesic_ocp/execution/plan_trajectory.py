@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.arrays import Array, ShortRepr, as_positive
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.execution.arm_paths import ArmPaths, joint_forces, joint_names
 from geodesic_ocp.execution.clearance import Clearance
@@ -39,7 +39,7 @@ class PathDeviation:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PlannedTrajectory:
+class PlannedTrajectory(ShortRepr):
     """The motion of all arms in time: a cubic spline, with continuous accelerations.
 
     Attributes:
@@ -70,12 +70,7 @@ class PlannedTrajectory:
     seconds: float
     rest: bool = True
 
-    def __repr__(self) -> str:
-        largest = max((shares.largest for shares in self.usage), default=0.0)
-        return (
-            f"PlannedTrajectory({self.duration:.3g} s, {self.stretch:.3g} times the person's time, "
-            f"{largest:.4g} of the limits at most, {self.status})"
-        )
+    _shown = ("duration", "stretch", "status")
 
     @property
     def duration(self) -> float:
@@ -119,9 +114,8 @@ class PlannedTrajectory:
         slack = _ROUNDING * max(self.duration, 1.0)
         inside = (instants >= -slack) & (instants <= self.duration + slack)
         parts = [spline(np.clip(instants, 0.0, self.duration)) for spline in chosen]
-        q, v, a, j = (np.hstack(columns) for columns in zip(*parts, strict=True))
-        still = ~inside[:, None]
-        v, a, j = (np.where(still, 0.0, each) for each in (v, a, j))
+        q, *rates = (np.hstack(columns) for columns in zip(*parts, strict=True))
+        v, a, j = (np.where(inside[:, None], each, 0.0) for each in rates)
         return q, v, a, j
 
     def sampled(self, rate: float = 100.0) -> JointTrajectory:
@@ -140,9 +134,9 @@ class PlannedTrajectory:
         q, v, a, _ = self.states(times)
         if self.rest:
             v[-1] = a[-1] = 0.0
-        robots, gravities = zip(*((arm.robot, arm.gravity) for arm in self.arms), strict=True)
-        efforts = joint_forces(robots, gravities, q, v, a)
-        units = tuple(unit for arm in self.arms for unit in arm.robot.units)
+        robots = [arm.robot for arm in self.arms]
+        efforts = joint_forces(robots, [arm.gravity for arm in self.arms], q, v, a)
+        units = tuple(unit for robot in robots for unit in robot.units)
         return JointTrajectory(times, q, v, a, self.joint_names, units, efforts)
 
 
@@ -202,26 +196,24 @@ def plan_trajectory(
     """
     begin = time.perf_counter()
     arms = (arms,) if isinstance(arms, ArmPaths) else tuple(arms)
-    clearances = tuple(clearances)
-    settings = TrajectorySettings(
-        bool(rest), _checked_tolerance(tolerance), as_positive("deviation_weight", deviation_weight)
-    )
+    weight = as_positive("deviation_weight", deviation_weight)
+    settings = TrajectorySettings(bool(rest), _checked_tolerance(tolerance), weight)
     check_arms(arms)
-    possible, hopeless = attainable(arms, clearances, settings)
+    possible, hopeless = attainable(arms, tuple(clearances), settings)
     if throw and hopeless:
         raise NotConverged(f"no trajectory keeps the distances: {hopeless}")
     found = solve_in_rounds(
         arms, settings, possible, lambda number: progress("trajectory", number, MOST_ROUNDS)
     )
-    times = found.knots.times(found.durations)
+    knots, times = found.knots, found.knots.times(found.durations)
     planned = PlannedTrajectory(
         arms=arms,
-        edges=found.knots.edges,
-        robot_edges=times[found.knots.at_edges],
+        edges=knots.edges,
+        robot_edges=times[knots.at_edges],
         splines=tuple(check.spline for check in found.checks),
         usage=tuple(check.shares for check in found.checks),
         path_deviation=tuple(
-            path_deviations(check.arm, check.spline, times[found.knots.of(check.arm.edges)])
+            path_deviations(check.arm, check.spline, times[knots.of(check.arm.edges)])
             for check in found.checks
         ),
         least_distances=found.least_distances,
