@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -203,7 +204,7 @@ def test_active_rows_are_those_that_are_too_small(robot: go.Model) -> None:
     assert clearance is not None
     q = sampled_configurations([robot], 200)
     values = clearance.function(q.T).full().T
-    by_capsules = active_rows(clearance, q, exact=False)
+    by_capsules = active_rows(replace(clearance, exact=None), q)
     marked = np.zeros(values.shape, dtype=bool)
     marked[by_capsules.samples, by_capsules.rows] = True
     assert_array_equal(marked, values < clearance.lower)

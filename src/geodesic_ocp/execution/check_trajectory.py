@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -163,31 +163,20 @@ def check_trajectory(
     return TrajectoryCheck(tuple(found), usage, largest, consistency, trajectory.joint_names, least)
 
 
-def chosen_joints(trajectory: JointTrajectory, columns: list[int]) -> JointTrajectory:
-    """The trajectory of the joints with these numbers, without torques."""
-    return replace(
-        trajectory,
-        positions=trajectory.positions[:, columns],
-        velocities=trajectory.velocities[:, columns],
-        accelerations=trajectory.accelerations[:, columns],
-        joint_names=tuple(trajectory.joint_names[k] for k in columns),
-        units=tuple(trajectory.units[k] for k in columns),
-        efforts=None,
-    )
+def of_joints(trajectory: JointTrajectory, joints: Sequence[str]) -> JointTrajectory:
+    """The trajectory of these joints, found by name, without torques.
 
-
-def columns_of(trajectory: JointTrajectory, joints: Sequence[str]) -> list[int]:
-    """Columns of the trajectory for each joint, by name, where prefixes end in a slash.
+    Names may differ by prefixes that end in a slash.
 
     Raises:
-        ValueError: the trajectory has no such joint, or several whose prefix alone differs.
+        ValueError: the trajectory has no such joint, or several.
     """
     given = trajectory.joint_names
     bare, wanted = ([name.rpartition("/")[2] for name in names] for names in (given, joints))
-    if not set(joints) <= set(given) and bare == wanted:
-        return list(range(len(given)))  # two arms of one kind, with other prefixes
     columns = []
-    for joint, short in zip(joints, wanted, strict=True):
+    if not set(joints) <= set(given) and bare == wanted:
+        columns = list(range(len(given)))  # two arms of one kind, with other prefixes
+    for joint, short in zip(joints, wanted, strict=True) if not columns else ():
         same = [k for k, name in enumerate(given) if name == joint]
         found = same or [k for k, name in enumerate(bare) if name == short]
         if len(found) != 1:
@@ -195,7 +184,10 @@ def columns_of(trajectory: JointTrajectory, joints: Sequence[str]) -> list[int]:
                 f"trajectory has {len(found) or 'no'} joints {joint}; it has {', '.join(given)}"
             )
         columns += found
-    return columns
+    states = trajectory.positions, trajectory.velocities, trajectory.accelerations
+    q, v, a = (state[:, columns] for state in states)
+    names, units = (tuple(each[k] for k in columns) for each in (given, trajectory.units))
+    return JointTrajectory(trajectory.time, q, v, a, names, units)
 
 
 def _in_order(trajectory: JointTrajectory, models: Sequence[Model]) -> JointTrajectory:
@@ -207,7 +199,7 @@ def _in_order(trajectory: JointTrajectory, models: Sequence[Model]) -> JointTraj
         raise ValueError(
             f"the trajectory moves joints {', '.join(moved)}, the model {', '.join(names)}"
         )
-    ordered = chosen_joints(trajectory, columns_of(trajectory, names))
+    ordered = of_joints(trajectory, names)
     for joint, mine, other in zip(ordered.joint_names, ordered.units, units, strict=True):
         if mine != other:
             raise ValueError(f"joint {joint!r} moves in {other}, the trajectory is in {mine}")
@@ -283,10 +275,8 @@ def _contradictions(
 ) -> Iterator[str]:
     """Velocities that are not the derivatives of positions, accelerations not of velocities."""
     time = trajectory.time
-    sentences = {"velocity": ("velocities", "positions", "")}
-    sentences["acceleration"] = ("accelerations", "velocities", "/s")
-    for quantity, (missed, bounds) in found.items():
-        kind, of, per = sentences[quantity]
+    words = ("velocities", "positions", ""), ("accelerations", "velocities", "/s")
+    for (kind, of, per), (missed, bounds) in zip(words, found.values(), strict=True):
         for joint, k in _worst(np.abs(missed) / bounds - 1.0):
             yield (
                 f"{kind} of {trajectory.joint_names[joint]} contradict its {of}: from "

@@ -134,14 +134,14 @@ def clearance_constraint(
 
 def _segments(placed: PlacedSolids, q: ca.SX) -> dict[str, list[tuple[LineSegment, float]]]:
     """Segments and radii of the capsules of each link in the common base frame."""
-    chains, first = [], 0
-    for model, (rotation, position) in zip(placed.models, placed.bases, strict=True):
-        chain = [Placement(constant(rotation), constant(position))]
-        joints = joint_placements(model.pin, q[first : first + model.dof])
-        for index, local in enumerate(joints[1:], 1):
+    chains = []
+    columns = np.cumsum([0, *(model.dof for model in placed.models)]).tolist()
+    own_q = ca.vertsplit(q, columns)
+    for model, base, own in zip(placed.models, placed.bases, own_q, strict=True):
+        chain = [Placement(*map(constant, base))]
+        for index, local in enumerate(joint_placements(model.pin, own)[1:], 1):
             chain.append(chain[model.pin.parents[index]] @ local)
         chains.append(chain)
-        first += model.dof
     found: dict[str, list[tuple[LineSegment, float]]] = {name: [] for name in placed.by_name}
     for name, each in placed.by_name.items():
         joint = chains[each.arm][each.solid.joint]
@@ -212,15 +212,13 @@ class ActiveRows(ShortRepr):
         return len(self.rows)
 
 
-def active_rows(
-    clearance: Clearance, q: ArrayLike, margin: float = 0.0, *, exact: bool = True
-) -> ActiveRows:
+def active_rows(clearance: Clearance, q: ArrayLike, margin: float = 0.0) -> ActiveRows:
     """The distances that are too small at configurations q (k, N).
 
     A path is planned without constraints first, checked at many points, and planned again with
     those distances alone that are too small, at the points where they are.
 
-    With `exact`, a distance counts only if that of the exact geometry is too small, too, so that
+    If the exact geometry is known, a distance counts only if that of it is too small, too, so that
     wide capsules bend no path that is clear; its bound is lower by how much the capsules are closer
     than the links. Where links overlap the bound is that of the capsules.
 
@@ -228,18 +226,16 @@ def active_rows(
         clearance: the distances.
         q: configurations.
         margin: added to the smallest distances allowed [m].
-        exact: whether the exact geometry decides, if it is known.
 
     Raises:
         ValueError: q has the wrong shape.
     """
-    margin = as_number("margin", margin)
     points = as_configurations("q", q, clearance.dof)
     distances = clearance.function(points.T).full() if len(points) else np.empty((0, 0))
     least = clearance.lower + margin
     rows, samples = np.nonzero(distances < least[: len(distances), None])
     lower = least[rows]
-    if exact and clearance.exact is not None:
+    if clearance.exact is not None:
         places = zip(samples.tolist(), rows.tolist(), strict=True)
         apart = np.array([clearance.exact(points[k], row) for k, row in places])
         gaps = np.where(apart > 0.0, apart - distances[rows, samples], 0.0)

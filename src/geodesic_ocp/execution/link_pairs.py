@@ -227,11 +227,8 @@ class PlacedSolid:
 
     def posed(self, poses: Sequence[Pose], sample: int) -> tuple[LinkSolid, Pose]:
         """The link with the pose of the joint that carries it, at one sample."""
-        rotations, positions = poses[self.arm]
-        return self.solid, (
-            rotations[sample, self.solid.joint],
-            positions[sample, self.solid.joint],
-        )
+        joint, (rotations, positions) = self.solid.joint, poses[self.arm]
+        return self.solid, (rotations[sample, joint], positions[sample, joint])
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,12 +261,10 @@ class PlacedSolids:
 
     def joint_poses(self, q: Array) -> list[Pose]:
         """For each arm rotations (k, j, 3, 3) and positions (k, j, 3) of its joints at q (k, N)."""
-        poses, first = [], 0
-        for model, (base, origin) in zip(self.models, self.bases, strict=True):
-            rotations, positions = joint_poses(model, q[:, first : first + model.dof])
-            poses.append((base @ rotations, positions @ base.T + origin))
-            first += model.dof
-        return poses
+        columns = np.split(q, np.cumsum([model.dof for model in self.models])[:-1], axis=1)
+        own = [joint_poses(*each) for each in zip(self.models, columns, strict=True)]
+        pairs = zip(self.bases, own, strict=True)
+        return [(base @ turns, places @ base.T + at) for (base, at), (turns, places) in pairs]
 
 
 def place_solids(models: Sequence[Model], placements: Sequence[Any] | None = None) -> PlacedSolids:

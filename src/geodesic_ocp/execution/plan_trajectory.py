@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, ShortRepr, as_positive
+from geodesic_ocp.arrays import Array, ShortRepr, as_positive, as_vector
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.execution.arm_paths import ArmPaths, joint_forces, joint_names
 from geodesic_ocp.execution.clearance import Clearance
@@ -197,7 +197,12 @@ def plan_trajectory(
     begin = time.perf_counter()
     arms = (arms,) if isinstance(arms, ArmPaths) else tuple(arms)
     weight = as_positive("deviation_weight", deviation_weight)
-    settings = TrajectorySettings(bool(rest), _checked_tolerance(tolerance), weight)
+    hand_tolerance = None
+    if tolerance is not None:
+        what = "tolerance (distance [m] and angle [rad])"
+        position, angle = (as_positive(what, each) for each in as_vector(what, tolerance, 2))
+        hand_tolerance = position, angle
+    settings = TrajectorySettings(bool(rest), hand_tolerance, weight)
     check_arms(arms)
     possible, hopeless = attainable(arms, tuple(clearances), settings)
     if throw and hopeless:
@@ -226,15 +231,3 @@ def plan_trajectory(
     if throw and not planned.success:
         raise NotConverged(f"no trajectory within the limits was found: {found.status}", planned)
     return planned
-
-
-def _checked_tolerance(tolerance: tuple[float, float] | None) -> tuple[float, float] | None:
-    if tolerance is None:
-        return None
-    try:
-        position, angle = tolerance
-    except (TypeError, ValueError):
-        raise ValueError(
-            f"tolerance must be a distance [m] and an angle [rad], or None, got {tolerance!r}"
-        ) from None
-    return as_positive("tolerance", position, "m"), as_positive("tolerance", angle, "rad")

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, as_vector
-from geodesic_ocp.execution.check_trajectory import chosen_joints, columns_of
+from geodesic_ocp.execution.check_trajectory import of_joints
 from geodesic_ocp.execution.limits import JointLimits, joint_limits
 from geodesic_ocp.execution.simulation import (
     Contact,
@@ -210,10 +210,8 @@ def replay(
     fall = as_vector("gravity", gravity, 3)
     step = 1.0 / as_positive("rate", rate, "Hz")
     frequency = as_positive("frequency", frequency, "Hz")
-    columns = columns_of(trajectory, model.joint_names)
-    reference = replace(
-        chosen_joints(trajectory, columns), joint_names=model.joint_names, units=model.units
-    ).at_rate(rate)
+    chosen = of_joints(trajectory, model.joint_names)
+    reference = replace(chosen, joint_names=model.joint_names, units=model.units).at_rate(rate)
     largest = (joint_limits(model) if limits is None else limits).torque
     if largest.shape != (model.dof,):
         raise ValueError(f"limits must be those of {model.dof} joints, got {largest.size}")

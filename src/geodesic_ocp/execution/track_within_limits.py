@@ -132,14 +132,9 @@ def track_within_limits(
         speeds[k + 1] = np.clip(found, *bounds)
         q = q + duration * speeds[k + 1]
         positions[k + 1] = q
-    return JointTrajectory(
-        np.arange(count + 1) / rate,
-        positions,
-        (speeds[1:] + speeds[:-1]) / 2.0,
-        np.diff(speeds, axis=0) / duration,
-        model.joint_names,
-        model.units,
-    )
+    v, a = (speeds[1:] + speeds[:-1]) / 2.0, np.diff(speeds, axis=0) / duration
+    times = np.arange(count + 1) / rate
+    return JointTrajectory(times, positions, v, a, model.joint_names, model.units)
 
 
 def _targets(
