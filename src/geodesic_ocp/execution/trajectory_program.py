@@ -17,11 +17,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, evaluate
 from geodesic_ocp.blocks import Block, BlockProgram, Indices, Terms, in_rounds
 from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.clearance import Clearance
-from geodesic_ocp.execution.limits import LimitShares
+from geodesic_ocp.execution.limits import QUANTITIES, LimitShares
 from geodesic_ocp.execution.reference import (
     INSIDE,
     Course,
@@ -115,19 +115,20 @@ class ArmCheck:
         spline, limits = self.spline, self.arm.limits
         low, high = spline.extreme_positions
         beyond = np.maximum(self.position_bounds[0] - low, high - self.position_bounds[1])
-        growth = np.abs(spline.accelerations) / limits.acceleration
+        _, _, a, jerk = spline(spline.curve.x)
+        growth = np.abs(a) / limits.acceleration
         return {
             "position": 1.0 + beyond,
             "velocity": spline.extreme_velocities / limits.velocity,
             "acceleration": np.maximum(growth[:-1], growth[1:]),
-            "jerk": np.abs(spline.jerks) / limits.jerk,
+            "jerk": np.abs(jerk[:-1]) / limits.jerk,
         }
 
     @cached_property
     def torques(self) -> Array:
         """Shares of the torques at evenly spaced times in every piece, (k, samples, n)."""
         limit = self.arm.limits.torque
-        shape = (len(self.spline.jerks), _SAMPLES, limit.size)
+        shape = (self.spline.curve.x.size - 1, _SAMPLES, limit.size)
         if not np.any(np.isfinite(limit)):
             return np.zeros(shape)
         states = self.spline(self.spline.within_pieces(_SAMPLES).ravel())[:3]
@@ -135,30 +136,31 @@ class ArmCheck:
         return np.asarray((np.abs(force) / limit).reshape(shape))
 
     @property
+    def largest(self) -> dict[str, Array]:
+        """Largest shares of the whole spline (n,), by the kind of limit."""
+        shares = {kind: of_pieces.max(axis=0) for kind, of_pieces in self.pieces.items()}
+        return {**shares, "torque": self.torques.max(axis=(0, 1))}
+
+    @property
     def shares(self) -> LimitShares:
-        """Largest shares of the whole spline."""
-        velocity, acceleration, jerk = (
-            self.pieces[kind].max(axis=0) for kind in ("velocity", "acceleration", "jerk")
-        )
-        return LimitShares(velocity, acceleration, jerk, self.torques.max(axis=(0, 1)))
+        """Largest shares of the whole spline, without positions."""
+        return LimitShares(**{name: self.largest[name] for name in QUANTITIES})
 
     @property
     def worst(self) -> tuple[float, str]:
         """By how much the worst limit is exceeded, relative or [rad or m], and a clause on it."""
-        excess = {kind: shares.max(axis=0) - 1.0 for kind, shares in self.pieces.items()}
-        excess["torque"] = self.torques.max(axis=(0, 1)) - 1.0
-        kind = max(excess, key=lambda name: float(excess[name].max()))
-        joint = int(excess[kind].argmax())
+        largest = self.largest
+        kind = max(largest, key=lambda name: float(largest[name].max()))
+        joint = int(largest[kind].argmax())
         name = f"the {kind} of {self.arm.robot.joint_names[joint]} exceeds its limit"
-        return float(excess[kind][joint]), name
+        return float(largest[kind][joint]) - 1.0, name
 
 
 def distances_in_pieces(clearance: Clearance, splines: Sequence[JointSpline]) -> Array:
     """Distances at evenly spaced times in every piece, (pieces, samples, m) [m]."""
     times = splines[0].within_pieces(_FEW)
     q = np.hstack([spline(times.ravel())[0] for spline in splines])
-    function: ca.Function = clearance.function
-    found = function.map(len(q))(q.T).full().T
+    found = evaluate(clearance.function.map(len(q)), q.T).T
     return np.asarray(found.reshape(*times.shape, -1))
 
 
@@ -206,12 +208,6 @@ class TrajectoryProgram:
             first += 3 * course.arm.robot.dof * (self.knots.count + 1)
         return tuple(found)
 
-    @property
-    def size_x(self) -> int:
-        """Number of variables."""
-        dof = sum(arm.robot.dof for arm in self.arms)
-        return int(self.knots.person.size + 3 * dof * (self.knots.count + 1))
-
     def solve(
         self, start: KnotStates, references: Sequence[Reference], watched: Watched, most: int
     ) -> Outcome:
@@ -223,9 +219,9 @@ class TrajectoryProgram:
             watched: constraints.
             most: number of Ipopt's iterations.
         """
-        program = BlockProgram(self.size_x, self._blocks(start.durations, references, watched))
+        x, blocks = self.as_x(start), self._blocks(start.durations, references, watched)
         options = {**_IPOPT, "max_iter": most}
-        return program.solve(self.as_x(start), self.bounds, options)
+        return BlockProgram(x.size, blocks).solve(x, self.bounds, options)
 
     def _blocks(
         self, durations: Array, references: Sequence[Reference], watched: Watched
@@ -242,8 +238,7 @@ class TrajectoryProgram:
             blocks.append(terms.deviation(reference, shares, distance))
             blocks.append(terms.motion(jerk, settings.tolerance is None))
             limits = watched.arms[k]
-            for kind, pairs in limits.pieces.items():
-                blocks.append(terms.between_knots(kind, pairs))
+            blocks += [terms.between_knots(kind, pairs) for kind, pairs in limits.pieces.items()]
             if limits.torques.size:
                 allowed = limits.torque_shares[limits.torques]
                 blocks.append(terms.torques(limits.torques, allowed))
@@ -277,31 +272,27 @@ class TrajectoryProgram:
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Of the variables."""
-        lowers, uppers = [self.knots.person], [np.full(self.knots.person.size, np.inf)]
-        for course in self.courses:
-            lower, upper = variable_bounds(course, self.settings)
-            lowers.append(lower.ravel())
-            uppers.append(upper.ravel())
-        return np.concatenate(lowers), np.concatenate(uppers)
+        person = self.knots.person
+        sides = [variable_bounds(course, self.settings) for course in self.courses]
+        lower, upper = zip(*sides, strict=True)
+        return (
+            np.concatenate([person, *map(np.ravel, lower)]),
+            np.concatenate([np.full(person.size, np.inf), *map(np.ravel, upper)]),
+        )
 
     @cached_property
     def fixed_knots(self) -> NDArray[np.bool_]:
         """Knots at which the configuration of every arm is given, (knots,)."""
-        lower, upper = (self.states(bound) for bound in self.bounds)
-        pairs = zip(lower.positions, upper.positions, strict=True)
-        fixed = [np.all(low == high, axis=1) for low, high in pairs]
-        return np.asarray(np.all(fixed, axis=0))
+        lower, upper = (np.hstack(self.states(bound).positions) for bound in self.bounds)
+        return np.asarray(np.all(lower == upper, axis=1))
 
     def as_x(self, states: KnotStates) -> Array:
         """Vector of the variables."""
         parts = [states.durations]
         for k, terms in enumerate(self.terms):
-            relative = [
-                states.positions[k],
-                states.velocities[k] / terms.speed_unit,
-                states.accelerations[k] / terms.acceleration_unit,
-            ]
-            parts.append(np.stack(relative, axis=1).ravel())
+            v = states.velocities[k] / terms.speed_unit
+            a = states.accelerations[k] / terms.acceleration_unit
+            parts.append(np.stack([states.positions[k], v, a], axis=1).ravel())
         return np.concatenate(parts)
 
     def states(self, x: Array) -> KnotStates:

@@ -46,7 +46,7 @@ _OUTSIDE = 5e-7  # [rad or m]; lets a path touch its position limits
 
 def position_bounds(course: Course) -> tuple[Array, Array]:
     """Of the joints (n,) [rad or m], just outside the limits, and beyond the ends of paths."""
-    robot, ends = course.arm.robot, course.junctions
+    robot, ends = course.arm.robot, course.arm.ends
     lower = np.minimum(robot.lower, ends.min(axis=0)) - _OUTSIDE
     upper = np.maximum(robot.upper, ends.max(axis=0)) + _OUTSIDE
     return lower, upper
@@ -54,7 +54,7 @@ def position_bounds(course: Course) -> tuple[Array, Array]:
 
 def variable_bounds(course: Course, settings: TrajectorySettings) -> tuple[Array, Array]:
     """Of positions, and of velocities and accelerations relative to their limits, (knots, 3, n)."""
-    arm, exact = course.arm, settings.tolerance is None
+    arm = course.arm
     upper = np.full((course.knots.count + 1, 3, arm.robot.dof), np.inf)
     for part, limit in ((1, arm.limits.velocity), (2, arm.limits.acceleration)):
         upper[:, part] = np.where(np.isfinite(limit), 1.0 - INSIDE, np.inf)
@@ -64,17 +64,14 @@ def variable_bounds(course: Course, settings: TrajectorySettings) -> tuple[Array
     if settings.rest:
         still[[0, -1]] = True
     lower[still, 1:] = upper[still, 1:] = 0.0
-    if exact:
-        ends = course.junctions
-        for rests, first, last, q in zip(
-            course.resting, course.at[:-1], course.at[1:], ends, strict=False
-        ):
-            knots = slice(first, last + 1) if rests else first
-            lower[knots, 0] = upper[knots, 0] = q
-        lower[-1, 0] = upper[-1, 0] = ends[-1]
+    if settings.tolerance is None:
+        given = course.resting[course.path_of]
+        given[course.at] = True
+        lower[given, 0] = upper[given, 0] = arm.ends[course.path_of[given]]
+        lower[-1, 0] = upper[-1, 0] = arm.ends[-1]
         # At a limit a joint can only turn back.
-        touches = np.minimum(ends - arm.robot.lower, arm.robot.upper - ends) < _TOUCHES
-        edge, joint = np.nonzero(touches)
+        room = np.minimum(arm.ends - arm.robot.lower, arm.robot.upper - arm.ends)
+        edge, joint = np.nonzero(room < _TOUCHES)
         lower[course.at[edge], 1, joint] = upper[course.at[edge], 1, joint] = 0.0
     return lower, upper
 
@@ -215,7 +212,7 @@ class ArmTerms:
         rotation, position = self.arm.robot.hand_pose(q)
         turned = rotation_log(ca.reshape(p[:9], 3, 3).T @ rotation)
         errors = ca.vertcat(position - p[9:], turned)
-        rotations, positions = self.arm.robot.hand_pose(self.course.junctions)
+        rotations, positions = self.arm.robot.hand_pose(self.arm.ends)
         columns = rotations.transpose(0, 2, 1).reshape(len(rotations), 9)
         box = np.repeat(tolerance, 3) * (1.0 - INSIDE) / np.sqrt(3.0)
         upper = np.tile(box, (len(rotations), 1))
