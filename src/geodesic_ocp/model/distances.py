@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations, product
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_vector, evaluate, is_symbolic
+from geodesic_ocp.arrays import Array, ShortRepr, as_vector, evaluate, is_symbolic
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Ball, Body, Capsule, HalfSpace, Obstacle, as_capsule
 
@@ -135,7 +136,7 @@ def signed_distances(
     x = q if isinstance(q, ca.SX) else ca.SX.sym("q", model.dof)
     expressions: dict[str, Any] = {}
     for name, body, other in bodies_apart(model, obstacles, links, pairs):
-        for distance in _distances(model, x, body, other):
+        for *_, distance in _nearest(model, x, body, other):
             add_named(expressions, name, distance)
     if isinstance(q, ca.SX) or not expressions:
         return expressions
@@ -161,16 +162,11 @@ def collision_pairs(model: Model, q: ArrayLike, margin: float = 0.0) -> list[tup
         ValueError: q has the wrong shape.
     """
     links = list(dict.fromkeys(str(body.link) for body in model.bodies))
-    pairs = [
-        (one, other)
-        for index, one in enumerate(links)
-        for other in links[index + 1 :]
-        if model.joint_of(one) != model.joint_of(other)
-    ]
     return [
         pair
-        for pair in pairs
-        if min(signed_distances(model, q, pairs=[pair]).values()) > float(margin)
+        for pair in combinations(links, 2)
+        if model.joint_of(pair[0]) != model.joint_of(pair[1])
+        and min(signed_distances(model, q, pairs=[pair]).values()) > float(margin)
     ]
 
 
@@ -185,10 +181,9 @@ def bodies_apart(
     The arguments and errors are those of `signed_distances`; names may occur more than once.
     """
     found: list[tuple[str, Body, Obstacle]] = []
-    # Reading the bodies of a file is slow, so only if they are needed.
-    moving = _moving_bodies(model) if links is None and obstacles else []
-    if links is not None:
-        moving = _bodies_of_links(model, links, "links")
+    moving = [] if links is None else _bodies_of_links(model, links, "links")
+    if links is None and obstacles:  # reading the bodies of a file is slow
+        moving = [body for body in model.bodies if body.link and model.moves(body.link)]
     for number, obstacle in enumerate(obstacles):
         if not isinstance(obstacle, (Capsule, Ball, HalfSpace)):
             raise ValueError(f"obstacles must be Ball, Capsule or HalfSpace, got {obstacle!r}")
@@ -200,13 +195,12 @@ def bodies_apart(
         for body in moving:
             if joint is not None and joint == model.joint_of(str(body.link)):
                 continue  # parts of the same rigid body
-            found.append((f"{_name(body)} to {other}", body, obstacle))
+            found.append((f"{body.name or body.link} to {other}", body, obstacle))
     for pair in pairs:
         one, other_one = (_bodies_of_links(model, [link], "pairs") for link in as_pair(pair))
         found += [
-            (f"{_name(body)} to {_name(second)}", body, second)
-            for body in one
-            for second in other_one
+            (f"{body.name or body.link} to {second.name or second.link}", body, second)
+            for body, second in product(one, other_one)
         ]
     return found
 
@@ -227,14 +221,6 @@ def add_named(found: dict[str, Any], name: str, value: Any) -> None:
     found[unique] = value
 
 
-def _name(body: Body) -> str:
-    return body.name or str(body.link)
-
-
-def _moving_bodies(model: Model) -> list[Body]:
-    return [body for body in model.bodies if body.link is not None and model.moves(body.link)]
-
-
 def _bodies_of_links(model: Model, links: Sequence[str], argument: str) -> list[Body]:
     found = []
     if isinstance(links, str):
@@ -250,14 +236,6 @@ def _bodies_of_links(model: Model, links: Sequence[str], argument: str) -> list[
     return found
 
 
-def _distances(model: Model, q: ca.SX, body: Body, obstacle: Obstacle) -> list[ca.SX]:
-    one = _segment(model, q, body)
-    if isinstance(obstacle, HalfSpace):
-        return half_space_distances(one, body.radius, obstacle)
-    distance = segment_distance(one, _segment(model, q, obstacle))
-    return [distance - (body.radius + obstacle.radius)]
-
-
 def half_space_distances(segment: LineSegment, radius: float, obstacle: HalfSpace) -> list[ca.SX]:
     """Distances [m] of the ends of a capsule from a half-space."""
     normal, point = ca.DM(obstacle.normal), ca.SX(obstacle.point)
@@ -265,13 +243,12 @@ def half_space_distances(segment: LineSegment, radius: float, obstacle: HalfSpac
 
 
 def _segment(model: Model, q: ca.SX, body: Body) -> LineSegment:
-    if body.link is None:
-        return line_segment(as_capsule(body))
-    return line_segment(as_capsule(body), *model.frame_pose(body.link, q))
+    pose = () if body.link is None else model.frame_pose(body.link, q)
+    return line_segment(as_capsule(body), *pose)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class NearestPoints:
+class NearestPoints(ShortRepr):
     """Where two bodies come closest, in k configurations.
 
     Attributes:
@@ -282,9 +259,6 @@ class NearestPoints:
     starts: Array
     ends: Array
     distances: Array
-
-    def __repr__(self) -> str:
-        return f"NearestPoints({len(self.distances)} configurations)"
 
 
 def nearest_points(
@@ -306,6 +280,8 @@ def nearest_points(
     """
     x, expressions = ca.SX.sym("q", model.dof), dict[str, Any]()
     for name, body, other in bodies_apart(model, obstacles, links, pairs):
+        if has_symbols(other):
+            raise ValueError(f"obstacles must be numbers here, got {other!r}")
         for nearest in _nearest(model, x, body, other):
             add_named(expressions, name, ca.vertcat(*nearest))
     if not expressions:
@@ -331,12 +307,13 @@ def has_symbols(obstacle: Obstacle) -> bool:
 def _nearest(
     model: Model, q: ca.SX, body: Body, other: Obstacle
 ) -> list[tuple[ca.SX, ca.SX, ca.SX]]:
-    """Points on the surface of either (3, 1), and the distance of `_distances`."""
-    if has_symbols(other):
-        raise ValueError(f"obstacles must be numbers here, got {other!r}")
-    one, distances = _segment(model, q, body), _distances(model, q, body, other)
+    """Points on the surface of either (3, 1), and their signed distance; of a plane, for each end.
+
+    Of bodies whose axes meet, the points are on the surfaces in an arbitrary direction.
+    """
+    one = _segment(model, q, body)
     if isinstance(other, HalfSpace):
-        normal = ca.DM(other.normal)
+        normal, distances = ca.DM(other.normal), half_space_distances(one, body.radius, other)
         starts = [end - body.radius * normal for end in one.ends]
         return [
             (start, start - apart * normal, apart)
@@ -344,7 +321,7 @@ def _nearest(
         ]
     second = _segment(model, q, other)
     here, there = (second.start + each for each in _closest_points(one, second))
-    apart = distances[0] + (body.radius + other.radius)
+    apart = segment_distance(one, second)
     direction = (there - here) / apart
     start, end = here + body.radius * direction, there - other.radius * direction
-    return [(start, end, distances[0])]
+    return [(start, end, apart - (body.radius + other.radius))]
