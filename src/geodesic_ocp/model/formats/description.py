@@ -46,14 +46,11 @@ def read_file(file: Path, height: float | None, mass: float | None) -> Descripti
     """
     try:
         content = file.read_bytes()
-    except (OSError, ValueError) as error:
-        raise ValueError(f"{file} cannot be read: {error}") from None
-    declared = _ENCODING.match(content)
-    encoding = declared.group(1).decode() if declared else "utf-8"
-    encoding = next((name for mark, name in _MARKS.items() if content.startswith(mark)), encoding)
-    try:
-        text = content.decode(encoding)
-    except (UnicodeDecodeError, LookupError) as error:
+        declared = _ENCODING.match(content)
+        encodings = [name for mark, name in _MARKS.items() if content.startswith(mark)]
+        encodings.append(declared.group(1).decode() if declared else "utf-8")
+        text = content.decode(encodings[0])
+    except (OSError, ValueError, LookupError) as error:
         raise ValueError(f"{file} cannot be read: {error}") from None
     return read_description(text, file.name, height, mass, file.parent)
 
@@ -83,21 +80,13 @@ def read_description(
     if height is not None or mass is not None:
         raise ValueError(f"height and mass scale MMM models, but {name} is not one")
     if root.tag == "robot":
-        return _with_shapes(urdf_model(root, text, name), name, folder)
-    if root.tag == "mujoco":
-        return _with_shapes(mjcf_model(root, name, folder), name, folder)
-    raise ValueError(
-        f"{name} is neither URDF (<robot>), MJCF (<mujoco>) nor Simox (<Robot>): its root element "
-        f"is <{root.tag}>"
-    )
-
-
-def _with_shapes(
-    read: tuple[pin.Model, Mapping[str, Mimic], tuple[str, ...], str],
-    name: str,
-    folder: Path | None,
-) -> Description:
-    model, mimics, warnings, text = read
-    return Description(
-        model, mimics, warnings, LinkGeometry(model, text, name, folder and folder.absolute())
-    )
+        model, mimics, faults, text = urdf_model(root, text, name)
+    elif root.tag == "mujoco":
+        model, mimics, faults, text = mjcf_model(root, name, folder)
+    else:
+        raise ValueError(
+            f"{name} is neither URDF (<robot>), MJCF (<mujoco>) nor Simox (<Robot>): its root "
+            f"element is <{root.tag}>"
+        )
+    shapes = LinkGeometry(model, text, name, folder and folder.absolute())
+    return Description(model, mimics, faults, shapes)

@@ -22,7 +22,7 @@ from geodesic_ocp.model.formats.motors import ACTUATORS, effort_limits
 from geodesic_ocp.model.formats.urdf import Mimic
 from geodesic_ocp.model.joints import frame_index, motion_subspace
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.primitives import Body, as_capsule
+from geodesic_ocp.model.primitives import as_capsule
 
 # MuJoCo takes no moving body without inertia: [kg] and [kg m^2], below the accuracy of any result.
 _LEAST = 1e-12
@@ -66,14 +66,11 @@ def mjcf_text(
         bodies[index] = ET.SubElement(parent, "body", {"name": names[index], **_pose(placement)})
         _write_inertia(bodies[index], native.inertias[index])
         _write_joint(bodies[index], model, index)
-    sites = Counter[str]()
-    for frame in native.frames:
-        is_hand = frame.name == model.hand
-        if (frame.type == pin.FrameType.BODY or is_hand) and not sites[frame.name]:
-            sites[str(frame.name)] += 1
-            named = native.frames[frame_index(native, frame.name)]
-            attributes = {"name": str(frame.name), **_pose(named.placement)}
-            ET.SubElement(bodies[named.parentJoint], "site", attributes)
+    links = (frame for frame in native.frames if frame.type == pin.FrameType.BODY)
+    for name in dict.fromkeys([*(str(frame.name) for frame in links), model.hand]):
+        named = native.frames[frame_index(native, name)]
+        attributes = {"name": name, **_pose(named.placement)}
+        ET.SubElement(bodies[named.parentJoint], "site", attributes)
     _write_geoms(model, bodies)
     contact = ET.SubElement(root, "contact")  # MuJoCo excludes other neighbours by itself
     for index in range(1, native.njoints):
@@ -143,24 +140,16 @@ def _write_joint(element: ET.Element, model: Model, index: int) -> None:
 
 def _write_geoms(model: Model, bodies: dict[int, ET.Element]) -> None:
     seen = Counter[str]()
-    for body in model.bodies:
+    for body in map(as_capsule, model.bodies):
         frame = model.pin.frames[frame_index(model.pin, str(body.link))]
+        start, end = (frame.placement.act(np.array(point)) for point in (body.start, body.end))
         seen[str(body.link)] += 1
-        name = f"{body.link}:{seen[str(body.link)]}"
-        geom = ET.SubElement(bodies[frame.parentJoint], "geom", name=name, mass="0", group="3")
-        _set_shape(geom, body, frame.placement)
-
-
-def _set_shape(geom: ET.Element, body: Body, placement: pin.SE3) -> None:
-    capsule = as_capsule(body)
-    start, end = (placement.act(np.array(point)) for point in (capsule.start, capsule.end))
-    geom.set("size", repr(float(body.radius)))
-    if np.linalg.norm(end - start) > 1e-9:
-        geom.set("type", "capsule")
-        geom.set("fromto", _text([*start, *end]))
-    else:
-        geom.set("type", "sphere")
-        geom.set("pos", _text(start))
+        shape = {"type": "sphere", "pos": _text(start)}
+        if np.linalg.norm(end - start) > 1e-9:
+            shape = {"type": "capsule", "fromto": _text([*start, *end])}
+        name, size = f"{body.link}:{seen[str(body.link)]}", repr(float(body.radius))
+        attributes = {"name": name, "mass": "0", "group": "3", "size": size, **shape}
+        ET.SubElement(bodies[frame.parentJoint], "geom", attributes)
 
 
 def _pose(placement: pin.SE3) -> dict[str, str]:
@@ -207,18 +196,14 @@ def mjcf_model(
             start = model.joints[model.getJointId(joint.get("name"))].idx_q
             model.lowerPositionLimit[start] = -np.inf
             model.upperPositionLimit[start] = np.inf
-    _set_efforts(model, effort_limits(root, name))
+    for driven, (lower, upper) in effort_limits(root, name).items():
+        if model.existJointName(driven):
+            row = model.joints[model.getJointId(driven)].idx_v
+            model.lowerEffortLimit[row], model.upperEffortLimit[row] = lower, upper
     mimics, warnings = _equalities(root, name)
     if folder is not None:
         _make_mesh_folders_absolute(root, folder.absolute())
     return model, mimics, tuple(warnings), ET.tostring(root, encoding="unicode")
-
-
-def _set_efforts(model: pin.Model, limits: dict[str, Array]) -> None:
-    for joint, (lower, upper) in limits.items():
-        if model.existJointName(joint) and (index := model.getJointId(joint)) < model.njoints:
-            row = model.joints[index].idx_v
-            model.lowerEffortLimit[row], model.upperEffortLimit[row] = lower, upper
 
 
 def _make_mesh_folders_absolute(root: ET.Element, folder: Path) -> None:
@@ -226,9 +211,9 @@ def _make_mesh_folders_absolute(root: ET.Element, folder: Path) -> None:
     compiler = root.find("compiler")
     if compiler is None:
         compiler = ET.SubElement(root, "compiler")
-    for key in ("meshdir", "assetdir"):
-        if key in compiler.attrib or key == "meshdir":
-            compiler.set(key, str(folder / compiler.get(key, compiler.get("assetdir", ""))))
+    compiler.attrib.setdefault("meshdir", compiler.get("assetdir", ""))
+    for key in {"meshdir", "assetdir"} & compiler.attrib.keys():
+        compiler.set(key, str(folder / compiler.get(key, "")))
 
 
 def _include(
@@ -247,9 +232,8 @@ def _include(
         try:
             included = ET.parse(file).getroot()
         except (OSError, ET.ParseError) as error:
-            raise ValueError(
-                f"{name} includes {file.name}, which cannot be read: {error}"
-            ) from None
+            what = f"{name} includes {file.name}, which cannot be read"
+            raise ValueError(f"{what}: {error}") from None
         _include(included, name, folder, (*including, file))
         element.remove(child)
         for offset, part in enumerate(included):
@@ -317,14 +301,11 @@ def _reject_unsupported(root: ET.Element, name: str) -> None:
         if not compiler.get("eulerseq", "xyz").islower():
             raise ValueError(f"{name}: eulerseq with capitals, about fixed axes, is not supported")
         if compiler.get("inertiafromgeom") == "true" and next(root.iter("inertial"), None):
-            raise ValueError(
-                f"{name}: inertiafromgeom in place of given <inertial>s is not supported"
-            )
+            given = "inertiafromgeom in place of given <inertial>s"
+            raise ValueError(f"{name}: {given} is not supported")
     for joint in root.iter("joint"):
-        if joint.get("type", "hinge") not in _JOINTS:
-            raise ValueError(
-                f"{name}: joint {joint.get('name')!r} is of the unknown type {joint.get('type')!r}"
-            )
+        if (kind := joint.get("type", "hinge")) not in _JOINTS:
+            raise ValueError(f"{name}: joint {joint.get('name')!r} is of the unknown type {kind!r}")
     for body in root.iter("body"):
         location = f"{name}: body {body.get('name')!r}"
         meshes = [geom for geom in body.iterfind("geom") if geom.get("mesh") is not None]
@@ -363,12 +344,14 @@ def _rewrite(root: ET.Element, name: str) -> None:
 
 
 def _numbers(text: str, count: int, location: str) -> list[float]:
+    """The numbers in a text: as many as the count, any if it is 0."""
     try:
         numbers = [float(number) for number in text.split()]
     except ValueError:
         numbers = []
-    if len(numbers) != count:
-        raise ValueError(f"{location} must be {count} numbers, is {text!r}")
+    wanted = f"{count} numbers" if count else "numbers"
+    if not numbers or (count and len(numbers) != count):
+        raise ValueError(f"{location} must be {wanted}, is {text!r}")
     return numbers
 
 
@@ -399,11 +382,8 @@ def _equalities(root: ET.Element, name: str) -> tuple[dict[str, Mimic], list[str
             continue
         joint, leader = equality.get("joint1", ""), equality.get("joint2")
         location = f"{name}: the equality of joint {joint!r}"
-        try:
-            coefficients = [float(number) for number in equality.get("polycoef", "0 1").split()]
-        except ValueError:
-            raise ValueError(f"{location}: polycoef must be numbers") from None
-        offset, multiplier, *higher = (*coefficients, *[0.0] * (5 - len(coefficients)))
+        coefficients = _numbers(equality.get("polycoef", "0 1"), 0, f"{location}: polycoef")
+        offset, multiplier, *higher = (*coefficients, 0.0, 0.0)
         if leader is None:
             warnings.append(f"{location} with a constant is ignored")
             continue

@@ -38,11 +38,11 @@ def lock_joints(
             motion_subspace(model, model.getJointId(name))
         except ValueError as error:
             raise ValueError(f"{error}; leave it out with base=... or joints=[...]") from None
-    for index in range(1, model.njoints):
-        if model.joints[index].shortname() == "JointModelMimic":
+    for name, joint in zip(model.names, model.joints, strict=True):
+        if joint.shortname() == "JointModelMimic":
             raise ValueError(
-                f"joint {model.names[index]!r} of the pin.Model is a JointModelMimic, which cannot "
-                "be locked; build the model without mimic joints"
+                f"joint {name!r} of the pin.Model is a JointModelMimic, which cannot be locked; "
+                "build the model without mimic joints"
             )
     for name, mimic in description.mimics.items():
         if mimic.leader in moving and name not in configuration:
@@ -75,40 +75,37 @@ def _locked_configuration(
             why = "moves" if name in values else f"is not a joint of {model.name!r}"
             raise ValueError(f"configuration: {name!r} {why}")
         as_number(f"configuration: {name!r}", value)
-    for index in range(1, model.njoints):
-        name, joint = str(model.names[index]), model.joints[index]
-        if name in moving:
-            continue
-        if joint.nv != 1:
-            if name in configuration:
-                raise ValueError(
-                    f"configuration: {name!r} is a {joint.shortname()}, not one number"
-                )
-            continue
-        if joint.nq == 1:
-            limits = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
-            values[name] = _locked_value(name, configuration.get(name), *limits)
-        else:
-            values[name] = float(configuration.get(name, 0.0))
+    locked = {
+        str(name): joint
+        for name, joint in list(zip(model.names, model.joints, strict=True))[1:]
+        if name not in moving
+    }
+    for name, joint in locked.items():
+        if joint.nv != 1 and name in configuration:
+            raise ValueError(f"configuration: {name!r} is a {joint.shortname()}, not one number")
+        lower, upper = -np.inf, np.inf
+        if (joint.nq, joint.nv) == (1, 1):
+            lower, upper = (
+                limits[joint.idx_q]
+                for limits in (model.lowerPositionLimit, model.upperPositionLimit)
+            )
+        default = np.clip(0.0, lower, upper) if lower <= upper else 0.0
+        values[name] = value = float(configuration.get(name, default))
+        if name in configuration and not (
+            lower - _LIMIT_TOLERANCE <= value <= upper + _LIMIT_TOLERANCE
+        ):
+            raise ValueError(
+                f"configuration: {name!r} = {value:.6g} lies outside its limits {lower:.6g} to "
+                f"{upper:.6g}"
+            )
     free = {name: mimic for name, mimic in description.mimics.items() if name not in configuration}
     values = apply_mimics(free, values)
-    for index in range(1, model.njoints):
-        joint, value = model.joints[index], values[str(model.names[index])]
-        if joint.nv == 1 and model.names[index] not in moving:
+    for name, joint in locked.items():
+        if joint.nv == 1:
+            value = values[name]
             coordinates = [value] if joint.nq == 1 else [np.cos(value), np.sin(value)]
             q[joint.idx_q : joint.idx_q + joint.nq] = coordinates
     return q
-
-
-def _locked_value(name: str, given: float | None, lower: float, upper: float) -> float:
-    if given is None:
-        return float(np.clip(0.0, lower, upper)) if lower <= upper else 0.0
-    if not lower - _LIMIT_TOLERANCE <= given <= upper + _LIMIT_TOLERANCE:
-        raise ValueError(
-            f"configuration: {name!r} = {given:.6g} lies outside its limits {lower:.6g} to "
-            f"{upper:.6g}"
-        )
-    return float(given)
 
 
 def change_base(model: pin.Model, base: str) -> pin.Model:
