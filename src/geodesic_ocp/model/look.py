@@ -12,9 +12,9 @@ import pinocchio as pin
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.model.joints import frame_index, motion_subspace
-from geodesic_ocp.model.link_geometry import LinkGeometry
+from geodesic_ocp.model.link_geometry import GREY, LinkGeometry, points_of, triangles_of, turn_to
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Body, as_capsule
 
@@ -33,7 +33,6 @@ _SAME_PLACE = 1e-6  # [size of the mesh]
 # Vertices (k, 3) and triangles (m, 3), counter-clockwise seen from outside.
 Surface: TypeAlias = tuple[Array, Indices]
 SIDES = 32  # of the polygon in place of a circle
-GREY: Colour = (0.62, 0.65, 0.70)
 _LINK: Colour = (0.76, 0.78, 0.81)
 _JOINT: Colour = (0.38, 0.43, 0.50)
 # The radius of a joint is a share of the extent, but fits between the joints of the shortest link.
@@ -45,7 +44,7 @@ _NO_EXTENT = 0.25  # [m], extent of a model whose joints and frames are all at o
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Mesh:
+class Mesh(ShortRepr):
     """A triangle mesh that is fixed to a link.
 
     Attributes:
@@ -60,8 +59,7 @@ class Mesh:
     triangles: Indices
     colour: Colour
 
-    def __repr__(self) -> str:
-        return f"Mesh({self.link!r}, {len(self.triangles)} triangles)"
+    _shown = ("link", "triangles")
 
 
 def simplified(found: Sequence[Mesh], matters: Sequence[bool], count: int) -> list[Mesh]:
@@ -261,12 +259,6 @@ def moved(surface: Surface, rotation: Array, position: Array) -> Surface:
     return vertices @ rotation.T + position, triangles
 
 
-def turn_to(direction: Array) -> Array:
-    """A rotation (3, 3) of the z axis to a direction (3,), of any length but zero."""
-    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), direction)
-    return np.array(turn.matrix())
-
-
 def _of_trimesh(mesh: Any) -> Surface:
     return np.array(mesh.vertices, dtype=float), np.array(mesh.faces, dtype=np.int64)
 
@@ -277,20 +269,13 @@ def visual_geometry(links: LinkGeometry) -> Iterator[Mesh]:
     Raises:
         Exception: of any type, from Pinocchio: a mesh is missing or cannot be read.
     """
-    geometry, capsules = links.visual()
-    for shape in geometry.geometryObjects:
-        kind = type(shape.geometry).__name__
-        if kind in ("Halfspace", "Plane"):  # a floor, not a link
-            continue
-        frame = links.pin.frames[shape.parentFrame]
-        at_link = frame.placement.actInv(shape.placement)
-        points, triangles = _surface(shape.geometry, kind)
+    for shape, at_link, link in links.visual():
+        points, triangles = _surface(shape.geometry)
         if np.prod(shape.meshScale) < 0.0:  # a reflection reverses the orientation
             triangles = triangles[:, ::-1]
         red, green, blue = np.clip(np.asarray(shape.meshColor, dtype=float)[:3], 0.0, 1.0).tolist()
-        placed = points @ at_link.rotation.T + at_link.translation
-        yield Mesh(str(frame.name), placed, triangles, (red, green, blue))
-    yield from map(body_mesh, capsules)
+        placed = moved((points, triangles), at_link.rotation, at_link.translation)
+        yield Mesh(link, *placed, (red, green, blue))
 
 
 def body_mesh(body: Body) -> Mesh:
@@ -300,8 +285,9 @@ def body_mesh(body: Body) -> Mesh:
     return Mesh(str(body.link), *strut(start, end, capsule.radius), GREY)
 
 
-def _surface(shape: Any, kind: str) -> Surface:
-    """Surface of a geometry in its own frame; vertices of a mesh are already scaled."""
+def _surface(shape: Any) -> Surface:
+    """Surface of a shape of coal in its own frame; vertices of a mesh are already scaled."""
+    kind = type(shape).__name__
     if kind == "Box":
         return box(shape.halfSide)
     if kind in ("Sphere", "Ellipsoid"):
@@ -312,12 +298,10 @@ def _surface(shape: Any, kind: str) -> Surface:
     if kind in ("Cylinder", "Cone"):
         top = 1.0 if kind == "Cylinder" else 0.0
         return cylinder(float(shape.radius), float(shape.halfLength), top)
-    points = np.array(shape.vertices() if callable(shape.vertices) else shape.vertices, dtype=float)
-    if not hasattr(shape, "tri_indices"):  # a convex hull
-        return hull(points)
-    corners = (shape.tri_indices(index) for index in range(shape.num_tris))
-    triangles = np.array([(each[0], each[1], each[2]) for each in corners], dtype=np.int64)
-    return points, triangles.reshape(-1, 3)
+    points, triangles = points_of(shape), triangles_of(shape)
+    if points is None:
+        raise ValueError(f"a {kind} has no surface")
+    return hull(points) if triangles is None else (points, triangles)
 
 
 def chain_ends(model: Model) -> list[int]:
@@ -353,7 +337,8 @@ def kinematic_chain(model: Model, drawn: Collection[int] = ()) -> Iterator[Mesh]
     struts = [each for each in _struts(model) if each[0] not in drawn]
     extent = _extent(model)
     lengths = [np.linalg.norm(end) for _, _, end in struts]
-    radius = float(np.clip(min(lengths, default=extent) * _OF_SHORTEST, *_range(extent)))
+    thin, thick = _THINNEST * extent, _RADIUS * extent
+    radius = float(np.clip(min(lengths, default=extent) * _OF_SHORTEST, thin, thick))
     touched = {joint for start, stop, _ in struts for joint in (start, stop)}
     for joint, last, end in struts:
         surface = strut(np.zeros(3), end, (_STRUT[0] * radius, _STRUT[1] * radius))
@@ -366,19 +351,13 @@ def kinematic_chain(model: Model, drawn: Collection[int] = ()) -> Iterator[Mesh]
             yield from _joint(model, joints, radius, extent)
 
 
-def _range(extent: float) -> tuple[float, float]:
-    return _THINNEST * extent, _RADIUS * extent
-
-
 def _struts(model: Model) -> list[tuple[int, int, Array]]:
     """Joint at the start, joint at the end (or again the same), and end in axes of the start."""
     joints = [
-        (
-            int(model.pin.parents[index]),
-            index,
-            np.array(model.pin.jointPlacements[index].translation),
+        (int(parent), index, np.array(placement.translation))
+        for index, (parent, placement) in enumerate(
+            zip(model.pin.parents, model.pin.jointPlacements, strict=True)
         )
-        for index in range(1, model.pin.njoints)
     ]
     frames = [model.pin.frames[index] for index in chain_ends(model)]
     ends = [
@@ -408,9 +387,9 @@ def _travel(model: Model, joint: int) -> tuple[float, float]:
     """Lower and upper limit [m] of a prismatic joint, 0 where there is none."""
     if _rotates(model, joint):
         return 0.0, 0.0
-    index = int(model.pin.joints[joint].idx_v)
-    low, high = (float(limits[index]) for limits in (model.lower, model.upper))
-    return low if np.isfinite(low) else 0.0, high if np.isfinite(high) else 0.0
+    row = model.pin.joints[joint].idx_v
+    low, high = np.nan_to_num([model.lower[row], model.upper[row]], posinf=0.0, neginf=0.0)
+    return float(low), float(high)
 
 
 def _rotates(model: Model, joint: int) -> bool:
@@ -423,10 +402,9 @@ def _places(model: Model, extent: float) -> list[list[int]]:
     for joint in range(1, model.pin.njoints):
         parent = int(model.pin.parents[joint])
         offset = np.linalg.norm(model.pin.jointPlacements[joint].translation)
-        with_parent = [place for place in places if parent in place]
         turns = _rotates(model, joint) and parent > 0 and _rotates(model, parent)
         if turns and offset <= _SAME_PLACE * extent:
-            with_parent[0].append(joint)
+            next(place for place in places if parent in place).append(joint)
         else:
             places.append([joint])
     return places
