@@ -195,10 +195,9 @@ def inertia_scale(model: Model) -> Array:
     Of a model with several hands, the joints that move the same hands belong together, such as
     those of an arm or of the trunk: mass and reach are those from the first of them on.
     """
-    joints = sorted(range(1, model.pin.njoints), key=lambda index: model.pin.joints[index].idx_v)
     result, masses = [], _carried_masses(model.pin)
     found = dict[tuple[int, tuple[int, ...]], float]()
-    for joint, unit in zip(joints, model.units, strict=True):
+    for joint, unit in enumerate(model.units, start=1):
         chain = list(model.pin.supports[joint])[1:]
         hands = _hands_behind(model, joint) if len(model.hands) > 1 else ()
         # The first joint of the tree, or of those that move the same hands.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -92,27 +91,35 @@ def _collapsed(meshes: list[Mesh], scales: list[float], count: int) -> list[Mesh
     import fast_simplification
 
     middles = [mesh.vertices.sum(axis=0) / max(len(mesh.vertices), 1) for mesh in meshes]
-    shifts = [np.array([number * _APART, 0.0, 0.0]) for number in range(len(meshes))]
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    every = [
-        (mesh.vertices - middle) * scale + shift
-        for mesh, middle, scale, shift in zip(meshes, middles, scales, shifts, strict=True)
-    ]
-    corners = [mesh.triangles + start for mesh, start in zip(meshes, starts[:-1], strict=True)]
-    before, old = np.concatenate(every), np.concatenate(corners)
+    shifts = np.arange(len(meshes))[:, None] * [_APART, 0.0, 0.0]
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
+    before = np.concatenate(
+        [
+            (mesh.vertices - middle) * scale + shift
+            for mesh, middle, scale, shift in zip(meshes, middles, scales, shifts, strict=True)
+        ]
+    )
+    old = np.concatenate(
+        [mesh.triangles + start for mesh, start in zip(meshes, starts, strict=True)]
+    )
     points, triangles, collapses = fast_simplification.simplify(
         before, old, target_count=count, agg=_GROWTH, return_collapses=True, preserve_border=True
     )
     whose = fast_simplification.replay_simplification(before, old, collapses)[2]
     points = _within(points, before, whose)
-    owners = np.rint(points[triangles[:, 0], 0] / _APART).astype(np.int64)
+    owners = np.rint(points[triangles[:, 0], 0] / _APART)
     result = []
     for number, mesh in enumerate(meshes):
-        used, own = np.unique(triangles[owners == number], return_inverse=True)
-        vertices = (points[used] - shifts[number]) / scales[number] + middles[number]
-        shape = own.reshape(-1, 3).astype(np.int64)
-        result.append(replace(mesh, vertices=vertices, triangles=shape))
+        vertices, corners = _used(points, triangles[owners == number])
+        vertices = (vertices - shifts[number]) / scales[number] + middles[number]
+        result.append(replace(mesh, vertices=vertices, triangles=corners))
     return result
+
+
+def _used(vertices: Array, triangles: Indices) -> Surface:
+    """The vertices of triangles alone."""
+    used, corners = np.unique(triangles, return_inverse=True)
+    return vertices[used], corners.reshape(-1, 3).astype(np.int64)
 
 
 def _within(points: Array, before: Array, whose: Indices) -> Array:
@@ -155,10 +162,8 @@ def _welded(mesh: Mesh, cell: float, largest: float) -> Mesh:
     low, middle, high = np.sort(triangles, axis=1).T  # the same triangle, however it is turned
     every = (low * len(middles) + middle) * len(middles) + high
     _, first = np.unique(every, return_index=True)
-    triangles = triangles[np.sort(first)]
-    used, corners = np.unique(triangles, return_inverse=True)
-    vertices = middles[used]
-    return replace(mesh, vertices=vertices, triangles=corners.reshape(-1, 3).astype(np.int64))
+    vertices, corners = _used(middles, triangles[np.sort(first)])
+    return replace(mesh, vertices=vertices, triangles=corners)
 
 
 def box(half_sides: ArrayLike) -> Surface:
@@ -194,11 +199,9 @@ def strut(start: Array, end: Array, radii: float | tuple[float, float]) -> Surfa
     low = np.linspace(-np.pi / 2.0, tilt, SIDES // 4 + 2)
     high = np.linspace(tilt, np.pi / 2.0, SIDES // 4 + 2)
     size = max(first, last)
-    profile = [
-        *np.column_stack([first * np.cos(low), first * np.sin(low)]) / size,
-        *np.column_stack([last * np.cos(high), last * np.sin(high) + length]) / size,
-    ]
-    vertices, triangles = revolved(profile)
+    radii_of, angles = np.repeat([first, last], len(low)), np.concatenate([low, high])
+    heights = radii_of * np.sin(angles) + np.repeat([0.0, length], len(low))
+    vertices, triangles = revolved(np.column_stack([radii_of * np.cos(angles), heights]) / size)
     return moved((size * vertices, triangles), turn_to(end - start), start)
 
 
@@ -207,16 +210,9 @@ def revolved(profile: ArrayLike, sides: int = SIDES) -> Surface:
 
     It is of unit size: triangles far smaller than that are lost.
     """
-    points = np.asarray(profile, dtype=float)
-    vertices, triangles = _revolved(tuple(map(tuple, points.tolist())), sides)
-    return vertices.copy(), triangles.copy()
-
-
-@lru_cache(maxsize=64)
-def _revolved(profile: tuple[tuple[float, ...], ...], sides: int) -> Surface:
     import trimesh
 
-    return _of_trimesh(trimesh.creation.revolve(np.array(profile), sections=sides))
+    return _of_trimesh(trimesh.creation.revolve(np.asarray(profile, dtype=float), sections=sides))
 
 
 def loft(sections: ArrayLike, caps: tuple[float, float], roundness: float = 2.0) -> Surface:
@@ -306,17 +302,12 @@ def _surface(shape: Any) -> Surface:
 
 def chain_ends(model: Model) -> list[int]:
     """Indices in `pin` of the hand frames and of the farthest frame of every other chain."""
-    ends = [frame_index(model.pin, hand) for hand in model.hands]
-    parents = set(model.pin.parents)
-    for joint in range(1, model.pin.njoints):
-        attached = [
-            index for index, frame in enumerate(model.pin.frames) if frame.parentJoint == joint
-        ]
-        if joint not in parents and not set(ends) & set(attached):
-            distances = [
-                np.linalg.norm(model.pin.frames[index].placement.translation) for index in attached
-            ]
-            ends.append(attached[int(np.argmax(distances))])
+    ends, frames = [frame_index(model.pin, hand) for hand in model.hands], list(model.pin.frames)
+    for joint in sorted(set(range(1, model.pin.njoints)) - set(model.pin.parents)):
+        attached = [index for index, frame in enumerate(frames) if frame.parentJoint == joint]
+        if not set(ends) & set(attached):
+            far = (np.linalg.norm(frames[index].placement.translation) for index in attached)
+            ends.append(attached[int(np.argmax(list(far)))])
     return ends
 
 
@@ -412,18 +403,16 @@ def _places(model: Model, extent: float) -> list[list[int]]:
 
 def _joint(model: Model, joints: list[int], radius: float, extent: float) -> Iterator[Mesh]:
     """The joints at one place."""
-    first = joints[0]
-    subspace = motion_subspace(model.pin, first)
-    if len(joints) > 1:
-        yield from _mesh(model, first, ellipsoid(_BALL * radius), _JOINT)
-        return
-    turn = turn_to(subspace[3:] if _rotates(model, first) else subspace[:3])
-    if _rotates(model, first):
+    first, rotates = joints[0], _rotates(model, joints[0])
+    twist = motion_subspace(model.pin, first)
+    turn = turn_to(twist[3:] if rotates else twist[:3])
+    form = ellipsoid(_BALL * radius)
+    if len(joints) == 1:
         barrel = cylinder(radius, _HALF_LENGTH * radius)
-        yield from _mesh(model, first, moved(barrel, turn, np.zeros(3)), _JOINT)
+        form = moved(barrel if rotates else box(radius * np.array(_SLIDER)), turn, np.zeros(3))
+    yield from _mesh(model, first, form, _JOINT)
+    if rotates:
         return
-    slider = box(radius * np.array(_SLIDER))
-    yield from _mesh(model, first, moved(slider, turn, np.zeros(3)), _JOINT)
     low, high = _travel(model, first)
     if low == high:  # no limits are known
         low, high = -0.25 * extent, 0.25 * extent

@@ -103,30 +103,30 @@ class Model:
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
         """Names of the joints, in the order of the configuration."""
-        joints = list(zip(self.pin.names, self.pin.joints, strict=True))[1:]
-        return tuple(name for name, joint in sorted(joints, key=lambda pair: pair[1].idx_v))
+        return tuple(self.pin.names)[1:]
 
     @cached_property
     def units(self) -> tuple[str, ...]:
         """Unit of each coordinate, "rad" or "m"."""
-        joints = sorted(range(1, self.pin.njoints), key=lambda index: self.pin.joints[index].idx_v)
-        rotates = (np.any(motion_subspace(self.pin, index)[3:]) for index in joints)
-        return tuple("rad" if angular else "m" for angular in rotates)
+        twists = (motion_subspace(self.pin, index) for index in range(1, self.pin.njoints))
+        return tuple("rad" if np.any(twist[3:]) else "m" for twist in twists)
 
     @cached_property
     def lower(self) -> Array:
         """Lower joint limits (n,) [rad or m]; -inf if unlimited."""
-        return self._limits(np.array(self.pin.lowerPositionLimit))
+        return self._per_joint(self.pin.lowerPositionLimit)
 
     @cached_property
     def upper(self) -> Array:
         """Upper joint limits (n,) [rad or m]; inf if unlimited."""
-        return self._limits(np.array(self.pin.upperPositionLimit))
+        return self._per_joint(self.pin.upperPositionLimit)
 
-    def _limits(self, limits: Array) -> Array:
-        limits = np.where(np.abs(limits) < np.finfo(float).max, limits, np.copysign(np.inf, limits))
-        limits.flags.writeable = False
-        return limits
+    def _per_joint(self, values: Array) -> Array:
+        """A copy that cannot be written to; the largest floats stand for infinity."""
+        huge = np.abs(values) >= np.finfo(float).max
+        copy = np.where(huge, np.copysign(np.inf, values), values)
+        copy.flags.writeable = False
+        return copy
 
     @cached_property
     def armature(self) -> Array:
@@ -135,9 +135,7 @@ class Model:
         Pinocchio's `Model.armature`; of a geared motor it is the inertia of the rotor times the
         square of the gear ratio.
         """
-        armature = np.array(self.pin.armature, dtype=float)
-        armature.flags.writeable = False
-        return armature
+        return self._per_joint(self.pin.armature)
 
     def describe_armature(self) -> str:
         """The range of the joint inertia in words; "" if there is none."""

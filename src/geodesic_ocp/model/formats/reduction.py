@@ -11,10 +11,10 @@ from geodesic_ocp.arrays import Array, as_number
 from geodesic_ocp.model.formats.description import Description
 from geodesic_ocp.model.formats.urdf import apply_mimics
 from geodesic_ocp.model.joints import (
-    distinct_frames,
     frame_index,
     motion_subspace,
     restore_frames,
+    with_distinct_frames,
 )
 
 _LIMIT_TOLERANCE = 1e-6  # [rad or m]: limits in files are rounded
@@ -54,8 +54,8 @@ def lock_joints(
     others = [index for index in range(1, model.njoints) if model.names[index] not in moving]
     if not others:
         return model.copy()
-    with distinct_frames(model) as original:
-        reduced = pin.buildReducedModel(model, others, q)
+    (distinct,), original = with_distinct_frames(model)
+    reduced = pin.buildReducedModel(distinct, others, q)
     restore_frames(reduced, original)
     reduced.name = model.name
     return reduced
