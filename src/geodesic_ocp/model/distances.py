@@ -35,14 +35,9 @@ class LineSegment:
     is_point: bool
 
     @property
-    def end(self) -> ca.SX:
-        """Its end (3, 1)."""
-        return self.start + self.along
-
-    @property
     def ends(self) -> list[ca.SX]:
         """Both ends, of which the minimum of a distance would not be smooth; one of a point."""
-        return [self.start] if self.is_point else [self.start, self.end]
+        return [self.start] if self.is_point else [self.start, self.start + self.along]
 
 
 def line_segment(
@@ -73,13 +68,9 @@ def _closest_points(one: LineSegment, other: LineSegment) -> tuple[ca.SX, ca.SX]
 def segment_distances(start: Array, end: Array, other_start: Array, other_end: Array) -> Array:
     """Distances (...) [m] between segments, whose ends are (..., 3) each: numbers, many at once."""
     u, w, between = end - start, other_end - other_start, start - other_start
-    c, f = _dot(u, between), _dot(w, between)
-    s, t = _fractions(_dot(u, u), _dot(u, w), _dot(w, w), c, f)
+    products = ((u, u), (u, w), (w, w), (u, between), (w, between))
+    s, t = _fractions(*(np.vecdot(*pair) for pair in products))
     return np.asarray(np.linalg.norm(between + s[..., None] * u - t[..., None] * w, axis=-1))
-
-
-def _dot(one: Array, other: Array) -> Array:
-    return np.asarray(np.einsum("...i,...i->...", one, other))
 
 
 def _fractions(a: Any, b: Any, e: Any, c: Any, f: Any, parallel: float = 0.0) -> tuple[Any, Any]:
@@ -222,18 +213,14 @@ def add_named(found: dict[str, Any], name: str, value: Any) -> None:
 
 
 def _bodies_of_links(model: Model, links: Sequence[str], argument: str) -> list[Body]:
-    found = []
     if isinstance(links, str):
         raise ValueError(f"{argument} must be a list of links, got {links!r}")
+    known = list(dict.fromkeys(str(body.link) for body in model.bodies))
     for link in links:
-        own = [body for body in model.bodies if body.link == link]
-        if not own:
-            known = ", ".join(dict.fromkeys(str(body.link) for body in model.bodies)) or "none"
-            raise ValueError(
-                f"{argument}: {model.name!r} has no body at {link!r}; links with bodies: {known}"
-            )
-        found += own
-    return found
+        if link not in known:
+            what = f"{argument}: {model.name!r} has no body at {link!r}; links with bodies"
+            raise ValueError(f"{what}: {', '.join(known) or 'none'}")
+    return [body for link in links for body in model.bodies if body.link == link]
 
 
 def half_space_distances(segment: LineSegment, radius: float, obstacle: HalfSpace) -> list[ca.SX]:

@@ -31,9 +31,8 @@ class Placement:
     translation: ca.SX
 
     def __matmul__(self, other: Placement) -> Placement:
-        return Placement(
-            self.rotation @ other.rotation, self.rotation @ other.translation + self.translation
-        )
+        translation = self.rotation @ other.translation + self.translation
+        return Placement(self.rotation @ other.rotation, translation)
 
 
 def constant_placement(placement: pin.SE3) -> Placement:
@@ -105,9 +104,8 @@ class _Inertia:
     second: ca.SX
 
     def __add__(self, other: _Inertia) -> _Inertia:
-        return _Inertia(
-            self.mass + other.mass, self.first + other.first, self.second + other.second
-        )
+        first, second = self.first + other.first, self.second + other.second
+        return _Inertia(self.mass + other.mass, first, second)
 
     def in_parent(self, placement: Placement) -> _Inertia:
         """The same inertia in the parent frame, with the second moment about its origin."""
@@ -121,11 +119,9 @@ class _Inertia:
 
 
 def _body_inertia(inertia: pin.Inertia) -> _Inertia:
-    lever = pin.skew(inertia.lever)
+    lever, first = pin.skew(inertia.lever), constant(inertia.mass * inertia.lever)
     about_origin = inertia.inertia - inertia.mass * lever @ lever
-    return _Inertia(
-        ca.SX(inertia.mass), constant(inertia.mass * inertia.lever), constant(about_origin)
-    )
+    return _Inertia(ca.SX(inertia.mass), first, constant(about_origin))
 
 
 def _axis(model: pin.Model, index: int) -> tuple[ca.SX, ca.SX]:

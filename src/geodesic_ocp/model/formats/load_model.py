@@ -103,14 +103,8 @@ def load_model(
     if isinstance(source, str) and source in ROBOTS:
         model.name = source
     of_file = model.armature.any() and not isinstance(source, pin.Model)
-    return Model(
-        model,
-        hand,
-        backend,
-        _limit_unlimited(model),
-        description.shapes,
-        armature_from="the file" if of_file else "",
-    )
+    origin, continuous = "the file" if of_file else "", _limit_unlimited(model)
+    return Model(model, hand, backend, continuous, description.shapes, armature_from=origin)
 
 
 def _limit_unlimited(model: pin.Model) -> tuple[str, ...]:
@@ -229,8 +223,7 @@ def catalogue() -> Iterator[str]:
             yield "load_model(name)"
         for name in installed:
             yield from _summary(name, load_model(name, backend=in_use))
-    absent = [name for name in ROBOTS if name not in installed]
-    if absent:
+    if absent := [name for name in ROBOTS if name not in installed]:
         packages = sorted({ROBOTS[name].package for name in absent})
         yield f"not available without {' and '.join(packages)}:"
         yield f"  {INSTALL}"
@@ -254,9 +247,8 @@ def catalogue() -> Iterator[str]:
 
 def _summary(name: str, model: Model) -> Iterator[str]:
     values = f"{model.dof} DoF, {model.mass:5.2f} kg, reach {model.reach:.2f} m"
-    if inertia := model.describe_armature():
-        values += f", {inertia}"
-    yield f"  {name:20} {values}"
+    inertia = model.describe_armature()
+    yield f"  {name:20} {values}{inertia and ', '}{inertia}"
     yield from _wrapped(model.joint_names, indent="    ")
 
 
@@ -288,10 +280,5 @@ def _longest_chain(name: str, backend: str) -> Iterator[str]:
 
 
 def _wrapped(names: Sequence[str], indent: str = "  ") -> list[str]:
-    return textwrap.wrap(
-        ", ".join(names),
-        _WIDTH,
-        initial_indent=indent,
-        subsequent_indent=indent,
-        break_on_hyphens=False,
-    )
+    lines = textwrap.wrap(", ".join(names), _WIDTH - len(indent), break_on_hyphens=False)
+    return [indent + line for line in lines]

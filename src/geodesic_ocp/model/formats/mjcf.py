@@ -109,17 +109,11 @@ def _body_names(native: pin.Model) -> dict[int, str]:
 
 
 def _write_inertia(element: ET.Element, inertia: pin.Inertia) -> None:
-    moments = np.array(inertia.inertia)
+    moments, mass = np.array(inertia.inertia), repr(max(float(inertia.mass), _LEAST))
     if inertia.mass < _LEAST or np.linalg.eigvalsh(moments)[0] < _LEAST:
         moments = moments + _LEAST * np.eye(3)
-    entries = [*np.diag(moments), moments[0, 1], moments[0, 2], moments[1, 2]]
-    ET.SubElement(
-        element,
-        "inertial",
-        pos=_text(inertia.lever),
-        mass=repr(max(float(inertia.mass), _LEAST)),
-        fullinertia=_text(entries),
-    )
+    entries = _text([*np.diag(moments), moments[0, 1], moments[0, 2], moments[1, 2]])
+    ET.SubElement(element, "inertial", pos=_text(inertia.lever), mass=mass, fullinertia=entries)
 
 
 def _write_joint(element: ET.Element, model: Model, index: int) -> None:
@@ -129,10 +123,8 @@ def _write_joint(element: ET.Element, model: Model, index: int) -> None:
         raise ValueError(f"joint {name!r} is a screw, which MJCF does not have")
     row = native.joints[index].idx_v
     kind, axis = ("hinge", angular) if np.any(angular) else ("slide", linear)
-    armature = repr(float(native.armature[row]))
-    joint = ET.SubElement(
-        element, "joint", name=name, type=kind, axis=_text(axis), armature=armature
-    )
+    joint = ET.SubElement(element, "joint", name=name, type=kind, axis=_text(axis))
+    joint.set("armature", repr(float(native.armature[row])))
     limits = [model.lower[row], model.upper[row]]
     if name not in model.continuous and np.all(np.isfinite(limits)):
         joint.set("range", _text(limits))
@@ -235,9 +227,7 @@ def _include(
             what = f"{name} includes {file.name}, which cannot be read"
             raise ValueError(f"{what}: {error}") from None
         _include(included, name, folder, (*including, file))
-        element.remove(child)
-        for offset, part in enumerate(included):
-            element.insert(index + offset, part)
+        element[index : index + 1] = list(included)
 
 
 def _merge_sections(root: ET.Element) -> None:
@@ -321,24 +311,21 @@ def _rewrite(root: ET.Element, name: str) -> None:
     degrees = compiler is None or compiler.get("angle", "degree") == "degree"
     for element in root.iter():
         if (given := element.get("axisangle")) is not None:
-            x, y, z, angle = _numbers(given, 4, f"{name}: axisangle")
-            length = float(np.linalg.norm([x, y, z])) or 1.0
-            axis = " ".join(repr(float(number / length)) for number in (x, y, z))
-            element.set("axisangle", f"{axis} {angle!r}")
+            *axis, angle = _numbers(given, 4, f"{name}: axisangle")
+            length = float(np.linalg.norm(axis)) or 1.0
+            element.set("axisangle", _text([*(number / length for number in axis), angle]))
         if degrees and element.tag == "joint" and element.get("type") == "slide":
             location = f"{name}: range of joint {element.get('name')!r}"
             # Pinocchio reads it as degrees.
             metres = _numbers(element.get("range", "0 0"), 2, location)
-            element.set("range", " ".join(repr(float(number)) for number in np.rad2deg(metres)))
+            element.set("range", _text(np.rad2deg(metres)))
     world = root.find("worldbody")
     if world is None or world.find("body") is None:
         raise ValueError(f"{name} has no <body>")
     # Pinocchio reads only one body of the world, and ignores its pose if it has no joint.
     whole = ET.Element("body", {"name": _ROOT})
-    whole.extend(list(world))
-    for child in list(world):
-        world.remove(child)
-    world.append(whole)
+    whole.extend(world)
+    world[:] = [whole]
     for body in list(root.iter("body")):
         _give_each_joint_a_body(body)
 
@@ -364,9 +351,7 @@ def _give_each_joint_a_body(body: ET.Element) -> None:
     for joint in joints[:-1]:
         inner = ET.Element("body", {"name": body.get("name", "")})
         inner.extend([child for child in body if child is not joint])
-        for child in list(inner):
-            body.remove(child)
-        body.append(inner)
+        body[:] = [joint, inner]
         body.set("name", f"{body.get('name', '')}/{joint.get('name', '')}")
         body = inner
 
