@@ -7,6 +7,7 @@ that segments become longer or shorter while the axes of the joints stay as they
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -103,11 +104,6 @@ def with_lengths(model: Model, factors: Array, bodies: Array) -> Model:
 
 def _scaled(body: Body, size: float) -> Body:
     radius = float(body.radius / np.sqrt(size))
-    if isinstance(body, Ball):
-        return replace(body, centre=_times(body.centre, size), radius=radius)
-    return replace(body, start=_times(body.start, size), end=_times(body.end, size), radius=radius)
-
-
-def _times(point: tuple[float, float, float], size: float) -> tuple[float, float, float]:
-    x, y, z = (float(size * each) for each in point)
-    return x, y, z
+    keys = ("centre",) if isinstance(body, Ball) else ("start", "end")
+    points: dict[str, Any] = {key: size * np.array(getattr(body, key)) for key in keys}
+    return replace(body, radius=radius, **points)

@@ -54,10 +54,10 @@ def check_inertias(model: pin.Model) -> None:
         least = _ROUNDING * moments[-1] if body.mass > 0.0 else -_ROUNDING * moments[-1]
         if rotates[index] and (moments[0] < least or (body.mass > 0.0 and moments[-1] <= 0.0)):
             listed = ", ".join(f"{moment:.3g}" for moment in moments)
-            raise ValueError(
-                f"link {link!r}, {body.mass:.3g} kg, has an inertia that is not positive definite: "
-                f"principal moments {listed} kg m^2"
+            what = (
+                f"link {link!r}, {body.mass:.3g} kg, has an inertia that is not positive definite"
             )
+            raise ValueError(f"{what} definite: principal moments {listed} kg m^2")
         if carried[index] <= 0.0 and not model.armature[model.joints[index].idx_v]:
             raise ValueError(
                 f"link {link!r} moves with joint {joint!r}, but neither it nor any later link "
@@ -98,8 +98,7 @@ def _check_mass_matrix(model: pin.Model) -> None:
         if values[0] > _SINGULAR:
             return
         idle = np.maximum(idle, np.abs(vectors[:, 0]))
-    joints = list(model.joints)
-    index = next(i for i in range(1, model.njoints) if joints[i].idx_v == int(np.argmax(idle)))
+    index = int(np.argmax(idle)) + 1
     raise ValueError(
         f"link {_link_of(model, index)!r}: the mass matrix is singular in every configuration, as "
         f"joint {model.names[index]!r} can move without moving any mass, and has no armature"

@@ -274,11 +274,10 @@ def max_reach(
     high = np.where(np.isfinite(upper), upper, np.pi)
     bounds = list(zip(low, high, strict=True))
     random = np.random.default_rng(0).uniform(low, high, (_NUM_RANDOM, model.nv))
+    options = {"jac": True, "bounds": bounds, "method": "L-BFGS-B"}
     reached = 0.0
-    for start in sorted(random, key=lambda q: negative_square(q)[0])[:_NUM_STARTS]:
-        found = scipy.optimize.minimize(
-            negative_square, start, jac=True, bounds=bounds, method="L-BFGS-B"
-        )
+    for first in sorted(random, key=lambda q: negative_square(q)[0])[:_NUM_STARTS]:
+        found = scipy.optimize.minimize(negative_square, first, **options)
         reached = max(reached, float(np.sqrt(-found.fun)))
         if reached >= (1.0 - _STRETCHED) * longest:
             break

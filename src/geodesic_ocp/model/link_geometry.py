@@ -50,15 +50,16 @@ def _fitted(vertices: bytes) -> tuple[Point, Point, float]:
     cloud = np.frombuffer(vertices).reshape(-1, 3)
     size = float(np.ptp(cloud, axis=0).max())
     principal = np.linalg.svd(cloud - cloud.mean(axis=0), full_matrices=True)[2]
-    fits = [_segment_along(cloud, axis) for axis in (*np.eye(3), *principal)]
-    best = min(fits, key=lambda ends: _volume(ends, cloud))
-    found = scipy.optimize.minimize(
-        lambda ends: _volume(ends, cloud) / size**3,
-        best,
-        method="Nelder-Mead",
-        options={"maxfev": _MAX_EVALUATIONS, "xatol": 1e-3 * size, "fatol": 1e-5, "adaptive": True},
-    )
-    ends = min((best, found.x), key=lambda ends: _volume(ends, cloud))
+
+    def volume(ends: Array) -> float:
+        start, end = ends.reshape(2, 3)
+        radius = float(distances_to_segment(cloud, start, end).max()) / size
+        return np.pi * radius**2 * (float(np.linalg.norm(end - start)) / size + 4.0 / 3.0 * radius)
+
+    best = min((_segment_along(cloud, axis) for axis in (*np.eye(3), *principal)), key=volume)
+    options = {"maxfev": _MAX_EVALUATIONS, "xatol": 1e-3 * size, "fatol": 1e-5, "adaptive": True}
+    found = scipy.optimize.minimize(volume, best, method="Nelder-Mead", options=options)
+    ends = min((best, found.x), key=volume)
     start, end = ends.reshape(2, 3)
     # Slightly larger, so that rounding leaves no point outside.
     radius = float(distances_to_segment(cloud, start, end).max()) + 1e-9 * size
@@ -92,13 +93,6 @@ def _segment_along(cloud: Array, axis: Array) -> Array:
     if low > high:
         low = high = (low + high) / 2.0
     return np.concatenate([middle + low * axis, middle + high * axis])
-
-
-def _volume(ends: Array, cloud: Array) -> float:
-    start, end = ends.reshape(2, 3)
-    radius = float(distances_to_segment(cloud, start, end).max())
-    length = float(np.linalg.norm(end - start))
-    return np.pi * radius**2 * (length + 4.0 / 3.0 * radius)
 
 
 @dataclass(frozen=True, eq=False)

@@ -344,18 +344,12 @@ def kinematic_chain(model: Model, drawn: Collection[int] = ()) -> Iterator[Mesh]
 
 def _struts(model: Model) -> list[tuple[int, int, Array]]:
     """Joint at the start, joint at the end (or again the same), and end in axes of the start."""
-    joints = [
-        (int(parent), index, np.array(placement.translation))
-        for index, (parent, placement) in enumerate(
-            zip(model.pin.parents, model.pin.jointPlacements, strict=True)
-        )
-    ]
     frames = [model.pin.frames[index] for index in chain_ends(model)]
-    ends = [
-        (int(frame.parentJoint), int(frame.parentJoint), np.array(frame.placement.translation))
-        for frame in frames
+    places = [
+        *zip(model.pin.parents, range(model.pin.njoints), model.pin.jointPlacements, strict=True),
+        *((frame.parentJoint, frame.parentJoint, frame.placement) for frame in frames),
     ]
-    found = [each for each in (*joints, *ends) if each[0] > 0]
+    found = [(int(joint), int(end), np.array(at.translation)) for joint, end, at in places if joint]
     least = _SAME_PLACE * max((float(np.linalg.norm(end)) for _, _, end in found), default=0.0)
     return [each for each in found if np.linalg.norm(each[2]) > least]
 
@@ -368,9 +362,8 @@ def _extent(model: Model) -> float:
         step = np.linalg.norm(model.pin.jointPlacements[joint].translation) if parent else 0.0
         low, high = _travel(model, joint)
         far[joint] = far[parent] + step + max(abs(low), abs(high))
-    ends = [
-        far[joint] + np.linalg.norm(end) for joint, last, end in _struts(model) if joint == last
-    ]
+    struts = _struts(model)
+    ends = (far[joint] + np.linalg.norm(end) for joint, last, end in struts if joint == last)
     return float(max([*far, *ends])) or _NO_EXTENT
 
 
@@ -378,13 +371,13 @@ def _travel(model: Model, joint: int) -> tuple[float, float]:
     """Lower and upper limit [m] of a prismatic joint, 0 where there is none."""
     if _rotates(model, joint):
         return 0.0, 0.0
-    row = model.pin.joints[joint].idx_v
-    low, high = np.nan_to_num([model.lower[row], model.upper[row]], posinf=0.0, neginf=0.0)
-    return float(low), float(high)
+    limits = model.lower[joint - 1], model.upper[joint - 1]
+    low, high = np.nan_to_num(limits, posinf=0.0, neginf=0.0).tolist()
+    return low, high
 
 
 def _rotates(model: Model, joint: int) -> bool:
-    return bool(np.any(motion_subspace(model.pin, joint)[3:]))
+    return model.units[joint - 1] == "rad"
 
 
 def _places(model: Model, extent: float) -> list[list[int]]:
@@ -416,10 +409,9 @@ def _joint(model: Model, joints: list[int], radius: float, extent: float) -> Ite
     low, high = _travel(model, first)
     if low == high:  # no limits are known
         low, high = -0.25 * extent, 0.25 * extent
-    place = model.pin.jointPlacements[first]
+    place = model.pin.jointPlacements[first] * pin.SE3(turn, turn[:, 2] * (low + high) / 2.0)
     half = np.array([_RAIL * radius, _RAIL * radius, (high - low) / 2.0])
-    rail = moved(box(half), turn, turn[:, 2] * (low + high) / 2.0)
-    rail = moved(rail, place.rotation, place.translation)
+    rail = moved(box(half), place.rotation, place.translation)
     yield from _mesh(model, int(model.pin.parents[first]), rail, _LINK)
 
 

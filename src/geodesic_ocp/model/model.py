@@ -27,7 +27,6 @@ from geodesic_ocp.model.joints import (
 from geodesic_ocp.model.primitives import Ball, Bodies, Body, Capsule
 from geodesic_ocp.table import Table
 
-_SIDES = ("right", "left")
 _ROUNDING = 1e-9  # of moments of inertia in files, relative
 
 
@@ -66,11 +65,11 @@ class Model:
         for index in range(1, self.pin.njoints):
             motion_subspace(self.pin, index)
         check_armature(self.pin)
-        for name in self.continuous:
-            if name not in list(self.pin.names)[1:]:
-                raise ValueError(f"continuous: {name!r} is not a joint of the model")
+        joints = list(map(str, self.pin.names))[1:]
+        for name in set(self.continuous).difference(joints):
+            raise ValueError(f"continuous: {name!r} is not a joint of the model")
         periodic = {*self.continuous, *continuous_joints(self.pin)}
-        continuous = tuple(str(name) for name in self.pin.names if name in periodic)
+        continuous = tuple(name for name in joints if name in periodic)
         object.__setattr__(self, "pin", with_joint_frames(with_angles(self.pin)))
         object.__setattr__(self, "backend", choose_backend(self.backend))
         object.__setattr__(self, "_hand_id", frame_index(self.pin, self.hand))
@@ -79,7 +78,7 @@ class Model:
     def __repr__(self) -> str:
         what = f"{self.name!r}, dof={self.dof}, hand={self.hand!r}, backend={self.backend!r}"
         if inertia := self.describe_armature():
-            source = f" from {self.armature_from}" if self.armature_from else ""
+            source = self.armature_from and f" from {self.armature_from}"
             what += f", {inertia}{source}"
         return f"Model({what})"
 
@@ -338,8 +337,8 @@ def hand_labels(hands: Sequence[str]) -> tuple[str, ...]:
     labels = []
     for name in hands:
         arm, _, frame = name.rpartition("/")
-        sides = [side for side in _SIDES if side in arm.lower().replace("_", " ").split()]
-        labels.append(f"{sides[0]} {frame}" if len(sides) == 1 else name)
+        sides = {"right", "left"}.intersection(arm.lower().replace("_", " ").split())
+        labels.append(f"{sides.pop()} {frame}" if len(sides) == 1 else name)
     return tuple(labels) if len(set(labels)) == len(hands) else tuple(hands)
 
 

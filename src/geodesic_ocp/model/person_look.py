@@ -20,7 +20,7 @@ from geodesic_ocp.model.anthropometry import PersonArm, PersonTrunk, person_arms
 from geodesic_ocp.model.joints import frame_index
 from geodesic_ocp.model.look import Colour, Mesh, Surface, ellipsoid, loft, moved, strut
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.primitives import Body
+from geodesic_ocp.model.primitives import Body, Capsule
 
 _BODY: Colour = (0.85, 0.76, 0.65)
 _JOINT: Colour = (0.71, 0.60, 0.48)
@@ -116,18 +116,23 @@ def _arm(model: Model, arm: PersonArm) -> Iterator[Mesh]:
 
 def _trunk(model: Model, trunk: PersonTrunk) -> Iterator[Mesh]:
     abdomen, thorax, head = trunk.bodies
+    # Chest and shoulders, from the height of the shoulders down.
+    height, wide = abs(thorax.end[2] - thorax.start[2]), trunk.half_width
+    rows = np.array(_THORAX) * [height, wide, thorax.radius, wide, thorax.radius]
+    chest = loft(rows, (0.30 * height, 0.05 * height), roundness=2.3)
+    yield Mesh(str(thorax.link), *chest, _BODY)
+    # From below the lumbar joint, at the origin, into the thorax.
     length = abs(abdomen.end[2] - abdomen.start[2])
-    place = model.pin.jointPlacements[trunk.lumbar]
-    pelvis = moved(_pelvis(length, abdomen.radius), place.rotation, place.translation)
-    parent = model.pin.parents[trunk.lumbar]
+    belly = loft(_scaled(_ABDOMEN, length, abdomen.radius), (0.6 * length, 0.6 * length))
+    yield Mesh(str(abdomen.link), *belly, _JOINT)
+    for surface, colour in zip(_head(head), (_BODY, _JOINT), strict=True):
+        yield Mesh(str(head.link), *surface, colour)
+    # Below the lumbar joint, at the origin.
+    rows = _scaled(_PELVIS, length, abdomen.radius)
+    pelvis = loft(rows, (1.1 * length, 0.6 * length), roundness=2.2)
+    place, parent = model.pin.jointPlacements[trunk.lumbar], model.pin.parents[trunk.lumbar]
     base = next(str(each.name) for each in model.pin.frames if each.parentJoint == parent)
-    skull, neck = _head(head.start[2], head.end[2], head.radius)
-    height = abs(thorax.end[2] - thorax.start[2])
-    yield Mesh(str(thorax.link), *_thorax(height, thorax.radius, trunk.half_width), _BODY)
-    yield Mesh(str(abdomen.link), *_abdomen(length, abdomen.radius), _JOINT)
-    yield Mesh(str(head.link), *skull, _BODY)
-    yield Mesh(str(head.link), *neck, _JOINT)
-    yield Mesh(base, *pelvis, _BODY)
+    yield Mesh(base, *moved(pelvis, place.rotation, place.translation), _BODY)
 
 
 def mirrored(surface: Surface) -> Surface:
@@ -160,28 +165,10 @@ def _hand(length: float, radius: float) -> tuple[list[Surface], list[Surface]]:
     return [palm, *thumb], []
 
 
-def _thorax(length: float, radius: float, half_width: float) -> Surface:
-    """Chest and shoulders, from the height of the shoulders down."""
-    rows = np.array(_THORAX) * [length, half_width, radius, half_width, radius]
-    return loft(rows, (0.30 * length, 0.05 * length), roundness=2.3)
-
-
-def _abdomen(length: float, radius: float) -> Surface:
-    """From below the lumbar joint, at the origin, into the thorax."""
-    return loft(_scaled(_ABDOMEN, length, radius), (0.6 * length, 0.6 * length))
-
-
-def _pelvis(length: float, radius: float) -> Surface:
-    """Below the lumbar joint, which is at the origin; from length and radius of the abdomen."""
-    rows = _scaled(_PELVIS, length, radius)
-    return loft(rows, (1.1 * length, 0.6 * length), roundness=2.2)
-
-
-def _head(low: float, high: float, radius: float) -> tuple[Surface, Surface]:
-    """Head from chin to crown, and neck; heights [m] above the shoulders."""
-    height = high - low
-    rows = _scaled(_HEAD, height, radius)
-    rows[:, 0] += low
+def _head(body: Capsule) -> tuple[Surface, Surface]:
+    """Head from chin to crown, and neck; heights [m] are above the shoulders."""
+    low, height, radius = body.start[2], body.end[2] - body.start[2], body.radius
+    rows = np.add(_scaled(_HEAD, height, radius), [low, 0.0, 0.0, 0.0, 0.0])
     ends = [np.array([0.0, y * radius, low + z * height]) for z, y in _NECK]
     neck = strut(ends[0], ends[1], (_NECK_RADII[0] * radius, _NECK_RADII[1] * radius))
     return loft(rows, (0.15 * height, 0.42 * height)), neck

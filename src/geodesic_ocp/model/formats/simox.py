@@ -100,9 +100,7 @@ def _to_lower_case(element: ET.Element) -> None:
     """Convert tags and names of attributes to lower case, as files differ in case."""
     for each in element.iter():
         each.tag = each.tag.lower()
-        attributes = {key.lower(): value for key, value in each.attrib.items()}
-        each.attrib.clear()
-        each.attrib.update(attributes)
+        each.attrib = {key.lower(): value for key, value in each.attrib.items()}
 
 
 def _add_node(model: pin.Model, node: ET.Element, parent: _Node, units: _Units) -> _Node:
