@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
-from typing import Literal, get_args
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -77,7 +77,7 @@ def anthropometry(side: Side, table: TableName, sex: Sex | None) -> Anthropometr
         return _winter(side)
     if sex is None or sex not in get_args(Sex):
         raise ValueError(f"the table 'de_leva' needs sex='male' or 'female', got {sex!r}")
-    return _de_leva(_DE_LEVA[sex])
+    return _de_leva(*_DE_LEVA[sex])
 
 
 def _winter(side: Side) -> Anthropometry:
@@ -120,64 +120,44 @@ def trunk() -> Trunk:
     )
 
 
-@dataclass(frozen=True)
-class _Measured:
-    """A row of the table, as printed."""
-
-    length: float  # [mm]
-    mass: float  # [% of body mass]
-    centre: float  # from the proximal end [% of length]
-    gyration: tuple[float, float, float]  # sagittal, transverse, longitudinal [% of length]
-
-
-@dataclass(frozen=True)
-class _People:
-    stature: float  # mean [mm]
-    upper_arm: _Measured
-    forearm: _Measured
-    hand: _Measured  # to the third metacarpale
-
-
-_DE_LEVA = {
-    "male": _People(
+# As printed: mean stature [mm]; of upper arm, forearm and hand (to the third metacarpale): length
+# [mm], mass [% of body mass], centre of mass from the proximal end [% of length], and sagittal,
+# transverse and longitudinal radius of gyration [% of length].
+_Rows: TypeAlias = tuple[tuple[float, float, float, float, float, float], ...]
+_DE_LEVA: dict[str, tuple[float, _Rows]] = {
+    "male": (
         1741.0,
-        _Measured(281.7, 2.71, 57.72, (28.5, 26.9, 15.8)),
-        _Measured(268.9, 1.62, 45.74, (27.6, 26.5, 12.1)),
-        _Measured(86.2, 0.61, 79.00, (62.8, 51.3, 40.1)),
+        (
+            (281.7, 2.71, 57.72, 28.5, 26.9, 15.8),
+            (268.9, 1.62, 45.74, 27.6, 26.5, 12.1),
+            (86.2, 0.61, 79.00, 62.8, 51.3, 40.1),
+        ),
     ),
-    "female": _People(
+    "female": (
         1735.0,
-        _Measured(275.1, 2.55, 57.54, (27.8, 26.0, 14.8)),
-        _Measured(264.3, 1.38, 45.59, (26.1, 25.7, 9.4)),
-        _Measured(78.0, 0.56, 74.74, (53.1, 45.4, 33.5)),
+        (
+            (275.1, 2.55, 57.54, 27.8, 26.0, 14.8),
+            (264.3, 1.38, 45.59, 26.1, 25.7, 9.4),
+            (78.0, 0.56, 74.74, 53.1, 45.4, 33.5),
+        ),
     ),
 }
 
 
-def _de_leva(people: _People) -> Anthropometry:
+def _de_leva(stature: float, rows: _Rows) -> Anthropometry:
     """The mean lengths, in proportion to stature.
 
     The sagittal axis points from back to front in the anatomical position, with the palm forward.
     Here the palm faces the body: the sagittal axis of hand and forearm is x, that of the upper arm,
     which does not rotate with the palm, is y.
     """
-
-    def segment(measured: _Measured, rotates_with_palm: bool) -> Segment:
-        length, mass = measured.length / people.stature, measured.mass / 100.0
-        sagittal, transverse, longitudinal = (
-            mass * (radius / 100.0 * length) ** 2 for radius in measured.gyration
-        )
+    segments = []
+    for row, rotates_with_palm in zip(rows, (False, True, True), strict=True):
+        length, mass = row[0] / stature, row[1] / 100.0
+        sagittal, transverse, z = (mass * (radius / 100.0 * length) ** 2 for radius in row[3:])
         x, y = (sagittal, transverse) if rotates_with_palm else (transverse, sagittal)
-        centre = (0.0, 0.0, -measured.centre / 100.0 * length)
-        return Segment(mass, centre, (x, y, longitudinal))
-
-    return Anthropometry(
-        people.upper_arm.length / people.stature,
-        people.forearm.length / people.stature,
-        segment(people.upper_arm, rotates_with_palm=False),
-        segment(people.forearm, rotates_with_palm=True),
-        segment(people.hand, rotates_with_palm=True),
-    )
+        segments.append(Segment(mass, (0.0, 0.0, -row[2] / 100.0 * length), (x, y, z)))
+    return Anthropometry(rows[0][0] / stature, rows[1][0] / stature, *segments)
 
 
 @dataclass(frozen=True, eq=False)

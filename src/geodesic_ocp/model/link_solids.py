@@ -127,11 +127,10 @@ def reach_bound(model: Model, solids: Sequence[LinkSolid]) -> tuple[Array, float
 
 def _parent(model: pin.Model, link: str, known: Container[str]) -> str:
     """The nearest frame before a link that is known; "" if there is none."""
-    index = int(model.frames[frame_index(model, link)].parentFrame)
-    while index > 0:
-        if str(model.frames[index].name) in known:
-            return str(model.frames[index].name)
-        index = int(model.frames[index].parentFrame)
+    index = frame_index(model, link)
+    while (index := int(model.frames[index].parentFrame)) > 0:
+        if (name := str(model.frames[index].name)) in known:
+            return name
     return ""
 
 

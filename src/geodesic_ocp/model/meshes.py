@@ -44,8 +44,6 @@ def meshes(model: Model, max_triangles: int = MAX_TRIANGLES) -> tuple[Mesh, ...]
         model: its configuration does not matter.
         max_triangles: about the number of all triangles that are left where there are more.
     """
-    if max_triangles < 1:
-        raise ValueError(f"max_triangles must be at least 1, got {max_triangles}")
     results = _known.setdefault(model, {})
     if max_triangles not in results:
         # Links of other models in the file, such as a robot's second arm, are not in this one.
@@ -59,14 +57,12 @@ def meshes(model: Model, max_triangles: int = MAX_TRIANGLES) -> tuple[Mesh, ...]
 def _geometry(model: Model) -> list[Mesh]:
     if isinstance(model.shapes, LinkGeometry):
         try:
-            visual = list(visual_geometry(model.shapes))
+            if visual := list(visual_geometry(model.shapes)):
+                return visual
         except Exception as error:  # from Pinocchio: a mesh is missing, or of an unknown type
             reason = " ".join(str(error).split())
             said = "is drawn without its visual geometry, which cannot be read"
             warnings.warn(f"{model.name} {said}: {reason}", stacklevel=2)
-            visual = []
-        if visual:
-            return visual
     try:
         bodies = model.bodies
     except ValueError:  # the collision geometry cannot be read either

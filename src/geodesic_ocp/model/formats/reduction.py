@@ -67,6 +67,7 @@ def _locked_configuration(
     """Pinocchio's configuration (nq,) of the locked joints; the others are neutral."""
     model = description.pin
     q: Array = pin.neutral(model)
+    limits = np.column_stack([model.lowerPositionLimit, model.upperPositionLimit])
     values = {str(name): 0.0 for name in list(model.names)[1:]}
     if not isinstance(configuration, Mapping):
         raise ValueError(f"configuration must map names of joints to values, got {configuration!r}")
@@ -84,11 +85,8 @@ def _locked_configuration(
         if joint.nv != 1 and name in configuration:
             raise ValueError(f"configuration: {name!r} is a {joint.shortname()}, not one number")
         lower, upper = -np.inf, np.inf
-        if (joint.nq, joint.nv) == (1, 1):
-            lower, upper = (
-                limits[joint.idx_q]
-                for limits in (model.lowerPositionLimit, model.upperPositionLimit)
-            )
+        if joint.nq == 1:
+            lower, upper = limits[joint.idx_q]
         default = np.clip(0.0, lower, upper) if lower <= upper else 0.0
         values[name] = value = float(configuration.get(name, default))
         if name in configuration and not (
