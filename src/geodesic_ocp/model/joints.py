@@ -10,7 +10,7 @@ import pinocchio as pin
 import scipy
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_number, real_array
+from geodesic_ocp.arrays import Array, real_array
 
 _ROUNDING = 1e-15
 # A continuous joint has no limits; these are wide enough for the shortest rotation between angles.
@@ -110,58 +110,17 @@ def without_noise(placement: pin.SE3) -> pin.SE3:
     return pin.SE3(rotation, placement.translation)
 
 
-def merge_limits(
-    given: Sequence[ArrayLike | Mapping[str, float] | None],
-    current: Sequence[Array],
-    joint_names: Sequence[str],
-) -> list[Array]:
-    """The given lower and upper limits, (n,) each, with the current ones where none is given.
-
-    Raises:
-        ValueError: an unknown joint, not n numbers, or a lower limit above the upper one.
-    """
-    sides = zip(("lower", "upper"), given, current, strict=True)
-    limits = [_merged(name, new, old, joint_names) for name, new, old in sides]
-    for joint, low, high in zip(joint_names, *limits, strict=True):
-        if low > high or low == np.inf or high == -np.inf:  # the range is empty
-            raise ValueError(f"{joint}: the lower limit {low:g} lies above the upper {high:g}")
-    return limits
-
-
-def as_armature(
-    value: ArrayLike | Mapping[str, float], current: Array, joint_names: Sequence[str]
-) -> Array:
-    """Joint inertias (n,) from one number, n numbers, or some by joint name.
-
-    Raises:
-        ValueError: an unknown joint, or not 1 or n numbers; whether they make sense is for
-            `check_armature`.
-    """
-    entries = np.array([*value.values()] if isinstance(value, Mapping) else value, dtype=object)
-    if any(isinstance(entry, (bool, np.bool_)) for entry in entries.flat):
-        raise ValueError(f"armature must be numbers, not truth values, got {value!r}")
-    if isinstance(value, str) or not isinstance(value, (Mapping, Sequence, np.ndarray)):
-        value = [as_number("armature", value)] * current.size
-    return _merged("armature", value, current, joint_names)
-
-
-def check_armature(model: pin.Model) -> None:
-    """Reject joint inertias that are negative or not finite."""
-    for index in range(1, model.njoints):
-        inertia = model.armature[model.joints[index].idx_v]
-        if not 0.0 <= inertia < np.inf:
-            joint = model.names[index]
-            wanted = "must be finite and not negative"
-            raise ValueError(f"armature of joint {joint!r} {wanted}, got {inertia:g}")
-
-
-def _merged(
+def joint_values(
     name: str,
     given: ArrayLike | Mapping[str, float] | None,
     current: Array,
     joint_names: Sequence[str],
 ) -> Array:
-    """One side of the limits, (n,); errors name the argument."""
+    """Numbers of the joints (n,), some by name, with the current ones where none is given.
+
+    Raises:
+        ValueError: an unknown joint, or not n numbers; names the argument.
+    """
     if given is None:
         return current
     if isinstance(given, Mapping):

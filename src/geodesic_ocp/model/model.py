@@ -11,15 +11,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_positive, as_vector, is_symbolic, real_array
+from geodesic_ocp.arrays import Array, as_number, as_positive, as_vector, is_symbolic, real_array
 from geodesic_ocp.model.dynamics import SymbolicFunctions, choose_backend
 from geodesic_ocp.model.joints import (
-    as_armature,
-    check_armature,
     continuous_joints,
     frame_index,
+    joint_values,
     max_reach,
-    merge_limits,
     motion_subspace,
     with_angles,
     with_joint_frames,
@@ -64,8 +62,11 @@ class Model:
         object.__setattr__(self, "hands", _as_hands(self.pin, self.hand, self.hands))
         for index in range(1, self.pin.njoints):
             motion_subspace(self.pin, index)
-        check_armature(self.pin)
         joints = list(map(str, self.pin.names))[1:]
+        for joint, inertia in zip(joints, self.pin.armature, strict=True):
+            if not 0.0 <= inertia < np.inf:
+                wanted = "must be finite and not negative"
+                raise ValueError(f"armature of joint {joint!r} {wanted}, got {inertia:g}")
         for name in set(self.continuous).difference(joints):
             raise ValueError(f"continuous: {name!r} is not a joint of the model")
         periodic = {*self.continuous, *continuous_joints(self.pin)}
@@ -273,8 +274,13 @@ class Model:
         Raises:
             ValueError: an unknown joint, not 1 or n numbers, or one that is negative or not finite.
         """
+        entries = np.array([*value.values()] if isinstance(value, Mapping) else value, dtype=object)
+        if any(isinstance(entry, (bool, np.bool_)) for entry in entries.flat):
+            raise ValueError(f"armature must be numbers, not truth values, got {value!r}")
+        if isinstance(value, str) or not isinstance(value, (Mapping, Sequence, np.ndarray)):
+            value = [as_number("armature", value)] * self.dof
         geared = self.pin.copy()
-        geared.armature = as_armature(value, self.armature, self.joint_names)
+        geared.armature = joint_values("armature", value, self.armature, self.joint_names)
         return replace(self, pin=geared, armature_from="")
 
     def with_limits(
@@ -287,9 +293,13 @@ class Model:
         Raises:
             ValueError: wrong shapes or names, not numbers, or a lower limit above the upper one.
         """
-        limits = merge_limits((lower, upper), (self.lower, self.upper), self.joint_names)
+        lower = joint_values("lower", lower, self.lower, self.joint_names)
+        upper = joint_values("upper", upper, self.upper, self.joint_names)
+        for joint, low, high in zip(self.joint_names, lower, upper, strict=True):
+            if low > high or low == np.inf or high == -np.inf:  # the range is empty
+                raise ValueError(f"{joint}: the lower limit {low:g} lies above the upper {high:g}")
         limited = self.pin.copy()
-        limited.lowerPositionLimit, limited.upperPositionLimit = limits
+        limited.lowerPositionLimit, limited.upperPositionLimit = lower, upper
         return replace(self, pin=limited)
 
     def with_hand(self, hand: str, *others: str) -> Model:

@@ -301,9 +301,8 @@ def _reject_unsupported(root: ET.Element, name: str) -> None:
         meshes = [geom for geom in body.iterfind("geom") if geom.get("mesh") is not None]
         heavy = [geom for geom in meshes if not {geom.get("mass"), geom.get("density")} & {"0"}]
         if heavy and body.find("inertial") is None:
-            raise ValueError(
-                f"{location} has the inertia of a mesh, which is not supported: give <inertial>"
-            )
+            what = "has the inertia of a mesh, which is not supported: give <inertial>"
+            raise ValueError(f"{location} {what}")
 
 
 def _rewrite(root: ET.Element, name: str) -> None:

@@ -113,9 +113,8 @@ def _of_menagerie(name: str) -> Path:
     try:
         menagerie = importlib.import_module("mujoco_menagerie")
     except ImportError:
-        raise ValueError(
-            f"{_MENAGERIE}{name} needs MuJoCo Menagerie: pip install 'geodesic_ocp[mujoco]'"
-        ) from None
+        needed = "MuJoCo Menagerie: pip install 'geodesic_ocp[mujoco]'"
+        raise ValueError(f"{_MENAGERIE}{name} needs {needed}") from None
     try:
         robot = menagerie.get(name)
         return Path(robot.xml(robot.default_model))
