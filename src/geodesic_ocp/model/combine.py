@@ -50,10 +50,8 @@ def combine(*models: Model, placements: Sequence[Any] | None = None) -> Model:
     for model, new_names, base in zip(models, names, bases, strict=True):
         own_gravity = base.rotation @ model.pin.gravity.linear
         if np.abs(own_gravity - gravity).max() > _SAME_GRAVITY:
-            raise ValueError(
-                f"in the common base frame gravity is {own_gravity} m/s^2 for {model.name!r} and "
-                f"{gravity} m/s^2 for {models[0].name!r}"
-            )
+            both = f"{own_gravity} m/s^2 for {model.name!r} and {gravity} m/s^2 for"
+            raise ValueError(f"in the common base frame gravity is {both} {models[0].name!r}")
         parts.append(_renamed(model.pin, new_names))
     whole = pin.Model()
     distinct, original = with_distinct_frames(*parts)
@@ -63,12 +61,9 @@ def combine(*models: Model, placements: Sequence[Any] | None = None) -> Model:
     whole.name = " and ".join(model.name for model in models)
     whole.gravity = pin.Motion(gravity, np.zeros(3))
     whole.armature = np.concatenate([part.armature for part in parts])  # which is lost
-    continuous = [
-        new_names[name]
-        for model, new_names in zip(models, names, strict=True)
-        for name in model.continuous
-    ]
-    hands = [new[hand] for model, new in zip(models, names, strict=True) for hand in model.hands]
+    pairs = list(zip(models, names, strict=True))
+    continuous = [new[name] for model, new in pairs for name in model.continuous]
+    hands = [new[hand] for model, new in pairs for hand in model.hands]
     hand, bodies = names[0][models[0].hand], partial(_bodies, models, names)
     return Model(whole, hand, models[0].backend, tuple(continuous), bodies, tuple(hands))
 

@@ -184,15 +184,12 @@ def bodies_apart(
         link = None if isinstance(obstacle, HalfSpace) else obstacle.link
         joint = None if link is None else model.joint_of(link)
         for body in moving:
-            if joint is not None and joint == model.joint_of(str(body.link)):
-                continue  # parts of the same rigid body
-            found.append((f"{body.name or body.link} to {other}", body, obstacle))
+            if joint != model.joint_of(str(body.link)):  # else parts of the same rigid body
+                found.append((f"{body.name or body.link} to {other}", body, obstacle))
     for pair in pairs:
-        one, other_one = (_bodies_of_links(model, [link], "pairs") for link in as_pair(pair))
-        found += [
-            (f"{body.name or body.link} to {second.name or second.link}", body, second)
-            for body, second in product(one, other_one)
-        ]
+        both = (_bodies_of_links(model, [link], "pairs") for link in as_pair(pair))
+        for one, two in product(*both):
+            found.append((f"{one.name or one.link} to {two.name or two.link}", one, two))
     return found
 
 

@@ -153,21 +153,18 @@ def with_angles(model: pin.Model) -> pin.Model:
     if not continuous:
         return model.copy()
     result = pin.Model()
-    result.name = model.name
-    result.gravity = model.gravity
+    result.name, result.gravity = model.name, model.gravity
+    result.inertias[0] = model.inertias[0]
+    lower, upper = model.lowerPositionLimit, model.upperPositionLimit
     for index in range(1, model.njoints):
         joint, name = model.joints[index], model.names[index]
-        revolute = name in continuous
-        new_type = joint_along(motion_subspace(model, index)[3:]) if revolute else joint
+        low, high = lower[joint.idx_q], upper[joint.idx_q]
+        if name in continuous:
+            low, high = -DEFAULT_LIMIT, DEFAULT_LIMIT
+            joint = joint_along(motion_subspace(model, index)[3:])
         placement = model.jointPlacements[index]
-        new = result.joints[result.addJoint(model.parents[index], new_type, placement, name)]
-        for limits, default in (
-            ("lowerPositionLimit", -DEFAULT_LIMIT),
-            ("upperPositionLimit", DEFAULT_LIMIT),
-        ):
-            current = getattr(model, limits)[joint.idx_q]
-            getattr(result, limits)[new.idx_q] = default if revolute else current
-    for index in range(model.njoints):
+        row = result.joints[result.addJoint(model.parents[index], joint, placement, name)].idx_q
+        result.lowerPositionLimit[row], result.upperPositionLimit[row] = low, high
         result.inertias[index] = model.inertias[index]
     for values in _PER_VELOCITY:
         setattr(result, values, getattr(model, values).copy())
