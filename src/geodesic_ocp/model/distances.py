@@ -291,10 +291,7 @@ def has_symbols(obstacle: Obstacle) -> bool:
 def _nearest(
     model: Model, q: ca.SX, body: Body, other: Obstacle
 ) -> list[tuple[ca.SX, ca.SX, ca.SX]]:
-    """Points on the surface of either (3, 1), and their signed distance; of a plane, for each end.
-
-    Of bodies whose axes meet, the points are on the surfaces in an arbitrary direction.
-    """
+    """Points on the surface of either (3, 1), and their distance; of a plane, for each end."""
     one = _segment(model, q, body)
     if isinstance(other, HalfSpace):
         normal, distances = ca.DM(other.normal), half_space_distances(one, body.radius, other)

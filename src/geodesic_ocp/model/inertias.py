@@ -68,10 +68,7 @@ def check_inertias(model: pin.Model) -> None:
 
 def _carried_masses(model: pin.Model) -> Array:
     """Mass [kg] that each joint moves: its own link and all later links."""
-    carried = np.array([inertia.mass for inertia in model.inertias])
-    for index in range(model.njoints - 1, 0, -1):
-        carried[model.parents[index]] += carried[index]
-    return carried
+    return np.array([sum(model.inertias[each].mass for each in tree) for tree in model.subtrees])
 
 
 def _link_of(model: pin.Model, index: int) -> str:

@@ -151,10 +151,8 @@ def _convex_if_it_is(shape: Any) -> Any:
 
 def _radius(shape: Any) -> float:
     """Radius [m] of a ball about the shape's origin that contains it."""
-    if hasattr(shape, "halfLength") and type(shape).__name__ == "Capsule":
-        return float(shape.halfLength + shape.radius)
-    if type(shape).__name__ == "Sphere":
-        return float(shape.radius)
+    if type(shape).__name__ in ("Capsule", "Sphere"):
+        return float(shape.radius + getattr(shape, "halfLength", 0.0))
     points = points_of(shape)
     return np.inf if points is None else float(np.linalg.norm(points, axis=1).max())
 

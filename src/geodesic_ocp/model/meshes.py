@@ -19,14 +19,14 @@ from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.person_look import mirrored, person
 
 MAX_TRIANGLES = 20000  # per model, which keeps a page with four robots below a few MB
-_known: WeakKeyDictionary[Model, dict[int, tuple[Mesh, ...]]] = WeakKeyDictionary()
+_known: WeakKeyDictionary[Model, tuple[Mesh, ...]] = WeakKeyDictionary()
 _TALLEST, _HEAVIEST = 3.0, 1000.0  # [m], [kg], of the models of people
 _WIDTHS = (0.5, 2.0)  # of the shoulders, relative to those of the table
 _LEVEL = 0.2  # least distance between shoulders along one axis, over that across it
 _OPPOSITE = {"right": "left", "left": "right"}
 
 
-def meshes(model: Model, max_triangles: int = MAX_TRIANGLES) -> tuple[Mesh, ...]:
+def meshes(model: Model) -> tuple[Mesh, ...]:
     """Triangle meshes of the links of a model, for display only.
 
     They show the visual geometry of the URDF or MJCF file from which the model was loaded; if there
@@ -39,19 +39,14 @@ def meshes(model: Model, max_triangles: int = MAX_TRIANGLES) -> tuple[Mesh, ...]
     >>> from geodesic_ocp.model.meshes import meshes
     >>> sorted({mesh.link for mesh in meshes(go.human_arm("right"))})
     ['right forearm', 'right hand', 'right upper arm']
-
-    Args:
-        model: its configuration does not matter.
-        max_triangles: about the number of all triangles that are left where there are more.
     """
-    results = _known.setdefault(model, {})
-    if max_triangles not in results:
+    if model not in _known:
         # Links of other models in the file, such as a robot's second arm, are not in this one.
         found = [mesh for mesh in _geometry(model) if model.pin.existFrame(mesh.link)]
         found += kinematic_chain(model, {model.joint_of(mesh.link) for mesh in found})
         moving = [model.moves(mesh.link) for mesh in found]
-        results[max_triangles] = tuple(simplified(found, moving, max_triangles))
-    return results[max_triangles]
+        _known[model] = tuple(simplified(found, moving, MAX_TRIANGLES))
+    return _known[model]
 
 
 def _geometry(model: Model) -> list[Mesh]:

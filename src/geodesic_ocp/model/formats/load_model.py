@@ -199,10 +199,9 @@ def _moving(
         chain = list(model.supports[model.frames[hand].parentJoint])[1:]
         if base is not None and (root := model.frames[base].parentJoint) > 0:
             if root not in chain:
-                raise ValueError(
-                    f"base {model.frames[base].name!r} is not between the root and the hand "
-                    f"{model.frames[hand].name!r}; name the joints that move with joints=[...]"
-                )
+                where = f"between the root and the hand {model.frames[hand].name!r}"
+                advice = "name the joints that move with joints=[...]"
+                raise ValueError(f"base {model.frames[base].name!r} is not {where}; {advice}")
             chain = chain[chain.index(root) + 1 :]
         if not chain:
             raise ValueError(f"there is no joint before the hand {model.frames[hand].name!r}")
