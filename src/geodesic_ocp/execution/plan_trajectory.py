@@ -204,7 +204,7 @@ def plan_trajectory(
         hand_tolerance = position, angle
     settings = TrajectorySettings(bool(rest), hand_tolerance, weight)
     check_arms(arms)
-    possible, hopeless = attainable(arms, tuple(clearances), settings)
+    possible, hopeless = attainable(arms, clearances, exact=tolerance is None)
     if throw and hopeless:
         raise NotConverged(f"no trajectory keeps the distances: {hopeless}")
     found = solve_in_rounds(

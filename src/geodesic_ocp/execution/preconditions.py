@@ -13,7 +13,6 @@ from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.reference import SAME
 from geodesic_ocp.execution.trajectory_program import TOLERANCE
-from geodesic_ocp.execution.trajectory_terms import TrajectorySettings
 
 _MEET = 1e-6  # [rad or m]; successive paths meet, and end within the limits, up to this
 
@@ -81,9 +80,14 @@ def _check_ends(name: str, arm: ArmPaths) -> None:
 
 
 def attainable(
-    arms: Sequence[ArmPaths], clearances: tuple[Clearance, ...], settings: TrajectorySettings
-) -> tuple[tuple[Clearance, ...], str]:
+    arms: Sequence[ArmPaths], clearances: Sequence[Clearance], exact: bool
+) -> tuple[Sequence[Clearance], str]:
     """Clearances without the distances that given configurations violate, and a sentence on these.
+
+    Args:
+        arms: with their paths.
+        clearances: distances to be kept.
+        exact: whether the configurations at the ends of the paths are given.
 
     Raises:
         ValueError: a clearance is a function of another number of joints.
@@ -94,7 +98,7 @@ def attainable(
             raise ValueError(
                 f"clearances must be functions of the {dof} joints of all arms, got {clearance!r}"
             )
-    if settings.tolerance is not None:
+    if not exact:
         return clearances, ""
     # Configurations of all arms are given together only where paths of all of them end.
     shared = []
@@ -118,4 +122,4 @@ def attainable(
                 )
             lower[lack > TOLERANCE] = -np.inf
         possible.append(replace(clearance, lower=lower))
-    return tuple(possible), sentence
+    return possible, sentence

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache, partial
-from typing import Any, Literal, TypeAlias, get_args
+from functools import lru_cache
+from typing import Literal, TypeAlias, get_args
 
 import casadi as ca
 import daqp
@@ -77,7 +77,7 @@ def track_within_limits(
         gain: of the pose error [1/s], at most the rate.
         damping: as `posture_weight`, of the speeds.
         turning, placing: whether it tracks rotations, and positions.
-        solver: "built-in", or "pink" for the tasks and the solver of the package of that name.
+        solver: "built-in", or "pink" for the tasks of the package of that name.
 
     Returns:
         Samples at the rate from time 0. Velocities are central differences of the positions, and
@@ -113,9 +113,9 @@ def track_within_limits(
     count, eye = len(velocities), np.eye(model.dof)
     positions, speeds = np.empty((count + 1, model.dof)), np.zeros((count + 2, model.dof))
     positions[0] = q
-    by_pink = None
+    of_pink = None
     if solver == "pink":
-        by_pink = _pink_step(model, rows, duration, posture_cost, change_cost)
+        of_pink = _objective_of_pink(model, rows, duration, posture_cost, change_cost)
     for k in range(count):
         jacobian, way = evaluate(tracking, q, rotations[k], places[k])
         error = way[:, 0]
@@ -123,13 +123,13 @@ def track_within_limits(
         towards, damped = drift * (preferred - q), damping**2 + float(error @ error)
         # At rest in the first and in the last step.
         bounds = speed_bounds(model, limits, duration, q, speeds[k], min(k, count - 1 - k))
-        if by_pink:
-            found = by_pink(q, wanted, towards, speeds[k], damped, bounds)
+        if of_pink:
+            hessian, gradient = of_pink(q, wanted, towards, speeds[k], damped)
         else:
             hessian = jacobian.T @ jacobian + (posture_cost + change_cost + damped) * eye
             pulled = posture_cost * towards + change_cost * speeds[k]
-            found = box_least_squares(hessian, -(jacobian.T @ wanted + pulled), *bounds)
-        speeds[k + 1] = np.clip(found, *bounds)
+            gradient = -(jacobian.T @ wanted + pulled)
+        speeds[k + 1] = box_least_squares(hessian, gradient, *bounds)
         q = q + duration * speeds[k + 1]
         positions[k + 1] = q
     v, a = (speeds[1:] + speeds[:-1]) / 2.0, np.diff(speeds, axis=0) / duration
@@ -245,37 +245,25 @@ def box_least_squares(hessian: Array, gradient: Array, lower: Array, upper: Arra
     return np.asarray(np.clip(x, lower, upper))
 
 
-def _pink_step(
+def _objective_of_pink(
     model: Model, rows: tuple[int, ...], duration: float, posture_cost: float, change_cost: float
-) -> Callable[..., Array]:
-    """A function that solves steps [s] with pink's tasks, and its QP by DAQP.
+) -> Callable[[Array, Array, Array, Array, float], tuple[Array, Array]]:
+    """Hessian and gradient of the objective of a step [s], from pink's tasks.
 
-    FrameTask is given the pose that the hand reaches within the step at the wanted velocity. Bounds
-    of the speeds stand in a Limit. (Those of pink's own AccelerationLimit can contradict each other
-    near the end of a joint's range, as they count the room for braking before the step, not after.)
+    FrameTask is given the pose that the hand reaches within the step at the wanted velocity. Limits
+    are not pink's: those of its AccelerationLimit can contradict each other near the end of a
+    joint's range, as they count the room for braking before the step, not after.
 
     Raises:
         ImportError: without the extra "pink".
     """
     try:
-        from pink import Configuration, solve_ik
-        from pink.limits import Limit
+        from pink import Configuration, build_ik
         from pink.tasks import FrameTask, LowAccelerationTask, PostureTask
     except ImportError as error:
         raise ImportError(
             "inverse kinematics by pink needs: pip install 'geodesic_ocp[pink]'"
         ) from error
-
-    class Bounds(Limit):  # type: ignore[misc, unused-ignore]
-        """Least and largest displacements of all joints."""
-
-        bounds: tuple[Array, Array]
-
-        def compute_qp_inequalities(self, configuration: Any, dt: float) -> tuple[Array, Array]:
-            del configuration
-            both, eye = dt * np.concatenate([self.bounds[1], -self.bounds[0]]), np.eye(model.dof)
-            finite = np.isfinite(both)
-            return np.vstack([eye, -eye])[finite], both[finite]
 
     chain = model.pin.copy()  # pink adds attributes to it
     data = chain.createData()
@@ -283,17 +271,10 @@ def _pink_step(
     hand = FrameTask(model.hand, position_cost=placed, orientation_cost=turned)
     posture = PostureTask(cost=float(np.sqrt(posture_cost)))
     change = LowAccelerationTask(cost=float(np.sqrt(change_cost)))
-    limit = Bounds()
-    by_daqp = partial(solve_ik, solver="daqp", limits=[limit], safety_break=False)
 
-    def solve(
-        q: Array,
-        wanted: Array,
-        towards: Array,
-        before: Array,
-        damping: float,
-        bounds: tuple[Array, Array],
-    ) -> Array:
+    def objective(
+        q: Array, wanted: Array, towards: Array, before: Array, damping: float
+    ) -> tuple[Array, Array]:
         way = np.zeros(6)
         way[list(rows)] = duration * wanted
         configuration = Configuration(chain, data, q, copy_data=False)
@@ -303,8 +284,8 @@ def _pink_step(
         hand.set_target(pose)
         posture.set_target(q + duration * towards)
         change.set_last_integration(before, duration)
-        limit.bounds = bounds
         tasks = [hand, posture, change]
-        return np.asarray(by_daqp(configuration, tasks, duration, damping=damping))
+        found = build_ik(configuration, tasks, duration, damping=damping, limits=[])
+        return found.P, found.q / duration  # of speeds, not of displacements
 
-    return solve
+    return objective

@@ -280,12 +280,10 @@ class TrajectoryProgram:
 
     def as_x(self, states: KnotStates) -> Array:
         """Vector of the variables."""
-        parts = [states.durations]
-        for k, terms in enumerate(self.terms):
-            v = states.velocities[k] / terms.speed_unit
-            a = states.accelerations[k] / terms.acceleration_unit
-            parts.append(np.stack([states.positions[k], v, a], axis=1).ravel())
-        return np.concatenate(parts)
+        states_of = states.positions, states.velocities, states.accelerations
+        pairs = zip(self.terms, *states_of, strict=True)
+        arms = [(np.stack(own, axis=1) / terms.units[:3]).ravel() for terms, *own in pairs]
+        return np.concatenate([states.durations, *arms])
 
     def states(self, x: Array) -> KnotStates:
         """Values of the variables from their vector."""
@@ -293,8 +291,7 @@ class TrajectoryProgram:
         for terms in self.terms:
             size = 3 * terms.dof * (self.knots.count + 1)
             own = x[terms.first : terms.first + size].reshape(-1, 3, terms.dof)
-            v, a = own[:, 1] * terms.speed_unit, own[:, 2] * terms.acceleration_unit
-            found.append((own[:, 0], v, a))
+            found.append((own * terms.units[:3]).transpose(1, 0, 2))
         return KnotStates(x[: self.knots.person.size], *zip(*found, strict=True))
 
 
@@ -318,7 +315,7 @@ def watched_at_first(
     count, given = program.knots.count + 1, program.fixed_knots[:, None]
     steps, arms = np.diff(program.knots.times(durations))[:, None], []
     for terms in program.terms:
-        slow = np.argwhere(terms.arm.limits.jerk * steps < terms.acceleration_unit)
+        slow = np.argwhere(terms.arm.limits.jerk * steps < terms.units[2])
         pieces = {"jerk": slow} if slow.size else {}
         shares = np.full((count, terms.dof), 1.0 - INSIDE)
         arms.append(WatchedArm(pieces, np.zeros(0, dtype=np.int64), shares))
