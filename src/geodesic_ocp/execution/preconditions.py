@@ -32,11 +32,11 @@ def check_arms(arms: Sequence[ArmPaths]) -> None:
             raise ValueError(
                 f"{name}.edges must be {count + 1} increasing times for {count} paths, got {edges}"
             )
-        first, last = arms[0].edges[0], arms[0].edges[-1]
-        if abs(edges[0] - first) > SAME or abs(edges[-1] - last) > SAME:
+        both = edges[[0, -1]], np.asarray(arms[0].edges, dtype=float)[[0, -1]]
+        if np.abs(both[0] - both[1]).max() > SAME:
             raise ValueError(
-                f"all arms must begin and end at the same times: {name} from {edges[0]:.6g} to "
-                f"{edges[-1]:.6g} s, arms[0] from {first:.6g} to {last:.6g} s"
+                f"all arms must begin and end at the same times: {name} at {both[0]} s, arms[0] at "
+                f"{both[1]} s"
             )
         as_vector(f"{name}.gravity", arm.gravity, 3)
         if arm.limits.velocity.size != dof:
@@ -103,10 +103,10 @@ def attainable(
     # Configurations of all arms are given together only where paths of all of them end.
     shared = []
     for instant in arms[0].edges:
-        nearest = [int(np.abs(arm.edges - instant).argmin()) for arm in arms]
-        ends = list(zip(arms, nearest, strict=True))
-        if all(abs(arm.edges[k] - instant) <= SAME for arm, k in ends):
-            shared.append((instant, np.concatenate([arm.ends[k] for arm, k in ends])))
+        gaps = [np.abs(arm.edges - instant) for arm in arms]
+        if max(gap.min() for gap in gaps) <= SAME:
+            pairs = zip(arms, gaps, strict=True)
+            shared.append((instant, np.concatenate([arm.ends[gap.argmin()] for arm, gap in pairs])))
     possible, sentence = [], ""
     for clearance in clearances:
         lower = clearance.lower.copy()

@@ -379,7 +379,7 @@ def _at_knots_of(
     beyond = largest > tolerance
     ends = np.maximum(np.maximum(at_knots[:-1], at_knots[1:]), kept)
     more = np.where(beyond, _MORE * (largest - ends) + _ROUNDING, 0.0)
-    return (at_knots > near) | _at_both_ends(beyond), _at_both_ends(more)
+    return (at_knots > near) | (_at_both_ends(beyond) > 0.0), _at_both_ends(more)
 
 
 def _at_both_ends(of_pieces: Array) -> Array:
