@@ -25,8 +25,8 @@ import scipy
 from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
+from geodesic_ocp.manifold.metrics import with_joint_inertia
 from geodesic_ocp.model.anthropometry import trunk
-from geodesic_ocp.synergies.metrics import with_joint_inertia
 
 SIDES = ("right", "left")
 MASS = 70.0  # [kg], without effect on geodesics

@@ -2,7 +2,7 @@
 
 Usage: python benchmarks/other_timings.py FILE [FILE ...] [--side right] [--robots NAME ...]
 
-Needs the extras timing and robots. Prints a table in Markdown for each recording and robot.
+Needs the extras comparison and robots. Prints a table in Markdown for each recording and robot.
 """
 
 from __future__ import annotations

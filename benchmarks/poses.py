@@ -6,16 +6,21 @@ import argparse
 import sys
 import time
 import warnings
+from typing import Any
 
 import numpy as np
 
 import geodesic_ocp as go
-from geodesic_ocp.retargeting.poses.targets import Pose, PoseFinder
-from geodesic_ocp.retargeting.program.plan_paths import plan_paths
-from geodesic_ocp.retargeting.program.start import Candidates, first_candidates
-from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints
+from geodesic_ocp.retargeting.candidates import first_candidates
+from geodesic_ocp.retargeting.key_poses import (
+    Pose,
+    nearest_configurations,
+    with_narrowed_limits,
+)
 from geodesic_ocp.retargeting.settings import Formulation
-from geodesic_ocp.retargeting.transfer import Transfer, plan_transfers
+from geodesic_ocp.retargeting.synergy_paths import SynergyPaths
+from geodesic_ocp.retargeting.transfer import Transfer, to_pose
+from geodesic_ocp.retargeting.waypoints import ArmWaypoints
 
 ROBOTS = ("armar6-left", "armar6-right", "panda", "talos-left-arm", "xarm7")
 REACHED = 1e-6  # [m] and [rad]
@@ -44,7 +49,7 @@ def run(name: str, count: int, seed: int, formulation: Formulation) -> int:
         warnings.simplefilter("ignore")
         model = go.load_model(name)
     settings = go.RetargetingSettings(formulation=formulation, speed_limits=False)
-    finder = PoseFinder(model, settings, TOLERANCE)
+    arm = with_narrowed_limits(model, TOLERANCE) if settings.within_limits else model
     rng = np.random.default_rng(seed)
     seconds, iterations, num_reached, worst = [], [], 0, 0.0
     for number in range(count):
@@ -52,10 +57,11 @@ def run(name: str, count: int, seed: int, formulation: Formulation) -> int:
         pose = Pose(*model.hand_pose(end))
         begin = time.perf_counter()
         if settings.constrained:
-            transfer = by_the_program(finder, start, pose, (start + end) / 2.0)
+            transfer = by_the_program(arm, settings, start, pose, (start + end) / 2.0)
         else:
-            targets = finder.key_poses(start, [pose])
-            (transfer,) = plan_transfers(finder, start, targets, throw=False)
+            placed = settings.within_limits, settings.pose_weights
+            near = nearest_configurations(model, start, pose, *placed, settled=0.2)[0]
+            transfer = to_pose(model, start, pose, near, settings)
         seconds.append(time.perf_counter() - begin)
         iterations.append(transfer.iterations)
         q = transfer.path(np.linspace(0.0, 1.0, 2001))
@@ -83,10 +89,13 @@ def run(name: str, count: int, seed: int, formulation: Formulation) -> int:
 
 
 def by_the_program(
-    finder: PoseFinder, start: np.ndarray, pose: Pose, middle: np.ndarray
+    arm: go.Model,
+    settings: go.RetargetingSettings,
+    start: np.ndarray,
+    pose: Pose,
+    middle: np.ndarray,
 ) -> Transfer:
     """The program over all synergies, of one synergy."""
-    arm, settings = finder.arm, finder.settings
     waypoints = ArmWaypoints(
         arm=arm,
         limited=settings.within_limits,
@@ -101,18 +110,8 @@ def by_the_program(
         weights=settings.pose_weights,
     )
     first, last = first_candidates(waypoints)
-    if not last.within_reach:
-        q = finder.nearest(last.q[0], pose)
-        error = max(pose.error(arm, q))
-        last = Candidates(q[None, :], np.array([0.0 if error <= REACHED else error]))
-    planned = plan_paths(
-        [waypoints],
-        [[first, last]],
-        stretch=settings.stretch_weight,
-        posture=settings.posture_weight,
-        likeness=0.0,
-        tolerance=TOLERANCE,
-    )
+    problem = SynergyPaths((waypoints,), ((first, last),), likeness=0.0, tolerance=TOLERANCE)
+    planned: Any = go.solve(problem, throw=False)
     ((path,),) = planned.paths
     return Transfer(
         path,

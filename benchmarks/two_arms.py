@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 import geodesic_ocp as go
-from geodesic_ocp.synergies.metrics import with_joint_inertia
+from geodesic_ocp.manifold.metrics import with_joint_inertia
 
 SIDES = ("right", "left")
 MASS = 70.0  # [kg], without effect on geodesics

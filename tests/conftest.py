@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.compiled.compilers import ENVIRONMENT_VARIABLE as COMPILER_VARIABLE
+from geodesic_ocp.compiled.library import ENVIRONMENT_VARIABLE as COMPILER_VARIABLE
 from geodesic_ocp.model.dynamics import (
     BACKENDS,
     ENVIRONMENT_VARIABLE,

@@ -7,14 +7,18 @@ import numpy as np
 import pytest
 import scipy.sparse
 
+from geodesic_ocp import blocks
 from geodesic_ocp.blocks import Block, BlockProgram, Cells, Terms
 
 SIZE = 40
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_derivatives_are_those_of_the_whole_program(seed: int) -> None:
-    """All kinds of places, weights, units and shared parameters at once."""
+@pytest.mark.parametrize(("seed", "most"), [(0, 10**6), (1, 10**6), (2, 0), (3, 0)])
+def test_derivatives_are_those_of_the_whole_program(
+    seed: int, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All kinds of places, weights, units and shared parameters at once, compiled and not."""
+    monkeypatch.setattr(blocks, "_MANY", most)
     rng = np.random.default_rng(seed)
     z, p, state = ca.SX.sym("z", 3), ca.SX.sym("p", 2), ca.SX.sym("state", 6)
     mixed = Terms(
@@ -32,9 +36,20 @@ def test_derivatives_are_those_of_the_whole_program(seed: int) -> None:
     some = np.array([rng.permutation(SIZE)[:3] for _ in range(6)])
     combined = scipy.sparse.random_array((12, SIZE), density=0.2, rng=rng)
     nodes = 4 * np.arange(4)[:, None] + 2 * np.arange(3)  # of cells that share one of them
+    both = ca.vertcat(state, ca.SX.sym("common", 2))
+    sharing = Terms(
+        both,
+        objective=ca.sumsqr(ca.sin(both)) * both[0] * both[6] * both[7],
+        constraints=ca.vertcat(both[0] * both[7] * both[2], both[4] * both[6] ** 2),
+    )
+    common = Cells(20 + nodes[:, :, None] + np.arange(2), rng.normal(size=(3, 3, 3)), (3, 7))
+    scales = rng.normal(size=(12, 8)), rng.normal(size=(12, 8))
+    alone = Terms(z, p, ca.sin(z[0] * z[1]) * p[0] + z[2] ** 4 * p[1])
+    groups = np.array([0, 1, 1, 0, 1])
     cells = Cells(nodes[:, :, None] + np.arange(2), rng.normal(size=(5, 3, 3)))
     units = rng.normal(size=(4, 3)), ca.DM(rng.normal(size=(4, 3))) * shared[0]
     linear = scipy.sparse.random_array((5, SIZE), density=0.2, rng=rng)
+    form = scipy.sparse.random_array((SIZE, SIZE), density=0.1, rng=rng)
     program = BlockProgram(
         SIZE,
         [
@@ -43,9 +58,19 @@ def test_derivatives_are_those_of_the_whole_program(seed: int) -> None:
             Block(
                 mixed, combined, rng.normal(size=(4, 2)), weights=rng.normal(size=4), units=units
             ),
+            Block(sharing, common, units=scales),
+            Block(
+                alone,
+                some[:2],
+                rng.normal(size=(5, 2)),
+                weights=rng.normal(size=5),
+                units=(rng.normal(size=(2, 3)), rng.normal(size=(2, 3))),
+                groups=groups,
+            ),
             Block(moving, cells, weights=shared[1] * ca.DM(rng.normal(size=20))),
         ],
         shared,
+        (form + form.T, rng.normal(size=SIZE)),
     )
     x, lam_f, lam_g = ca.MX.sym("x", SIZE), ca.MX.sym("f"), ca.MX.sym("g", program.size_g)
     f, g = program.functions["nlp"](x, shared)

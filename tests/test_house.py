@@ -13,9 +13,9 @@ SOURCE = Path(__file__).resolve().parents[1] / "src" / "geodesic_ocp"
 PACKAGE = SOURCE.name
 # From the ground up: a module imports from its own layer and from those before it.
 LAYERS = [
-    ("errors", "progress", "arrays", "rotations", "latex", "table", "records", "over_rows"),
-    ("ipopt", "blocks"),
-    ("compiled",),
+    ("errors", "progress", "arrays", "rotations", "latex", "table", "records"),
+    ("ipopt", "compiled"),
+    ("blocks",),
     ("model",),
     ("model.formats",),
     ("manifold",),

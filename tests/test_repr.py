@@ -14,7 +14,7 @@ import geodesic_ocp as go
 START = (0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1)  # [rad]
 TARGET = (0.1, 0.45, 0.1)  # [m]
 # These are checked in tests/retargeting/test_retarget.py, where there is one.
-OF_A_RETARGETING = {go.Retargeting, go.RetargetedArm, go.SynergyGroup}
+OF_A_RETARGETING = {go.Retargeting, go.RetargetedArm, go.SynergyGroup, go.SynergyPaths}
 # And these in tests/execution/test_reprs.py.
 OF_EXECUTION = {
     go.ArmPaths,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_ocp.rotations import rotation_vector
+from geodesic_ocp.arrays import rotation_vector
 
 
 @pytest.mark.parametrize("angle", [1e-9, 0.3, np.pi - 1e-9, np.pi])

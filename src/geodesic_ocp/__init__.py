@@ -86,6 +86,7 @@ __all__ = [
     "Subject",
     "Synergy",
     "SynergyGroup",
+    "SynergyPaths",
     "SynergyStatistics",
     "Table",
     "TimeLaw",
@@ -220,7 +221,6 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
         leave_one_out,
         separate_fits,
     )
-    from geodesic_ocp.logarithm.frechet_mean import frechet_mean
     from geodesic_ocp.logarithm.geodesic import (
         Geodesic,
         geodesic,
@@ -228,17 +228,22 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
         geodesics,
     )
     from geodesic_ocp.logarithm.geodesic_to_pose import ToPose, geodesic_to_pose
-    from geodesic_ocp.logarithm.log import distance, log
-    from geodesic_ocp.manifold.adjustable_kinetic_energy import AdjustableKineticEnergy
-    from geodesic_ocp.manifold.curvature import (
+    from geodesic_ocp.logarithm.log import distance, frechet_mean, log
+    from geodesic_ocp.manifold.connection import (
+        parallel_transport,
         riemann_curvature,
         scalar_curvature,
         sectional_curvature,
     )
     from geodesic_ocp.manifold.exp import exp
     from geodesic_ocp.manifold.metric import Metric
-    from geodesic_ocp.manifold.metrics import Euclidean, JacobiMetric, KineticEnergy
-    from geodesic_ocp.manifold.parallel_transport import parallel_transport
+    from geodesic_ocp.manifold.metrics import (
+        AdjustableKineticEnergy,
+        Euclidean,
+        JacobiMetric,
+        KineticEnergy,
+        default_joint_inertia,
+    )
     from geodesic_ocp.manifold.region_avoiding import RegionAvoiding
     from geodesic_ocp.model.combine import combine
     from geodesic_ocp.model.distances import collision_pairs, signed_distances
@@ -257,10 +262,8 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.ocp.inverse_kinematics import inverse_kinematics
     from geodesic_ocp.ocp.load_solution import load_solution
     from geodesic_ocp.ocp.nlp import NLP
-    from geodesic_ocp.ocp.path_constraints import clearance_constraints
-    from geodesic_ocp.ocp.point_to_point import PointToPoint
     from geodesic_ocp.ocp.problem import Problem
-    from geodesic_ocp.ocp.reach import Reach
+    from geodesic_ocp.ocp.problems import PointToPoint, Reach, clearance_constraints
     from geodesic_ocp.ocp.solution import Solution, Stats
     from geodesic_ocp.ocp.solve import solve
     from geodesic_ocp.recordings.conventions.angle_convention import (
@@ -277,8 +280,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.recordings.markers.sets.marker_set import MarkerSet
     from geodesic_ocp.recordings.opensim_models.osim_convention import OsimConvention
     from geodesic_ocp.recordings.read_markers import read_markers
-    from geodesic_ocp.recordings.read_motion import read_motion
-    from geodesic_ocp.recordings.read_recording import read_recording
+    from geodesic_ocp.recordings.read_recording import read_motion, read_recording
     from geodesic_ocp.recordings.read_recordings import read_recordings
     from geodesic_ocp.recordings.recording import Recording
     from geodesic_ocp.recordings.save_motion import save_motion
@@ -292,10 +294,11 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
     from geodesic_ocp.retargeting.arm_result import RetargetedArm
     from geodesic_ocp.retargeting.merge_synergies import SynergyGroup, merge_synergies
-    from geodesic_ocp.retargeting.poses.reachability import Reachability, reachability
+    from geodesic_ocp.retargeting.reachability import Reachability, reachability
     from geodesic_ocp.retargeting.result import Retargeting
     from geodesic_ocp.retargeting.retarget import retarget, retarget_arms
     from geodesic_ocp.retargeting.settings import RetargetingSettings
+    from geodesic_ocp.retargeting.synergy_paths import SynergyPaths
     from geodesic_ocp.studies.batch.analyse_recordings import analyse_recordings
     from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
     from geodesic_ocp.studies.batch.batch_result import BatchResult
@@ -305,8 +308,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.studies.study.statistics.synergy_statistics import SynergyStatistics
     from geodesic_ocp.studies.study.study import study
     from geodesic_ocp.studies.study.study_results import Study
-    from geodesic_ocp.synergies.analyse import analyse
-    from geodesic_ocp.synergies.analysis import Analysis
+    from geodesic_ocp.synergies.analyse import Analysis, analyse
     from geodesic_ocp.synergies.baselines import (
         distal_inertia,
         minimum_acceleration,
@@ -314,16 +316,20 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
         minimum_jerk_hand,
         track_hand,
     )
-    from geodesic_ocp.synergies.metrics import default_joint_inertia
     from geodesic_ocp.synergies.optimal_segmentations import (
         OptimalSegmentations,
         optimal_segmentations,
         segment_optimal,
     )
-    from geodesic_ocp.synergies.reconstruct import Reconstruction, reconstruct
     from geodesic_ocp.synergies.scores import HandErrors, MotionErrors, Scores, evaluate, score
     from geodesic_ocp.synergies.segment import segment, segment_zero_velocity
-    from geodesic_ocp.synergies.synergy import Synergy, load_synergies, save_synergies
+    from geodesic_ocp.synergies.synergy import (
+        Reconstruction,
+        Synergy,
+        load_synergies,
+        reconstruct,
+        save_synergies,
+    )
     from geodesic_ocp.table import Table
     from geodesic_ocp.trajectory.filters import MotionFilter
     from geodesic_ocp.trajectory.grid import Grid
@@ -356,21 +362,22 @@ else:
         "execution.arm_paths": "ArmPaths",
         "errors": "GeodesicOcpError IntegrationFailed NotConverged RecordingError",
         "figures.obstacles": "draw_obstacle",
-        "manifold.adjustable_kinetic_energy": "AdjustableKineticEnergy",
+        "manifold.metrics": (
+            "AdjustableKineticEnergy Euclidean JacobiMetric KineticEnergy default_joint_inertia "
+        ),
         "fitting.metric_fit": "Estimate ConfidenceInterval MetricFit load_metric save_metric",
         "fitting.parameter": "Parameter",
         "fitting.resampling": "separate_fits bootstrap_fit CrossValidation leave_one_out",
         "fitting.fit_metric": "fit_metric",
         "fitting.error_profile": "ErrorProfile error_profile",
-        "logarithm.frechet_mean": "frechet_mean",
+        "logarithm.log": "frechet_mean distance log",
         "logarithm.geodesic": "Geodesic geodesic geodesic_from_velocity geodesics",
         "logarithm.geodesic_to_pose": "ToPose geodesic_to_pose",
-        "logarithm.log": "distance log",
-        "manifold.curvature": "riemann_curvature scalar_curvature sectional_curvature",
-        "manifold.metrics": "Euclidean JacobiMetric KineticEnergy",
+        "manifold.connection": (
+            "riemann_curvature scalar_curvature sectional_curvature parallel_transport "
+        ),
         "manifold.exp": "exp",
         "manifold.metric": "Metric",
-        "manifold.parallel_transport": "parallel_transport",
         "manifold.region_avoiding": "RegionAvoiding",
         "model.combine": "combine",
         "model.formats.load_model": "load_model",
@@ -380,10 +387,8 @@ else:
         "model.model": "Model",
         "ocp.inverse_kinematics": "inverse_kinematics",
         "ocp.nlp": "NLP",
-        "ocp.path_constraints": "clearance_constraints",
-        "ocp.point_to_point": "PointToPoint",
+        "ocp.problems": "clearance_constraints PointToPoint Reach",
         "ocp.problem": "Problem",
-        "ocp.reach": "Reach",
         "ocp.callback": "Iterate LivePlot",
         "ocp.certificate": "Certificate certify",
         "ocp.load_solution": "load_solution",
@@ -394,21 +399,19 @@ else:
         "retargeting.alignment.arm_alignment": "Alignment",
         "retargeting.arm_result": "RetargetedArm",
         "retargeting.merge_synergies": "SynergyGroup merge_synergies",
-        "retargeting.poses.reachability": "Reachability reachability",
+        "retargeting.reachability": "Reachability reachability",
         "retargeting.result": "Retargeting",
         "retargeting.retarget": "retarget retarget_arms",
         "retargeting.settings": "RetargetingSettings",
-        "synergies.analyse": "analyse",
-        "synergies.analysis": "Analysis",
+        "retargeting.synergy_paths": "SynergyPaths",
+        "synergies.analyse": "analyse Analysis",
         "synergies.scores": "HandErrors MotionErrors evaluate Scores score",
-        "synergies.metrics": "default_joint_inertia",
-        "recordings.read_motion": "read_motion",
-        "synergies.reconstruct": "Reconstruction reconstruct",
+        "recordings.read_recording": "read_motion read_recording",
+        "synergies.synergy": "Reconstruction reconstruct Synergy load_synergies save_synergies",
         "synergies.optimal_segmentations": (
             "OptimalSegmentations optimal_segmentations segment_optimal "
         ),
         "synergies.segment": "segment segment_zero_velocity",
-        "synergies.synergy": "Synergy load_synergies save_synergies",
         "synergies.baselines": (
             "track_hand minimum_acceleration minimum_jerk minimum_jerk_hand distal_inertia "
         ),
@@ -432,7 +435,6 @@ else:
         "recordings.markers.marker_fit": "MarkerFit",
         "recordings.markers.fit_motion": "fit_motion",
         "recordings.markers.lost_markers": "LostMarker",
-        "recordings.read_recording": "read_recording",
         "trajectory.motion": "FrameMotion Motion Subject",
         "studies.batch.analyse_recordings": "analyse_recordings",
         "studies.batch.batch_result": "BatchResult",

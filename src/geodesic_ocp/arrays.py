@@ -10,6 +10,7 @@ from typing import Any, ClassVar, TypeAlias
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 Array: TypeAlias = NDArray[np.float64]
 _ORTHOGONAL = 1e-9  # largest entry of R R' - 1 of a rotation
@@ -155,3 +156,9 @@ def _short(entry: Any) -> str:
     if isinstance(entry, Sized) and not isinstance(entry, str) and len(repr(entry)) > 60:
         return f"<{len(entry)} entries>"
     return repr(entry)
+
+
+def rotation_vector(rotation: Array) -> Array:
+    """Axis times angle (..., 3) [rad] of rotation matrices (..., 3, 3), accurate up to pi."""
+    result: Array = Rotation.from_matrix(rotation).as_rotvec()
+    return result

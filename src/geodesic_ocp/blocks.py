@@ -3,16 +3,17 @@
 f(x) = sum_k w_k f_b(z_k, p_k) and g(x) = (g_b(z_k, p_k))_bk over kinds b of terms and their
 instances k, with z_k = offset_k + scale_k * (A_k x): some of the variables, or values and slopes of
 polynomials between them. First and second derivatives are exact: those of one instance are
-generated once as a function, mapped over the instances, and added up in the places of their
-variables.
+generated once as a function, compiled, mapped over the instances, and added up in the places of
+their variables.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeAlias
+from hashlib import sha256
+from typing import Any, TypeAlias, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -20,9 +21,13 @@ import scipy.sparse
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.compiled.library import Library
 from geodesic_ocp.ipopt import Ipopt, Outcome
 
 Indices: TypeAlias = NDArray[np.int64]
+Start = TypeVar("Start")
+Found = TypeVar("Found")
+_MANY = 200  # instructions from which on a function is compiled
 _SPARSE = 0.5  # matrices with a smaller fraction of entries other than zero are stored as sparse
 # CasADi's own product of dense matrices is several times slower.
 _BLAS = ("classic",) if getattr(ca, "has_blas", lambda _: False)("classic") else ()
@@ -49,6 +54,7 @@ class Terms:
         self._f = ca.SX(objective)
         self._g = ca.SX(0, 1) if constraints is None else ca.densify(constraints)
         self.size, self.size_g = int(self._z.numel()), int(self._g.numel())
+        self.size_p = int(self._p.numel())
         self.has_objective = not self._f.is_zero()
 
     @cached_property
@@ -74,7 +80,25 @@ class Terms:
 
     def mapped(self, name: str, count: int, arguments: Sequence[Any]) -> list[ca.MX]:
         """Outputs of one of these functions for so many instances, one column each."""
-        return list(getattr(self, name).map(count).call(list(arguments)))
+        function = self._compiled.get(name, getattr(self, name))
+        return list(function.map(count).call(list(arguments)))
+
+    @cached_property
+    def _compiled(self) -> dict[str, ca.Function]:
+        """The derivatives that take long enough, from a library, where there is a compiler."""
+        names = [("gradient", self.has_objective), ("jacobian", self.size_g > 0), ("hessian", True)]
+        functions = {name: getattr(self, name) for name, has in names if has}
+        functions = {
+            name: each for name, each in functions.items() if each.n_instructions() > _MANY
+        }
+        if not functions:
+            return {}
+        text = "".join(each.serialize() for each in functions.values())
+        file = Library(lambda: functions, sha256(text.encode()).hexdigest()).file
+        try:
+            return {name: ca.external(name, file) for name in functions} if file else {}
+        except RuntimeError:  # the file has been removed
+            return {}
 
     @cached_property
     def jacobian_entries(self) -> tuple[Indices, Indices]:
@@ -106,15 +130,18 @@ class Cells:
     """Values and derivatives, at points of cells, of polynomials through the nodes of the cell.
 
     Variables of the instance of cell c and point k are, one row after the other,
-    sum_a rows[k, r, a] x[indices[c, a]]. They are the same combinations in all cells.
+    sum_a rows[k, r, a] x[indices[c, a]], the same combinations in all cells, and then some that all
+    instances share.
 
     Attributes:
         indices: of the coordinates at the nodes in x, (cells, nodes, n).
         rows: (points, r, nodes).
+        shared: indices in x of what all instances share, below those of the nodes.
     """
 
     indices: Indices
     rows: Array
+    shared: tuple[int, ...] = ()
 
     @property
     def matrix(self) -> tuple[Indices, Indices, Array]:
@@ -122,14 +149,64 @@ class Cells:
         (cells, _, n), (points, rows, _) = self.indices.shape, self.rows.shape
         point, row, node = np.nonzero(self.rows)
         cell, at, i = np.ix_(np.arange(cells), np.arange(point.size), np.arange(n))
-        of_z = ((cell * points + point[at]) * rows + row[at]) * n + i
+        size = rows * n + len(self.shared)
+        of_z = (cell * points + point[at]) * size + row[at] * n + i
         entries = np.broadcast_to(self.rows[point, row, node][at], of_z.shape)
-        return of_z.ravel(), self.indices[cell, node[at], i].ravel(), entries.ravel()
+        last = size * np.arange(cells * points)[:, None] + rows * n + np.arange(len(self.shared))
+        return (
+            np.concatenate([of_z.ravel(), last.ravel()]),
+            np.concatenate(
+                [self.indices[cell, node[at], i].ravel(), np.tile(self.shared, cells * points)]
+            ).astype(np.int64),
+            np.concatenate([entries.ravel(), np.ones(last.size)]),
+        )
 
     def hessians(
         self, pattern: tuple[Indices, Indices], entries: ca.MX
     ) -> tuple[Indices, Indices, ca.MX]:
-        """Rows, columns and entries of [sum_k A_k' H_k A_k] of all cells, their upper triangles.
+        """Rows, columns and entries of the sums of A_k' H_k A_k, their upper triangles.
+
+        Args:
+            pattern: rows and columns of the entries of an H_k, its upper triangle.
+            entries: one column a point.
+        """
+        size = self.rows.shape[1] * self.indices.shape[2]
+        of_nodes = pattern[1] < size
+        own = pattern[0][of_nodes], pattern[1][of_nodes]
+        parts = [self._of_nodes(own, entries[np.flatnonzero(of_nodes).tolist(), :])]
+        corner = pattern[0] >= size
+        if np.any(corner):
+            at = np.array(self.shared, dtype=np.int64)
+            row, column = (at[each[corner] - size] for each in pattern)
+            total = ca.sum2(entries[np.flatnonzero(corner).tolist(), :])
+            parts.append((np.minimum(row, column), np.maximum(row, column), total))
+        mixed = ~of_nodes & ~corner
+        if np.any(mixed):
+            kept = pattern[0][mixed], pattern[1][mixed] - size
+            parts.append(self._mixed(kept, entries[np.flatnonzero(mixed).tolist(), :]))
+        rows, columns, values = zip(*parts, strict=True)
+        return np.concatenate(rows), np.concatenate(columns), ca.vertcat(*values)
+
+    def _mixed(
+        self, pattern: tuple[Indices, Indices], entries: ca.MX
+    ) -> tuple[Indices, Indices, ca.MX]:
+        """By the nodes and what is shared: sum_k A_sa H_st over points and rows s, of node a."""
+        cells, nodes, n = self.indices.shape
+        (row, i), to = np.divmod(pattern[0], n), pattern[1]
+        places, found = [], []
+        for s in np.unique(row).tolist():
+            here = np.flatnonzero(row == s)
+            factors = scipy.sparse.kron(scipy.sparse.eye(cells), self.rows[:, s])
+            found.append(ca.vec(entries[here.tolist(), :] @ as_dm(factors)))
+            at = self.indices[:, :, i[here]].ravel()
+            places.append((np.tile(np.array(self.shared)[to[here]], cells * nodes), at))
+        rows, columns = zip(*places, strict=True)
+        return np.concatenate(rows), np.concatenate(columns), ca.vertcat(*found)
+
+    def _of_nodes(
+        self, pattern: tuple[Indices, Indices], entries: ca.MX
+    ) -> tuple[Indices, Indices, ca.MX]:
+        """By the nodes alone.
 
         With blocks H_st of rows s and t, the block of nodes a and b is the sum over k, s <= t of
 
@@ -137,10 +214,6 @@ class Cells:
 
         half the first term where s = t: half of the entries of symmetric and antisymmetric matrices
         suffice.
-
-        Args:
-            pattern: rows and columns of the entries of an H_k, its upper triangle.
-            entries: one column a point.
         """
         (cells, nodes, n), (points, rows, _) = self.indices.shape, self.rows.shape
         first, second = np.triu_indices(nodes)  # the pairs (a, b) of a cell's nodes with a <= b
@@ -212,7 +285,9 @@ class Block:
         values: of the parameters, (instances, k).
         lower, upper: bounds of the constraint functions, (instances, m).
         weights: of the objective (instances,); None: one.
-        units: offset and scale of the variables (instances, size); None: zero and one.
+        units: offset and scale of the variables (rows of places, size); None: zero and one.
+        groups: for each instance the row of `places` with its variables, of terms without
+            constraints; None: each has its own.
     """
 
     terms: Terms
@@ -220,12 +295,18 @@ class Block:
     values: Array | ca.MX | None = None
     lower: Array | None = None
     upper: Array | None = None
-    weights: Array | ca.MX | None = None
+    weights: Array | ca.MX | ca.DM | None = None
     units: tuple[Any, Any] | None = None
+    groups: Indices | None = None
 
-    @cached_property
+    @property
     def count(self) -> int:
         """Number of instances."""
+        return self.num_places if self.groups is None else self.groups.size
+
+    @cached_property
+    def num_places(self) -> int:
+        """Number of different sets of variables."""
         if isinstance(self.places, Cells):
             return len(self.places.indices) * len(self.places.rows)
         rows = int(self.places.shape[0])
@@ -256,14 +337,20 @@ class Block:
         if isinstance(self.places, np.ndarray):
             z = x[columns.tolist()]
         else:
-            shape = self.terms.size * self.count, x.shape[0]
+            shape = self.terms.size * self.num_places, x.shape[0]
             z = ca.DM.triplet(rows.tolist(), columns.tolist(), entries, *shape) @ x
-        z = ca.reshape(ca.densify(z), self.terms.size, self.count)
+        z = ca.reshape(ca.densify(z), self.terms.size, self.num_places)
         if self.units is not None:
             offset, scale = (_columns(each) for each in self.units)
             z = offset + scale * z
+        if self.groups is not None:
+            z = z[:, self.groups.tolist()]
         values = ca.DM(0, self.count) if self.values is None else _columns(self.values)
         return [z, values]
+
+    def objective(self, x: ca.MX) -> ca.MX:
+        """The weighted sum of the objective of all instances."""
+        return _weighted(self, self.terms.mapped("value", self.count, self.arguments(x))[0])
 
     def spread(self, at: Indices, values: ca.MX) -> tuple[Indices, Indices, Array, ca.MX]:
         """Entries of all instances by their variables, as entries by x.
@@ -275,6 +362,7 @@ class Block:
         Returns:
             Numbers of the entries, variables in x, coefficients, and the entries.
         """
+        values = self._summed(values)
         if self.units is not None:
             values = values * _columns(self.units[1])[at.tolist(), :]
         number, entry = self._expanded(self._of_instances(at))
@@ -282,11 +370,19 @@ class Block:
 
     def _of_instances(self, at: Indices) -> Indices:
         """Rows of the matrix A for some of the variables of every instance, in order."""
-        return np.asarray((self.terms.size * np.arange(self.count)[:, None] + at).ravel())
+        return np.asarray((self.terms.size * np.arange(self.num_places)[:, None] + at).ravel())
+
+    def _summed(self, values: ca.MX) -> ca.MX:
+        """Values of instances, one column each, added up where they have the same variables."""
+        if self.groups is None:
+            return values
+        ones, each = np.ones(self.count), np.arange(self.count)
+        shape = self.count, self.num_places
+        return values @ as_dm(scipy.sparse.csc_array((ones, (each, self.groups)), shape))
 
     def _expanded(self, rows: Indices) -> tuple[Indices, Indices]:
         """For rows of A, the number of the row in the list and each of its entries in `_matrix`."""
-        starts = np.searchsorted(self._matrix[0], np.arange(self.terms.size * self.count + 1))
+        starts = np.searchsorted(self._matrix[0], np.arange(self.terms.size * self.num_places + 1))
         lengths = np.diff(starts)[rows]
         number = np.repeat(np.arange(rows.size), lengths)
         within = np.arange(number.size) - np.repeat(np.cumsum(lengths) - lengths, lengths)
@@ -295,6 +391,7 @@ class Block:
     def curvature(self, values: ca.MX) -> _Entries:
         """The Hessian by x from the entries of those of all instances, one column each."""
         first, second = pattern = self.terms.hessian_entries
+        values = self._summed(values)
         if self.units is not None:
             scale = _columns(self.units[1])
             values = values * (scale[first.tolist(), :] * scale[second.tolist(), :])
@@ -307,7 +404,7 @@ class Block:
         again, other = self._expanded(self._of_instances(second)[number])
         number, one = number[again], one[again]
         row, column = columns[one], columns[other]
-        off_diagonal = np.broadcast_to(first != second, (self.count, first.size)).ravel()[number]
+        off_diagonal = np.tile(first != second, self.num_places)[number]
         coefficient = factors[one] * factors[other]
         coefficient *= np.where((row == column) & off_diagonal, 2.0, 1.0)
         kept = off_diagonal | (row <= column)
@@ -334,11 +431,13 @@ class BlockProgram:
         size: number of variables.
         blocks: the kinds of terms.
         parameters: symbols of the parameters p in which numbers of the blocks are expressed.
+        quadratic: Q (size, size) and b (size,) of a term x' Q x / 2 - b' x; None: there is none.
     """
 
     size: int
     blocks: Sequence[Block]
     parameters: ca.MX | None = None
+    quadratic: tuple[scipy.sparse.sparray, Array] | None = None
 
     @property
     def size_g(self) -> int:
@@ -385,6 +484,10 @@ class BlockProgram:
             f += _weighted(block, of_each) if block.terms.has_objective else 0
             g.append(ca.vec(constraints))
         again, gradient = self._gradient(pairs)
+        if self.quadratic is not None:
+            bent, linear = as_dm(self.quadratic[0]) @ x, ca.DM(self.quadratic[1])
+            more = ca.dot(x, bent) / 2 - ca.dot(linear, x)
+            f, again, gradient = f + more, again + more, ca.densify(gradient + bent - linear)
         names, constraints = ["x", "p"], ca.vertcat(ca.MX(0, 1), *g)
         functions = {
             "nlp": ([x, p], [f, constraints], names, ["f", "g"]),
@@ -434,7 +537,17 @@ class BlockProgram:
                 factors = ca.reshape(own, block.terms.size_g, block.count)
                 inputs = [z, values, lam_f * weights, factors]
                 parts.append(block.curvature(*block.terms.mapped("hessian", block.count, inputs)))
+        if self.quadratic is not None:
+            upper = scipy.sparse.triu(self.quadratic[0]).tocoo()
+            parts.append(_Entries(upper.row, upper.col, lam_f * ca.DM(upper.data)))
         return _assembled((self.size, self.size), parts)
+
+
+def single_block(terms: Terms, options: Mapping[str, Any] | None = None) -> Ipopt:
+    """Ipopt for a program of one instance, whose variables and parameters are its own."""
+    p = ca.MX.sym("p", terms.size_p)
+    block = Block(terms, np.arange(terms.size)[None, :], p.T)
+    return BlockProgram(terms.size, [block], p).solver(options or {})
 
 
 def _columns(values: Array | ca.MX | ca.DM) -> ca.MX | ca.DM:
@@ -493,3 +606,26 @@ def as_dm(matrix: Any) -> ca.DM:
     rows, columns = matrix.shape
     pattern = ca.Sparsity(rows, columns, matrix.indptr.tolist(), matrix.indices.tolist())
     return ca.DM(pattern, matrix.data)
+
+
+def in_rounds(
+    start: Start,
+    solve: Callable[[Start], Found],
+    judged: Callable[[int, Found], tuple[Found, Start | None]],
+    most: int,
+) -> Found:
+    """Solve, look between the instants, add rows or nodes where that is needed, solve again.
+
+    Args:
+        start: from which the first round begins, whatever `solve` takes.
+        solve: the solution from a start, or the last iterate.
+        judged: number of the round and what it found -> the same, with a verdict if it is the last
+            one, and the start of the next round; None: there is none.
+        most: number of rounds.
+    """
+    for number in range(most):
+        found, following = judged(number, solve(start))
+        if following is None:
+            break
+        start = following
+    return found

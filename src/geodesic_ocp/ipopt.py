@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, ShortRepr
 
 # The objective is scaled to the order of one, so tolerances are relative to the path's energy.
 # Ipopt relaxes bounds by 1e-8 internally; the solution satisfies the original ones.
@@ -43,8 +43,8 @@ _SENTENCES = {
 _INTERRUPTED = ("NonIpopt_Exception_Thrown", "User_Requested_Stop")
 
 
-@dataclass(frozen=True)
-class Outcome:
+@dataclass(frozen=True, repr=False)
+class Outcome(ShortRepr):
     """Result of Ipopt: success, status in words, iterations, time, objective, last iterate.
 
     `may_be_saddle`: Ipopt has not seen there that the objective is convex where it may move, as
@@ -61,11 +61,7 @@ class Outcome:
     lam_x: Array
     lam_g: Array
     may_be_saddle: bool = False
-
-    def __repr__(self) -> str:
-        return (
-            f"Outcome({self.status}, {self.iterations} iterations, objective {self.objective:.6g})"
-        )
+    _shown = ("status", "iterations", "objective")
 
 
 @dataclass(frozen=True, eq=False)

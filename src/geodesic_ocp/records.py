@@ -13,7 +13,7 @@ import tokenize
 import warnings
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
@@ -197,6 +197,28 @@ def write_file(file: str | PathLike[str], text: str, *, lasting: bool = False) -
     with replacing(target, lasting=lasting) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return target
+
+
+def write_record(file: str | PathLike[str], record: Mapping[str, Any]) -> Path:
+    """Write a JSON file that `read_record` reads, all at once; arrays become lists.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    return write_file(file, json.dumps(as_json(record), indent=1, allow_nan=False) + "\n")
+
+
+def as_json(value: Any) -> Any:
+    """Nested lists and numbers; numbers that are not finite by name."""
+    if isinstance(value, Mapping):
+        return {key: as_json(each) for key, each in value.items()}
+    if isinstance(value, (np.ndarray, np.generic)):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [as_json(each) for each in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    return value
 
 
 @contextmanager

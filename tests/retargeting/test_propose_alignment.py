@@ -15,7 +15,7 @@ from geodesic_ocp.retargeting.alignment.alignment import (
     proposal,
     propose_alignment,
 )
-from geodesic_ocp.retargeting.poses.reachability import reachability
+from geodesic_ocp.retargeting.reachability import reachability
 
 needs_robots = pytest.mark.skipif(
     folder("example-robot-data") is None or folder("armar") is None, reason="needs robots"

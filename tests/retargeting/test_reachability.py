@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import geodesic_ocp as go
 from geodesic_ocp.ocp.inverse_kinematics import nearest_configuration
 from geodesic_ocp.ocp.pose_search import CollisionAvoidance
-from geodesic_ocp.retargeting.poses.reachability import distances_beyond, reachability
+from geodesic_ocp.retargeting.reachability import distances_beyond, reachability
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from short_reprs import check_reprs
 
 import geodesic_ocp as go
 from geodesic_ocp.model.formats.robots import folder
-from geodesic_ocp.retargeting.poses.targets import REACHED
+from geodesic_ocp.retargeting.key_poses import REACHED
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from shaded_times import is_shaded
 
 import geodesic_ocp as go
-from geodesic_ocp.synergies.metrics import FRACTION
+from geodesic_ocp.manifold.metrics import FRACTION
 
 analyse_module = importlib.import_module("geodesic_ocp.synergies.analyse")
 TABLES = ["table.csv", "table.md", "table_unfiltered.csv", "table_unfiltered.md"]

@@ -194,7 +194,7 @@ def test_progress_and_repr(motion: go.Motion) -> None:
         go.Euclidean(7), motion, **OPTIONS, progress=lambda *args: seen.append(args)
     )
     assert seen == [("planning segments", done, 35) for done in range(1, 36)]
-    assert repr(result).startswith("OptimalSegmentations(2 to 9 segments of 0.9 s, joint error ")
+    assert repr(result).startswith("OptimalSegmentations(measure='joint', counts=[2")
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,7 @@ def test_values_cannot_be_changed() -> None:
     frame = turning(TIME)
     with pytest.raises(ValueError, match="read-only"):
         frame.positions[0] = 1.0
-    assert (len(frame), repr(frame)) == (41, "FrameMotion(41 samples)")
+    assert len(frame) == 41
 
 
 def test_the_first_bad_sample_is_named() -> None:

@@ -73,11 +73,11 @@ def test_interpolation_on_and_between_nodes() -> None:
 
 
 def test_wrong_grids_are_named() -> None:
-    with pytest.raises(ValueError, match="segments must be at least 1, got 0"):
+    with pytest.raises(ValueError, match="segments must be a positive integer, got 0"):
         go.Grid(0, 4)
-    with pytest.raises(ValueError, match="degree must be 2 to 100, got 1"):
+    with pytest.raises(ValueError, match="degree must be an integer of at least 2, got 1"):
         go.Grid(1, 1)
-    with pytest.raises(ValueError, match=r"segments must be an integer, got 1\.5"):
+    with pytest.raises(ValueError, match=r"segments must be a positive integer, got 1\.5"):
         go.Grid(1.5, 4)
     with pytest.raises(ValueError, match=r"ends must have shape \(3,\), got \(2,\)"):
         go.Grid(2, 4, (0.0, 1.0))

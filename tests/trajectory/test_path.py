@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
+from geodesic_ocp.manifold.metric import speeds_at
 from geodesic_ocp.trajectory.grid import interpolation_between
-from geodesic_ocp.trajectory.path import speeds_at
-from geodesic_ocp.trajectory.timed_path import states_at
+from geodesic_ocp.trajectory.time_law import states_at
 
 
 class Scaled(go.Metric):

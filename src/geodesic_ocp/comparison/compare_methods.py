@@ -11,6 +11,7 @@ from geodesic_ocp.comparison.method_comparison import MethodComparison
 from geodesic_ocp.comparison.named_metrics import MetricOrFunction, as_named_metrics, metric_of
 from geodesic_ocp.errors import GeodesicOcpError, IntegrationFailed
 from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.manifold.metrics import STRAIGHT_LINES, USUAL_METRICS
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.recordings.recording import Recording
@@ -21,11 +22,9 @@ from geodesic_ocp.synergies.baselines import (
     minimum_jerk,
     minimum_jerk_hand,
 )
-from geodesic_ocp.synergies.metrics import STRAIGHT_LINES, USUAL_METRICS
-from geodesic_ocp.synergies.reconstruct import reconstruct
 from geodesic_ocp.synergies.scores import Scores, score
 from geodesic_ocp.synergies.segment import segment
-from geodesic_ocp.synergies.synergy import as_segments
+from geodesic_ocp.synergies.synergy import as_segments, reconstruct
 from geodesic_ocp.trajectory.motion import Motion
 
 _Segments = Sequence[tuple[int, int]]

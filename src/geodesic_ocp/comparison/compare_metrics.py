@@ -16,17 +16,17 @@ from geodesic_ocp.comparison.metric_comparison import ErrorCurve, MetricComparis
 from geodesic_ocp.comparison.named_metrics import MetricOrFunction, as_named_metrics, metric_of
 from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.manifold.metrics import USUAL_METRICS
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.progress import Progress
-from geodesic_ocp.synergies.metrics import USUAL_METRICS
 from geodesic_ocp.synergies.optimal_segmentations import (
     OptimalSegmentations,
     optimal_segmentations,
 )
-from geodesic_ocp.synergies.reconstruct import reconstruct
 from geodesic_ocp.synergies.scores import evaluate
 from geodesic_ocp.synergies.segment import segment
 from geodesic_ocp.synergies.segment_costs import Measure
+from geodesic_ocp.synergies.synergy import reconstruct
 from geodesic_ocp.trajectory.motion import Motion, bandwidth
 
 

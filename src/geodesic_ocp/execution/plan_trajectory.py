@@ -1,10 +1,11 @@
-"""plan_trajectory: trajectories in time within all limits, from the paths of synergies."""
+"""plan_trajectory: the motion of robots along paths, within all limits."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,13 +15,123 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.execution.arm_paths import ArmPaths, joint_forces, joint_names
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import LimitShares
-from geodesic_ocp.execution.preconditions import attainable, check_arms
-from geodesic_ocp.execution.reference import JointSpline
-from geodesic_ocp.execution.trajectory_program import MOST_ROUNDS, solve_in_rounds
+from geodesic_ocp.execution.reference import SAME, JointSpline
+from geodesic_ocp.execution.trajectory_program import MOST_ROUNDS, TOLERANCE, solve_in_rounds
 from geodesic_ocp.execution.trajectory_terms import TrajectorySettings
 from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.synergies.scores import nearest_on_path
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
+
+_MEET = 1e-6  # [rad or m]; successive paths meet, and end within the limits, up to this
+
+
+def check_arms(arms: Sequence[ArmPaths]) -> None:
+    """That the paths meet within limits, at edges that all arms share at both ends.
+
+    Raises:
+        ValueError: they do not, or gravity alone makes a configuration too heavy to hold.
+    """
+    if not arms:
+        raise ValueError("arms must be at least one, got none")
+    for number, arm in enumerate(arms):
+        name = f"arms[{number}]"
+        edges, count, dof = np.asarray(arm.edges, dtype=float), len(arm.paths), arm.robot.dof
+        if edges.shape != (count + 1,) or not count or not np.all(np.diff(edges) > 0):
+            raise ValueError(
+                f"{name}.edges must be {count + 1} increasing times for {count} paths, got {edges}"
+            )
+        first, last = arms[0].edges[0], arms[0].edges[-1]
+        if abs(edges[0] - first) > SAME or abs(edges[-1] - last) > SAME:
+            raise ValueError(
+                f"all arms must begin and end at the same times: {name} from {edges[0]:.6g} to "
+                f"{edges[-1]:.6g} s, arms[0] from {first:.6g} to {last:.6g} s"
+            )
+        as_vector(f"{name}.gravity", arm.gravity, 3)
+        if arm.limits.velocity.size != dof:
+            raise ValueError(
+                f"{name}.limits.velocity must be {dof} numbers, got {arm.limits.velocity.size}"
+            )
+        for number, path in enumerate(arm.paths):
+            if path.metric.dim != dof:
+                raise ValueError(f"{name}.paths[{number}] is not a path of {dof} joints")
+        _check_ends(name, arm)
+
+
+def _check_ends(name: str, arm: ArmPaths) -> None:
+    """That paths meet within the limits, where the arm can be held against gravity."""
+    robot, ends = arm.robot, arm.ends
+    for number, (before, after) in enumerate(pairwise(arm.paths), 1):
+        gap = float(np.abs(before(1.0) - after(0.0)).max())
+        if gap > _MEET:
+            raise ValueError(
+                f"{name}.paths[{number}] must begin where the one before ends; the distance is "
+                f"{gap:.3g} in the worst joint"
+            )
+    beyond = np.maximum(robot.lower - ends, ends - robot.upper)
+    if beyond.max() > _MEET:
+        edge, joint = np.unravel_index(beyond.argmax(), beyond.shape)
+        raise ValueError(
+            f"{name} is beyond its limits at the end of a path: {robot.joint_names[joint]} by "
+            f"{beyond[edge, joint]:.3g} {robot.units[joint]} at {arm.edges[edge]:.4g} s"
+        )
+    still = np.zeros_like(ends)
+    shares = np.abs(robot.inverse_dynamics(ends, still, still, arm.gravity)) / arm.limits.torque
+    if shares.max() > 1.0:
+        edge, joint = np.unravel_index(shares.argmax(), shares.shape)
+        limit = float(arm.limits.torque[joint])
+        unit = "N m" if robot.units[joint] == "rad" else "N"
+        raise ValueError(
+            f"{name} is too weak for its own weight at {arm.edges[edge]:.4g} s, however slowly it "
+            f"moves: {robot.joint_names[joint]} has to bear {shares[edge, joint] * limit:.4g}, and "
+            f"its limit is {limit:.4g} {unit}"
+        )
+
+
+def attainable(
+    arms: Sequence[ArmPaths], clearances: Sequence[Clearance], exact: bool
+) -> tuple[Sequence[Clearance], str]:
+    """Clearances without the distances that given configurations violate, and a sentence on these.
+
+    Args:
+        arms: with their paths.
+        clearances: distances to be kept.
+        exact: whether the configurations at the ends of the paths are given.
+
+    Raises:
+        ValueError: a clearance is a function of another number of joints.
+    """
+    dof = sum(arm.robot.dof for arm in arms)
+    for clearance in clearances:
+        if clearance.dof != dof:
+            raise ValueError(
+                f"clearances must be functions of the {dof} joints of all arms, got {clearance!r}"
+            )
+    if not exact:
+        return clearances, ""
+    # Configurations of all arms are given together only where paths of all of them end.
+    shared = []
+    for instant in arms[0].edges:
+        gaps = [np.abs(arm.edges - instant) for arm in arms]
+        if max(gap.min() for gap in gaps) <= SAME:
+            pairs = zip(arms, gaps, strict=True)
+            shared.append((instant, np.concatenate([arm.ends[gap.argmin()] for arm, gap in pairs])))
+    possible, sentence = [], ""
+    for clearance in clearances:
+        lower = clearance.lower.copy()
+        for instant, q in shared:
+            distances = clearance.function(q).full()[:, 0]
+            lack = clearance.lower - distances
+            worst = int(lack.argmax())
+            if lack[worst] > TOLERANCE and not sentence:
+                sentence = (
+                    f"{clearance.names[worst]} is {distances[worst]:.3g} m at {instant:.4g} s, "
+                    "where the paths fix the configuration, and has to be "
+                    f"{clearance.lower[worst]:.3g} m"
+                )
+            lower[lack > TOLERANCE] = -np.inf
+        possible.append(replace(clearance, lower=lower))
+    return possible, sentence
+
 
 _ROUNDING = 1e-9
 
@@ -69,8 +180,7 @@ class PlannedTrajectory(ShortRepr):
     iterations: int
     seconds: float
     rest: bool = True
-
-    _shown = ("duration", "stretch", "status")
+    _shown = ("duration", "stretch", "success", "status")
 
     @property
     def duration(self) -> float:

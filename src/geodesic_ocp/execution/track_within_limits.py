@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Literal, TypeAlias, get_args
+from typing import TypeAlias
 
 import casadi as ca
 import daqp
@@ -13,16 +13,22 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
-from geodesic_ocp.arrays import Array, as_not_negative, as_positive, as_vector, evaluate
+from geodesic_ocp.arrays import (
+    Array,
+    as_not_negative,
+    as_positive,
+    as_vector,
+    evaluate,
+    rotation_vector,
+)
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.pose_search import rotation_log
-from geodesic_ocp.rotations import rotation_vector
 from geodesic_ocp.synergies.baselines import Poses
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
-Solver: TypeAlias = Literal["built-in", "pink"]
+StepSolver: TypeAlias = Callable[[Array, Array, Array, Array, float, tuple[Array, Array]], Array]
 _EVEN = 1e-6  # share of a step
 _FEWEST = 3  # steps: at rest, in motion, at rest
 _ROUNDING = 1e-9  # share of limits, and [rad or m], left to the rounding of sums
@@ -45,7 +51,7 @@ def track_within_limits(
     damping: float = 1e-2,
     turning: bool = True,
     placing: bool = True,
-    solver: Solver = "built-in",
+    solver: StepSolver | None = None,
 ) -> JointTrajectory:
     """Track poses of the hand from rest to rest, within the limits of joints, speed, acceleration.
 
@@ -77,7 +83,8 @@ def track_within_limits(
         gain: of the pose error [1/s], at most the rate.
         damping: as `posture_weight`, of the speeds.
         turning, placing: whether it tracks rotations, and positions.
-        solver: "built-in", or "pink" for the tasks of the package of that name.
+        solver: of the problem of a step in place of DAQP; from q, w, the speeds towards the posture
+            and those of the step before, damping^2 + |e|^2, and the bounds, it gives v.
 
     Returns:
         Samples at the rate from time 0. Velocities are central differences of the positions, and
@@ -85,7 +92,6 @@ def track_within_limits(
 
     Raises:
         ValueError: wrong shapes or numbers, a start outside the limits, less than three steps.
-        ImportError: solver "pink" without the extra of that name.
     """
     q = as_vector("start", start, model.dof)
     for name, value, low, high in zip(model.joint_names, q, model.lower, model.upper, strict=True):
@@ -97,8 +103,6 @@ def track_within_limits(
         raise ValueError(f"limits must be JointLimits of {model.dof} joints, got {limits!r}")
     if not (turning or placing):
         raise ValueError("turning and placing are both False: there is nothing to track")
-    if solver not in get_args(Solver):
-        raise ValueError(f"solver must be one of {', '.join(get_args(Solver))}, got {solver!r}")
     preferred = q if posture is None else as_vector("posture", posture, model.dof)
     drift = as_not_negative("posture_gain", posture_gain)
     rate = as_positive("rate", rate, "Hz")
@@ -113,9 +117,6 @@ def track_within_limits(
     count, eye = len(velocities), np.eye(model.dof)
     positions, speeds = np.empty((count + 1, model.dof)), np.zeros((count + 2, model.dof))
     positions[0] = q
-    of_pink = None
-    if solver == "pink":
-        of_pink = _objective_of_pink(model, rows, duration, posture_cost, change_cost)
     for k in range(count):
         jacobian, way = evaluate(tracking, q, rotations[k], places[k])
         error = way[:, 0]
@@ -123,13 +124,13 @@ def track_within_limits(
         towards, damped = drift * (preferred - q), damping**2 + float(error @ error)
         # At rest in the first and in the last step.
         bounds = speed_bounds(model, limits, duration, q, speeds[k], min(k, count - 1 - k))
-        if of_pink:
-            hessian, gradient = of_pink(q, wanted, towards, speeds[k], damped)
+        if solver is not None:
+            found = solver(q, wanted, towards, speeds[k], damped, bounds)
         else:
             hessian = jacobian.T @ jacobian + (posture_cost + change_cost + damped) * eye
             pulled = posture_cost * towards + change_cost * speeds[k]
-            gradient = -(jacobian.T @ wanted + pulled)
-        speeds[k + 1] = box_least_squares(hessian, gradient, *bounds)
+            found = box_least_squares(hessian, -(jacobian.T @ wanted + pulled), *bounds)
+        speeds[k + 1] = np.clip(found, *bounds)
         q = q + duration * speeds[k + 1]
         positions[k + 1] = q
     v, a = (speeds[1:] + speeds[:-1]) / 2.0, np.diff(speeds, axis=0) / duration
@@ -243,49 +244,3 @@ def box_least_squares(hessian: Array, gradient: Array, lower: Array, upper: Arra
     if flag != 1:
         raise NotConverged(f"the least-squares problem of a step was not solved (DAQP: {flag})")
     return np.asarray(np.clip(x, lower, upper))
-
-
-def _objective_of_pink(
-    model: Model, rows: tuple[int, ...], duration: float, posture_cost: float, change_cost: float
-) -> Callable[[Array, Array, Array, Array, float], tuple[Array, Array]]:
-    """Hessian and gradient of the objective of a step [s], from pink's tasks.
-
-    FrameTask is given the pose that the hand reaches within the step at the wanted velocity. Limits
-    are not pink's: those of its AccelerationLimit can contradict each other near the end of a
-    joint's range, as they count the room for braking before the step, not after.
-
-    Raises:
-        ImportError: without the extra "pink".
-    """
-    try:
-        from pink import Configuration, build_ik
-        from pink.tasks import FrameTask, LowAccelerationTask, PostureTask
-    except ImportError as error:
-        raise ImportError(
-            "inverse kinematics by pink needs: pip install 'geodesic_ocp[pink]'"
-        ) from error
-
-    chain = model.pin.copy()  # pink adds attributes to it
-    data = chain.createData()
-    placed, turned = (float(first in rows) for first in (0, 3))
-    hand = FrameTask(model.hand, position_cost=placed, orientation_cost=turned)
-    posture = PostureTask(cost=float(np.sqrt(posture_cost)))
-    change = LowAccelerationTask(cost=float(np.sqrt(change_cost)))
-
-    def objective(
-        q: Array, wanted: Array, towards: Array, before: Array, damping: float
-    ) -> tuple[Array, Array]:
-        way = np.zeros(6)
-        way[list(rows)] = duration * wanted
-        configuration = Configuration(chain, data, q, copy_data=False)
-        pose = configuration.get_transform_frame_to_world(model.hand)
-        pose.rotation = Rotation.from_rotvec(way[3:]).as_matrix() @ pose.rotation
-        pose.translation = pose.translation + way[:3]
-        hand.set_target(pose)
-        posture.set_target(q + duration * towards)
-        change.set_last_integration(before, duration)
-        tasks = [hand, posture, change]
-        found = build_ik(configuration, tasks, duration, damping=damping, limits=[])
-        return found.P, found.q / duration  # of speeds, not of displacements
-
-    return objective

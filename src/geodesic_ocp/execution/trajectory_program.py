@@ -11,13 +11,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeAlias
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, evaluate
-from geodesic_ocp.blocks import Block, BlockProgram, Indices, Terms
+from geodesic_ocp.blocks import Block, BlockProgram, Indices, Terms, in_rounds
 from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import QUANTITIES, LimitShares
@@ -173,7 +174,6 @@ _IPOPT = {
     "tol": 1e-6,
     "constr_viol_tol": 1e-9,
     "dual_inf_tol": 1e-3,
-    "max_iter": 400,
     "acceptable_iter": 0,
     "mu_strategy": "adaptive",
     "bound_relax_factor": 1e-9,
@@ -209,11 +209,19 @@ class TrajectoryProgram:
         return tuple(found)
 
     def solve(
-        self, start: KnotStates, references: Sequence[Reference], watched: Watched
+        self, start: KnotStates, references: Sequence[Reference], watched: Watched, most: int
     ) -> Outcome:
-        """The solution near references, with the limits that are to be minded."""
+        """The solution near references, with the limits that are to be minded.
+
+        Args:
+            start: states at the knots.
+            references: of the arms.
+            watched: constraints.
+            most: number of Ipopt's iterations.
+        """
         x, blocks = self.as_x(start), self._blocks(start.durations, references, watched)
-        return BlockProgram(x.size, blocks).solve(x, self.bounds, _IPOPT)
+        options = {**_IPOPT, "max_iter": most}
+        return BlockProgram(x.size, blocks).solve(x, self.bounds, options)
 
     def _blocks(
         self, durations: Array, references: Sequence[Reference], watched: Watched
@@ -392,33 +400,59 @@ MOST_ROUNDS = 15
 _OTHER_COUNT = 0.15  # change of the number of knots that is worth it, once durations are known
 # The nearest points of the paths are found anew until the duration changes by less than this.
 _SETTLED = 0.005
-# The first guess, and others if Ipopt fails from it: time stretched more, and stops in corners.
+# The first guess, and others if Ipopt fails from it: time stretched more, and stops in corners. A
+# round takes twenty iterations as a rule: where it takes many, another start is quicker.
 _STARTS = ((1.3, False), (2.0, False), (1.3, True), (3.0, True))
+_ITERATIONS = (100, 100, 400, 400)
 
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryAttempt:
-    """Where the rounds ended.
+    """What a round found.
 
     Attributes:
-        knots: in time.
-        durations: of the intervals (m,) [s].
+        program: that was solved.
+        states: at its knots.
+        watched: its constraints.
         checks: of the arms, with their splines.
-        least_distances: of each clearance (m,) [m].
+        distances: in every piece (pieces, samples, m) [m], of each clearance.
         excess: largest excess over a limit, relative or [rad or m].
+        change: of the duration in this round, relative.
+        solved: whether Ipopt found a solution.
         status: in words.
-        success: whether all limits are kept.
         iterations: of Ipopt.
     """
 
-    knots: Knots
-    durations: Array
+    program: TrajectoryProgram
+    states: KnotStates
+    watched: Watched
     checks: tuple[ArmCheck, ...]
-    least_distances: tuple[Array, ...]
+    distances: tuple[Array, ...]
     excess: float
+    change: float
+    solved: bool
     status: str
-    success: bool
     iterations: int
+
+    @property
+    def success(self) -> bool:
+        """Whether all limits are kept."""
+        return self.solved and self.excess <= TOLERANCE
+
+    @property
+    def knots(self) -> Knots:
+        """In time."""
+        return self.program.knots
+
+    @property
+    def durations(self) -> Array:
+        """Of the intervals (m,) [s]."""
+        return self.states.durations
+
+    @property
+    def least_distances(self) -> tuple[Array, ...]:
+        """Of each clearance (m,) [m]."""
+        return tuple(each.min(axis=(0, 1)) for each in self.distances)
 
 
 def solve_in_rounds(
@@ -429,8 +463,8 @@ def solve_in_rounds(
 ) -> TrajectoryAttempt:
     """The trajectory within all limits, or the best attempt."""
     attempts: list[TrajectoryAttempt] = []
-    for more, stops in _STARTS:
-        attempts.append(_from_start(arms, settings, clearances, progress, (more, stops)))
+    for start, most in zip(_STARTS, _ITERATIONS, strict=True):
+        attempts.append(_from_start(arms, settings, clearances, progress, start, most))
         if attempts[-1].success:
             break
     best = min(attempts, key=lambda attempt: (not attempt.success, attempt.excess))
@@ -443,53 +477,65 @@ def _from_start(
     clearances: Sequence[Clearance],
     progress: Callable[[int], object],
     start: tuple[float, bool],
+    most: int,
 ) -> TrajectoryAttempt:
     program, states, references = _first_guess(arms, settings, *start)
-    watched, iterations = watched_at_first(program, states.durations, clearances), 0
-    kept: TrajectoryAttempt | None = None
-    for number in range(MOST_ROUNDS):
-        progress(number)
-        outcome = program.solve(states, references, watched)
-        iterations += outcome.iterations
-        before, states = states, program.states(outcome.x)
-        checks = tuple(
-            ArmCheck(course.arm, spline, position_bounds(course))
-            for course, spline in zip(program.courses, _splines(program, states), strict=True)
-        )
-        splines = [check.spline for check in checks]
-        distances = [distances_in_pieces(each, splines) for each in clearances]
-        excess, worst = _worst(checks, clearances, distances)
-        success = outcome.success and excess <= TOLERANCE
-        change = abs(states.durations.sum() / before.durations.sum() - 1.0)
-        if not outcome.success and kept is not None:
-            return replace(kept, iterations=iterations)
-        if success:
-            least = tuple(each.min(axis=(0, 1)) for each in distances)
-            kept = TrajectoryAttempt(
-                *(program.knots, states.durations, checks, least, excess),
-                *("within all limits", True, iterations),
-            )
-        if not outcome.success or (success and change <= _SETTLED):
-            break
-        watched = tightened(watched, checks, distances)
+    watched = watched_at_first(program, states.durations, clearances)
+    first: _Start = program, states, references, watched
+    attempts: list[TrajectoryAttempt] = []
+
+    def solve(given: _Start) -> TrajectoryAttempt:
+        progress(len(attempts))
+        attempts.append(_attempt(*given, most))
+        return attempts[-1]
+
+    def judged(number: int, found: TrajectoryAttempt) -> tuple[TrajectoryAttempt, _Start | None]:
+        if not found.solved or (found.success and found.change <= _SETTLED):
+            return found, None
+        program, states = found.program, found.states
+        watched = tightened(found.watched, found.checks, found.distances)
         if number == 0:
             fitting = Knots.spaced(program.knots.edges, states.durations)
             if abs(fitting.count / program.knots.count - 1.0) > _OTHER_COUNT:
                 program = replace(program, knots=fitting)
-                states = _at_knots(program, splines, states.durations)
+                states = _at_knots(program, found.checks, states.durations)
                 watched = watched_at_first(program, states.durations, clearances)
-        references = [
-            course.nearest(q) for course, q in zip(program.courses, states.positions, strict=True)
-        ]
-    if kept is not None:
-        return replace(kept, iterations=iterations)
-    status = outcome.status
+        pairs = zip(program.courses, states.positions, strict=True)
+        return found, (program, states, [course.nearest(q) for course, q in pairs], watched)
+
+    found = in_rounds(first, solve, judged, MOST_ROUNDS)
+    kept = next((each for each in reversed(attempts) if each.success), found)
+    return replace(kept, iterations=sum(each.iterations for each in attempts))
+
+
+# The program of a round with the states to start from, the references, and its constraints.
+_Start: TypeAlias = tuple[TrajectoryProgram, KnotStates, Sequence[Reference], Watched]
+
+
+def _attempt(
+    program: TrajectoryProgram,
+    before: KnotStates,
+    references: Sequence[Reference],
+    watched: Watched,
+    most: int,
+) -> TrajectoryAttempt:
+    outcome = program.solve(before, references, watched, most)
+    states = program.states(outcome.x)
+    checks = tuple(
+        ArmCheck(course.arm, spline, position_bounds(course))
+        for course, spline in zip(program.courses, _splines(program, states), strict=True)
+    )
+    splines = [check.spline for check in checks]
+    clearances = [each.clearance for each in watched.clearances]
+    distances = tuple(distances_in_pieces(each, splines) for each in clearances)
+    excess, worst = _worst(checks, clearances, distances)
+    status = "within all limits" if outcome.success else outcome.status
     if excess > TOLERANCE:
         status = f"{outcome.status}; {worst} by {excess:.2g}"
-    least = tuple(each.min(axis=(0, 1)) for each in distances)
-    knots = program.knots
+    change = abs(states.durations.sum() / before.durations.sum() - 1.0)
     return TrajectoryAttempt(
-        knots, states.durations, checks, least, excess, status, success, iterations
+        *(program, states, watched, checks, distances, excess, change),
+        *(outcome.success, status, outcome.iterations),
     )
 
 
@@ -508,11 +554,11 @@ def _first_guess(
 
 
 def _at_knots(
-    program: TrajectoryProgram, splines: Sequence[JointSpline], durations: Array
+    program: TrajectoryProgram, checks: Sequence[ArmCheck], durations: Array
 ) -> KnotStates:
     """States of splines at the knots of another program."""
     time = program.knots.times(durations)
-    states = [spline(time)[:3] for spline in splines]
+    states = [check.spline(time)[:3] for check in checks]
     return KnotStates(durations, *zip(*states, strict=True))
 
 

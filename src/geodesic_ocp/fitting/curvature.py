@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geodesic_ocp.arrays import Array
-from geodesic_ocp.fitting.metric_program import MetricProgram, triangle
+from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.fitting.metric_program import MetricProgram
 
 _ACTIVE = 1e-6  # distance from a bound that is active
 
 
-@dataclass(frozen=True, eq=False)
-class LeastErrors:
+@dataclass(frozen=True, eq=False, repr=False)
+class LeastErrors(ShortRepr):
     """Derivatives of e_r(theta), half the least mean squared error of recording r.
 
     The least error over all paths that are geodesics of the metric with these parameters, in units
@@ -34,9 +34,6 @@ class LeastErrors:
         hessians = self.hessians[:, chosen][:, :, chosen]
         return LeastErrors(self.values, self.gradients[:, chosen], hessians)
 
-    def __repr__(self) -> str:
-        return f"LeastErrors({self.values.size} recordings, {self.gradients.shape[1]} parameters)"
-
 
 def least_errors(program: MetricProgram, z: Array, multipliers: Array) -> LeastErrors:
     """The derivatives at a solution, by the implicit function theorem segment by segment.
@@ -49,16 +46,18 @@ def least_errors(program: MetricProgram, z: Array, multipliers: Array) -> LeastE
     ones = np.ones(len(program.parts))
     functions = program.parts[0].functions
     p, num_x, m = program.size, program.num_x, functions.num_equations
-    jacobian = program.functions["jac_g"](z, ones)[1].sparse().tocsc()
-    upper = program.functions["hess_lag"](z, ones, 1.0, multipliers).sparse().tocsc()
-    corners = program.functions["corners"](z, multipliers).full()
+    derivatives = program.program.functions
+    jacobian = derivatives["jac_g"](z, ones)[1].sparse().tocsc()
+    upper = derivatives["hess_lag"](z, ones, 1.0, multipliers).sparse().tocsc()
     lower_bound, upper_bound = program.bounds
     free = (z > lower_bound + _ACTIVE) & (z < upper_bound - _ACTIVE)
-    row, column = triangle(p)
     count = len(program.parts)
     gradients, hessians = np.zeros((count, p)), np.zeros((count, p, p))
-    hessians[:, row, column] = hessians[:, column, row] = corners.T
     owners = np.repeat(np.arange(count), program.counts)
+    for number in range(count):
+        own = np.where(np.repeat(owners, m) == number, multipliers, 0.0)
+        corner = np.triu(derivatives["hess_lag"](z, ones, 0.0, own)[:p, :p].full())
+        hessians[number] = corner + np.triu(corner, 1).T
     jacobian_by_theta = jacobian[:, :p].toarray()
     for segment, owner in enumerate(owners):
         rows = slice(segment * m, (segment + 1) * m)

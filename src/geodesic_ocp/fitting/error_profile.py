@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.figures.new_figure import new_figure
 from geodesic_ocp.figures.styles import OBSERVED
@@ -24,7 +24,7 @@ _RANGE, _COUNT = 10.0, 13
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ErrorProfile:
+class ErrorProfile(ShortRepr):
     """Least errors at fixed values of one parameter, all others estimated anew at each.
 
     Attributes:
@@ -43,12 +43,7 @@ class ErrorProfile:
     error_unit: str
     estimate: float
     recordings: tuple[str, ...]
-
-    def __repr__(self) -> str:
-        return (
-            f"ErrorProfile({self.name} from {self.values[0]:.3g} to {self.values[-1]:.3g} "
-            f"{self.unit}, estimate {self.estimate:.4g})"
-        )
+    _shown = ("name", "unit", "estimate", "values")
 
     @property
     def mean(self) -> Array:

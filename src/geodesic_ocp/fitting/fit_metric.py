@@ -15,8 +15,8 @@ from geodesic_ocp.fitting.metric_program import MetricProgram, Start
 from geodesic_ocp.fitting.parameter import JOINT_INERTIA, Parameter, as_parameters, with_parameters
 from geodesic_ocp.fitting.recording_part import RecordingPart, observe
 from geodesic_ocp.fitting.segment_functions import Measure, SegmentFunctions, as_measure
-from geodesic_ocp.manifold.adjustable_kinetic_energy import AdjustableKineticEnergy
 from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.manifold.metrics import AdjustableKineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.recordings.recording import Recording

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
 from os import PathLike
@@ -16,11 +15,11 @@ from geodesic_ocp.fitting.curvature import LeastErrors
 from geodesic_ocp.fitting.metric_program import MetricProgram
 from geodesic_ocp.fitting.parameter import Parameter, with_parameters
 from geodesic_ocp.ipopt import Outcome
-from geodesic_ocp.manifold.adjustable_kinetic_energy import AdjustableKineticEnergy
 from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.manifold.metrics import AdjustableKineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.recording import Recording
-from geodesic_ocp.records import convert, decoding, read_record, write_file
+from geodesic_ocp.records import convert, decoding, read_record, write_record
 from geodesic_ocp.table import Table
 
 FORMAT, _VERSION = "geodesic_ocp metric", 1
@@ -195,7 +194,7 @@ def save_metric(
         "recordings": [each.name for each in fit.recordings],
         "rms_errors": fit.errors.tolist(),
     }
-    write_file(path, json.dumps(record, indent=1) + "\n")
+    write_record(path, record)
 
 
 def _fixed_fields(fit: MetricFit) -> dict[str, Any]:

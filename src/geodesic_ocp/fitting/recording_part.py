@@ -9,7 +9,8 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.blocks import Block, Cells
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.fitting.segment_functions import SegmentFunctions
 from geodesic_ocp.logarithm.geodesic import geodesic
@@ -23,8 +24,8 @@ _MIN_SAMPLES, _MIN_RANGE = 4, 0.05  # [rad or m]
 MAX_END_RATE = 3.0  # of the progress along the path, per duration: up to here it is monotone
 
 
-@dataclass(frozen=True, eq=False)
-class ObservedSegments:
+@dataclass(frozen=True, eq=False, repr=False)
+class ObservedSegments(ShortRepr):
     """The segments of one recording that are fitted.
 
     Attributes:
@@ -48,12 +49,7 @@ class ObservedSegments:
     fractions: Array
     owners: np.ndarray
     scales: Array
-
-    def __repr__(self) -> str:
-        return (
-            f"ObservedSegments({self.recording.name!r}, {len(self.segments)} of "
-            f"{len(self.every)} move)"
-        )
+    _shown = ("segments", "every")
 
 
 def observe(
@@ -121,8 +117,8 @@ def observe(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class RecordingPart:
+@dataclass(frozen=True, eq=False, repr=False)
+class RecordingPart(ShortRepr):
     """One recording's contribution: its data and the functions of its model.
 
     Attributes:
@@ -134,73 +130,45 @@ class RecordingPart:
     functions: SegmentFunctions
     observed: ObservedSegments
     deviation: float
-
-    def __repr__(self) -> str:
-        return f"RecordingPart({self.observed.recording.name!r}, {self.count} segments)"
+    _shown = ("observed", "deviation")
 
     @cached_property
     def count(self) -> int:
         """Number of segments."""
         return len(self.observed.segments)
 
-    @cached_property
-    def _data(self) -> Array:
-        """Observations (m, k) of the samples."""
-        if self.functions.measure == "joint":
-            return self.observed.samples.T
-        return np.asarray(self.functions.model.hand_pose(self.observed.samples)[1].T)
+    def errors(self, first: int, weight: ca.MX | float) -> Block:
+        """Half the mean squared error of the samples, relative, with a weight.
 
-    @cached_property
-    def _owner_matrix(self) -> ca.DM:
-        """(k, count), sums over the samples of each segment, as means of the recording."""
-        k = self.observed.owners.size
-        matrix = np.zeros((k, self.count))
-        matrix[np.arange(k), self.observed.owners] = 1.0 / (k * self.deviation**2)
-        return ca.sparsify(ca.DM(matrix))
+        Args:
+            first: index of the first of the variables.
+            weight: a number, or an expression in the program's parameters.
+        """
+        observed, size = self.observed, self.functions.sample.size
+        data = observed.samples
+        if self.functions.measure == "position":
+            data = self.functions.model.hand_pose(data)[1]
+        places = first + np.arange(size * self.count).reshape(self.count, size)
+        share = ca.DM.ones(len(data), 1) / (len(data) * self.deviation**2)
+        values = np.column_stack([observed.fractions, data])
+        return Block(
+            self.functions.sample, places, values, weights=share * weight, groups=observed.owners
+        )
 
-    def _samples(self, x: ca.MX) -> list[ca.MX | ca.DM]:
-        repeated = x[:, self.observed.owners.tolist()]
-        return [repeated, ca.DM(self.observed.fractions[None]), ca.DM(self._data)]
-
-    def errors(self, x: ca.MX) -> ca.MX:
-        """Half the mean squared error of each segment's samples, relative, (1, count)."""
-        function = self.functions.sample_error.map(self.observed.owners.size)
-        return function(*self._samples(x)) @ self._owner_matrix
-
-    def error_gradients(self, x: ca.MX) -> ca.MX:
-        """Their gradients by x (num_x, count)."""
-        function = self.functions.sample_gradient.map(self.observed.owners.size)
-        return function(*self._samples(x)) @ self._owner_matrix
-
-    def error_hessians(self, x: ca.MX) -> ca.MX:
-        """Upper triangles of their Hessians by x, (num_x (num_x + 1) / 2, count)."""
-        function = self.functions.sample_hessian.map(self.observed.owners.size)
-        return function(*self._samples(x)) @ self._owner_matrix
-
-    def _at_nodes(self, x: ca.MX, theta: ca.MX) -> list[ca.MX | ca.DM]:
-        f = self.functions
-        nodes = ca.reshape(x[: f.num_nodes, :], f.dim, f.grid.size * self.count)
-        inner = f.grid.size - 2
-        scales = np.repeat(self.observed.scales.T, inner, axis=1)
-        return [f.states(nodes), ca.repmat(theta, 1, inner * self.count), ca.DM(scales)]
-
-    def equations(self, x: ca.MX, theta: ca.MX) -> ca.MX:
-        """Left sides of the geodesic equations (equations, count)."""
-        f = self.functions
-        every = f.node_equation.map(self.count * (f.grid.size - 2))(*self._at_nodes(x, theta))
-        return ca.reshape(every, f.num_equations, self.count)
-
-    def equation_jacobians(self, x: ca.MX, theta: ca.MX) -> ca.MX:
-        """Their derivatives by theta and nodes, columns first, (.., count)."""
-        f = self.functions
-        every = f.node_jacobian.map(self.count * (f.grid.size - 2))(*self._at_nodes(x, theta))
-        return f.assemble_jacobian.map(self.count)(every)
-
-    def equation_hessians(self, x: ca.MX, theta: ca.MX, factors: ca.MX) -> ca.MX:
-        """Upper triangles of the Hessians of factors' equations by theta and nodes, (.., count)."""
-        f = self.functions
-        inner = f.grid.size - 2
-        per_node = ca.reshape(factors, f.dim, inner * self.count)
-        arguments = [*self._at_nodes(x, theta), per_node]
-        every = f.node_hessian.map(self.count * inner)(*arguments)
-        return f.assemble_hessian.map(self.count)(every)
+    def equations(self, first: int, units: Array) -> Block:
+        """The geodesic equations, which also depend on the parameters, in their units (p,)."""
+        f, count = self.functions, self.count
+        inner, size = f.grid.size - 2, f.sample.size
+        nodes = np.arange(f.num_nodes).reshape(f.grid.size, f.dim)
+        indices = first + size * np.arange(count)[:, None, None] + nodes
+        every = inner * count
+        scales = np.repeat(self.observed.scales, inner, axis=0)
+        one = np.concatenate([np.ones(3 * f.dim), units])
+        zero = np.zeros((every, f.dim))
+        return Block(
+            f.equation,
+            Cells(indices, f.rows_at_nodes, tuple(range(units.size))),
+            scales,
+            *(zero, zero),
+            units=(np.zeros((every, one.size)), np.tile(one, (every, 1))),
+        )

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from geodesic_ocp.arrays import Array, as_integer
+from geodesic_ocp.arrays import Array, ShortRepr, as_integer
 from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
 from geodesic_ocp.fitting.fit_metric import solve_program
 from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit
@@ -16,8 +16,8 @@ from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import Euclidean
 from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.recordings.recording import Recording
-from geodesic_ocp.synergies.reconstruct import reconstruct
 from geodesic_ocp.synergies.scores import MotionErrors, evaluate
+from geodesic_ocp.synergies.synergy import reconstruct
 from geodesic_ocp.table import Table
 
 _FINE = 2000  # points at which an interpolated profile is compared
@@ -92,7 +92,7 @@ class LeftOut:
 
 
 @dataclass(frozen=True, repr=False)
-class CrossValidation:
+class CrossValidation(ShortRepr):
     """Errors of recordings that took no part in the estimation.
 
     Attributes:
@@ -104,13 +104,7 @@ class CrossValidation:
     unit: str
     parameters: tuple[str, ...]
     left_out: tuple[LeftOut, ...]
-
-    def __repr__(self) -> str:
-        wins = sum(each.errors.joint < each.straight_lines.joint for each in self.left_out)
-        return (
-            f"CrossValidation({len(self.left_out)} recordings, one {self.unit} left out at a time, "
-            f"joint error below that of straight lines in {wins})"
-        )
+    _shown = ("unit", "parameters", "left_out")
 
     def _repr_markdown_(self) -> str:
         return self.table().markdown()

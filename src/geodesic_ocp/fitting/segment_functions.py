@@ -1,4 +1,4 @@
-"""Functions of one segment from which the nonlinear program of a fit is built.
+"""Terms of one segment of which the nonlinear program of a fit is made.
 
 A path is a polynomial through its values at Gauss-Lobatto nodes. It is a geodesic where the
 Euler-Lagrange equation of its energy holds at the inner nodes (orthogonal collocation),
@@ -19,7 +19,8 @@ import casadi as ca
 import numpy as np
 from numpy.polynomial import legendre
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.blocks import Terms
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.trajectory.grid import Grid
@@ -34,9 +35,9 @@ def as_measure(measure: str) -> Measure:
     return cast(Measure, measure)
 
 
-@dataclass(frozen=True, eq=False)
-class SegmentFunctions:
-    """Residuals, geodesic equations and their derivatives for one segment.
+@dataclass(frozen=True, eq=False, repr=False)
+class SegmentFunctions(ShortRepr):
+    """Squared errors and geodesic equations of one segment.
 
     Attributes:
         metric: with the symbols `theta` as parameters.
@@ -51,9 +52,7 @@ class SegmentFunctions:
     model: Model
     measure: Measure
     grid: Grid
-
-    def __repr__(self) -> str:
-        return f"SegmentFunctions({type(self.metric).__name__}, {self.measure}, {self.grid})"
+    _shown = ("measure", "grid")
 
     @property
     def dim(self) -> int:
@@ -71,55 +70,27 @@ class SegmentFunctions:
         return self.dim * (self.grid.size - 2)
 
     @cached_property
-    def _at_nodes(self) -> tuple[Array, Array, Array]:
-        """Matrices (inner nodes, nodes) of the values and first two derivatives by s."""
+    def rows_at_nodes(self) -> Array:
+        """Values and first two derivatives by s at the inner nodes (degree - 1, 3, nodes)."""
         slopes = self.grid.differentiation[0]
-        return np.eye(self.grid.size)[1:-1], slopes[1:-1], (slopes @ slopes)[1:-1]
-
-    # -- the geodesic equation at one node -----------------------------------------------------
+        every = np.stack([np.eye(self.grid.size), slopes, slopes @ slopes], axis=1)
+        return np.asarray(every[1:-1])
 
     @cached_property
-    def _equation(self) -> tuple[ca.SX, ca.SX]:
-        """Symbols (q, v, a) (3 n, 1) and the Euler-Lagrange equation's left side (n, 1)."""
-        q, v, a = (ca.SX.sym(name, self.dim) for name in "qva")
+    def equation(self) -> Terms:
+        """The Euler-Lagrange equation's left side over scales (n,), in (q, v, a) and theta."""
+        q, v, a, scales = (ca.SX.sym(name, self.dim) for name in ("q", "v", "a", "scales"))
         energy = self.metric._energy(q, v)
         momentum = ca.gradient(energy, v)
         force = ca.jtimes(momentum, v, a) + ca.jtimes(momentum, q, v) - ca.gradient(energy, q)
-        return ca.vertcat(q, v, a), ca.cse(ca.densify(force))
+        state = ca.vertcat(q, v, a, self.theta)
+        return Terms(state, scales, constraints=ca.cse(ca.densify(force)) / scales)
 
     @cached_property
-    def node_equation(self) -> ca.Function:
-        """(q, v, a), theta, scales (n,) -> the equation's left side over the scales (n,)."""
-        state, force = self._equation
-        scales = ca.SX.sym("scales", self.dim)
-        return ca.Function("equation", [state, self.theta, scales], [force / scales])
+    def sample(self) -> Terms:
+        """Half the squared error at a sample, in the path's values and the rates at its ends.
 
-    @cached_property
-    def node_jacobian(self) -> ca.Function:
-        """As `node_equation`, the derivatives by (q, v, a) and theta, columns first."""
-        state, force = self._equation
-        scales = ca.SX.sym("scales", self.dim)
-        by = ca.jacobian(force / scales, ca.vertcat(state, self.theta))
-        arguments = [state, self.theta, scales]
-        return ca.Function("equation_jacobian", arguments, [ca.vec(ca.densify(ca.cse(by)))])
-
-    @cached_property
-    def node_hessian(self) -> ca.Function:
-        """(q, v, a), theta, scales, factors (n,) -> Hessian of factors' equation, columns first."""
-        state, force = self._equation
-        scales, factors = ca.SX.sym("scales", self.dim), ca.SX.sym("factors", self.dim)
-        both = ca.vertcat(state, self.theta)
-        hessian = ca.hessian(ca.dot(factors, force / scales), both)[0]
-        arguments = [state, self.theta, scales, factors]
-        return ca.Function("equation_hessian", arguments, [ca.vec(ca.densify(ca.cse(hessian)))])
-
-    # -- the residual at one sample ------------------------------------------------------------
-
-    @cached_property
-    def _residual(self) -> tuple[list[ca.SX], ca.SX, ca.SX]:
-        """Arguments (unknowns x, fraction u, observation), the unknowns, half the squared error.
-
-        The observation is a configuration, or the hand's position.
+        Parameters are the fraction u and the observation: a configuration, or the hand's position.
         """
         n = self.dim
         x, u = ca.SX.sym("x", self.num_nodes + 2), ca.SX.sym("u")
@@ -128,7 +99,7 @@ class SegmentFunctions:
         q = ca.reshape(x[: self.num_nodes], n, self.grid.size) @ self._interpolation(progress)
         predicted = q if self.measure == "joint" else self.model.hand_pose(q)[1]
         observed = ca.SX.sym("y", predicted.shape[0])
-        return [x, u, observed], x, ca.sumsqr(predicted - observed) / 2
+        return Terms(x, ca.vertcat(u, observed), ca.sumsqr(predicted - observed) / 2)
 
     def _interpolation(self, s: ca.SX) -> ca.SX:
         """Values (nodes, 1) at s of the Lagrange polynomials of the nodes."""
@@ -138,80 +109,3 @@ class SegmentFunctions:
         for k in range(1, degree):  # the recurrence of Legendre's polynomials
             values.append(((2 * k + 1) * z * values[k] - k * values[k - 1]) / (k + 1))
         return ca.SX(inverse.T) @ ca.vertcat(*values)
-
-    @cached_property
-    def sample_error(self) -> ca.Function:
-        """x, u, observation -> half the squared error."""
-        arguments, _, error = self._residual
-        return ca.Function("error", arguments, [error])
-
-    @cached_property
-    def sample_gradient(self) -> ca.Function:
-        """x, u, observation -> its gradient by x."""
-        arguments, x, error = self._residual
-        return ca.Function("error_gradient", arguments, [ca.densify(ca.gradient(error, x))])
-
-    @cached_property
-    def sample_hessian(self) -> ca.Function:
-        """x, u, observation -> upper triangle of its Hessian by x, columns first."""
-        arguments, x, error = self._residual
-        hessian = ca.densify(ca.cse(ca.hessian(error, x)[0]))
-        upper = ca.densify(ca.triu(hessian))
-        size = x.shape[0]
-        entries = [row + column * size for column in range(size) for row in range(column + 1)]
-        return ca.Function("error_hessian", arguments, [ca.vec(upper)[entries]])
-
-    # -- whole segments ------------------------------------------------------------------------
-
-    def states(self, nodes: ca.MX) -> ca.MX:
-        """(q, v, a) (3 n, segments * inner nodes) of paths (n, segments * nodes)."""
-        inner, size = self.grid.size - 2, self.grid.size
-        count = nodes.shape[1] // size
-        parts = []
-        for matrix in self._at_nodes:
-            every = ca.diagcat(*[ca.sparsify(ca.DM(matrix.T))] * count)
-            parts.append(nodes @ every)
-        assert parts[0].shape == (self.dim, count * inner)
-        return ca.vertcat(*parts)
-
-    @cached_property
-    def assemble_jacobian(self) -> ca.Function:
-        """Vec of `node_jacobian` at all inner nodes -> derivative of all equations by x and theta.
-
-        (n (3 n + p), inner nodes) -> (equations * (p + num_nodes)), columns first, theta before x.
-        """
-        n, p, inner = self.dim, int(self.theta.shape[0]), self.grid.size - 2
-        blocks = ca.MX.sym("blocks", n * (3 * n + p), inner)
-        rows: list[ca.MX] = []
-        for j in range(inner):
-            block = ca.reshape(blocks[:, j], n, 3 * n + p)
-            by_nodes = sum(
-                ca.kron(ca.DM(matrix[j : j + 1]), block[:, k * n : (k + 1) * n])
-                for k, matrix in enumerate(self._at_nodes)
-            )
-            rows.append(ca.horzcat(block[:, 3 * n :], by_nodes))
-        return ca.Function("jacobian", [blocks], [ca.vec(ca.densify(ca.vertcat(*rows)))])
-
-    @cached_property
-    def assemble_hessian(self) -> ca.Function:
-        """Vec of `node_hessian` at all inner nodes -> Hessian by theta and x.
-
-        ((3 n + p)^2, inner nodes) -> upper triangle, columns first, of the Hessian by theta and the
-        nodes of the path.
-        """
-        n, p, inner = self.dim, int(self.theta.shape[0]), self.grid.size - 2
-        blocks = ca.MX.sym("blocks", (3 * n + p) ** 2, inner)
-        total = ca.MX(p + self.num_nodes, p + self.num_nodes)
-        for j in range(inner):
-            block = ca.reshape(blocks[:, j], 3 * n + p, 3 * n + p)
-            spread = ca.vertcat(
-                *(ca.kron(ca.DM(matrix[j : j + 1]), ca.DM.eye(n)) for matrix in self._at_nodes)
-            )
-            spread = ca.sparsify(ca.diagcat(spread, ca.DM.eye(p)))
-            total += spread.T @ block @ spread
-        # theta last until here
-        order = [*range(self.num_nodes, self.num_nodes + p), *range(self.num_nodes)]
-        total = ca.densify(total)[order, order]
-        size = p + self.num_nodes
-        entries = [row + column * size for column in range(size) for row in range(column + 1)]
-        return ca.Function("hessian", [blocks], [ca.vec(total)[entries]])

@@ -1,76 +1,94 @@
-"""Newton's method for a geodesic between two configurations, in levels of refinement.
+"""Newton's method for a geodesic between two configurations, and corrections by shooting.
 
 The NLP of `PointToPoint` without Ipopt: positions at Gauss-Lobatto nodes, the energy by a finer
 Gauss quadrature. Coarse grids cost little and lead to the neighbourhood of a minimum, the finer
 ones to a path whose initial velocity, from the momentum at its fixed first node, v0 = -G(q0)^-1
 dE/dq0 (the discrete Legendre transform of Marsden and West, Acta Numerica 2001), ends near the
 goal; a few integrations correct it, with the derivative dv0/dq1 from the Hessian. The compiled core
-does all of it in one call; without a compiler, Ipopt finds geodesics (`by_ipopt`).
+does all of it in one call; without a compiler, Ipopt finds geodesics (`by_ipopt`), and the
+corrections of core/logarithm.h are those in NumPy here.
 """
 
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from itertools import pairwise
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
-from geodesic_ocp.logarithm.by_ipopt import check_straight_line, find_by_ipopt, likely_cause
-from geodesic_ocp.logarithm.correction import (
-    ROUNDING,
-    STEP,
-    TOLERANCE,
-    ConnectingGeodesic,
-    find_by_shooting,
-    wanted_error,
-)
-from geodesic_ocp.manifold.exp import sample_geodesic
+from geodesic_ocp.manifold.exp import exp_with_derivative, integrate_geodesic, sample_geodesic
 from geodesic_ocp.manifold.kernels import Level, Tolerances
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
-# Relative decrease of the energy by a Newton step at which a coarse level, a fine level is left.
-_COARSE, _FINE = 1e-2, 1e-10
-_COARSE_STEPS, _FINE_STEPS = 8, 40
+# Every geodesic ends this close to its goal when integrated, in every coordinate [rad or m].
+TOLERANCE = 1e-9
+CHECK_TOLERANCE = 1e-10  # of that integration
+# Short geodesics, as of human synergies, need few nodes; finer grids follow where one fails.
+GRIDS = (Grid(1, 14), *(Grid(segments, 20) for segments in (1, 2, 4, 8)))
+# A sharply bending path needs more segments to be represented than to be found.
+_FINE_GRIDS = (Grid(16, 20), Grid(32, 20))
+MAX_STEPS = 2000  # of one integration: hundreds suffice for the longest geodesics of an arm
+_FAR = "integrated forward, it ends {:.1e} from the goal"
+ROUNDING = "rounding errors exceed the tolerance of its end point"
+# Tolerance of a step: of the last integrations, of the first relative to them, the smallest.
+STEP, _COARSER, _SMALLEST = 1e-12, 30.0, 1e-15
+_ROUNDS, _CONTRACTION, _NEAR = 20, 0.5, 1e-5
+# Error of the end point below which the integration's own error may be what remains.
+_STALLED = 1e-3
+_ROUNDED = 1e-6  # with the smallest tolerance of a step, it is rounding
+_UNIT_INTERVAL = np.array([0.0, 1.0])
+# Number of Newton steps, smallest damping factor, required reduction of the endpoint error by a
+# full step, error from which corrections take over, integration tolerance until then.
+_MAX_SHOTS, _MIN_DAMPING, _REDUCTION = 12, 0.05, 0.1
+_CLOSE, _COARSE_TOLERANCE = 1e-7, 1e-9
+# Samples of the straight line, and the ratio of the largest to the smallest diagonal entry of the
+# metric that is worth reporting.
+_SAMPLES, _LARGE_RATIO = 21, 1e4
+# Relative decrease of the energy by a Newton step at which a level is left, and most steps on it:
+# of a coarse level, of a fine one.
+_COARSE_LEVEL, _FINE_LEVEL = (1e-2, 8), (1e-10, 40)
+
+
+@dataclass(frozen=True, eq=False)
+class ConnectingGeodesic:
+    """A geodesic from q0 to q1.
+
+    Attributes:
+        q0, q1: its ends (n,).
+        velocity: the initial one (n,).
+        nodes: number of nodes of the path from which it was found, 0 if from a velocity.
+    """
+
+    q0: Array
+    q1: Array
+    velocity: Array
+    nodes: int = field(default=0, repr=False)
+
+    @property
+    def grids(self) -> tuple[Grid, ...]:
+        """Grids on which it may be represented, from the coarsest."""
+        grids = (*GRIDS, *_FINE_GRIDS)
+        return tuple(grid for grid in grids if grid.size >= min(self.nodes, GRIDS[-1].size))
 
 
 @dataclass(frozen=True, eq=False)
 class Levels:
     """Grids of increasing size; on those from index `first` on, solutions are corrected."""
 
-    grids: tuple[Grid, ...]
     first: int
-
-    @property
-    def largest(self) -> int:
-        """Largest number of nodes."""
-        return max(grid.size for grid in self.grids)
-
-    def decrease(self, level: int) -> float:
-        """Relative decrease of the energy by a Newton step at which the level is left."""
-        return _COARSE if level < self.first else _FINE
-
-    def max_steps(self, level: int) -> int:
-        """Largest number of Newton steps on the level."""
-        return _COARSE_STEPS if level < self.first else _FINE_STEPS
-
-    @cached_property
-    def refinements(self) -> tuple[Array, ...]:
-        """Interpolation from each level to the next, (nodes of the next, nodes)."""
-        return tuple(_refine(*each) for each in pairwise(self.grids))
+    grids: tuple[Grid, ...]
 
     @cached_property
     def _arrays(self) -> list[dict[str, Array]]:
-        refinements = (np.zeros((0, 0)), *self.refinements)
-        return [_tables(*each) for each in zip(self.grids, refinements, strict=True)]
+        pairs = zip(self.grids, (None, *self.grids[:-1]), strict=True)
+        return [_tables(grid, coarser) for grid, coarser in pairs]
 
     @cached_property
     def structures(self) -> ctypes.Array[Level]:
@@ -81,58 +99,40 @@ class Levels:
             level.points = grid.quadrature.weights.shape[1]
             for name, table in self._arrays[number].items():
                 setattr(level, name, table.ctypes.data)
-            level.decrease, level.max_steps = self.decrease(number), self.max_steps(number)
+            rule = _COARSE_LEVEL if number < self.first else _FINE_LEVEL
+            level.decrease, level.max_steps = rule
         return result
 
 
-def _refine(before: Grid, grid: Grid) -> Array:
-    return before.interpolate(before.in_segments(np.eye(before.size)), grid.nodes)
-
-
-def _tables(grid: Grid, refine: Array) -> dict[str, Array]:
+def _tables(grid: Grid, coarser: Grid | None) -> dict[str, Array]:
+    """What core/energy.h says of a level: quadrature, products of pairs of nodes, interpolation."""
     quadrature = grid.quadrature
-    tables = {
-        "weights": quadrature.weights[0],
-        "values": quadrature.values,
-        "slopes": quadrature.slopes[0],
-        "products": _products_of_pairs(grid).transpose(0, 2, 1),
-        "refine": refine,
-    }
+    weights, values, slopes = quadrature.weights[0], quadrature.values, quadrature.slopes[0]
+    b, a = np.tril_indices(grid.degree + 1)
+    factors = ((values, values), (values, slopes), (slopes, values), (slopes, slopes))
+    products = [(weights[:, None] * one[:, a] * other[:, b]).T for one, other in factors]
+    refine = np.zeros((0, 0))
+    if coarser is not None:
+        refine = coarser.interpolate(coarser.in_segments(np.eye(coarser.size)), grid.nodes)
+    tables = {"weights": weights, "values": values, "slopes": slopes, "refine": refine}
+    tables["products"] = np.array(products)
     return {name: np.ascontiguousarray(table) for name, table in tables.items()}
 
 
-def _pairs_of_nodes(grid: Grid) -> tuple[np.ndarray, np.ndarray]:
-    """The pairs a <= b of nodes of one segment, b first from the smallest."""
-    pairs = [(a, b) for b in range(grid.degree + 1) for a in range(b + 1)]
-    first, second = np.array(pairs).T
-    return first, second
-
-
-def _products_of_pairs(grid: Grid) -> Array:
-    """W B_a B_b, w B_a D_b, w D_a B_b, w D_a D_b at the points of a segment, (4, points, pairs)."""
-    quadrature = grid.quadrature
-    weights, values, slopes = quadrature.weights[0], quadrature.values, quadrature.slopes[0]
-    a, b = _pairs_of_nodes(grid)
-    factors = ((values, values), (values, slopes), (slopes, values), (slopes, slopes))
-    products = [weights[:, None] * one[:, a] * other[:, b] for one, other in factors]
-    return np.array(products)
-
-
-@lru_cache(maxsize=8)
-def levels_of(grids: Sequence[tuple[int, int]], first: int) -> Levels:
+def _levels(first: int, *grids: tuple[int, int]) -> Levels:
     """Levels of grids given by (segments, degree)."""
-    return Levels(tuple(Grid(*each) for each in grids), first)
+    return Levels(first, tuple(Grid(*each) for each in grids))
 
 
-_LEVELS = levels_of(((1, 5), (1, 10), (1, 18), (1, 28), (2, 20), (4, 20)), 2)
+_LEVELS = _levels(2, (1, 5), (1, 10), (1, 18), (1, 28), (2, 20), (4, 20))
 # Where these fail, other coarse grids often lead to another minimum, and so does continuation.
 _OTHER_LEVELS = (
-    levels_of(((1, 6), (1, 12), (1, 20), (1, 30), (2, 20), (4, 20)), 2),
-    levels_of(((1, 8), (1, 16), (1, 24), (2, 20), (4, 20), (8, 20)), 2),
+    _levels(2, (1, 6), (1, 12), (1, 20), (1, 30), (2, 20), (4, 20)),
+    _levels(2, (1, 8), (1, 16), (1, 24), (2, 20), (4, 20), (8, 20)),
 )
-_CONTINUED = levels_of(((1, 12), (1, 20), (1, 30), (2, 20), (4, 20), (8, 20)), 1)
+_CONTINUED = _levels(1, (1, 12), (1, 20), (1, 30), (2, 20), (4, 20), (8, 20))
 # On the geodesic of a relaxed metric; sharp turns need fine grids.
-_RELAXED = levels_of(((2, 20), (4, 20), (8, 20), (16, 20)), 0)
+_RELAXED = _levels(0, (2, 20), (4, 20), (8, 20), (16, 20))
 # Multiples of the diagonal of G(q0) that are added to G, from large to small.
 _ADDED = (10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
 # Paths through random points: number, and offset from the straight line relative to its length.
@@ -167,9 +167,8 @@ def find_by_newton(
         q0, q1: the ends (n,), not the same.
         guess: a path between them; None is the straight line.
         thorough: where the first pass fails, try other coarse grids, the geodesic of the relaxed
-            metric, a continuation in a diagonal added to G, the way back, paths through random
-            points, and Ipopt: always as many attempts, so that what is found does not depend on the
-            machine.
+            metric, a continuation in a diagonal added to G, the way back, and paths through random
+            points: always as many attempts, so that what is found does not depend on the machine.
 
     Raises:
         NotConverged: none was found; `solution` is the path on which the first attempt ended.
@@ -185,9 +184,6 @@ def find_by_newton(
         last = last or attempt
         reasons.append(attempt.reason)
     assert last is not None
-    if thorough:
-        with suppress(NotConverged):
-            return find_by_ipopt(metric, q0, q1, guess)
     if ROUNDING in reasons:
         cause = "geodesics diverge so fast that rounding errors exceed 1e-9 at the goal"
     else:
@@ -195,31 +191,23 @@ def find_by_newton(
     raise NotConverged(
         f"no geodesic was found from {q0} to {q1}: {cause} ({reasons[0]}; number of attempts: "
         f"{len(reasons)})",
-        _as_path(metric, last),
+        Path(metric, last.grid, last.nodes) if np.all(np.isfinite(last.nodes)) else None,
     )
-
-
-def _as_path(metric: Metric, attempt: Attempt) -> Path | None:
-    """The last path of an attempt, if it is finite."""
-    if not np.all(np.isfinite(attempt.nodes)):
-        return None
-    return Path(metric, attempt.grid, attempt.nodes)
 
 
 def _attempts(
     metric: Metric, q0: Array, q1: Array, guess: Path | None, thorough: bool, relax: bool = True
 ) -> Iterator[Attempt]:
-    none = np.zeros((0, metric.dim))
-    yield _pass(metric, q0, q1, _LEVELS, _start(_LEVELS, q0, q1, guess), none)
+    yield _pass(metric, q0, q1, _LEVELS, _start(_LEVELS, q0, q1, guess))
     if not thorough:
         return
     for levels in _OTHER_LEVELS:
-        yield _pass(metric, q0, q1, levels, _start(levels, q0, q1, guess), none)
+        yield _pass(metric, q0, q1, levels, _start(levels, q0, q1, guess))
     if relax and metric.relaxed is not None:
         attempts = _attempts(metric.relaxed, q0, q1, guess, thorough, relax=False)
         if easier := next((each for each in attempts if each.velocity is not None), None):
             path = Path(metric, easier.grid, easier.nodes)
-            yield _pass(metric, q0, q1, _RELAXED, _start(_RELAXED, q0, q1, path), none)
+            yield _pass(metric, q0, q1, _RELAXED, _start(_RELAXED, q0, q1, path))
     added = np.outer(_ADDED, np.diag(metric.matrix(q0)))
     yield _pass(metric, q0, q1, _CONTINUED, _start(_CONTINUED, q0, q1, guess), added)
     yield _back(metric, q0, q1, guess)
@@ -229,22 +217,20 @@ def _attempts(
         size = np.exp(rng.uniform(*np.log(_OFFSET))) * np.linalg.norm(q1 - q0)
         s = _LEVELS.grids[0].nodes[:, None]
         bulge = 4.0 * s * (1.0 - s) * size * direction / np.linalg.norm(direction)
-        yield _pass(metric, q0, q1, _LEVELS, q0 + s * (q1 - q0) + bulge, none)
+        yield _pass(metric, q0, q1, _LEVELS, q0 + s * (q1 - q0) + bulge)
 
 
 def _back(metric: Metric, q0: Array, q1: Array, guess: Path | None) -> Attempt:
     """The geodesic from q1 to q0, traversed backwards."""
-    x = _start(_LEVELS, q0, q1, guess)[::-1]
-    back = _pass(metric, q1, q0, _LEVELS, np.ascontiguousarray(x), np.zeros((0, metric.dim)))
-    failed = back._replace(nodes=back.nodes[::-1], velocity=None)
+    back = _pass(metric, q1, q0, _LEVELS, _start(_LEVELS, q0, q1, guess)[::-1])
+    result = back._replace(nodes=back.nodes[::-1], velocity=None)
     if back.velocity is None:
-        return failed
+        return result
     try:
-        _, velocities = sample_geodesic(metric, q1, back.velocity, np.array([0.0, 1.0]))
-        found = find_by_shooting(metric, q0, q1, -velocities[-1])
+        _, velocities = sample_geodesic(metric, q1, back.velocity, _UNIT_INTERVAL)
+        return result._replace(velocity=find_by_shooting(metric, q0, q1, -velocities[-1]).velocity)
     except (IntegrationFailed, NotConverged) as failure:
-        return failed._replace(reason=str(failure))
-    return failed._replace(velocity=found.velocity)
+        return result._replace(reason=str(failure))
 
 
 def _start(levels: Levels, q0: Array, q1: Array, guess: Path | None) -> Array:
@@ -257,17 +243,165 @@ def _start(levels: Levels, q0: Array, q1: Array, guess: Path | None) -> Array:
     return nodes
 
 
-def _pass(metric: Metric, q0: Array, q1: Array, levels: Levels, x: Array, added: Array) -> Attempt:
-    """All levels from coarse to fine."""
+def _pass(
+    metric: Metric, q0: Array, q1: Array, levels: Levels, x: Array, added: Array | None = None
+) -> Attempt:
+    """All levels from coarse to fine, from nodes x on the first."""
     velocity, nodes, status, statistics = metric.kernels.log_map(
         q0,
         q1,
         x,
         levels.structures,
         levels.first,
-        levels.largest,
-        np.ascontiguousarray(added),
         Tolerances(STEP, wanted_error(q0, q1), TOLERANCE),
+        added,
     )
     grid = levels.grids[statistics.level]
     return Attempt(velocity if status == 0 else None, grid, nodes, _STATUS.get(status, ""))
+
+
+def check_straight_line(metric: Metric, q0: Array, q1: Array, guess: Path | None) -> None:
+    """ValueError if the metric is not finite, or not positive, along the initial guess."""
+    s = np.linspace(0.0, 1.0, _SAMPLES)
+    samples = q0 + s[:, None] * (q1 - q0) if guess is None else guess(s)
+    metric.check_domain_along("the guess", s, samples)
+    for q in samples:
+        tensor = metric.matrix(q)
+        if not (np.all(np.isfinite(tensor)) and np.all(np.diag(tensor) > 0.0)):
+            raise ValueError(f"the metric is not finite and positive along the guess: at {q}")
+
+
+def likely_cause(metric: Metric, nodes: Array) -> str:
+    """A singularity that the last path (k, n) passes, or what else the cause may be."""
+    finite = nodes[np.all(np.isfinite(nodes), axis=1)]
+    for sample in finite:
+        if cause := metric.near_singularity(sample):
+            return cause
+    sizes = np.array([np.diag(metric.matrix(sample)) for sample in finite])
+    ratios = sizes.max(axis=0) / sizes.min(axis=0)
+    if ratios.max() > _LARGE_RATIO:
+        worst = int(np.argmax(ratios))
+        names = metric.joint_names or [f"q[{index}]" for index in range(metric.dim)]
+        low, high = (finite[pick(sizes[:, worst])] for pick in (np.argmin, np.argmax))
+        return (
+            f"between {low} and {high} the squared length along {names[worst]} grows by "
+            f"{ratios[worst]:.0e}: one of them is near a singularity or a boundary"
+        )
+    return "no path from any of the attempts led to one; the goal may lie at a conjugate point"
+
+
+def find_by_shooting(metric: Metric, q0: Array, q1: Array, velocity: Array) -> ConnectingGeodesic:
+    """The geodesic that shooting finds from an initial velocity, of minimal energy or not.
+
+    Raises:
+        NotConverged: Newton's method found no geodesic that ends at q1.
+    """
+    try:
+        return _shoot(metric, q0, q1, velocity)
+    except (IntegrationFailed, np.linalg.LinAlgError) as failure:
+        raise NotConverged(f"shooting from {velocity}: {failure}") from None
+
+
+def _shoot(metric: Metric, q0: Array, q1: Array, velocity: Array) -> ConnectingGeodesic:
+    """Newton's method with step halving."""
+    for _ in range(_MAX_SHOTS):
+        end, jacobian = exp_with_derivative(
+            metric, q0, velocity, _COARSE_TOLERANCE, max_steps=MAX_STEPS
+        )
+        error = end - q1
+        if np.abs(error).max() <= _CLOSE:
+            inverse = np.asarray(np.linalg.inv(jacobian), dtype=float)
+            corrected, _ = correct_velocity(metric, q0, q1, velocity, inverse)
+            if corrected is not None:
+                return ConnectingGeodesic(q0, q1, corrected)
+            break
+        step, damping = np.linalg.solve(jacobian, error), 1.0
+        while damping > _MIN_DAMPING:
+            try:
+                changed = velocity - damping * step
+                missed = _end_point(metric, q0, changed, _COARSE_TOLERANCE) - q1
+            except IntegrationFailed:
+                missed = np.full_like(error, np.inf)
+            if np.linalg.norm(missed) <= (1.0 - _REDUCTION * damping) * np.linalg.norm(error):
+                break
+            damping /= 2.0
+        else:
+            break
+        velocity = velocity - damping * step
+    raise NotConverged(f"shooting from {q0} with {velocity} does not reach {q1}")
+
+
+def correct_velocity(
+    metric: Metric, q0: Array, q1: Array, velocity: Array, by_goal: Array
+) -> tuple[Array | None, str]:
+    """Correct the velocity (n,) until Exp_q0(velocity) is q1, with its derivative by q1 (n, n).
+
+    Corrections end at an endpoint error of `wanted_error`, or where they gain nothing and the error
+    is at most TOLERANCE. The result was integrated with two different tolerances of the steps.
+
+    Returns the velocity, or None and why there is none.
+    """
+    wanted, last, step, is_fine = wanted_error(q0, q1), np.inf, STEP, False
+    before = change = np.zeros_like(velocity)
+    try:
+        for number in range(_ROUNDS):
+            after_coarse, is_fine = not is_fine, last < _NEAR
+            tolerance = step if is_fine else _COARSER * step
+            difference = _end_point(metric, q0, velocity, tolerance) - q1
+            error = float(np.abs(difference).max())
+            if not (error < _CONTRACTION * last or error <= TOLERANCE):
+                if not error < _STALLED or step <= _SMALLEST:
+                    return None, ROUNDING if error < _ROUNDED else _FAR.format(error)
+                step = max(_SMALLEST, step / _COARSER)
+            elif number:
+                by_goal = _update(by_goal, difference - before, change)
+            before, change = difference, -by_goal @ difference
+            velocity = velocity + change
+            if is_fine and error <= TOLERANCE and (error <= wanted or error >= _CONTRACTION * last):
+                if step < STEP and not _survives_rounding(metric, q0, q1, velocity, step):
+                    return None, ROUNDING
+                end = q1 if after_coarse else _end_point(metric, q0, velocity, _COARSER * step)
+                if np.abs(end - q1).max() / 2.0 <= TOLERANCE:
+                    return velocity, ""
+                if step <= _SMALLEST:
+                    return None, ROUNDING
+                step, error = max(_SMALLEST, step / _COARSER), _NEAR / 10.0
+            last = error
+    except IntegrationFailed as failure:
+        place = "" if failure.time is None else f" at s = {failure.time:.3g}"
+        return None, f"its integration fails{place}"
+    return None, _FAR.format(last)
+
+
+def _survives_rounding(metric: Metric, q0: Array, q1: Array, velocity: Array, step: float) -> bool:
+    """Whether the geodesic meets the goal also from a velocity changed by a few roundings."""
+    change = 4.0 * np.spacing(np.abs(velocity))
+    try:
+        ends = [_end_point(metric, q0, velocity + s * change, step) for s in (-1.0, 1.0)]
+    except IntegrationFailed:
+        return False
+    return bool(np.abs(np.array(ends) - q1).max() <= TOLERANCE)
+
+
+def _end_point(metric: Metric, q0: Array, velocity: Array, tolerance: float) -> Array:
+    positions, _ = integrate_geodesic(
+        metric, q0, velocity, _UNIT_INTERVAL, tolerance, max_steps=MAX_STEPS
+    )
+    return np.asarray(positions[-1])
+
+
+def _update(inverse: Array, difference: Array, change: Array) -> Array:
+    """Broyden's second update of the inverse derivative."""
+    along, row = inverse @ difference, change @ inverse
+    product = float(change @ along)
+    if abs(product) <= 0.1 * float(change @ change):
+        return inverse
+    return inverse + np.outer(change - along, row) / product
+
+
+def wanted_error(q0: Array, q1: Array) -> float:
+    """Endpoint error at which corrections of a geodesic from q0 to q1 end [rad or m].
+
+    Short geodesics are corrected down to rounding: their direction counts, too.
+    """
+    return CHECK_TOLERANCE * min(1.0, float(np.abs(q1 - q0).max()))

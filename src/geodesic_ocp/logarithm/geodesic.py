@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -13,12 +14,8 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, as_vector
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
 from geodesic_ocp.figures.path_figure import draw_path
-from geodesic_ocp.logarithm.correction import (
-    CHECK_TOLERANCE,
-    TOLERANCE,
-    ConnectingGeodesic,
-)
-from geodesic_ocp.logarithm.multi_start import find_geodesics
+from geodesic_ocp.logarithm.by_newton import CHECK_TOLERANCE, TOLERANCE, ConnectingGeodesic
+from geodesic_ocp.logarithm.log import find_geodesics
 from geodesic_ocp.manifold.exp import exp, sample_geodesic
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.ocp.certificate import Certificate, certify
@@ -27,6 +24,8 @@ from geodesic_ocp.trajectory.path import Path
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+_RESOLVED = 1e-6  # accuracy of the velocity of a path, relative to the largest
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -168,29 +167,40 @@ def geodesic_from_velocity(metric: Metric, q0: ArrayLike, v0: ArrayLike) -> Geod
 
 def _sample_path(metric: Metric, found: ConnectingGeodesic) -> Geodesic:
     """The geodesic as a path on the coarsest grid that resolves its velocity."""
+
+    def integrate(times: Array) -> tuple[Array, Array]:
+        """As accurately as possible, at least to 1e-9."""
+        for tolerance in (CHECK_TOLERANCE, TOLERANCE):
+            try:
+                return sample_geodesic(metric, found.q0, found.velocity, times, tolerance=tolerance)
+            except IntegrationFailed as error:
+                failure = error
+        raise NotConverged(f"the geodesic cannot be sampled along its length: {failure}")
+
+    return Geodesic(metric, *sampled(found, integrate), found.velocity)
+
+
+def sampled(
+    found: ConnectingGeodesic, integrate: Callable[[Array], tuple[Array, Array]]
+) -> tuple[Grid, Array]:
+    """The coarsest grid that resolves the velocity of a geodesic, and the positions at its nodes.
+
+    Args:
+        found: the geodesic.
+        integrate: gives its positions and velocities, (k, n) each, at times (k,) from 0 to 1.
+
+    Raises:
+        NotConverged: it bends too sharply for the finest grid.
+    """
     for grid in found.grids:
-        nodes, velocities = _integrate_at_nodes(metric, found, grid)
-        path = Geodesic(metric, grid, np.vstack([nodes[:-1], found.q1]), found.velocity)
-        slopes = grid.differentiation @ grid.in_segments(path.nodes)
+        nodes, velocities = integrate(grid.nodes)
+        nodes = np.vstack([nodes[:-1], found.q1])
+        slopes = grid.differentiation @ grid.in_segments(nodes)
         error = np.abs(slopes - grid.in_segments(velocities)).max()
         rounding = np.finfo(float).eps * np.abs(grid.differentiation).max() * np.abs(nodes).max()
-        if error <= 1e-6 * np.abs(velocities).max() + 10.0 * rounding:
-            return path
+        if error <= _RESOLVED * np.abs(velocities).max() + 10.0 * rounding:
+            return grid, nodes
     raise NotConverged(
         f"the geodesic from {found.q0} to {found.q1} bends too sharply for {grid.segments} "
         f"segments of degree {grid.degree}: the error of its velocity is {error:.1e}"
     )
-
-
-def _integrate_at_nodes(
-    metric: Metric, found: ConnectingGeodesic, grid: Grid
-) -> tuple[Array, Array]:
-    """Positions and velocities at the grid's nodes, as accurate as possible, at least to 1e-9."""
-    for tolerance in (CHECK_TOLERANCE, TOLERANCE):
-        try:
-            return sample_geodesic(
-                metric, found.q0, found.velocity, grid.nodes, tolerance=tolerance
-            )
-        except IntegrationFailed as error:
-            failure = error
-    raise NotConverged(f"the geodesic cannot be sampled along its length: {failure}")

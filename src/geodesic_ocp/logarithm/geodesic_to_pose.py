@@ -14,7 +14,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_positive, as_rotation, as_vector
+from geodesic_ocp.arrays import Array, ShortRepr, as_positive, as_rotation, as_vector
 from geodesic_ocp.errors import GeodesicOcpError, NotConverged
 from geodesic_ocp.logarithm.geodesic import Geodesic, geodesic_from_velocity
 from geodesic_ocp.logarithm.log import log
@@ -22,9 +22,9 @@ from geodesic_ocp.logarithm.pose_shooting import (
     PoseTarget,
     ShootingResult,
     descend_transported_gradient,
-    metric_of,
     shoot,
 )
+from geodesic_ocp.manifold.metrics import metric_of
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.ocp.pose_search import pose_difference
 
@@ -33,7 +33,7 @@ ENERGY_WEIGHT = 1e-8
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ToPose:
+class ToPose(ShortRepr):
     """A geodesic to a pose of the hand.
 
     Attributes:
@@ -58,12 +58,7 @@ class ToPose:
     success: bool
     status: str
 
-    def __repr__(self) -> str:
-        length = 0.0 if self.path is None else float(np.sqrt(2.0 * self.energy))
-        return (
-            f"ToPose(geodesic of length {length:.6g}, pose error {self.position_error:.3g} m and "
-            f"{self.rotation_error:.3g} rad,\n  success={self.success}: {self.status})"
-        )
+    _shown = ("velocity", "position_error", "rotation_error", "energy", "success", "status")
 
 
 def geodesic_to_pose(
@@ -125,7 +120,11 @@ def geodesic_to_pose(
     target_rotation = np.eye(3) if rotation is None else as_rotation("rotation", rotation)
     given = np.array([position is not None, rotation is not None])
     factors = given * [as_positive(f"weights[{k}]", weights[k]) for k in (0, 1)]
-    v0 = _initial_guess(model, q0, velocity, towards)
+    if velocity is not None and towards is not None:
+        raise ValueError("give velocity or towards, not both")
+    v0 = np.zeros(model.dof) if velocity is None else as_vector("velocity", velocity, model.dof)
+    if towards is not None:
+        v0 = log(metric_of(model), q0, as_vector("towards", towards, model.dof))
     target = PoseTarget(model, q0, target_position, target_rotation, factors)
     if method == "newton":
         found = shoot(target, v0, as_positive("energy_weight", energy_weight))
@@ -140,18 +139,6 @@ def geodesic_to_pose(
             result,
         )
     return result
-
-
-def _initial_guess(
-    model: Model, q0: Array, velocity: ArrayLike | None, towards: ArrayLike | None
-) -> Array:
-    if velocity is not None and towards is not None:
-        raise ValueError("give velocity or towards, not both")
-    if towards is not None:
-        return log(metric_of(model), q0, as_vector("towards", towards, model.dof))
-    if velocity is not None:
-        return as_vector("velocity", velocity, model.dof)
-    return np.zeros(model.dof)
 
 
 def _as_result(target: PoseTarget, found: ShootingResult, given: Array) -> ToPose:

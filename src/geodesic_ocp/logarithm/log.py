@@ -1,18 +1,60 @@
-"""The logarithmic map and the Riemannian distance."""
+"""The logarithmic map, the Riemannian distance and the Fréchet mean; geodesics from many starts.
+
+Without constraints, Newton's method on the discrete energy finds one in milliseconds (`by_newton`);
+Ipopt solves the same NLP, as reference and where there is no compiler (`by_ipopt`). The argument
+`solver`, or the environment variable GEODESIC_OCP_SOLVER, chooses.
+
+The first guess is the straight line. Where coordinates are periodic, straight lines to goals a
+period away follow, the nearest first. The remaining guesses alternate between a path through a
+random waypoint, which leads to a geodesic of locally minimal energy, and shooting with the
+perturbed or reversed velocity of a geodesic found before, which can lead to any geodesic,
+including those that are not minimal.
+"""
 
 from __future__ import annotations
 
+import os
+from contextlib import suppress
+from itertools import product
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array
-from geodesic_ocp.logarithm.multi_start import find_geodesics
-from geodesic_ocp.manifold.metric import Metric, has_compiled_code
-from geodesic_ocp.over_rows import over_rows
+from geodesic_ocp.arrays import Array, as_integer, real_array
+from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.logarithm.by_ipopt import find_by_ipopt
+from geodesic_ocp.logarithm.by_newton import ConnectingGeodesic, find_by_newton, find_by_shooting
+from geodesic_ocp.manifold.exp import exp
+from geodesic_ocp.manifold.metric import Metric, as_metric, over_rows
+from geodesic_ocp.trajectory.grid import Grid
+from geodesic_ocp.trajectory.path import Path
+
+SOLVERS = ("newton", "ipopt")
+ENVIRONMENT_VARIABLE = "GEODESIC_OCP_SOLVER"
+# Between points this close, relative to their coordinates, node positions have too few digits for
+# Newton's method; the logarithm is their difference and a small correction.
+_NEARBY = 1e-5
+# Agreement of the correction by one step and by two, relative to the distance: rounding.
+_AGREEMENT = 1e-14
+_CORRECTIONS = 4
+# Two geodesics are the same if their initial velocities differ by less than this, relatively.
+_SAME = 1e-6
+_GRID = Grid(1, 20)  # of initial guesses
+_WAYPOINT = (0.3, 2.0)  # range of its offset from the straight line, relative to |q1 - q0|
+_PERTURBATION = (0.03, 0.3)  # range of a velocity's perturbation, relative to its norm
+_REVERSED = (0.5, 8.0)  # range of a reversed velocity's norm, relative to that of the original
+_MAX_PERIODIC = 6  # coordinates of which goals one period to either side are tried
+_EQUAL = 1e-6
+# Of the mean: logarithms are accurate to 1e-9; the condition is met relative to the points' spread.
+_TOLERANCE = 1e-8
+# Means of equal points, or nearly equal ones, are as exact as their coordinates.
+_ROUNDING = 4.0 * np.finfo(float).eps
+_MAX_STEPS = 100
+_SMALLEST_STEP = 1e-3
 
 
-@over_rows(has_compiled_code)
+@over_rows
 def log(
     metric: Metric,
     q0: ArrayLike,
@@ -50,7 +92,7 @@ def log(
     return find_geodesics(metric, q0, q1, num_starts, seed, solver)[0].velocity
 
 
-@over_rows(has_compiled_code)
+@over_rows
 def distance(
     metric: Metric,
     q0: ArrayLike,
@@ -68,3 +110,256 @@ def distance(
     """
     velocity = log(metric, q0, q1, num_starts=num_starts, seed=seed, solver=solver)
     return float(metric.norm(q0, velocity))
+
+
+def frechet_mean(metric: Metric, points: ArrayLike, weights: ArrayLike | None = None) -> Array:
+    """Fréchet mean (n,) of k points (k, n): the x that minimizes sum_i w_i d(x, x_i)^2.
+
+    Its first-order condition is sum_i w_i Log_x(x_i) = 0 (Karcher, "Riemannian center of mass and
+    mollifier smoothing", 1977). The gradient descent along that sum starts from the mean of the
+    coordinates, and ends where the sum is at most 1e-8 of the points' spread. In a space of
+    positive curvature, points that are far apart can have several means; this is one of them.
+
+    Points are taken as they are, also where coordinates are periodic (`Metric.periods`).
+
+    >>> import geodesic_ocp as go
+    >>> metric = go.KineticEnergy(go.human_arm())
+    >>> q0, q1 = [0.0, 0.1, -0.5, 0.8, 0.0, 0.0, 0.0], [0.6, 0.2, -0.9, 1.4, 0.1, 0.0, 0.1]
+    >>> go.frechet_mean(metric, [q0, q1]).round(3)  # of two points: halfway along the geodesic
+    array([ 0.185,  0.102, -0.742,  1.445,  0.11 , -0.528,  0.187])
+
+    Args:
+        metric: of the manifold.
+        points: k points, at least one.
+        weights: k positive numbers, of which only the ratios count; None: equal weights.
+
+    Raises:
+        ValueError: wrong shapes or values, or a point where the metric is not defined.
+        NotConverged: a logarithm was not found, or the condition was not met.
+    """
+    n = as_metric(metric).dim
+    samples = real_array(points, "points")
+    if samples.ndim != 2 or samples.shape[1] != n or len(samples) == 0:
+        raise ValueError(f"points must have shape (k, {n}) with k > 0, got {samples.shape}")
+    for index, point in enumerate(samples):
+        metric.point(f"points[{index}]", point)
+    w = np.ones(len(samples)) if weights is None else real_array(weights, "weights")
+    if w.shape != (len(samples),) or not np.all(np.isfinite(w)) or np.any(w <= 0.0):
+        raise ValueError(
+            f"weights must be {len(samples)} finite numbers above zero, got {weights!r}"
+        )
+    w = w / w.sum()
+
+    x: Array = w @ samples
+    step, smallest = 1.0, np.inf
+    origin = direction = x
+    for _ in range(_MAX_STEPS):
+        logs = np.array([log(metric, x, point) for point in samples])
+        gradient = w @ logs
+        spread = max(metric.norm(x, each) for each in logs)
+        size = metric.norm(x, gradient)
+        if size <= _TOLERANCE * spread or np.all(np.abs(gradient) <= _ROUNDING * np.abs(x).max()):
+            return x
+        if size < smallest:
+            smallest, origin, direction = size, x, gradient
+        else:  # a step too far: repeat it with half the size
+            step /= 2.0
+            if step < _SMALLEST_STEP:
+                break
+        x = exp(metric, origin, step * direction)
+    raise NotConverged(
+        f"no mean of {len(samples)} points was found: at {origin} the mean of their logarithms has "
+        f"norm {smallest:.1e}, the farthest point is {spread:.1e} away. They may lie too far apart "
+        "to have a mean."
+    )
+
+
+def find_geodesics(
+    metric: Metric,
+    q0: ArrayLike,
+    q1: ArrayLike,
+    num_starts: int,
+    seed: int,
+    solver: str | None = None,
+) -> list[ConnectingGeodesic]:
+    """The distinct geodesics found from `num_starts` initial guesses, shortest first.
+
+    Raises:
+        ValueError: wrong points, num_starts is not a positive integer, seed is not a non-negative
+            integer, the metric's periods are wrong, or there is no such solver.
+        NotConverged: none was found.
+    """
+    metric, solver = as_metric(metric), as_solver(solver)
+    start, goal = metric.point("q0", q0), metric.point("q1", q1)
+    count = as_integer("num_starts", num_starts, 1)
+    rng = np.random.default_rng(as_integer("seed", seed, 0))
+    if count == 1:
+        return [find_from_path(metric, start, goal, None, solver)]
+    goals = _periodic_goals(metric, start, goal)[:count]
+    found: list[ConnectingGeodesic] = []
+    failures: list[NotConverged | ValueError] = []
+    # All geodesics are straight lines where the metric tensor is constant.
+    for number in range(len(goals) if metric.has_constant_tensor else count):
+        try:
+            if number < len(goals):
+                first = number == 0
+                new = find_from_path(metric, start, goals[number], None, solver, thorough=first)
+            elif (number - len(goals)) % 3 < 2 or not found:
+                if (number - len(goals)) % 3 == 0:
+                    goal = goals[int(rng.integers(len(goals)))]
+                    offset = _random_direction(metric, rng, _WAYPOINT)
+                else:
+                    offset = -offset  # to the other side
+                s = _GRID.nodes[:, None]
+                bulge = 4.0 * s * (1.0 - s) * np.linalg.norm(goal - start) * offset
+                guess = Path(metric, _GRID, start + s * (goal - start) + bulge)
+                new = find_from_path(metric, start, goal, guess, solver, thorough=False)
+            else:
+                near = found[int(rng.integers(len(found)))]
+                goal, change = near.q1, _random_direction(metric, rng, _PERTURBATION, near)
+                velocity = near.velocity + change
+                if len(goals) > 1 and (number - len(goals)) % 2:
+                    # Where a coordinate is periodic, the opposite direction leads to the goal, too.
+                    goal = goals[int(rng.integers(len(goals)))]
+                    velocity = -np.exp(rng.uniform(*np.log(_REVERSED))) * near.velocity
+                if are_nearby(start, goal):  # there is no other geodesic as short
+                    continue
+                new = find_by_shooting(metric, start, goal, velocity)
+        except (NotConverged, ValueError) as failure:
+            failures.append(failure)
+            continue
+        size = metric.norm(start, new.velocity)
+        differences = (metric.norm(start, new.velocity - other.velocity) for other in found)
+        if all(difference > _SAME * size for difference in differences):
+            found.append(new)
+    if not found:
+        raise NotConverged(
+            f"no geodesic was found from any of {count} starts. From the straight line: "
+            f"{failures[0]}. From the last: {failures[-1]}",
+            getattr(failures[0], "solution", None),
+        )
+    return sorted(found, key=lambda each: float(metric.norm(start, each.velocity)))
+
+
+def find_from_path(
+    metric: Metric, q0: Array, q1: Array, guess: Path | None, solver: str, *, thorough: bool = True
+) -> ConnectingGeodesic:
+    """The geodesic of locally minimal energy near a path, or near the straight line.
+
+    Raises:
+        NotConverged: none was found, or it does not end at q1 when integrated forward.
+        ValueError: the metric is not finite along the path.
+    """
+    if metric.has_constant_tensor or np.array_equal(q0, q1):
+        return ConnectingGeodesic(q0, q1, q1 - q0)
+    if are_nearby(q0, q1):
+        velocity = _velocity_to_nearby(metric, q0, q1)
+        if velocity is not None:
+            return ConnectingGeodesic(q0, q1, velocity)
+    if solver == "ipopt" or not metric.kernels.available():
+        return find_by_ipopt(metric, q0, q1, guess, thorough=thorough)
+    try:
+        return find_by_newton(metric, q0, q1, guess, thorough=thorough)
+    except NotConverged:
+        if thorough:
+            with suppress(NotConverged):
+                return find_by_ipopt(metric, q0, q1, guess)
+        raise
+
+
+def as_solver(solver: str | None) -> str:
+    """The argument, the environment variable, or "newton"; ValueError if it is no solver."""
+    name = solver or os.environ.get(ENVIRONMENT_VARIABLE) or SOLVERS[0]
+    if name not in SOLVERS:
+        where = "solver" if solver else ENVIRONMENT_VARIABLE
+        raise ValueError(f"{where} must be one of {', '.join(SOLVERS)}, got {name!r}")
+    return name
+
+
+def are_nearby(q0: Array, q1: Array) -> bool:
+    """Whether the geodesic between two points is nearly a straight line, and found as such."""
+    return bool(np.abs(q1 - q0).max() <= _NEARBY * max(1.0, np.abs(q0).max()))
+
+
+def _velocity_to_nearby(metric: Metric, q0: Array, q1: Array) -> Array | None:
+    """Log_q0(q1) (n,) by integrating the displacement, which keeps its digits; None if too far.
+
+    A fixed-point iteration: over short distances, the displacement is nearly the initial velocity.
+    """
+    wanted = q1 - q0
+    size = np.abs(wanted).max()
+    velocity = wanted
+    for _ in range(_CORRECTIONS):
+        one, two = (_displacement(metric, q0, velocity, steps) for steps in (1, 2))
+        if not np.abs(one - two).max() <= _AGREEMENT * size:
+            return None
+        velocity = velocity + wanted - two
+        if np.abs(wanted - two).max() <= _AGREEMENT * size:
+            return np.asarray(velocity)
+    return None
+
+
+def _displacement(metric: Metric, q0: Array, v0: Array, steps: int) -> Array:
+    """Exp_q0(v0) - q0 (n,), by steps of the classical Runge-Kutta method."""
+    x, v, h = np.zeros_like(v0), v0, 1.0 / steps
+    for _ in range(steps):
+        a1 = metric.acceleration(q0 + x, v)
+        a2 = metric.acceleration(q0 + x + h / 2 * v, v + h / 2 * a1)
+        a3 = metric.acceleration(q0 + x + h / 2 * (v + h / 2 * a1), v + h / 2 * a2)
+        a4 = metric.acceleration(q0 + x + h * (v + h / 2 * a2), v + h * a3)
+        x, v = x + h * v + h * h / 6 * (a1 + a2 + a3), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+    return np.asarray(x)
+
+
+def _periodic_goals(metric: Metric, q0: Array, q1: Array) -> list[Array]:
+    """The goal, then goals whole periods away, sorted by the straight line's length at q0.
+
+    Raises:
+        ValueError: the metric's periods are wrong.
+    """
+    name, tensor = type(metric).__name__, metric.matrix(q1)
+    try:
+        periods = real_array(
+            np.full(metric.dim, np.inf) if metric.periods is None else metric.periods
+        )
+    except (TypeError, ValueError):
+        periods = np.zeros(0)
+    if periods.shape != (metric.dim,) or not np.all(periods > 0.0):
+        raise ValueError(
+            f"{name}.periods must be {metric.dim} positive numbers (inf where a coordinate is not "
+            f"periodic), got {metric.periods!r}"
+        )
+    periodic = np.flatnonzero(np.isfinite(periods))
+    for shift in np.diag(np.where(np.isfinite(periods), periods, 0.0))[periodic]:
+        if not np.abs(metric.matrix(q1 + shift) - tensor).max() <= _EQUAL * np.abs(tensor).max():
+            raise ValueError(
+                f"{name}.periods: the metric is not the same at {q1} and {shift.max():g} further "
+                f"in q[{np.argmax(shift)}]"
+            )
+    nearest = q1.copy()
+    nearest[periodic] -= periods[periodic] * np.round((q1 - q0)[periodic] / periods[periodic])
+    # Of many coordinates, those closest to half a period away matter most.
+    fractions = np.abs((nearest - q0)[periodic] / periods[periodic])
+    doubtful = periodic[np.argsort(-fractions)][:_MAX_PERIODIC]
+    goals = []
+    for revolutions in product((0, -1, 1), repeat=doubtful.size):
+        goal = nearest.copy()
+        goal[doubtful] += np.array(revolutions, dtype=float) * periods[doubtful]
+        if not np.array_equal(goal, q1):
+            goals.append(goal)
+    return [q1, *sorted(goals, key=lambda goal: float(metric.norm(q0, goal - q0)))]
+
+
+def _random_direction(
+    metric: Metric,
+    rng: np.random.Generator,
+    size: tuple[float, float],
+    near: ConnectingGeodesic | None = None,
+) -> Array:
+    """Random vector (n,) whose length is in this range, relative to that of a geodesic if given."""
+    direction = rng.normal(size=metric.dim)
+    length = np.exp(rng.uniform(*np.log(size)))
+    if near is None:
+        return np.asarray(length / np.linalg.norm(direction) * direction)
+    unit = metric.norm(near.q0, near.velocity) / metric.norm(near.q0, direction)
+    return np.asarray(length * unit * direction)

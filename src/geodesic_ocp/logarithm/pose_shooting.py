@@ -9,6 +9,7 @@ map.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
@@ -21,9 +22,9 @@ from geodesic_ocp.compiled.source import RK_A, RK_B, STAGES
 from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.ipopt import Ipopt, Outcome
 from geodesic_ocp.logarithm.geodesic import geodesic_from_velocity
+from geodesic_ocp.manifold.connection import parallel_transport
 from geodesic_ocp.manifold.exp import exp
-from geodesic_ocp.manifold.metrics import KineticEnergy
-from geodesic_ocp.manifold.parallel_transport import parallel_transport
+from geodesic_ocp.manifold.metrics import KineticEnergy, metric_of
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.pose_search import rotation_log
 from geodesic_ocp.trajectory.path import Path
@@ -62,6 +63,10 @@ class PoseTarget:
         """Of the model, the same object for the same model."""
         return metric_of(self.model)
 
+    def end(self, velocity: Array, steps: int) -> Array:
+        """Exp(velocity), (n,), by equal steps; not finite where they are too few."""
+        return np.asarray(_exp_function(self.model, steps)(self.q0, velocity).full()[:, 0])
+
     def pose_error(self, q: Array) -> Array:
         """Weighted position and rotation vector (6,) from the hand at q to the target."""
         pose = self.model.hand_pose(q)
@@ -84,24 +89,18 @@ def shoot(target: PoseTarget, velocity: Array, energy_weight: float) -> Shooting
     if direct.success:
         return direct
     iterations, best, reached = direct.iterations, direct, np.inf
-    weights = [weight for weight in _CONTINUATION if weight > energy_weight]
-    for weight in (*weights, energy_weight):
+    for weight in (*(each for each in _CONTINUATION if each > energy_weight), energy_weight):
         start = best.velocity if best.success else velocity
         result = _solve_with_accurate_steps(target, start, weight, _MORE_STEPS)
         iterations += result.iterations
-        if not result.success:
-            if best.success:
-                status = f"{best.status}, but only with energy weight {reached:g}"
-                return ShootingResult(best.velocity, iterations, False, status)
+        if result.success:
+            best, reached = result, weight
+        elif best.success:
+            status = f"{best.status}, but only with energy weight {reached:g}"
+            return ShootingResult(best.velocity, iterations, False, status)
+        else:
             break
-        best, reached = result, weight
     return best._replace(iterations=iterations)
-
-
-@lru_cache(maxsize=32)
-def metric_of(model: Model) -> KineticEnergy:
-    """The kinetic-energy metric of a model, whose functions are built once."""
-    return KineticEnergy(model)
 
 
 @lru_cache(maxsize=1)
@@ -120,52 +119,41 @@ def _solve_with_accurate_steps(
     target: PoseTarget, velocity: Array, energy_weight: float, steps: int
 ) -> ShootingResult:
     """Solve the NLP with one weight, with enough integrator steps to agree with `exp`."""
-    iterations, steps = 0, _steps_for_guess(target, velocity, steps)
+    with suppress(IntegrationFailed):  # more steps where the geodesic of the guess needs them
+        exact = exp(target.metric, target.q0, velocity)
+        while steps < _MAX_STEPS:
+            end = np.nan_to_num(target.end(velocity, steps), nan=np.inf)
+            if np.abs(end - exact).max() <= _ROUGH_AGREEMENT:
+                break
+            steps *= 2
+    iterations = 0
     while True:
         outcome = _solve(target, velocity, energy_weight, steps)
         iterations += outcome.iterations
-        found = outcome.x[: target.q0.size]
+        found, status = outcome.x[: target.q0.size], outcome.status
         if not outcome.success:
             found = found if np.all(np.isfinite(found)) else velocity
-            return ShootingResult(found, iterations, False, outcome.status)
-        end = _exp_function(target.model, steps)(target.q0, found).full()[:, 0]
+            return ShootingResult(found, iterations, False, status)
         try:
-            agrees = np.abs(end - exp(target.metric, target.q0, found)).max() <= _AGREEMENT
+            difference = target.end(found, steps) - exp(target.metric, target.q0, found)
         except IntegrationFailed as error:
             return ShootingResult(found, iterations, False, str(error))
-        if agrees:
-            return ShootingResult(found, iterations, True, outcome.status)
+        if np.abs(difference).max() <= _AGREEMENT:
+            return ShootingResult(found, iterations, True, status)
         if steps >= _MAX_STEPS:
             status = f"{steps} steps of the integrator are too few for this geodesic"
             return ShootingResult(found, iterations, False, status)
         steps, velocity = 2 * steps, found
 
 
-def _steps_for_guess(target: PoseTarget, velocity: Array, steps: int) -> int:
-    """At least this number of steps, more where the geodesic of the initial guess needs them."""
-    try:
-        exact = exp(target.metric, target.q0, velocity)
-    except IntegrationFailed:
-        return steps
-    while steps < _MAX_STEPS:
-        end = _exp_function(target.model, steps)(target.q0, velocity).full()[:, 0]
-        if np.abs(np.nan_to_num(end, nan=np.inf) - exact).max() <= _ROUGH_AGREEMENT:
-            break
-        steps *= 2
-    return steps
-
-
 def _solve(target: PoseTarget, velocity: Array, energy_weight: float, steps: int) -> Outcome:
     """In x = (v, r), where r is the pose error divided by the root of the energy's weight."""
-    tensor = target.metric.matrix(target.q0)
-    root = np.sqrt(energy_weight)
-    end = _exp_function(target.model, steps)(target.q0, velocity).full()[:, 0]
+    tensor, root = target.metric.matrix(target.q0), np.sqrt(energy_weight)
+    end = target.end(velocity, steps)
     # Where the guess is too fast for the number of steps, Ipopt will report it.
     error = target.pose_error(end if np.all(np.isfinite(end)) else target.q0) / root
-    p = np.concatenate([target.q0, target.position, target.rotation.ravel(order="F")])
-    p = np.concatenate(
-        [p, target.weights, [root], (tensor / float(np.trace(tensor))).ravel(order="F")]
-    )
+    columns = target.rotation.ravel(order="F"), (tensor / np.trace(tensor)).ravel(order="F")
+    p = np.concatenate([target.q0, target.position, columns[0], target.weights, [root], columns[1]])
     solver = _nlp(target.model, steps)
     return solver(x0=np.concatenate([velocity, error]), p=p, lbg=0.0, ubg=0.0)
 
@@ -178,19 +166,15 @@ def _nlp(model: Model, steps: int) -> Ipopt:
     q0, target_position, target_rotation, weights, root, tensor = ca.vertsplit(
         p, np.cumsum([0, n, 3, 9, 2, 1, n * n]).tolist()
     )
-    rotation, position = _hand_pose_function(model)(_exp_function(model, steps)(q0, v))
+    q = ca.SX.sym("q", n)
+    hand_pose = ca.Function("hand_pose", [q], list(model.hand_pose(q)))
+    rotation, position = hand_pose(_exp_function(model, steps)(q0, v))
     target = (target_position, ca.reshape(target_rotation, 3, 3))
     error = pose_error_function()(rotation, position, *target, weights)
     f = (ca.bilin(ca.reshape(tensor, n, n), v, v) + ca.sumsqr(r)) / 2
     # Pose errors are divided by a small number: a tighter tolerance is below rounding.
     options = {"max_iter": _MAX_ITERATIONS, "nlp_scaling_method": "none", "tol": 1e-8}
     return Ipopt({"x": x, "p": p, "f": f, "g": error / root - r}, options=options)
-
-
-@lru_cache(maxsize=32)
-def _hand_pose_function(model: Model) -> ca.Function:
-    q = ca.SX.sym("q", model.dof)
-    return ca.Function("hand_pose", [q], list(model.hand_pose(q)))
 
 
 @lru_cache(maxsize=32)

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_positive, as_vector, real_array
+from geodesic_ocp.arrays import Array, as_positive, as_vector
 from geodesic_ocp.errors import IntegrationFailed
-from geodesic_ocp.manifold.kernels import Integrator
-from geodesic_ocp.manifold.metric import Metric, as_metric, has_compiled_code
-from geodesic_ocp.over_rows import over_rows
+from geodesic_ocp.manifold.kernels import integrate_by_scipy
+from geodesic_ocp.manifold.metric import Metric, as_metric, over_rows, speeds_at
 
 _UNIT_INTERVAL = np.array([0.0, 1.0])
 # Initial tolerance of a step, relative to the tolerance of the end point, and its lower bound.
@@ -33,7 +32,7 @@ _ROUNDING = 4.0
 _DIFFERENCE, _DIFFERENCE_TOLERANCE = 1e-5, 1e-11
 
 
-@over_rows(has_compiled_code)
+@over_rows
 def exp(metric: Metric, q: Any, v: Any, *, tolerance: float = 1e-9) -> Array:
     """Exp_q(v): the point at time 1 of the geodesic from q (n,) with initial velocity v (n,).
 
@@ -71,14 +70,12 @@ def sample_geodesic(
 ) -> tuple[Array, Array]:
     """Positions and velocities, (k, n) each, of the geodesic of `exp` at k increasing times.
 
-    The geodesic starts at times[0], and every position is within the tolerance. Raises like `exp`.
+    The geodesic starts at times[0], and every position is within the tolerance.
+
+    Raises like `exp`.
     """
-    metric = as_metric(metric)
     point, velocity = metric.point("q", q), as_vector("v", v, metric.dim)
-    tolerance = as_positive("tolerance", tolerance)
-    instants = real_array(times, "times")
-    if instants.ndim != 1 or instants.size < 2 or not np.all(np.diff(instants) > 0):
-        raise ValueError("times must be at least two increasing numbers")
+    instants = np.asarray(times, dtype=float)
     if metric.has_constant_tensor:
         line = point + np.outer(instants - instants[0], velocity)
         return line, np.tile(velocity, (instants.size, 1))
@@ -117,11 +114,7 @@ def _check_speed(metric: Metric, positions: Array, velocities: Array) -> None:
 
     There the distance to the boundary loses its digits, in both integrations alike.
     """
-    if metric.kernels.loaded:
-        squares = metric.kernels.speeds(positions, velocities) ** 2
-    else:
-        tensors = [metric.matrix(q) for q in positions]
-        squares = np.einsum("ki,kij,kj->k", velocities, tensors, velocities)
+    squares = speeds_at(metric, positions, velocities) ** 2
     kept = np.abs(squares - squares[0]) <= _SPEED_CHANGE * squares[0]
     if not np.all(kept):
         first = int(np.argmin(kept))
@@ -149,8 +142,8 @@ def integrate_geodesic(
             states = metric.kernels.integrate(start, times, step_tolerance, max_steps)
         else:
             began = time.perf_counter()
-            states = Integrator(metric.geodesic_equation)(
-                start, times, step_tolerance, max_steps=max_steps
+            states = integrate_by_scipy(
+                metric.geodesic_equation, start, times, step_tolerance, max_steps=max_steps
             )
             metric.kernels.used(time.perf_counter() - began)
     except IntegrationFailed as failure:
@@ -176,14 +169,15 @@ def exp_with_derivative(
     their differences give the derivative to about five digits, in a fraction of the time.
 
     Raises:
-        IntegrationFailed: see `Integrator`.
+        IntegrationFailed: see `integrate_by_scipy`.
     """
     if metric.kernels.available(at_once=False):
         return _by_differences(metric, q, v, max_steps)
     n = metric.dim
     start = np.concatenate([q, v, np.zeros(n * n), np.eye(n).ravel()])
-    integrate = Integrator(metric.variation_equation)
-    states = integrate(start, _UNIT_INTERVAL, step_tolerance, max_steps=max_steps)
+    states = integrate_by_scipy(
+        metric.variation_equation, start, _UNIT_INTERVAL, step_tolerance, max_steps=max_steps
+    )
     return states[-1, :n], states[-1, 2 * n : (2 + n) * n].reshape(n, n).T
 
 

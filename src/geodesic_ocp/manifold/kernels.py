@@ -2,17 +2,18 @@
 
 The method is that of the compiled core, of order 8 by Dormand and Prince with error estimates of
 orders 5 and 3 (DOP853: Hairer, Norsett, Wanner, *Solving Ordinary Differential Equations I*,
-2nd ed., section II.5).
+2nd ed., section II.5). The core calls SciPy's BLAS and LAPACK, in one thread.
 """
 
 from __future__ import annotations
 
 import ctypes
+import threading
 import time
 from collections.abc import Callable
 from ctypes import byref, c_double, c_int, c_long, c_void_p
+from functools import lru_cache
 from itertools import pairwise
-from threading import local
 from typing import Any
 
 import casadi as ca
@@ -20,88 +21,87 @@ import numpy as np
 from scipy.integrate import DOP853
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.compiled.library import Library, blas, one_blas_thread
+from geodesic_ocp.compiled.library import Library
 from geodesic_ocp.errors import IntegrationFailed
 
 _SMALLEST_STEP = 1e-13  # relative to the interval
 _FINEST = 2.3e-14  # the smallest tolerance that SciPy takes
 
 
+class _IntegrationRecord(ctypes.Structure):
+    _fields_ = [("time", c_double), ("step", c_double), ("steps", c_long)]
+
+
 def _failure(
-    too_many: bool, time: float, step: float, steps: int, times: Array, tolerance: float, y: Array
+    too_many: bool, record: _IntegrationRecord, times: Array, tolerance: float, y: Array
 ) -> IntegrationFailed:
     """The exception for an integration over `times` that stopped early, at state y.
 
     Either there were too many steps, or the last step was too small.
     """
     why = (
-        f"{steps} steps were not enough, the last of {step:.1e}; the motion is too fast or the "
-        "tolerance too small"
+        f"{record.steps} steps were not enough, the last of {record.step:.1e}; the motion is too "
+        "fast or the tolerance too small"
         if too_many
-        else f"the step fell to {step:.1e}; the metric is singular there, or the tolerance cannot "
-        "be reached"
+        else f"the step fell to {record.step:.1e}; the metric is singular there, or the tolerance "
+        "cannot be reached"
     )
     return IntegrationFailed(
-        f"the integration stopped at t = {time:.6g} in [{times[0]:.6g}, {times[-1]:.6g}], with a "
-        f"tolerance of {tolerance:.1e} per step: {why}",
-        time,
+        f"the integration stopped at t = {record.time:.6g} in [{times[0]:.6g}, {times[-1]:.6g}], "
+        f"with a tolerance of {tolerance:.1e} per step: {why}",
+        record.time,
         y,
     )
 
 
-class Integrator:
-    """Integrates y' = f(y) or y' = f(y, p(t)).
+def integrate_by_scipy(
+    rate: ca.Function,
+    start: Array,
+    times: Array,
+    tolerance: float,
+    parameters: Callable[[float], Array] | None = None,
+    max_steps: int = 20_000,
+) -> Array:
+    """The solution of y' = f(y) or y' = f(y, p(t)) from y(times[0]) = start.
+
+    The estimated error of every step is at most `tolerance`, absolute for components below one and
+    relative above.
 
     Args:
-        rate: CasADi function y -> y' or (y, p) -> y', where p is a known function of time, such as
-            the position and velocity of the curve in parallel transport.
+        rate: y -> y' or (y, p) -> y', where p is a known function of time, such as the position and
+            velocity of the curve in parallel transport.
+        start: (n,).
+        times: increasing (k,).
+        tolerance: of a step.
+        parameters: p at a time.
+        max_steps: largest number of steps.
+
+    Returns:
+        States at the times, (k, n).
+
+    Raises:
+        IntegrationFailed: the step became too small, or more than `max_steps` were needed.
     """
 
-    def __init__(self, rate: ca.Function) -> None:
-        self._rate = rate
+    def slope(t: float, y: Array) -> Array:
+        p = [] if parameters is None else [parameters(t)]
+        return np.asarray(rate(y, *p).full()[:, 0])
 
-    def __call__(
-        self,
-        start: Array,
-        times: Array,
-        tolerance: float,
-        parameters: Callable[[Array], Array] | None = None,
-        max_steps: int = 20_000,
-    ) -> Array:
-        """The solution at the given times, (len(times), len(start)), from y(times[0]) = start.
-
-        The estimated error of every step is at most `tolerance`, absolute for components below one
-        and relative above. `parameters` returns p, (size, len(t)), at an array of times t.
-
-        Raises:
-            IntegrationFailed: the step became too small, or more than `max_steps` were needed.
-        """
-
-        def slope(t: float, y: Array) -> Array:
-            p = [] if parameters is None else [parameters(np.array([t]))]
-            return np.asarray(self._rate(y, *p).full()[:, 0])
-
-        interval = float(times[-1] - times[0])
-        states, taken, size = [np.array(start, dtype=float)], 0, interval / 8.0
-        tolerance = max(tolerance, _FINEST)
-        for begin, stop in pairwise(times.tolist()):
-            first = min(size, stop - begin)
-            solver = DOP853(
-                slope, begin, states[-1], stop, rtol=tolerance, atol=tolerance, first_step=first
-            )
-            while solver.status == "running":
-                solver.step()
-                taken, size = taken + 1, solver.h_abs
-                is_short = solver.status == "failed" or size < _SMALLEST_STEP * interval
-                if solver.status != "finished" and (is_short or taken >= max_steps):
-                    reached = not is_short, solver.t, size, taken
-                    raise _failure(*reached, times, tolerance, solver.y)
-            states.append(solver.y)
-        return np.array(states)
-
-
-class _IntegrationRecord(ctypes.Structure):
-    _fields_ = [("time", c_double), ("step", c_double), ("steps", c_long)]
+    interval = float(times[-1] - times[0])
+    states, taken, size = [np.array(start, dtype=float)], 0, interval / 8.0
+    error = max(tolerance, _FINEST)
+    for begin, stop in pairwise(times.tolist()):
+        first = min(size, stop - begin)
+        solver = DOP853(slope, begin, states[-1], stop, rtol=error, atol=error, first_step=first)
+        while solver.status == "running":
+            solver.step()
+            taken, size = taken + 1, solver.h_abs
+            is_short = solver.status == "failed" or size < _SMALLEST_STEP * interval
+            if solver.status != "finished" and (is_short or taken >= max_steps):
+                record = _IntegrationRecord(solver.t, size, taken)
+                raise _failure(not is_short, record, times, error, solver.y)
+        states.append(solver.y)
+    return np.array(states)
 
 
 class Level(ctypes.Structure):
@@ -130,10 +130,71 @@ class Statistics(ctypes.Structure):
     ]
 
 
+class Blas(ctypes.Structure):
+    """The struct `blas` of core/dense.h."""
+
+    _fields_ = [(name, ctypes.c_void_p) for name in ("potrf", "trsv", "gemm")]
+
+
+@lru_cache(maxsize=1)
+def blas() -> Blas:
+    """dpotrf, dtrsv and dgemm as SciPy exports them for Cython."""
+    from scipy.linalg import cython_blas, cython_lapack
+
+    routines = (cython_lapack, "dpotrf"), (cython_blas, "dtrsv"), (cython_blas, "dgemm")
+    return Blas(*(_pointer(*each) for each in routines))
+
+
+def _pointer(module: Any, name: str) -> int | None:
+    capsule = module.__pyx_capi__[name]
+    get_name = ctypes.pythonapi.PyCapsule_GetName
+    get_name.restype, get_name.argtypes = ctypes.c_char_p, [ctypes.py_object]
+    get_pointer = ctypes.pythonapi.PyCapsule_GetPointer
+    get_pointer.restype = ctypes.c_void_p
+    get_pointer.argtypes = [ctypes.py_object, ctypes.c_char_p]
+    pointer: int | None = get_pointer(capsule, get_name(capsule))
+    return pointer
+
+
+class _OneThread:
+    """Keeps SciPy's OpenBLAS from starting threads, which cost more than matrices of this size.
+
+    A context manager that may be entered by several threads at once; the last one to leave restores
+    the number of threads. Without OpenBLAS it does nothing.
+    """
+
+    def __init__(self) -> None:
+        self._lock, self._users, self._before = threading.Lock(), 0, 0
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if self._users == 0 and (library := _openblas()) is not None:
+                self._before = library.scipy_openblas_get_num_threads()
+                library.scipy_openblas_set_num_threads(1)
+            self._users += 1
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._users -= 1
+            if self._users == 0 and (library := _openblas()) is not None:
+                library.scipy_openblas_set_num_threads(self._before)
+
+
+one_blas_thread = _OneThread()
+
+
+@lru_cache(maxsize=1)
+def _openblas() -> ctypes.CDLL | None:
+    from scipy.linalg import cython_blas
+
+    library = ctypes.CDLL(cython_blas.__file__)
+    return library if hasattr(library, "scipy_openblas_set_num_threads") else None
+
+
 class Kernels(Library):
     """Compiled functions of one metric on R^n. Calls release Python's lock."""
 
-    _scratch = local()  # work vectors of threads
+    _scratch = threading.local()  # work vectors of threads
 
     def _call(self, name: str, *arguments: Any) -> Any:
         handle = self.handle(True)
@@ -152,16 +213,12 @@ class Kernels(Library):
         return memory
 
     def integrate(self, start: Array, times: Array, tolerance: float, max_steps: int) -> Array:
-        """States (len(times), 2 n) of the geodesic equation, like `Integrator`."""
-        states = np.empty((times.size, start.size))
-        record = _IntegrationRecord(0.0, 0.0, 0)
-        count, limit = c_int(times.size), c_long(max_steps)
-        status = self._call(
-            "integrate_geodesic", start, count, times, tolerance, limit, states, byref(record)
-        )
+        """States (len(times), 2 n) of the geodesic equation, like `integrate_by_scipy`."""
+        states, record = np.empty((times.size, start.size)), _IntegrationRecord()
+        arguments = start, c_int(times.size), times, tolerance, c_long(max_steps), states
+        status = self._call("integrate_geodesic", *arguments, byref(record))
         if status:
-            reached = status == 1, record.time, record.step, record.steps
-            raise _failure(*reached, times, tolerance, states[0])
+            raise _failure(status == 1, record, times, tolerance, states[0])
         return states
 
     def matrix(self, q: Array) -> Array:
@@ -195,8 +252,8 @@ class Kernels(Library):
         Returns w after every step (k, n) and the errors of the steps relative to the tolerance.
         """
         states, errors = np.empty((sizes.size, vector.size)), np.empty(sizes.size)
-        count = c_long(sizes.size)
-        self._call("transport", count, sizes, curve, vector, tolerance, states, errors)
+        steps = c_long(sizes.size), sizes, curve
+        self._call("transport", *steps, vector, tolerance, states, errors)
         return states, errors
 
     def transport_matrices(self, curve: Array) -> Array:
@@ -213,9 +270,8 @@ class Kernels(Library):
         path: Array,
         levels: ctypes.Array[Level],
         first: int,
-        largest: int,
-        added: Array,
         tolerances: Tolerances,
+        added: Array | None = None,
     ) -> tuple[Array, Array, int, Statistics]:
         """Minimize the discrete energy from coarse to fine levels, and correct by integration.
 
@@ -224,40 +280,28 @@ class Kernels(Library):
             path: (k, n), nodes on the first level.
             levels: their tables.
             first: the level from which on results are corrected.
-            largest: largest number of nodes of a level.
-            added: (m, n), diagonals added to G for a continuation on the first level.
             tolerances: of the result.
+            added: (m, n), diagonals added to G for a continuation on the first level, if any.
 
         Returns:
             Initial velocity, nodes on the last level used, status and statistics.
         """
-        n = self._dim
         handle = self.handle(True)
         assert handle is not None
-        nodes, velocity = np.empty((largest, n)), np.empty(n)
+        sizes = [level.segments * level.degree + 1 for level in levels]
+        nodes, velocity = np.empty((max(sizes), self._dim)), np.empty(self._dim)
         nodes[: len(path)] = path
+        added = np.zeros((0, self._dim)) if added is None else np.ascontiguousarray(added)
         handle.log_workspace.restype = c_long
         memory = self._memory(handle.log_workspace(levels, c_int(len(levels))))
         statistics = Statistics()
+        numbers = c_int(len(levels)), c_int(first)
+        continued = added, c_int(len(added))
+        given = byref(tolerances), byref(blas())
+        results = nodes, memory, velocity, byref(statistics)
         with one_blas_thread:
-            status = self._call(
-                "log_map",
-                q0,
-                q1,
-                levels,
-                c_int(len(levels)),
-                c_int(first),
-                added,
-                c_int(len(added)),
-                byref(tolerances),
-                byref(blas()),
-                nodes,
-                memory,
-                velocity,
-                byref(statistics),
-            )
-        last = levels[statistics.level]
-        return velocity, nodes[: last.segments * last.degree + 1], status, statistics
+            status = self._call("log_map", q0, q1, levels, *numbers, *continued, *given, *results)
+        return velocity, nodes[: sizes[statistics.level]], status, statistics
 
 
 def _c_value(argument: Any) -> Any:

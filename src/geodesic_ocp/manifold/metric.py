@@ -5,21 +5,29 @@ Motion Analysis and Retargeting" (IROS 2022), section III, with Christoffel symb
 kind,
 
     Gamma_ijk = 1/2 (d g_ij / d q_k + d g_ik / d q_j - d g_jk / d q_i).
+
+Functions of a metric and two points or vectors are vectorized over rows of arrays by `over_rows`.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
-from typing import Any
+import inspect
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, TypeVar, cast
 
 import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, as_vector, evaluate, is_symbolic
+from geodesic_ocp.errors import IntegrationFailed, NotConverged
 from geodesic_ocp.manifold.metric_functions import MetricFunctions
 from geodesic_ocp.model.model import Model
 
+Function = TypeVar("Function", bound=Callable[..., Any])
+_FEW = 8  # rows; fewer are not worth starting threads
 # Eigenvalues of the normalized tensor below the first are zero up to rounding, as are entries of
 # the diagonal below the second relative to the largest, such as the square of sin(pi).
 _SINGULAR, _VANISHING = 1e-14, 1e-28
@@ -45,6 +53,16 @@ def has_compiled_code(metric: Any) -> bool:
     return (
         isinstance(metric, Metric) and not metric.has_constant_tensor and metric.kernels.available()
     )
+
+
+def speeds_at(metric: Metric, q: Array, velocity: Array) -> Array:
+    """Speeds |v|_q (k,) of velocities (k, n) at positions (k, n); NaN where there is no metric."""
+    if metric.has_constant_tensor:
+        squares = np.sum(velocity @ metric.matrix(q[0]) * velocity, axis=1)
+        return np.asarray(np.sqrt(squares))
+    if metric.kernels.available(at_once=False):
+        return metric.kernels.speeds(q, velocity)
+    return np.asarray(evaluate(metric.speed.map(len(q)), q.T, velocity.T)[0])
 
 
 def _also_numeric(matrix: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
@@ -119,7 +137,12 @@ class Metric(MetricFunctions):
             raise ValueError(f"{name}: the metric is not finite at {point}")
         if not np.abs(tensor - tensor.T).max() <= 1e-9 * np.abs(tensor).max():
             raise ValueError(f"{name}: the metric tensor is not symmetric at {point}")
-        if _is_singular(tensor):
+        diagonal = np.diag(tensor)
+        is_singular = np.any(diagonal <= _VANISHING * diagonal.max())
+        if not is_singular:  # neither in other units, nor where lengths grow near a boundary
+            normalized = tensor / np.sqrt(np.outer(diagonal, diagonal))
+            is_singular = np.linalg.eigvalsh(normalized)[0] <= _SINGULAR
+        if is_singular:
             smallest, largest = np.linalg.eigvalsh(tensor)[[0, -1]]
             why = self.near_singularity(point)
             raise ValueError(
@@ -151,12 +174,27 @@ class Metric(MetricFunctions):
         return values
 
     def near_singularity(self, q: Array) -> str:
-        """Why the metric is nearly singular or not defined at q (n,); empty if it is neither."""
+        """Why the metric is nearly singular or not defined at q (n,); empty if it is neither.
+
+        Based on the eigenvalues of g_ij / sqrt(g_ii g_jj), which do not depend on units.
+        """
         try:
             tensor = self.matrix(q)
         except ValueError as outside:
             return str(outside)
-        return _describe_singularity(tensor, q, self.joint_names)
+        diagonal = np.diag(tensor)
+        if not (np.all(np.isfinite(tensor)) and np.all(diagonal > 0.0)):
+            return f"the metric is not positive definite at {q}"
+        eigenvalues, vectors = np.linalg.eigh(tensor / np.sqrt(np.outer(diagonal, diagonal)))
+        if eigenvalues[0] > _NEARLY_SINGULAR:
+            return ""
+        components = np.abs(vectors[:, 0])
+        moved = np.flatnonzero(components > _FRACTION * components.max()).tolist()
+        names = self.joint_names or [f"q[{index}]" for index in range(self.dim)]
+        return (
+            f"the metric is nearly singular at {q}, where {' and '.join(names[k] for k in moved)} "
+            "are linearly dependent (kinematic singularity)"
+        )
 
     # -- the geometry --------------------------------------------------------------------------
 
@@ -232,34 +270,60 @@ class Metric(MetricFunctions):
         return self._defined(rates, q)
 
 
-def _is_singular(tensor: Array) -> bool:
-    """Whether a symmetric, finite tensor (n, n) is not positive definite, up to rounding.
+def over_rows(function: Function) -> Function:
+    """Let a function of (metric, a, b), each (n,), also take (k, n) for one or both of them.
 
-    The result does not depend on units of coordinates, nor on lengths that grow near a boundary.
+    The results are stacked along a first axis of length k. An exception names the first row that
+    fails. Where the metric has compiled code, which releases Python's lock, rows are computed by as
+    many threads as there are processors.
     """
-    diagonal = np.diag(tensor)
-    if np.any(diagonal <= _VANISHING * diagonal.max()):
-        return True
-    sizes = np.sqrt(diagonal)
-    return bool(np.linalg.eigvalsh(tensor / np.outer(sizes, sizes))[0] <= _SINGULAR)
+    signature = inspect.signature(function)
+    of_metric, *names = list(signature.parameters)[:3]
+
+    @functools.wraps(function)
+    def wrapped(*positional: Any, **named: Any) -> Any:
+        if len(positional) > 2 and all(getattr(a, "ndim", 0) == 1 for a in positional[1:3]):
+            return function(*positional, **named)  # the usual case, without detours
+        arguments = signature.bind(*positional, **named).arguments
+        try:
+            counts = {name: len(arguments[name]) for name in names if np.ndim(arguments[name]) == 2}
+        except ValueError:  # ragged rows: the function itself names the argument
+            counts = {}
+        if not counts:
+            return function(**arguments)
+        count = max(counts.values())
+        if len(set(counts.values())) > 1:
+            raise ValueError(
+                f"{' and '.join(counts)} have {' and '.join(map(str, counts.values()))} rows"
+            )
+        if count == 0:
+            raise ValueError(f"{next(iter(counts))} has no rows")
+
+        def of_row(row: int) -> Any:
+            return _of_row(
+                function, arguments | {name: arguments[name][row] for name in counts}, row
+            )
+
+        threaded = count >= _FEW and has_compiled_code(arguments[of_metric])
+        results = in_threads(of_row, count) if threaded else map(of_row, range(count))
+        return np.array(list(results))
+
+    return cast(Function, wrapped)
 
 
-def _describe_singularity(tensor: Array, q: Array, names: Sequence[str] | None) -> str:
-    """Say which coordinates make a tensor (n, n) at q (n,) nearly singular; empty if it is not.
+def _of_row(function: Callable[..., Any], arguments: dict[str, Any], row: int) -> Any:
+    try:
+        return function(**arguments)
+    except NotConverged as error:
+        raise NotConverged(f"row {row}: {error}", error.solution) from error
+    except IntegrationFailed as error:
+        raise IntegrationFailed(f"row {row}: {error}", error.time, error.state) from error
+    except ValueError as error:
+        raise ValueError(f"row {row}: {error}") from error
 
-    Based on the eigenvalues of g_ij / sqrt(g_ii g_jj), which do not depend on units.
-    """
-    diagonal = np.diag(tensor)
-    if not (np.all(np.isfinite(tensor)) and np.all(diagonal > 0.0)):
-        return f"the metric is not positive definite at {q}"
-    sizes = np.sqrt(diagonal)
-    eigenvalues, vectors = np.linalg.eigh(tensor / np.outer(sizes, sizes))
-    if eigenvalues[0] > _NEARLY_SINGULAR:
-        return ""
-    components = np.abs(vectors[:, 0])
-    moved = np.flatnonzero(components > _FRACTION * components.max()).tolist()
-    dependent = [f"q[{index}]" if names is None else names[index] for index in moved]
-    return (
-        f"the metric is nearly singular at {q}, where {' and '.join(dependent)} are linearly "
-        "dependent (kinematic singularity)"
-    )
+
+def in_threads(of_row: Callable[[int], Any], count: int) -> Iterator[Any]:
+    """Results of calls with 0 to count - 1, in order; where one raises, the rest is left out."""
+    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
+    with ThreadPoolExecutor(usable) as threads:
+        yield from threads.map(of_row, range(count))

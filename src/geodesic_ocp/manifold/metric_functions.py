@@ -164,11 +164,8 @@ class MetricFunctions(ABC):
         """
         n = self.dim
         q, v, w, p = (ca.SX.sym(name, n) for name in "qvwp")
-        state, tensor, energy = (
-            ca.vertcat(q, v),
-            self._matrix_function(q),
-            self.energy_density(q, v),
-        )
+        state, tensor = ca.vertcat(q, v), self._matrix_function(q)
+        energy = self.energy_density(q, v)
         gradient = ca.gradient(energy, state)
         by_position = ca.triu2symm(ca.triu(ca.jacobian(gradient[:n], q)))
         mixed = ca.jacobian(gradient[n:], q).T  # l_vv is G itself
@@ -177,6 +174,7 @@ class MetricFunctions(ABC):
             "metric_tensor": ([q], [tensor]),
             "metric_solve": ([q, p], [ca.ldl_solve(p, *ca.ldl(tensor, False))]),
             "geodesic_rate": ([state], [self.geodesic_equation(state)]),
+            "transport_rate": ([w, state], [self.transport_equation(w, state)]),
             "energy_gradient": ([state], [energy, gradient]),
             "energy_hessian": ([state], [energy, ca.vertcat(gradient, *blocks)]),
         }
@@ -184,10 +182,7 @@ class MetricFunctions(ABC):
             name: ca.Function(name, inputs, [ca.densify(ca.cse(result)) for result in results])
             for name, (inputs, results) in outputs.items()
         }
-        rate = self.transport_equation(w, state)
-        functions["transport_rate"] = ca.Function("transport_rate", [w, state], [rate])
-        functions["transport_matrix"] = self.transport_matrix
-        return functions
+        return functions | {"transport_matrix": self.transport_matrix}
 
     @cached_property
     def kernels(self) -> Kernels:

@@ -73,12 +73,10 @@ def region_of_functions(functions: Callable[[ca.SX], Any], dim: int) -> Region:
     if isinstance(given, ca.SX) and given.shape[1] == 1 and given.shape[0] > 0:
         given = ca.vertsplit(given)
     if not isinstance(given, (list, tuple)) or not given:
-        raise ValueError(
-            f"functions(q) must be a column or a list of scalars, is {_describe(given)}"
-        )
+        raise ValueError(f"functions(q) must be a column or a list of scalars, is {given!r}")
     for index, row in enumerate(given):
         if not isinstance(row, ca.SX) or row.shape != (1, 1):
-            raise ValueError(f"functions[{index}] must be a CasADi scalar, is {_describe(row)}")
+            raise ValueError(f"functions[{index}] must be a CasADi scalar, is {row!r}")
         if not ca.depends_on(row, q):
             raise ValueError(f"functions[{index}] does not depend on q, is {row}")
         if ca.symvar(ca.substitute(row, q, ca.DM.zeros(dim))):
@@ -87,22 +85,10 @@ def region_of_functions(functions: Callable[[ca.SX], Any], dim: int) -> Region:
     return _region(ca.SX(ca.vertcat(*given)), q, labels, [])
 
 
-def _describe(given: Any) -> str:
-    return f"of shape {given.shape}" if isinstance(given, (ca.SX, ca.MX, ca.DM)) else repr(given)
-
-
 def _region(h: ca.SX, q: ca.SX, labels: list[str], joints: list[int]) -> Region:
     gradients = ca.Function("dh", [q], [ca.densify(ca.jacobian(h, q))], ["q"], ["dh"])
     values = ca.Function("h", [q], [ca.densify(h)], ["q"], ["h"])
     return Region(values, gradients, tuple(labels), tuple(joints))
-
-
-def middle_configuration(model: Model) -> Array:
-    """The middle (n,) of the joint limits; of a joint without both limits, the value next to 0."""
-    both = np.isfinite(model.lower) & np.isfinite(model.upper)
-    configuration = np.clip(0.0, model.lower, model.upper)
-    configuration[both] = (model.lower[both] + model.upper[both]) / 2.0
-    return np.asarray(configuration)
 
 
 @dataclass(frozen=True, repr=False)
@@ -157,14 +143,14 @@ class RegionAvoiding(Metric):
 
     def __post_init__(self) -> None:
         as_metric(self.metric)
-        if np.ndim(self.margin) == 0:
-            margin: Any = float(as_vector("margin", [self.margin], 1)[0])
-        else:
-            count = self.dim if self.functions is None else len(self._region.labels)
-            margin = tuple(as_vector("margin", self.margin, count).tolist())
-        if not np.all(np.asarray(margin) > 0.0):
-            raise ValueError(f"margin must be positive, got {margin}")
-        object.__setattr__(self, "margin", margin)
+        count = self.dim if self.functions is None else len(self._region.labels)
+        several = np.ndim(self.margin) > 0
+        given = as_vector(
+            "margin", self.margin if several else [self.margin], count if several else 1
+        )
+        if not np.all(given > 0.0):
+            raise ValueError(f"margin must be positive, got {self.margin}")
+        object.__setattr__(self, "margin", tuple(given.tolist()) if several else float(given[0]))
         if self.configuration is not None:
             configuration = tuple(as_vector("configuration", self.configuration, self.dim).tolist())
             object.__setattr__(self, "configuration", configuration)
@@ -194,13 +180,11 @@ class RegionAvoiding(Metric):
             return None
         rng, periods = np.random.default_rng(0), list(self.metric.periods)
         for coordinate in np.flatnonzero(np.isfinite(periods)):
-            for q in rng.normal(size=(_NUM_SAMPLES, self.dim)):
-                shifted = q.copy()
-                shifted[coordinate] += periods[coordinate]
-                first, second = (evaluate(self._region.values, point) for point in (q, shifted))
-                if not np.allclose(first, second, rtol=_EQUAL, atol=_EQUAL, equal_nan=True):
-                    periods[coordinate] = np.inf
-                    break
+            q = rng.normal(size=(self.dim, _NUM_SAMPLES))
+            shifted = q + periods[coordinate] * np.eye(self.dim)[:, [coordinate]]
+            first, second = (self._region.values(each).full() for each in (q, shifted))
+            if not np.allclose(first, second, rtol=_EQUAL, atol=_EQUAL, equal_nan=True):
+                periods[coordinate] = np.inf
         return tuple(periods)
 
     @cached_property
@@ -227,11 +211,15 @@ class RegionAvoiding(Metric):
     def _lengths(self) -> Array:
         """margin_i sqrt(w_i), (m,): least length of a path on which h_i changes by a factor e."""
         region = self._region
+        model = getattr(self.metric, "model", None)
+        q = np.zeros(self.dim)
         if self.configuration is not None:
             q = np.array(self.configuration)
-        else:
-            model = getattr(self.metric, "model", None)
-            q = np.zeros(self.dim) if model is None else middle_configuration(model)
+        elif model is not None:  # the middle; of a joint without both limits, the value next to 0
+            both = np.isfinite(model.lower) & np.isfinite(model.upper)
+            with np.errstate(invalid="ignore"):
+                middle = (model.lower + model.upper) / 2.0
+            q = np.where(both, middle, np.clip(0.0, model.lower, model.upper))
         q = self.metric.point("configuration", q)
         gradients, tensor = region.gradients(q).full(), self.metric.matrix(q)
         mobilities = np.sum(gradients.T * np.linalg.solve(tensor, gradients.T), axis=0)

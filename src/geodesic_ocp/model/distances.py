@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_vector, evaluate, is_symbolic
+from geodesic_ocp.arrays import Array, ShortRepr, as_vector, evaluate, is_symbolic
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Ball, Body, Capsule, HalfSpace, Obstacle, as_capsule
 
@@ -271,7 +271,7 @@ def _segment(model: Model, q: ca.SX, body: Body) -> LineSegment:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class NearestPoints:
+class NearestPoints(ShortRepr):
     """Where two bodies come closest, in k configurations.
 
     Attributes:
@@ -282,9 +282,6 @@ class NearestPoints:
     starts: Array
     ends: Array
     distances: Array
-
-    def __repr__(self) -> str:
-        return f"NearestPoints({len(self.distances)} configurations)"
 
 
 def nearest_points(

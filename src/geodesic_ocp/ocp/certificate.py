@@ -18,7 +18,7 @@ from geodesic_ocp.arrays import Array, as_vector
 from geodesic_ocp.errors import IntegrationFailed
 from geodesic_ocp.manifold.exp import exp
 from geodesic_ocp.ocp.conditions import NodeBounds
-from geodesic_ocp.ocp.point_to_point import geodesic_structure
+from geodesic_ocp.ocp.problems import geodesic_structure
 from geodesic_ocp.ocp.transcription import Transcription, Units
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path

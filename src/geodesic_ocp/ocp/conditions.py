@@ -10,12 +10,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.trajectory.grid import Grid
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Condition:
+class Condition(ShortRepr):
     """Lower and upper bounds (m,) on an expression (m, 1).
 
     Attributes:
@@ -30,9 +30,7 @@ class Condition:
     lower: Array
     upper: Array
     coordinates: tuple[int, ...] | None
-
-    def __repr__(self) -> str:
-        return f"Condition({self.name!r}, {self.size} rows)"
+    _shown = ("name", "size")
 
     @property
     def size(self) -> int:
@@ -41,7 +39,7 @@ class Condition:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Conditions:
+class Conditions(ShortRepr):
     """All conditions of a problem and its running cost, sorted by how they enter the NLP.
 
     Attributes:
@@ -76,10 +74,7 @@ class Conditions:
     along_qv: tuple[Condition, ...]
     via: tuple[tuple[Condition, ...], ...]
     via_continuity: tuple[Condition, ...]
-
-    def __repr__(self) -> str:
-        n, k = self.q.shape[0], self.p_values.size
-        return f"Conditions({len(list(self))} on {n} coordinates, {k} parameters)"
+    _shown = ("fixed", "ends", "bounds", "along_q", "along_qv", "via")
 
     def __iter__(self) -> Iterator[Condition]:
         yield from (*self.fixed, *self.ends, *self.bounds, *self.along_q, *self.along_qv)
@@ -116,7 +111,7 @@ class _Rows:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class NodeBounds:
+class NodeBounds(ShortRepr):
     """Bounds of one problem on one grid.
 
     Attributes:
@@ -132,10 +127,7 @@ class NodeBounds:
     upper_g: Array
     _in_x: tuple[_Rows, ...]
     _in_g: tuple[_Rows, ...]
-
-    def __repr__(self) -> str:
-        size, n = self.lower.shape
-        return f"NodeBounds({size} nodes, {n} coordinates, {self.lower_g.size} constraints)"
+    _shown = ("ends",)
 
     @classmethod
     def on_grid(

@@ -9,7 +9,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array, evaluate
+from geodesic_ocp.arrays import Array, ShortRepr, evaluate
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.ocp.conditions import Conditions, NodeBounds
 from geodesic_ocp.ocp.transcription import PathTerms, Transcription, Units
@@ -41,7 +41,7 @@ class Structure:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ProblemDefinition:
+class ProblemDefinition(ShortRepr):
     """Everything about a problem that its NLP is built from.
 
     Attributes:
@@ -59,9 +59,7 @@ class ProblemDefinition:
     via_parameters: tuple[float, ...] | None
     key: Hashable
     grid: Grid
-
-    def __repr__(self) -> str:
-        return f"ProblemDefinition({self.metric!r}, {self.conditions!r}, {self.grid!r})"
+    _shown = ("metric", "grid")
 
     @property
     def structure(self) -> Structure:
@@ -84,7 +82,7 @@ def _shared(structure: Structure, grid: Grid) -> Transcription:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class NLP:
+class NLP(ShortRepr):
     """A nonlinear program whose variables x are the scaled positions at the grid's nodes.
 
     Attributes:
@@ -102,13 +100,7 @@ class NLP:
     bounds: NodeBounds
     units: Units
     nodes: Array
-
-    def __repr__(self) -> str:
-        grid = self.grid
-        return (
-            f"NLP({self.transcription.dim * grid.size} variables, {self.bounds.lower_g.size} "
-            f"constraints, grid of {grid.segments} segments of degree {grid.degree})"
-        )
+    _shown = ("grid", "transcription")
 
     @property
     def conditions(self) -> Conditions:

@@ -18,12 +18,19 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from geodesic_ocp.arrays import Array, as_number, as_rotation, as_vector, real_array
+from geodesic_ocp.arrays import (
+    Array,
+    as_number,
+    as_rotation,
+    as_vector,
+    real_array,
+    rotation_vector,
+)
+from geodesic_ocp.blocks import Terms, single_block
 from geodesic_ocp.ipopt import Ipopt
 from geodesic_ocp.model.distances import as_pair, signed_distances
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.model.primitives import Obstacle
-from geodesic_ocp.rotations import rotation_vector
 
 # configurations (k, n) -> weighted pose errors (k, m) and their Jacobians (k, m, n)
 PoseErrors: TypeAlias = Callable[[Array], tuple[Array, Array]]
@@ -72,7 +79,7 @@ def search_simultaneously(
     for number in range(_STEPS):
         errors, jacobians = pose_errors(q)
         largest = np.abs(errors).max(axis=1, initial=0.0)
-        step, slide = _steps(q, errors, jacobians, near, lower, upper)
+        step, slide = pose_steps(q, errors, jacobians, near, lower, upper)
         done = (largest <= _EXACT_EACH) & (slide <= settled)
         if np.any(done):
             done_q += list(q[done])
@@ -88,7 +95,7 @@ def search_simultaneously(
     return Found(every, np.abs(pose_errors(every)[0]).max(axis=1, initial=0.0))
 
 
-def _steps(
+def pose_steps(
     q: Array, errors: Array, jacobians: Array, near: Array | None, lower: Array, upper: Array
 ) -> tuple[Array, Array]:
     """Steps (k, n), and the lengths (k,) of their parts along configurations with one pose."""
@@ -456,7 +463,7 @@ def _pose_errors(model: Model, rows: tuple[int, ...]) -> ca.Function:
 
 
 @lru_cache(maxsize=32)
-def _errors_and_twists(model: Model, rows: tuple[int, ...]) -> ca.Function:
+def errors_and_twists(model: Model, rows: tuple[int, ...]) -> ca.Function:
     """Pose errors, and how they change with the joints.
 
     The derivative of the rotation vector is replaced by the angular velocity in the hand's axes,
@@ -475,7 +482,7 @@ def _errors_and_twists(model: Model, rows: tuple[int, ...]) -> ca.Function:
 @lru_cache(maxsize=256)
 def _error_function(model: Model, rows: tuple[int, ...], count: int) -> ca.Function:
     """Pose errors (m, count) and their Jacobians, side by side, of many configurations."""
-    function = _errors_and_twists(model, rows)
+    function = errors_and_twists(model, rows)
     return function.map("pose_errors", "serial", count, [1], [])
 
 
@@ -492,5 +499,4 @@ def _program(
     distances = signed_distances(model, q, obstacles, links=links, pairs=pairs)
     f = stay * ca.sumsqr(q - near) / 2 + ca.sumsqr(weights * e) / 2
     g = ca.vertcat(function(q, p) - e, *distances.values())
-    nlp = {"x": ca.vertcat(q, e), "p": p, "f": f, "g": g}
-    return Ipopt(nlp), function
+    return single_block(Terms(ca.vertcat(q, e), p, f, g)), function

@@ -382,6 +382,13 @@ class Problem(ABC):
         # The metric may depend on a parameter, which then changes the NLP after all.
         return tuple(key_of(value) for value in (self.metric, *others))
 
+    def solved(self) -> Any:
+        """The result of a class that has a program of its own; None: `solve` transcribes it.
+
+        It has the attributes `success` and `status`.
+        """
+        return None
+
     def exact(self, s: Array) -> Array | None:
         """The solution in closed form at s, (len(s), n), or None if it is not known."""
         return None

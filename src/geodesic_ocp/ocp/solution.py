@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
@@ -23,11 +22,10 @@ from geodesic_ocp.ocp.certificate import Certificate, FinalIterate, certify_iter
 from geodesic_ocp.ocp.conditions import NodeBounds
 from geodesic_ocp.ocp.problem import Problem, drawn_obstacles
 from geodesic_ocp.ocp.violations import BETWEEN_NODES, NEGLIGIBLE, Violation, find_violations
-from geodesic_ocp.records import write_file
+from geodesic_ocp.records import as_json, write_record
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.path import Path
-from geodesic_ocp.trajectory.time_law import TimeLaw
-from geodesic_ocp.trajectory.timed_path import motion_along
+from geodesic_ocp.trajectory.time_law import TimeLaw, motion_along
 
 
 @dataclass(frozen=True)
@@ -176,19 +174,6 @@ def decoded(value: Any) -> Any:
     return {"tuple": tuple, "list": list}[name](map(decoded, entries))
 
 
-def as_json(value: Any) -> Any:
-    """Nested lists and numbers; numbers that are not finite by name."""
-    if isinstance(value, dict):
-        return {key: as_json(each) for key, each in value.items()}
-    if isinstance(value, (np.ndarray, np.generic)):
-        value = value.tolist()
-    if isinstance(value, (list, tuple)):
-        return [as_json(each) for each in value]
-    if isinstance(value, float) and not np.isfinite(value):
-        return str(value)
-    return value
-
-
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -281,8 +266,7 @@ class Solution:
         Raises:
             OSError: the file cannot be written.
         """
-        text = json.dumps(self.record(), indent=1, allow_nan=False)
-        return write_file(file, text)
+        return write_record(file, self.record())
 
     def resample(self, count: int, by: str = "length") -> Array:
         """Positions (count, n) along the path; see `Path.resample`."""

@@ -17,10 +17,14 @@ from geodesic_ocp.ocp.callback import Callback, IterationCallback
 from geodesic_ocp.ocp.certificate import FinalIterate, descent_direction
 from geodesic_ocp.ocp.nlp import NLP, ProblemDefinition, Structure, build_nlp
 from geodesic_ocp.ocp.problem import Problem
-from geodesic_ocp.ocp.refinement import meeting_conditions, refine, refine_where_violated
+from geodesic_ocp.ocp.refinement import (
+    meeting_conditions,
+    refine,
+    refine_where_violated,
+    with_optimal_via_points,
+)
 from geodesic_ocp.ocp.solution import Solution, Stats, describe_failure, with_effort_of
 from geodesic_ocp.ocp.transcription import Transcription
-from geodesic_ocp.ocp.via_points import with_optimal_via_points
 from geodesic_ocp.ocp.violations import find_violations, violation_profile
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
@@ -103,6 +107,11 @@ def solve(
         raise ValueError(f"problem must be an instance of a Problem class, got {problem!r}")
     if getattr(problem, "metric", None) is None:
         raise ValueError(f"{type(problem).__name__} defines no metric")
+    if (own := problem.solved()) is not None:
+        if throw and not own.success:
+            raise NotConverged(f"{type(problem).__name__} was not solved: {own.status}", own)
+        found: Solution = own
+        return found
     definition = problem.definition()
     first = definition.grid if grid is None else grid
     before = guess if isinstance(guess, Solution) else None

@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 import scipy.sparse
 
-from geodesic_ocp.arrays import Array, evaluate
+from geodesic_ocp.arrays import Array, ShortRepr, evaluate
 from geodesic_ocp.blocks import Block, BlockProgram, Cells, Indices, Terms
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.ocp.conditions import Condition, Conditions, stacked
@@ -137,7 +137,7 @@ class PathTerms:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Transcription:
+class Transcription(ShortRepr):
     """The NLP in x = scaled positions at the nodes, one after the other, and p of `Units`.
 
     It is the same on all grids that differ in the widths of their segments, which are the last
@@ -152,12 +152,7 @@ class Transcription:
 
     terms: PathTerms
     grid: Grid
-
-    def __repr__(self) -> str:
-        return (
-            f"Transcription({self.grid!r}, {self.program.size} variables, "
-            f"{self.program.size_g} constraints)"
-        )
+    _shown = ("grid",)
 
     @property
     def dim(self) -> int:

@@ -10,7 +10,7 @@ from geodesic_ocp.recordings.formats.recognise import FORMATS, MARKERS, recognis
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.markers.plausible_size import check_plausible_size
 from geodesic_ocp.recordings.markers.space_axes import Axis, as_axis, with_z_up
-from geodesic_ocp.recordings.named_failures import named_failures
+from geodesic_ocp.recordings.plausible import named_failures
 
 
 def read_markers(path: str | PathLike[str], *, up: Axis | None = None) -> Markers:

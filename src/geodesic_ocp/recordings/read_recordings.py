@@ -16,8 +16,7 @@ from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.recordings.markers.sets.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.space_axes import Axis, as_axis
-from geodesic_ocp.recordings.read_motion import that_apply
-from geodesic_ocp.recordings.read_recording import read_recording
+from geodesic_ocp.recordings.read_recording import read_recording, that_apply
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.recordings.recording_files import recording_files
 from geodesic_ocp.trajectory.motion import Motion

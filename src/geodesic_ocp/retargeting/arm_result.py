@@ -3,25 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
-from geodesic_ocp.manifold.metrics import KineticEnergy
+from geodesic_ocp.execution.track_within_limits import track_within_limits
+from geodesic_ocp.manifold.metric import speeds_at
+from geodesic_ocp.manifold.metrics import KineticEnergy, metric_of
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.retargeting.arm_task import ArmTask
-from geodesic_ocp.retargeting.merge_synergies import SynergyGroup
-from geodesic_ocp.retargeting.poses.pose_mapping import PoseMapping
-from geodesic_ocp.retargeting.transfer import Transfer
-from geodesic_ocp.synergies.analysis import Analysis
+from geodesic_ocp.retargeting.key_poses import PairedArm, nearest_configurations
+from geodesic_ocp.retargeting.transfer import OutOfReach, Transfer
 from geodesic_ocp.synergies.scores import MotionErrors, action, pose_errors
 from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion
+from geodesic_ocp.trajectory.time_law import time_law
+
+_BASELINE_RATE = 200.0  # [Hz], of the controller
+_CLOSE = 1e-3  # [m] and [rad]
+# A cubic with end speeds of at most three times its mean is monotone (Fritsch and Carlson 1980).
+_MONOTONE = 3.0
 
 
 @dataclass(frozen=True)
@@ -44,42 +49,24 @@ class MotionStatistics:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RetargetedArm:
-    """One arm of a retargeting.
+class RetargetedArm(PairedArm):
+    """One arm of a retargeting; see also the attributes of the person's and the robot's arm.
 
     Attributes:
-        analysis: of the person's motion.
-        robot: the arm.
-        mapping: from the person's configurations to poses of the robot's hand.
-        groups: how the person's synergies were dropped and merged.
         transfers: for each group the path, and the error of the hand's pose at its end.
-        limits: of its joints.
         synergies: for each group the path with a time law of least acceleration, in the robot's
             time; the trajectory stays near them, and rounds the corners where they meet.
         trajectory: what the robot executes, at a uniform rate.
         motion: that motion at the samples of the recording, in robot time.
-        target_poses: rotations (k, 3, 3) and positions (k, 3) [m] of the hand, mapped from the
-            person to the robot's base frame, at all samples.
-        baseline: inverse kinematics within the same limits, which tracks the hand along its whole
-            path, in the same time.
-        gravity: in the axes of the robot's base (3,) [m/s^2].
         out_of_reach: distance [m] and angle [rad] of the nearest pose, for poses out of reach, by
             number of the pose: 0 is the first pose, k the end of synergy k, counted from 1.
     """
 
-    analysis: Analysis
-    robot: Model
-    mapping: PoseMapping
-    groups: tuple[SynergyGroup, ...]
     transfers: tuple[Transfer, ...]
-    limits: JointLimits
     synergies: tuple[Synergy, ...]
     trajectory: JointTrajectory
     motion: Motion
-    target_poses: tuple[Array, Array]
-    baseline: JointTrajectory
-    gravity: Array
-    out_of_reach: Mapping[int, tuple[float, float]]
+    out_of_reach: OutOfReach
 
     def __repr__(self) -> str:
         worst = max(max(each.position_error, each.rotation_error) for each in self.transfers)
@@ -89,34 +76,53 @@ class RetargetedArm:
         )
 
     @classmethod
-    def of(
+    def retargeted(
         cls,
-        task: ArmTask,
+        pair: PairedArm,
         transfers: Sequence[Transfer],
+        out_of_reach: OutOfReach,
         planned: PlannedTrajectory,
         number: int,
         rate: float,
     ) -> RetargetedArm:
         """The result for the arm with this number in a trajectory, sampled at a rate [Hz]."""
-        robot, recorded = task.robot, task.analysis.motion
+        robot, recorded = pair.robot, pair.analysis.motion
         times = planned.robot_time(recorded.time)
         q, v, _, _ = planned.states(times, number)
-        q = np.clip(q, robot.lower, robot.upper) if task.finder.settings.within_limits else q
+        q = np.clip(q, robot.lower, robot.upper) if pair.settings.within_limits else q
         columns = slice(*np.cumsum([0, *(arm.robot.dof for arm in planned.arms)])[number:][:2])
         return cls(
-            analysis=task.analysis,
-            robot=robot,
-            mapping=task.mapping,
-            groups=task.groups,
+            **{each.name: getattr(pair, each.name) for each in fields(PairedArm)},
             transfers=tuple(transfers),
-            limits=task.limits,
-            synergies=task.synergies(transfers, planned, number),
+            synergies=_timed(pair, transfers, planned, number),
             trajectory=_of_joints(planned.sampled(rate), columns, robot),
             motion=Motion(times, q, robot.joint_names, v, recorded.subject),
-            target_poses=task.target_poses,
-            baseline=task.track_hand(planned, q[0]),
-            out_of_reach=task.out_of_reach,
-            gravity=task.gravity,
+            out_of_reach=out_of_reach,
+        )
+
+    @cached_property
+    def baseline(self) -> JointTrajectory:
+        """Inverse kinematics that tracks the hand on its whole way, in the same time and limits.
+
+        It begins where the synergies begin, or at the first pose if they begin elsewhere.
+        """
+        motion, time, settings = self.analysis.motion, self.motion.time, self.settings
+        first, start = self.target(self.groups[0].start), self.motion.q[0]
+        if max(first.error(self.robot, start)) > _CLOSE:
+            (start, *_) = nearest_configurations(
+                *(self.bounded, start, first, settings.within_limits, settings.pose_weights),
+                settings.collisions,
+            )
+
+        def poses(instants: Array) -> tuple[Array, Array]:
+            # Robot time is a piecewise linear function of the recording's time.
+            return self.mapping(motion(np.interp(instants, time, motion.time)))
+
+        return track_within_limits(
+            *(self.bounded, start, time, poses, self.limits),
+            rate=_BASELINE_RATE,
+            turning=first.rotation is not None,
+            placing=first.position is not None,
         )
 
     @cached_property
@@ -167,3 +173,26 @@ def _of_joints(trajectory: JointTrajectory, columns: slice, robot: Model) -> Joi
         robot.units,
         None if trajectory.efforts is None else trajectory.efforts[:, columns],
     )
+
+
+def _timed(
+    pair: PairedArm, transfers: Sequence[Transfer], planned: PlannedTrajectory, number: int
+) -> tuple[Synergy, ...]:
+    """The robot's synergies: paths with time laws of least acceleration.
+
+    Durations and speeds at the ends are those of the trajectory; `number` is that of this arm in
+    it.
+    """
+    times = planned.robot_time(pair.edges)
+    q, v, _, _ = planned.states(times, number)
+    paths = [transfer.path for transfer in transfers]
+    mean = np.array([path.length for path in paths]) / np.diff(times)
+    fastest = np.minimum(np.append(mean, mean[-1]), np.append(mean[0], mean)) * _MONOTONE
+    speed = np.minimum(speeds_at(metric_of(pair.robot), q, v), fastest)
+    found = []
+    for group, path, span, ends in zip(
+        pair.groups, paths, pairwise(times), pairwise(speed), strict=True
+    ):
+        law = time_law(path.length, float(span[1] - span[0]), *ends, monotone=True)
+        found.append(Synergy(group.start, group.stop, float(span[0]), path, law))
+    return tuple(found)

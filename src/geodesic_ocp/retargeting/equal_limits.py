@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import casadi as ca
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -15,9 +13,8 @@ from geodesic_ocp.execution.motion_measures import (
     compare_with_tracking,
 )
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
-from geodesic_ocp.execution.track_within_limits import Solver
-from geodesic_ocp.retargeting.poses.pose_mapping import PoseMapping
-from geodesic_ocp.retargeting.program.waypoints import (
+from geodesic_ocp.retargeting.key_poses import PoseMapping
+from geodesic_ocp.retargeting.waypoints import (
     elbow_offset,
     has_elbow,
     mapped_offsets,
@@ -35,7 +32,6 @@ def compare_under_equal_limits(
     rate: float = 100.0,
     turning: bool = True,
     placing: bool = True,
-    solvers: Sequence[Solver] = ("built-in",),
 ) -> dict[str, MotionMeasures]:
     """Measures of an arm's planned motion, and of inverse kinematics of the person's hand.
 
@@ -48,7 +44,7 @@ def compare_under_equal_limits(
         mapping: of its hand to the robot's.
         arm: number of the arm.
         rate: of the samples and of inverse kinematics [Hz].
-        turning, placing, solvers: of inverse kinematics, see `track_within_limits`.
+        turning, placing: of inverse kinematics, see `track_within_limits`.
 
     Returns:
         Measures by the name of the method, see `measures_table`.
@@ -72,7 +68,6 @@ def compare_under_equal_limits(
         elbow_offsets=_elbow_offsets(mapping, motion, planned, arm),
         turning=turning,
         placing=placing,
-        solvers=solvers,
     )
 
 

@@ -5,36 +5,51 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import as_positive
-from geodesic_ocp.errors import NotConverged
+from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import JointLimits, joint_limits
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory, plan_trajectory
 from geodesic_ocp.model.inertias import with_rotor_inertia
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.progress import Progress, no_progress
 from geodesic_ocp.retargeting.alignment.alignment import alignment as default_alignment
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment, check_joints
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
-from geodesic_ocp.retargeting.arm_task import ArmTask
-from geodesic_ocp.retargeting.detours import warn_of_detours
-from geodesic_ocp.retargeting.motion_clearance import motion_clearance, of_paths, of_trajectory
-from geodesic_ocp.retargeting.poses.pose_mapping import PoseMapping
-from geodesic_ocp.retargeting.poses.targets import PoseFinder
-from geodesic_ocp.retargeting.program.plan_paths import PlannedPaths, plan_paths
-from geodesic_ocp.retargeting.result import Retargeting
-from geodesic_ocp.retargeting.settings import RetargetingSettings
-from geodesic_ocp.retargeting.transfer import Transfer
-from geodesic_ocp.synergies.analysis import Analysis
+from geodesic_ocp.retargeting.candidates import first_candidates
+from geodesic_ocp.retargeting.key_poses import PairedArm, PoseMapping
+from geodesic_ocp.retargeting.reachability import reachability
+from geodesic_ocp.retargeting.result import Retargeting, warn_of_detours
+from geodesic_ocp.retargeting.settings import (
+    RetargetingSettings,
+    motion_clearance,
+    of_paths,
+    of_trajectory,
+)
+from geodesic_ocp.retargeting.synergy_paths import PlannedPaths, SynergyPaths
+from geodesic_ocp.retargeting.transfer import (
+    FreeGeodesics,
+    OutOfReach,
+    Transfer,
+    transfers_on,
+    unattained,
+)
+from geodesic_ocp.retargeting.waypoints import arm_waypoints
+from geodesic_ocp.synergies.analyse import Analysis
 
 _DEFAULT = RetargetingSettings()
 _TOLERANCE = 1e-6
 _RATE = 100.0  # [Hz]
+# Where holding the arm takes much of a joint's torque, it gets this many times as much as that: up
+# to its limit, and beyond it if it is too weak to hold the arm at all.
+_MOVING = 1.5
 
 
 def retarget(
@@ -48,6 +63,7 @@ def retarget(
     rate: float = _RATE,
     tolerance: float = _TOLERANCE,
     settings: RetargetingSettings = _DEFAULT,
+    problem: type[SynergyPaths] = SynergyPaths,
     throw: bool = True,
     progress: Progress | None = None,
 ) -> Retargeting:
@@ -56,7 +72,7 @@ def retarget(
     Short synergies are dropped and small ones merged (`merge_synergies`). The hand's poses at the
     ends of the remaining ones, relative to the shoulder and scaled by the ratio of the arms'
     lengths, are mapped to the robot (`Alignment`). Paths of least energy between these poses are
-    found for all synergies at once (`plan_paths`). Along them, the robot's trajectory has
+    found for all synergies at once (`SynergyPaths`). Along them, the robot's trajectory has
     continuous accelerations, meets the limits of the joints, and takes more time than the person
     only where these require it (`plan_trajectory`).
 
@@ -72,6 +88,7 @@ def retarget(
         rate: of the trajectory [Hz].
         tolerance: of limits and poses on the paths, each in its unit, see `solve`.
         settings: everything else.
+        problem: whose paths they are; a subclass of `SynergyPaths` may add costs and constraints.
         throw: raise if the paths or the trajectory are not found; else the last iterates are
             returned, and the result says so (`Retargeting.success`).
         progress: called with the current step, the amount done and the total.
@@ -100,6 +117,7 @@ def retarget(
         rate=rate,
         tolerance=tolerance,
         settings=settings,
+        problem=problem,
         throw=throw,
         progress=progress,
     )
@@ -116,6 +134,7 @@ def retarget_arms(
     rate: float = _RATE,
     tolerance: float = _TOLERANCE,
     settings: RetargetingSettings = _DEFAULT,
+    problem: type[SynergyPaths] = SynergyPaths,
     throw: bool = True,
     progress: Progress | None = None,
 ) -> Retargeting:
@@ -130,13 +149,59 @@ def retarget_arms(
         robots: as many arms.
         alignments, person_alignments, starts, limits: as many, or None for the defaults; see
             `retarget`.
-        rate, tolerance, settings, throw, progress: see `retarget`.
+        rate, tolerance, settings, problem, throw, progress: see `retarget`.
 
     Warns, Raises:
         See `retarget`.
     """
     begin = time.perf_counter()
     report = progress or no_progress
+    tolerance, rate = as_positive("tolerance", tolerance), as_positive("rate", rate, "Hz")
+    pairs = _paired(analyses, robots, alignments, person_alignments, limits, settings)
+    start_of_each = _one_each("starts", starts, len(pairs))
+    clearance = motion_clearance(robots, settings)  # of the models as given, whose pairs are kept
+    paths: PlannedPaths | None = None
+    if settings.constrained:
+        both = zip(pairs, start_of_each, strict=True)
+        arms = [arm_waypoints(pair, start, tolerance) for pair, start in both]
+        candidates = [tuple(first_candidates(arm)) for arm in arms]
+        far = [unattained(*each) for each in zip(pairs, arms, candidates, strict=True)]
+        _warn_out_of_reach(pairs, far)
+        weights = settings.stretch_weight, settings.posture_weight, settings.likeness_weight
+        kept = None if clearance is None else of_paths(clearance)
+        motion = problem(tuple(arms), tuple(candidates), kept, *weights, tolerance, report)
+        found: Any = solve(motion, throw=throw)
+        paths = found
+        transfers = [
+            transfers_on(pair, found, number, each)
+            for number, (pair, each) in enumerate(zip(pairs, far, strict=True))
+        ]
+    else:
+        free = [FreeGeodesics.of(*each) for each in zip(pairs, start_of_each, strict=True)]
+        far = [each.out_of_reach for each in free]
+        _warn_out_of_reach(pairs, far)
+        transfers = [each.transfers(throw, report) for each in free]
+    planned = _in_time(pairs, transfers, paths, clearance, throw, report)
+    retargeted = tuple(
+        RetargetedArm.retargeted(*each, planned, number, rate)
+        for number, each in enumerate(zip(pairs, transfers, far, strict=True))
+    )
+    report("done", len(pairs), len(pairs))
+    seconds = time.perf_counter() - begin
+    result = Retargeting(retargeted, planned, paths, clearance, rate, settings, seconds)
+    warn_of_detours(result)
+    return result
+
+
+def _paired(
+    analyses: Any,
+    robots: Any,
+    alignments: Any,
+    person_alignments: Any,
+    limits: Any,
+    settings: RetargetingSettings,
+) -> list[PairedArm]:
+    """Persons' arms and robots, from the arguments of `retarget_arms`."""
     analyses = _checked_list("analyses", analyses, Analysis)
     robots = _checked_list("robots", robots, Model)
     if len(analyses) != len(robots):
@@ -145,55 +210,18 @@ def retarget_arms(
         raise ValueError("analyses: all arms must be of one recording, sample by sample")
     if not isinstance(settings, RetargetingSettings):
         raise ValueError(f"settings must be RetargetingSettings, got {settings!r}")
-    tolerance, rate = as_positive("tolerance", tolerance), as_positive("rate", rate, "Hz")
     targets = _alignments("alignments", alignments, robots)
     sources = _alignments("person_alignments", person_alignments, [a.model for a in analyses])
-    clearance = motion_clearance(robots, settings)  # of the models as given, whose pairs are kept
-    if settings.rotor_inertia:
-        robots = [with_rotor_inertia(robot) for robot in robots]
-    bounds = [
-        _limits(robot, given, settings)
-        for robot, given in zip(robots, _one_each("limits", limits, len(robots)), strict=True)
-    ]
-    tasks = []
-    for analysis, robot, source, target, bound, start in zip(
-        *(analyses, robots, sources, targets, bounds),
-        *(_one_each("starts", starts, len(robots)),),
-        strict=True,
+    given = _one_each("limits", limits, len(robots))
+    pairs = []
+    for analysis, robot, source, target, limit in zip(
+        analyses, robots, sources, targets, given, strict=True
     ):
+        heavier = with_rotor_inertia(robot) if settings.rotor_inertia else robot
         mapping = PoseMapping.between(analysis.model, source, target, settings)
-        finder = PoseFinder(robot, settings, tolerance)
-        tasks.append(ArmTask.prepare(analysis, mapping, finder, bound, start))
-    _warn_out_of_reach(tasks)
-
-    paths: PlannedPaths | None = None
-    if settings.constrained:
-        waypoints = [task.waypoints for task in tasks if task.waypoints is not None]
-        paths = plan_paths(
-            waypoints,
-            [task.layers for task in tasks],
-            stretch=settings.stretch_weight,
-            posture=settings.posture_weight,
-            likeness=settings.likeness_weight,
-            tolerance=tolerance,
-            clearance=None if clearance is None else of_paths(clearance),
-            progress=report,
-        )
-        if throw and not paths.success:
-            raise NotConverged(f"the paths of the synergies were not found: {paths.status}", paths)
-        transfers = [task.transfers(paths, number) for number, task in enumerate(tasks)]
-    else:
-        transfers = _one_by_one(tasks, throw, report)
-    planned = _in_time(tasks, transfers, paths, clearance, throw, report)
-    arms = []
-    for number, (task, found) in enumerate(zip(tasks, transfers, strict=True)):
-        report("tracking the hand", number, len(tasks))
-        arms.append(RetargetedArm.of(task, found, planned, number, rate))
-    report("done", len(tasks), len(tasks))
-    seconds = time.perf_counter() - begin
-    result = Retargeting(tuple(arms), planned, paths, clearance, rate, settings, seconds)
-    warn_of_detours(result)
-    return result
+        bound = _limits(heavier, limit, settings)
+        pairs.append(PairedArm.of(analysis, heavier, mapping, bound, settings))
+    return pairs
 
 
 def _limits(robot: Model, given: JointLimits | None, settings: RetargetingSettings) -> JointLimits:
@@ -209,7 +237,7 @@ def _limits(robot: Model, given: JointLimits | None, settings: RetargetingSettin
 
 
 def _in_time(
-    tasks: Sequence[ArmTask],
+    pairs: Sequence[PairedArm],
     transfers: Sequence[Sequence[Transfer]],
     paths: PlannedPaths | None,
     clearance: Clearance | None,
@@ -221,8 +249,8 @@ def _in_time(
     Warns:
         UserWarning: it does not keep them.
     """
-    settings = tasks[0].finder.settings
-    arms = [task.paths_to_time(found) for task, found in zip(tasks, transfers, strict=True)]
+    settings = pairs[0].settings
+    arms = [_along_paths(*each) for each in zip(pairs, transfers, strict=True)]
     kept: list[Clearance] = []
     if clearance is not None and paths is not None:
         kept.append(of_trajectory(clearance, paths.least_distances, paths.kept))
@@ -246,19 +274,30 @@ def _in_time(
     return planned
 
 
-def _one_by_one(tasks: Sequence[ArmTask], throw: bool, report: Progress) -> list[list[Transfer]]:
-    """Free geodesics of all arms, one synergy after the other."""
-    total, before = sum(len(task.groups) for task in tasks), 0
-    found = []
-    for task in tasks:
+def _along_paths(pair: PairedArm, transfers: Sequence[Transfer]) -> ArmPaths:
+    """What the trajectory is planned from.
 
-        def advance(done: int, before: int = before, name: str = task.robot.name) -> None:
-            report(f"planning {name}", before + done, total)
-
-        advance(0)
-        found.append(task.plan_one_by_one(throw, advance))
-        before += len(task.groups)
-    return found
+    Warns:
+        UserWarning: a joint is too weak to hold the arm at the end of a synergy. It is allowed
+            more torque.
+    """
+    robot, share = pair.bounded, pair.settings.torque_share
+    paths = [transfer.path for transfer in transfers]
+    ends = [paths[0].nodes[0], *(path.nodes[-1] for path in paths)]
+    still = np.zeros(robot.dof)
+    held = np.abs([robot.inverse_dynamics(q, still, still, pair.gravity) for q in ends])
+    limit, needed = pair.limits.torque, held.max(axis=0)
+    for joint in np.flatnonzero(needed > limit):
+        warnings.warn(
+            f"{robot.name} is too weak: to hold its arm {robot.joint_names[joint]} needs "
+            f"{needed[joint]:.3g} of {limit[joint]:.3g} "
+            f"{'N m' if robot.units[joint] == 'rad' else 'N'}; the motion uses more",
+            UserWarning,
+            5,
+        )
+    torque = np.maximum(share * limit, np.minimum(limit, _MOVING * needed))
+    torque = np.where(needed > limit, _MOVING * needed, torque)
+    return ArmPaths(robot, replace(pair.limits, torque=torque), pair.edges, paths, pair.gravity)
 
 
 def _checked_list(name: str, given: Any, kind: type) -> list[Any]:
@@ -291,18 +330,33 @@ def _alignments(name: str, given: Any, models: Sequence[Model]) -> list[Alignmen
     return aligned
 
 
-def _warn_out_of_reach(tasks: Sequence[ArmTask]) -> None:
-    lines = []
-    for task in tasks:
-        for number, (distance, angle) in task.out_of_reach.items():
+def _warn_out_of_reach(pairs: Sequence[PairedArm], far: Sequence[OutOfReach]) -> None:
+    lines, advice = [], []
+    for pair, missed in zip(pairs, far, strict=True):
+        for number, (distance, angle) in missed.items():
             which = "the first pose" if number == 0 else f"the end of synergy {number}"
             error = f"{distance:.3g} m and {angle:.3g} rad"
-            lines.append(f"{which} of {task.robot.name} by at least {error}")
-    if not lines:
-        return
-    advice = " ".join(each for task in tasks if (each := task.mounting_advice()))
-    warnings.warn(
-        f"out of reach, the nearest pose is taken: {'; '.join(lines)}. {advice}".rstrip(),
-        UserWarning,
-        3,
+            lines.append(f"{which} of {pair.robot.name} by at least {error}")
+        if missed:
+            advice.append(_mounting_advice(pair))
+    if lines:
+        warnings.warn(
+            f"out of reach, the nearest pose is taken: {'; '.join(lines)}. "
+            f"{' '.join(filter(None, advice))}".rstrip(),
+            UserWarning,
+            3,
+        )
+
+
+def _mounting_advice(pair: PairedArm) -> str:
+    """What mounting of the robot would bring more poses within reach; empty if none would."""
+    samples = [group.stop for group in pair.groups if group.kind != "rest"]
+    poses = [pair.target(sample) for sample in (pair.groups[0].start, *samples)]
+    if not pair.settings.constrained or poses[0].position is None:
+        return ""
+    positions = np.array([pose.position for pose in poses])
+    turned = None if poses[0].rotation is None else np.array([each.rotation for each in poses])
+    found = reachability(
+        pair.robot, pair.mapping.target, turned, positions, scale=pair.mapping.scale
     )
+    return found.advice.partition(". ")[2]  # the first sentence counts the poses

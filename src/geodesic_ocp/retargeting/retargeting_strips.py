@@ -13,7 +13,7 @@ from geodesic_ocp.figures.arms.best_view import best_view
 from geodesic_ocp.figures.arms.posture import Postures
 from geodesic_ocp.figures.arms.view import View
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
-from geodesic_ocp.retargeting.poses.pose_mapping import PoseMapping
+from geodesic_ocp.retargeting.key_poses import PoseMapping
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from geodesic_ocp.recordings.recording import Recording
     from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
     from geodesic_ocp.retargeting.result import Retargeting
-    from geodesic_ocp.synergies.reconstruct import Reconstruction
-    from geodesic_ocp.synergies.synergy import Synergy
+    from geodesic_ocp.synergies.synergy import Reconstruction, Synergy
     from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
     from geodesic_ocp.trajectory.motion import Motion
 

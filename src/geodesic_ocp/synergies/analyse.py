@@ -1,28 +1,253 @@
-"""The analysis of a recorded motion: segmentation, planning, and comparison with baselines."""
+"""The analysis of a recorded motion: geodesic synergies, planned and compared with baselines."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import chain
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
 
+import numpy as np
+
+from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import GeodesicOcpError
+from geodesic_ocp.figures.analysis_figure import INSTANTS, draw_analysis
+from geodesic_ocp.figures.arms.arm_strip import StripArm, strip_instants
+from geodesic_ocp.figures.arms.best_view import across, best_view
+from geodesic_ocp.figures.arms.posture import Postures
+from geodesic_ocp.figures.new_figure import new_figure, save_figure
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.manifold.metrics import Euclidean
-from geodesic_ocp.model.model import Model, as_model
-from geodesic_ocp.progress import Progress, no_progress
-from geodesic_ocp.recordings.plausible import check_plausible
-from geodesic_ocp.synergies.analysis import Analysis
-from geodesic_ocp.synergies.baselines import track_hand
-from geodesic_ocp.synergies.metrics import (
+from geodesic_ocp.manifold.metrics import (
+    JOINT_INERTIA,
+    KINETIC_ENERGY,
+    STRAIGHT_LINES,
+    AdjustableKineticEnergy,
+    Euclidean,
     MetricName,
     as_analysis_metric,
     compared_metrics,
+    joint_inertia_of,
+    method_of,
 )
-from geodesic_ocp.synergies.reconstruct import Reconstruction, reconstruct
+from geodesic_ocp.model.model import Model, as_model, hand_labels
+from geodesic_ocp.progress import Progress, no_progress
+from geodesic_ocp.recordings.plausible import check_plausible
+from geodesic_ocp.records import write_together
+from geodesic_ocp.synergies.baselines import track_hand
 from geodesic_ocp.synergies.scores import MotionErrors, evaluate
 from geodesic_ocp.synergies.segment import segment, segment_zero_velocity
-from geodesic_ocp.synergies.synergy import as_segments
+from geodesic_ocp.synergies.synergy import (
+    Reconstruction,
+    Synergy,
+    as_segments,
+    reconstruct,
+    save_synergies,
+)
+from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.motion import Motion
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_METRICS = {
+    "kinetic_energy": KINETIC_ENERGY,
+    "joint_inertia": JOINT_INERTIA,
+    "euclidean_same_segments": f"{STRAIGHT_LINES}, same segments",
+}
+_BASELINES = {
+    "euclidean": f"{STRAIGHT_LINES}, zero-velocity segments",
+    "ik": "inverse kinematics of the hand",
+}
+NOT_FOUND = "not found"
+_UNITS = ("m", "rad")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Analysis:
+    """A recorded motion, its geodesic synergies (see `Synergy`), and the baselines.
+
+    Attributes:
+        model: the arm, or a model with several hands, such as `human_upper_body`.
+        motion: the observed motion, filtered.
+        metric: in which the motion was cut and its synergies are geodesics.
+        threshold: of the segmentation [rad]; None if the segments were given.
+        segments: (start, stop) sample indices of the geodesic segmentation.
+        synergies: one for each segment.
+        predicted: the motion that the synergies predict.
+        segment_counts: number of segments by method, for the methods that have segments.
+        predictions: predicted motion by method.
+        errors: mean errors by method, against the filtered motion: "riemannian", geodesics of the
+            metric; on the same segments "kinetic_energy", geodesics without joint inertia,
+            "joint_inertia", with joint inertia, and "euclidean_same_segments", straight lines (the
+            like-for-like comparison); "euclidean", straight lines on zero-velocity segments (the
+            paper's comparison); "ik", inverse kinematics of the hand. The first of these that is
+            the metric itself is left out, unless it is straight lines.
+        errors_unfiltered: the same against the unfiltered motion; empty if it is not known, as
+            `Motion.filtered` was not used.
+        not_found: methods of the comparison that have no geodesic for some segment.
+    """
+
+    model: Model
+    motion: Motion
+    metric: Metric
+    threshold: float | None
+    segments: tuple[tuple[int, int], ...]
+    synergies: tuple[Synergy, ...]
+    predicted: Motion
+    segment_counts: Mapping[str, int]
+    predictions: Mapping[str, Motion]
+    errors: Mapping[str, MotionErrors]
+    errors_unfiltered: Mapping[str, MotionErrors]
+    not_found: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return (
+            f"Analysis({self.model.name}, {self.motion.duration:.3f} s, {len(self.synergies)} "
+            f"geodesic synergies{self._by_rule},\n  {self.metric_name},\n"
+            f"  {self.errors['riemannian']})"
+        )
+
+    def _repr_markdown_(self) -> str:
+        return self.table().markdown()
+
+    @property
+    def metric_name(self) -> str:
+        """What the metric is, in words; of a metric that has no words, its `repr`."""
+        if isinstance(self.metric, AdjustableKineticEnergy):
+            return self.metric.description
+        name = _METRICS.get(method_of(self.metric), repr(self.metric))
+        return f"{name} {joint_inertia_of(self.metric)}".removesuffix(", same segments ").strip()
+
+    @property
+    def _by_rule(self) -> str:
+        return "" if self.threshold is None else f" at a threshold of {self.threshold:g} rad"
+
+    def table(self, *, unfiltered: bool = False) -> Table:
+        """Number of segments and mean errors of all methods, of each hand if there are several.
+
+        Args:
+            unfiltered: take the errors against the unfiltered motion (`errors_unfiltered`).
+
+        Raises:
+            ValueError: the unfiltered motion is not known.
+        """
+        if unfiltered and not self.errors_unfiltered:
+            raise ValueError("the unfiltered motion is not known: use Motion.filtered")
+        errors = self.errors_unfiltered if unfiltered else self.errors
+        columns = [f"{hand} [{unit}]" for hand in hand_labels(self.model.hands) for unit in _UNITS]
+        rows: list[tuple[str | int | float, ...]] = []
+        for method, label in self.labels().items():
+            entries: list[str | float] = [NOT_FOUND] * (1 + len(columns))
+            if method not in self.not_found:
+                values = errors[method]
+                hands = [(hand.position, hand.orientation) for hand in values.hands or [values]]
+                entries = [values.joint, *chain(*hands)]
+            rows.append((label, self.segment_counts.get(method, "-"), *entries))
+        return Table(("method", "segments", "joints [rad]", *columns), tuple(rows))
+
+    def labels(self) -> dict[str, str]:
+        """What tables and figures call the methods, by method."""
+        own = method_of(self.metric)
+        straight = _METRICS["euclidean_same_segments"]
+        name = _METRICS.get(own, self.metric.label or type(self.metric).__name__)
+        labels = {"riemannian": name if name == straight else f"geodesics, {name}"}
+        for method, label in _METRICS.items():
+            if method != own and method in (*self.errors, *self.not_found):
+                labels[method] = label if label == straight else f"geodesics, {label}"
+        return labels | _BASELINES
+
+    def on_same_segments(self) -> dict[str, str]:
+        """Short labels, by method, of the predictions that have the segments of this analysis."""
+        return {
+            method: label.removeprefix("geodesics, ").removesuffix(", same segments")
+            for method, label in self.labels().items()
+            if method not in (*_BASELINES, *self.not_found)
+        }
+
+    def plot(self, curve: Callable[[Axes], object] | None = None) -> Figure:
+        """The arm at some instants, errors over time on the same segments, and the hands' paths.
+
+        Args:
+            curve: draws the error against the number of synergies into a panel of its own, as
+                `MetricComparison.draw` does; None leaves it out.
+        """
+        model, motion = self.model, self.motion
+        labels = hand_labels(model.hands)
+        joints: dict[str, Array] = {}
+        distances: dict[str, dict[str, Array]] = {label: {} for label in labels}
+        ways: dict[str, tuple[Array, Array]] = {}
+        for method, name in self.on_same_segments().items():
+            q = self.predictions[method].q
+            joints[name] = np.mean(np.abs(q - motion.q), axis=1)
+            for label, hand in zip(labels, model.hands, strict=True):
+                seen, way = (model.frame_pose(hand, each)[1] for each in (motion.q, q))
+                distances[label][name] = np.linalg.norm(way - seen, axis=1)
+                if method == "riemannian":
+                    ways[label] = seen, way
+        several = len(labels) > 1
+        # Both arms stretched out are twice as wide as one.
+        instants = strip_instants(self.segments, INSTANTS // 2 + 1 if several else INSTANTS)
+        name = f"predicted, {next(iter(joints))}"
+        arms = (
+            StripArm(Postures.of(model, motion.q[instants]), "observed", "observed"),
+            StripArm(Postures.of(model, self.predicted.q[instants]), "predicted", name, False),
+        )
+        view = best_view(arms[0].postures, np.concatenate([seen for seen, _ in ways.values()]))
+        figure = new_figure(10.0, 12.0 if several else 9.6)
+        draw_analysis(
+            figure,
+            motion.time - motion.time[0],
+            self.segments,
+            instants,
+            (view, across(view, arms[0].postures)),
+            arms,
+            ways,
+            joints,
+            distances,
+            curve,
+        )
+        figure.suptitle(
+            f"{model.name}: {len(self.segments)} geodesic synergies{self._by_rule},"
+            + ("\n" if several else " ")
+            + self.metric_name.replace("^2", "²")
+        )
+        return figure
+
+    def save(
+        self, folder: str | FilePath, *, curve: Callable[[Axes], object] | None = None
+    ) -> list[FilePath]:
+        """Write table.csv, table.md, figure.png, figure.pdf and synergies.json to the folder.
+
+        With `errors_unfiltered` also table_unfiltered.csv and table_unfiltered.md. All are written
+        to a temporary folder first and moved together; `load_synergies` reads the last.
+
+        Args:
+            folder: is made if there is none.
+            curve: of the figure, see `plot`.
+
+        Returns:
+            The files' paths.
+
+        Raises:
+            OSError: the folder cannot be created or written to.
+        """
+        return write_together(folder, partial(self._write, curve))
+
+    def _write(self, curve: Callable[[Axes], object] | None, folder: FilePath) -> None:
+        tables = {"table": self.table()}
+        if self.errors_unfiltered:
+            tables["table_unfiltered"] = self.table(unfiltered=True)
+        for name, table in tables.items():
+            (folder / f"{name}.csv").write_text(table.csv(), encoding="utf-8")
+            (folder / f"{name}.md").write_text(table.markdown(), encoding="utf-8")
+        save_figure(self.plot(curve), folder)
+        save_synergies(
+            folder / "synergies.json", self.synergies, self.motion.joint_names, self.model
+        )
 
 
 def analyse(
@@ -87,42 +312,35 @@ def analyse(
         motion = motion.filtered()
     report("cutting into segments", 0, 1)
     if segments is None:
-        cut = segment(
-            metric,
-            motion,
-            threshold,
-            rest=rest,
-            rest_duration=rest_duration,
-            min_duration=min_duration,
-            hysteresis=hysteresis,
-        )
+        rests = {"rest": rest, "rest_duration": rest_duration}
+        noise = {"min_duration": min_duration, "hysteresis": hysteresis}
+        cut = segment(metric, motion, threshold, **rests, **noise)
     else:
         cut = as_segments(motion, segments)
-    zero_velocity = segment_zero_velocity(motion, joints=_reversing(model))
+    # Three of the seven joints of an arm, in proportion: of 20, three reverse at once by chance.
+    reversing = min(3, model.dof - 1) if len(model.hands) == 1 else round(3 * model.dof / 7)
+    zero_velocity = segment_zero_velocity(motion, joints=reversing)
     compared = compared_metrics(metric, model)
     planned = [("riemannian", metric, cut), *((name, its, cut) for name, its in compared.items())]
     planned.append(("euclidean", Euclidean(model.dof), zero_velocity))
     counts = {method: len(its_segments) for method, _, its_segments in planned}
+    total, finished, done, label = sum(counts.values()) + 1, 0, 0, ""
 
-    total, finished = sum(counts.values()) + 1, 0
+    def advance(number: int) -> None:
+        nonlocal done
+        done = number
+        report(label, finished + number, total)
+
     found: dict[str, Reconstruction] = {}
     for method, its_metric, its_segments in planned:
-        lines = isinstance(its_metric, Euclidean)
+        lines, done = isinstance(its_metric, Euclidean), 0
         label = "planning straight lines" if lines else "planning geodesics"
-        done = [0]
-
-        def advance(
-            number: int, label: str = label, before: int = finished, done: list[int] = done
-        ) -> None:
-            done.append(number)
-            report(label, before + number, total)
-
         try:
             found[method] = reconstruct(its_metric, motion, its_segments, progress=advance)
         except GeodesicOcpError as error:
             if method not in compared:
                 raise
-            start, stop = its_segments[done[-1]]
+            start, stop = its_segments[done]
             warnings.warn(
                 f"{method.replace('_', ' ')}: no geodesic was found for the segment from "
                 f"{motion.time[start]:.3f} to {motion.time[stop]:.3f} s (samples {start} to "
@@ -136,13 +354,13 @@ def analyse(
     predictions = {method: found[method].predicted for method in found}
     predictions["ik"] = track_hand(model, motion)
     report("done", total, total)
-    unfiltered = None
+    observed = [motion]
     if motion.unfiltered is not None:
-        unfiltered = Motion(motion.time, motion.unfiltered, motion.joint_names)
-
-    def errors(observed: Motion) -> dict[str, MotionErrors]:
-        return {method: evaluate(model, observed, each) for method, each in predictions.items()}
-
+        observed.append(Motion(motion.time, motion.unfiltered, motion.joint_names))
+    errors = [
+        {method: evaluate(model, seen, each) for method, each in predictions.items()}
+        for seen in observed
+    ]
     return Analysis(
         model=model,
         motion=motion,
@@ -153,15 +371,7 @@ def analyse(
         predicted=found["riemannian"].predicted,
         segment_counts=counts | {method: len(found[method].synergies) for method in found},
         predictions=predictions,
-        errors=errors(motion),
-        errors_unfiltered={} if unfiltered is None else errors(unfiltered),
+        errors=errors[0],
+        errors_unfiltered=errors[1] if len(errors) > 1 else {},
         not_found=tuple(method for method in compared if method not in found),
     )
-
-
-def _reversing(model: Model) -> int:
-    """Joints that may reverse at once without a cut: 3 of the 7 of an arm, and in proportion.
-
-    Of 20 joints, three reverse at once by chance.
-    """
-    return min(3, model.dof - 1) if len(model.hands) == 1 else round(3 * model.dof / 7)

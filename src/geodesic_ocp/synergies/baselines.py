@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import TypeAlias
 
@@ -12,12 +11,10 @@ import numpy as np
 import scipy
 from scipy.spatial.transform import Rotation
 
-from geodesic_ocp.arrays import Array, as_positive, evaluate
-from geodesic_ocp.manifold.metrics import KineticEnergy
+from geodesic_ocp.arrays import Array, as_positive, evaluate, rotation_vector
+from geodesic_ocp.manifold.metrics import KineticEnergy, with_joint_inertia
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.pose_search import rotation_log
-from geodesic_ocp.rotations import rotation_vector
-from geodesic_ocp.synergies.metrics import with_joint_inertia
 from geodesic_ocp.synergies.scores import hand_twists
 from geodesic_ocp.synergies.segment import observed_velocity
 from geodesic_ocp.synergies.synergy import as_segments
@@ -27,7 +24,6 @@ from geodesic_ocp.trajectory.motion import Motion
 _MAX_STEP = 0.05
 _FOREARM_AND_WRIST = ("Ez_joint", "Wx_joint", "Wy_joint")  # of human_arm, without R or L
 Poses: TypeAlias = Callable[[Array], tuple[Array, Array]]
-Pose: TypeAlias = tuple[ca.SX, ca.SX]
 
 
 def track_hand(
@@ -36,7 +32,7 @@ def track_hand(
     """Track the observed hands (end-effectors) with a damped velocity controller.
 
     It starts from the first observed configuration; the hand moves along the spline through the
-    samples, see `track_poses`. The observed configuration of the redundant arm plays no further
+    samples, see `_track_poses`. The observed configuration of the redundant arm plays no further
     role. All hands of the model are tracked at once.
 
     Args:
@@ -53,107 +49,63 @@ def track_hand(
     """
     observed = motion.select(model.joint_names)
 
-    def of(hand: str) -> Poses:
-        def poses(times: Array) -> tuple[Array, Array]:
-            rotations, positions = model.frame_pose(hand, observed(times))
-            return rotations, positions
-
-        return poses
-
-    tracked = track_poses(
-        model,
-        observed.q[0],
-        observed.time,
-        {hand: of(hand) for hand in model.hands},
-        gain=gain,
-        damping=damping,
-        counts=steps_between(observed),
-    )
-    return replace(tracked, subject=observed.subject)
+    poses = [lambda t, hand=hand: model.frame_pose(hand, observed(t)) for hand in model.hands]
+    return _track_poses(model, observed, poses, gain, damping)
 
 
-def steps_between(observed: Motion) -> Array:
-    """Number of controller steps between samples (k - 1,), so that each is a small motion.
-
-    Recordings at low sampling rates need many.
-    """
-    largest = np.abs(np.diff(observed.q, axis=0)).max(axis=1)
-    return np.asarray(np.maximum(1.0, np.ceil(largest / _MAX_STEP)))
-
-
-def track_poses(
-    model: Model,
-    start: Array,
-    time: Array,
-    poses: Poses | Mapping[str, Poses],
-    *,
-    gain: float = 20.0,
-    damping: float = 0.02,
-    counts: Array | None = None,
-    turning: bool = True,
-    placing: bool = True,
+def _track_poses(
+    model: Model, observed: Motion, poses: Sequence[Poses], gain: float, damping: float
 ) -> Motion:
-    """Track poses of a hand, or of several, with a damped velocity controller.
+    """Track poses of all hands together with a damped velocity controller.
 
-    q' = J' (J J' + damping^2)^-1 (hand velocity + gain * pose error), of all hands together. Damped
-    least squares: Wampler, IEEE Trans. Systems, Man, and Cybernetics 16 (1986); the controller
-    ignores joint limits.
+    q' = J' (J J' + damping^2)^-1 (hand velocity + gain * pose error). Damped least squares:
+    Wampler, IEEE Trans. Systems, Man, and Cybernetics 16 (1986); the controller ignores joint
+    limits.
 
     Args:
-        model: whose hand tracks.
-        start: configuration (n,).
-        time: increasing times (k,) [s].
-        poses: rotations (m, 3, 3) and positions (m, 3) [m] of the hand at m times, called once; or
-            such functions by name of the hand frame.
+        model: whose hands track.
+        observed: motion whose first configuration is the start, and whose sample times are the
+            result's; recordings at low sampling rates need many steps between two of them.
+        poses: of every hand, rotations (m, 3, 3) and positions (m, 3) [m] at m times; called once.
         gain: of the pose error [1/s].
         damping: of the Jacobian's small singular values [m or rad per joint unit].
-        counts: (k - 1,) steps of the controller between the times; one by default.
-        turning, placing: whether it tracks rotations, and positions.
-
-    Raises:
-        ValueError: a number is not positive.
     """
     gain, damping = as_positive("gain", gain, "1/s"), as_positive("damping", damping)
-    counts = np.ones(time.size - 1) if counts is None else counts
+    time, start = observed.time, observed.q[0]
+    counts = np.ceil(np.abs(np.diff(observed.q, axis=0)).max(axis=1) / _MAX_STEP)
+    counts = np.maximum(1, counts.astype(int))
     step = np.diff(time) / counts
-    interval = np.repeat(np.arange(time.size - 1), counts.astype(int))
-    ends = np.cumsum(counts).astype(int)
+    interval = np.repeat(np.arange(time.size - 1), counts)
+    ends = np.cumsum(counts)
     within = np.arange(interval.size) - (ends - counts)[interval]
     instants = np.append(time[interval] + within * step[interval], time[-1])
-    wanted = dict(poses) if isinstance(poses, Mapping) else {model.hand: poses}
     targets: list[Array] = []
-    for rotations, positions in (each(instants) for each in wanted.values()):
+    for rotations, positions in (each(instants) for each in poses):
         # Rotations side by side, (3, 3 m), as CasADi takes several arguments.
         beside = rotations.transpose(1, 0, 2).reshape(3, -1)
         targets += [beside[:, :-3], positions[:-1].T, beside[:, 3:], positions[1:].T]
-    controller = _controller(model, tuple(wanted), turning, placing).mapaccum(interval.size)
-    configurations = evaluate(
-        controller,
-        start,
-        *targets,
-        step[None, interval],
-        # A gain above 1/step would overshoot, above 2/step diverge.
-        np.minimum(gain, 1.0 / step)[None, interval],
-        np.full((1, interval.size), damping),
-    ).T
-    q = np.vstack([start, configurations[ends - 1]])
+    # A gain above 1/step would overshoot, above 2/step diverge.
+    gains, dampings = np.minimum(gain, 1.0 / step), np.full_like(step, damping)
+    numbers = (each[None, interval] for each in (step, gains, dampings))
+    controller = _controller(model).mapaccum(interval.size)
+    q = np.vstack([start, evaluate(controller, start, *targets, *numbers).T[ends - 1]])
     velocity = np.diff(q, axis=0) / np.diff(time)[:, None]
-    return Motion(time, q, model.joint_names, np.vstack([velocity, velocity[-1:]]))
+    velocity = np.vstack([velocity, velocity[-1:]])
+    return Motion(time, q, model.joint_names, velocity, observed.subject)
 
 
 @lru_cache(maxsize=32)
-def _controller(model: Model, hands: tuple[str, ...], turning: bool, placing: bool) -> ca.Function:
+def _controller(model: Model) -> ca.Function:
     """One step: q, pose of each hand now and after the step, step [s], gain, damping -> next q."""
-    rows = slice(0 if placing else 3, 6 if turning else 3)
     q, step, gain, damping = ca.SX.sym("q", model.dof), *(ca.SX.sym(name) for name in "hkd")
     targets: list[ca.SX] = []
     twists, jacobians = [], []
-    for hand in hands:
+    for hand in model.hands:
         now, after = ((ca.SX.sym("R", 3, 3), ca.SX.sym("p", 3)) for _ in range(2))
         forward, error = _twist(now, after), _twist(model.frame_pose(hand, q), now)
-        twists.append((forward / step + gain * error)[rows])
+        twists.append(forward / step + gain * error)
         moved = model if hand == model.hand else model.with_hand(hand)
-        jacobians.append(moved.hand_jacobian(q)[rows, :])
+        jacobians.append(moved.hand_jacobian(q))
         targets += [*now, *after]
     twist, jacobian = ca.vertcat(*twists), ca.vertcat(*jacobians)
     damped = jacobian @ jacobian.T + damping**2 * ca.SX.eye(jacobian.shape[0])
@@ -163,7 +115,7 @@ def _controller(model: Model, hands: tuple[str, ...], turning: bool, placing: bo
     return ca.Function("controller", arguments, [ca.cse(ca.densify(q + change))])
 
 
-def _twist(pose: Pose, target: Pose) -> ca.SX:
+def _twist(pose: tuple[ca.SX, ca.SX], target: tuple[ca.SX, ca.SX]) -> ca.SX:
     """Translation and rotation vector (6,) from one pose to the other, in the base frame."""
     return ca.vertcat(target[1] - pose[1], rotation_log(target[0] @ pose[0].T))
 
@@ -292,24 +244,14 @@ def minimum_jerk_hand(
     observed = motion.select(model.joint_names)
     pieces = as_segments(observed, segments)
     velocity = observed_velocity(observed)
-    hands = {hand: _observed_hand(model, hand, observed) for hand in model.hands}
-    counts = steps_between(observed)
-
+    hands = [_observed_hand(model, hand, observed) for hand in model.hands]
     q, velocity = np.empty_like(observed.q), np.empty_like(velocity)
     for start, stop in pieces:
         ends, samples = [start, stop], slice(start, stop + 1)
-        tracked = track_poses(
-            model,
-            observed.q[start],
-            observed.time[samples],
-            {
-                hand: _hand_motion(observed.time[ends], *(values[ends] for values in each))
-                for hand, each in hands.items()
-            },
-            gain=gain,
-            damping=damping,
-            counts=counts[start:stop],
-        )
+        times = observed.time[ends]
+        poses = [_hand_motion(times, *(values[ends] for values in each)) for each in hands]
+        part = Motion(observed.time[samples], observed.q[samples], observed.joint_names)
+        tracked = _track_poses(model, part, poses, gain, damping)
         q[samples], velocity[samples] = tracked.q, tracked.velocity
     return Motion(observed.time, q, observed.joint_names, velocity, observed.subject)
 
@@ -322,8 +264,9 @@ def _observed_hand(model: Model, hand: str, observed: Motion) -> tuple[Array, Ar
     model = model if hand == model.hand else model.with_hand(hand)
     rotations, positions = model.hand_pose(observed.q)
     twists = hand_twists(model, observed)
-    places = np.stack([positions, twists[:, :3], rates(observed, twists[:, :3])], axis=1)
-    turns = np.stack([twists[:, 3:], rates(observed, twists[:, 3:])], axis=1)
+    changes = rates(observed, twists)
+    places = np.stack([positions, twists[:, :3], changes[:, :3]], axis=1)
+    turns = np.stack([twists[:, 3:], changes[:, 3:]], axis=1)
     return rotations, places, turns
 
 
@@ -366,24 +309,22 @@ def distal_inertia(
         ValueError: no joints are given and the model is not a `human_arm`, there is no such joint,
             or the joint inertia is not positive.
     """
-    if joints is None:
-        joints = distal_joints(model)
-        if not joints:
-            raise ValueError(
-                f"joints must name the distal ones of {', '.join(model.joint_names)}: forearm "
-                "rotation and wrist are known of human_arm only"
-            )
+    known = ", ".join(model.joint_names)
+    if joints is None and not (joints := distal_joints(model)):
+        raise ValueError(
+            f"joints must name the distal ones of {known}: forearm rotation and wrist are known of "
+            "human_arm only"
+        )
     if isinstance(joints, str) or not joints:
         raise ValueError(f"joints must be a sequence of names or None, got {joints!r}")
-    if armature is None:
-        everywhere = dict(zip(model.joint_names, with_joint_inertia(model).armature, strict=True))
-    else:
-        everywhere = dict.fromkeys(model.joint_names, as_positive("armature", armature, "kg m^2"))
-    if missing := [name for name in joints if name not in everywhere]:
-        known = ", ".join(model.joint_names)
+    if missing := [name for name in joints if name not in model.joint_names]:
         raise ValueError(f"joints: there is no joint {', '.join(missing)}; there are {known}")
-    values = [everywhere[name] if name in joints else 0.0 for name in model.joint_names]
-    return KineticEnergy(model.with_armature(values))
+    if armature is None:
+        everywhere = with_joint_inertia(model).armature
+    else:
+        everywhere = np.full(model.dof, as_positive("armature", armature, "kg m^2"))
+    distal = [name in joints for name in model.joint_names]
+    return KineticEnergy(model.with_armature(np.where(distal, everywhere, 0.0)))
 
 
 def distal_joints(model: Model) -> list[str]:

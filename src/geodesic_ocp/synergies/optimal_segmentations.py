@@ -7,8 +7,16 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
-from geodesic_ocp.arrays import Array, as_integer, as_number, as_positive
+from geodesic_ocp.arrays import (
+    Array,
+    ShortRepr,
+    as_integer,
+    as_not_negative,
+    as_number,
+    as_positive,
+)
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
@@ -151,16 +159,14 @@ def optimal_segmentations(
             f"max_duration must be at least {gap:.4g} s, the largest gap between candidates, got "
             f"{max_duration:g} s"
         )
-    pairs = _pairs(motion.time, candidates, max_duration)
-
+    time = motion.time[candidates]
+    short_enough = time - time[:, None] <= max_duration * (1.0 + _SLACK)
+    first, last = np.nonzero(np.triu(short_enough, 1))
+    pairs = list(zip(candidates[first].tolist(), candidates[last].tolist(), strict=True))
     report = progress or no_progress
-    values = costs(
-        [(candidates[first], candidates[last]) for first, last in pairs],
-        lambda done: report("planning segments", done, len(pairs)),
-    )
-    table = np.full((len(candidates), max(last - first for first, last in pairs)), np.inf)
-    for (first, last), value in zip(pairs, values, strict=True):
-        table[last, last - first - 1] = value
+    values = costs(pairs, lambda done: report("planning segments", done, len(pairs)))
+    table = np.full((len(candidates), (last - first).max()), np.inf)
+    table[last, last - first - 1] = values
     partitions = best_partitions(table)
     counts = np.flatnonzero(np.isfinite(partitions.totals))
     if not counts.size:
@@ -176,7 +182,7 @@ def optimal_segmentations(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class OptimalSegmentations:
+class OptimalSegmentations(ShortRepr):
     """The best cuts of a motion for every number of segments, from `optimal_segmentations`.
 
     Attributes:
@@ -195,17 +201,12 @@ class OptimalSegmentations:
     counts: np.ndarray
     errors: Array
     max_duration: float
-    _candidates: list[int] = field(repr=False)
-    _partitions: BestPartitions = field(repr=False)
-    _costs: SegmentCosts = field(repr=False)
-    _refined: dict[int, tuple[list[int], float]] = field(repr=False, default_factory=dict)
+    _candidates: NDArray[np.int64]
+    _partitions: BestPartitions
+    _costs: SegmentCosts
+    _refined: dict[int, tuple[list[int], float]] = field(default_factory=dict)
 
-    def __repr__(self) -> str:
-        return (
-            f"OptimalSegmentations({self.counts[0]} to {self.counts[-1]} segments of "
-            f"{self.motion.duration:.3g} s, {self.measure} error {self.errors[0]:.3g} to "
-            f"{self.errors.min():.3g})"
-        )
+    _shown = ("measure", "counts", "errors", "max_duration")
 
     def segments(self, count: int, *, refined: bool = True) -> list[tuple[int, int]]:
         """(start, stop) sample indices of the best `count` segments, as of `segment`.
@@ -247,9 +248,8 @@ class OptimalSegmentations:
         if (penalty is None) == (error is None):
             raise ValueError("exactly one of penalty and error must be given")
         if penalty is not None:
-            if as_number("penalty", penalty) < 0.0:
-                raise ValueError(f"penalty must not be negative, got {penalty}")
-            return int(self.counts[np.argmin(self.errors + penalty * self.counts)])
+            weighted = as_not_negative("penalty", penalty) * self.counts
+            return int(self.counts[np.argmin(self.errors + weighted)])
         enough = self.errors <= as_number("error", error)
         if not enough.any():
             best = int(np.argmin(self.errors))
@@ -270,7 +270,7 @@ class OptimalSegmentations:
                 f"{self.max_duration:g} s, got {count}"
             )
         if not refined:
-            cuts = [self._candidates[index] for index in self._partitions.cuts(count)]
+            cuts = self._candidates[self._partitions.cuts(count)].tolist()
             return cuts, float(self._partitions.totals[count])
         if count not in self._refined:
             start, _ = self._cuts(count, False)
@@ -288,23 +288,11 @@ class OptimalSegmentations:
         return [costs.get(pair, np.inf) for pair in pairs]
 
 
-def _candidates(time: Array, spacing: float) -> list[int]:
+def _candidates(time: Array, spacing: float) -> NDArray[np.int64]:
     """Indices of the samples nearest to evenly spaced times, both ends included."""
     count = max(1, round(float(time[-1] - time[0]) / spacing))
     wanted = np.linspace(time[0], time[-1], count + 1)
-    middles = (time[1:] + time[:-1]) / 2.0
-    return [int(index) for index in np.unique(np.searchsorted(middles, wanted))]
-
-
-def _pairs(time: Array, candidates: list[int], max_duration: float) -> list[tuple[int, int]]:
-    """Indices of candidates between which a segment is short enough."""
-    times = time[candidates]
-    last = np.searchsorted(times, times + max_duration * (1.0 + _SLACK), side="right")
-    return [
-        (first, stop)
-        for first, after in enumerate(last)
-        for stop in range(first + 1, min(int(after), len(candidates)))
-    ]
+    return np.unique(np.searchsorted((time[1:] + time[:-1]) / 2.0, wanted))
 
 
 def _warn(failures: int, which: str, stacklevel: int) -> None:

@@ -9,14 +9,12 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array
-from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.arrays import Array, ShortRepr, rotation_vector
+from geodesic_ocp.manifold.metric import Metric, speeds_at
 from geodesic_ocp.model.model import Model, hand_labels
-from geodesic_ocp.rotations import rotation_vector
 from geodesic_ocp.synergies.synergy import as_segments
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.motion import Motion
-from geodesic_ocp.trajectory.path import speeds_at
 
 _CELLS = 200  # along the curves; the error falls with the square of their number
 _ACROSS, _WEIGHTS = np.polynomial.legendre.leggauss(5)  # from one curve to the other
@@ -37,7 +35,7 @@ SCORES = {
 
 
 @dataclass(frozen=True, repr=False)
-class HandErrors:
+class HandErrors(ShortRepr):
     """Mean errors of one of several hands over the samples of a motion.
 
     Attributes:
@@ -50,15 +48,9 @@ class HandErrors:
     position: float
     orientation: float
 
-    def __repr__(self) -> str:
-        return (
-            f"HandErrors({self.name}, position {self.position:.4g} m, "
-            f"orientation {self.orientation:.4g} rad)"
-        )
-
 
 @dataclass(frozen=True, repr=False)
-class MotionErrors:
+class MotionErrors(ShortRepr):
     """Mean errors over the samples of a motion.
 
     Attributes:
@@ -76,12 +68,6 @@ class MotionErrors:
     orientation: float
     hands: tuple[HandErrors, ...] = ()
 
-    def __repr__(self) -> str:
-        return (
-            f"MotionErrors(joint {self.joint:.4g} rad, position {self.position:.4g} m, "
-            f"orientation {self.orientation:.4g} rad)"
-        )
-
 
 def evaluate(model: Model, observed: Motion, predicted: Motion) -> MotionErrors:
     """Mean errors of a predicted motion against the observed one, sample by sample.
@@ -92,25 +78,22 @@ def evaluate(model: Model, observed: Motion, predicted: Motion) -> MotionErrors:
     >>> observed = go.Motion(time, np.outer(time, np.full(7, 0.5)), arm.joint_names)
     >>> predicted = go.Motion(time, observed.q + 0.01, arm.joint_names)
     >>> go.evaluate(arm, observed, predicted)
-    MotionErrors(joint 0.01 rad, position 0.009228 m, orientation 0.03953 rad)
+    MotionErrors(joint=0.01, position=0.00922838, orientation=0.0395273)
 
     Raises:
         ValueError: a joint of the model is missing, or the two differ in their sample times.
     """
     observed, predicted = _comparable(model, observed, predicted)
-    every = [
-        pose_errors(model.frame_pose(hand, predicted.q), model.frame_pose(hand, observed.q))
-        for hand in model.hands
-    ]
-    hands = tuple(
-        HandErrors(label, each.position, each.orientation)
-        for label, each in zip(hand_labels(model.hands), every, strict=True)
-    )
+    hands = []
+    for label, hand in zip(hand_labels(model.hands), model.hands, strict=True):
+        poses, targets = (model.frame_pose(hand, each.q) for each in (predicted, observed))
+        errors = pose_errors(poses, targets)
+        hands.append(HandErrors(label, errors.position, errors.orientation))
     return MotionErrors(
         joint=float(np.mean(np.abs(predicted.q - observed.q))),
-        position=float(np.mean([each.position for each in every])),
-        orientation=float(np.mean([each.orientation for each in every])),
-        hands=hands if len(hands) > 1 else (),
+        position=float(np.mean([each.position for each in hands])),
+        orientation=float(np.mean([each.orientation for each in hands])),
+        hands=tuple(hands) if len(hands) > 1 else (),
     )
 
 
@@ -130,7 +113,7 @@ def pose_differences(
 
 
 @dataclass(frozen=True, repr=False)
-class Scores:
+class Scores(ShortRepr):
     """How far a predicted motion is from the observed one, over its samples.
 
     Attributes:
@@ -164,13 +147,6 @@ class Scores:
         It is half of `rotation_angle`: a rotation by an angle is a unit quaternion at half of it.
         """
         return self.rotation_angle / 2.0
-
-    def __repr__(self) -> str:
-        return (
-            f"Scores(joints {self.joint_mean:.4g} rad, hand {self.position_mean:.4g} m and "
-            f"{self.rotation_angle:.4g} rad (angle),\n  path only {self.path_joint:.4g} rad and "
-            f"{self.path_position:.4g} m, speed {self.speed_rms:.4g} m/s, area {self.area:.4g} m^2)"
-        )
 
     def table(self) -> Table:
         """All scores, one a row."""

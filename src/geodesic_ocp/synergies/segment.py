@@ -9,6 +9,7 @@ between v(t) and the transported v(r) is that between c(t) and c(r).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -19,9 +20,8 @@ from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, as_not_negative, as_positive
 from geodesic_ocp.errors import IntegrationFailed
-from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.manifold.metric import Metric, speeds_at
 from geodesic_ocp.trajectory.motion import Motion
-from geodesic_ocp.trajectory.path import speeds_at
 
 # Joints within this range do not move: it is below the noise of motion capture [rad or m].
 _STILL = 1e-3
@@ -103,12 +103,11 @@ def segment(
     rest_duration = as_positive("rest_duration", rest_duration, "s")
     min_duration = as_not_negative("min_duration", min_duration, "s")
     hysteresis = as_not_negative("hysteresis", hysteresis, "rad")
-    velocity = moving_velocity(motion)
+    check_moving(motion)
     level = _rest_level(metric, motion, speeds(metric, motion), rest)
     metric.check_units("motion", motion.q[int(np.argmax(np.abs(motion.q).max(axis=1)))])
-    rule = (threshold, hysteresis, min_duration)
-    cuts = _cuts(metric, motion, velocity, level, rest_duration, rule)
-    return list(pairwise(_nearest_samples(motion, np.array(cuts))))
+    cuts = _observe(metric, motion, level, rest_duration).cuts(threshold, hysteresis, min_duration)
+    return list(pairwise(_nearest_samples(motion, cuts)))
 
 
 def observed_velocity(motion: Motion) -> Array:
@@ -118,13 +117,12 @@ def observed_velocity(motion: Motion) -> Array:
     return motion.velocity
 
 
-def moving_velocity(motion: Motion) -> Array:
-    """The motion's velocities (k, n); ValueError if it has none, or no joint moves."""
+def check_moving(motion: Motion) -> None:
+    """ValueError if no joint moves."""
     if np.ptp(motion.q, axis=0).max() < _STILL:
         raise ValueError(
             f"the motion never moves: every joint stays within {_STILL:g} rad from first to last"
         )
-    return observed_velocity(motion)
 
 
 def speeds(metric: Metric, motion: Motion) -> Array:
@@ -141,21 +139,14 @@ def speeds(metric: Metric, motion: Motion) -> Array:
     return speeds_at(metric, motion.q, observed_velocity(motion))
 
 
-def _cuts(
-    metric: Metric,
-    motion: Motion,
-    velocity: Array,
-    level: float,
-    rest_duration: float,
-    rule: tuple[float, float, float],
-) -> list[float]:
-    """Times of the cuts, with as many steps between two samples as the transport needs."""
-    parts = _parts_of_steps(motion)
+def _observe(metric: Metric, motion: Motion, level: float, rest_duration: float) -> _Observed:
+    """The motion's directions, with as many steps between two samples as the transport needs."""
+    parts = _parts(motion)
     while True:
         times = _times_between(motion, 2 * parts)
         curve = np.hstack([motion(times), motion(times, 1)])
         times = times[::2]
-        observed = _velocity_between(motion, velocity, times)
+        observed = _velocity_between(motion, times)
         speed = speeds_at(metric, curve[::2, : metric.dim], observed)
         components = _parallel_components(metric, times, curve, observed)
         # Transport keeps norms, so that their change is its error.
@@ -164,7 +155,7 @@ def _cuts(
             state = _states(times, speed, level, rest_duration)
             with np.errstate(invalid="ignore", divide="ignore"):  # next to a velocity of zero
                 directions = components / np.linalg.norm(components, axis=1, keepdims=True)
-            return _Observed(times, directions, state).cuts(*rule)
+            return _Observed(times, directions, state)
         worst = int(np.argmax(~(error <= _TRANSPORT_TOLERANCE)))
         if not np.all(np.isfinite(error)) or parts >= _MOST_PARTS:
             metric.check_domain_along("the motion", motion.time, motion.q)
@@ -214,11 +205,6 @@ class _Observed:
     directions: Array
     state: NDArray[np.uint8]
 
-    @cached_property
-    def turns(self) -> Array:
-        """Angles by which the velocity turns from the instant before (m,); 0 for the first."""
-        return np.append(0.0, _angle(np.sum(self.directions[:-1] * self.directions[1:], axis=1)))
-
     def cuts(self, threshold: float, hysteresis: float, duration: float) -> list[float]:
         """Times of the cuts, the ends of the motion and of long rests included."""
         resting = self.state == IN_LONG_REST
@@ -229,6 +215,11 @@ class _Observed:
             if not resting[start]:
                 cuts += self._cuts_within(start, stop, threshold, hysteresis, duration)
         return [*cuts, float(self.times[-1])]
+
+    @cached_property
+    def _turns(self) -> Array:
+        """Angles by which the velocity turns from the instant before (m,); 0 for the first."""
+        return np.append(0.0, _angle(np.sum(self.directions[:-1] * self.directions[1:], axis=1)))
 
     def _cuts_within(
         self, start: int, stop: int, threshold: float, hysteresis: float, duration: float
@@ -258,7 +249,7 @@ class _Observed:
             return None
         soon = moving[: max(1, int(np.searchsorted(self.times[moving], until, side="right")))]
         before = np.maximum(soon - 1, start)
-        turns = self.turns[soon + 1] + np.where(soon > start, self.turns[soon], 0.0)
+        turns = self._turns[soon + 1] + np.where(soon > start, self._turns[soon], 0.0)
         rates = turns / (self.times[soon + 1] - self.times[before])
         return int(soon[np.argmin(np.where(np.isfinite(rates), rates, np.inf))])
 
@@ -317,12 +308,12 @@ def _rest_level(metric: Metric, motion: Motion, speed: Array, rest: float) -> fl
     return max(level, _OF_NOISE * float(np.sqrt(np.mean(np.sum(np.square(each), axis=0)))))
 
 
-def _parts_of_steps(motion: Motion) -> int:
+def _parts(motion: Motion) -> int:
     """Parts of every step between two samples, so that none is longer than 5 ms."""
     return max(1, int(np.ceil(np.diff(motion.time).max() / _LONGEST - 0.01)))
 
 
-def _nearest_samples(motion: Motion, times: Array) -> list[int]:
+def _nearest_samples(motion: Motion, times: Sequence[float]) -> list[int]:
     """The samples nearest to these times, in order and without repetition."""
     middles = 0.5 * (motion.time[:-1] + motion.time[1:])
     samples: list[int] = np.unique(np.searchsorted(middles, times)).tolist()
@@ -336,12 +327,13 @@ def _times_between(motion: Motion, parts: int) -> Array:
     return np.append(between.ravel(), motion.time[-1])
 
 
-def _velocity_between(motion: Motion, velocity: Array, times: Array) -> Array:
+def _velocity_between(motion: Motion, times: Array) -> Array:
     """Velocities (m, n) at these times from those of the samples.
 
     A filtered motion has no high frequencies, and a cubic spline through its velocities follows it
     closely. Other velocities may jump from one sample to the next: they are interpolated linearly.
     """
+    velocity = observed_velocity(motion)
     if motion.filter is not None:
         result: Array = scipy.interpolate.CubicSpline(motion.time, velocity)(times)
         return result
@@ -375,8 +367,9 @@ def segment_zero_velocity(
     if joints < 0 or joints >= len(motion.joint_names):
         raise ValueError(f"joints must be 0 to {len(motion.joint_names) - 1}, got {joints}")
     window = as_positive("window", window, "s")
-    times = _times_between(motion, _parts_of_steps(motion))
-    observed = _velocity_between(motion, moving_velocity(motion), times)
+    times = _times_between(motion, _parts(motion))
+    check_moving(motion)
+    observed = _velocity_between(motion, times)
     crossings = sorted(
         (time, joint)
         for joint, velocity in enumerate(observed.T)
@@ -390,7 +383,7 @@ def segment_zero_velocity(
         if len({joint for _, joint in group}) > joints:
             cuts.append(float(np.mean([time for time, _ in group])))
             after = start + window
-    return list(pairwise(_nearest_samples(motion, np.array(cuts))))
+    return list(pairwise(_nearest_samples(motion, cuts)))
 
 
 def _zero_crossings(time: Array, velocity: Array) -> list[float]:

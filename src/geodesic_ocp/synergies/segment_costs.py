@@ -19,21 +19,19 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.errors import IntegrationFailed, NotConverged
-from geodesic_ocp.logarithm.correction import CHECK_TOLERANCE, ConnectingGeodesic
+from geodesic_ocp.logarithm.by_newton import CHECK_TOLERANCE, ConnectingGeodesic
+from geodesic_ocp.logarithm.geodesic import sampled
 from geodesic_ocp.logarithm.log import log
 from geodesic_ocp.manifold.exp import integrate_geodesic
-from geodesic_ocp.manifold.metric import Metric, as_metric, has_compiled_code
+from geodesic_ocp.manifold.metric import Metric, as_metric, has_compiled_code, in_threads
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.over_rows import in_threads
-from geodesic_ocp.synergies.reconstruct import law_of_segment
 from geodesic_ocp.synergies.scores import pose_differences
 from geodesic_ocp.synergies.segment import speeds
+from geodesic_ocp.synergies.synergy import law_of_segment
 from geodesic_ocp.trajectory.motion import Motion
 
-# Accuracy of the interpolated velocity, relative to the largest, as of the paths of `geodesic`.
-_RESOLVED = 1e-6
 Pair = tuple[int, int]
 # A smaller relative decrease is rounding.
 _DECREASE = 1e-12
@@ -75,23 +73,17 @@ class SegmentCosts:
         self._costs: dict[Pair, float] = {}
         if measure != "joint":
             assert model is not None
-            self._model = model
             motion.select(model.joint_names)  # raises where one is missing
+            self._model = model
             self._columns = [motion.joint_names.index(name) for name in model.joint_names]
-            self._poses = self._hand_poses(motion.q[:, self._columns])
-
-    def __repr__(self) -> str:
-        return f"SegmentCosts({self.planned} segments planned)"
+            self._poses = self._hand_poses(motion.q)
 
     def __call__(
-        self,
-        segments: Sequence[Pair],
-        progress: Callable[[int], object] | None = None,
+        self, segments: Sequence[Pair], progress: Callable[[int], object] | None = None
     ) -> list[float]:
         """Costs of segments, inf where no geodesic is found."""
-        new = sorted({pair for pair in segments if pair not in self._costs})
-        if new:
-            self._plan(new, progress)
+        if new := sorted({pair for pair in segments if pair not in self._costs}):
+            self._plan(new, progress or (lambda done: None))
             self._measure(new)
         return [self._costs[pair] for pair in segments]
 
@@ -99,11 +91,6 @@ class SegmentCosts:
     def failures(self) -> int:
         """Number of segments so far for which no geodesic was found."""
         return sum(rows is None for rows in self._predicted.values())
-
-    @property
-    def planned(self) -> int:
-        """Number of segments so far."""
-        return len(self._predicted)
 
     def predicted(self, segments: Sequence[Pair]) -> Array:
         """Configurations (k, n) at all samples, predicted by segments that cover the motion."""
@@ -115,19 +102,16 @@ class SegmentCosts:
             q[start : stop + 1] = rows
         return q
 
-    def _plan(self, pairs: list[Pair], progress: Callable[[int], object] | None) -> None:
+    def _plan(self, pairs: list[Pair], progress: Callable[[int], object]) -> None:
         def rows_of(block: int) -> list[Array | None]:
             return [self._rows(pair) for pair in pairs[block * _BLOCK : (block + 1) * _BLOCK]]
 
         blocks = -(-len(pairs) // _BLOCK)
         threads = blocks > 1 and has_compiled_code(self.metric)
         results = in_threads(rows_of, blocks) if threads else map(rows_of, range(blocks))
-        for done, (pair, rows) in enumerate(
-            zip(pairs, chain.from_iterable(results), strict=True), start=1
-        ):
+        for pair, rows in zip(pairs, chain.from_iterable(results), strict=True):
             self._predicted[pair] = rows
-            if progress is not None:
-                progress(done)
+            progress(len(self._predicted) - len(self._costs))
 
     def _rows(self, pair: Pair) -> Array | None:
         """What a segment predicts; None where no geodesic is found or the metric is singular."""
@@ -137,29 +121,28 @@ class SegmentCosts:
             return None
 
     def _measure(self, pairs: list[Pair]) -> None:
-        found = [(pair, rows) for pair in pairs if (rows := self._predicted[pair]) is not None]
         self._costs.update(dict.fromkeys(pairs, np.inf))
-        if not found:
-            return
-        samples = np.concatenate([np.arange(start, stop + 1) for (start, stop), _ in found])
-        errors = self._errors(samples, np.concatenate([rows for _, rows in found]))
-        edges = np.concatenate([[0], np.cumsum([len(rows) for _, rows in found])])
-        for (pair, _), (first, after) in zip(found, pairwise(edges), strict=True):
-            self._costs[pair] = float(np.sum(errors[first:after]))
+        found = {pair: rows for pair in pairs if (rows := self._predicted[pair]) is not None}
+        if found:
+            samples = np.concatenate([np.arange(start, stop + 1) for start, stop in found])
+            errors = self._errors(samples, np.concatenate([*found.values()]))
+            edges = np.cumsum([0, *map(len, found.values())])
+            totals = np.add.reduceat(errors, edges[:-1]).tolist()
+            self._costs.update(zip(found, totals, strict=True))
 
     def _errors(self, samples: np.ndarray, q: Array) -> Array:
         """Errors (k,) of configurations (k, n) that are predicted for these samples."""
         if self.measure == "joint":
             return np.asarray(np.mean(np.abs(q - self.motion.q[samples]), axis=1))
-        errors = []
-        for found, seen in zip(self._hand_poses(q[:, self._columns]), self._poses, strict=True):
-            distances, angles = pose_differences(found, (seen[0][samples], seen[1][samples]))
-            errors.append(distances if self.measure == "position" else angles)
-        return np.asarray(np.mean(errors, axis=0))
+        differences = [
+            pose_differences(found, (rotations[samples], positions[samples]))
+            for found, (rotations, positions) in zip(self._hand_poses(q), self._poses, strict=True)
+        ]
+        return np.asarray(np.mean(differences, axis=0)[0 if self.measure == "position" else 1])
 
     def _hand_poses(self, q: Array) -> list[tuple[Array, Array]]:
-        """Poses of each hand in many configurations."""
-        blocks = np.split(q, range(_ROWS, len(q), _ROWS))
+        """Poses of each hand in many configurations of the motion's joints."""
+        blocks = np.split(q[:, self._columns], range(_ROWS, len(q), _ROWS))
         hands = []
         for hand in self._model.hands:
             poses = [self._model.frame_pose(hand, block) for block in blocks]
@@ -190,29 +173,15 @@ def predict_segment(metric: Metric, motion: Motion, speed: Array, start: int, st
     covered = np.clip(law(samples - samples[0]) / length, 0.0, 1.0)
     if metric.has_constant_tensor:
         return np.asarray(q0 + np.outer(covered, velocity))
-    return _along(metric, ConnectingGeodesic(q0, q1, velocity), covered)
-
-
-def _along(metric: Metric, found: ConnectingGeodesic, s: Array) -> Array:
-    """Positions (k, n) of a geodesic at parameters s (k,), interpolated between its nodes."""
-    for grid in found.grids:
-        nodes, velocities = integrate_geodesic(
-            metric, found.q0, found.velocity, grid.nodes, CHECK_TOLERANCE
-        )
-        nodes[-1] = found.q1
-        by_segment = grid.in_segments(nodes)
-        slopes = grid.differentiation @ by_segment
-        error = np.abs(slopes - grid.in_segments(velocities)).max()
-        rounding = np.finfo(float).eps * np.abs(grid.differentiation).max() * np.abs(nodes).max()
-        if error <= _RESOLVED * np.abs(velocities).max() + 10.0 * rounding:
-            return grid.interpolate(by_segment, s)
-    raise NotConverged(
-        f"the geodesic from {found.q0} to {found.q1} bends too sharply to be sampled"
+    found = ConnectingGeodesic(q0, q1, velocity)
+    grid, nodes = sampled(
+        found, lambda times: integrate_geodesic(metric, q0, velocity, times, CHECK_TOLERANCE)
     )
+    return grid.interpolate(grid.in_segments(nodes), covered)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class BestPartitions:
+class BestPartitions(ShortRepr):
     """The best partition of the steps between m candidates for every number of segments.
 
     Attributes:
@@ -223,9 +192,6 @@ class BestPartitions:
 
     totals: Array
     before: np.ndarray
-
-    def __repr__(self) -> str:
-        return f"BestPartitions({len(self.totals)} candidates)"
 
     def cuts(self, count: int) -> list[int]:
         """Indices of the count + 1 candidates of the best partition into `count` segments."""
@@ -292,32 +258,29 @@ def refine_cuts(
 
 
 def _improve(
-    cuts: list[int],
-    tried: Sequence[int],
-    costs_of: Callable[[list[Pair]], list[float]],
-    step: int,
+    cuts: list[int], tried: Sequence[int], costs_of: Callable[[list[Pair]], list[float]], step: int
 ) -> list[int]:
     """Move each of these cuts, no two of them neighbours, to its best place; which have moved."""
-    places = {
-        index: [
+    places = [
+        [
             place
             for place in (cuts[index], cuts[index] - step, cuts[index] + step)
             if cuts[index - 1] < place < cuts[index + 1]
         ]
         for index in tried
-    }
+    ]
     pairs = [
         pair
-        for index in tried
-        for place in places[index]
+        for index, choices in zip(tried, places, strict=True)
+        for place in choices
         for pair in ((cuts[index - 1], place), (place, cuts[index + 1]))
     ]
     costs = iter(costs_of(pairs))
     moved = []
-    for index in tried:
-        totals = [next(costs) + next(costs) for _ in places[index]]
-        best = min(range(len(totals)), key=totals.__getitem__)
+    for index, choices in zip(tried, places, strict=True):
+        totals = [next(costs) + next(costs) for _ in choices]
+        best = int(np.argmin(totals))
         if totals[best] < totals[0] * (1.0 - _DECREASE):
-            cuts[index] = places[index][best]
+            cuts[index] = choices[best]
             moved.append(index)
     return moved

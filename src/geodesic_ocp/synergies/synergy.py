@@ -1,38 +1,40 @@
-"""Geodesic synergies, what they consist of, and their files."""
+"""Geodesic synergies: what they consist of, how they reconstruct a motion, and their files."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
 from os import PathLike
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array
-from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.logarithm.geodesic import geodesic
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import Euclidean
 from geodesic_ocp.model.human import stature
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.records import convert, decoding, read_record
+from geodesic_ocp.records import convert, decoding, read_record, write_record
+from geodesic_ocp.synergies.segment import speeds
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.path import Path
-from geodesic_ocp.trajectory.time_law import TimeLaw
-from geodesic_ocp.trajectory.timed_path import states_at
+from geodesic_ocp.trajectory.time_law import TimeLaw, states_at, time_law
 
 FORMAT, VERSION = "geodesic_ocp synergies", 1
+# A segment that returns to its start has a path too short for the observed speeds at its ends:
+# these are limited to this multiple of the mean speed along the path.
+_MAX_SPEED_RATIO = 100.0
 _SAME = 1e-6  # of lengths, relative: quadrature of the same path in the same metric
 _RATE = 100.0  # [Hz]
 _LONGEST = 86400.0  # [s], of a motion; a damaged file may ask for any amount of memory
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Synergy:
+class Synergy(ShortRepr):
     """A geodesic synergy: a segment of a motion, as a path with a time law.
 
     In the sense of Klein, Jaquier, Meixner, Asfour (IROS 2022): a segment of a recorded motion that
@@ -53,12 +55,7 @@ class Synergy:
     path: Path
     law: TimeLaw
 
-    def __repr__(self) -> str:
-        stop_time = self.start_time + self.duration
-        return (
-            f"Synergy(samples {self.start} to {self.stop}, {self.start_time:.3f} to "
-            f"{stop_time:.3f} s, length {self.length:.4g})"
-        )
+    _shown = ("start", "stop", "start_time", "duration", "length")
 
     @property
     def duration(self) -> float:
@@ -111,6 +108,86 @@ def as_segments(motion: Motion, segments: Sequence[tuple[int, int]]) -> list[tup
     return segments
 
 
+class Reconstruction(NamedTuple):
+    """A motion's synergies and the motion that they predict."""
+
+    synergies: tuple[Synergy, ...]
+    predicted: Motion
+
+    def __repr__(self) -> str:
+        duration = self.predicted.time[-1] - self.predicted.time[0]
+        return f"Reconstruction({len(self.synergies)} synergies, {duration:.3f} s)"
+
+
+def reconstruct(
+    metric: Metric,
+    motion: Motion,
+    segments: Sequence[tuple[int, int]],
+    *,
+    progress: Callable[[int], object] | None = None,
+) -> Reconstruction:
+    """Plan every segment as a geodesic of the metric with a minimum-acceleration time law.
+
+    The path connects the observed configurations at the segment's ends (`geodesic`). The time law
+    takes the observed duration and end speeds |q'|_G (at most a hundred times the mean speed along
+    the path) and never moves backwards. With `Euclidean` the paths are straight lines.
+
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv").filtered()
+    >>> result = go.reconstruct(go.Euclidean(7), motion, [(0, 300), (300, len(motion) - 1)])
+    >>> [round(synergy.length, 2) for synergy in result.synergies]
+    [0.44, 0.36]
+    >>> result.predicted.q.shape
+    (840, 7)
+
+    Args:
+        metric: of the motion's dimension.
+        motion: observed, with velocities.
+        segments: (start, stop) sample indices, each starting where the one before stopped, from
+            the first sample to the last.
+        progress: called with the number of synergies planned so far.
+
+    Returns:
+        Synergies, and the predicted motion at the recording's own times.
+
+    Raises:
+        ValueError: the segments do not cover the motion, or there are no velocities.
+        NotConverged: no geodesic was found for a segment.
+    """
+    segments = as_segments(motion, segments)
+    speed = speeds(metric, motion)
+    synergies: list[Synergy] = []
+    for start, stop in segments:
+        path = geodesic(metric, motion.q[start], motion.q[stop])
+        law = law_of_segment(motion, speed, path.length, start, stop)
+        synergies.append(Synergy(start, stop, float(motion.time[start]), path, law))
+        if progress is not None:
+            progress(len(synergies))
+    q, velocity = np.empty_like(motion.q), np.empty_like(motion.q)
+    for synergy in synergies:
+        # A shared sample belongs to the synergy that starts there.
+        samples = slice(synergy.start, synergy.stop + 1)
+        q[samples], velocity[samples] = synergy.states(motion.time[samples], 1)
+    predicted = Motion(motion.time, q, motion.joint_names, velocity, motion.subject)
+    return Reconstruction(tuple(synergies), predicted)
+
+
+def law_of_segment(motion: Motion, speed: Array, length: float, start: int, stop: int) -> TimeLaw:
+    """The time law over a path of this length between two samples.
+
+    Args:
+        motion: observed.
+        speed: its speeds |q'|_G at the samples (k,), which the law takes at both ends.
+        length: of the path, in the metric.
+        start, stop: indices of the samples.
+    """
+    duration = float(motion.time[stop] - motion.time[start])
+    max_speed = _MAX_SPEED_RATIO * length / duration
+    end_speeds = (float(min(speed[index], max_speed)) for index in (start, stop))
+    return time_law(length, duration, *end_speeds, monotone=True)
+
+
 @dataclass(eq=False)
 class _PathRecord:
     """The path of a synergy in a file."""
@@ -136,9 +213,17 @@ class _SynergyRecord:
     law: TimeLaw
 
 
+@dataclass
+class _ModelRecord:
+    name: str = ""
+    height: float | None = None
+
+
 @dataclass(eq=False)
-class _SynergiesRecord:
+class _FileRecord:
+    joint_names: tuple[str, ...]
     synergies: tuple[_SynergyRecord, ...]
+    model: _ModelRecord = field(default_factory=_ModelRecord)
 
 
 def save_synergies(
@@ -165,29 +250,14 @@ def save_synergies(
         "segments": [[synergy.start, synergy.stop] for synergy in synergies],
         "synergies": [_encode(synergy) for synergy in synergies],
     }
-    FilePath(file).write_text(json.dumps(record, indent=1), encoding="utf-8")
+    write_record(file, record)
 
 
 def _encode(synergy: Synergy) -> dict[str, Any]:
-    grid, law = synergy.path.grid, synergy.law
-    return {
-        "start": synergy.start,
-        "stop": synergy.stop,
-        "start_time": synergy.start_time,
-        "duration": synergy.duration,
-        "length": synergy.length,
-        "path": {
-            "segments": grid.segments,
-            "degree": grid.degree,
-            "ends": grid.ends,
-            "nodes": synergy.path.nodes.tolist(),
-        },
-        "law": {
-            "knots": law.knots.tolist(),
-            "positions": law.positions.tolist(),
-            "speeds": law.speeds.tolist(),
-        },
-    }
+    path = {name: getattr(synergy.path.grid, name) for name in ("segments", "degree", "ends")}
+    path["nodes"] = synergy.path.nodes
+    values = {name: getattr(synergy, name) for name in Synergy._shown}
+    return {**values, "path": path, "law": asdict(synergy.law)}
 
 
 def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
@@ -201,16 +271,12 @@ def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
         RecordingError: the file is missing, is not such a file, or does not fit the metric, in
             which its paths must have the lengths that were saved.
     """
-    path = FilePath(file)
-    record = read_record(path, FORMAT, VERSION, "synergies")
-    names = metric.joint_names
-    if names is not None and record.get("joint_names") != list(names):
-        raise RecordingError(
-            f"{path}: its joints {record.get('joint_names')} are not the metric's, {list(names)}"
-        )
-    synergies = []
-    with decoding(path):
-        for each in convert(record, _SynergiesRecord, path).synergies:
+    record = convert(read_record(file, FORMAT, VERSION, "synergies"), _FileRecord, file)
+    names, synergies = metric.joint_names or record.joint_names, []
+    with decoding(file):
+        if record.joint_names != names:
+            raise ValueError(f"its joints {record.joint_names} are not the metric's, {names}")
+        for each in record.synergies:
             curve = each.path.path(metric)
             if not np.isclose(curve.length, each.law.length, rtol=_SAME, atol=_SAME):
                 raise ValueError(
@@ -222,21 +288,8 @@ def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
     return tuple(synergies)
 
 
-@dataclass
-class _ModelRecord:
-    name: str = ""
-    height: float | None = None
-
-
-@dataclass(eq=False)
-class _SavedRecord:
-    joint_names: tuple[str, ...]
-    synergies: tuple[_SynergyRecord, ...]
-    model: _ModelRecord | None = None
-
-
 @dataclass(frozen=True, eq=False, repr=False)
-class SavedSynergies:
+class SavedSynergies(ShortRepr):
     """What a file of `save_synergies` says without the metric.
 
     Attributes:
@@ -250,10 +303,6 @@ class SavedSynergies:
     spans: tuple[tuple[float, float], ...]
     model: str = ""
     height: float | None = None
-
-    def __repr__(self) -> str:
-        which = f" of {self.model}" if self.model else ""
-        return f"SavedSynergies({len(self.spans)}{which}, {self.motion!r})"
 
 
 def read_saved_synergies(file: str | PathLike[str]) -> SavedSynergies:
@@ -269,33 +318,23 @@ def read_saved_synergies(file: str | PathLike[str]) -> SavedSynergies:
     Raises:
         RecordingError: the file is missing, or is not such a file.
     """
-    record = convert(read_record(file, FORMAT, VERSION, "synergies"), _SavedRecord, file)
+    record = convert(read_record(file, FORMAT, VERSION, "synergies"), _FileRecord, file)
+    names, synergies = record.joint_names, record.synergies
     with decoding(file):
-        return _saved(record)
-
-
-def _saved(record: _SavedRecord) -> SavedSynergies:
-    names, synergies, model = record.joint_names, record.synergies, record.model or _ModelRecord()
-    if not synergies:
-        raise ValueError("synergies must not be empty")
-    starts = [each.start_time for each in synergies]
-    spans = tuple((each.start_time, each.start_time + each.law.duration) for each in synergies)
-    duration = spans[-1][1] - spans[0][0]
-    if not (np.all(np.diff(starts) >= 0.0) and 0.0 < duration <= _LONGEST):
-        raise ValueError("synergies: each start_time must follow the one before, within a day")
-    time = np.linspace(spans[0][0], spans[-1][1], max(2, 1 + round(duration * _RATE)))
-    owner = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, len(starts) - 1)
-    q = np.empty((len(time), len(names)))
-    for number, each in enumerate(synergies):
-        own = owner == number
-        path = each.path.path(Euclidean(len(names)))
-        q[own] = _positions(path, each.law, time[own] - starts[number])
-    return SavedSynergies(Motion(time, q, names), spans, model.name, model.height)
-
-
-def _positions(path: Path, law: TimeLaw, t: Array) -> Array:
-    """Configurations (k, n) on a path at times t (k,) from its start [s]."""
-    length = law.length
-    if not length > 0.0:
-        return np.tile(path.nodes[0], (t.size, 1))
-    return path(np.clip(law(np.clip(t, 0.0, law.duration)) / length, 0.0, 1.0))
+        if not synergies:
+            raise ValueError("synergies must not be empty")
+        starts = [each.start_time for each in synergies]
+        spans = tuple((each.start_time, each.start_time + each.law.duration) for each in synergies)
+        duration = spans[-1][1] - spans[0][0]
+        if not (np.all(np.diff(starts) >= 0.0) and 0.0 < duration <= _LONGEST):
+            raise ValueError("synergies: each start_time must follow the one before, within a day")
+        time = np.linspace(spans[0][0], spans[-1][1], max(2, 1 + round(duration * _RATE)))
+        owner = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, len(starts) - 1)
+        q = np.empty((len(time), len(names)))
+        for number, (each, start) in enumerate(zip(synergies, starts, strict=True)):
+            path, law = each.path.path(Euclidean(len(names))), each.law
+            covered = law(np.clip(time[owner == number] - start, 0.0, law.duration))
+            length = law.length if law.length > 0.0 else np.inf  # where nothing moves
+            q[owner == number] = path(np.clip(covered / length, 0.0, 1.0))
+        motion = Motion(time, q, names)
+    return SavedSynergies(motion, spans, record.model.name, record.model.height)

@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
-from numpy.lib.stride_tricks import sliding_window_view
 
-from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.arrays import Array, ShortRepr, as_positive
 
 # Time stamps may deviate from even spacing by this fraction of a step, as recordings round them.
 _UNEVEN = 0.1
@@ -34,7 +33,7 @@ _STILL = 1e-5  # [rad]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MotionFilter:
+class MotionFilter(ShortRepr):
     """The filter of a motion, and the noise that was found in the recording.
 
     Attributes:
@@ -65,27 +64,18 @@ class MotionFilter:
         noise, velocity_noise = self.noise[columns], self.velocity_noise[columns]
         return replace(self, noise=noise, velocity_noise=velocity_noise)
 
-    def __repr__(self) -> str:
-        chosen = " (chosen)" if self.chosen else ""
-        if self.cutoff is None:
-            size = f"window {self.duration:.3g} s"
-        else:
-            size = f"cut-off {self.cutoff:.1f} Hz"
-        return f"MotionFilter({self.kind}, {size}{chosen}, noise {self._noise})"
+    _shown = ("kind", "cutoff", "duration", "noise")
 
     def __str__(self) -> str:
         """As a sentence."""
+        low, high = (f"{1e3 * float(end):.2g}" for end in (self.noise.min(), self.noise.max()))
+        noise = low if low == high else f"{low} to {high}"
         if self.cutoff is None:
             size = f"with a window of {self.duration:.3g} s"
         else:
             how = ", chosen from the noise floor" if self.chosen else ""
             size = f"with a cut-off frequency of {self.cutoff:.3g} Hz{how}"
-        return f"Filtered by a {self.kind} {size}; noise of the joints: {self._noise}."
-
-    @property
-    def _noise(self) -> str:
-        low, high = (f"{1e3 * float(end):.2g}" for end in (self.noise.min(), self.noise.max()))
-        return f"{low} mrad" if low == high else f"{low} to {high} mrad"
+        return f"Filtered by a {self.kind} {size}; noise of the joints: {noise} mrad."
 
 
 Filtered = tuple[Array, Array, MotionFilter]  # coordinates, velocities, filter
@@ -163,18 +153,18 @@ def locally_fitted(time: Array, q: Array, window: int, order: int) -> Filtered:
             f"the motion is too short to filter: a window of {window} needs as many samples, not "
             f"{time.size}"
         )
-    step, half = (time[-1] - time[0]) / (time.size - 1), window // 2
-    fit, slope = _polynomial_weights(window, order)
-    windows = sliding_window_view(q, window, axis=0)
+    step = (time[-1] - time[0]) / (time.size - 1)
     smooth, velocity = (
-        np.vstack([at[:half] @ q[:window], windows @ at[half], at[half + 1 :] @ q[-window:]])
-        for at in (fit, slope / step)
+        scipy.signal.savgol_filter(q, window, order, deriv, step, axis=0) for deriv in (0, 1)
     )
     # Standard deviations of the residual and of the slope in a window of unit white noise.
-    left_out = float(np.linalg.norm(np.eye(window)[half] - fit[half]))
+    fit, slope = (
+        scipy.signal.savgol_coeffs(window, order, deriv, step, use="dot") for deriv in (0, 1)
+    )
+    left_out = float(np.linalg.norm(np.eye(window)[window // 2] - fit))
     removed = np.sqrt(np.mean((q - smooth) ** 2, axis=0))
     noise = removed / left_out if left_out > 0.0 else np.zeros_like(removed)
-    left = noise * float(np.linalg.norm(slope[half])) / step
+    left = noise * float(np.linalg.norm(slope))
     kind = f"Savitzky-Golay filter of order {order}"
     return smooth, velocity, MotionFilter(kind, None, window * step, False, noise, left)
 
@@ -325,11 +315,3 @@ def _spectrum(rate: float, q: Array) -> tuple[Array, Array]:
     scale = 2.0 / (rate * float((window**2).sum()))
     density: Array = np.asarray(scale * np.abs(transform) ** 2, dtype=float)
     return np.linspace(0.0, (len(density) - 1) * rate / size, len(density)), density
-
-
-def _polynomial_weights(window: int, order: int) -> tuple[Array, Array]:
-    """From the samples of a window to values and slopes at each of them, (window, window)."""
-    half, powers = window // 2, np.arange(order + 1)
-    x = np.linspace(-1.0, 1.0, window)[:, None]
-    fit = np.linalg.pinv(x**powers)  # from samples to coefficients
-    return x**powers @ fit, (powers / half * x ** np.maximum(powers - 1, 0)) @ fit

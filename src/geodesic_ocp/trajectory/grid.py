@@ -9,19 +9,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from numbers import Integral
 
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_vector
+from geodesic_ocp.arrays import Array, ShortRepr, as_integer, as_vector
 
 _MAX_DEGREE = 100
 
 
 @dataclass(frozen=True, repr=False)
-class Grid:
+class Grid(ShortRepr):
     """A grid on [0, 1]: segments, each with the degree + 1 Gauss-Lobatto nodes of one polynomial.
 
     Neighbouring segments share a node, so that there are segments * degree + 1 nodes.
@@ -43,35 +42,20 @@ class Grid:
     via_segments: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("segments", "degree"):
-            value = getattr(self, name)
-            if not isinstance(value, Integral):
-                raise ValueError(f"{name} must be an integer, got {value!r}")
-            object.__setattr__(self, name, int(value))
-        if self.segments < 1:
-            raise ValueError(f"segments must be at least 1, got {self.segments}")
-        if not 2 <= self.degree <= _MAX_DEGREE:
-            raise ValueError(f"degree must be 2 to {_MAX_DEGREE}, got {self.degree}")
-        if self.ends is not None:
-            ends = as_vector("ends", self.ends, self.segments + 1)
+        ends, via = self.ends, tuple(as_integer("via_segments", k, 1) for k in self.via_segments)
+        segments = as_integer("segments", self.segments, 1)
+        degree = as_integer("degree", self.degree, 2)
+        if degree > _MAX_DEGREE:
+            raise ValueError(f"degree must be 2 to {_MAX_DEGREE}, got {degree}")
+        if ends is not None:
+            ends = tuple(as_vector("ends", ends, segments + 1).tolist())
             if ends[0] != 0.0 or ends[-1] != 1.0 or not np.all(np.diff(ends) > 0.0):
                 raise ValueError(f"ends must increase from 0 to 1, got {ends}")
-            object.__setattr__(self, "ends", tuple(ends.tolist()))
-        if not all(isinstance(each, Integral) for each in self.via_segments):
-            raise ValueError(f"via_segments must be integers, got {self.via_segments!r}")
-        object.__setattr__(self, "via_segments", tuple(int(each) for each in self.via_segments))
-        edges = [0, *self.via_segments, self.segments]
-        if self.via_segments and not np.all(np.diff(edges) > 0):
-            raise ValueError(
-                f"via_segments must increase between 0 and {self.segments}, got {self.via_segments}"
-            )
-
-    def __repr__(self) -> str:
-        widths = "" if self.ends is None else " of different widths"
-        via = f", via points at s = {[round(float(s), 4) for s in self.via_s]}" * bool(
-            self.via_segments
-        )
-        return f"Grid({self.segments} segments{widths}, degree {self.degree}{via})"
+        if via and not np.all(np.diff([0, *via, segments]) > 0):
+            raise ValueError(f"via_segments must increase between 0 and {segments}, got {via}")
+        values = {"segments": segments, "degree": degree, "ends": ends, "via_segments": via}
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
 
     def with_via_points(self, via_s: Sequence[float]) -> Grid:
         """The grid with via points at these s, increasing between 0 and 1.
@@ -120,26 +104,18 @@ class Grid:
     @cached_property
     def breakpoints(self) -> Array:
         """Breakpoints of the segments, (segments + 1,)."""
-        return (
-            np.arange(self.segments + 1) / self.segments
-            if self.ends is None
-            else np.array(self.ends)
-        )
+        return np.array(self.ends or np.arange(self.segments + 1) / self.segments)
 
     @cached_property
     def widths(self) -> Array:
         """Widths of the segments, (segments,)."""
-        if self.ends is None:
-            return np.full(self.segments, 1.0 / self.segments)
-        return np.diff(self.breakpoints)
+        equal = np.full(self.segments, 1.0 / self.segments)
+        return equal if self.ends is None else np.diff(self.breakpoints)
 
     @cached_property
     def nodes(self) -> Array:
         """All nodes, increasing from 0 to 1, (size,)."""
         inner = (_reference(self.degree).nodes[:-1] + 1.0) / 2.0
-        if self.ends is None:  # divided last, as the breakpoints are
-            starts = np.arange(self.segments)[:, None]
-            return np.asarray(np.append(((starts + inner) / self.segments).ravel(), 1.0))
         nodes = self.breakpoints[:-1, None] + self.widths[:, None] * inner
         return np.asarray(np.append(nodes.ravel(), 1.0))
 
@@ -189,13 +165,8 @@ class Grid:
         Slightly outside [0, 1] the first or the last polynomial is extrapolated.
         """
         times = np.asarray(s, dtype=float)
-        if self.ends is None:
-            segment = np.clip(np.floor(times * self.segments).astype(int), 0, self.segments - 1)
-            x = 2.0 * (times * self.segments - segment) - 1.0
-        else:
-            segment = np.searchsorted(self.breakpoints, times, side="right") - 1
-            segment = np.clip(segment, 0, self.segments - 1)
-            x = 2.0 * (times - self.breakpoints[segment]) / self.widths[segment] - 1.0
+        segment = np.searchsorted(self.breakpoints[1:-1], times, side="right")
+        x = 2.0 * (times - self.breakpoints[segment]) / self.widths[segment] - 1.0
         rows = _interpolation(_reference(self.degree), x)
         result: Array = np.einsum("kj,kjn->kn", rows, values[segment])
         return result

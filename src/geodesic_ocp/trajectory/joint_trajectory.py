@@ -7,6 +7,7 @@ import io
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from math import perm
 from os import PathLike
 from pathlib import Path
 
@@ -14,36 +15,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 
-from geodesic_ocp.arrays import Array, as_positive, real_array
+from geodesic_ocp.arrays import Array, ShortRepr, as_positive, real_array
 from geodesic_ocp.records import write_together
 
-_NANO = 1_000_000_000
+NANO = 1_000_000_000
 _EVEN = 1e-4  # largest deviation of an even step, of its length
-# What the columns of a table are called, and the ending of those of a joint in metres.
-_IN_METRES = {
-    "position": " [m]",
-    "velocity": " [m/s]",
-    "acceleration": " [m/s^2]",
-    "effort": " [N]",
-}
+KINDS = ("position", "velocity", "acceleration", "effort")  # of columns of a table
+_METRES = ("m", "m/s", "m/s^2", "N")  # their units for a joint in metres
 _SUFFIXES = (".csv", ".json", ".npz")
 # Powers of s in [0, 1] of the quintic with q, h q', h^2 q'' at 0 and 1: coefficients (6, 6).
-_ENDS = np.array(
-    [
-        [1, 0, 0, 0, 0, 0],
-        [0, 1, 0, 0, 0, 0],
-        [0, 0, 2, 0, 0, 0],
-        [1, 1, 1, 1, 1, 1],
-        [0, 1, 2, 3, 4, 5],
-        [0, 0, 2, 6, 12, 20],
-    ],
-    dtype=float,
+_COEFFICIENTS = np.linalg.inv(
+    [[perm(k, d) * s ** max(k - d, 0) for k in range(6)] for s in (0.0, 1.0) for d in range(3)]
 )
-_COEFFICIENTS = np.linalg.inv(_ENDS)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class JointTrajectory:
+class JointTrajectory(ShortRepr):
     """Joint positions, velocities and accelerations over time.
 
     Attributes:
@@ -92,10 +79,7 @@ class JointTrajectory:
                 raise ValueError(f"{field.name} must be finite, sample {sample} is not")
             object.__setattr__(self, field.name, array)
 
-    def __repr__(self) -> str:
-        first, last, count = self.joint_names[0], self.joint_names[-1], len(self.joint_names)
-        joints = f"joint {first}" if count == 1 else f"{count} joints, {first} to {last}"
-        return f"JointTrajectory({len(self.time)} points in {self.duration:.3g} s, {joints})"
+    _shown = ("joint_names", "duration", "rate")
 
     @classmethod
     def side_by_side(
@@ -194,7 +178,7 @@ class JointTrajectory:
 
     def _by_kind(self) -> dict[str, Array]:
         values = self.positions, self.velocities, self.accelerations, self.efforts
-        named = zip(_IN_METRES, values, strict=True)
+        named = zip(KINDS, values, strict=True)
         return {kind: array for kind, array in named if array is not None}
 
     def csv(self) -> str:
@@ -205,9 +189,9 @@ class JointTrajectory:
         [m/s]`.
         """
         header, found = ["time_from_start"], self._by_kind()
-        for kind in found:
+        for kind, metres in zip(found, _METRES, strict=False):
             for name, unit in zip(self.joint_names, self.units, strict=True):
-                header.append(f"{name} {kind}" + (_IN_METRES[kind] if unit == "m" else ""))
+                header.append(f"{name} {kind}" + (f" [{metres}]" if unit == "m" else ""))
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(header)
@@ -219,18 +203,14 @@ class JointTrajectory:
 
         The message has no units: controllers take rad and m.
         """
+        efforts = np.zeros((len(self.time), 0)) if self.efforts is None else self.efforts
+        arrays = self.positions, self.velocities, self.accelerations, efforts
+        names = ("positions", "velocities", "accelerations", "effort")
         points = []
-        for k, instant in enumerate(self.time):
-            seconds, nanoseconds = divmod(round(float(instant) * _NANO), _NANO)
-            points.append(
-                {
-                    "positions": self.positions[k].tolist(),
-                    "velocities": self.velocities[k].tolist(),
-                    "accelerations": self.accelerations[k].tolist(),
-                    "effort": [] if self.efforts is None else self.efforts[k].tolist(),
-                    "time_from_start": {"sec": seconds, "nanosec": nanoseconds},
-                }
-            )
+        for instant, *values in zip(self.time, *(each.tolist() for each in arrays), strict=True):
+            seconds, nanoseconds = divmod(round(float(instant) * NANO), NANO)
+            since = {"time_from_start": {"sec": seconds, "nanosec": nanoseconds}}
+            points.append(dict(zip(names, values, strict=True)) | since)
         header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
         message = {"header": header, "joint_names": list(self.joint_names), "points": points}
         return json.dumps(message, indent=1)

@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_positive, real_array
+from geodesic_ocp.arrays import Array, ShortRepr, as_positive, real_array
 from geodesic_ocp.trajectory.filters import (
     MotionFilter,
     check_even,
@@ -27,7 +27,7 @@ _SAME_RATE = 1e-3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FrameMotion:
+class FrameMotion(ShortRepr):
     """The pose of a frame, such as the thorax of a person, at the samples of a motion.
 
     Attributes:
@@ -43,16 +43,14 @@ class FrameMotion:
     positions: Array
 
     def __post_init__(self) -> None:
-        rotations = real_array(self.rotations)
-        positions = real_array(self.positions)
+        rotations, positions = real_array(self.rotations), real_array(self.positions)
         count = len(positions) if positions.ndim else 0
         if rotations.shape != (count, 3, 3) or positions.shape != (count, 3):
             raise ValueError(
                 f"rotations (k, 3, 3) and positions (k, 3) must match, got shapes "
                 f"{rotations.shape} and {positions.shape}"
             )
-        entries = np.hstack([positions, rotations.reshape(count, 9)])
-        finite = np.isfinite(entries).all(axis=1)
+        finite = np.isfinite(np.hstack([positions, rotations.reshape(count, 9)])).all(axis=1)
         if not finite.all():
             raise ValueError(f"the pose is not finite at sample {int(np.argmin(finite))}")
         products = np.swapaxes(rotations, 1, 2) @ rotations
@@ -78,9 +76,6 @@ class FrameMotion:
         turning = spatial.Slerp(time, spatial.Rotation.from_matrix(self.rotations))
         moving = interpolate.CubicSpline(time, self.positions)
         return FrameMotion(turning(inside).as_matrix(), moving(inside))
-
-    def __repr__(self) -> str:
-        return f"FrameMotion({len(self)} samples)"
 
 
 @dataclass(frozen=True)
@@ -274,8 +269,9 @@ class Motion:
         >>> time = np.arange(200) / 100.0
         >>> noise = 2e-3 * np.random.default_rng(0).normal(size=200)
         >>> motion = go.Motion(time, (np.sin(4.0 * time) + noise)[:, None], ("elbow",))
-        >>> motion.filtered().filter
-        MotionFilter(smoothing spline, cut-off 4.1 Hz (chosen), noise 2 mrad)
+        >>> print(motion.filtered().filter)  # doctest: +NORMALIZE_WHITESPACE
+        Filtered by a smoothing spline with a cut-off frequency of 4.1 Hz, chosen from the noise
+        floor; noise of the joints: 2 mrad.
 
         Args:
             window: samples of a window of the Savitzky-Golay filter, odd.

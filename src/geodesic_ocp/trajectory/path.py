@@ -8,8 +8,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_number, evaluate, real_array
-from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.arrays import Array, as_number, real_array
+from geodesic_ocp.manifold.metric import Metric, speeds_at
 from geodesic_ocp.trajectory.grid import Grid, interpolation_between
 
 # Newton's method for s at an arc length converges quadratically: one step below this is the last.
@@ -121,14 +121,12 @@ class Path:
         Its degree is twice the path's, and it is refined until the length no longer changes:
         rounded corners are almost kinks of the speed.
         """
-        fine = _refined(self.grid, 0)
-        speeds = self._speeds_on(fine)
-        length = float(np.sum(fine.weights * speeds))
-        for level in range(1, _LEVELS + 1):
+        length = np.inf
+        for level in range(_LEVELS + 1):
             fine, before = _refined(self.grid, level), length
             speeds = self._speeds_on(fine)
             length = float(np.sum(fine.weights * speeds))
-            if not abs(length - before) > _RESOLVED * before:
+            if level > 0 and not abs(length - before) > _RESOLVED * before:
                 break
         return fine, speeds
 
@@ -159,10 +157,8 @@ class Path:
         fine, values = self._arc_length
         s, upto = fine.nodes, np.append(values[:, :-1, 0].ravel(), values[-1, -1, 0])
         upto = np.maximum.accumulate(upto)
-        found = np.interp(wanted, upto, s)
-        below, above = (
-            s[np.clip(np.searchsorted(upto, wanted) + k, 0, s.size - 1)] for k in (-1, 0)
-        )
+        found, place = np.interp(wanted, upto, s), np.searchsorted(upto, wanted)
+        below, above = (s[np.clip(place + k, 0, s.size - 1)] for k in (-1, 0))
         for _ in range(_NEWTON):
             here, rates = fine.interpolate(values, found).T
             step = np.divide(here - wanted, rates, out=np.zeros_like(found), where=rates > 0)
@@ -202,17 +198,6 @@ class Path:
             raise ValueError(f"by must be 'length' or 's', got {by!r}")
         s = np.linspace(0.0, 1.0, int(count))
         return self(s if by == "s" else self.at_length(s * self.length))
-
-
-def speeds_at(metric: Metric, q: Array, velocity: Array) -> Array:
-    """Speeds |v|_q (k,) of velocities (k, n) at positions (k, n); NaN where there is no metric."""
-    if metric.has_constant_tensor:
-        squares = np.sum(velocity @ metric.matrix(q[0]) * velocity, axis=1)
-        return np.asarray(np.sqrt(squares))
-    if metric.kernels.available(at_once=False):
-        return metric.kernels.speeds(q, velocity)
-    result: Array = evaluate(metric.speed.map(len(q)), q.T, velocity.T)[0]
-    return result
 
 
 @lru_cache(maxsize=64)

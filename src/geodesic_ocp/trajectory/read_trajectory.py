@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import csv
 import re
+from dataclasses import dataclass, fields
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
+import msgspec
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, as_vector
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.records import parse_json, read_arrays
-from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
+from geodesic_ocp.records import convert, decoding, parse_json, read_arrays
+from geodesic_ocp.trajectory.joint_trajectory import KINDS, NANO, JointTrajectory
 
 _TIME = re.compile(r"(time_from_start|timestamp|time|t)( *[\[(]s[\])])?", re.IGNORECASE)
 _COLUMN = re.compile(
@@ -23,93 +25,8 @@ _COLUMN = re.compile(
     r"(?: *[\[(](?P<unit>rad|deg|m|N)(?:[ */]?[a-z0-9^*/ ]*)[\])])?"
 )
 _FACTORS = {"rad": 1.0, "deg": np.pi / 180.0, "m": 1.0}
-_NANO = 1_000_000_000
-_KINDS = ("position", "velocity", "acceleration", "effort")
-
-
-def read_trajectory_table(
-    path: Path,
-) -> tuple[Array, dict[str, Array], tuple[str, ...], tuple[str, ...]]:
-    """Time (k,), arrays (k, n) by "position" and so on, names and units of the joints.
-
-    Raises:
-        RecordingError: no header with time and joints, a joint without a position, or an entry
-            that is not a finite number; names the line.
-    """
-    lines = path.read_text(encoding="utf-8-sig").split("\n")
-    default, first = "rad", 0
-    while first < len(lines) and (not lines[first].strip() or lines[first].startswith("#")):
-        key, _, value = lines[first].lstrip("# ").partition(":")
-        if key.strip().lower() == "unit":
-            default = value.strip()
-            if default not in _FACTORS:
-                raise RecordingError(
-                    f"{path}: line {first + 1}: the unit must be rad, deg or m, is {default!r}"
-                )
-        first += 1
-    if first == len(lines):
-        raise RecordingError(f"{path}: has no header")
-    header = [name.strip() for name in next(csv.reader(lines[first:]))]
-    at_time = [k for k, name in enumerate(header) if _TIME.fullmatch(name)]
-    if len(at_time) != 1 or len(header) < 2:
-        raise RecordingError(
-            f"{path}: line {first + 1} must be a header with time (time, time_from_start, "
-            f"timestamp or t) and joints, separated by commas, is {','.join(header)[:60]!r}"
-        )
-    table = _numbers(path, lines, first + 1, header)
-    columns: dict[str, dict[str, int]] = {}
-    units: dict[str, str] = {}
-    for k, name in enumerate(header):
-        found = _COLUMN.fullmatch(name)
-        if k in at_time:
-            continue
-        if found is None or found["kind"] in columns.get(found["joint"], {}):
-            raise RecordingError(
-                f"{path}: line {first + 1}: column {k + 1}, {name!r}, "
-                + ("has no joint's name" if found is None else "is there twice")
-            )
-        kind = found["kind"] or "position"
-        columns.setdefault(found["joint"], {})[kind] = k
-        if kind != "effort":
-            unit = found["unit"] or default
-            if unit not in _FACTORS or units.setdefault(found["joint"], unit) != unit:
-                raise RecordingError(
-                    f"{path}: line {first + 1}: the unit of {name!r} must be rad, deg or m, and "
-                    "the same in all columns of a joint"
-                )
-            table[:, k] *= _FACTORS[unit]
-    arrays = {}
-    for kind in dict.fromkeys(kind for of_joint in columns.values() for kind in of_joint):
-        missing = [joint for joint, of_joint in columns.items() if kind not in of_joint]
-        if missing:
-            raise RecordingError(f"{path}: line {first + 1}: no {kind} of {', '.join(missing)}")
-        arrays[kind] = table[:, [of_joint[kind] for of_joint in columns.values()]]
-    if "position" not in arrays:
-        raise RecordingError(f"{path}: line {first + 1}: no joint has a position")
-    names = tuple(columns)
-    in_metres = tuple("m" if units[name] == "m" else "rad" for name in names)
-    return table[:, at_time[0]], arrays, names, in_metres
-
-
-def _numbers(path: Path, lines: list[str], start: int, header: list[str]) -> Array:
-    rows = []
-    for number, row in enumerate(csv.reader(lines[start:]), start=start + 1):
-        if not row or row[0].startswith("#"):
-            continue
-        if len(row) != len(header):
-            raise RecordingError(
-                f"{path}: line {number} has {len(row)} entries, the header {len(header)}"
-            )
-        try:
-            values = [float(entry) for entry in row]
-        except ValueError:
-            values = [np.nan]
-        if not np.all(np.isfinite(values)):
-            raise RecordingError(f"{path}: line {number} must be finite numbers, is {row!r:.80}")
-        rows.append(values)
-    if not rows:
-        raise RecordingError(f"{path}: has no rows below its header")
-    return np.array(rows)
+# Time (k,), arrays (k, n) by "position" and so on, names and units of the joints.
+_Content = tuple[Array, dict[str, Array], tuple[str, ...], tuple[str, ...]]
 
 
 def read_trajectory(file: str | PathLike[str]) -> JointTrajectory:
@@ -133,18 +50,86 @@ def read_trajectory(file: str | PathLike[str]) -> JointTrajectory:
     path = Path(file)
     if not path.is_file():
         raise RecordingError(f"{path}: there is no such file")
-    readers = {".csv": read_trajectory_table, ".json": _from_json, ".npz": _from_npz}
+    readers = {".csv": _from_table, ".json": _from_json, ".npz": _from_npz}
     if path.suffix not in readers:
         raise RecordingError(f"{path}: must end in {', '.join(readers)}")
-    try:
-        time, arrays, names, units = readers[path.suffix](path)
-        return _trajectory(time, arrays, names, units)
-    except RecordingError:
-        raise
-    except UnicodeDecodeError:
-        raise RecordingError(f"{path}: is not text in UTF-8") from None
-    except ValueError as failure:
-        raise RecordingError(f"{path}: {failure}") from None
+    with decoding(path):
+        try:
+            return _trajectory(*readers[path.suffix](path))
+        except UnicodeDecodeError:
+            raise RecordingError(f"{path}: is not text in UTF-8") from None
+
+
+def _from_table(path: Path) -> _Content:
+    lines = path.read_text(encoding="utf-8-sig").split("\n")
+    default, first = "rad", 0
+    while first < len(lines) and (not lines[first].strip() or lines[first].startswith("#")):
+        key, _, value = lines[first].lstrip("# ").partition(":")
+        if key.strip().lower() == "unit":
+            default = value.strip()
+            if default not in _FACTORS:
+                raise ValueError(
+                    f"line {first + 1}: the unit must be rad, deg or m, is {default!r}"
+                )
+        first += 1
+    if first == len(lines):
+        raise ValueError("has no header")
+    header = [name.strip() for name in next(csv.reader(lines[first:]))]
+    at_time = [k for k, name in enumerate(header) if _TIME.fullmatch(name)]
+    if len(at_time) != 1 or len(header) < 2:
+        raise ValueError(
+            f"line {first + 1} must be a header with time (time, time_from_start, "
+            f"timestamp or t) and joints, separated by commas, is {','.join(header)[:60]!r}"
+        )
+    table = _numbers(lines, first + 1, len(header))
+    columns: dict[str, dict[str, int]] = {}
+    units: dict[str, str] = {}
+    for k, name in enumerate(header):
+        found = _COLUMN.fullmatch(name)
+        if k in at_time:
+            continue
+        if found is None or found["kind"] in columns.get(found["joint"], {}):
+            raise ValueError(
+                f"line {first + 1}: column {k + 1}, {name!r}, "
+                + ("has no joint's name" if found is None else "is there twice")
+            )
+        kind = found["kind"] or "position"
+        columns.setdefault(found["joint"], {})[kind] = k
+        if kind != "effort":
+            unit = found["unit"] or default
+            if unit not in _FACTORS or units.setdefault(found["joint"], unit) != unit:
+                raise ValueError(
+                    f"line {first + 1}: the unit of {name!r} must be rad, deg or m, and "
+                    "the same in all columns of a joint"
+                )
+            table[:, k] *= _FACTORS[unit]
+    arrays = {}
+    for kind in dict.fromkeys(kind for of_joint in columns.values() for kind in of_joint):
+        missing = [joint for joint, of_joint in columns.items() if kind not in of_joint]
+        if missing:
+            raise ValueError(f"line {first + 1}: no {kind} of {', '.join(missing)}")
+        arrays[kind] = table[:, [of_joint[kind] for of_joint in columns.values()]]
+    if "position" not in arrays:
+        raise ValueError(f"line {first + 1}: no joint has a position")
+    names = tuple(columns)
+    in_metres = tuple("m" if units[name] == "m" else "rad" for name in names)
+    return table[:, at_time[0]], arrays, names, in_metres
+
+
+def _numbers(lines: list[str], start: int, columns: int) -> Array:
+    """Entries of the rows below the header; lines that start with # are left out."""
+    table = []
+    for number, row in enumerate(csv.reader(lines[start:]), start=start + 1):
+        if row and not row[0].startswith("#"):
+            if len(row) != columns:
+                raise ValueError(f"line {number} has {len(row)} entries, the header {columns}")
+            try:
+                table.append(as_vector("row", row, columns))
+            except ValueError:
+                raise ValueError(f"line {number} must be finite numbers, is {row!r:.80}") from None
+    if not table:
+        raise ValueError("has no rows below its header")
+    return np.array(table)
 
 
 def _trajectory(
@@ -155,72 +140,69 @@ def _trajectory(
     accelerations, efforts = arrays.get("acceleration"), arrays.get("effort")
     if velocities is None or accelerations is None:
         found = JointTrajectory.from_positions(time, positions, names, units)
-        if velocities is None:
-            velocities, between = found.velocities, found.accelerations
-        else:
-            between = make_interp_spline(time, velocities, k=3).derivative()(time)
-        accelerations = between if accelerations is None else accelerations
+        if accelerations is None:
+            accelerations = found.accelerations
+            if velocities is not None:
+                accelerations = make_interp_spline(time, velocities, k=3).derivative()(time)
+        velocities = found.velocities if velocities is None else velocities
     return JointTrajectory(time, positions, velocities, accelerations, names, units, efforts)
 
 
-def _from_json(path: Path) -> tuple[Array, dict[str, Array], tuple[str, ...], tuple[str, ...]]:
+@dataclass
+class _Instant:
+    sec: float
+    nanosec: float = 0.0
+
+
+@dataclass
+class _Point:
+    time_from_start: _Instant
+    positions: list[float]
+    velocities: list[float] | None = None
+    accelerations: list[float] | None = None
+    effort: list[float] | None = None
+
+
+@dataclass
+class _Message:
+    joint_names: tuple[str, ...]
+    points: Annotated[list[_Point], msgspec.Meta(min_length=1)]
+
+
+def _from_json(path: Path) -> _Content:
     try:
-        message = parse_json(path.read_text(encoding="utf-8"))
+        record = parse_json(path.read_text(encoding="utf-8"))
     except UnicodeDecodeError:
         raise
     except (ValueError, RecursionError) as failure:
-        raise RecordingError(f"{path}: is not JSON: {failure}") from None
-    names = message.get("joint_names") if isinstance(message, dict) else None
-    points = message.get("points") if isinstance(message, dict) else None
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise RecordingError(f"{path}: joint_names must be a list of names")
-    if not isinstance(points, list) or not points:
-        raise RecordingError(f"{path}: points must be a list that is not empty")
-    time = np.array([_instant(path, k, point) for k, point in enumerate(points)])
+        raise ValueError(f"is not JSON: {failure}") from None
+    message = convert(record, _Message, path)
+    names, instants = message.joint_names, [each.time_from_start for each in message.points]
     arrays = {}
-    fields = ("positions", "velocities", "accelerations", "effort")
-    for kind, key in zip(_KINDS, fields, strict=True):
-        rows = [point.get(key) or [] for point in points]
+    for kind, field in zip(KINDS, fields(_Point)[1:], strict=True):
+        rows = [getattr(point, field.name) or [] for point in message.points]
         if kind != "position" and not any(rows):
             continue
         for k, row in enumerate(rows):
-            if not isinstance(row, list) or len(row) != len(names) or not _are_numbers(row):
-                raise RecordingError(
-                    f"{path}: points[{k}].{key} must be {len(names)} numbers, is {row!r:.60}"
+            if len(row) != len(names):
+                raise ValueError(
+                    f"points[{k}].{field.name} must be {len(names)} numbers, is {row!r:.60}"
                 )
-        arrays[kind] = np.array(rows, dtype=float)
-    return time, arrays, tuple(names), ()
+        arrays[kind] = np.array(rows)
+    time = np.array([instant.sec + instant.nanosec / NANO for instant in instants])
+    return time, arrays, names, ()
 
 
-def _instant(path: Path, k: int, point: Any) -> float:
-    since = point.get("time_from_start") if isinstance(point, dict) else None
-    parts: list[Any] = [None]
-    if isinstance(since, dict):
-        parts = [since.get("sec"), since.get("nanosec", 0)]
-    if not _are_numbers(parts):
-        raise RecordingError(
-            f"{path}: points[{k}].time_from_start must have the numbers sec and nanosec, "
-            f"is {since!r:.60}"
-        )
-    return float(parts[0] + parts[1] / _NANO)
-
-
-def _are_numbers(values: list[Any]) -> bool:
-    return all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values)
-
-
-def _from_npz(path: Path) -> tuple[Array, dict[str, Array], tuple[str, ...], tuple[str, ...]]:
+def _from_npz(path: Path) -> _Content:
     found = read_arrays(path)
     for name in ("time", "position", "joint_names"):
         if name not in found:
-            raise RecordingError(
-                f"{path}: has no array {name}, only {', '.join(found) or 'none at all'}"
-            )
+            raise ValueError(f"has no array {name}, only {', '.join(found) or 'none at all'}")
     arrays = {}
-    for name in ("time", *_KINDS):
+    for name in ("time", *KINDS):
         if name in found:
             if found[name].dtype.kind not in "iuf":
-                raise RecordingError(f"{path}: {name} must be numbers, has {found[name].dtype}")
+                raise ValueError(f"{name} must be numbers, has {found[name].dtype}")
             arrays[name] = np.asarray(found[name], dtype=float)
     names, units = (found.get(name, np.zeros(0)).ravel() for name in ("joint_names", "units"))
     return arrays.pop("time"), arrays, tuple(map(str, names)), tuple(map(str, units))

@@ -15,14 +15,19 @@ active together: where the cubic falls below zero its largest speed is at an end
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
-from math import perm
+from functools import cached_property, lru_cache
 
+import casadi as ca
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_positive, real_array
+from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_positive, as_vector, evaluate
+from geodesic_ocp.manifold.metric import Metric, speeds_at
+from geodesic_ocp.trajectory.motion import Motion
+from geodesic_ocp.trajectory.path import Path
 
+_LARGEST = 1e100  # numbers whose squares are finite
 # Tolerance for bounds that hold with equality, relative to the speed scale of the problem.
 _SLACK = 1e-9
 # Braking to rest over less than this fraction of the length at full speed loses its digits.
@@ -32,7 +37,7 @@ _NEGLIGIBLE = 1e-12
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TimeLaw:
+class TimeLaw(ShortRepr):
     """s(t) on t in [0, duration], a piecewise cubic through knots.
 
     Attributes:
@@ -49,23 +54,15 @@ class TimeLaw:
     speeds: Array
 
     def __post_init__(self) -> None:
-        arrays = {
-            name: real_array(getattr(self, name), name) for name in ("knots", "positions", "speeds")
-        }
-        knots = arrays["knots"]
-        for name, array in arrays.items():
-            if array.shape != knots.shape or array.ndim != 1 or array.size < 2:
-                raise ValueError(f"{name} must have one shape (k,), k > 1, got {array.shape}")
-            if not np.all(np.isfinite(array)):
-                raise ValueError(f"{name} must be finite")
+        size = max(np.size(self.knots), 2)
+        for name in ("knots", "positions", "speeds"):
+            array = as_vector(name, getattr(self, name), size)
             array.flags.writeable = False
             object.__setattr__(self, name, array)
-        if knots[0] != 0.0 or np.any(np.diff(knots) <= 0.0):
+        if self.knots[0] != 0.0 or np.any(np.diff(self.knots) <= 0.0):
             raise ValueError("knots must increase from 0")
 
-    def __repr__(self) -> str:
-        ends = f"speeds {self.speeds[0]:.4g} to {self.speeds[-1]:.4g}"
-        return f"TimeLaw(length {self.length:.6g} in {self.duration:.4g} s, {ends})"
+    _shown = ("length", "duration")
 
     @property
     def duration(self) -> float:
@@ -89,28 +86,21 @@ class TimeLaw:
             raise ValueError(f"t must lie in [0, {self.duration:.6g}] s, got {t!r}")
         if order < 0:
             raise ValueError(f"order must not be negative, got {order}")
-        if order > 3:
-            return np.zeros(times.shape)
-        inside = np.clip(times, 0.0, self.duration)
-        interval = np.searchsorted(self.knots[1:-1], inside, side="right")
-        since = inside - self.knots[interval]
-        result: Array = np.zeros(times.shape)
-        for power in range(3, order - 1, -1):  # Horner's scheme
-            result = result * since + perm(power, order) * self._coefficients[power, interval]
-        return result
+        return np.asarray(self._spline(np.clip(times, 0.0, self.duration), order))
 
     @cached_property
-    def _coefficients(self) -> Array:
-        """Of the powers 0 to 3 of the time since an interval's first knot, (4, k - 1)."""
+    def _spline(self) -> scipy.interpolate.PPoly:
+        """As `scipy.interpolate.CubicHermiteSpline`, at a fraction of the time."""
         h, start, stop = np.diff(self.knots), self.speeds[:-1], self.speeds[1:]
         chord = np.diff(self.positions) / h
         second, third = (3.0 * chord - 2.0 * start - stop) / h, (start + stop - 2.0 * chord) / h**2
-        return np.array([self.positions[:-1], start, second, third])
+        coefficients = np.array([third, second, start, self.positions[:-1]])
+        return scipy.interpolate.PPoly.construct_fast(coefficients, self.knots)
 
     @property
     def cost(self) -> float:
         """The integral of s''(t)^2 over time."""
-        h, (_, _, second, third) = np.diff(self.knots), self._coefficients
+        h, (third, second, _, _) = np.diff(self.knots), self._spline.c
         start, stop = 2.0 * second, 2.0 * second + 6.0 * third * h
         return float(np.sum(h * (start**2 + start * stop + stop**2) / 3.0))
 
@@ -145,7 +135,9 @@ def time_law(
     """
     duration = as_positive("duration", duration, "s")
     given = {"length": length, "start_speed": start_speed, "end_speed": end_speed}
-    numbers = {name: _finite(name, number) for name, number in given.items()}
+    numbers = {name: as_number(name, number) for name, number in given.items()}
+    if too_large := [name for name, number in numbers.items() if abs(number) >= _LARGEST]:
+        raise ValueError(f"{too_large[0]} must be below {_LARGEST:g}")
     length, start_speed, end_speed = numbers.values()
     if length < 0.0:
         raise ValueError(f"length must not be negative, got {length}")
@@ -180,17 +172,6 @@ def time_law(
     return TimeLaw(duration * knots, speed * duration * positions, speed * speeds)
 
 
-def _finite(name: str, value: float) -> float:
-    """The value as a number whose square is finite."""
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} must be a number, got {value!r}") from None
-    if not abs(number) < 1e100:
-        raise ValueError(f"{name} must be finite and below 1e100, got {value}")
-    return number
-
-
 def _speed_range(length: float, start: float, end: float) -> tuple[float, float]:
     """Smallest and largest speed of the solution without inequalities, over a unit of time."""
     half, third = 3.0 * length - 2.0 * start - end, 3.0 * (start + end - 2.0 * length)
@@ -221,3 +202,71 @@ def _with_pause(
         points.append((1.0 - launch, pause, 0.0))
     knots, positions, speeds = np.transpose([*points, (1.0, length, end)])
     return knots, positions, speeds
+
+
+_SAME = 1e-6  # of lengths, relative
+
+
+def motion_along(path: Path, timing: float | TimeLaw, rate: float = 100.0) -> Motion:
+    """The motion along a path under a time law, or from rest to rest in a duration [s].
+
+    Raises:
+        ValueError: a duration or rate that is not positive, a path of zero length, or a time law
+            for another length.
+    """
+    rate, length = as_positive("rate", rate, "Hz"), path.length
+    if not length > 0.0:
+        raise ValueError("the path has zero length, so there is no motion along it")
+    if isinstance(timing, TimeLaw):
+        law = timing
+        if abs(law.length - length) > _SAME * length:
+            raise ValueError(
+                f"the time law covers a length of {law.length:.6g}, the path has {length:.6g}"
+            )
+    else:
+        law = time_law(length, as_positive("duration", timing, "s"), 0.0, 0.0)
+    count = max(1, round(law.duration * rate))
+    time = np.linspace(0.0, law.duration, count + 1)
+    covered = law(time)
+    if np.any(covered < -_SAME * length) or np.any(covered > (1.0 + _SAME) * length):
+        raise ValueError("the time law leaves the path at one of its ends")
+    q, velocity = states_at(path, law, time, 1)
+    names = path.metric.joint_names or tuple(f"q[{index}]" for index in range(path.metric.dim))
+    return Motion(time, q, names, velocity)
+
+
+def states_at(path: Path, law: TimeLaw, t: Array, order: int = 2) -> tuple[Array, ...]:
+    """Positions, velocities and accelerations, (k, n) each, at times t (k,) [s] of a time law.
+
+    Distances beyond an end of the path are clipped to it; on a path of zero length nothing moves.
+    Derivatives above the given order are left out.
+    """
+    if not path.length > 0.0:
+        q = np.tile(path.nodes[0], (t.size, 1))
+        return (q, np.zeros_like(q), np.zeros_like(q))[: order + 1]
+    s = path.at_length(np.clip(law(t), 0.0, path.length))
+    curve = path.derivatives(s, order)
+    if order == 0:
+        return tuple(curve)
+    if order == 1:
+        speed, change = speeds_at(path.metric, *curve), np.zeros(0)
+    else:
+        function = _speed_along(path.metric).map(s.size)
+        speed, change = (each[0] for each in evaluate(function, *(each.T for each in curve)))
+    per_speed = np.divide(1.0, speed, out=np.zeros_like(speed), where=speed > 0.0)
+    rate = law(t, 1) * per_speed
+    states = [curve[0], curve[1] * rate[:, None]]
+    if order == 2:
+        second = (law(t, 2) - rate**2 * change) * per_speed
+        states.append(curve[2] * rate[:, None] ** 2 + curve[1] * second[:, None])
+    return tuple(states)
+
+
+@lru_cache(maxsize=32)
+def _speed_along(metric: Metric) -> ca.Function:
+    """(q, q', q'') by s -> |q'|_G and its derivative by s."""
+    q, v, a = (ca.SX.sym(name, metric.dim) for name in "qva")
+    square = metric.inner(q, v, v)
+    speed = ca.sqrt(square)
+    half = ca.jtimes(square, ca.vertcat(q, v), ca.vertcat(v, a)) / 2
+    return ca.Function("speed_along", [q, v, a], [speed, ca.if_else(speed > 0, half / speed, 0)])

@@ -31,7 +31,7 @@ def test_derivatives_are_those_of_the_objective() -> None:
     observed = random.normal(0.0, 0.3, (5, 3, 3))
     observed[2, 1] = np.nan
     program = problem.program(time, observed, np.zeros(7, dtype=bool))
-    functions = program._functions
+    functions = program.program.functions
     size = 5 * 13 + 3 + 6
     assert program.lower.size == size
     x, p = ca.MX.sym("x", size), ca.MX.sym("p")

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import get_args
 
 from geodesic_ocp.cli.analyse.recording_options import stated
+from geodesic_ocp.manifold.metrics import METRIC_NAMES
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
-from geodesic_ocp.synergies.metrics import METRIC_NAMES
 from geodesic_ocp.synergies.segment_costs import Measure
 
 # By the kind of segments, options that have no effect on the other kind, with their defaults.

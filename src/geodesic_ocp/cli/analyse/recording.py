@@ -20,14 +20,13 @@ from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
-from geodesic_ocp.recordings.read_motion import read_motion
-from geodesic_ocp.recordings.read_recording import stature_of
+from geodesic_ocp.recordings.read_recording import read_motion, stature_of
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.recordings.save_motion import save_motion
 from geodesic_ocp.records import write_file
 from geodesic_ocp.studies.batch.analyse_recording import analyse_recording, read_by_settings
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
-from geodesic_ocp.synergies.analysis import Analysis
+from geodesic_ocp.synergies.analyse import Analysis
 
 
 def analyse_file(options: argparse.Namespace, side: Side) -> Analysis:

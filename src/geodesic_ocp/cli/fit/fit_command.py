@@ -23,7 +23,7 @@ from geodesic_ocp.fitting.fit_metric import fit_metric
 from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit, save_metric
 from geodesic_ocp.fitting.parameter import Parameter, with_parameters
 from geodesic_ocp.fitting.resampling import bootstrap_fit, leave_one_out, separate_fits
-from geodesic_ocp.manifold.adjustable_kinetic_energy import AdjustableKineticEnergy
+from geodesic_ocp.manifold.metrics import AdjustableKineticEnergy
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.recordings.read_recordings import read_recordings
 from geodesic_ocp.recordings.recording import Recording

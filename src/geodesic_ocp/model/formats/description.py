@@ -1,18 +1,26 @@
-"""Reading of XML model descriptions as Pinocchio models: URDF, MJCF, Simox (MMM)."""
+"""Descriptions of robots in any format, and their reduction to an arm."""
 
 from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
 import pinocchio as pin
 
+from geodesic_ocp.arrays import Array, as_number
 from geodesic_ocp.model.formats.mjcf import mjcf_model
 from geodesic_ocp.model.formats.simox import simox_model
-from geodesic_ocp.model.formats.urdf import Mimic, urdf_model
+from geodesic_ocp.model.formats.urdf import Mimic, apply_mimics, urdf_model
+from geodesic_ocp.model.joints import (
+    distinct_frames,
+    frame_index,
+    motion_subspace,
+    restore_frames,
+)
 from geodesic_ocp.model.link_geometry import LinkGeometry
 from geodesic_ocp.model.primitives import Bodies
 
@@ -101,3 +109,120 @@ def _with_shapes(
     return Description(
         model, mimics, warnings, LinkGeometry(model, text, name, folder and folder.absolute())
     )
+
+
+_LIMIT_TOLERANCE = 1e-6  # [rad or m]: limits in files are rounded
+
+
+def lock_joints(
+    description: Description, moving: Sequence[str], configuration: Mapping[str, float]
+) -> pin.Model:
+    """The model with all joints locked except those in `moving`.
+
+    Raises:
+        ValueError: a moving joint does not have one degree of freedom of its own, a locked joint
+            mimics a moving one, or the configuration is outside the limits of the locked joints.
+    """
+    model = description.pin
+    for name in moving:
+        if name in description.mimics:
+            leader = description.mimics[name].leader
+            raise ValueError(f"joint {name!r} mimics {leader!r}: it cannot move independently")
+        try:
+            motion_subspace(model, model.getJointId(name))
+        except ValueError as error:
+            raise ValueError(f"{error}; leave it out with base=... or joints=[...]") from None
+    for index in range(1, model.njoints):
+        if model.joints[index].shortname() == "JointModelMimic":
+            raise ValueError(
+                f"joint {model.names[index]!r} of the pin.Model is a JointModelMimic, which cannot "
+                "be locked; build the model without mimic joints"
+            )
+    for name, mimic in description.mimics.items():
+        if mimic.leader in moving and name not in configuration:
+            raise ValueError(
+                f"joint {name!r} mimics {mimic.leader!r}, which moves; lock it with "
+                f"configuration={{{name!r}: ...}}, or leave {mimic.leader!r} out of joints"
+            )
+    q = _locked_configuration(description, moving, configuration)
+    others = [index for index in range(1, model.njoints) if model.names[index] not in moving]
+    if not others:
+        return model.copy()
+    with distinct_frames(model) as original:
+        reduced = pin.buildReducedModel(model, others, q)
+    restore_frames(reduced, original)
+    reduced.name = model.name
+    return reduced
+
+
+def _locked_configuration(
+    description: Description, moving: Sequence[str], configuration: Mapping[str, float]
+) -> Array:
+    """Pinocchio's configuration (nq,) of the locked joints; the others are neutral."""
+    model = description.pin
+    q: Array = pin.neutral(model)
+    values = {str(name): 0.0 for name in list(model.names)[1:]}
+    if not isinstance(configuration, Mapping):
+        raise ValueError(f"configuration must map names of joints to values, got {configuration!r}")
+    for name, value in configuration.items():
+        if name not in values or name in moving:
+            why = "moves" if name in values else f"is not a joint of {model.name!r}"
+            raise ValueError(f"configuration: {name!r} {why}")
+        as_number(f"configuration: {name!r}", value)
+    for index in range(1, model.njoints):
+        name, joint = str(model.names[index]), model.joints[index]
+        if name in moving:
+            continue
+        if joint.nv != 1:
+            if name in configuration:
+                raise ValueError(
+                    f"configuration: {name!r} is a {joint.shortname()}, not one number"
+                )
+            continue
+        if joint.nq == 1:
+            limits = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
+            values[name] = _locked_value(name, configuration.get(name), *limits)
+        else:
+            values[name] = float(configuration.get(name, 0.0))
+    free = {name: mimic for name, mimic in description.mimics.items() if name not in configuration}
+    values = apply_mimics(free, values)
+    for index in range(1, model.njoints):
+        joint, value = model.joints[index], values[str(model.names[index])]
+        if joint.nv == 1 and model.names[index] not in moving:
+            coordinates = [value] if joint.nq == 1 else [np.cos(value), np.sin(value)]
+            q[joint.idx_q : joint.idx_q + joint.nq] = coordinates
+    return q
+
+
+def _locked_value(name: str, given: float | None, lower: float, upper: float) -> float:
+    if given is None:
+        return float(np.clip(0.0, lower, upper)) if lower <= upper else 0.0
+    if not lower - _LIMIT_TOLERANCE <= given <= upper + _LIMIT_TOLERANCE:
+        raise ValueError(
+            f"configuration: {name!r} = {given:.6g} lies outside its limits {lower:.6g} to "
+            f"{upper:.6g}"
+        )
+    return float(given)
+
+
+def change_base(model: pin.Model, base: str) -> pin.Model:
+    """The model, including gravity, expressed in another fixed frame.
+
+    Raises:
+        ValueError: the frame moves with one of the joints.
+    """
+    frame = model.frames[frame_index(model, base)]
+    if frame.parentJoint > 0:
+        raise ValueError(f"base {base!r} moves with joint {model.names[frame.parentJoint]!r}")
+    result = model.copy()
+    inverse = frame.placement.inverse()
+    for index in range(1, model.njoints):
+        if model.parents[index] == 0:
+            result.jointPlacements[index] = inverse * model.jointPlacements[index]
+    for index in range(1, model.nframes):  # frame 0 is the universe, now the base
+        if model.frames[index].parentJoint == 0:
+            result.frames[index].placement = inverse * model.frames[index].placement
+    result.inertias[0] = inverse.act(model.inertias[0])
+    gravity = inverse.rotation @ model.gravity.linear
+    result.gravity = pin.Motion(gravity, np.zeros(3))
+    return result

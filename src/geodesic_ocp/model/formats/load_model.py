@@ -20,10 +20,23 @@ from geodesic_ocp.model.dynamics import (
     choose_backend,
     why_unavailable,
 )
-from geodesic_ocp.model.formats.description import Description, read_description, read_file
-from geodesic_ocp.model.formats.motors import set_armature, srdf_armature
-from geodesic_ocp.model.formats.reduction import change_base, lock_joints
-from geodesic_ocp.model.formats.robots import INSTALL, ROBOTS, described, folder, locate, on_demand
+from geodesic_ocp.model.formats.description import (
+    Description,
+    change_base,
+    lock_joints,
+    read_description,
+    read_file,
+)
+from geodesic_ocp.model.formats.robots import (
+    INSTALL,
+    ROBOTS,
+    described,
+    folder,
+    locate,
+    on_demand,
+    set_armature,
+    srdf_armature,
+)
 from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.model.inertias import check_inertias
 from geodesic_ocp.model.joints import DEFAULT_LIMIT, frame_index, motion_subspace

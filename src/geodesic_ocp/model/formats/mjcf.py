@@ -18,7 +18,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_vector
-from geodesic_ocp.model.formats.motors import ACTUATORS, effort_limits
+from geodesic_ocp.model.formats.robots import ACTUATORS, effort_limits
 from geodesic_ocp.model.formats.urdf import Mimic
 from geodesic_ocp.model.joints import frame_index, motion_subspace
 from geodesic_ocp.model.model import Model

@@ -1,13 +1,191 @@
-"""Robots by name: files of model descriptions in installed packages."""
+"""Robots that are known by name, and their motors.
+
+A rotor of inertia I behind a gear of ratio r adds r^2 I to the inertia of its joint. Pinocchio
+reads armature from MJCF, but not from URDF.
+"""
 
 from __future__ import annotations
 
 import importlib
 import importlib.util
 import sys
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from geodesic_ocp.arrays import Array
+
+# All are short forms of <general>, and share its defaults.
+ACTUATORS = (
+    *("general", "motor", "position", "velocity", "intvelocity"),
+    *("damper", "cylinder", "muscle", "adhesion"),
+)
+_UNLIMITED = (-np.inf, np.inf)
+
+
+def effort_limits(root: ET.Element, name: str) -> dict[str, Array]:
+    """Smallest and largest torque [N m] or force [N] of each driven joint, by its name.
+
+    That of an actuator lies within its force range, and that of a motor within its control range
+    times its gain, each times its gear ratio; the actuators of a joint add up. The joint's own
+    actuatorfrcrange limits the sum. Joints without an actuator or such a range are left out.
+
+    Args:
+        root: the element <mujoco>, whose default classes have been applied.
+        name: name of the file, for messages.
+
+    Raises:
+        ValueError: a range is not two increasing numbers, or a gear ratio or gain is not a number.
+    """
+    compiler = root.find("compiler")
+    automatic = compiler is None or compiler.get("autolimits", "true") == "true"
+    found: dict[str, Array] = {}
+    for actuator in root.iterfind("actuator/*"):
+        joint = actuator.get("joint") or actuator.get("jointinparent")
+        if joint is None or actuator.tag not in ACTUATORS:
+            continue
+        location = f"{name}: the <{actuator.tag}> of joint {joint!r}"
+        if (gear := _first(actuator, "gear", location)) == 0.0:
+            continue
+        limits = gear * _force_range(actuator, automatic, location)
+        found[joint] = found.get(joint, np.zeros(2)) + np.sort(limits)
+    for element in root.iter("joint"):
+        own = _range(element, "actuatorfrc", automatic, f"{name}: joint {element.get('name')!r}")
+        joint = element.get("name", "")
+        if np.isfinite(own).any():
+            lower, upper = found.get(joint, np.array(_UNLIMITED))
+            found[joint] = np.array([max(lower, own[0]), min(upper, own[1])])
+    return found
+
+
+def _force_range(actuator: ET.Element, automatic: bool, location: str) -> Array:
+    """Smallest and largest force of the actuator, before its gear."""
+    limits = _range(actuator, "force", automatic, location)
+    direct = actuator.tag == "motor" or (
+        actuator.tag == "general"
+        and actuator.get("gaintype", "fixed") == "fixed"
+        and actuator.get("biastype", "none") == "none"
+    )
+    if not direct:  # the control is a position, a speed or an activation
+        return limits
+    gain = 1.0 if actuator.tag == "motor" else _first(actuator, "gainprm", location)
+    driven = np.sort(gain * _range(actuator, "ctrl", automatic, location)) if gain else np.zeros(2)
+    return np.array([max(limits[0], driven[0]), min(limits[1], driven[1])])
+
+
+def _range(element: ET.Element, kind: str, automatic: bool, location: str) -> Array:
+    """The range of the attribute `kind`range, infinite if it is not limited."""
+    given, limited = element.get(f"{kind}range"), element.get(f"{kind}limited", "auto")
+    if given is None or limited == "false" or (limited == "auto" and not automatic):
+        return np.array(_UNLIMITED)
+    try:
+        numbers = np.array(given.split(), dtype=float)
+    except ValueError:
+        numbers = np.zeros(0)
+    if numbers.shape != (2,) or not numbers[0] < numbers[1]:
+        raise ValueError(f"{location}: {kind}range must be two increasing numbers, is {given!r}")
+    return numbers
+
+
+def _first(element: ET.Element, key: str, location: str) -> float:
+    """The first number of the attribute, 1 by default."""
+    given = element.get(key, "1").split()
+    try:
+        return float(given[0])
+    except (IndexError, ValueError):
+        raise ValueError(f"{location}: {key} must be numbers, is {element.get(key)!r}") from None
+
+
+def urdf_armature(root: ET.Element, name: str) -> dict[str, float]:
+    """Joint inertias [kg m^2 or kg] that a URDF states, by joint name.
+
+    They are `<dynamics armature="..."/>` of a joint, or `<drake:rotor_inertia value="..."/>` and
+    `<drake:gear_ratio value="..."/>` (default 1) of the actuators of its transmission, which are
+    extensions of the format. A joint that has both takes the former.
+
+    Raises:
+        ValueError: a value is not a finite number that is not negative; names the joint.
+    """
+    found: dict[str, float] = {}
+    for transmission in root.iterfind("transmission"):
+        joints = [joint.get("name", "") for joint in transmission.iterfind("joint")]
+        for actuator in transmission.iterfind("actuator"):
+            values = {_local(child.tag): child for child in actuator}
+            if "rotor_inertia" not in values or not joints:
+                continue
+            location = f"{name}: the actuator of joint {joints[0]!r}"
+            rotor = _number(values["rotor_inertia"], "value", f"{location}: rotor_inertia")
+            gear = values.get("gear_ratio")
+            ratio = 1.0 if gear is None else _number(gear, "value", f"{location}: gear_ratio")
+            found[joints[0]] = found.get(joints[0], 0.0) + ratio**2 * rotor
+    for joint in root.iterfind("joint"):
+        dynamics = joint.find("dynamics")
+        if dynamics is not None and dynamics.get("armature") is not None:
+            location = f"{name}: joint {joint.get('name')!r}"
+            found[joint.get("name", "")] = _number(dynamics, "armature", f"{location}: armature")
+    return found
+
+
+def srdf_armature(urdf: Path) -> dict[str, float]:
+    """Joint inertias [kg m^2 or kg] from the SRDF that a package has for a URDF, by joint name.
+
+    It is in the folder `srdf` beside that of the URDF, is for a robot of the same name, and has a
+    group `rotor_params` with the inertia of each rotor (its attribute is called mass) and the gear
+    ratio, as read by Pinocchio's `loadRotorParameters`.
+
+    Raises:
+        ValueError: a value is not a finite number that is not negative; names the joint.
+    """
+    robot = _root(urdf)
+    found: dict[str, float] = {}
+    for file in sorted(urdf.parent.parent.glob("srdf/*.srdf")):
+        root = _root(file)
+        if robot is None or root is None or root.get("name") != robot.get("name"):
+            continue
+        for joint in root.iterfind("rotor_params/joint"):
+            location = f"{file.name}: rotor_params of joint {joint.get('name')!r}"
+            rotor = _number(joint, "mass", f"{location}: mass")
+            ratio = _number(joint, "gear_ratio", f"{location}: gear_ratio")
+            found.setdefault(joint.get("name", ""), ratio**2 * rotor)
+    return found
+
+
+def set_armature(model: pin.Model, armature: Mapping[str, float]) -> None:
+    """Set the armature of joints with one degree of freedom that have none yet."""
+    values = np.array(model.armature)
+    for index in range(1, model.njoints):
+        joint = model.joints[index]
+        if joint.nv == 1 and values[joint.idx_v] == 0.0:
+            values[joint.idx_v] = armature.get(str(model.names[index]), 0.0)
+    model.armature = values
+
+
+def _root(file: Path) -> ET.Element | None:
+    try:
+        return ET.parse(file).getroot()
+    except (OSError, ET.ParseError):
+        return None
+
+
+def _local(tag: str) -> str:
+    """The tag without its namespace."""
+    return tag.rsplit("}", 1)[-1]
+
+
+def _number(element: ET.Element, key: str, location: str) -> float:
+    try:
+        value = float(element.get(key, ""))
+    except ValueError:
+        value = np.nan
+    if not 0.0 <= value < np.inf:
+        raise ValueError(f"{location} must be a number >= 0, is {element.get(key)!r}")
+    return value
+
 
 INSTALL = "pip install armar example-robot-data robot_descriptions (in a clone: make robots)"
 _EXAMPLE, _ARMAR = "example-robot-data", "armar"

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import pinocchio as pin
 
-from geodesic_ocp.model.formats.motors import set_armature, urdf_armature
+from geodesic_ocp.model.formats.robots import set_armature, urdf_armature
 
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 # <origin rpy="1.57, 0 0"/>: in a valid vector, numbers are separated by spaces only.

@@ -26,7 +26,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.recordings.formats.finite_number import finite_number
+from geodesic_ocp.recordings.formats.csv_table import finite_number
 from geodesic_ocp.recordings.plausible import ask_about_degrees, check_radians
 
 _TRANSLATION = re.compile(r"(_t|_?trans_?)[xyz]$", re.IGNORECASE)

@@ -15,7 +15,7 @@ from geodesic_ocp.figures.new_figure import new_figure
 from geodesic_ocp.figures.styles import ROLES
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment, axis_name
-from geodesic_ocp.retargeting.poses.nearest_poses import nearest_poses, search_range
+from geodesic_ocp.retargeting.nearest_poses import nearest_poses, search_range
 from geodesic_ocp.table import Table
 
 if TYPE_CHECKING:

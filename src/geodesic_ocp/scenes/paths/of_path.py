@@ -9,6 +9,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.figures.path_figure import limits_reached
+from geodesic_ocp.manifold.metric import speeds_at
 from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.scenes.around.ellipsoids import mobility_ellipsoids
@@ -18,7 +19,7 @@ from geodesic_ocp.scenes.motions.model_scene import model_scene
 from geodesic_ocp.scenes.motions.of_motion import viewed_from
 from geodesic_ocp.scenes.paths.planes import coordinate_scene, seen_from
 from geodesic_ocp.scenes.playback import PARAMETER, Curve, Playback, Plot, Span
-from geodesic_ocp.trajectory.path import Path, speeds_at
+from geodesic_ocp.trajectory.path import Path
 
 VIA_POINTS = "via points"
 _SAMPLES = 101

@@ -8,8 +8,8 @@ from dataclasses import replace
 from geodesic_ocp.model.distances import bodies_apart
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import HalfSpace
-from geodesic_ocp.ocp.path_constraints import ConstrainedProblem
 from geodesic_ocp.ocp.problem import Problem, drawn_obstacles, parse_conditions
+from geodesic_ocp.ocp.problems import ConstrainedProblem
 from geodesic_ocp.ocp.solution import Solution
 from geodesic_ocp.scenes.around.clearances import clearances
 from geodesic_ocp.scenes.around.obstacles import (

@@ -25,7 +25,7 @@ from geodesic_ocp.scenes.motions.of_motion import viewed_from
 from geodesic_ocp.scenes.motions.shown_samples import shown_samples
 from geodesic_ocp.scenes.playback import Curve, Playback, Plot, Span
 from geodesic_ocp.scenes.scene import Scene
-from geodesic_ocp.synergies.analysis import Analysis
+from geodesic_ocp.synergies.analyse import Analysis
 from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.trajectory.motion import Motion
 

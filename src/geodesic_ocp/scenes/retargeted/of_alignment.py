@@ -11,7 +11,7 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
-from geodesic_ocp.retargeting.poses.nearest_poses import nearest_poses, search_range
+from geodesic_ocp.retargeting.nearest_poses import nearest_poses, search_range
 from geodesic_ocp.scenes.actor import Actor, model_actor
 from geodesic_ocp.scenes.markings import FrameTrack, Trail
 from geodesic_ocp.scenes.motions.model_scene import hand_frames, hand_trails, rest_of

@@ -16,7 +16,7 @@ from geodesic_ocp.scenes.motions.model_scene import hand_frames, hand_trails, re
 from geodesic_ocp.scenes.retargeted.mounting import shoulder
 from geodesic_ocp.scenes.retargeted.robot_pane import LONGER
 from geodesic_ocp.scenes.scene import Scene
-from geodesic_ocp.synergies.analysis import Analysis
+from geodesic_ocp.synergies.analyse import Analysis
 
 
 def person_pane(arms: Sequence[RetargetedArm], time: Array, shown: Indices) -> Scene:

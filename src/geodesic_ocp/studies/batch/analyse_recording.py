@@ -7,12 +7,10 @@ from pathlib import Path
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.progress import Progress
-from geodesic_ocp.recordings.read_motion import that_apply
-from geodesic_ocp.recordings.read_recording import read_recording
+from geodesic_ocp.recordings.read_recording import read_recording, that_apply
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
-from geodesic_ocp.synergies.analyse import analyse
-from geodesic_ocp.synergies.analysis import Analysis
+from geodesic_ocp.synergies.analyse import Analysis, analyse
 
 
 def read_by_settings(

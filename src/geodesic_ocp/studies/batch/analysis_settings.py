@@ -10,12 +10,11 @@ from typing import Any, Literal, get_args
 
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.manifold.metric import Metric
-from geodesic_ocp.manifold.metrics import KineticEnergy
+from geodesic_ocp.manifold.metrics import METRIC_NAMES, KineticEnergy, as_analysis_metric
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.recordings.conventions.known_angle_conventions import ANGLE_CONVENTIONS
 from geodesic_ocp.recordings.markers.space_axes import Axis, as_axis
-from geodesic_ocp.synergies.metrics import METRIC_NAMES, as_analysis_metric
 from geodesic_ocp.synergies.optimal_segmentations import segment_optimal
 from geodesic_ocp.synergies.segment import as_threshold
 from geodesic_ocp.synergies.segment_costs import Measure

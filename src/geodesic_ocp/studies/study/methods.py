@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from geodesic_ocp.manifold.metrics import KINETIC_ENERGY, STRAIGHT_LINES
 from geodesic_ocp.studies.tables.columns import Row
-from geodesic_ocp.synergies.metrics import KINETIC_ENERGY, STRAIGHT_LINES
 
 OWN = "riemannian"
 _ORDER = (OWN, "joint_inertia", "kinetic_energy", "euclidean_same_segments", "euclidean")

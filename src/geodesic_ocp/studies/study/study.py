@@ -14,7 +14,7 @@ from geodesic_ocp.studies.study.sources.source import StudyTables, read_study_ta
 from geodesic_ocp.studies.study.statistics.subjects import condition_of, conditions_of
 from geodesic_ocp.studies.study.study_results import Study
 from geodesic_ocp.studies.tables.columns import RECORDING_COLUMNS, Row
-from geodesic_ocp.synergies.analysis import Analysis
+from geodesic_ocp.synergies.analyse import Analysis
 
 _MOST_CONDITIONS = 20
 _NOT_CONDITIONS = {

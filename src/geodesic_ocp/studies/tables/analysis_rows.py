@@ -7,7 +7,7 @@ from math import isfinite
 import numpy as np
 
 from geodesic_ocp.studies.tables.columns import Row
-from geodesic_ocp.synergies.analysis import Analysis
+from geodesic_ocp.synergies.analyse import Analysis
 from geodesic_ocp.synergies.scores import MotionErrors, evaluate
 from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.trajectory.motion import Motion

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.recordings.formats.csv_text import read_csv_text
+from geodesic_ocp.recordings.formats.csv_table import read_csv_text
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.units import LENGTHS
 

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.recordings.formats.finite_number import finite_number
+from geodesic_ocp.recordings.formats.csv_table import finite_number
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.units import LENGTHS
 

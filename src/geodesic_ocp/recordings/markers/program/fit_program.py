@@ -7,8 +7,7 @@ markers. Objective, divided by the duration:
 
 with the markers' residuals r_m and the loss rho(u) = c^2 u^2 / (c^2 + u^2) of Geman and McClure
 (Bulletin of the International Statistical Institute 52, 1987), in which a marker that is far away
-loses its weight, rho'(u) / 2u = 1 / (1 + u^2 / c^2)^2. First and second derivatives are exact:
-those of one frame are generated once, and mapped over the frames.
+loses its weight, rho'(u) / 2u = 1 / (1 + u^2 / c^2)^2.
 """
 
 from __future__ import annotations
@@ -22,8 +21,8 @@ import numpy as np
 import scipy
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.blocks import as_dm
-from geodesic_ocp.ipopt import Ipopt, Outcome
+from geodesic_ocp.blocks import Block, BlockProgram, Terms
+from geodesic_ocp.ipopt import Outcome
 
 _IPOPT = {"max_iter": 200, "mu_strategy": "monotone", "acceptable_iter": 0}
 # How rounding limits the tolerance, relative to the largest curvature of the objective.
@@ -60,10 +59,10 @@ class FrameTerms:
         return ca.Function("slopes", [self.z, self.shared], [ca.cse(each) for each in outputs])
 
     @cached_property
-    def loss(self) -> tuple[ca.Function, ca.Function, ca.Function, ca.Sparsity]:
-        """Value, gradient and upper triangle of the Hessian's entries of a frame's loss.
+    def loss(self) -> Terms:
+        """The loss of a frame.
 
-        Functions of z, shared, the observed positions (3 m), weights (m) and the outlier size.
+        Parameters are the observed positions (3 m), weights (m) and the outlier size.
         """
         count = self.points.shape[1]
         observed, weights = ca.SX.sym("y", 3 * count), ca.SX.sym("w", count)
@@ -71,14 +70,8 @@ class FrameTerms:
         residuals = self.points - ca.reshape(observed, 3, count)
         squares = ca.sum1(residuals**2).T
         loss = ca.dot(weights, squares / (1 + squares / outlier**2)) / 2
-        inputs = [self.z, self.shared, observed, weights, outlier]
-        variables = ca.vertcat(self.z, self.shared)
-        hessian, gradient = ca.hessian(loss, variables)
-        upper = ca.triu(hessian)
-        value = ca.Function("loss", inputs, [ca.cse(loss)])
-        slope = ca.Function("slope", inputs, [ca.cse(loss), ca.cse(ca.densify(gradient))])
-        curvature = ca.Function("curvature", inputs, [ca.cse(ca.densify(upper.nz[:]))])
-        return value, slope, curvature, upper.sparsity()
+        numbers = ca.vertcat(observed, weights, outlier)
+        return Terms(ca.vertcat(self.z, self.shared), numbers, loss)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,8 +98,6 @@ class FitProgram:
         self, x: Array, outlier: float, tolerance: float, options: dict[str, Any] | None = None
     ) -> Outcome:
         """The solution from x, where a marker `outlier` [m] away keeps a quarter of its weight."""
-        functions = self._functions
-        derivatives = {name: functions[name] for name in ("grad_f", "hess_lag")}
         stiffest = float(abs(self.quadratic[0]).max())
         bounded = max(1, int(np.isfinite(self.lower).sum() + np.isfinite(self.upper).sum()))
         own = {
@@ -114,74 +105,18 @@ class FitProgram:
             "compl_inf_tol": _COMPLEMENTARITY / bounded,
             "mu_init": _BARRIER / bounded,
         }
-        chosen = {**_IPOPT, **own, **(options or {})}
-        solver = Ipopt(functions["nlp"], derivatives, chosen)
+        solver = self.program.solver({**_IPOPT, **own, **(options or {})})
         start = np.clip(x, self.lower, self.upper)
         return solver(x0=start, p=outlier, lbx=self.lower, ubx=self.upper)
 
     @cached_property
-    def _functions(self) -> dict[str, ca.Function]:
-        frames, nz = len(self.observed), int(self.terms.z.numel())
-        ns = int(self.terms.shared.numel())
-        value, slope, curvature, pattern = self.terms.loss
-        x, p, lam = ca.MX.sym("x", frames * nz + ns), ca.MX.sym("p"), ca.MX.sym("lam_f")
-        inputs: list[Any] = [
-            ca.reshape(x[: frames * nz], nz, frames),
-            ca.repmat(x[frames * nz :], 1, frames),
-            ca.DM(self.observed.reshape(frames, -1).T),
-            ca.DM(self.weights.T),
-            ca.repmat(p, 1, frames),
-        ]
-        matrix, linear = self.quadratic
-        q_matrix, b = as_dm(matrix), ca.DM(linear)
-        bent = q_matrix @ x
-        smooth = ca.dot(x, bent) / 2 - ca.dot(b, x)
-        f = ca.sum2(value.map(frames).call(inputs)[0]) + smooth
-        own, slopes = slope.map(frames).call(inputs)
-        gradient = ca.vertcat(ca.vec(slopes[:nz, :]), ca.sum2(slopes[nz:, :])) + bent - b
-        names = ["x", "p"]
-        hessian = self._hessian(curvature.map(frames).call(inputs)[0], pattern, lam)
-        empty = ca.MX(0, 1)
-        return {
-            "nlp": ca.Function("nlp", [x, p], [f, empty], names, ["f", "g"]),
-            "grad_f": ca.Function(
-                "nlp_grad_f",
-                [x, p],
-                [ca.sum2(own) + smooth, gradient],
-                names,
-                ["f", "grad_f_x"],
-            ),
-            "hess_lag": ca.Function(
-                "nlp_hess_l",
-                [x, p, lam, ca.MX.sym("lam_g", 0)],
-                [hessian],
-                [*names, "lam_f", "lam_g"],
-                ["triu_hess_gamma_x_x"],
-            ),
-        }
-
-    def _hessian(self, entries: ca.MX, pattern: ca.Sparsity, lam: ca.MX) -> ca.MX:
-        """Upper triangle of the Hessian from the entries of the frames (nnz, K)."""
-        frames, nz = len(self.observed), int(self.terms.z.numel())
-        size = self.lower.size
-        rows, columns = (np.array(each) for each in pattern.get_triplet())
-        of_frame = nz * np.arange(frames)[:, None]
-        shared = frames * nz - nz
-
-        def places(index: Any) -> Any:
-            return np.where(index < nz, of_frame + index, shared + index).ravel()
-
-        upper = scipy.sparse.triu(self.quadratic[0]).tocoo()
-        all_rows = np.concatenate([places(rows), upper.row])
-        all_columns = np.concatenate([places(columns), upper.col])
-        keys, inverse = np.unique(
-            all_columns.astype(np.int64) * size + all_rows, return_inverse=True
-        )
-        sparsity = ca.Sparsity.triplet(size, size, (keys % size).tolist(), (keys // size).tolist())
-        count = rows.size * frames
-        adder = scipy.sparse.csc_matrix(
-            (np.ones(count), (inverse.ravel()[:count], np.arange(count))), (keys.size, count)
-        )
-        constant = np.bincount(inverse.ravel()[count:], upper.data, keys.size)
-        total = as_dm(adder) @ ca.vec(entries) + ca.DM(constant)
-        return ca.MX(sparsity, ca.densify(lam * total))
+    def program(self) -> BlockProgram:
+        """The frames' losses and the rest; the outlier size is its parameter."""
+        frames, nz, outlier = len(self.observed), int(self.terms.z.numel()), ca.MX.sym("c")
+        shared = np.arange(frames * nz, self.lower.size)
+        own = np.arange(frames * nz).reshape(frames, nz)
+        places = np.hstack([own, np.tile(shared, (frames, 1))])
+        numbers = np.hstack([self.observed.reshape(frames, -1), self.weights])
+        values = ca.horzcat(ca.DM(numbers), ca.repmat(outlier, frames, 1))
+        block = Block(self.terms.loss, places, values)
+        return BlockProgram(self.lower.size, [block], outlier, self.quadratic)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from geodesic_ocp.studies.study.sources.source import StudyTables
 from geodesic_ocp.studies.tables.analysis_rows import recording_rows, synergy_rows
 from geodesic_ocp.studies.tables.columns import Row
-from geodesic_ocp.synergies.analysis import Analysis
+from geodesic_ocp.synergies.analyse import Analysis
 
 
 def analysis_tables(

@@ -16,8 +16,14 @@ import numpy as np
 from geodesic_ocp.arrays import Array, evaluate
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.ocp.pose_search import CollisionAvoidance, PoseSearch
-from geodesic_ocp.retargeting.poses.targets import REACHED, middle_of_ranges
-from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints, ObjectiveWeights, parameters
+from geodesic_ocp.retargeting.key_poses import (
+    REACHED,
+    Pose,
+    is_beyond,
+    middle_of_ranges,
+    nearest_configurations,
+)
+from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights, parameters
 
 _STARTS = 96  # of the search at each waypoint
 _CARRIED = 32  # more, the configurations found at the waypoint before
@@ -85,8 +91,23 @@ def first_candidates(waypoints: ArmWaypoints) -> list[Candidates]:
         )
         starts = rng.uniform(lower, upper, (_STARTS, waypoints.arm.dof))
         before = found[-1].q[:_CARRIED] if found else middle_of_ranges(waypoints.arm)[0][None, :]
-        found.append(candidates_near(waypoints, number, np.vstack([before, starts])))
+        layer = candidates_near(waypoints, number, np.vstack([before, starts]))
+        found.append(_reached(layer, waypoints, waypoints.poses[number]))
     return found
+
+
+def _reached(layer: Candidates, waypoints: ArmWaypoints, pose: Pose) -> Candidates:
+    """The candidates, after a more thorough search for a pose that none of them attains."""
+    arm, near = waypoints.arm, layer.q[0]
+    if layer.within_reach or is_beyond(arm, pose):
+        return layer
+    q = nearest_configurations(arm, near, pose, waypoints.limited, waypoints.weights)[0]
+    error, before = (max(pose.error(arm, each)) for each in (q, near))
+    if error <= REACHED:
+        return Candidates.attaining(q)
+    if error < before:
+        return Candidates(np.vstack([q, layer.q]), np.append(error, layer.errors))
+    return layer
 
 
 def candidates_near(waypoints: ArmWaypoints, number: int, starts: Array) -> Candidates:

@@ -27,13 +27,12 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.blocks import Block, BlockProgram, Terms
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.ipopt import Outcome
-from geodesic_ocp.logarithm.pose_shooting import metric_of
-from geodesic_ocp.model.model import Model
-from geodesic_ocp.ocp.nlp import Structure
-from geodesic_ocp.ocp.point_to_point import PointToPoint
+from geodesic_ocp.manifold.metrics import metric_of
+from geodesic_ocp.ocp.conditions import NodeBounds
+from geodesic_ocp.ocp.nlp import ProblemDefinition
 from geodesic_ocp.ocp.refinement import halved
-from geodesic_ocp.ocp.transcription import Transcription, Units
-from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints, ObjectiveWeights, parameters
+from geodesic_ocp.ocp.transcription import Units
+from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights, parameters
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
@@ -78,6 +77,7 @@ class ArmPart:
 
     Attributes:
         waypoints: of the arm.
+        definition: its energy, limits and further conditions along its paths, as a problem.
         missed: weights of the squared errors of poses out of reach (m + 1,); zero for those within
             reach, which are equalities.
         grid: over the arm's own time from 0 to 1, in which rests are left out.
@@ -85,12 +85,20 @@ class ArmPart:
     """
 
     waypoints: ArmWaypoints
+    definition: ProblemDefinition
     missed: Array
     grid: Grid
     last_segments: tuple[int, ...]
 
     @classmethod
-    def evenly(cls, waypoints: ArmWaypoints, missed: Array, segments: int, degree: int) -> ArmPart:
+    def evenly(
+        cls,
+        waypoints: ArmWaypoints,
+        definition: ProblemDefinition,
+        missed: Array,
+        segments: int,
+        degree: int,
+    ) -> ArmPart:
         """With so many segments of equal duration for each movement."""
         edges = np.concatenate([[0.0], np.cumsum(waypoints.durations)])
         edges /= edges[-1]
@@ -100,7 +108,7 @@ class ArmPart:
         )
         grid = Grid(fine.size - 1, degree, tuple(fine.tolist()))
         last = tuple(segments * (number + 1) for number in range(waypoints.count))
-        return cls(waypoints, missed, grid, last)
+        return cls(waypoints, definition, missed, grid, last)
 
     def halved(self, coarse: NDArray[np.bool_]) -> ArmPart:
         """With some of the segments (segments,) halved."""
@@ -134,14 +142,30 @@ class ArmPart:
         return float(self.waypoints.durations.sum())
 
     @cached_property
-    def transcription(self) -> Transcription:
-        """Energy of all paths with its derivatives."""
-        return _structure(self.waypoints.arm).transcription(self.grid)
+    def bounds(self) -> NodeBounds:
+        """Of the positions at the nodes, and of the conditions along the paths."""
+        return NodeBounds.on_grid(self.definition.conditions, self.grid)
 
-    def energy_parameters(self, action: float) -> ca.DM:
-        """Of the transcription, so that its objective is the action in this unit [J s]."""
-        units = Units(np.zeros(self.dof), 1.0, action * self.moving_time)
-        return ca.DM(units.parameters(self.grid))
+    def blocks(self, first: int, weights: ObjectiveWeights) -> list[Block]:
+        """Energy and conditions along the paths, poses and postures at the waypoints.
+
+        Args:
+            first: index of the first of the arm's variables.
+            weights: of the objective.
+        """
+        # The objective is the action in its unit.
+        units = Units(np.zeros(self.dof), 1.0, weights.action * self.moving_time)
+        transcription = self.definition.structure.transcription(self.grid)
+        found, row = [], 0
+        for block in transcription.blocks(ca.DM(units.parameters(self.grid)), first):
+            sides = (
+                each[row : row + block.size_g].reshape(block.count, -1)
+                for each in (self.bounds.lower_g, self.bounds.upper_g)
+            )
+            lower, upper = sides
+            found.append(replace(block, lower=lower, upper=upper))
+            row += block.size_g
+        return [*found, self.waypoint_block(first, weights)]
 
     def waypoint_block(self, first: int, weights: ObjectiveWeights) -> Block:
         """Poses and postures at the waypoints.
@@ -163,16 +187,6 @@ class ArmPart:
         upper = np.where(free[:, None], np.inf, np.zeros(len(given.rows)))
         share = np.full(count, 1.0 / count)
         return Block(given.terms, places, np.array(rows), -upper, upper, share)
-
-    def bounds(self) -> tuple[Array, Array]:
-        """Of the positions at the nodes, (size, n) each."""
-        given, shape = self.waypoints, (self.grid.size, self.dof)
-        low, high = np.full(shape, -np.inf), np.full(shape, np.inf)
-        if given.limited:
-            low[:], high[:] = given.arm.lower, given.arm.upper
-        if given.start is not None:
-            low[0] = high[0] = given.start
-        return low, high
 
     def speed_rows(self, intervals: Sequence[Array]) -> tuple[scipy.sparse.coo_array, Array]:
         """Matrices A (rows, size) and B (rows, intervals): A x <= 1 + B sigma bounds mean speeds.
@@ -232,14 +246,6 @@ class ArmPart:
             found.append(Path(metric_of(self.waypoints.arm), part, here))
             first = last
         return found
-
-
-@lru_cache(maxsize=32)
-def _structure(arm: Model) -> Structure:
-    """Of least energy alone."""
-    metric = metric_of(arm)
-    ends = tuple(np.zeros(arm.dof).tolist()), tuple(np.ones(arm.dof).tolist())
-    return PointToPoint(metric, *ends).definition().structure
 
 
 _IPOPT: Mapping[str, Any] = {
@@ -305,8 +311,7 @@ class MotionProgram:
         """The blocks of all terms."""
         blocks = []
         for part, first in zip(self.parts, self.offsets, strict=False):
-            blocks += part.transcription.blocks(part.energy_parameters(self.weights.action), first)
-            blocks.append(part.waypoint_block(first, self.weights))
+            blocks += part.blocks(first, self.weights)
         cost = self.weights.stretch * np.diff(self.edges) / self.weights.duration
         added = np.concatenate([cost, np.full(len(self.rows), _TOO_NEAR)])
         at = np.arange(self.offsets[-2], self.size)
@@ -338,11 +343,10 @@ class MotionProgram:
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Of the variables."""
-        low, high = zip(*(part.bounds() for part in self.parts), strict=True)
-        count = self.size - self.offsets[-2]
+        bounds, count = [part.bounds for part in self.parts], self.size - self.offsets[-2]
         return (
-            np.concatenate([*(each.ravel() for each in low), np.zeros(count)]),
-            np.concatenate([*(each.ravel() for each in high), np.full(count, np.inf)]),
+            np.concatenate([*(each.lower.ravel() for each in bounds), np.zeros(count)]),
+            np.concatenate([*(each.upper.ravel() for each in bounds), np.full(count, np.inf)]),
         )
 
     def guess(self, nodes: Sequence[Array], sigma: Array | None = None) -> Array:

@@ -13,6 +13,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.blocks import Terms
@@ -20,8 +21,14 @@ from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.pose_search import rotation_log
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
-from geodesic_ocp.retargeting.poses.pose_mapping import PoseMapping
-from geodesic_ocp.retargeting.poses.targets import Pose, middle_of_ranges
+from geodesic_ocp.retargeting.key_poses import (
+    PairedArm,
+    Pose,
+    PoseMapping,
+    checked_start,
+    middle_of_ranges,
+    with_narrowed_limits,
+)
 
 _SHORTEST = 1e-4  # [m^2], squared distance from the shoulder to the wrist
 
@@ -215,3 +222,42 @@ class ArmWaypoints:
         """Costs and pose errors of the configurations at the waypoints."""
         torque = tuple(self.limits.torque.tolist())
         return waypoint_terms(self.arm, self.alignment, self.rows, torque)
+
+
+def arm_waypoints(pair: PairedArm, start: ArrayLike | None, tolerance: float) -> ArmWaypoints:
+    """Those of a person's motion on a robot.
+
+    Args:
+        pair: person and robot.
+        start: configuration (n,) to begin in; None: any with the first pose.
+        tolerance: of the paths' conditions.
+
+    Raises:
+        ValueError: the start is out of range.
+    """
+    settings, mapping, motion = pair.settings, pair.mapping, pair.analysis.motion
+    moving = [group for group in pair.groups if group.kind != "rest"]
+    samples = [pair.groups[0].start, *(group.stop for group in moving)]
+    begins = motion.time[[group.start for group in moving]]
+    ends = motion.time[samples[1:]]
+    if not moving:  # it stays at the first pose, planned as a path without length
+        begins, ends, samples = pair.edges[:1], pair.edges[-1:], samples * 2
+    between = mapping(motion((begins + ends) / 2.0))
+    offsets = None
+    if has_elbow(mapping.model, mapping.source):
+        offsets = mapped_offsets(mapping, motion.q[samples])
+    within = settings.within_limits
+    return ArmWaypoints(
+        arm=with_narrowed_limits(pair.robot, tolerance) if within else pair.robot,
+        limited=within,
+        alignment=mapping.target,
+        begins=begins,
+        ends=ends,
+        poses=tuple(pair.target(sample) for sample in samples),
+        between=tuple(pair.as_pose(*each) for each in zip(*between, strict=True)),
+        start=None if start is None else checked_start(pair.robot, start, settings),
+        limits=pair.limits,
+        offsets=offsets,
+        near_misses=settings.near_misses,
+        weights=settings.pose_weights,
+    )

@@ -10,10 +10,8 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.ocp.pose_search import rotation_log
+from geodesic_ocp.ocp.pose_search import errors_and_twists, pose_steps, search_bounds
 
-_LONGEST = 0.7  # step [rad or m]
-_DAMPING, _LEAST_DAMPING = 0.05, 1e-10  # of the squared error
 _EXACT = 1e-8  # [m] and [rad]
 _FEW, _MANY = 32, 256  # configurations that a mapped function takes
 
@@ -48,11 +46,14 @@ def nearest_poses(
         steps: number of steps.
     """
     count, each, n = starts.shape
-    rows = 3 if rotations is None else 6
+    rows = tuple(range(3 if rotations is None else 6))
     lower, upper = search_range(robot)
     target = np.repeat(np.arange(count), each)
     turned = np.repeat(np.eye(3)[None], count, axis=0) if rotations is None else rotations
-    poses = np.hstack([positions, turned.reshape(count, 9)])
+    by_columns = turned.transpose(0, 2, 1).reshape(count, 9)
+    axes = np.tile(np.eye(3).ravel(), (count, 1))
+    unused = np.zeros((count, n)), np.zeros((count, 1 + len(rows)))
+    poses = np.hstack([unused[0], positions, by_columns, axes, unused[1]])
     q = np.clip(starts.reshape(-1, n), lower, upper)
     best = q.copy()
     least = np.full(len(q), np.inf)
@@ -69,8 +70,8 @@ def nearest_poses(
         active, errors, jacobians = active[going], errors[going], jacobians[going]
         if not len(active) or number == steps:
             break
-        moved = q[active] + _step(q[active], errors, jacobians, lower, upper)
-        q[active] = np.clip(moved, lower, upper)
+        step, _ = pose_steps(q[active], errors, jacobians, None, lower, upper)
+        q[active] = np.clip(q[active] + step, lower, upper)
     grouped = least.reshape(count, each)
     chosen = best.reshape(count, each, n)[np.arange(count), grouped.argmin(axis=1)]
     errors, _ = _errors(robot, rows, chosen, poses)
@@ -80,57 +81,26 @@ def nearest_poses(
 
 def search_range(robot: Model) -> tuple[Array, Array]:
     """Lower and upper bounds (n,) of the search: the limits, or half a revolution either way."""
-    lower, upper = robot.lower, robot.upper
-    wide = ~(upper - lower <= 2.0 * np.pi)
-    with np.errstate(invalid="ignore"):
-        first = np.clip(-np.pi, lower, upper - 2.0 * np.pi)
-    return np.where(wide, first, lower), np.where(wide, first + 2.0 * np.pi, upper)
+    lower, upper, _ = search_bounds(robot, np.zeros(robot.dof), True)
+    return lower, upper
 
 
-def _step(q: Array, errors: Array, jacobians: Array, lower: Array, upper: Array) -> Array:
-    """Damped steps (k, n); joints at a limit that would leave their range stay."""
-    free = np.ones_like(q)
-    step = np.zeros_like(q)
-    damping = _DAMPING * (errors * errors).sum(axis=1) + _LEAST_DAMPING
-    rows = np.arange(errors.shape[1])
-    for _ in range(3):
-        held = jacobians * free[:, None, :]
-        matrices = held @ held.transpose(0, 2, 1)
-        matrices[:, rows, rows] += damping[:, None]
-        step = -(held.transpose(0, 2, 1) @ np.linalg.solve(matrices, errors[:, :, None]))[:, :, 0]
-        leaving = ((q <= lower) & (step < 0.0)) | ((q >= upper) & (step > 0.0))
-        if not np.any(leaving & (free > 0.0)):
-            break
-        free[leaving] = 0.0
-    length = np.linalg.norm(step, axis=1)[:, None]
-    return np.asarray(step * (_LONGEST / np.maximum(length, _LONGEST)))
-
-
-def _errors(robot: Model, rows: int, q: Array, poses: Array) -> tuple[Array, Array]:
+def _errors(robot: Model, rows: tuple[int, ...], q: Array, poses: Array) -> tuple[Array, Array]:
     """Pose errors (k, rows) and Jacobians (k, rows, n)."""
     count, n = q.shape
-    errors, jacobians = np.empty((count, rows)), np.empty((count, rows, n))
+    errors, jacobians = np.empty((count, len(rows))), np.empty((count, len(rows), n))
     width = _FEW if count <= _FEW else _MANY
     for first in range(0, count, width):
         size = min(width, count - first)
         part = slice(first, first + size)
         padded = np.zeros((width, n)), np.tile(poses[:1], (width, 1))
         padded[0][:size], padded[1][:size] = q[part], poses[part]
-        found, sides = _error_function(robot, rows, width)(padded[0].T, padded[1].T)
+        found, sides = _mapped(robot, rows, width)(padded[0].T, padded[1].T)
         errors[part] = found.full().T[:size]
-        jacobians[part] = sides.full().reshape(rows, width, n).transpose(1, 0, 2)[:size]
+        jacobians[part] = sides.full().reshape(len(rows), width, n).transpose(1, 0, 2)[:size]
     return errors, jacobians
 
 
 @lru_cache(maxsize=64)
-def _error_function(robot: Model, rows: int, count: int) -> ca.Function:
-    """Pose errors and the twists that change them, of many configurations and targets."""
-    q, pose = ca.SX.sym("q", robot.dof), ca.SX.sym("pose", 12)
-    rotation, position = robot.hand_pose(q)
-    jacobian = robot.hand_jacobian(q)
-    wanted = ca.reshape(pose[3:], 3, 3).T  # row by row
-    errors = ca.vertcat(position - pose[:3], rotation_log(wanted.T @ rotation))
-    # The rotation vector changes with the angular velocity in the hand's axes near the target.
-    twists = ca.vertcat(jacobian[:3, :], rotation.T @ jacobian[3:, :])
-    outputs = ca.cse([errors[:rows], ca.densify(twists[:rows, :])])
-    return ca.Function("pose_errors", [q, pose], outputs).map(count)
+def _mapped(robot: Model, rows: tuple[int, ...], count: int) -> ca.Function:
+    return errors_and_twists(robot, rows).map(count)

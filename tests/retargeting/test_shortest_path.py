@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from geodesic_ocp.retargeting.program.start import shortest_path
+from geodesic_ocp.retargeting.candidates import shortest_path
 
 
 @given(st.integers(0, 10_000), st.lists(st.integers(1, 4), min_size=1, max_size=5))

@@ -1,9 +1,9 @@
-"""Parallel transport along curves."""
+"""The Levi-Civita connection: parallel transport along curves, and curvature."""
 
 from __future__ import annotations
 
 import time
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Protocol
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, as_positive, as_vector
 from geodesic_ocp.compiled.source import STAGE_TIMES
 from geodesic_ocp.errors import IntegrationFailed
-from geodesic_ocp.manifold.kernels import Integrator
+from geodesic_ocp.manifold.kernels import integrate_by_scipy
 from geodesic_ocp.manifold.metric import Metric, as_metric
 
 _MAX_STEPS = 20_000  # between two breakpoints
@@ -54,18 +54,7 @@ def parallel_transport(
             where the metric is not defined.
         IntegrationFailed: the metric becomes singular along the curve.
     """
-    curve = path_or_motion
-    transported = transport_between(metric, curve, v, curve.breakpoints, tolerance=tolerance)
-    return np.asarray(transported[-1])
-
-
-def transport_between(
-    metric: Metric, curve: ParametricCurve, v: ArrayLike, stops: Array, *, tolerance: float = 1e-9
-) -> Array:
-    """Parallel-transport v (n,) from stops[0] along the curve to each of the k stops, (k, n).
-
-    The curve must be smooth from each stop to the next.
-    """
+    curve, stops = path_or_motion, path_or_motion.breakpoints
     metric = as_metric(metric)
     vector = as_vector("v", v, metric.dim)
     tolerance = as_positive("tolerance", tolerance)
@@ -73,10 +62,10 @@ def transport_between(
         raise ValueError(f"the curve must have the dimension of the metric, {metric.dim}")
     size = float(np.linalg.norm(vector))
     if size == 0.0:
-        return np.zeros((len(stops), metric.dim))
+        return np.zeros(metric.dim)
     if metric.has_constant_tensor:
         metric.point("the curve's start", curve(stops[:1])[0])
-        return np.tile(vector, (len(stops), 1))
+        return vector
     transport = _compiled if metric.kernels.available(at_once=False) else _by_scipy
     began = time.perf_counter()
     try:
@@ -92,19 +81,18 @@ def transport_between(
 def _by_scipy(
     metric: Metric, curve: ParametricCurve, vector: Array, stops: Array, tolerance: float
 ) -> Array:
-    """Transported vectors at the stops (k, n), with adaptive steps of this tolerance."""
-    result, integrate = [vector], Integrator(metric.transport_equation)
+    """The vector transported along all stops, with adaptive steps of this tolerance."""
     for start, stop in pairwise(stops):
 
-        def along(times: Array, start: float = start, stop: float = stop) -> Array:
-            return _states(curve, times, start, stop).T
+        def along(t: float, start: float = start, stop: float = stop) -> Array:
+            return _states(curve, np.array([t]), start, stop).T
 
+        ends, rate = np.array([start, stop]), metric.transport_equation
         try:
-            states = integrate(result[-1], np.array([start, stop]), tolerance, along)
+            vector = integrate_by_scipy(rate, vector, ends, tolerance, along)[-1]
         except IntegrationFailed as failure:
             raise IntegrationFailed(f"parallel transport: {failure}") from None
-        result.append(states[-1])
-    return np.array(result)
+    return vector
 
 
 def _states(curve: ParametricCurve, times: Array, start: ArrayLike, stop: ArrayLike) -> Array:
@@ -134,7 +122,7 @@ def _compiled(
         )
         errors = np.maximum.reduceat(errors, np.cumsum(counts) - counts)
         if np.all(errors <= 1.0):
-            return np.vstack([vector, vectors[np.cumsum(counts) - 1]])
+            return np.asarray(vectors[-1])
         worst = int(np.argmax(errors))
         if counts[worst] >= _MAX_STEPS:
             raise IntegrationFailed(
@@ -144,3 +132,70 @@ def _compiled(
             )
         factors = np.clip(errors ** (1 / 8) / 0.9, 1.0, 8.0)
         counts = np.where(errors > 1.0, np.ceil(factors * counts).astype(int) + 1, counts)
+
+
+# Vectors are parallel if |u|^2 |v|^2 - <u, v>^2 is below this fraction of |u|^2 |v|^2.
+_PARALLEL = 1e-12
+
+
+def riemann_curvature(
+    metric: Metric, q: ArrayLike, u: ArrayLike, v: ArrayLike, w: ArrayLike, z: ArrayLike
+) -> float:
+    """Riemann curvature tensor <R(u, v) w, z> at q for four tangent vectors (n,).
+
+    R(u, v) w = D_u D_v w - D_v D_u w - D_[u, v] w with the Levi-Civita connection D, so that
+    <R(u, v) v, u> is positive on a sphere (do Carmo, "Riemannian Geometry" (1992), chapter 4, uses
+    the opposite sign).
+
+    Raises:
+        ValueError: wrong shapes or values, or the metric is not positive definite at q.
+    """
+    q = as_metric(metric).point("q", q)
+    vectors = zip("uvwz", (u, v, w, z), strict=True)
+    return _form(metric, q, *(as_vector(name, vector, metric.dim) for name, vector in vectors))
+
+
+def sectional_curvature(metric: Metric, q: ArrayLike, u: ArrayLike, v: ArrayLike) -> float:
+    """Sectional curvature <R(u, v) v, u> / (|u|^2 |v|^2 - <u, v>^2) of the plane of u and v at q.
+
+    It depends on the plane only: 1 on the unit sphere, 0 in flat space. If it is negative,
+    geodesics from the same point diverge.
+
+    >>> import casadi as ca
+    >>> import geodesic_ocp as go
+    >>> class Globe(go.Metric):  # radius 2, in colatitude and longitude
+    ...     dim = 2
+    ...     def matrix(self, q):
+    ...         return 4.0 * ca.diag(ca.vertcat(1.0, ca.sin(q[0]) ** 2))
+    >>> round(go.sectional_curvature(Globe(), [1.0, 0.0], [1.0, 0.0], [0.0, 1.0]), 12)
+    0.25
+
+    Raises:
+        ValueError: wrong shapes or values, u and v are parallel, or the metric is not positive
+            definite at q.
+    """
+    q = as_metric(metric).point("q", q)
+    first, second = as_vector("u", u, metric.dim), as_vector("v", v, metric.dim)
+    squares = metric.inner(q, first, first) * metric.inner(q, second, second)
+    area = squares - metric.inner(q, first, second) ** 2
+    if area <= _PARALLEL * squares:
+        raise ValueError(f"u and v do not span a plane: u = {first}, v = {second}")
+    return float(_form(metric, q, first, second, second, first) / area)
+
+
+def scalar_curvature(metric: Metric, q: ArrayLike) -> float:
+    """Scalar curvature at q: the sum of sectional curvatures over ordered pairs of basis vectors.
+
+    The basis is orthonormal, so each plane counts twice; the result is 0 in one dimension.
+
+    Raises:
+        ValueError: wrong shape or values, or the metric is not positive definite at q.
+    """
+    q = as_metric(metric).point("q", q)
+    # The rows of L^-1 are orthonormal where G = L L'.
+    basis = np.linalg.inv(np.linalg.cholesky(metric.matrix(q)))
+    return sum((2.0 * _form(metric, q, u, v, v, u) for u, v in combinations(basis, 2)), start=0.0)
+
+
+def _form(metric: Metric, *vectors: Array) -> float:
+    return float(metric.curvature_form(*vectors))

@@ -3,26 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from short_reprs import check_reprs
 
 import geodesic_ocp as go
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import JointLimits
-from geodesic_ocp.logarithm.pose_shooting import metric_of
-from geodesic_ocp.retargeting.poses.targets import Pose
-from geodesic_ocp.retargeting.program.motion_program import (
+from geodesic_ocp.manifold.metrics import metric_of
+from geodesic_ocp.retargeting.candidates import Candidates
+from geodesic_ocp.retargeting.key_poses import Pose
+from geodesic_ocp.retargeting.paths_program import (
     ArmPart,
     MotionProgram,
     place_at,
     positions_at,
 )
-from geodesic_ocp.retargeting.program.plan_paths import PlannedPaths, plan_paths
-from geodesic_ocp.retargeting.program.start import Candidates, first_candidates
-from geodesic_ocp.retargeting.program.waypoints import ArmWaypoints, ObjectiveWeights
+from geodesic_ocp.retargeting.synergy_paths import PlannedPaths, SynergyPaths
+from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights
 
 CONFIGURATIONS = np.array(
     [
@@ -31,6 +33,7 @@ CONFIGURATIONS = np.array(
         [0.3, 0.6, -0.5, 1.1, -0.2, 0.1, 0.2],
     ]
 )
+DIRECTION = np.array([0.3, -1.0, 0.2])
 TIMES = np.array([0.0, 0.5, 1.1])
 
 
@@ -62,10 +65,10 @@ def waypoints(arm: go.Model) -> ArmWaypoints:
 
 
 def planned(*arms: ArmWaypoints, clearance: Clearance | None = None) -> PlannedPaths:
-    layers = [first_candidates(each) for each in arms]
-    return plan_paths(
-        arms, layers, stretch=5.0, posture=0.0, likeness=0.0, tolerance=1e-6, clearance=clearance
+    found: PlannedPaths = go.solve(
+        SynergyPaths(arms, clearance=clearance, likeness=0.0), throw=False
     )
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -80,10 +83,26 @@ def speed_limited(waypoints: ArmWaypoints) -> ArmWaypoints:
     return replace(waypoints, limits=JointLimits(np.full(7, 1.0), none, none, none))
 
 
+class WithConditions(SynergyPaths):
+    """The hand stays on one side of a plane, and moving the first joint costs more."""
+
+    lowest = -np.inf  # [m]
+
+    def constraints(self, q: ca.SX, v: ca.SX) -> list[Any]:
+        distance = ca.dot(DIRECTION, self.model.hand_pose(q)[1])
+        own = [(self.lowest, distance, np.inf), (-9.0, ca.dot(v, v), 1e4)]
+        return [*super().constraints(q, v), *own]
+
+    def cost(self, q: ca.SX, v: ca.SX) -> ca.SX:
+        return 0.1 * v[0] ** 2 * (1.0 + q[1] ** 2)
+
+
 def test_derivatives_are_those_of_the_program(waypoints: ArmWaypoints) -> None:
     """CasADi's own gradient, Jacobian and Hessian, at a point near the straight lines."""
+    given = replace(speed_limited(waypoints), offsets=np.full((3, 3), 0.1))
     part = ArmPart.evenly(
-        replace(speed_limited(waypoints), offsets=np.full((3, 3), 0.1)),
+        given,
+        WithConditions((given,)).definition(),
         np.array([0.0, 0.0, 50.0]),
         1,
         3,
@@ -214,8 +233,7 @@ def test_distances_are_kept(waypoints: ArmWaypoints, found: PlannedPaths, arm: g
     """The hand stays above a plane that the free paths cross, between waypoints."""
     q = ca.SX.sym("q", 7)
     _, position = arm.hand_pose(q)
-    direction = np.array([0.3, -1.0, 0.2])
-    distance = ca.dot(direction, position)
+    distance = ca.dot(DIRECTION, position)
     clearance = Clearance(ca.Function("d", [q], [distance]), np.full(1, -np.inf), ("hand to wall",))
 
     def least(result: PlannedPaths) -> np.ndarray:
@@ -244,7 +262,8 @@ def test_two_arms_move_in_one_program(waypoints: ArmWaypoints, found: PlannedPat
 
 
 def test_positions_at_instants_are_linear_in_the_variables(waypoints: ArmWaypoints) -> None:
-    part = ArmPart.evenly(waypoints, np.zeros(3), 2, 5)
+    definition = SynergyPaths((waypoints,)).definition()
+    part = ArmPart.evenly(waypoints, definition, np.zeros(3), 2, 5)
     rng = np.random.default_rng(3)
     nodes = rng.standard_normal((part.grid.size, 7))
     times = np.array([0.0, 0.13, 0.5, 0.77, 1.1])
@@ -264,3 +283,22 @@ def test_a_small_error_may_save_a_detour() -> None:
     assert both.q.tolist() == [[2.0], [3.0], [0.0]]
     assert both.missed.tolist() == [0.0, 0.0, pytest.approx(1e4)]
     assert not near.within_reach
+
+
+def test_a_subclass_adds_constraints_and_costs(
+    waypoints: ArmWaypoints, found: PlannedPaths, arm: go.Model, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def lowest(planned: PlannedPaths) -> float:
+        curves = [path(np.linspace(0.0, 1.0, 201)) for path in planned.paths[0]]
+        return float((arm.hand_pose(np.concatenate(curves))[1] @ DIRECTION).min())
+
+    check_reprs([WithConditions((waypoints,))])
+    free: PlannedPaths = go.solve(WithConditions((waypoints,), likeness=0.0))
+    assert free.action > found.action
+    ends = [path.nodes[k] for path in found.paths[0] for k in (0, -1)]
+    bound = float((arm.hand_pose(np.array(ends))[1] @ DIRECTION).min()) - 1e-3
+    assert lowest(free) < bound - 1e-3
+    monkeypatch.setattr(WithConditions, "lowest", bound)
+    kept: PlannedPaths = go.solve(WithConditions((waypoints,), likeness=0.0))
+    assert lowest(kept) >= bound - 2e-6
+    assert kept.action > free.action

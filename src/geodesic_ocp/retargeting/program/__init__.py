@@ -1,1 +1,0 @@
-"""All synergies of a motion as one program: configurations at the waypoints, and paths."""

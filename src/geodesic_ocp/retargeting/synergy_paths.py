@@ -1,0 +1,451 @@
+"""Synergies of a motion on robots as a problem: paths of least energy through the hand's poses.
+
+`paths_program` has the nonlinear program, which is solved in rounds: on grids that resolve the
+paths, then with the distances that were too small, at the instants at which they were.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from geodesic_ocp.arrays import Array, ShortRepr
+from geodesic_ocp.blocks import in_rounds
+from geodesic_ocp.execution.clearance import Clearance, active_rows
+from geodesic_ocp.manifold.metrics import KineticEnergy, metric_of
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.ocp.problem import Equality, Inequality, Problem, key_of
+from geodesic_ocp.ocp.refinement import unresolved_energy, worst_by_segment
+from geodesic_ocp.ocp.violations import violation_profile
+from geodesic_ocp.progress import Progress, no_progress
+from geodesic_ocp.retargeting.candidates import (
+    Candidates,
+    find_start,
+    first_candidates,
+    least_action,
+    off_the_way,
+    own_distances,
+)
+from geodesic_ocp.retargeting.paths_program import ArmPart, MotionProgram, positions_at
+from geodesic_ocp.retargeting.waypoints import ArmWaypoints, ObjectiveWeights
+from geodesic_ocp.trajectory.path import Path
+
+_SEGMENTS, _DEGREE = 2, 6  # of each movement, on the first grid
+_DETOUR = 5.0  # weight of the hand's distance from the person's halfway, in the graph
+_SIMILAR = 0.1  # [rad or m]
+_SAME = 1e-3  # of the objective
+_AT_REST = 1e-9  # action [J s]
+_LACKING = 300.0  # of distances below their bounds, in the choice of a solution [1/m]
+_ROUNDS, _MOST_SEGMENTS = 12, 400
+_RESOLVED = 1e-5  # of the energy
+# With distances, which are kept at instants and make corners; and the number of grids on which it
+# also counts how well the paths are resolved.
+_RESOLVED_APART, _ROUNDS_APART = 1e-3, 3
+_TINY = 1e-12
+_INSTANTS = 24  # of a movement at which distances are checked
+_DISTANCE_ROUNDS = 6
+_HOPELESS = 0.8  # of what distances lacked before a round, that they still lack after it
+_ROUNDING = 1e-4  # [m] by which a distance may fall below its bound between those instants
+_BELOW = 1e-3  # [m] by which a distance falls below its bound before that is reported
+# Weight of the squared error of a pose at which links are too near [1/m^2] or [1/rad^2].
+_YIELDING = 50.0
+
+# Lower bounds [m] of distances, by their number in the clearance and the time in the recording [s].
+Rows = Mapping[tuple[int, float], float]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PlannedPaths(ShortRepr):
+    """The solution of the program.
+
+    Attributes:
+        starts: configurations in which the arms begin.
+        paths: of the movements of each arm.
+        within_reach: which poses each arm attains, at its m + 1 waypoints: neither out of reach,
+            nor with links too near each other.
+        near_misses: which poses each arm misses on purpose, to avoid a detour.
+        longer: time added to each interval between `edges`, relative.
+        edges: times [s] in the recording at which a movement of any arm begins or ends.
+        action: of all paths at constant speed and in the person's time [J s].
+        iterations: of Ipopt, on all grids.
+        segments: of the last grids.
+        success: whether the program is solved.
+        status: how Ipopt stopped, a sentence.
+        kept: numbers of the distances that entered the program.
+        least_distances: along the paths (m,) [m], in the order of the clearance; empty without one.
+        too_near: names of the distances that fall below their bounds by more than a millimetre,
+            each with by how much [m], and the time in the recording [s].
+    """
+
+    starts: tuple[Array, ...]
+    paths: tuple[tuple[Path, ...], ...]
+    within_reach: tuple[tuple[bool, ...], ...]
+    near_misses: tuple[tuple[bool, ...], ...]
+    longer: Array
+    edges: Array
+    action: float
+    iterations: int
+    segments: int
+    success: bool
+    status: str
+    kept: tuple[int, ...]
+    least_distances: Array
+    too_near: tuple[tuple[str, float, float], ...]
+    _shown = ("action", "iterations", "segments", "success", "status")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SynergyPaths(ShortRepr, Problem):
+    """Paths of arms through the poses of a person's hand, all of a motion at once.
+
+    Minimized are the action of all paths, the time that the limits on speed add, and terms of
+    posture and of likeness to the person, over the paths and over the configurations in which they
+    meet. `go.solve` takes it and returns `PlannedPaths`.
+
+    A subclass may add a running `cost(q, v)` to the energy and `constraints(q, v)` to the limits of
+    the joints. They are built for one arm after the other, whose `model` it is and whose joints q
+    are; v = q'(s), and s goes from 0 to 1 over the time in which the arm moves.
+
+    Attributes:
+        arms: waypoints of each.
+        candidates: for each arm, configurations at each waypoint; None: those of
+            `first_candidates`.
+        clearance: distances to be kept; None: none.
+        stretch, posture, likeness: weights, see `RetargetingSettings`.
+        tolerance: of limits and constraints between the nodes, each in its unit.
+        progress: called with the current step, the amount done and the total.
+    """
+
+    arms: tuple[ArmWaypoints, ...]
+    candidates: tuple[tuple[Candidates, ...], ...] | None = None
+    clearance: Clearance | None = None
+    stretch: float = 5.0
+    posture: float = 0.0
+    likeness: float = 30.0
+    tolerance: float = 1e-6
+    progress: Progress = no_progress
+    _shown = ("clearance", "stretch", "posture", "likeness", "tolerance")
+
+    @property
+    def model(self) -> Model:
+        """The arm, or the first of several."""
+        return self.arms[0].arm
+
+    @property
+    def metric(self) -> KineticEnergy:  # type: ignore[override]
+        """Of the arm."""
+        return metric_of(self.model)
+
+    @property
+    def structure(self) -> Hashable | None:
+        """Problems without costs and constraints of their own share the derivatives of energy."""
+        own = type(self)
+        is_plain = own.cost is Problem.cost and own.constraints is SynergyPaths.constraints
+        return key_of(self.metric) if is_plain else None
+
+    def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Equality]:
+        """The configuration to begin in, if one is given."""
+        start = self.arms[0].start
+        return [] if start is None else [(q0, start, "start")]
+
+    def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Inequality]:
+        """Limits of the joints."""
+        given = self.arms[0]
+        if not given.limited:
+            return []
+        lower, upper = given.arm.lower, given.arm.upper
+        if given.start is not None:
+            lower, upper = np.minimum(lower, given.start), np.maximum(upper, given.start)
+        return [(lower, q, upper, "joint limits")]
+
+    def solved(self) -> PlannedPaths:
+        """The best solution, from straight lines between configurations with the poses.
+
+        These are the shortest path through the candidates of each arm. If links cannot be moved
+        apart from there, it is tried from the shortest path that keeps distances.
+        """
+        edges = np.unique(np.concatenate([[*arm.begins, *arm.ends] for arm in self.arms]))
+        layers = self.candidates or tuple(tuple(first_candidates(arm)) for arm in self.arms)
+        action = sum(least_action(arm, each) for arm, each in zip(self.arms, layers, strict=True))
+        unit = action if action > _AT_REST else 1.0
+        weights = ObjectiveWeights(
+            unit, float(edges[-1] - edges[0]), self.stretch, self.posture, self.likeness, _DETOUR
+        )
+        rounds = _Rounds(self.clearance, edges, weights, self.tolerance)
+        self.progress("choosing configurations", 0, 3)
+        found: list[_Iterate] = []
+        free: list[float] = []  # objectives without distances
+        for number, start in enumerate(self._starts(layers, weights)):
+            self.progress("planning all synergies", 1 + number, 3)
+            iterate = rounds.refined(start)
+            if any(np.isclose(iterate.objective, each, rtol=_SAME) for each in free):
+                continue  # it leads to the same paths
+            free.append(iterate.objective)
+            found.append(rounds.kept_apart(iterate) if iterate.success else iterate)
+            if iterate.success and not _lacking_distances(self.clearance, found[-1]):
+                break
+        best = min(found, key=lambda each: (not each.success, _score(each, rounds)))
+        return _planned(best, rounds, sum(each.iterations for each in found))
+
+    def _starts(
+        self, layers: Sequence[Sequence[Candidates]], weights: ObjectiveWeights
+    ) -> Iterator[_Iterate]:
+        """Straight lines between the best configurations, and between those that keep distances."""
+        definitions = [replace(self, arms=(arm,)).definition() for arm in self.arms]
+        before: list[list[Array]] = []
+        for clearance in dict.fromkeys((None, self.clearance)):
+            parts, nodes, lines = [], [], []
+            for number, arm in enumerate(self.arms):
+                distances = own_distances(clearance, self.arms, number)
+                start = find_start(arm, weights, layers[number], distances)
+                parts.append(
+                    ArmPart.evenly(arm, definitions[number], start.missed, _SEGMENTS, _DEGREE)
+                )
+                nodes.append(parts[-1].nodes_on_lines(start.q))
+                lines.append(start.q)
+            if not any(all(map(_similar, lines, others)) for others in before):
+                before.append(lines)
+                yield _Iterate(
+                    tuple(parts), tuple(nodes), near_misses=tuple(part.missed > 0 for part in parts)
+                )
+
+
+@dataclass(frozen=True, eq=False)
+class _Iterate:
+    """Arms on their grids, positions at the nodes, relative times added, and how it was found."""
+
+    parts: tuple[ArmPart, ...]
+    nodes: tuple[Array, ...]
+    near_misses: tuple[NDArray[np.bool_], ...]
+    longer: Array | None = None
+    objective: float = np.inf
+    iterations: int = 0
+    kept: tuple[int, ...] = ()
+    success: bool = False
+    status: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class _Rounds:
+    """Rounds of the program: on finer grids, and with distances that were too small."""
+
+    clearance: Clearance | None
+    edges: Array
+    weights: ObjectiveWeights
+    tolerance: float
+
+    def refined(self, start: _Iterate, rows: Rows | None = None) -> _Iterate:
+        """The solution on grids that resolve the paths, with these distances at these instants."""
+
+        def solve(iterate: _Iterate) -> _Iterate:
+            program = MotionProgram(
+                iterate.parts, self.edges, self.weights, self.clearance, rows or {}
+            )
+            x = program.guess(iterate.nodes, iterate.longer)
+            outcome = program.solve(x, near=iterate.success)
+            spent = iterate.iterations + outcome.iterations
+            if not outcome.success and iterate.success:  # from the same start, with larger steps
+                outcome = program.solve(x)
+                spent += outcome.iterations
+            ended = replace(
+                iterate, iterations=spent, success=outcome.success, status=outcome.status
+            )
+            if not outcome.success:
+                return ended
+            nodes, longer = program.split(outcome.x)
+            return replace(ended, nodes=tuple(nodes), longer=longer, objective=outcome.objective)
+
+        def judged(number: int, iterate: _Iterate) -> tuple[_Iterate, _Iterate | None]:
+            resolved = _RESOLVED
+            if rows:  # then joint limits alone
+                resolved = _RESOLVED_APART if number < _ROUNDS_APART else np.inf
+            if not iterate.success:
+                return iterate, None
+            pairs = list(zip(iterate.parts, iterate.nodes, strict=True))
+            coarse = [_coarse(*pair, self.tolerance, resolved) for pair in pairs]
+            if not any(np.any(each) for each in coarse):
+                return iterate, None
+            segments = sum(part.grid.segments for part in iterate.parts)
+            more = sum(int(each.sum()) for each in coarse)
+            if segments + more > _MOST_SEGMENTS or number + 1 == _ROUNDS:
+                status = f"not solved to {self.tolerance:g} on {segments} segments"
+                return replace(iterate, success=False, status=status), None
+            finer = [part.halved(each) for part, each in zip(iterate.parts, coarse, strict=True)]
+            nodes = [
+                part.path(each)(fine.grid.nodes)
+                for (part, each), fine in zip(pairs, finer, strict=True)
+            ]
+            return iterate, replace(iterate, parts=tuple(finer), nodes=tuple(nodes))
+
+        return in_rounds(start, solve, judged, _ROUNDS)
+
+    def kept_apart(self, start: _Iterate) -> _Iterate:
+        """The solution with all distances above their bounds, or the last one that was found.
+
+        Only those distances enter the program that are below their bounds at some instants, and
+        only at these instants. Where that does not help, poses at which links are too near are
+        replaced by the nearest ones at which they are not.
+        """
+        if (clearance := self.clearance) is None:
+            return start
+        rows: dict[tuple[int, float], float] = {}
+        free, lacking, failed = start, np.inf, False
+
+        def solve(iterate: _Iterate) -> _Iterate:
+            nonlocal failed
+            if not rows:
+                return iterate
+            found = self.refined(iterate, rows)
+            failed = not found.success
+            if failed:
+                return replace(iterate, iterations=found.iterations)
+            return replace(found, kept=tuple(sorted({number for number, _ in rows})))
+
+        def judged(number: int, iterate: _Iterate) -> tuple[_Iterate, _Iterate | None]:
+            nonlocal free, lacking
+            more, lacks = _too_near(clearance, iterate)
+            if not more or failed or number == _DISTANCE_ROUNDS:
+                return iterate, None
+            following = iterate
+            if not more.keys() - rows.keys() or lacks > _HOPELESS * lacking:
+                if (missed := _yielding(clearance, iterate)) is None:
+                    return iterate, None
+                # From the paths without distances, as poses that cannot be attained led astray.
+                pairs = zip(free.parts, missed, strict=True)
+                free = replace(free, parts=tuple(replace(one, missed=each) for one, each in pairs))
+                following, lacks = replace(free, iterations=iterate.iterations), np.inf
+            rows.update(more)
+            lacking = lacks
+            return iterate, following
+
+        return in_rounds(start, solve, judged, _DISTANCE_ROUNDS + 1)
+
+
+def _coarse(part: ArmPart, nodes: Array, tolerance: float, resolved: float) -> NDArray[np.bool_]:
+    """Which segments to halve, (segments,)."""
+    path = part.path(nodes)
+    unresolved = unresolved_energy(path) / max(path.energy, _TINY)
+    violated = worst_by_segment(path, violation_profile(part.definition.conditions)(path))
+    return np.asarray((unresolved > resolved / part.grid.segments) | (violated > tolerance))
+
+
+def _planned(iterate: _Iterate, rounds: _Rounds, iterations: int) -> PlannedPaths:
+    pairs = list(zip(iterate.parts, iterate.nodes, strict=True))
+    longer = np.zeros(rounds.edges.size - 1) if iterate.longer is None else iterate.longer
+    return PlannedPaths(
+        starts=tuple(each[0] for each in iterate.nodes),
+        paths=tuple(tuple(part.paths(each)) for part, each in pairs),
+        within_reach=tuple(part.within_reach for part in iterate.parts),
+        near_misses=tuple(tuple(each.tolist()) for each in iterate.near_misses),
+        longer=longer,
+        edges=rounds.edges,
+        action=float(sum(part.path(each).energy / part.moving_time for part, each in pairs)),
+        iterations=iterations,
+        segments=sum(part.grid.segments for part in iterate.parts),
+        success=iterate.success,
+        status=iterate.status,
+        kept=iterate.kept,
+        least_distances=_least_distances(rounds.clearance, iterate),
+        too_near=_lacking_distances(rounds.clearance, iterate),
+    )
+
+
+def _similar(one: Array, other: Array) -> bool:
+    return bool(np.abs(one - other).max() < _SIMILAR)
+
+
+def _score(iterate: _Iterate, rounds: _Rounds) -> float:
+    """The objective, detours of the hand, and distances below their bounds; less is better."""
+    total = iterate.objective
+    for part, nodes in zip(iterate.parts, iterate.nodes, strict=True):
+        for number, path in enumerate(part.paths(nodes)):
+            middle = np.atleast_2d(path(0.5))
+            total += rounds.weights.detour * float(off_the_way(part.waypoints, number, middle)[0])
+    lacking = _lacking_distances(rounds.clearance, iterate)
+    return total + _LACKING * sum(amount for _, amount, _ in lacking)
+
+
+def _yielding(clearance: Clearance, iterate: _Iterate) -> list[Array] | None:
+    """Weights of missed poses, with those at which links are too near; None if there are no new."""
+    every, any_new = [], False
+    for part in iterate.parts:
+        given = part.waypoints
+        times = np.append(given.begins[0], given.ends)
+        q = positions_at(iterate.parts, iterate.nodes, times)
+        active = active_rows(clearance, q, -_BELOW)
+        found = clearance.function.map(len(q))(q.T).full()[active.rows, active.samples]
+        near = np.zeros(times.size, dtype=bool)
+        near[active.samples[active.lower - found > 0.0]] = True
+        new = near & (part.missed == 0.0)
+        new[0] &= given.start is None
+        every.append(np.where(new, _YIELDING, part.missed))
+        any_new |= bool(new.any())
+    return every if any_new else None
+
+
+def _positions(iterate: _Iterate) -> tuple[Array, Array]:
+    """Instants (k,) [s] within the movements, and the joints of all arms there (k, N)."""
+    instants = np.unique(
+        np.concatenate(
+            [
+                np.linspace(begin, end, _INSTANTS)
+                for part in iterate.parts
+                for begin, end in zip(part.waypoints.begins, part.waypoints.ends, strict=True)
+            ]
+        ).round(9)
+    )
+    return instants, positions_at(iterate.parts, iterate.nodes, instants)
+
+
+def _too_near(
+    clearance: Clearance, iterate: _Iterate
+) -> tuple[dict[tuple[int, float], float], float]:
+    """Bounds of the distances that enter the program, by number and instant; what they lack [m].
+
+    Where each lacks most, and around; the sum is that of the most that each lacks.
+    """
+    instants, q = _positions(iterate)
+    active = active_rows(clearance, q, -_ROUNDING)
+    distances = clearance.function.map(len(q))(q.T).full()
+    found: dict[tuple[int, float], float] = {}
+    total = 0.0
+    for row in np.unique(active.rows).tolist():
+        here = active.rows == row
+        lower = np.full(len(q), -np.inf)
+        lower[active.samples[here]] = active.lower[here]
+        lacks = np.pad(lower - distances[row], 1, constant_values=-np.inf)
+        peaks = (lacks[1:-1] >= lacks[:-2]) & (lacks[1:-1] >= lacks[2:]) & np.isfinite(lower)
+        around = peaks | np.append(peaks[1:], False) | np.append(False, peaks[:-1])
+        for sample in np.flatnonzero(around & np.isfinite(lower)).tolist():
+            found[row, float(instants[sample])] = float(lower[sample]) + _ROUNDING
+        total += float(lacks.max())
+    return found, total
+
+
+def _lacking_distances(
+    clearance: Clearance | None, iterate: _Iterate
+) -> tuple[tuple[str, float, float], ...]:
+    """Distances below their bounds, the worst first: name, amount [m], time [s]."""
+    if clearance is None:
+        return ()
+    instants, q = _positions(iterate)
+    active = active_rows(clearance, q, -_BELOW)
+    values = clearance.function.map(len(q))(q.T).full()[active.rows, active.samples]
+    worst: dict[str, tuple[str, float, float]] = {}
+    for index in np.argsort(values - active.lower):
+        name = clearance.names[int(active.rows[index])]
+        amount = float(active.lower[index] - values[index])
+        worst.setdefault(name, (name, amount, float(instants[active.samples[index]])))
+    return tuple(worst.values())
+
+
+def _least_distances(clearance: Clearance | None, iterate: _Iterate) -> Array:
+    """Least distances (m,) along the paths."""
+    if clearance is None:
+        return np.zeros(0)
+    _, q = _positions(iterate)
+    return np.asarray(clearance.function.map(len(q))(q.T).full().min(axis=1))
