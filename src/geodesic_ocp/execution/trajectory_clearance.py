@@ -127,7 +127,7 @@ def trajectory_clearance(
     solids = pairs.solids
     time = None
     if isinstance(trajectory, JointTrajectory):
-        trajectory, time = trajectory.positions, trajectory.time
+        time, trajectory = trajectory.time, trajectory.positions
     q = as_configurations("trajectory", trajectory, solids.dof)
     if not len(q):
         raise ValueError("trajectory must have samples, got none")
