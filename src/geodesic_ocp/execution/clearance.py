@@ -161,7 +161,7 @@ def _pairs(
     if pairs is None or isinstance(pairs, LinkPairs):
         found = pairs_of(arms, placements, pairs, margin)
         return found.solids, found.constrained, found.excess
-    placed = place_solids((arms,) if isinstance(arms, Model) else arms, placements)
+    placed = place_solids(arms, placements)
     named = [as_pair(pair) for pair in pairs]
     for link in (link for pair in named for link in pair):
         if link not in placed.by_name:

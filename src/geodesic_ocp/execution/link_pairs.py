@@ -96,8 +96,8 @@ def link_pairs(
     """
     samples = as_integer("samples", samples, 1)
     margin = as_number("margin", margin)
-    models = (arms,) if isinstance(arms, Model) else tuple(arms)
-    placed = place_solids(models, placements)
+    placed = place_solids(arms, placements)
+    models = placed.models
     poses = placed.joint_poses(sampled_configurations(models, samples))
     many = cache(
         lambda: placed.joint_poses(sampled_configurations(models, _MORE_SAMPLES * samples))
@@ -267,11 +267,13 @@ class PlacedSolids:
         return [(base @ turns, places @ base.T + at) for (base, at), (turns, places) in pairs]
 
 
-def place_solids(models: Sequence[Model], placements: Sequence[Any] | None = None) -> PlacedSolids:
+def place_solids(
+    arms: Model | Sequence[Model], placements: Sequence[Any] | None = None
+) -> PlacedSolids:
     """The links of arms, placed as in `combine`.
 
     Args:
-        models: one or more arms.
+        arms: a model, or several.
         placements: for each the position of its base in the common base frame, (3,) [m], or a pair
             of rotation (3, 3) and position. None: known only if the arms are of one robot, that is
             of the same file, with different joints and the same base.
@@ -279,7 +281,7 @@ def place_solids(models: Sequence[Model], placements: Sequence[Any] | None = Non
     Raises:
         ValueError: no arms, or wrong placements.
     """
-    models = tuple(models)
+    models = (arms,) if isinstance(arms, Model) else tuple(arms)
     if not models or not all(isinstance(model, Model) for model in models):
         raise ValueError(f"arms must be one or more models, got {models!r}")
     bases = base_placements(placements, len(models), "arms")

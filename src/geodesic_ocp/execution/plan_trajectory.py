@@ -88,9 +88,14 @@ def _check_ends(name: str, arm: ArmPaths) -> None:
 
 
 def attainable(
-    arms: Sequence[ArmPaths], clearances: tuple[Clearance, ...], settings: TrajectorySettings
-) -> tuple[tuple[Clearance, ...], str]:
+    arms: Sequence[ArmPaths], clearances: Sequence[Clearance], exact: bool
+) -> tuple[Sequence[Clearance], str]:
     """Clearances without the distances that given configurations violate, and a sentence on these.
+
+    Args:
+        arms: with their paths.
+        clearances: distances to be kept.
+        exact: whether the configurations at the ends of the paths are given.
 
     Raises:
         ValueError: a clearance is a function of another number of joints.
@@ -101,15 +106,15 @@ def attainable(
             raise ValueError(
                 f"clearances must be functions of the {dof} joints of all arms, got {clearance!r}"
             )
-    if settings.tolerance is not None:
+    if not exact:
         return clearances, ""
     # Configurations of all arms are given together only where paths of all of them end.
     shared = []
     for instant in arms[0].edges:
-        nearest = [int(np.abs(arm.edges - instant).argmin()) for arm in arms]
-        ends = list(zip(arms, nearest, strict=True))
-        if all(abs(arm.edges[k] - instant) <= SAME for arm, k in ends):
-            shared.append((instant, np.concatenate([arm.ends[k] for arm, k in ends])))
+        gaps = [np.abs(arm.edges - instant) for arm in arms]
+        if max(gap.min() for gap in gaps) <= SAME:
+            pairs = zip(arms, gaps, strict=True)
+            shared.append((instant, np.concatenate([arm.ends[gap.argmin()] for arm, gap in pairs])))
     possible, sentence = [], ""
     for clearance in clearances:
         lower = clearance.lower.copy()
@@ -125,7 +130,7 @@ def attainable(
                 )
             lower[lack > TOLERANCE] = -np.inf
         possible.append(replace(clearance, lower=lower))
-    return tuple(possible), sentence
+    return possible, sentence
 
 
 _ROUNDING = 1e-9
@@ -309,7 +314,7 @@ def plan_trajectory(
         hand_tolerance = position, angle
     settings = TrajectorySettings(bool(rest), hand_tolerance, weight)
     check_arms(arms)
-    possible, hopeless = attainable(arms, tuple(clearances), settings)
+    possible, hopeless = attainable(arms, clearances, exact=tolerance is None)
     if throw and hopeless:
         raise NotConverged(f"no trajectory keeps the distances: {hopeless}")
     found = solve_in_rounds(

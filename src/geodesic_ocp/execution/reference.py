@@ -210,7 +210,8 @@ class Course:
         return self._at(s)
 
     def _at(self, s: Array) -> Reference:
-        """At path parameters s (knots,); those of knots at junctions are zero."""
+        """At path parameters s (knots,); a knot at a junction is where the next path begins."""
+        s = s.copy()
         s[self.at[:-1]] = 0.0
         positions, tangents = np.empty((2, s.size, self.arm.robot.dof))
         for number, path in enumerate(self.arm.paths):

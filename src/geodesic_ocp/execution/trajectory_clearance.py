@@ -125,10 +125,10 @@ def trajectory_clearance(
     closest = as_integer("closest", closest, 1)
     pairs = pairs_of(arms, placements, pairs)
     solids = pairs.solids
-    given: Any = trajectory
+    time = None
     if isinstance(trajectory, JointTrajectory):
-        given = trajectory.positions
-    q = as_configurations("trajectory", given, solids.dof)
+        time, trajectory = trajectory.time, trajectory.positions
+    q = as_configurations("trajectory", trajectory, solids.dof)
     if not len(q):
         raise ValueError("trajectory must have samples, got none")
     poses = solids.joint_poses(q)
@@ -143,8 +143,8 @@ def trajectory_clearance(
             break
         least = found[0].distance if found else np.inf
         distance, sample = _closest(one, other, poses, bounds, least)
-        time = float(trajectory.time[sample]) if isinstance(trajectory, JointTrajectory) else None
-        found.append(ClosestApproach(one.name, other.name, distance, sample, time))
+        when = None if time is None else float(time[sample])
+        found.append(ClosestApproach(one.name, other.name, distance, sample, when))
         found.sort(key=lambda each: each.distance)
     unknown = pairs.unknown or (() if candidates else ("no two links can meet",))
     return ClearanceReport(tuple(found[:closest]), len(candidates), len(q), unknown)

@@ -288,12 +288,10 @@ class TrajectoryProgram:
 
     def as_x(self, states: KnotStates) -> Array:
         """Vector of the variables."""
-        parts = [states.durations]
-        for k, terms in enumerate(self.terms):
-            v = states.velocities[k] / terms.speed_unit
-            a = states.accelerations[k] / terms.acceleration_unit
-            parts.append(np.stack([states.positions[k], v, a], axis=1).ravel())
-        return np.concatenate(parts)
+        states_of = states.positions, states.velocities, states.accelerations
+        pairs = zip(self.terms, *states_of, strict=True)
+        arms = [(np.stack(own, axis=1) / terms.units[:3]).ravel() for terms, *own in pairs]
+        return np.concatenate([states.durations, *arms])
 
     def states(self, x: Array) -> KnotStates:
         """Values of the variables from their vector."""
@@ -301,8 +299,7 @@ class TrajectoryProgram:
         for terms in self.terms:
             size = 3 * terms.dof * (self.knots.count + 1)
             own = x[terms.first : terms.first + size].reshape(-1, 3, terms.dof)
-            v, a = own[:, 1] * terms.speed_unit, own[:, 2] * terms.acceleration_unit
-            found.append((own[:, 0], v, a))
+            found.append((own * terms.units[:3]).transpose(1, 0, 2))
         return KnotStates(x[: self.knots.person.size], *zip(*found, strict=True))
 
 
@@ -326,7 +323,7 @@ def watched_at_first(
     count, given = program.knots.count + 1, program.fixed_knots[:, None]
     steps, arms = np.diff(program.knots.times(durations))[:, None], []
     for terms in program.terms:
-        slow = np.argwhere(terms.arm.limits.jerk * steps < terms.acceleration_unit)
+        slow = np.argwhere(terms.arm.limits.jerk * steps < terms.units[2])
         pieces = {"jerk": slow} if slow.size else {}
         shares = np.full((count, terms.dof), 1.0 - INSIDE)
         arms.append(WatchedArm(pieces, np.zeros(0, dtype=np.int64), shares))
@@ -356,40 +353,47 @@ def _arm(watched: WatchedArm, check: ArmCheck) -> WatchedArm:
         if shares.max() > 1.0 + TOLERANCE:
             known = pieces.get(kind, np.zeros((0, 2), dtype=np.int64))
             pieces[kind] = np.unique(np.vstack([known, np.argwhere(shares > near)]), axis=0)
-    largest = check.torques.max(axis=1)  # of pieces (k, n)
-    if largest.max() <= 1.0 + TOLERANCE:
+    if check.torques.max() <= 1.0 + TOLERANCE:
         return WatchedArm(pieces, watched.torques, watched.torque_shares)
-    at_knots = np.concatenate([check.torques[:, 0], check.torques[-1:, -1]])
-    between = np.flatnonzero(largest.max(axis=1) > 1.0)
-    close = np.flatnonzero(at_knots.max(axis=1) > _NEAR_TORQUE)
-    knots = np.unique(np.concatenate([watched.torques, close, between, between + 1]))
-    # Torques at knots will keep the limit; what is larger in between has to be taken off.
-    ends = np.maximum(np.maximum(at_knots[:-1], at_knots[1:]), 1.0 - INSIDE)
-    excess = np.where(largest > 1.0, _MORE * (largest - ends) + _ROUNDING, 0.0)
-    less = 1.0 - np.minimum(_at_both_ends(excess), 0.5)
-    return WatchedArm(pieces, knots, watched.torque_shares * less)
+    close, more = _at_knots_of(check.torques - 1.0, _NEAR_TORQUE - 1.0, -INSIDE, 0.0)
+    knots = np.union1d(watched.torques, np.flatnonzero(close.any(axis=1)))
+    return WatchedArm(pieces, knots, watched.torque_shares * (1.0 - np.minimum(more, 0.5)))
 
 
 def _kept(watched: WatchedDistances, found: Array) -> WatchedDistances:
     """Distances to keep from now on, given those that were found (pieces, samples, m)."""
-    wanted, least = watched.clearance.lower, found.min(axis=1)
-    at_knots = np.concatenate([found[:, 0], found[-1:, -1]])
-    short = least < wanted - TOLERANCE
-    near = (at_knots < wanted + _NEAR_DISTANCE) | (_at_both_ends(short) > 0.0)
-    knots = dict(watched.knots)
-    for index in np.flatnonzero(short.any(axis=0)).tolist():
+    lack, knots = watched.clearance.lower - found, dict(watched.knots)
+    close, more = _at_knots_of(lack, -_NEAR_DISTANCE, 0.0, TOLERANCE)
+    for index in np.flatnonzero(lack.max(axis=(0, 1)) > TOLERANCE).tolist():
         known: Indices = knots.get(index, np.zeros(0, dtype=np.int64))
-        knots[index] = np.union1d(known, np.flatnonzero(near[:, index]))
-    # Distances at knots will keep their bounds; what is smaller in between is added to these.
-    ends = np.minimum(np.minimum(at_knots[:-1], at_knots[1:]), wanted)
-    lack = np.where(short, _MORE * (ends - least) + _ROUNDING, 0.0)
-    return WatchedDistances(watched.clearance, knots, watched.lower + _at_both_ends(lack))
+        knots[index] = np.union1d(known, np.flatnonzero(close[:, index]))
+    return WatchedDistances(watched.clearance, knots, watched.lower + more)
+
+
+def _at_knots_of(
+    excess: Array, near: float, kept: float, tolerance: float
+) -> tuple[NDArray[np.bool_], Array]:
+    """Knots at which limits are to be minded, and what is to be taken off there, (knots, m) each.
+
+    The program will keep limits at knots: what values exceed them by in between is taken off.
+
+    Args:
+        excess: of values over their limits (pieces, samples, m).
+        near: excess of a value at a knot from which on its limit is minded there.
+        kept: excess that the program allows at knots.
+        tolerance: of values between knots.
+    """
+    largest, at_knots = excess.max(axis=1), np.concatenate([excess[:, 0], excess[-1:, -1]])
+    beyond = largest > tolerance
+    ends = np.maximum(np.maximum(at_knots[:-1], at_knots[1:]), kept)
+    more = np.where(beyond, _MORE * (largest - ends) + _ROUNDING, 0.0)
+    return (at_knots > near) | (_at_both_ends(beyond) > 0.0), _at_both_ends(more)
 
 
 def _at_both_ends(of_pieces: Array) -> Array:
     """At the knots, the larger one of two successive pieces."""
-    none = np.zeros((1, of_pieces.shape[1]))
-    return np.maximum(np.vstack([of_pieces, none]), np.vstack([none, of_pieces]))
+    padded = np.pad(of_pieces, ((1, 1), (0, 0)))
+    return np.maximum(padded[:-1], padded[1:])
 
 
 MOST_ROUNDS = 15
