@@ -130,7 +130,7 @@ class SynergyPaths(ShortRepr, Problem):
     posture: float = 0.0
     likeness: float = 30.0
     tolerance: float = 1e-6
-    progress: Progress = no_progress
+    progress: Progress | None = None
     _shown = ("clearance", "stretch", "posture", "likeness", "tolerance")
 
     def __post_init__(self) -> None:
@@ -186,11 +186,12 @@ class SynergyPaths(ShortRepr, Problem):
             unit, float(edges[-1] - edges[0]), self.stretch, self.posture, self.likeness, _DETOUR
         )
         rounds = _Rounds(self.clearance, edges, weights, self.tolerance)
-        self.progress("choosing configurations", 0, 3)
+        report = self.progress or no_progress
+        report("choosing configurations", 0, 3)
         found: list[_Iterate] = []
         free: list[float] = []  # objectives without distances
         for number, start in enumerate(self._starts(layers, weights)):
-            self.progress("planning all synergies", 1 + number, 3)
+            report("planning all synergies", 1 + number, 3)
             iterate = rounds.refined(start)
             if any(np.isclose(iterate.objective, each, rtol=_SAME) for each in free):
                 continue  # it leads to the same paths
