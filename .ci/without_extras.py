@@ -8,7 +8,6 @@ import importlib.util
 import io
 import pkgutil
 from collections.abc import Callable
-from functools import partial
 from importlib.resources import files
 from pathlib import Path
 
@@ -33,7 +32,7 @@ planned = go.plan_trajectory([paths])
 trajectory = planned.sampled(100.0)
 assert go.check_trajectory(trajectory, arm, limits).passed
 poses = arm.hand_pose(trajectory.positions)
-track = partial(go.track_within_limits, arm, begin, trajectory.time, poses, limits)
+assert go.track_within_limits(arm, begin, trajectory.time, poses, limits).rate == 200.0
 
 
 def command(*words: str) -> None:
@@ -54,7 +53,6 @@ Path("recordings.parquet").write_bytes(b"PAR1")
 NEEDED: list[tuple[str, Callable[[], object]]] = [
     ("mujoco", lambda: go.replay(trajectory, arm)),
     ("mujoco", lambda: go.load_model("menagerie/franka_emika_panda", hand="hand")),
-    ("pink", lambda: track(solver="pink")),
     ("cluster", lambda: command(*many, "--scheduler", "tcp://127.0.0.1:8786")),
     ("parquet", lambda: go.study("recordings.parquet")),
 ]

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from pink.tasks import FrameTask, LowAccelerationTask, PostureTask
 from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
-from geodesic_ocp.execution.track_within_limits import Step, track_within_limits
+from geodesic_ocp.execution.track_within_limits import StepSolver, track_within_limits
 
 
 class Bounds(Limit):
@@ -42,8 +41,14 @@ class Bounds(Limit):
 
 
 def pink_solver(
-    model: go.Model, rate: float, *, turning: bool = True, placing: bool = True
-) -> Callable[[Step], np.ndarray]:
+    model: go.Model,
+    rate: float,
+    *,
+    turning: bool = True,
+    placing: bool = True,
+    posture_weight: float = 1e-2,
+    smoothing: float = 1e-3,
+) -> StepSolver:
     """A function that solves steps [s] with pink's tasks, and its QP by DAQP.
 
     FrameTask is given the pose that the hand reaches within the step at the wanted velocity. Bounds
@@ -53,34 +58,41 @@ def pink_solver(
     Args:
         model: a robot arm.
         rate: of the controller [Hz].
-        turning, placing: whether it tracks rotations, and positions.
+        turning, placing, posture_weight, smoothing: as of `track_within_limits`.
     """
     chain = model.pin.copy()  # pink adds attributes to it
     data = chain.createData()
     duration, rows = 1.0 / rate, [*range(3 * (not placing), 3), *range(3, 3 + 3 * turning)]
     hand = FrameTask(model.hand, position_cost=float(placing), orientation_cost=float(turning))
-    posture, change = PostureTask(cost=1.0), LowAccelerationTask(cost=1.0)
+    posture = PostureTask(cost=posture_weight)
+    change = LowAccelerationTask(cost=float(np.sqrt(smoothing * rate)))
     bounds = Bounds()
 
-    def solve(step: Step) -> np.ndarray:
+    def solve(
+        q: np.ndarray,
+        wanted: np.ndarray,
+        towards: np.ndarray,
+        before: np.ndarray,
+        damping: float,
+        limits: tuple[np.ndarray, np.ndarray],
+    ) -> np.ndarray:
         way = np.zeros(6)
-        way[rows] = duration * step.velocity
-        configuration = Configuration(chain, data, step.q, copy_data=False)
+        way[rows] = duration * wanted
+        configuration = Configuration(chain, data, q, copy_data=False)
         pose = configuration.get_transform_frame_to_world(model.hand)
         pose.rotation = Rotation.from_rotvec(way[3:]).as_matrix() @ pose.rotation
         pose.translation = pose.translation + way[:3]
         hand.set_target(pose)
-        posture.cost, change.cost = np.sqrt(step.weights)
-        posture.set_target(step.q + duration * step.posture)
-        change.set_last_integration(step.before, duration)
-        bounds.lower, bounds.upper = duration * step.lower, duration * step.upper
+        posture.set_target(q + duration * towards)
+        change.set_last_integration(before, duration)
+        bounds.lower, bounds.upper = (duration * each for each in limits)
         return np.asarray(
             solve_ik(
                 configuration,
                 [hand, posture, change],
                 duration,
                 "daqp",
-                damping=step.damping,
+                damping=damping,
                 limits=[bounds],
                 safety_break=False,
             )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -13,14 +14,13 @@ from geodesic_ocp.execution.clearance import active_rows, clearance_constraint
 from geodesic_ocp.execution.link_pairs import (
     LinkPairs,
     capsule_distances,
+    exact_distance_at,
     link_pairs,
     place_solids,
-    pose_at,
     sampled_configurations,
 )
 from geodesic_ocp.execution.trajectory_clearance import trajectory_clearance
 from geodesic_ocp.model.formats.robots import folder
-from geodesic_ocp.model.link_solids import exact_distance
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
 SHOULDERS = [(-0.2, 0.0, 1.4), (0.2, 0.0, 1.4)]
@@ -70,13 +70,9 @@ def least_of(
 ) -> tuple[np.ndarray, list[float]]:
     """Capsule and exact distances (k,) of two links."""
     placed = place_solids([robot])
-    by_name = {each.name: each for each in placed.solids}
-    one, other = (by_name[name] for name in pair)
+    one, other = (placed.by_name[name] for name in pair)
     poses = placed.joint_poses(q)
-    exact = [
-        exact_distance(one.solid, pose_at(one, poses, k), other.solid, pose_at(other, poses, k))
-        for k in range(len(q))
-    ]
+    exact = [exact_distance_at(one, other, poses, k) for k in range(len(q))]
     return capsule_distances(one, other, poses).min(axis=0), exact
 
 
@@ -199,7 +195,7 @@ def test_a_robot_without_geometry_has_no_constraint_and_an_honest_report() -> No
     assert clearance_constraint(bare) is None
     report = trajectory_clearance(bare, np.zeros((3, 3)))
     assert (report.least, report.pair, report.time) == (None, None, None)
-    assert "not known" in repr(report)
+    assert "pair=None" in repr(report)
     assert "no geometry" in str(report.table())
 
 
@@ -208,7 +204,7 @@ def test_active_rows_are_those_that_are_too_small(robot: go.Model) -> None:
     assert clearance is not None
     q = sampled_configurations([robot], 200)
     values = clearance.function(q.T).full().T
-    by_capsules = active_rows(clearance, q, exact=False)
+    by_capsules = active_rows(replace(clearance, exact=None), q)
     marked = np.zeros(values.shape, dtype=bool)
     marked[by_capsules.samples, by_capsules.rows] = True
     assert_array_equal(marked, values < clearance.lower)
@@ -260,7 +256,7 @@ def test_the_least_exact_distance_of_a_trajectory_is_that_of_all_samples(
     assert nearest <= report.closest[0].distance <= (nearest + 1.1e-4) / 0.99
     assert report.least == report.closest[0].distance
     assert report.pair == (report.closest[0].one, report.closest[0].other)
-    assert f"{report.least:.4g} m" in repr(report)
+    assert f"least={report.least:.6g}" in repr(report)
     assert len(report.table().rows) == len(report.closest) == report.pairs
 
 

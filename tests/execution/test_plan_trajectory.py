@@ -314,7 +314,7 @@ def test_wrong_arguments_are_named() -> None:
         plan_trajectory([replace(arm, limits=of_one)])
     with pytest.raises(ValueError, match="all arms must begin and end at the same times"):
         plan_trajectory([arm, replace(arm, edges=arm.edges + 0.5)])
-    with pytest.raises(ValueError, match="tolerance must be"):
+    with pytest.raises(ValueError, match=r"tolerance \(distance .* must"):
         plan_trajectory([arm], tolerance=0.1)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="functions of the 4 joints of all arms"):
         plan_trajectory([arm, arm], clearances=[hand_height(arm.robot, 0.0)])

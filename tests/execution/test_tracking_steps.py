@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 from geodesic_ocp.execution.limits import joint_limits
-from geodesic_ocp.execution.track_within_limits import SpeedBounds, box_least_squares
+from geodesic_ocp.execution.track_within_limits import box_least_squares, speed_bounds
 
 
 @given(st.integers(0, 10_000), st.integers(1, 8), st.floats(-4.0, 1.0))
@@ -44,7 +45,7 @@ def test_some_speed_is_always_within_the_bounds(seed: int, most: float, fastest:
     arm = go.human_arm("right")
     limits = joint_limits(arm, velocity=fastest, acceleration=most)
     step, count = 0.01, 80
-    bounds = SpeedBounds.of(arm, limits, step)
+    bounds = partial(speed_bounds, arm, limits, step)
     q = rng.uniform(arm.lower, arm.upper)
     speeds = [np.zeros(7)]
     wanted = np.zeros(7)
@@ -67,7 +68,7 @@ def test_joints_brake_as_late_as_possible() -> None:
     arm = go.human_arm("right")
     step, most, fastest = 0.01, 10.0, 1.5
     limits = joint_limits(arm, velocity=fastest, acceleration=most)
-    bounds = SpeedBounds.of(arm, limits, step)
+    bounds = partial(speed_bounds, arm, limits, step)
     q, speeds = np.zeros(7), [np.zeros(7)]
     for _ in range(400):
         speeds.append(bounds(q, speeds[-1], 10_000)[1])

@@ -337,6 +337,7 @@ TAIL = go.RetargetingSettings(links=["tail"], obstacles=[go.Ball((9, 9, 9), 0.1)
     [
         ({"settings": go.RetargetingSettings(drop=2.0, merge=1.0)}, "drop and merge must be"),
         ({"settings": {"drop": 2.0}}, "settings must be RetargetingSettings"),
+        ({"problem": go.Reach}, "problem must be SynergyPaths or a subclass"),
         ({"settings": TAIL}, "no body at 'tail'"),
         ({"tolerance": 0.0}, "tolerance must be positive"),
         ({"start": np.zeros(3)}, "start"),

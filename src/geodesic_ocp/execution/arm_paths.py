@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -30,7 +31,13 @@ class ArmPaths(ShortRepr):
     edges: Array
     paths: Sequence[Path]
     gravity: Array = field(default_factory=lambda: np.array([0.0, 0.0, -9.81]))
+
     _shown = ("robot", "edges")
+
+    @cached_property
+    def ends(self) -> Array:
+        """Configurations at the ends of the k paths (k + 1, n)."""
+        return np.array([*(path(0.0) for path in self.paths), self.paths[-1](1.0)])
 
 
 def joint_names(arms: Sequence[ArmPaths]) -> tuple[str, ...]:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.ndimage import maximum_filter1d
 
 from geodesic_ocp.arrays import Array, as_not_negative
 from geodesic_ocp.execution.arm_paths import joint_forces
 from geodesic_ocp.execution.clearance import Clearance, least_distances
-from geodesic_ocp.execution.limits import JointLimits, joined_limits, joint_limits
+from geodesic_ocp.execution.limits import UNITS, JointLimits, joined_limits, joint_limits
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
@@ -20,8 +21,7 @@ from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 _SHOWN = 140  # characters of the first violation
 # Files round numbers to six digits or so: that is no contradiction.
 ROUNDING = (1e-6, 1e-5, 1e-4)  # of positions [rad], velocities [rad/s], accelerations [rad/s^2]
-_NEIGHBOURS = 1  # steps on either side over which the jerk is estimated
-_PER = {"velocity": "/s", "acceleration": "/s^2", "jerk": "/s^3"}
+_NEARBY = 3  # successive steps over which the jerk is estimated
 _INTERVAL = 0.01  # [s] between the samples at which distances are evaluated
 _NEAR = 1e-6  # [m]: rounding of distances
 
@@ -57,30 +57,21 @@ class TrajectoryCheck:
         return not self.violations
 
     def __repr__(self) -> str:
-        shown = "passed"
-        if not self.passed:
-            first = textwrap.shorten(self.violations[0], _SHOWN)
-            others = f", and {len(self.violations) - 1} more" if len(self.violations) > 1 else ""
-            shown = f"{first}{others}"
+        first = textwrap.shorten("passed" if self.passed else self.violations[0], _SHOWN)
+        others = f", and {len(self.violations) - 1} more" if len(self.violations) > 1 else ""
         peaks = ", ".join(f"{name} {np.max(use):.0%}" for name, use in self.usage.items())
-        return f"TrajectoryCheck({shown}; of the limits: {peaks})"
+        return f"TrajectoryCheck({first}{others}; of the limits: {peaks})"
 
     def __str__(self) -> str:
         return "\n".join([str(self.table()), "", *(self.violations or ("all conditions hold",))])
 
     def table(self) -> Table:
         """Largest magnitudes and fractions of limits, by joint."""
-        header = ["joint", "position [limit]"]
-        columns: list[list[float]] = [self.usage["position"].tolist()]
-        for name, unit in (
-            ("velocity", "rad/s, m/s"),
-            ("acceleration", "rad/s^2, m/s^2"),
-            ("jerk", "rad/s^3, m/s^3"),
-            ("torque", "N m, N"),
-        ):
-            header += [f"{name} [{unit}]", f"{name} [limit]"]
-            columns += [self.largest[name].tolist(), self.usage[name].tolist()]
-        return Table(tuple(header), tuple(zip(self.joint_names, *columns, strict=True)))
+        columns = {"joint": self.joint_names, "position [limit]": self.usage["position"].tolist()}
+        for name, unit in UNITS.items():
+            columns[f"{name} [{unit}]"] = self.largest[name].tolist()
+            columns[f"{name} [limit]"] = self.usage[name].tolist()
+        return Table(tuple(columns), tuple(zip(*columns.values(), strict=True)))
 
     def _repr_markdown_(self) -> str:
         found = self.violations or ("all conditions hold",)
@@ -149,9 +140,11 @@ def check_trajectory(
     if len(trajectory.time) > 1 and np.all(np.diff(trajectory.time) > 0.0):
         samples = sample_consistency(trajectory)
         found += _contradictions(trajectory, samples)
-        consistency = {"velocity": samples.shares()[0], "acceleration": samples.shares()[1]}
-    lower = np.concatenate([each.lower for each in models])
-    upper = np.concatenate([each.upper for each in models])
+        shares = {kind: np.abs(missed) / bound for kind, (missed, bound) in samples.items()}
+        consistency = {kind: np.max(share, axis=0) for kind, share in shares.items()}
+    lower, upper = (
+        np.concatenate([getattr(each, side) for each in models]) for side in ("lower", "upper")
+    )
     found += _beyond_positions(trajectory, lower, upper)
     usage = {"position": _share_of_range(trajectory.positions, lower, upper)}
     largest: dict[str, Array] = {}
@@ -170,36 +163,43 @@ def check_trajectory(
     return TrajectoryCheck(tuple(found), usage, largest, consistency, trajectory.joint_names, least)
 
 
-def chosen_joints(trajectory: JointTrajectory, columns: list[int]) -> JointTrajectory:
-    """The trajectory of the joints with these numbers, without torques."""
-    return replace(
-        trajectory,
-        positions=trajectory.positions[:, columns],
-        velocities=trajectory.velocities[:, columns],
-        accelerations=trajectory.accelerations[:, columns],
-        joint_names=tuple(trajectory.joint_names[k] for k in columns),
-        units=tuple(trajectory.units[k] for k in columns),
-        efforts=None,
-    )
+def of_joints(trajectory: JointTrajectory, joints: Sequence[str]) -> JointTrajectory:
+    """The trajectory of these joints, found by name, without torques.
+
+    Names may differ by prefixes that end in a slash.
+
+    Raises:
+        ValueError: the trajectory has no such joint, or several.
+    """
+    given = trajectory.joint_names
+    bare, wanted = ([name.rpartition("/")[2] for name in names] for names in (given, joints))
+    columns = []
+    if not set(joints) <= set(given) and bare == wanted:
+        columns = list(range(len(given)))  # two arms of one kind, with other prefixes
+    for joint, short in zip(joints, wanted, strict=True) if not columns else ():
+        same = [k for k, name in enumerate(given) if name == joint]
+        found = same or [k for k, name in enumerate(bare) if name == short]
+        if len(found) != 1:
+            raise ValueError(
+                f"trajectory has {len(found) or 'no'} joints {joint}; it has {', '.join(given)}"
+            )
+        columns += found
+    states = trajectory.positions, trajectory.velocities, trajectory.accelerations
+    q, v, a = (state[:, columns] for state in states)
+    names, units = (tuple(each[k] for k in columns) for each in (given, trajectory.units))
+    return JointTrajectory(trajectory.time, q, v, a, names, units)
 
 
 def _in_order(trajectory: JointTrajectory, models: Sequence[Model]) -> JointTrajectory:
-    """The trajectory with the joints in the order of the models."""
+    """The trajectory with the joints in the order of the models, and of no others."""
     names = [name for model in models for name in model.joint_names]
     units = [unit for model in models for unit in model.units]
-    given = trajectory.joint_names
-    same = len(names) == len(given) and all(
-        mine == other or mine.endswith(f"/{other}")
-        for mine, other in zip(given, names, strict=True)
-    )
-    order = list(range(len(names)))
-    if not same:
-        if len(set(names)) < len(names) or set(given) != set(names):
-            raise ValueError(
-                f"the trajectory moves joints {', '.join(given)}, the model {', '.join(names)}"
-            )
-        order = [given.index(name) for name in names]
-    ordered = chosen_joints(trajectory, order)
+    moved = trajectory.joint_names
+    if len(names) != len(moved):
+        raise ValueError(
+            f"the trajectory moves joints {', '.join(moved)}, the model {', '.join(names)}"
+        )
+    ordered = of_joints(trajectory, names)
     for joint, mine, other in zip(ordered.joint_names, ordered.units, units, strict=True):
         if mine != other:
             raise ValueError(f"joint {joint!r} moves in {other}, the trajectory is in {mine}")
@@ -209,47 +209,21 @@ def _in_order(trajectory: JointTrajectory, models: Sequence[Model]) -> JointTraj
 def _torques(trajectory: JointTrajectory, models: Sequence[Model], gravity: ArrayLike) -> Array:
     """Inverse dynamics of all models at the samples (k, n) [N m or N]."""
     falls = np.array(gravity, dtype=float)
-    if falls.shape == (3,):
-        falls = np.tile(falls, (len(models), 1))
-    if falls.shape != (len(models), 3) or not np.all(np.isfinite(falls)):
+    if falls.shape not in ((3,), (len(models), 3)) or not np.all(np.isfinite(falls)):
         raise ValueError(f"gravity must be 3 numbers, or 3 for each robot, got {gravity!r}")
     states = trajectory.positions, trajectory.velocities, trajectory.accelerations
-    return joint_forces(models, list(falls), *states)
+    return joint_forces(models, list(np.broadcast_to(falls, (len(models), 3))), *states)
 
 
 def _share_of_range(positions: Array, lower: Array, upper: Array) -> Array:
     """Largest distance from the middle of the range over half the range (n,); 0 if unlimited."""
     limited = np.isfinite(lower) & np.isfinite(upper)
-    low, high = np.where(limited, lower, 0.0), np.where(limited, upper, 0.0)
-    middle = (low + high) / 2.0
+    low, high = (np.where(limited, side, 0.0) for side in (lower, upper))
     half = np.where(limited, np.maximum((high - low) / 2.0, np.finfo(float).tiny), np.inf)
-    return np.asarray(np.max(np.abs(positions - middle) / half, axis=0, initial=0.0))
+    return np.asarray(np.max(np.abs(positions - (low + high) / 2.0) / half, axis=0, initial=0.0))
 
 
-@dataclass(frozen=True, eq=False)
-class SampleConsistency:
-    """Differences between samples less the trapezoidal integral of their derivatives.
-
-    Attributes:
-        positions: q_(i+1) - q_i - h (v_i + v_(i+1)) / 2, (k - 1, n) [rad or m].
-        velocities: v_(i+1) - v_i - h (a_i + a_(i+1)) / 2, (k - 1, n) [rad/s or m/s].
-        position_bounds, velocity_bounds: largest magnitudes that consistent samples can have.
-    """
-
-    positions: Array
-    velocities: Array
-    position_bounds: Array
-    velocity_bounds: Array
-
-    def shares(self) -> tuple[Array, Array]:
-        """Largest magnitude over its bound, of positions and of velocities, by joint (n,)."""
-        return (
-            np.max(np.abs(self.positions) / self.position_bounds, axis=0, initial=0.0),
-            np.max(np.abs(self.velocities) / self.velocity_bounds, axis=0, initial=0.0),
-        )
-
-
-def sample_consistency(trajectory: JointTrajectory) -> SampleConsistency:
+def sample_consistency(trajectory: JointTrajectory) -> dict[str, tuple[Array, Array]]:
     """Whether velocities are the derivatives of positions, and accelerations of velocities.
 
     The trapezoidal rule over a step h is wrong by at most J h^3 / 12 for positions and J h^2 / 4
@@ -257,19 +231,19 @@ def sample_consistency(trajectory: JointTrajectory) -> SampleConsistency:
     acceleration jumps by J h within the step. The bounds are the latter, with the J that the
     accelerations in the file show in this step and its neighbours, plus rounding to six digits.
     They are of third and second order in h.
+
+    Returns:
+        By "velocity" and "acceleration", differences between samples less the trapezoidal integral
+        of it, (k - 1, n), and the largest magnitudes that these have if samples are consistent.
     """
     h = np.diff(trajectory.time)[:, None]
     q, v, a = trajectory.positions, trajectory.velocities, trajectory.accelerations
-    jumps = np.abs(np.diff(a, axis=0))
-    padded = np.pad(jumps / h, ((_NEIGHBOURS, _NEIGHBOURS), (0, 0)), mode="edge")
-    count = len(jumps)
-    jerk = np.max([padded[k : k + count] for k in range(2 * _NEIGHBOURS + 1)], axis=0)
-    return SampleConsistency(
-        np.diff(q, axis=0) - h * (v[1:] + v[:-1]) / 2.0,
-        np.diff(v, axis=0) - h * (a[1:] + a[:-1]) / 2.0,
-        jerk * h**3 / 8.0 + ROUNDING[0],
-        jerk * h**2 / 2.0 + ROUNDING[1],
-    )
+    jerk = maximum_filter1d(np.abs(np.diff(a, axis=0)) / h, _NEARBY, axis=0, mode="nearest")
+    missed = [np.diff(x, axis=0) - h * (dx[1:] + dx[:-1]) / 2.0 for x, dx in ((q, v), (v, a))]
+    return {
+        "velocity": (missed[0], jerk * h**3 / 8.0 + ROUNDING[0]),
+        "acceleration": (missed[1], jerk * h**2 / 2.0 + ROUNDING[1]),
+    }
 
 
 def _time_faults(trajectory: JointTrajectory, uniform: bool) -> Iterator[str]:
@@ -296,18 +270,18 @@ def _worst(excess: Array) -> Iterator[tuple[int, int]]:
         yield column, int(np.argmax(excess[:, column]))
 
 
-def _contradictions(trajectory: JointTrajectory, found: SampleConsistency) -> Iterator[str]:
+def _contradictions(
+    trajectory: JointTrajectory, found: Mapping[str, tuple[Array, Array]]
+) -> Iterator[str]:
     """Velocities that are not the derivatives of positions, accelerations not of velocities."""
     time = trajectory.time
-    for kind, of, values, bounds, per in (
-        ("velocities", "positions", found.positions, found.position_bounds, ""),
-        ("accelerations", "velocities", found.velocities, found.velocity_bounds, "/s"),
-    ):
-        for joint, k in _worst(np.abs(values) / bounds - 1.0):
+    words = ("velocities", "positions", ""), ("accelerations", "velocities", "/s")
+    for (kind, of, per), (missed, bounds) in zip(words, found.values(), strict=True):
+        for joint, k in _worst(np.abs(missed) / bounds - 1.0):
             yield (
                 f"{kind} of {trajectory.joint_names[joint]} contradict its {of}: from "
                 f"{time[k]:.4g} to {time[k + 1]:.4g} s they miss the change by "
-                f"{abs(values[k, joint]):.3g} {trajectory.units[joint]}{per}, at most "
+                f"{abs(missed[k, joint]):.3g} {trajectory.units[joint]}{per}, at most "
                 f"{bounds[k, joint]:.2g} is due to sampling"
             )
 
@@ -354,23 +328,16 @@ def _magnitudes(
 
 
 def _beyond(
-    trajectory: JointTrajectory,
-    name: str,
-    instants: Array,
-    sizes: Array,
-    limits: Array,
-    tolerance: float,
+    trajectory: JointTrajectory, kind: str, at: Array, sizes: Array, limits: Array, slack: float
 ) -> Iterator[str]:
-    """Joints whose magnitudes (m, n) at these instants exceed their limits (n,)."""
-    for joint, k in _worst(sizes - (1.0 + tolerance) * limits):
-        unit = trajectory.units[joint]
-        force = "N m" if unit == "rad" else "N"
-        mean = name == "jerk" or k >= len(trajectory.time)
+    """Joints whose magnitudes (m, n) at instants (m,) exceed their limits (n,)."""
+    for joint, k in _worst(sizes - (1.0 + slack) * limits):
+        unit = UNITS[kind].split(", ")[trajectory.units[joint] == "m"]
+        mean = kind == "jerk" or k >= len(trajectory.time)
         yield (
-            f"{name} of {trajectory.joint_names[joint]} is {sizes[k, joint]:.4g} "
-            + (force if name == "torque" else f"{unit}{_PER[name]}")
+            f"{kind} of {trajectory.joint_names[joint]} is {sizes[k, joint]:.4g} {unit}"
             + (" on average over the step" if mean else "")
-            + f" at {instants[k]:.4g} s, its limit {limits[joint]:.4g}"
+            + f" at {at[k]:.4g} s, its limit {limits[joint]:.4g}"
         )
 
 
@@ -394,12 +361,11 @@ def _least_clearance(trajectory: JointTrajectory, clearance: Clearance) -> tuple
     stride = max(int(_INTERVAL * last / max(trajectory.duration, _NEAR) + 1e-9), 1)
     chosen = np.unique(np.append(np.arange(0, last, stride), last))
     least, samples = least_distances(clearance, trajectory.positions[chosen])
-    found = zip(
-        clearance.names, clearance.lower, least, trajectory.time[chosen][samples], strict=True
-    )
-    sentences = [
-        f"{name}: {nearest:.3g} m apart at {time:.4g} s, at least {bound:.3g} m must remain"
-        for name, bound, nearest, time in found
-        if nearest < bound - _NEAR
-    ]
-    return float(least.min()), sentences
+    near = []
+    for k in np.flatnonzero(least < clearance.lower - _NEAR).tolist():
+        near.append(
+            f"{clearance.names[k]}: {least[k]:.3g} m apart at "
+            f"{trajectory.time[chosen[samples[k]]]:.4g} s, at least {clearance.lower[k]:.3g} m "
+            "must remain"
+        )
+    return float(least.min()), near

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from typing import Any
 
 import casadi as ca
@@ -16,9 +17,10 @@ from geodesic_ocp.execution.link_pairs import (
     LinkPairs,
     PlacedSolid,
     PlacedSolids,
-    link_pairs,
+    as_configurations,
+    exact_distance_at,
+    pairs_of,
     place_solids,
-    pose_at,
 )
 from geodesic_ocp.model.distances import (
     LineSegment,
@@ -28,7 +30,6 @@ from geodesic_ocp.model.distances import (
     line_segment,
     segment_distance,
 )
-from geodesic_ocp.model.link_solids import exact_distance
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Ball, Capsule, HalfSpace, Obstacle, as_capsule
 from geodesic_ocp.model.rigid_body import Placement, constant, joint_placements
@@ -51,7 +52,7 @@ class Clearance(ShortRepr):
     names: tuple[str, ...]
     exact: Callable[[Array, int], float] | None = None
     _rows: dict[int, ca.Function] = field(default_factory=dict, init=False)
-    _shown = ("names",)
+    _shown = ("names", "lower", "dof")
 
     @property
     def dof(self) -> int:
@@ -68,8 +69,8 @@ class Clearance(ShortRepr):
             raise ValueError(f"index must be from 0 to {len(self.names) - 1}, got {index!r}")
         if index not in self._rows:
             q = ca.SX.sym("q", self.dof)
-            distance = self.function(q)[index]
-            self._rows[index] = ca.Function(f"distance_{index}", [q], [distance], ["q"], ["d"])
+            outputs = [self.function(q)[index]]
+            self._rows[index] = ca.Function(f"distance_{index}", [q], outputs, ["q"], ["d"])
         return self._rows[index]
 
 
@@ -99,25 +100,24 @@ def clearance_constraint(
         ValueError: an unknown link, obstacles that are fixed to a link, or a wrong margin.
     """
     margin = as_number("margin", margin)
-    models = (arms,) if isinstance(arms, Model) else tuple(arms)
-    placed, named, excess = _pairs(models, pairs, placements, margin)
-    by_name = {each.name: each for each in placed.solids}
+    placed, named, excess = _pairs(arms, pairs, placements, margin)
     q = ca.SX.sym("q", placed.dof)
     segments = _segments(placed, q)
     distances: dict[str, ca.SX] = {}
     solids: list[tuple[PlacedSolid, PlacedSolid] | None] = []  # None: of a link and an obstacle
     for (one, other), wider in zip(named, excess, strict=True):
-        for first, radius in segments[one]:
-            for second, other_radius in segments[other]:
-                apart = segment_distance(first, second) - (radius + other_radius)
-                add_named(distances, f"{one} to {other}", apart + wider)
-                solids.append((by_name[one], by_name[other]))
+        for (first, radius), (second, other_radius) in product(segments[one], segments[other]):
+            apart = segment_distance(first, second) - (radius + other_radius)
+            add_named(distances, f"{one} to {other}", apart + wider)
+            solids.append((placed.by_name[one], placed.by_name[other]))
     for number, obstacle in enumerate(obstacles):
         fixed = _fixed_obstacle(obstacle)
         for link in (each.name for each in placed.solids if each.moves):
-            for found in _from_obstacle(segments[link], fixed):
-                add_named(distances, f"{link} to {obstacle.name or f'obstacle {number}'}", found)
-                solids.append(None)
+            name = f"{link} to {obstacle.name or f'obstacle {number}'}"
+            for segment, radius in segments[link]:
+                for found in _from_obstacle(segment, radius, fixed):
+                    add_named(distances, name, found)
+                    solids.append(None)
     if not distances:
         return None
     together = ca.cse(ca.vertcat(*distances.values()))
@@ -127,53 +127,47 @@ def clearance_constraint(
         pair = solids[index]
         if pair is None:
             return max(0.0, float(function(at)[index]))
-        poses = placed.joint_poses(np.asarray(at, dtype=float)[None])
-        places = [pose_at(each, poses, 0) for each in pair]
-        return exact_distance(pair[0].solid, places[0], pair[1].solid, places[1])
+        return exact_distance_at(*pair, placed.joint_poses(np.asarray(at, dtype=float)[None]), 0)
 
     return Clearance(function, np.full(len(distances), margin), tuple(distances), exact)
 
 
 def _segments(placed: PlacedSolids, q: ca.SX) -> dict[str, list[tuple[LineSegment, float]]]:
     """Segments and radii of the capsules of each link in the common base frame."""
-    chains, first = [], 0
-    for model, (rotation, position) in zip(placed.models, placed.bases, strict=True):
-        chain = [Placement(constant(rotation), constant(position))]
-        joints = joint_placements(model.pin, q[first : first + model.dof])
-        for index, local in enumerate(joints[1:], 1):
+    chains = []
+    columns = np.cumsum([0, *(model.dof for model in placed.models)]).tolist()
+    own_q = ca.vertsplit(q, columns)
+    for model, base, own in zip(placed.models, placed.bases, own_q, strict=True):
+        chain = [Placement(*map(constant, base))]
+        for index, local in enumerate(joint_placements(model.pin, own)[1:], 1):
             chain.append(chain[model.pin.parents[index]] @ local)
         chains.append(chain)
-        first += model.dof
-    found = {}
-    for each in placed.solids:
+    found: dict[str, list[tuple[LineSegment, float]]] = {name: [] for name in placed.by_name}
+    for name, each in placed.by_name.items():
         joint = chains[each.arm][each.solid.joint]
-        found[each.name] = [
-            (line_segment(capsule, joint.rotation, joint.translation), capsule.radius)
-            for capsule in each.solid.capsules
-        ]
+        for capsule in each.solid.capsules:
+            segment = line_segment(capsule, joint.rotation, joint.translation)
+            found[name].append((segment, capsule.radius))
     return found
 
 
 def _pairs(
-    models: Sequence[Model],
+    arms: Model | Sequence[Model],
     pairs: LinkPairs | Sequence[tuple[str, str]] | None,
     placements: Sequence[Any] | None,
     margin: float,
 ) -> tuple[PlacedSolids, Sequence[tuple[str, str]], Sequence[float]]:
-    if pairs is None:
-        pairs = link_pairs(models, placements, margin=margin)
-    if isinstance(pairs, LinkPairs):
-        if pairs.solids.models != models:
-            raise ValueError("pairs were found for other models than arms")
-        return pairs.solids, pairs.constrained, pairs.excess
-    placed = place_solids(models, placements)
+    """The links of the arms, the pairs to be kept apart, and the excess of each."""
+    if pairs is None or isinstance(pairs, LinkPairs):
+        found = pairs_of(arms, placements, pairs, margin)
+        return found.solids, found.constrained, found.excess
+    placed = place_solids(arms, placements)
     named = [as_pair(pair) for pair in pairs]
-    known = [each.name for each in placed.solids]
     for link in (link for pair in named for link in pair):
-        if link not in known:
+        if link not in placed.by_name:
             raise ValueError(
                 f"pairs: there is no link {link!r} with geometry within reach; there are "
-                f"{', '.join(known) or 'none'}"
+                f"{', '.join(placed.by_name) or 'none'}"
             )
     return placed, named, [0.0] * len(named)
 
@@ -192,19 +186,11 @@ def _fixed_obstacle(obstacle: Obstacle) -> HalfSpace | Capsule:
 
 
 def _from_obstacle(
-    capsules: Sequence[tuple[LineSegment, float]], obstacle: HalfSpace | Capsule
-) -> list[ca.SX]:
-    if isinstance(obstacle, Capsule):
-        axis = line_segment(obstacle)
-        return [
-            segment_distance(segment, axis) - (radius + obstacle.radius)
-            for segment, radius in capsules
-        ]
-    return [
-        distance
-        for segment, radius in capsules
-        for distance in half_space_distances(segment, radius, obstacle)
-    ]
+    segment: LineSegment, radius: float, obstacle: HalfSpace | Capsule
+) -> Sequence[ca.SX]:
+    if isinstance(obstacle, HalfSpace):
+        return half_space_distances(segment, radius, obstacle)
+    return [segment_distance(segment, line_segment(obstacle)) - (radius + obstacle.radius)]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -226,15 +212,13 @@ class ActiveRows(ShortRepr):
         return len(self.rows)
 
 
-def active_rows(
-    clearance: Clearance, q: ArrayLike, margin: float = 0.0, *, exact: bool = True
-) -> ActiveRows:
+def active_rows(clearance: Clearance, q: ArrayLike, margin: float = 0.0) -> ActiveRows:
     """The distances that are too small at configurations q (k, N).
 
     A path is planned without constraints first, checked at many points, and planned again with
     those distances alone that are too small, at the points where they are.
 
-    With `exact`, a distance counts only if that of the exact geometry is too small, too, so that
+    If the exact geometry is known, a distance counts only if that of it is too small, too, so that
     wide capsules bend no path that is clear; its bound is lower by how much the capsules are closer
     than the links. Where links overlap the bound is that of the capsules.
 
@@ -242,20 +226,16 @@ def active_rows(
         clearance: the distances.
         q: configurations.
         margin: added to the smallest distances allowed [m].
-        exact: whether the exact geometry decides, if it is known.
 
     Raises:
         ValueError: q has the wrong shape.
     """
-    margin = as_number("margin", margin)
-    points = np.asarray(q, dtype=float)
-    if points.ndim != 2 or points.shape[1] != clearance.dof or not np.isfinite(points).all():
-        raise ValueError(f"q must be finite, of shape (k, {clearance.dof}), got {points.shape}")
+    points = as_configurations("q", q, clearance.dof)
     distances = clearance.function(points.T).full() if len(points) else np.empty((0, 0))
     least = clearance.lower + margin
     rows, samples = np.nonzero(distances < least[: len(distances), None])
     lower = least[rows]
-    if exact and clearance.exact is not None:
+    if clearance.exact is not None:
         places = zip(samples.tolist(), rows.tolist(), strict=True)
         apart = np.array([clearance.exact(points[k], row) for k, row in places])
         gaps = np.where(apart > 0.0, apart - distances[rows, samples], 0.0)

@@ -8,15 +8,24 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, ShortRepr, real_array
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.records import convert, read_record
 from geodesic_ocp.table import Table
 
-QUANTITIES = ("velocity", "acceleration", "jerk", "torque")
+UNITS = {  # of revolute and of prismatic joints
+    "velocity": "rad/s, m/s",
+    "acceleration": "rad/s^2, m/s^2",
+    "jerk": "rad/s^3, m/s^3",
+    "torque": "N m, N",
+}
+QUANTITIES = tuple(UNITS)
 # From which limit a default follows, what that is called, and within which time [s] it is reached.
 _DEFAULTS = {
     "acceleration": ("velocity", "speed", 0.25),
@@ -60,19 +69,12 @@ class JointLimits(ShortRepr):
 
     def table(self, model: Model | None = None) -> Table:
         """The numbers by joint, named if the model is given, with their sources below."""
-        count = self.velocity.size
-        names = [str(k + 1) for k in range(count)] if model is None else model.joint_names
+        numbered = [str(k + 1) for k in range(self.velocity.size)]
         columns = [getattr(self, name).tolist() for name in QUANTITIES]
-        rows = tuple(zip(names, *columns, strict=True))
-        header = (
-            "joint",
-            "velocity [rad/s, m/s]",
-            "acceleration [rad/s^2, m/s^2]",
-            "jerk [rad/s^3, m/s^3]",
-            "torque [N m, N]",
-        )
+        names = model.joint_names if model else numbered
+        header = ("joint", *(f"{name} [{unit}]" for name, unit in UNITS.items()))
         note = "; ".join(f"{name}: {source}" for name, source in self.sources.items())
-        return Table(header, rows, note)
+        return Table(header, tuple(zip(names, *columns, strict=True)), note)
 
     def _repr_markdown_(self) -> str:
         return self.table().markdown()
@@ -207,7 +209,7 @@ class KnownLimits:
     Attributes:
         source: the document, and what it states.
         joints: ends of the names of the joints.
-        values: by the name of a field of JointLimits.
+        values: by the name of a field of JointLimits, in its units.
     """
 
     source: str
@@ -215,70 +217,18 @@ class KnownLimits:
     values: Mapping[str, tuple[float, ...]]
 
 
-_SEVEN = tuple(f"joint{number}" for number in range(1, 8))
-_UR = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
-_UR_JOINTS = tuple(f"{name}_joint" for name in _UR)
-_FRANKA = "joint space limits (https://frankaemika.github.io/docs/control_parameters.html)"
-_FRANKA_TORQUES = (87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0)
-
-
-def _degrees(*values: float) -> tuple[float, ...]:
-    return tuple(np.deg2rad(values).tolist())
-
-
-KNOWN_LIMITS = {
-    "panda": KnownLimits(
-        f"Franka, robot and interface specifications, limits for Panda, {_FRANKA}",
-        _SEVEN,
-        {
-            "velocity": (2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61),
-            "acceleration": (15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0),
-            "jerk": (7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0),
-            "torque": _FRANKA_TORQUES,
-        },
-    ),
-    "fr3": KnownLimits(
-        f"Franka, robot and interface specifications, limits for Franka Research 3, {_FRANKA}",
-        _SEVEN,
-        {
-            "velocity": (2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26),
-            "acceleration": (10.0,) * 7,
-            "jerk": (5000.0,) * 7,
-            "torque": _FRANKA_TORQUES,
-        },
-    ),
-    "xarm7": KnownLimits(
-        "UFACTORY, xArm user manual, ranges of joint motion: up to 180 deg/s, 1145 deg/s^2 and "
-        "28647 deg/s^3",
-        _SEVEN,
-        {"velocity": _degrees(*[180.0] * 7), "acceleration": (20.0,) * 7, "jerk": (500.0,) * 7},
-    ),
-    "iiwa14": KnownLimits(
-        "KUKA, LBR iiwa 14 R820 data sheet, speeds and torques at rated payload",
-        _SEVEN,
-        {
-            "velocity": _degrees(85.0, 85.0, 100.0, 75.0, 130.0, 135.0, 135.0),
-            "torque": (320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0),
-        },
-    ),
-    "ur5e": KnownLimits(
-        "Universal Robots, UR5e technical specifications: 180 deg/s for all joints",
-        _UR_JOINTS,
-        {"velocity": _degrees(*[180.0] * 6)},
-    ),
-    "ur10e": KnownLimits(
-        "Universal Robots, UR10e technical specifications: 120 deg/s for base and shoulder, "
-        "180 deg/s for elbow and wrists",
-        _UR_JOINTS,
-        {"velocity": _degrees(120.0, 120.0, 180.0, 180.0, 180.0, 180.0)},
-    ),
-}
+@cache
+def published_limits() -> Mapping[str, KnownLimits]:
+    """Those of all robots by their names, from `data/joint_limits.json`."""
+    file = Path(__file__).parents[1] / "data" / "joint_limits.json"
+    record = read_record(file, "geodesic_ocp published limits of joints", 1, "published limits")
+    return {name: convert(each, KnownLimits, file) for name, each in record["robots"].items()}
 
 
 def known_limits(model: Model) -> KnownLimits | None:
     """The published limits of this robot, known by name and joints; None if there are none."""
     name = re.sub(r" with [0-9.e+-]+ kg$", "", model.name)  # that of a model with a payload
-    known = KNOWN_LIMITS.get(name)
+    known = published_limits().get(name)
     if known is None or model.dof != len(known.joints):
         return None
     pairs = zip(model.joint_names, known.joints, strict=True)

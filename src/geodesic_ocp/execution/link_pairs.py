@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_integer, as_number
 from geodesic_ocp.model.combine import base_placements
@@ -19,6 +20,7 @@ from geodesic_ocp.model.link_geometry import LinkGeometry
 from geodesic_ocp.model.link_solids import (
     LinkSolid,
     Pose,
+    exact_distance,
     is_closer,
     joint_poses,
     link_solids,
@@ -58,8 +60,8 @@ class LinkPairs(ShortRepr):
     exact_only: tuple[Pair, ...]
     in_contact: tuple[Pair, ...]
     unknown: tuple[str, ...]
-    solids: PlacedSolids = field(repr=False)
-    _shown = ("constrained", "exact_only")
+    solids: PlacedSolids
+    _shown = ("constrained", "exact_only", "unknown")
 
     def __str__(self) -> str:
         parts = [f"{len(self.constrained)} pairs of links are kept apart"]
@@ -94,23 +96,17 @@ def link_pairs(
     """
     samples = as_integer("samples", samples, 1)
     margin = as_number("margin", margin)
-    models = (arms,) if isinstance(arms, Model) else tuple(arms)
-    placed = place_solids(models, placements)
-    candidates = [
-        (one, other)
-        for index, one in enumerate(placed.solids)
-        for other in placed.solids[index + 1 :]
-        if _can_meet(one, other, placed.placed)
-    ]
+    placed = place_solids(arms, placements)
+    models = placed.models
     poses = placed.joint_poses(sampled_configurations(models, samples))
     many = cache(
         lambda: placed.joint_poses(sampled_configurations(models, _MORE_SAMPLES * samples))
     )
     kept: dict[str, dict[Pair, float]] = {"constrained": {}, "exact_only": {}, "in_contact": {}}
-    for one, other in candidates:
-        if (found := _kind(one, other, margin, poses, many)) is not None:
-            kind, excess = found
-            kept[kind][one.name, other.name] = excess
+    for one, other in combinations(placed.solids, 2):
+        if _can_meet(one, other, placed.placed):
+            kind, excess = _kind(one, other, margin, poses, many)
+            kept.setdefault(kind, {})[one.name, other.name] = excess
     return LinkPairs(
         tuple(kept["constrained"]),
         tuple(kept["constrained"].values()),
@@ -119,6 +115,24 @@ def link_pairs(
         placed.unknown,
         placed,
     )
+
+
+def pairs_of(
+    arms: Model | Sequence[Model],
+    placements: Sequence[Any] | None,
+    pairs: LinkPairs | None,
+    margin: float = MARGIN,
+) -> LinkPairs:
+    """The given pairs, or those that `link_pairs` finds.
+
+    Raises:
+        ValueError: the pairs are those of other models.
+    """
+    if pairs is None:
+        return link_pairs(arms, placements, margin=margin)
+    if pairs.solids.models != ((arms,) if isinstance(arms, Model) else tuple(arms)):
+        raise ValueError("pairs were found for other models than arms")
+    return pairs
 
 
 def _can_meet(one: PlacedSolid, other: PlacedSolid, placed: bool) -> bool:
@@ -135,13 +149,13 @@ def _kind(
     margin: float,
     few: Sequence[Pose],
     many: Callable[[], Sequence[Pose]],
-) -> tuple[str, float] | None:
-    """How a pair is treated, and the excess; None if it needs none, as one joint decides it."""
+) -> tuple[str, float]:
+    """How a pair is treated, and the excess; as nothing if one joint decides that it is apart."""
     distances, touching = _compared(one, other, few, 0.0)
     if touching.mean() >= _ALWAYS:
         return "in_contact", 0.0
     if not touching.any() and _one_joint_apart(one, other):
-        return None
+        return "apart", 0.0
     if np.mean((distances < margin) & ~touching) <= _SOME:
         return "constrained", 0.0
     distances, close = _compared(one, other, many(), margin)
@@ -159,8 +173,7 @@ def _compared(
     distances = capsule_distances(one, other, poses).min(axis=0)
     close = np.zeros(len(distances), dtype=bool)
     for k in np.flatnonzero(distances <= margin).tolist():
-        at = pose_at(one, poses, k), pose_at(other, poses, k)
-        close[k] = is_closer(one.solid, at[0], other.solid, at[1], margin)
+        close[k] = is_closer(*one.posed(poses, k), *other.posed(poses, k), margin)
     return distances, close
 
 
@@ -212,6 +225,11 @@ class PlacedSolid:
         """Whether one of the joints moves it."""
         return self.solid.joint > 0
 
+    def posed(self, poses: Sequence[Pose], sample: int) -> tuple[LinkSolid, Pose]:
+        """The link with the pose of the joint that carries it, at one sample."""
+        joint, (rotations, positions) = self.solid.joint, poses[self.arm]
+        return self.solid, (rotations[sample, joint], positions[sample, joint])
+
 
 @dataclass(frozen=True, eq=False)
 class PlacedSolids:
@@ -236,21 +254,26 @@ class PlacedSolids:
         """Number N of joints of all arms."""
         return sum(model.dof for model in self.models)
 
+    @cached_property
+    def by_name(self) -> dict[str, PlacedSolid]:
+        """The links by their names."""
+        return {each.name: each for each in self.solids}
+
     def joint_poses(self, q: Array) -> list[Pose]:
         """For each arm rotations (k, j, 3, 3) and positions (k, j, 3) of its joints at q (k, N)."""
-        poses, first = [], 0
-        for model, (base, origin) in zip(self.models, self.bases, strict=True):
-            rotations, positions = joint_poses(model, q[:, first : first + model.dof])
-            poses.append((base @ rotations, positions @ base.T + origin))
-            first += model.dof
-        return poses
+        columns = np.split(q, np.cumsum([model.dof for model in self.models])[:-1], axis=1)
+        own = [joint_poses(*each) for each in zip(self.models, columns, strict=True)]
+        pairs = zip(self.bases, own, strict=True)
+        return [(base @ turns, places @ base.T + at) for (base, at), (turns, places) in pairs]
 
 
-def place_solids(models: Sequence[Model], placements: Sequence[Any] | None = None) -> PlacedSolids:
+def place_solids(
+    arms: Model | Sequence[Model], placements: Sequence[Any] | None = None
+) -> PlacedSolids:
     """The links of arms, placed as in `combine`.
 
     Args:
-        models: one or more arms.
+        arms: a model, or several.
         placements: for each the position of its base in the common base frame, (3,) [m], or a pair
             of rotation (3, 3) and position. None: known only if the arms are of one robot, that is
             of the same file, with different joints and the same base.
@@ -258,87 +281,71 @@ def place_solids(models: Sequence[Model], placements: Sequence[Any] | None = Non
     Raises:
         ValueError: no arms, or wrong placements.
     """
-    models = tuple(models)
+    models = (arms,) if isinstance(arms, Model) else tuple(arms)
     if not models or not all(isinstance(model, Model) for model in models):
         raise ValueError(f"arms must be one or more models, got {models!r}")
     bases = base_placements(placements, len(models), "arms")
-    titles = _titles(models)
-    found: list[tuple[LinkSolid, ...]] = []
+    names = [model.name for model in models]
+    titles = [
+        f"{name} {names[: k + 1].count(name)}" if names.count(name) > 1 else name
+        for k, name in enumerate(names)
+    ]
+    found: list[tuple[int, LinkSolid]] = []
     unknown = []
-    for model, title in zip(models, titles, strict=True):
+    for arm, (model, title) in enumerate(zip(models, titles, strict=True)):
         solids: tuple[LinkSolid, ...] = ()
         reason = "its links have no geometry"
         try:
             solids = link_solids(model)
         except ValueError as error:
             reason = str(error)
-        found.append(solids)
+        found += [(arm, solid) for solid in solids]
         if not any(solid.joint > 0 for solid in solids):
             unknown.append(f"clearance of {title} is not known: {reason}")
     is_one_robot = _is_one_robot(models, bases, found)
+    if is_one_robot:
+        # What they share is with the arm that moves it, or with the first one.
+        owners: dict[str, int] = {}
+        for arm, solid in found:
+            if solid.joint > 0 or solid.link not in owners:
+                owners[solid.link] = arm
+        found = [(arm, solid) for arm, solid in found if owners[solid.link] == arm]
     placed = placements is not None or len(models) == 1 or is_one_robot
     if not placed:
         unknown.append(
             f"clearance between {' and '.join(titles)} is not known without the placements of "
             "their bases"
         )
-    reached = _within_reach(models, bases, _named(found, titles, is_one_robot), placed)
-    return PlacedSolids(models, bases, reached, placed, tuple(unknown))
-
-
-def _titles(models: Sequence[Model]) -> list[str]:
-    """Names of the models, numbered where several share one."""
-    names = [model.name for model in models]
-    return [
-        f"{name} {names[: k + 1].count(name)}" if names.count(name) > 1 else name
-        for k, name in enumerate(names)
-    ]
-
-
-def _is_one_robot(
-    models: Sequence[Model], bases: Sequence[Pose], found: Sequence[tuple[LinkSolid, ...]]
-) -> bool:
-    """Whether the models are different joints of one file, whose fixed links coincide."""
-    shapes = [model.shapes for model in models]
-    texts = {each.text for each in shapes if isinstance(each, LinkGeometry)}
-    if not all(isinstance(each, LinkGeometry) for each in shapes) or len(texts) != 1:
-        return False
-    joints = [name for model in models for name in model.joint_names]
-    if len(set(joints)) < len(joints):
-        return False
-    fixed = [{each.link: each for each in solids if each.joint == 0} for solids in found]
-    for link in set.intersection(*map(set, fixed)):
-        poses = [
-            np.column_stack(
-                [base @ own[link].at_joint.rotation, base @ own[link].at_joint.translation + origin]
-            )
-            for (base, origin), own in zip(bases, fixed, strict=True)
-        ]
-        if np.ptp(poses, axis=0).max() > _SAME:
-            return False
-    return True
-
-
-def _named(
-    found: Sequence[tuple[LinkSolid, ...]], titles: Sequence[str], shared: bool
-) -> list[PlacedSolid]:
-    """All links; what arms of one robot share is with the arm that moves it, or the first one."""
-    each = [(arm, solid) for arm, solids in enumerate(found) for solid in solids]
-    if shared:
-        owners: dict[str, int] = {}
-        for arm, solid in each:
-            if solid.joint > 0 or solid.link not in owners:
-                owners[solid.link] = arm
-        each = [(arm, solid) for arm, solid in each if owners[solid.link] == arm]
-    counts = Counter(solid.link for _, solid in each)
+    counts = Counter(solid.link for _, solid in found)
 
     def name(link: str, arm: int) -> str:
         return f"{titles[arm]}/{link}" if counts[link] > 1 else link
 
-    return [
+    named = [
         PlacedSolid(arm, name(solid.link, arm), name(solid.parent, arm), solid)
-        for arm, solid in each
+        for arm, solid in found
     ]
+    reached = _within_reach(models, bases, named, placed)
+    return PlacedSolids(models, bases, reached, placed, tuple(unknown))
+
+
+def _is_one_robot(
+    models: Sequence[Model], bases: Sequence[Pose], found: Sequence[tuple[int, LinkSolid]]
+) -> bool:
+    """Whether the models are different joints of one file, whose fixed links coincide."""
+    shapes = [model.shapes for model in models]
+    texts = {each.text if isinstance(each, LinkGeometry) else None for each in shapes}
+    joints = [name for model in models for name in model.joint_names]
+    if len(texts) != 1 or None in texts or len(set(joints)) < len(joints):
+        return False
+    places: dict[str, list[Array]] = {}
+    for arm, solid in found:
+        if solid.joint == 0:
+            (base, origin), own = bases[arm], solid.at_joint
+            place = np.column_stack([base @ own.rotation, base @ own.translation + origin])
+            places.setdefault(solid.link, []).append(place)
+    shared = [each for each in places.values() if len(each) == len(models)]
+    return all(np.ptp(each, axis=0).max() <= _SAME for each in shared)
 
 
 def _within_reach(
@@ -346,11 +353,10 @@ def _within_reach(
 ) -> tuple[PlacedSolid, ...]:
     """All links but the fixed ones that no moving link can reach, by the lengths of all links."""
     balls = []
-    for arm, model in enumerate(models):
-        moving = [each.solid for each in solids if each.arm == arm and each.moves]
-        if moving:
+    for arm, (model, (base, origin)) in enumerate(zip(models, bases, strict=True)):
+        if moving := [each.solid for each in solids if each.arm == arm and each.moves]:
             centre, radius = reach_bound(model, moving)
-            balls.append((arm, bases[arm][0] @ centre + bases[arm][1], radius))
+            balls.append((arm, base @ centre + origin, radius))
 
     def is_reached(each: PlacedSolid) -> bool:
         rotation, position = bases[each.arm]
@@ -383,7 +389,16 @@ def _placed_capsules(each: PlacedSolid, poses: Sequence[Pose]) -> tuple[Array, A
     return placed[0], placed[1], np.array([capsule.radius for capsule in capsules])
 
 
-def pose_at(each: PlacedSolid, poses: Sequence[Pose], sample: int) -> Pose:
-    """Rotation (3, 3) and position (3,) [m] of the joint that carries a link, at one sample."""
-    rotations, positions = poses[each.arm]
-    return rotations[sample, each.solid.joint], positions[sample, each.solid.joint]
+def exact_distance_at(
+    one: PlacedSolid, other: PlacedSolid, poses: Sequence[Pose], sample: int
+) -> float:
+    """Distance [m] of two links at one sample, of their exact geometry; 0 if they overlap."""
+    return exact_distance(*one.posed(poses, sample), *other.posed(poses, sample))
+
+
+def as_configurations(name: str, value: ArrayLike, dof: int) -> Array:
+    """The value as finite configurations (k, dof); ValueError names the argument otherwise."""
+    q = np.asarray(value, dtype=float)
+    if q.ndim != 2 or q.shape[1] != dof or not np.isfinite(q).all():
+        raise ValueError(f"{name} must be finite, of shape (k, {dof}), got {q.shape}")
+    return q

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.execution.check_trajectory import check_trajectory
 from geodesic_ocp.execution.limits import QUANTITIES, JointLimits
 from geodesic_ocp.execution.track_within_limits import track_within_limits
@@ -60,7 +60,7 @@ def spectral_arc_length(speed: Array, rate: float) -> float:
 
 
 @dataclass(frozen=True, repr=False)
-class MotionMeasures:
+class MotionMeasures(ShortRepr):
     """Measures of one motion of a robot.
 
     Attributes:
@@ -91,16 +91,7 @@ class MotionMeasures:
     outside: float
     usage: Mapping[str, float]
 
-    def __repr__(self) -> str:
-        shares = [f"{name} {100.0 * share:.0f}%" for name, share in self.usage.items()]
-        shown = [
-            f"{self.duration:.3g} s",
-            f"action {self.action:.3g} J s",
-            f"torque {self.torque:.3g} N m",
-            f"hand off by {self.position:.2g} m and {self.rotation:.2g} rad in the mean",
-            f"of the limits: {', '.join(shares) or 'none'}",
-        ]
-        return f"MotionMeasures({'; '.join(shown)})"
+    _shown = ("duration", "action", "torque", "position", "rotation", "usage")
 
 
 def motion_measures(
@@ -138,27 +129,27 @@ def motion_measures(
             f"{rotations.shape} and {positions.shape}"
         )
     q, v, a = trajectory.positions, trajectory.velocities, trajectory.accelerations
-    time = trajectory.time
     poses = robot.hand_pose(q)
     distance, angle = pose_differences(poses, targets)
     hand_speed = np.linalg.norm(np.gradient(poses[1], axis=0), axis=1) * rate
-    elbow = float("nan")
+    offsets = np.full((1, 3), np.nan)
     if elbow_offsets is not None:
-        elbow = float(np.mean(np.linalg.norm(elbow_offsets[0] - elbow_offsets[1], axis=1)))
+        offsets = elbow_offsets[0] - elbow_offsets[1]
     usage = check_trajectory(trajectory, robot, limits, gravity=gravity).usage
+    power = speeds_at(KineticEnergy(robot), q, v) ** 2 / 2.0
     return MotionMeasures(
         duration=trajectory.duration,
-        action=float(np.trapezoid(speeds_at(KineticEnergy(robot), q, v) ** 2 / 2.0, time)),
+        action=float(np.trapezoid(power, trajectory.time)),
         torque=_root_mean_square(robot.inverse_dynamics(q, v, a, gravity)),
         jerk=_root_mean_square(np.diff(a, axis=0) * rate),
         smoothness=spectral_arc_length(hand_speed, rate),
-        elbow=elbow,
+        elbow=float(np.linalg.norm(offsets, axis=1).mean()),
         position=float(distance.mean()),
         largest_position=float(distance.max()),
         rotation=float(angle.mean()),
         largest_rotation=float(angle.max()),
         outside=max(0.0, float(np.max([robot.lower - q, q - robot.upper]))),
-        usage={name: float(shares.max()) for name, shares in usage.items() if name != "position"},
+        usage={name: float(usage[name].max()) for name in QUANTITIES},
     )
 
 
@@ -228,20 +219,18 @@ def compare_with_tracking(
 
     found = {name: measured(trajectory, time)}
     own = trajectory.time[0] + np.array([0.0, time[-1] - time[0]])
-    for suffix, span, at in (
-        ("", trajectory.time, time),
-        (", the person's time", own, own - own[0] + time[0]),
-    ):
+    clocks = {"": (trajectory.time, time), ", the person's time": (own, time[[0, -1]])}
+    for suffix, clock in clocks.items():
 
-        def in_time(instants: Array, span: Array = span, at: Array = at) -> tuple[Array, Array]:
-            return poses(np.interp(instants, span, at))
+        def in_time(instants: Array, clock: tuple[Array, Array] = clock) -> tuple[Array, Array]:
+            return poses(np.interp(instants, *clock))
 
         tracked = track_within_limits(
-            *(robot, trajectory.positions[0], span, in_time, limits),
+            *(robot, trajectory.positions[0], clock[0], in_time, limits),
             rate=rate,
             turning=turning,
             placing=placing,
         )
-        targets = np.interp(tracked.time + span[0], span, at)
+        targets = np.interp(tracked.time + clock[0][0], *clock)
         found[_TRACKED + suffix] = measured(tracked, targets)
     return found

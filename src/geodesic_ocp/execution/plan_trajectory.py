@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +15,7 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.execution.arm_paths import ArmPaths, joint_forces, joint_names
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import LimitShares
-from geodesic_ocp.execution.reference import SAME, JointSpline, path_ends
+from geodesic_ocp.execution.reference import SAME, JointSpline
 from geodesic_ocp.execution.trajectory_program import MOST_ROUNDS, TOLERANCE, solve_in_rounds
 from geodesic_ocp.execution.trajectory_terms import TrajectorySettings
 from geodesic_ocp.progress import Progress, no_progress
@@ -34,11 +35,10 @@ def check_arms(arms: Sequence[ArmPaths]) -> None:
         raise ValueError("arms must be at least one, got none")
     for number, arm in enumerate(arms):
         name = f"arms[{number}]"
-        edges = np.asarray(arm.edges, dtype=float)
-        if edges.shape != (len(arm.paths) + 1,) or edges.size < 2 or not np.all(np.diff(edges) > 0):
+        edges, count, dof = np.asarray(arm.edges, dtype=float), len(arm.paths), arm.robot.dof
+        if edges.shape != (count + 1,) or not count or not np.all(np.diff(edges) > 0):
             raise ValueError(
-                f"{name}.edges must be {len(arm.paths) + 1} increasing times for "
-                f"{len(arm.paths)} paths, got {edges}"
+                f"{name}.edges must be {count + 1} increasing times for {count} paths, got {edges}"
             )
         first, last = arms[0].edges[0], arms[0].edges[-1]
         if abs(edges[0] - first) > SAME or abs(edges[-1] - last) > SAME:
@@ -47,31 +47,24 @@ def check_arms(arms: Sequence[ArmPaths]) -> None:
                 f"{edges[-1]:.6g} s, arms[0] from {first:.6g} to {last:.6g} s"
             )
         as_vector(f"{name}.gravity", arm.gravity, 3)
-        _check_limits(name, arm)
-        _check_junctions(name, arm)
-
-
-def _check_limits(name: str, arm: ArmPaths) -> None:
-    for kind in ("velocity", "acceleration", "jerk", "torque"):
-        limit = np.asarray(getattr(arm.limits, kind), dtype=float)
-        if limit.shape != (arm.robot.dof,):
+        if arm.limits.velocity.size != dof:
             raise ValueError(
-                f"{name}.limits.{kind} must be {arm.robot.dof} numbers, got {limit.size}"
+                f"{name}.limits.velocity must be {dof} numbers, got {arm.limits.velocity.size}"
             )
+        for number, path in enumerate(arm.paths):
+            if path.metric.dim != dof:
+                raise ValueError(f"{name}.paths[{number}] is not a path of {dof} joints")
+        _check_ends(name, arm)
 
 
-def _check_junctions(name: str, arm: ArmPaths) -> None:
+def _check_ends(name: str, arm: ArmPaths) -> None:
     """That paths meet within the limits, where the arm can be held against gravity."""
-    robot = arm.robot
-    for number, path in enumerate(arm.paths):
-        if path.metric.dim != robot.dof:
-            raise ValueError(f"{name}.paths[{number}] is not a path of {robot.dof} joints")
-    ends = path_ends(arm)
-    for number, path in enumerate(arm.paths[:-1]):
-        gap = float(np.abs(path(1.0) - ends[number + 1]).max())
+    robot, ends = arm.robot, arm.ends
+    for number, (before, after) in enumerate(pairwise(arm.paths), 1):
+        gap = float(np.abs(before(1.0) - after(0.0)).max())
         if gap > _MEET:
             raise ValueError(
-                f"{name}.paths[{number + 1}] must begin where the one before ends; the distance is "
+                f"{name}.paths[{number}] must begin where the one before ends; the distance is "
                 f"{gap:.3g} in the worst joint"
             )
     beyond = np.maximum(robot.lower - ends, ends - robot.upper)
@@ -95,9 +88,14 @@ def _check_junctions(name: str, arm: ArmPaths) -> None:
 
 
 def attainable(
-    arms: Sequence[ArmPaths], clearances: tuple[Clearance, ...], settings: TrajectorySettings
-) -> tuple[tuple[Clearance, ...], str]:
+    arms: Sequence[ArmPaths], clearances: Sequence[Clearance], exact: bool
+) -> tuple[Sequence[Clearance], str]:
     """Clearances without the distances that given configurations violate, and a sentence on these.
+
+    Args:
+        arms: with their paths.
+        clearances: distances to be kept.
+        exact: whether the configurations at the ends of the paths are given.
 
     Raises:
         ValueError: a clearance is a function of another number of joints.
@@ -108,32 +106,31 @@ def attainable(
             raise ValueError(
                 f"clearances must be functions of the {dof} joints of all arms, got {clearance!r}"
             )
-    if settings.tolerance is not None:
+    if not exact:
         return clearances, ""
     # Configurations of all arms are given together only where paths of all of them end.
-    shared = [
-        instant
-        for instant in arms[0].edges
-        if all(np.abs(arm.edges - instant).min() <= SAME for arm in arms)
-    ]
-    attainable, sentence = [], ""
+    shared = []
+    for instant in arms[0].edges:
+        gaps = [np.abs(arm.edges - instant) for arm in arms]
+        if max(gap.min() for gap in gaps) <= SAME:
+            pairs = zip(arms, gaps, strict=True)
+            shared.append((instant, np.concatenate([arm.ends[gap.argmin()] for arm, gap in pairs])))
+    possible, sentence = [], ""
     for clearance in clearances:
         lower = clearance.lower.copy()
-        for instant in shared:
-            q = np.concatenate(
-                [path_ends(arm)[int(np.abs(arm.edges - instant).argmin())] for arm in arms]
-            )
-            lack = clearance.lower - clearance.function(q).full()[:, 0]
+        for instant, q in shared:
+            distances = clearance.function(q).full()[:, 0]
+            lack = clearance.lower - distances
             worst = int(lack.argmax())
             if lack[worst] > TOLERANCE and not sentence:
                 sentence = (
-                    f"{clearance.names[worst]} is {clearance.lower[worst] - lack[worst]:.3g} m at "
-                    f"{instant:.4g} s, where the paths fix the configuration, and has to be "
+                    f"{clearance.names[worst]} is {distances[worst]:.3g} m at {instant:.4g} s, "
+                    "where the paths fix the configuration, and has to be "
                     f"{clearance.lower[worst]:.3g} m"
                 )
             lower[lack > TOLERANCE] = -np.inf
-        attainable.append(replace(clearance, lower=lower))
-    return tuple(attainable), sentence
+        possible.append(replace(clearance, lower=lower))
+    return possible, sentence
 
 
 _ROUNDING = 1e-9
@@ -227,9 +224,8 @@ class PlannedTrajectory(ShortRepr):
         slack = _ROUNDING * max(self.duration, 1.0)
         inside = (instants >= -slack) & (instants <= self.duration + slack)
         parts = [spline(np.clip(instants, 0.0, self.duration)) for spline in chosen]
-        q, v, a, j = (np.hstack(columns) for columns in zip(*parts, strict=True))
-        still = ~inside[:, None]
-        v, a, j = (np.where(still, 0.0, each) for each in (v, a, j))
+        q, *rates = (np.hstack(columns) for columns in zip(*parts, strict=True))
+        v, a, j = (np.where(inside[:, None], each, 0.0) for each in rates)
         return q, v, a, j
 
     def sampled(self, rate: float = 100.0) -> JointTrajectory:
@@ -248,9 +244,9 @@ class PlannedTrajectory(ShortRepr):
         q, v, a, _ = self.states(times)
         if self.rest:
             v[-1] = a[-1] = 0.0
-        robots, gravities = zip(*((arm.robot, arm.gravity) for arm in self.arms), strict=True)
-        efforts = joint_forces(robots, gravities, q, v, a)
-        units = tuple(unit for arm in self.arms for unit in arm.robot.units)
+        robots = [arm.robot for arm in self.arms]
+        efforts = joint_forces(robots, [arm.gravity for arm in self.arms], q, v, a)
+        units = tuple(unit for robot in robots for unit in robot.units)
         return JointTrajectory(times, q, v, a, self.joint_names, units, efforts)
 
 
@@ -310,26 +306,29 @@ def plan_trajectory(
     """
     begin = time.perf_counter()
     arms = (arms,) if isinstance(arms, ArmPaths) else tuple(arms)
-    clearances = tuple(clearances)
-    settings = TrajectorySettings(
-        bool(rest), _checked_tolerance(tolerance), as_positive("deviation_weight", deviation_weight)
-    )
+    weight = as_positive("deviation_weight", deviation_weight)
+    hand_tolerance = None
+    if tolerance is not None:
+        what = "tolerance (distance [m] and angle [rad])"
+        position, angle = (as_positive(what, each) for each in as_vector(what, tolerance, 2))
+        hand_tolerance = position, angle
+    settings = TrajectorySettings(bool(rest), hand_tolerance, weight)
     check_arms(arms)
-    possible, hopeless = attainable(arms, clearances, settings)
+    possible, hopeless = attainable(arms, clearances, exact=tolerance is None)
     if throw and hopeless:
         raise NotConverged(f"no trajectory keeps the distances: {hopeless}")
     found = solve_in_rounds(
         arms, settings, possible, lambda number: progress("trajectory", number, MOST_ROUNDS)
     )
-    times = found.knots.times(found.durations)
+    knots, times = found.knots, found.knots.times(found.durations)
     planned = PlannedTrajectory(
         arms=arms,
-        edges=found.knots.edges,
-        robot_edges=times[found.knots.at_edges],
+        edges=knots.edges,
+        robot_edges=times[knots.at_edges],
         splines=tuple(check.spline for check in found.checks),
         usage=tuple(check.shares for check in found.checks),
         path_deviation=tuple(
-            path_deviations(check.arm, check.spline, times[found.knots.of(check.arm.edges)])
+            path_deviations(check.arm, check.spline, times[knots.of(check.arm.edges)])
             for check in found.checks
         ),
         least_distances=found.least_distances,
@@ -342,15 +341,3 @@ def plan_trajectory(
     if throw and not planned.success:
         raise NotConverged(f"no trajectory within the limits was found: {found.status}", planned)
     return planned
-
-
-def _checked_tolerance(tolerance: tuple[float, float] | None) -> tuple[float, float] | None:
-    if tolerance is None:
-        return None
-    try:
-        position, angle = tolerance
-    except (TypeError, ValueError):
-        raise ValueError(
-            f"tolerance must be a distance [m] and an angle [rad], or None, got {tolerance!r}"
-        ) from None
-    return as_positive("tolerance", position, "m"), as_positive("tolerance", angle, "rad")

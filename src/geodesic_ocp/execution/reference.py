@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
+from scipy.interpolate import CubicSpline
+from scipy.spatial.distance import cdist
 
 from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.execution.arm_paths import ArmPaths
@@ -99,7 +101,7 @@ def union_of_edges(arms: Sequence[ArmPaths]) -> Array:
 _SAMPLES = 201  # of a path, to find its nearest point
 _ALONG = 0.02  # of the squared deviation along the path that counts: it is a matter of timing
 _ISOTROPIC = 0.3  # of the mean inertia, for joints that carry next to none
-_SECTIONS = 3  # of the nearest point: three times the curvature of a parabola
+_STILL = 1e-9  # [rad or m]: a path that is no longer is a rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,15 +122,19 @@ class Reference:
 
         In the metric G + a I relative to its mean diagonal, almost none along the path.
         """
-        n = arm.robot.dof
         metric = np.array([arm.robot.mass_matrix(q) for q in self.positions])
-        mean = float(np.trace(metric, axis1=1, axis2=2).mean()) / n
-        metric = metric / mean + _ISOTROPIC * np.eye(n)
+        metric = metric / np.diagonal(metric, axis1=1, axis2=2).mean()
+        metric = metric + _ISOTROPIC * np.eye(arm.robot.dof)
         covectors = np.einsum("kij,kj->ki", metric, self.tangents)
         squares = np.einsum("ki,ki->k", covectors, self.tangents)
-        share = np.divide(1.0 - _ALONG, squares, out=np.zeros_like(squares), where=squares > 0.0)
-        along = np.einsum("ki,kj,k->kij", covectors, covectors, share)
-        return np.asarray(metric - along)
+        share = _ratio(np.full_like(squares, 1.0 - _ALONG), squares)
+        return np.asarray(metric - np.einsum("ki,kj,k->kij", covectors, covectors, share))
+
+
+def _ratio(numerator: Array, denominator: Array) -> Array:
+    """Zero where the denominator is zero."""
+    out = np.zeros(np.broadcast_shapes(numerator.shape, denominator.shape))
+    return np.asarray(np.divide(numerator, denominator, out=out, where=denominator != 0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,28 +155,27 @@ class Course:
         return self.knots.of(self.arm.edges)
 
     @cached_property
-    def resting(self) -> np.ndarray:
+    def resting(self) -> NDArray[np.bool_]:
         """Whether the arm rests on each of its paths, (k,)."""
-        return np.array([_rests(path.nodes) for path in self.arm.paths])
+        moved = [np.ptp(path.nodes, axis=0).max() for path in self.arm.paths]
+        return np.array(moved) <= _STILL
+
+    @cached_property
+    def path_of(self) -> np.ndarray:
+        """Number of the path of every knot (knots,); a knot at a junction begins the next path."""
+        numbers = np.repeat(np.arange(self.at.size - 1), np.diff(self.at))
+        return np.append(numbers, numbers[-1])
 
     @cached_property
     def pieces_at_rest(self) -> NDArray[np.bool_]:
         """Pieces in which the arm rests, (pieces,)."""
-        found = np.zeros(self.knots.count, dtype=bool)
-        for rests, first, last in zip(self.resting, self.at[:-1], self.at[1:], strict=True):
-            found[first:last] = rests
-        return found
+        return np.asarray(self.resting[self.path_of[:-1]])
 
     @property
     def knots_at_rest(self) -> NDArray[np.bool_]:
         """Knots at which the arm rests, at the ends of rests as well, (knots,)."""
         rests = self.pieces_at_rest
         return np.asarray(np.append(rests, False) | np.append(False, rests))
-
-    @cached_property
-    def junctions(self) -> Array:
-        """Configurations at the ends of the paths (k + 1, n)."""
-        return path_ends(self.arm)
 
     def as_recorded(self, rest: bool, stops: bool = False) -> Reference:
         """The paths with smooth progress in the recording's time, slowed down in their corners.
@@ -179,83 +184,65 @@ class Course:
             rest: whether the arm is at rest at both ends.
             stops: whether it stops in every corner.
         """
-        laws = self._progress(rest, stops)
         # Knots are evenly spaced in an interval however long it takes.
         time = self.knots.edges[0] + self.knots.times(self.knots.person)
-        s = np.zeros(time.size)
-        for j, (first, last) in enumerate(zip(self.at[:-1], self.at[1:], strict=True)):
-            start, end = self.arm.edges[j], self.arm.edges[j + 1]
-            unit = np.clip((time[first : last + 1] - start) / (end - start), 0.0, 1.0)
-            s[first : last + 1] = np.clip(laws[j](unit), 0.0, 1.0)
-        s[self.at[:-1]] = 0.0
-        return self._at(s)
+        own, edges = self.path_of, self.arm.edges
+        unit = np.clip((time - edges[own]) / np.diff(edges)[own], 0.0, 1.0)
+        first, last = self._slopes(rest, stops)[own].T
+        # The cubic Hermite polynomial from 0 to 1.
+        s = unit**2 * (3.0 - 2.0 * unit) + unit * (1.0 - unit) * (
+            first * (1.0 - unit) - last * unit
+        )
+        return self._at(np.clip(s, 0.0, 1.0))
 
     def nearest(self, positions: Array) -> Reference:
         """The points of the paths nearest to positions (knots, n), in order along every path."""
         s = np.zeros(len(positions))
         grid = np.linspace(0.0, 1.0, _SAMPLES)
-        for path, first, last in zip(self.arm.paths, self.at[:-1], self.at[1:], strict=True):
-            inner = slice(first + 1, last)
-            samples = path(grid)
+        for path, (first, last) in zip(self.arm.paths, pairwise(self.at), strict=True):
+            inner, samples = slice(first + 1, last), path(grid)
             metric = self.arm.robot.mass_matrix(samples[_SAMPLES // 2])
-            metric = metric / np.trace(metric) + _ISOTROPIC / len(metric) * np.eye(len(metric))
+            metric = metric / np.diag(metric).mean() + _ISOTROPIC * np.eye(len(metric))
             factor = np.linalg.cholesky(metric)
-            offsets = (positions[inner, None, :] - samples) @ factor
-            squares = np.sum(offsets**2, axis=2)
-            found = grid[squares.argmin(axis=1)]
-            s[inner] = np.maximum.accumulate(found) if found.size else found
-        s[self.at[-1]] = 1.0
+            found = cdist(positions[inner] @ factor, samples @ factor).argmin(axis=1)
+            s[inner] = np.maximum.accumulate(grid[found])
+        s[-1] = 1.0
         return self._at(s)
 
     def _at(self, s: Array) -> Reference:
-        """At path parameters s, one for every knot; a knot at a junction begins the next path."""
+        """At path parameters s (knots,); a knot at a junction is where the next path begins."""
+        s = s.copy()
+        s[self.at[:-1]] = 0.0
         positions, tangents = np.empty((2, s.size, self.arm.robot.dof))
-        for j, (first, last) in enumerate(zip(self.at[:-1], self.at[1:], strict=True)):
-            here, path = slice(first, last + 1), self.arm.paths[j]
-            own = s[here].copy()
-            own[-1] = 1.0
-            positions[here] = path(own)
-            inner = (own > 0.0) & (own < 1.0) & ~self.resting[j]
-            tangents[here] = np.where(inner[:, None], path(own, 1), 0.0)
+        for number, path in enumerate(self.arm.paths):
+            here = self.path_of == number
+            positions[here], tangents[here] = path(s[here]), path(s[here], 1)
+        tangents[(s == 0.0) | (s == 1.0) | self.resting[self.path_of]] = 0.0
         return Reference(positions, tangents)
 
-    def _progress(self, rest: bool, stops: bool) -> list[CubicHermiteSpline]:
-        """S of every path as a function of the fraction of its duration."""
+    def _slopes(self, rest: bool, stops: bool) -> Array:
+        """Derivatives (k, 2) of the parameter of every path at its ends, over its duration."""
         durations = np.diff(self.arm.edges)
         lengths = np.array([path.length for path in self.arm.paths])
+        speeds = np.zeros(lengths.size + 1)
         mean = lengths / durations
-        total = mean[:-1] + mean[1:]
-        product = 2.0 * mean[:-1] * mean[1:]
-        harmonic = np.divide(product, total, out=np.zeros_like(total), where=total > 0.0)
-        inner = np.zeros_like(harmonic) if stops else harmonic * self._cosines()
-        ends = np.zeros(2) if rest else mean[[0, -1]]
-        speeds = np.concatenate([ends[:1], inner, ends[1:]])
-        laws = []
-        for j, duration in enumerate(durations):
-            unit = duration / lengths[j] if lengths[j] > 0.0 else 0.0
-            slopes = np.minimum(speeds[j : j + 2] * unit, 3.0)
-            laws.append(CubicHermiteSpline([0.0, 1.0], [0.0, 1.0], slopes))
-        return laws
+        if not stops:
+            harmonic = _ratio(2.0 * mean[:-1] * mean[1:], mean[:-1] + mean[1:])
+            speeds[1:-1] = harmonic * self._cosines()
+        if not rest:
+            speeds[[0, -1]] = mean[[0, -1]]
+        both = np.stack([speeds[:-1], speeds[1:]], axis=1)
+        return np.minimum(both * _ratio(durations, lengths)[:, None], 3.0)
 
     def _cosines(self) -> Array:
         """Of the angles between successive paths in the metric, at least zero, (k - 1,)."""
         found = []
-        for before, after in zip(self.arm.paths[:-1], self.arm.paths[1:], strict=True):
+        for before, after in pairwise(self.arm.paths):
             metric = self.arm.robot.mass_matrix(after(0.0))
             incoming, outgoing = before(1.0, 1), after(0.0, 1)
             norm = np.sqrt((incoming @ metric @ incoming) * (outgoing @ metric @ outgoing))
-            product = float(incoming @ metric @ outgoing)
-            found.append(max(product / norm, 0.0) if norm > 0.0 else 0.0)
+            found.append(max(incoming @ metric @ outgoing / norm, 0.0) if norm > 0.0 else 0.0)
         return np.array(found)
-
-
-def path_ends(arm: ArmPaths) -> Array:
-    """Configurations at the ends of an arm's k paths (k + 1, n)."""
-    return np.array([*(path(0.0) for path in arm.paths), arm.paths[-1](1.0)])
-
-
-def _rests(nodes: Array) -> bool:
-    return bool(np.ptp(nodes, axis=0).max() <= 1e-9)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -263,79 +250,51 @@ class JointSpline(ShortRepr):
     """Joints over time, with constant jerk between knots.
 
     Attributes:
-        time: of the knots (k + 1,) [s].
-        positions, velocities, accelerations: at the knots, (k + 1, n) each.
+        curve: cubic spline of the positions (n,).
     """
 
-    time: Array
-    positions: Array
-    velocities: Array
-    accelerations: Array
+    curve: CubicSpline
     _shown = ("duration",)
 
     @classmethod
     def through(cls, time: Array, positions: Array, ends: Array) -> JointSpline:
-        """The cubic spline through positions (k + 1, n), with velocities (2, n) at its ends."""
-        sides = ((1, ends[0]), (1, ends[1]))
-        spline = CubicSpline(time, positions, bc_type=sides)
-        return cls(time, positions, spline(time, 1), spline(time, 2))
+        """Through positions (k + 1, n) at times (k + 1,) [s], with end velocities (2, n)."""
+        return cls(CubicSpline(time, positions, bc_type=((1, ends[0]), (1, ends[1]))))
 
     @property
     def duration(self) -> float:
         """Time of the last knot [s]."""
-        return float(self.time[-1])
-
-    @cached_property
-    def steps(self) -> Array:
-        """Durations of the pieces (k,) [s]."""
-        return np.asarray(np.diff(self.time))
-
-    @cached_property
-    def jerks(self) -> Array:
-        """Jerks of the pieces (k, n)."""
-        return np.asarray(np.diff(self.accelerations, axis=0) / self.steps[:, None])
+        return float(self.curve.x[-1])
 
     def __call__(self, time: Array) -> tuple[Array, Array, Array, Array]:
         """Positions, velocities, accelerations and jerks at times within the spline (m,)."""
-        piece = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, len(self.jerks) - 1)
-        h = (time - self.time[piece])[:, None]
-        q, v, a = (each[piece] for each in (self.positions, self.velocities, self.accelerations))
-        j = self.jerks[piece]
-        return (
-            q + h * (v + h * (a / 2.0 + h * j / 6.0)),
-            v + h * (a + h * j / 2.0),
-            a + h * j,
-            j,
-        )
+        q, v, a, j = (self.curve(time, order) for order in range(4))
+        return q, v, a, j
 
     def within_pieces(self, count: int) -> Array:
         """Evenly spaced times in every piece, both ends included, (k, count)."""
-        return np.asarray(self.time[:-1, None] + self.steps[:, None] * np.linspace(0.0, 1.0, count))
+        return np.asarray(np.linspace(self.curve.x[:-1], self.curve.x[1:], count, axis=1))
 
     @cached_property
     def extreme_velocities(self) -> Array:
         """Largest magnitudes of the velocities in every piece, (k, n)."""
-        h, v, a, j = self.steps[:, None], self.velocities[:-1], self.accelerations[:-1], self.jerks
-        turn = np.clip(np.divide(-a, j, out=np.zeros_like(a), where=j != 0.0), 0.0, h)
-        inside = np.abs(v + turn * (a + turn * j / 2.0))
-        return np.asarray(np.maximum(inside, np.maximum(np.abs(v), np.abs(self.velocities[1:]))))
+        a, b = 3.0 * self.curve.c[0], self.curve.c[1]  # of a t^2 + 2 b t + c
+        low, high = self._extremes(self.curve.derivative().c, [-_ratio(b, a)])
+        return np.maximum(np.abs(low), np.abs(high))
 
     @cached_property
     def extreme_positions(self) -> tuple[Array, Array]:
         """Smallest and largest positions in every piece, (k, n) each."""
-        h, q = self.steps[:, None], self.positions[:-1]
-        v, a, j = self.velocities[:-1], self.accelerations[:-1], self.jerks
-        # Roots of v + a t + j t^2 / 2, in the form that does not cancel.
-        root = np.sqrt(np.maximum(a**2 - 2.0 * j * v, 0.0))
-        sum_ = -(a + np.copysign(root, a))
-        turns = [
-            np.divide(sum_, j, out=np.zeros_like(a), where=j != 0.0),
-            np.divide(2.0 * v, sum_, out=np.zeros_like(a), where=sum_ != 0.0),
-        ]
-        values = [q, self.positions[1:]]
-        for turn in turns:
-            t = np.clip(turn, 0.0, h)
-            values.append(q + t * (v + t * (a / 2.0 + t * j / 6.0)))
+        a, b, c = 3.0 * self.curve.c[0], self.curve.c[1], self.curve.c[2]
+        # Roots of the velocity a t^2 + 2 b t + c, in the form that does not cancel.
+        both = -(b + np.copysign(np.sqrt(np.maximum(b**2 - a * c, 0.0)), b))
+        return self._extremes(self.curve.c, [_ratio(both, a), _ratio(c, both)])
+
+    def _extremes(self, powers: Array, turns: Sequence[Array]) -> tuple[Array, Array]:
+        """Least and largest values of polynomials in pieces (k, n) at their ends and turns."""
+        end = np.broadcast_to(np.diff(self.curve.x)[:, None], powers.shape[1:])
+        times = [0.0 * end, end, *(np.clip(turn, 0.0, end) for turn in turns)]
+        values = [np.polyval(powers, t) for t in times]
         return np.min(values, axis=0), np.max(values, axis=0)
 
 
@@ -370,12 +329,8 @@ def stretched(
             speed = np.abs(guess.velocities[k]) / arm.limits.velocity
             growth = np.abs(guess.accelerations[k]) / (_CORNERS * arm.limits.acceleration)
             ratio = np.maximum(ratio, np.maximum(speed, np.sqrt(growth)).max(axis=1))
-        needed = np.array(
-            [
-                ratio[first : last + 1].max()
-                for first, last in zip(knots.at_edges[:-1], knots.at_edges[1:], strict=True)
-            ]
-        )
+        ends = pairwise(knots.at_edges)
+        needed = np.array([ratio[first : last + 1].max() for first, last in ends])
         if np.all(needed <= 1.0):
             break
         durations = durations * np.clip(1.05 * needed, 1.0, _AT_MOST)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
@@ -12,13 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_positive, as_vector
-from geodesic_ocp.execution.check_trajectory import chosen_joints
+from geodesic_ocp.execution.check_trajectory import of_joints
 from geodesic_ocp.execution.limits import JointLimits, joint_limits
 from geodesic_ocp.execution.simulation import (
     Contact,
     Controller,
     find_contacts,
-    import_mujoco,
     make_controller,
     simulate,
     simulated_robot,
@@ -126,16 +124,20 @@ class Replay:
             f"Hand: at most {1e3 * self.position_error.max():.3g} mm and "
             f"{1e3 * self.orientation_error.max():.3g} mrad from the reference."
         ]
-        if np.isinf(self.torque_limits).any():
-            names = zip(self.model.joint_names, self.torque_limits, strict=True)
-            free = [name for name, limit in names if np.isinf(limit)]
+        if free := [
+            self.model.joint_names[k] for k in np.flatnonzero(np.isinf(self.torque_limits))
+        ]:
             sentences.append(f"No torque limit is known of {', '.join(free)}.")
         if self.contacts is None:
             sentences.append("Contacts of links are not known.")
         elif not self.contacts:
             sentences.append("No links touch.")
-        else:
-            sentences += _touching(self.contacts)
+        touching: dict[str, list[str]] = {}
+        for each in self.contacts or ():
+            what = "Capsules around links overlap" if each.capsules else "Links touch"
+            when = " throughout" if each.share == 1.0 else ""
+            touching.setdefault(what + when, []).append(str(each))
+        sentences += [f"{what}: {', '.join(pairs)}." for what, pairs in sorted(touching.items())]
         return " ".join(sentences)
 
     def _repr_markdown_(self) -> str:
@@ -143,30 +145,14 @@ class Replay:
 
     def plot(self) -> Figure:
         """Tracking errors of the joints, errors of the hand and shares of torques over time."""
-        shares = self.torques / self.torque_limits
         return draw_replay(
             self.motion.time,
             self.model.joint_names,
             self.model.units,
             self.error,
             (self.position_error, self.orientation_error),
-            shares,
+            self.torques / self.torque_limits,
         )
-
-
-def _touching(contacts: Sequence[Contact]) -> list[str]:
-    """Sentences on links whose geometry overlaps, at some samples and at all of them."""
-    found = []
-    for capsules, what in ((False, "Links touch"), (True, "Capsules around links overlap")):
-        for throughout, when in ((False, ""), (True, " throughout")):
-            pairs = [
-                str(each)
-                for each in contacts
-                if each.capsules is capsules and (each.share == 1.0) is throughout
-            ]
-            if pairs:
-                found.append(f"{what}{when}: {', '.join(pairs)}.")
-    return found
 
 
 def replay(
@@ -221,42 +207,22 @@ def replay(
         ImportError: MuJoCo is not installed (extra mujoco).
         IntegrationFailed: the simulation diverges.
     """
-    mujoco = import_mujoco()
     fall = as_vector("gravity", gravity, 3)
     step = 1.0 / as_positive("rate", rate, "Hz")
-    reference = _of_joints(trajectory, model).at_rate(rate)
+    frequency = as_positive("frequency", frequency, "Hz")
+    chosen = of_joints(trajectory, model.joint_names)
+    reference = replace(chosen, joint_names=model.joint_names, units=model.units).at_rate(rate)
     largest = (joint_limits(model) if limits is None else limits).torque
     if largest.shape != (model.dof,):
         raise ValueError(f"limits must be those of {model.dof} joints, got {largest.size}")
-    known = simulated_robot(model.with_bodies(), model, fall, step)
-    known.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    law = make_controller(controller, model, fall, frequency, reference.positions)
     robot = model if simulated is None else simulated
     if isinstance(robot, Model) and not contacts:
         robot = robot.with_bodies()
     actual = simulated_robot(robot, model, fall, step)
-    frequency = as_positive("frequency", frequency, "Hz")
-    law = make_controller(controller, known, model, frequency, reference.positions)
     q, v, torques = simulate(actual, reference, law, largest)
     touching = None
     if contacts and np.any(actual.model.geom_bodyid > 0):
         touching = find_contacts(actual, q[:: max(round(_CONTACTS_EVERY / step), 1)])
     simulation = Motion(reference.time, q, model.joint_names, v)
     return Replay(model, reference, simulation, torques, largest, touching, controller)
-
-
-def _of_joints(trajectory: JointTrajectory, model: Model) -> JointTrajectory:
-    """The trajectory of the model's joints, in its order."""
-    given, wanted = trajectory.joint_names, model.joint_names
-    short = [name.rpartition("/")[2] for name in given]
-    columns = []
-    if not set(wanted) <= set(given) and short == [name.rpartition("/")[2] for name in wanted]:
-        columns = list(range(len(given)))  # two arms of one kind, with other prefixes
-    for joint in wanted if not columns else ():
-        same = [k for k, name in enumerate(given) if name == joint]
-        found = same or [k for k, name in enumerate(short) if name == joint.rpartition("/")[2]]
-        if len(found) != 1:
-            raise ValueError(
-                f"trajectory has {len(found) or 'no'} joints {joint}; it has {', '.join(given)}"
-            )
-        columns += found
-    return replace(chosen_joints(trajectory, columns), joint_names=wanted, units=model.units)

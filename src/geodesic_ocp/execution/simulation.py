@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib
+from collections import defaultdict
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -33,6 +35,7 @@ class SimulatedRobot(ShortRepr):
     """A MuJoCo model whose joints are those of a Model; all other joints are locked.
 
     Attributes:
+        mujoco: the module.
         model: of MuJoCo; its contacts have no effect.
         positions: index in its configuration of each joint of the Model, (n,).
         velocities: index in its velocity of each joint, (n,).
@@ -40,6 +43,7 @@ class SimulatedRobot(ShortRepr):
         capsules: whether the geoms are the capsules around the links of a Model.
     """
 
+    mujoco: Any
     model: Any
     positions: Array
     velocities: Array
@@ -47,20 +51,8 @@ class SimulatedRobot(ShortRepr):
     capsules: bool
 
 
-def import_mujoco() -> Any:
-    """The module mujoco.
-
-    Raises:
-        ImportError: it is not installed; names the extra.
-    """
-    try:
-        return importlib.import_module("mujoco")
-    except ImportError:
-        raise ImportError("replay needs MuJoCo: pip install 'geodesic_ocp[mujoco]'") from None
-
-
 def simulated_robot(
-    robot: Model | str | PathLike[str], model: Model, gravity: Array, timestep: float
+    robot: Model | str | PathLike[str], model: Model, gravity: Array, timestep: float = 1e-3
 ) -> SimulatedRobot:
     """The robot in MuJoCo.
 
@@ -75,8 +67,12 @@ def simulated_robot(
     Raises:
         ValueError: the robot lacks a joint, MuJoCo cannot read it, or its hand moves otherwise than
             that of the Model.
+        ImportError: MuJoCo is not installed; names the extra.
     """
-    mujoco = import_mujoco()
+    try:
+        mujoco = importlib.import_module("mujoco")
+    except ImportError:
+        raise ImportError("replay needs MuJoCo: pip install 'geodesic_ocp[mujoco]'") from None
     written = isinstance(robot, Model)
     if isinstance(robot, Model):
         native = _compiled(mujoco, lambda: mujoco.MjModel.from_xml_string(mjcf_text(robot)))
@@ -91,10 +87,9 @@ def simulated_robot(
     flags = mujoco.mjtDisableBit
     native.opt.disableflags |= int(flags.mjDSBL_CONTACT) | int(flags.mjDSBL_AUTORESET)
     ids = [native.joint(name).id for name in model.joint_names]
-    found = SimulatedRobot(
-        native, native.jnt_qposadr[ids], native.jnt_dofadr[ids], tuple(links), written
-    )
-    native.opt.gravity[:] = gravity if written else _base_rotation(mujoco, found, model) @ gravity
+    columns = native.jnt_qposadr[ids], native.jnt_dofadr[ids]
+    found = SimulatedRobot(mujoco, native, *columns, tuple(links), written)
+    native.opt.gravity[:] = gravity if written else _base_rotation(found, model) @ gravity
     return found
 
 
@@ -137,26 +132,22 @@ def _check_joints(present: Any, model: Model, name: str) -> None:
         )
 
 
-def _base_rotation(mujoco: Any, found: SimulatedRobot, model: Model) -> Array:
+def _base_rotation(found: SimulatedRobot, model: Model) -> Array:
     """Rotation from the axes of the Model's base to those of the file's world.
 
     Found from the orientation of the hand, if the file has it; otherwise they are the same.
     """
-    native, data = found.model, mujoco.MjData(found.model)
-    kinds = mujoco.mjtObj
-    ids = {
-        kind: mujoco.mj_name2id(native, kind, model.hand)
-        for kind in (kinds.mjOBJ_SITE, kinds.mjOBJ_BODY)
-    }
-    kind = next((kind for kind, number in ids.items() if number >= 0), None)
-    if kind is None:
+    mujoco, native, data = found.mujoco, found.model, found.mujoco.MjData(found.model)
+    kinds = {"site_xmat": mujoco.mjtObj.mjOBJ_SITE, "xmat": mujoco.mjtObj.mjOBJ_BODY}
+    ids = {rows: mujoco.mj_name2id(native, kind, model.hand) for rows, kind in kinds.items()}
+    rows = next((rows for rows, number in ids.items() if number >= 0), None)
+    if rows is None:
         return np.eye(3)
     turns = []
     for q in (np.zeros(model.dof), np.linspace(0.3, 0.9, model.dof)):
         data.qpos[found.positions] = q
         mujoco.mj_kinematics(native, data)
-        rows = data.site_xmat if kind == kinds.mjOBJ_SITE else data.xmat
-        turns.append(rows[ids[kind]].reshape(3, 3) @ model.hand_pose(q)[0].T)
+        turns.append(getattr(data, rows)[ids[rows]].reshape(3, 3) @ model.hand_pose(q)[0].T)
     if np.abs(turns[0] - turns[1]).max() > _SAME_ROTATION:
         raise ValueError(
             f"the hand {model.hand!r} turns otherwise in the MJCF than in the model "
@@ -166,7 +157,7 @@ def _base_rotation(mujoco: Any, found: SimulatedRobot, model: Model) -> Array:
 
 
 def make_controller(
-    kind: Controller, robot: SimulatedRobot, model: Model, frequency: float, postures: Array
+    kind: Controller, model: Model, gravity: Array, frequency: float, postures: Array
 ) -> Torques:
     """The controller as a function of the state and the reference.
 
@@ -177,8 +168,8 @@ def make_controller(
 
     Args:
         kind: which one.
-        robot: the robot as the controller knows it.
-        model: of the same robot.
+        model: the robot as the controller knows it.
+        gravity: acceleration of free fall in the axes of its base (3,) [m/s^2].
         frequency: natural frequency of the error, critically damped [Hz].
         postures: configurations (k, n) of the reference.
 
@@ -188,8 +179,9 @@ def make_controller(
     if kind not in get_args(Controller):
         known = " or ".join(repr(name) for name in get_args(Controller))
         raise ValueError(f"controller must be {known}, got {kind!r}")
-    mujoco = import_mujoco()
-    native, data = robot.model, mujoco.MjData(robot.model)
+    robot = simulated_robot(model.with_bodies(), model, gravity)
+    mujoco, native, data = robot.mujoco, robot.model, robot.mujoco.MjData(robot.model)
+    native.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
 
     def inverse_dynamics(q: Array, v: Array, a: Array) -> Array:
         data.qpos[robot.positions] = q
@@ -228,8 +220,7 @@ def simulate(
     Raises:
         IntegrationFailed: the motion diverges; says when.
     """
-    mujoco = import_mujoco()
-    native, data = robot.model, mujoco.MjData(robot.model)
+    mujoco, native, data = robot.mujoco, robot.model, robot.mujoco.MjData(robot.model)
     data.qpos[robot.positions] = reference.positions[0]
     data.qvel[robot.velocities] = reference.velocities[0]
     q, v, torques = (np.empty_like(reference.positions) for _ in range(3))
@@ -278,30 +269,22 @@ def find_contacts(robot: SimulatedRobot, postures: Array) -> tuple[Contact, ...]
 
     Neighbours in the chain are left out, as MuJoCo does, and pairs that the file excludes.
     """
-    mujoco = import_mujoco()
-    native, data = robot.model, mujoco.MjData(robot.model)
-    contact_flag = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    before = int(native.opt.disableflags)
-    depths: dict[tuple[str, str], float] = {}
-    counts: dict[tuple[str, str], int] = {}
-    native.opt.disableflags = before & ~contact_flag
-    try:
-        for q in postures:
-            data.qpos[robot.positions] = q
-            mujoco.mj_fwdPosition(native, data)
-            touching: dict[tuple[str, str], float] = {}
-            for contact in data.contact:
-                if contact.dist < 0.0:
-                    first, second = sorted(robot.links[geom] for geom in contact.geom)
-                    deepest = touching.get((first, second), 0.0)
-                    touching[first, second] = max(deepest, -float(contact.dist))
-            for pair, depth in touching.items():
-                depths[pair] = max(depths.get(pair, 0.0), depth)
-                counts[pair] = counts.get(pair, 0) + 1
-    finally:
-        native.opt.disableflags = before
+    mujoco, native = robot.mujoco, copy(robot.model)
+    native.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    data = mujoco.MjData(native)
+    depths: dict[tuple[str, ...], list[float]] = defaultdict(list)  # deepest one of each posture
+    for q in postures:
+        data.qpos[robot.positions] = q
+        mujoco.mj_fwdPosition(native, data)
+        touching: dict[tuple[str, ...], float] = {}
+        for contact in data.contact:
+            if contact.dist < 0.0:
+                pair = tuple(sorted(robot.links[geom] for geom in contact.geom))
+                touching[pair] = max(touching.get(pair, 0.0), -float(contact.dist))
+        for pair, depth in touching.items():
+            depths[pair].append(depth)
     found = [
-        Contact(*pair, depths[pair], counts[pair] / len(postures), robot.capsules)
-        for pair in depths
+        Contact(one, other, max(each), len(each) / len(postures), robot.capsules)
+        for (one, other), each in depths.items()
     ]
     return tuple(sorted(found, key=lambda contact: -contact.depth))

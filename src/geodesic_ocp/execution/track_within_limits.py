@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
+from typing import TypeAlias
 
 import casadi as ca
 import daqp
@@ -28,6 +28,7 @@ from geodesic_ocp.ocp.pose_search import rotation_log
 from geodesic_ocp.synergies.baselines import Poses
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
+StepSolver: TypeAlias = Callable[[Array, Array, Array, Array, float, tuple[Array, Array]], Array]
 _EVEN = 1e-6  # share of a step
 _FEWEST = 3  # steps: at rest, in motion, at rest
 _ROUNDING = 1e-9  # share of limits, and [rad or m], left to the rounding of sums
@@ -50,7 +51,7 @@ def track_within_limits(
     damping: float = 1e-2,
     turning: bool = True,
     placing: bool = True,
-    solver: Callable[[Step], Array] | None = None,
+    solver: StepSolver | None = None,
 ) -> JointTrajectory:
     """Track poses of the hand from rest to rest, within the limits of joints, speed, acceleration.
 
@@ -62,9 +63,9 @@ def track_within_limits(
     where w = velocity of the target + gain e and e is the error of the hand's pose: tasks as a
     quadratic program (Kanoun, Lamiraux, Wieber, IEEE Trans. Robotics 27, 2011; here of one priority
     with weights), damped by the error (Sugihara, IEEE Trans. Robotics 27, 2011). Bounds of v keep
-    range, speed and acceleration of every joint, and leave room to brake (`SpeedBounds`). Limits on
-    jerk and torque are not considered. Where limits or reach do not allow the pose, the hand stays
-    behind.
+    range, speed and acceleration of every joint, and leave room to brake (`speed_bounds`). Limits
+    on jerk and torque are not considered. Where limits or reach do not allow the pose, the hand
+    stays behind.
 
     Args:
         model: a robot arm.
@@ -82,7 +83,8 @@ def track_within_limits(
         gain: of the pose error [1/s], at most the rate.
         damping: as `posture_weight`, of the speeds.
         turning, placing: whether it tracks rotations, and positions.
-        solver: of the problem of one step; None: DAQP.
+        solver: of the problem of a step in place of DAQP; from q, w, the speeds towards the posture
+            and those of the step before, damping^2 + |e|^2, and the bounds, it gives v.
 
     Returns:
         Samples at the rate from time 0. Velocities are central differences of the positions, and
@@ -106,45 +108,34 @@ def track_within_limits(
     rate = as_positive("rate", rate, "Hz")
     gain = min(as_positive("gain", gain, "1/s"), rate)
     damping = as_positive("damping", damping)
-    weights = (
-        as_not_negative("posture_weight", posture_weight) ** 2,
-        as_not_negative("smoothing", smoothing) * rate,
-    )
+    posture_cost = as_not_negative("posture_weight", posture_weight) ** 2
+    change_cost = as_not_negative("smoothing", smoothing) * rate
     duration = 1.0 / rate
     rotations, places, velocities = _targets(time, poses, duration)
     rows = (*range(3 * (not placing), 3), *range(3, 3 + 3 * turning))
-    bounds = SpeedBounds.of(model, limits, duration)
-    count = len(velocities)
+    tracking = _tracking(model, rows)
+    count, eye = len(velocities), np.eye(model.dof)
     positions, speeds = np.empty((count + 1, model.dof)), np.zeros((count + 2, model.dof))
     positions[0] = q
     for k in range(count):
-        jacobian, way = evaluate(_tracking(model, rows), q, rotations[k], places[k])
+        jacobian, way = evaluate(tracking, q, rotations[k], places[k])
         error = way[:, 0]
+        wanted = velocities[k, list(rows)] + gain * error
+        towards, damped = drift * (preferred - q), damping**2 + float(error @ error)
         # At rest in the first and in the last step.
-        lower, upper = bounds(q, speeds[k], min(k, count - 1 - k))
-        step = Step(
-            q=q,
-            jacobian=jacobian,
-            velocity=velocities[k, list(rows)] + gain * error,
-            posture=drift * (preferred - q),
-            before=speeds[k],
-            weights=weights,
-            damping=damping**2 + float(error @ error),
-            lower=lower,
-            upper=upper,
-        )
-        found = step.solve() if solver is None else solver(step)
-        speeds[k + 1] = np.clip(found, lower, upper)
+        bounds = speed_bounds(model, limits, duration, q, speeds[k], min(k, count - 1 - k))
+        if solver is not None:
+            found = solver(q, wanted, towards, speeds[k], damped, bounds)
+        else:
+            hessian = jacobian.T @ jacobian + (posture_cost + change_cost + damped) * eye
+            pulled = posture_cost * towards + change_cost * speeds[k]
+            found = box_least_squares(hessian, -(jacobian.T @ wanted + pulled), *bounds)
+        speeds[k + 1] = np.clip(found, *bounds)
         q = q + duration * speeds[k + 1]
         positions[k + 1] = q
-    return JointTrajectory(
-        np.arange(count + 1) / rate,
-        positions,
-        (speeds[1:] + speeds[:-1]) / 2.0,
-        np.diff(speeds, axis=0) / duration,
-        model.joint_names,
-        model.units,
-    )
+    v, a = (speeds[1:] + speeds[:-1]) / 2.0, np.diff(speeds, axis=0) / duration
+    times = np.arange(count + 1) / rate
+    return JointTrajectory(times, positions, v, a, model.joint_names, model.units)
 
 
 def _targets(
@@ -191,112 +182,44 @@ def _tracking(model: Model, rows: tuple[int, ...]) -> ca.Function:
     return ca.Function("tracking", [q, rotation, position], outputs)
 
 
-@dataclass(frozen=True, eq=False)
-class SpeedBounds:
-    """Bounds of the constant speed over a step, q_next = q + step v.
+def speed_bounds(
+    model: Model, limits: JointLimits, step: float, q: Array, previous: Array, left: int
+) -> tuple[Array, Array]:
+    """Least and largest constant speed (n,) over a step, q_next = q + step v.
 
-    Between its bounds there is always a speed, at which there is one again, and so on: the joint
-    can brake before the end of its range, and come to rest in the steps that are left. (Viability:
-    Del Prete, "Joint position and velocity bounds in discrete-time acceleration/torque control of
-    robot manipulators", IEEE Robotics and Automation Letters 3, 2018; here for steps of constant
-    speed.)
+    Between them there is always a speed, at which there is one again, and so on: the joint can
+    brake before the end of its range, and come to rest in the steps that are left. (Viability: Del
+    Prete, "Joint position and velocity bounds in discrete-time acceleration/torque control of robot
+    manipulators", IEEE Robotics and Automation Letters 3, 2018; here for steps of constant speed.)
 
-    Attributes:
-        lower, upper: range of the joints (n,) [rad or m].
-        speed: limit (n,) [rad/s or m/s].
-        change: largest change of the speed from step to step (n,).
+    Args:
+        model: of the joints.
+        limits: of their speeds and accelerations.
         step: [s].
+        q: configuration at the beginning of the step (n,).
+        previous: speed in the step before (n,).
+        left: number of steps after this one, in the last of which the arm is at rest.
     """
-
-    lower: Array
-    upper: Array
-    speed: Array
-    change: Array
-    step: float
-
-    @classmethod
-    def of(cls, model: Model, limits: JointLimits, step: float) -> SpeedBounds:
-        """Of a model's joints."""
-        kept = 1.0 - _ROUNDING
-        return cls(
-            model.lower + _ROUNDING,
-            model.upper - _ROUNDING,
-            kept * limits.velocity,
-            kept * limits.acceleration * step,
-            step,
-        )
-
-    def __call__(self, q: Array, previous: Array, left: int) -> tuple[Array, Array]:
-        """Least and largest speeds (n,).
-
-        Args:
-            q: configuration at the beginning of the step (n,).
-            previous: speed in the step before (n,).
-            left: number of steps after this one, in the last of which the arm is at rest.
-        """
-        to_rest = np.zeros_like(self.change) if left == 0 else left * self.change
-        largest = np.minimum(self.speed, to_rest)
-        up = np.minimum(largest, self._braking(self.upper - q))
-        down = -np.minimum(largest, self._braking(q - self.lower))
-        up = np.maximum(np.minimum(up, previous + self.change), previous - self.change)
-        down = np.minimum(np.maximum(down, previous - self.change), previous + self.change)
-        return np.minimum(down, up), up
-
-    def _braking(self, room: Array) -> Array:
-        """Largest speed v (n,) towards a limit at the distance `room` (n,).
-
-        The distance step (v + (v - c) + (v - 2 c) + ...) until the joint stands, with the change c
-        of speed per step, is the largest of step ((k + 1) v - c k (k + 1) / 2) over k = 0, 1, ...
-        """
-        room = np.maximum(room, 0.0) / self.step
-        limited = np.isfinite(self.change)  # else it may stop at once
-        ratio = np.divide(room, self.change, out=np.zeros_like(room), where=limited)
-        ratio = np.minimum(ratio, 1e12)
-        k = np.floor(np.maximum(np.sqrt(2.0 * ratio) - 1.0, 0.0))
-        found = room.copy()
-        for count in (k, k + 1.0):
-            with np.errstate(invalid="ignore"):  # infinite times zero
-                speed = room / (count + 1.0) + np.where(count > 0.0, self.change * count / 2.0, 0.0)
-            found = np.where(np.isnan(speed), found, np.minimum(found, speed))
-        return found
+    change = (1.0 - _ROUNDING) * limits.acceleration * step  # of the speed from step to step
+    largest = np.minimum((1.0 - _ROUNDING) * limits.velocity, left * change if left else 0.0)
+    up = np.minimum(largest, _braking(model.upper - _ROUNDING - q, change, step))
+    down = -np.minimum(largest, _braking(q - model.lower - _ROUNDING, change, step))
+    up, down = (np.clip(each, previous - change, previous + change) for each in (up, down))
+    return np.minimum(down, up), up
 
 
-@dataclass(frozen=True, eq=False)
-class Step:
-    """min |J v - w|^2 + a |v - u|^2 + b |v - v_before|^2 + damping |v|^2 between bounds.
+def _braking(room: Array, change: Array, step: float) -> Array:
+    """Largest speed v (n,) towards a limit at the distance `room` (n,).
 
-    Attributes:
-        q: configuration (n,).
-        jacobian: J, tracked rows (r, n) of the hand's Jacobian.
-        velocity: w, of the hand (r,) [m/s, rad/s].
-        posture: u, speeds towards the posture (n,).
-        before: speeds in the step before (n,).
-        weights: a and b, of the posture and of changes.
-        damping: weight of the speeds.
-        lower, upper: bounds of the speeds (n,).
+    The distance step (v + (v - c) + (v - 2 c) + ...) until the joint stands, with the change c of
+    speed per step, is the largest of step ((k + 1) v - c k (k + 1) / 2) over k = 0, 1, ...
     """
-
-    q: Array
-    jacobian: Array
-    velocity: Array
-    posture: Array
-    before: Array
-    weights: tuple[float, float]
-    damping: float
-    lower: Array
-    upper: Array
-
-    def solve(self) -> Array:
-        """Speeds (n,)."""
-        posture, change = self.weights
-        pulled = posture * self.posture + change * self.before
-        total = posture + change + self.damping
-        return box_least_squares(
-            self.jacobian.T @ self.jacobian + total * np.eye(self.q.size),
-            -(self.jacobian.T @ self.velocity + pulled),
-            self.lower,
-            self.upper,
-        )
+    room = np.maximum(room, 0.0) / step
+    limited = np.isfinite(change) & np.isfinite(room)  # else it may stop at once
+    most, at = np.where(limited, room, 0.0), np.where(limited, change, 1.0)
+    k = np.floor(np.maximum(np.sqrt(2.0 * np.minimum(most / at, 1e12)) - 1.0, 0.0))
+    found = [most / (count + 1.0) + at * count / 2.0 for count in (k, k + 1.0)]
+    return np.where(limited, np.minimum(room, np.min(found, axis=0)), room)
 
 
 def box_least_squares(hessian: Array, gradient: Array, lower: Array, upper: Array) -> Array:

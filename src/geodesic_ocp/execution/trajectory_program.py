@@ -17,11 +17,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, evaluate
 from geodesic_ocp.blocks import Block, BlockProgram, Indices, Terms, in_rounds
 from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.clearance import Clearance
-from geodesic_ocp.execution.limits import LimitShares
+from geodesic_ocp.execution.limits import QUANTITIES, LimitShares
 from geodesic_ocp.execution.reference import (
     INSIDE,
     Course,
@@ -115,19 +115,20 @@ class ArmCheck:
         spline, limits = self.spline, self.arm.limits
         low, high = spline.extreme_positions
         beyond = np.maximum(self.position_bounds[0] - low, high - self.position_bounds[1])
-        growth = np.abs(spline.accelerations) / limits.acceleration
+        _, _, a, jerk = spline(spline.curve.x)
+        growth = np.abs(a) / limits.acceleration
         return {
             "position": 1.0 + beyond,
             "velocity": spline.extreme_velocities / limits.velocity,
             "acceleration": np.maximum(growth[:-1], growth[1:]),
-            "jerk": np.abs(spline.jerks) / limits.jerk,
+            "jerk": np.abs(jerk[:-1]) / limits.jerk,
         }
 
     @cached_property
     def torques(self) -> Array:
         """Shares of the torques at evenly spaced times in every piece, (k, samples, n)."""
         limit = self.arm.limits.torque
-        shape = (len(self.spline.jerks), _SAMPLES, limit.size)
+        shape = (self.spline.curve.x.size - 1, _SAMPLES, limit.size)
         if not np.any(np.isfinite(limit)):
             return np.zeros(shape)
         states = self.spline(self.spline.within_pieces(_SAMPLES).ravel())[:3]
@@ -135,30 +136,31 @@ class ArmCheck:
         return np.asarray((np.abs(force) / limit).reshape(shape))
 
     @property
+    def largest(self) -> dict[str, Array]:
+        """Largest shares of the whole spline (n,), by the kind of limit."""
+        shares = {kind: of_pieces.max(axis=0) for kind, of_pieces in self.pieces.items()}
+        return {**shares, "torque": self.torques.max(axis=(0, 1))}
+
+    @property
     def shares(self) -> LimitShares:
-        """Largest shares of the whole spline."""
-        velocity, acceleration, jerk = (
-            self.pieces[kind].max(axis=0) for kind in ("velocity", "acceleration", "jerk")
-        )
-        return LimitShares(velocity, acceleration, jerk, self.torques.max(axis=(0, 1)))
+        """Largest shares of the whole spline, without positions."""
+        return LimitShares(**{name: self.largest[name] for name in QUANTITIES})
 
     @property
     def worst(self) -> tuple[float, str]:
         """By how much the worst limit is exceeded, relative or [rad or m], and a clause on it."""
-        excess = {kind: shares.max(axis=0) - 1.0 for kind, shares in self.pieces.items()}
-        excess["torque"] = self.torques.max(axis=(0, 1)) - 1.0
-        kind = max(excess, key=lambda name: float(excess[name].max()))
-        joint = int(excess[kind].argmax())
+        largest = self.largest
+        kind = max(largest, key=lambda name: float(largest[name].max()))
+        joint = int(largest[kind].argmax())
         name = f"the {kind} of {self.arm.robot.joint_names[joint]} exceeds its limit"
-        return float(excess[kind][joint]), name
+        return float(largest[kind][joint]) - 1.0, name
 
 
 def distances_in_pieces(clearance: Clearance, splines: Sequence[JointSpline]) -> Array:
     """Distances at evenly spaced times in every piece, (pieces, samples, m) [m]."""
     times = splines[0].within_pieces(_FEW)
     q = np.hstack([spline(times.ravel())[0] for spline in splines])
-    function: ca.Function = clearance.function
-    found = function.map(len(q))(q.T).full().T
+    found = evaluate(clearance.function.map(len(q)), q.T).T
     return np.asarray(found.reshape(*times.shape, -1))
 
 
@@ -172,7 +174,6 @@ _IPOPT = {
     "tol": 1e-6,
     "constr_viol_tol": 1e-9,
     "dual_inf_tol": 1e-3,
-    "max_iter": 400,
     "acceptable_iter": 0,
     "mu_strategy": "adaptive",
     "bound_relax_factor": 1e-9,
@@ -207,18 +208,20 @@ class TrajectoryProgram:
             first += 3 * course.arm.robot.dof * (self.knots.count + 1)
         return tuple(found)
 
-    @property
-    def size_x(self) -> int:
-        """Number of variables."""
-        dof = sum(arm.robot.dof for arm in self.arms)
-        return int(self.knots.person.size + 3 * dof * (self.knots.count + 1))
-
     def solve(
-        self, start: KnotStates, references: Sequence[Reference], watched: Watched
+        self, start: KnotStates, references: Sequence[Reference], watched: Watched, most: int
     ) -> Outcome:
-        """The solution near references, with the limits that are to be minded."""
-        blocks = self._blocks(start.durations, references, watched)
-        return BlockProgram(self.size_x, blocks).solve(self.as_x(start), self.bounds, _IPOPT)
+        """The solution near references, with the limits that are to be minded.
+
+        Args:
+            start: states at the knots.
+            references: of the arms.
+            watched: constraints.
+            most: number of Ipopt's iterations.
+        """
+        x, blocks = self.as_x(start), self._blocks(start.durations, references, watched)
+        options = {**_IPOPT, "max_iter": most}
+        return BlockProgram(x.size, blocks).solve(x, self.bounds, options)
 
     def _blocks(
         self, durations: Array, references: Sequence[Reference], watched: Watched
@@ -235,8 +238,7 @@ class TrajectoryProgram:
             blocks.append(terms.deviation(reference, shares, distance))
             blocks.append(terms.motion(jerk, settings.tolerance is None))
             limits = watched.arms[k]
-            for kind, pairs in limits.pieces.items():
-                blocks.append(terms.between_knots(kind, pairs))
+            blocks += [terms.between_knots(kind, pairs) for kind, pairs in limits.pieces.items()]
             if limits.torques.size:
                 allowed = limits.torque_shares[limits.torques]
                 blocks.append(terms.torques(limits.torques, allowed))
@@ -270,32 +272,26 @@ class TrajectoryProgram:
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Of the variables."""
-        lowers, uppers = [self.knots.person], [np.full(self.knots.person.size, np.inf)]
-        for course in self.courses:
-            lower, upper = variable_bounds(course, self.settings)
-            lowers.append(lower.ravel())
-            uppers.append(upper.ravel())
-        return np.concatenate(lowers), np.concatenate(uppers)
+        person = self.knots.person
+        sides = [variable_bounds(course, self.settings) for course in self.courses]
+        lower, upper = zip(*sides, strict=True)
+        return (
+            np.concatenate([person, *map(np.ravel, lower)]),
+            np.concatenate([np.full(person.size, np.inf), *map(np.ravel, upper)]),
+        )
 
     @cached_property
     def fixed_knots(self) -> NDArray[np.bool_]:
         """Knots at which the configuration of every arm is given, (knots,)."""
-        lower, upper = (self.states(bound) for bound in self.bounds)
-        pairs = zip(lower.positions, upper.positions, strict=True)
-        fixed = [np.all(low == high, axis=1) for low, high in pairs]
-        return np.asarray(np.all(fixed, axis=0))
+        lower, upper = (np.hstack(self.states(bound).positions) for bound in self.bounds)
+        return np.asarray(np.all(lower == upper, axis=1))
 
     def as_x(self, states: KnotStates) -> Array:
         """Vector of the variables."""
-        parts = [states.durations]
-        for k, terms in enumerate(self.terms):
-            relative = [
-                states.positions[k],
-                states.velocities[k] / terms.speed_unit,
-                states.accelerations[k] / terms.acceleration_unit,
-            ]
-            parts.append(np.stack(relative, axis=1).ravel())
-        return np.concatenate(parts)
+        states_of = states.positions, states.velocities, states.accelerations
+        pairs = zip(self.terms, *states_of, strict=True)
+        arms = [(np.stack(own, axis=1) / terms.units[:3]).ravel() for terms, *own in pairs]
+        return np.concatenate([states.durations, *arms])
 
     def states(self, x: Array) -> KnotStates:
         """Values of the variables from their vector."""
@@ -303,8 +299,7 @@ class TrajectoryProgram:
         for terms in self.terms:
             size = 3 * terms.dof * (self.knots.count + 1)
             own = x[terms.first : terms.first + size].reshape(-1, 3, terms.dof)
-            v, a = own[:, 1] * terms.speed_unit, own[:, 2] * terms.acceleration_unit
-            found.append((own[:, 0], v, a))
+            found.append((own * terms.units[:3]).transpose(1, 0, 2))
         return KnotStates(x[: self.knots.person.size], *zip(*found, strict=True))
 
 
@@ -328,7 +323,7 @@ def watched_at_first(
     count, given = program.knots.count + 1, program.fixed_knots[:, None]
     steps, arms = np.diff(program.knots.times(durations))[:, None], []
     for terms in program.terms:
-        slow = np.argwhere(terms.arm.limits.jerk * steps < terms.acceleration_unit)
+        slow = np.argwhere(terms.arm.limits.jerk * steps < terms.units[2])
         pieces = {"jerk": slow} if slow.size else {}
         shares = np.full((count, terms.dof), 1.0 - INSIDE)
         arms.append(WatchedArm(pieces, np.zeros(0, dtype=np.int64), shares))
@@ -358,48 +353,57 @@ def _arm(watched: WatchedArm, check: ArmCheck) -> WatchedArm:
         if shares.max() > 1.0 + TOLERANCE:
             known = pieces.get(kind, np.zeros((0, 2), dtype=np.int64))
             pieces[kind] = np.unique(np.vstack([known, np.argwhere(shares > near)]), axis=0)
-    largest = check.torques.max(axis=1)  # of pieces (k, n)
-    if largest.max() <= 1.0 + TOLERANCE:
+    if check.torques.max() <= 1.0 + TOLERANCE:
         return WatchedArm(pieces, watched.torques, watched.torque_shares)
-    at_knots = np.concatenate([check.torques[:, 0], check.torques[-1:, -1]])
-    between = np.flatnonzero(largest.max(axis=1) > 1.0)
-    close = np.flatnonzero(at_knots.max(axis=1) > _NEAR_TORQUE)
-    knots = np.unique(np.concatenate([watched.torques, close, between, between + 1]))
-    # Torques at knots will keep the limit; what is larger in between has to be taken off.
-    ends = np.maximum(np.maximum(at_knots[:-1], at_knots[1:]), 1.0 - INSIDE)
-    excess = np.where(largest > 1.0, _MORE * (largest - ends) + _ROUNDING, 0.0)
-    less = 1.0 - np.minimum(_at_both_ends(excess), 0.5)
-    return WatchedArm(pieces, knots, watched.torque_shares * less)
+    close, more = _at_knots_of(check.torques - 1.0, _NEAR_TORQUE - 1.0, -INSIDE, 0.0)
+    knots = np.union1d(watched.torques, np.flatnonzero(close.any(axis=1)))
+    return WatchedArm(pieces, knots, watched.torque_shares * (1.0 - np.minimum(more, 0.5)))
 
 
 def _kept(watched: WatchedDistances, found: Array) -> WatchedDistances:
     """Distances to keep from now on, given those that were found (pieces, samples, m)."""
-    wanted, least = watched.clearance.lower, found.min(axis=1)
-    at_knots = np.concatenate([found[:, 0], found[-1:, -1]])
-    short = least < wanted - TOLERANCE
-    near = (at_knots < wanted + _NEAR_DISTANCE) | (_at_both_ends(short) > 0.0)
-    knots = dict(watched.knots)
-    for index in np.flatnonzero(short.any(axis=0)).tolist():
+    lack, knots = watched.clearance.lower - found, dict(watched.knots)
+    close, more = _at_knots_of(lack, -_NEAR_DISTANCE, 0.0, TOLERANCE)
+    for index in np.flatnonzero(lack.max(axis=(0, 1)) > TOLERANCE).tolist():
         known: Indices = knots.get(index, np.zeros(0, dtype=np.int64))
-        knots[index] = np.union1d(known, np.flatnonzero(near[:, index]))
-    # Distances at knots will keep their bounds; what is smaller in between is added to these.
-    ends = np.minimum(np.minimum(at_knots[:-1], at_knots[1:]), wanted)
-    lack = np.where(short, _MORE * (ends - least) + _ROUNDING, 0.0)
-    return WatchedDistances(watched.clearance, knots, watched.lower + _at_both_ends(lack))
+        knots[index] = np.union1d(known, np.flatnonzero(close[:, index]))
+    return WatchedDistances(watched.clearance, knots, watched.lower + more)
+
+
+def _at_knots_of(
+    excess: Array, near: float, kept: float, tolerance: float
+) -> tuple[NDArray[np.bool_], Array]:
+    """Knots at which limits are to be minded, and what is to be taken off there, (knots, m) each.
+
+    The program will keep limits at knots: what values exceed them by in between is taken off.
+
+    Args:
+        excess: of values over their limits (pieces, samples, m).
+        near: excess of a value at a knot from which on its limit is minded there.
+        kept: excess that the program allows at knots.
+        tolerance: of values between knots.
+    """
+    largest, at_knots = excess.max(axis=1), np.concatenate([excess[:, 0], excess[-1:, -1]])
+    beyond = largest > tolerance
+    ends = np.maximum(np.maximum(at_knots[:-1], at_knots[1:]), kept)
+    more = np.where(beyond, _MORE * (largest - ends) + _ROUNDING, 0.0)
+    return (at_knots > near) | (_at_both_ends(beyond) > 0.0), _at_both_ends(more)
 
 
 def _at_both_ends(of_pieces: Array) -> Array:
     """At the knots, the larger one of two successive pieces."""
-    none = np.zeros((1, of_pieces.shape[1]))
-    return np.maximum(np.vstack([of_pieces, none]), np.vstack([none, of_pieces]))
+    padded = np.pad(of_pieces, ((1, 1), (0, 0)))
+    return np.maximum(padded[:-1], padded[1:])
 
 
 MOST_ROUNDS = 15
 _OTHER_COUNT = 0.15  # change of the number of knots that is worth it, once durations are known
 # The nearest points of the paths are found anew until the duration changes by less than this.
 _SETTLED = 0.005
-# The first guess, and others if Ipopt fails from it: time stretched more, and stops in corners.
+# The first guess, and others if Ipopt fails from it: time stretched more, and stops in corners. A
+# round takes twenty iterations as a rule: where it takes many, another start is quicker.
 _STARTS = ((1.3, False), (2.0, False), (1.3, True), (3.0, True))
+_ITERATIONS = (100, 100, 400, 400)
 
 
 @dataclass(frozen=True, eq=False)
@@ -459,8 +463,8 @@ def solve_in_rounds(
 ) -> TrajectoryAttempt:
     """The trajectory within all limits, or the best attempt."""
     attempts: list[TrajectoryAttempt] = []
-    for more, stops in _STARTS:
-        attempts.append(_from_start(arms, settings, clearances, progress, (more, stops)))
+    for start, most in zip(_STARTS, _ITERATIONS, strict=True):
+        attempts.append(_from_start(arms, settings, clearances, progress, start, most))
         if attempts[-1].success:
             break
     best = min(attempts, key=lambda attempt: (not attempt.success, attempt.excess))
@@ -473,6 +477,7 @@ def _from_start(
     clearances: Sequence[Clearance],
     progress: Callable[[int], object],
     start: tuple[float, bool],
+    most: int,
 ) -> TrajectoryAttempt:
     program, states, references = _first_guess(arms, settings, *start)
     watched = watched_at_first(program, states.durations, clearances)
@@ -481,7 +486,7 @@ def _from_start(
 
     def solve(given: _Start) -> TrajectoryAttempt:
         progress(len(attempts))
-        attempts.append(_attempt(*given))
+        attempts.append(_attempt(*given, most))
         return attempts[-1]
 
     def judged(number: int, found: TrajectoryAttempt) -> tuple[TrajectoryAttempt, _Start | None]:
@@ -512,8 +517,9 @@ def _attempt(
     before: KnotStates,
     references: Sequence[Reference],
     watched: Watched,
+    most: int,
 ) -> TrajectoryAttempt:
-    outcome = program.solve(before, references, watched)
+    outcome = program.solve(before, references, watched, most)
     states = program.states(outcome.x)
     checks = tuple(
         ArmCheck(course.arm, spline, position_bounds(course))

@@ -46,7 +46,7 @@ _OUTSIDE = 5e-7  # [rad or m]; lets a path touch its position limits
 
 def position_bounds(course: Course) -> tuple[Array, Array]:
     """Of the joints (n,) [rad or m], just outside the limits, and beyond the ends of paths."""
-    robot, ends = course.arm.robot, course.junctions
+    robot, ends = course.arm.robot, course.arm.ends
     lower = np.minimum(robot.lower, ends.min(axis=0)) - _OUTSIDE
     upper = np.maximum(robot.upper, ends.max(axis=0)) + _OUTSIDE
     return lower, upper
@@ -54,33 +54,29 @@ def position_bounds(course: Course) -> tuple[Array, Array]:
 
 def variable_bounds(course: Course, settings: TrajectorySettings) -> tuple[Array, Array]:
     """Of positions, and of velocities and accelerations relative to their limits, (knots, 3, n)."""
-    arm, exact = course.arm, settings.tolerance is None
+    arm = course.arm
     upper = np.full((course.knots.count + 1, 3, arm.robot.dof), np.inf)
     for part, limit in ((1, arm.limits.velocity), (2, arm.limits.acceleration)):
         upper[:, part] = np.where(np.isfinite(limit), 1.0 - INSIDE, np.inf)
     lower = -upper
     lower[:, 0], upper[:, 0] = position_bounds(course)
-    still = course.knots_at_rest.copy()
+    still = course.knots_at_rest
     if settings.rest:
         still[[0, -1]] = True
     lower[still, 1:] = upper[still, 1:] = 0.0
-    if exact:
-        ends = course.junctions
-        for rests, first, last, q in zip(
-            course.resting, course.at[:-1], course.at[1:], ends, strict=False
-        ):
-            knots = slice(first, last + 1) if rests else first
-            lower[knots, 0] = upper[knots, 0] = q
-        lower[-1, 0] = upper[-1, 0] = ends[-1]
+    if settings.tolerance is None:
+        given = course.resting[course.path_of]
+        given[course.at] = True
+        lower[given, 0] = upper[given, 0] = arm.ends[course.path_of[given]]
+        lower[-1, 0] = upper[-1, 0] = arm.ends[-1]
         # At a limit a joint can only turn back.
-        touches = np.minimum(ends - arm.robot.lower, arm.robot.upper - ends) < _TOUCHES
-        edge, joint = np.nonzero(touches)
+        room = np.minimum(arm.ends - arm.robot.lower, arm.robot.upper - arm.ends)
+        edge, joint = np.nonzero(room < _TOUCHES)
         lower[course.at[edge], 1, joint] = upper[course.at[edge], 1, joint] = 0.0
     return lower, upper
 
 
-# Units of joints without limits [rad/s, rad/s^2].
-_SPEED, _ACCELERATION = 1.0, 10.0
+_UNLIMITED = np.array([[1.0], [1.0], [10.0], [1.0]])  # units of joints without limits
 # Weights of squared accelerations, one at the limit, and of squared differences from the intended
 # speeds at the ends, relative to the limits.
 _SMOOTH, _END_SPEED = 2e-3, 0.1
@@ -109,16 +105,11 @@ class ArmTerms:
         return self.arm.robot.dof
 
     @cached_property
-    def speed_unit(self) -> Array:
-        """Units (n,) of the velocities."""
-        limit = self.arm.limits.velocity
-        return np.where(np.isfinite(limit), limit, _SPEED)
-
-    @cached_property
-    def acceleration_unit(self) -> Array:
-        """Units (n,) of the accelerations."""
-        limit = self.arm.limits.acceleration
-        return np.where(np.isfinite(limit), limit, _ACCELERATION)
+    def units(self) -> Array:
+        """Of positions, velocities, accelerations and jerks (4, n): limits, if there are any."""
+        limits = self.arm.limits
+        found = np.array([np.ones(self.dof), limits.velocity, limits.acceleration, limits.jerk])
+        return np.where(np.isfinite(found), found, _UNLIMITED)
 
     def indices(self, knots: Indices, parts: int = 3) -> Indices:
         """Of the position, or also velocity and acceleration, at knots (k,): (k, parts n)."""
@@ -153,9 +144,9 @@ class ArmTerms:
         n, knots = self.dof, self.course.knots
         z, p = ca.SX.sym("z", 6 * n + 1), ca.SX.sym("p", 2)
         q0, v0, a0, q1, v1, a1 = ca.vertsplit(z[:-1], n)
-        h, ratio = p[0] * z[-1], self.acceleration_unit / self.speed_unit
-        growth = self.speed_unit * v0 + h * self.acceleration_unit * (2 * a0 + a1) / 6
-        equations = ca.vertcat(v0 + h * ratio * (a0 + a1) / 2 - v1, q0 + h * growth - q1)
+        h, (_, speed, growth, _) = p[0] * z[-1], self.units
+        mean = speed * v0 + h * growth * (2 * a0 + a1) / 6
+        equations = ca.vertcat(v0 + h * growth / speed * (a0 + a1) / 2 - v1, q0 + h * mean - q1)
         piece = np.arange(knots.count)
         columns = [self.indices(piece), self.indices(piece + 1), knots.interval[:, None]]
         upper = np.zeros((knots.count, 2 * n))
@@ -185,9 +176,7 @@ class ArmTerms:
         first = self.first + 3 * self.dof * piece + joint
         offsets = self.dof * np.arange(6)  # the states of a knot are followed by the next one's
         columns = np.hstack([first[:, None] + offsets, knots.interval[piece][:, None]])
-        limit = self.arm.limits.jerk
-        units = (self.speed_unit, self.acceleration_unit, np.where(np.isfinite(limit), limit, 1.0))
-        values = np.stack([knots.fraction[piece], *(unit[joint] for unit in units)], axis=1)
+        values = np.column_stack([knots.fraction[piece], *self.units[1:, joint]])
         upper = np.full((len(pairs), 1), 1.0 - INSIDE)
         lower = -upper
         if kind == "position":
@@ -199,8 +188,8 @@ class ArmTerms:
         """Torques at some of the knots (k,), within shares (k, n) of their limits."""
         z, arm = ca.SX.sym("z", 3 * self.dof), self.arm
         q, v, a = ca.vertsplit(z, self.dof)
-        speed, acceleration = v * self.speed_unit, a * self.acceleration_unit
-        force = arm.robot.inverse_dynamics(q, speed, acceleration, ca.SX(arm.gravity))
+        _, speed, growth, _ = self.units
+        force = arm.robot.inverse_dynamics(q, v * speed, a * growth, ca.SX(arm.gravity))
         limited = np.flatnonzero(np.isfinite(arm.limits.torque))
         used = force[limited.tolist()] / arm.limits.torque[limited]
         upper = shares[:, limited]
@@ -215,7 +204,7 @@ class ArmTerms:
         rotation, position = self.arm.robot.hand_pose(q)
         turned = rotation_log(ca.reshape(p[:9], 3, 3).T @ rotation)
         errors = ca.vertcat(position - p[9:], turned)
-        rotations, positions = self.arm.robot.hand_pose(self.course.junctions)
+        rotations, positions = self.arm.robot.hand_pose(self.arm.ends)
         columns = rotations.transpose(0, 2, 1).reshape(len(rotations), 9)
         box = np.repeat(tolerance, 3) * (1.0 - INSIDE) / np.sqrt(3.0)
         upper = np.tile(box, (len(rotations), 1))
@@ -229,5 +218,5 @@ class ArmTerms:
         first, last = arm.paths[0](0.0, 1) / durations[0], arm.paths[-1](1.0, 1) / durations[-1]
         objective = _END_SPEED * ca.sumsqr(v - p)
         knots = np.array([0, self.course.knots.count])
-        intended = np.clip(np.array([first, last]) / self.speed_unit, -0.9, 0.9)
+        intended = np.clip(np.array([first, last]) / self.units[1], -0.9, 0.9)
         return Block(Terms(v, p, objective), self.indices(knots, 2)[:, n:], intended)

@@ -7,6 +7,7 @@ that segments become longer or shorter while the axes of the joints stay as they
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -79,10 +80,8 @@ def with_lengths(model: Model, factors: Array, bodies: Array) -> Model:
     factors, bodies = np.asarray(factors, dtype=float), np.asarray(bodies, dtype=float)
     count = model.pin.njoints
     if factors.shape != (count, 3) or bodies.shape != (count,):
-        raise ValueError(
-            f"factors must be ({count}, 3) and bodies ({count},), got {factors.shape} and "
-            f"{bodies.shape}"
-        )
+        got = f"{factors.shape} and {bodies.shape}"
+        raise ValueError(f"factors must be ({count}, 3) and bodies ({count},), got {got}")
     if not (np.all(factors > 0.0) and np.all(bodies > 0.0)):
         raise ValueError("factors of lengths must be positive")
     scaled = model.pin.copy()
@@ -92,22 +91,16 @@ def with_lengths(model: Model, factors: Array, bodies: Array) -> Model:
         scaled.jointPlacements[index] = pin.SE3(placement.rotation, offset)
         body, size = model.pin.inertias[index], bodies[index]
         scaled.inertias[index] = pin.Inertia(body.mass, size * body.lever, size**2 * body.inertia)
-    for index in range(model.pin.nframes):
-        frame = model.pin.frames[index]
-        size = bodies[frame.parentJoint]
-        offset = size * frame.placement.translation
-        scaled.frames[index].placement = pin.SE3(frame.placement.rotation, offset)
+    for frame in scaled.frames:
+        place = frame.placement
+        offset = bodies[frame.parentJoint] * place.translation
+        frame.placement = pin.SE3(place.rotation, offset)
     shapes = tuple(_scaled(body, bodies[model.joint_of(str(body.link))]) for body in model.bodies)
     return replace(model, pin=scaled, shapes=shapes)
 
 
 def _scaled(body: Body, size: float) -> Body:
     radius = float(body.radius / np.sqrt(size))
-    if isinstance(body, Ball):
-        return replace(body, centre=_times(body.centre, size), radius=radius)
-    return replace(body, start=_times(body.start, size), end=_times(body.end, size), radius=radius)
-
-
-def _times(point: tuple[float, float, float], size: float) -> tuple[float, float, float]:
-    x, y, z = (float(size * each) for each in point)
-    return x, y, z
+    keys = ("centre",) if isinstance(body, Ball) else ("start", "end")
+    points: dict[str, Any] = {key: size * np.array(getattr(body, key)) for key in keys}
+    return replace(body, radius=radius, **points)

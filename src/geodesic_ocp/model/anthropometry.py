@@ -8,9 +8,9 @@ segment inertia parameters", J. Biomech. 29 (1996), 1223-1230, table 4, which di
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal, get_args
+from itertools import product
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -77,7 +77,7 @@ def anthropometry(side: Side, table: TableName, sex: Sex | None) -> Anthropometr
         return _winter(side)
     if sex is None or sex not in get_args(Sex):
         raise ValueError(f"the table 'de_leva' needs sex='male' or 'female', got {sex!r}")
-    return _de_leva(_DE_LEVA[sex])
+    return _de_leva(*_DE_LEVA[sex])
 
 
 def _winter(side: Side) -> Anthropometry:
@@ -102,12 +102,7 @@ def trunk() -> Trunk:
     In the source the y offset of the centres of mass is 3e-11: rounding, set to zero.
     """
     thorax, half_width = 0.188, 0.110
-
-    def above(
-        z: float, mass: float, inertia: tuple[float, float, float], x: float = 0.0
-    ) -> Segment:
-        return Segment(mass, (x, 0.0, thorax + z), inertia)
-
+    clavicle = half_width - 0.010
     return Trunk(
         pelvis=0.040,
         abdomen_length=0.060,
@@ -117,75 +112,52 @@ def trunk() -> Trunk:
         abdomen=Segment(0.1, (0.0, 0.0, 0.0264), (1.07917e-4, 1.07917e-4, 7.74494e-5)),
         thorax=Segment(0.17, (0.0, 0.0, 0.15416), (6.62659e-4, 8.31018e-4, 4.69138e-4)),
         on_thorax=(
-            above(0.0, 0.021, (4.07431e-6, 5.50730e-6, 5.18568e-6), half_width - 0.010),
-            above(0.0, 0.021, (4.09202e-6, 5.53935e-6, 5.20945e-6), 0.010 - half_width),
-            above(0.037, 0.024, (4.97440e-6, 4.79695e-6, 3.81092e-6)),
-            above(0.117, 0.07, (9.92468e-5, 9.68844e-5, 4.55261e-5)),
+            Segment(0.021, (clavicle, 0.0, thorax), (4.07431e-6, 5.50730e-6, 5.18568e-6)),
+            Segment(0.021, (-clavicle, 0.0, thorax), (4.09202e-6, 5.53935e-6, 5.20945e-6)),
+            Segment(0.024, (0.0, 0.0, thorax + 0.037), (4.97440e-6, 4.79695e-6, 3.81092e-6)),
+            Segment(0.07, (0.0, 0.0, thorax + 0.117), (9.92468e-5, 9.68844e-5, 4.55261e-5)),
         ),
     )
 
 
-@dataclass(frozen=True)
-class _Measured:
-    """A row of the table, as printed."""
-
-    length: float  # [mm]
-    mass: float  # [% of body mass]
-    centre: float  # from the proximal end [% of length]
-    gyration: tuple[float, float, float]  # sagittal, transverse, longitudinal [% of length]
-
-
-@dataclass(frozen=True)
-class _People:
-    stature: float  # mean [mm]
-    upper_arm: _Measured
-    forearm: _Measured
-    hand: _Measured  # to the third metacarpale
-
-
-_DE_LEVA = {
-    "male": _People(
+# As printed: mean stature [mm]; of upper arm, forearm and hand (to the third metacarpale): length
+# [mm], mass [% of body mass], centre of mass from the proximal end [% of length], and sagittal,
+# transverse and longitudinal radius of gyration [% of length].
+_Rows: TypeAlias = tuple[tuple[float, float, float, float, float, float], ...]
+_DE_LEVA: dict[str, tuple[float, _Rows]] = {
+    "male": (
         1741.0,
-        _Measured(281.7, 2.71, 57.72, (28.5, 26.9, 15.8)),
-        _Measured(268.9, 1.62, 45.74, (27.6, 26.5, 12.1)),
-        _Measured(86.2, 0.61, 79.00, (62.8, 51.3, 40.1)),
+        (
+            (281.7, 2.71, 57.72, 28.5, 26.9, 15.8),
+            (268.9, 1.62, 45.74, 27.6, 26.5, 12.1),
+            (86.2, 0.61, 79.00, 62.8, 51.3, 40.1),
+        ),
     ),
-    "female": _People(
+    "female": (
         1735.0,
-        _Measured(275.1, 2.55, 57.54, (27.8, 26.0, 14.8)),
-        _Measured(264.3, 1.38, 45.59, (26.1, 25.7, 9.4)),
-        _Measured(78.0, 0.56, 74.74, (53.1, 45.4, 33.5)),
+        (
+            (275.1, 2.55, 57.54, 27.8, 26.0, 14.8),
+            (264.3, 1.38, 45.59, 26.1, 25.7, 9.4),
+            (78.0, 0.56, 74.74, 53.1, 45.4, 33.5),
+        ),
     ),
 }
 
 
-def _de_leva(people: _People) -> Anthropometry:
+def _de_leva(stature: float, rows: _Rows) -> Anthropometry:
     """The mean lengths, in proportion to stature.
 
     The sagittal axis points from back to front in the anatomical position, with the palm forward.
     Here the palm faces the body: the sagittal axis of hand and forearm is x, that of the upper arm,
     which does not rotate with the palm, is y.
     """
-
-    def segment(measured: _Measured, rotates_with_palm: bool) -> Segment:
-        length, mass = measured.length / people.stature, measured.mass / 100.0
-        sagittal, transverse, longitudinal = (
-            mass * (radius / 100.0 * length) ** 2 for radius in measured.gyration
-        )
-        inertia = (
-            (sagittal, transverse, longitudinal)
-            if rotates_with_palm
-            else (transverse, sagittal, longitudinal)
-        )
-        return Segment(mass, (0.0, 0.0, -measured.centre / 100.0 * length), inertia)
-
-    return Anthropometry(
-        people.upper_arm.length / people.stature,
-        people.forearm.length / people.stature,
-        segment(people.upper_arm, rotates_with_palm=False),
-        segment(people.forearm, rotates_with_palm=True),
-        segment(people.hand, rotates_with_palm=True),
-    )
+    segments = []
+    for row, rotates_with_palm in zip(rows, (False, True, True), strict=True):
+        length, mass = row[0] / stature, row[1] / 100.0
+        sagittal, transverse, z = (mass * (radius / 100.0 * length) ** 2 for radius in row[3:])
+        x, y = (sagittal, transverse) if rotates_with_palm else (transverse, sagittal)
+        segments.append(Segment(mass, (0.0, 0.0, -row[2] / 100.0 * length), (x, y, z)))
+    return Anthropometry(rows[0][0] / stature, rows[1][0] / stature, *segments)
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,8 +173,8 @@ class PersonArm:
 
     side: Side
     joints: tuple[int, int, int]
-    bodies: tuple[Capsule, Capsule, Capsule]
-    lengths: tuple[float, float, float]
+    bodies: tuple[Capsule, ...]
+    lengths: tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +199,11 @@ def person_arms(model: Model) -> tuple[PersonArm, ...]:
     ends in "/" is ignored), seven joints in a row, and a capsule along each of the links that ends
     at the next joint. A model whose bodies were replaced by others has none.
     """
-    return tuple(_arms(model))
+    found = []
+    for side in get_args(Side):
+        parts = (_capsules(model, f"{side} {name}") for name in ("upper arm", "forearm", "hand"))
+        found += [_arm(model, side, bodies) for bodies in product(*parts)]
+    return tuple(arm for arm in found if arm is not None)
 
 
 def person_trunks(model: Model) -> tuple[PersonTrunk, ...]:
@@ -236,16 +212,15 @@ def person_trunks(model: Model) -> tuple[PersonTrunk, ...]:
     found = []
     for thorax in _capsules(model, "thorax"):
         joint = model.joint_of(str(thorax.link))
-        shoulders = [_above(model, arm.joints[0], 3) == joint for arm in arms]
-        own = [arm for arm, fits in zip(arms, shoulders, strict=True) if fits]
-        above = _above(model, joint, 3)
-        below = [b for b in _capsules(model, "abdomen") if model.joint_of(str(b.link)) == above]
+        own = [arm for arm in arms if _above(model, arm.joints[0], 3) == joint]
+        lumbar = _above(model, joint, 3)
+        below = [b for b in _capsules(model, "abdomen") if model.joint_of(str(b.link)) == lumbar]
         heads = [b for b in _capsules(model, "head") if model.joint_of(str(b.link)) == joint]
         if sorted(arm.side for arm in own) == ["left", "right"] and len(below) == len(heads) == 1:
             right, left = (_offset(model, arm.joints[0], 2) for arm in own)
             half_width = float(np.linalg.norm(right - left)) / 2.0
-            lumbar = _above(model, above, 2)
-            found.append(PersonTrunk(lumbar, (below[0], thorax, heads[0]), half_width))
+            first = _above(model, lumbar, 2)
+            found.append(PersonTrunk(first, (below[0], thorax, heads[0]), half_width))
     return tuple(found)
 
 
@@ -254,23 +229,12 @@ def shoulder_joint(model: Model, arm: PersonArm) -> str:
     return str(model.pin.names[_above(model, arm.joints[0], 2)])
 
 
-def _arms(model: Model) -> Iterator[PersonArm]:
-    for side in get_args(Side):
-        for upper in _capsules(model, f"{side} upper arm"):
-            for fore in _capsules(model, f"{side} forearm"):
-                for hand in _capsules(model, f"{side} hand"):
-                    arm = _arm(model, side, (upper, fore, hand))
-                    if arm is not None:
-                        yield arm
-
-
-def _arm(model: Model, side: Side, bodies: tuple[Capsule, Capsule, Capsule]) -> PersonArm | None:
+def _arm(model: Model, side: Side, bodies: tuple[Capsule, ...]) -> PersonArm | None:
     """The arm of these capsules; None if they are not along a chain of seven joints."""
     shoulder, elbow, wrist = (model.joint_of(str(body.link)) for body in bodies)
     # Elbow and wrist have two coordinates each, of which the second carries the segment.
-    if (_above(model, wrist, 2), _above(model, elbow, 2)) != (elbow, shoulder):
-        return None
-    if 0 in (shoulder, _above(model, shoulder, 2)):
+    above = [_above(model, joint, 2) for joint in (shoulder, elbow, wrist)]
+    if above[1:] != [shoulder, elbow] or 0 in (shoulder, above[0]):
         return None
     ends = [_offset(model, elbow, 1), _offset(model, wrist, 1), None]
     lengths = []
@@ -279,13 +243,11 @@ def _arm(model: Model, side: Side, bodies: tuple[Capsule, Capsule, Capsule]) -> 
         start, end = (place.act(np.array(point)) for point in (body.start, body.end))
         target = end if next_joint is None else next_joint
         length = float(np.linalg.norm(target))
-        straight = np.array([0.0, 0.0, -length])
-        if max(np.abs(start).max(), *np.abs(end - target), *np.abs(target - straight)) > (
-            _FITS * length
-        ):
+        misses = np.abs([start, end - target, target - [0.0, 0.0, -length]])
+        if misses.max() > _FITS * length:
             return None
         lengths.append(length)
-    return PersonArm(side, (shoulder, elbow, wrist), bodies, (lengths[0], lengths[1], lengths[2]))
+    return PersonArm(side, (shoulder, elbow, wrist), bodies, tuple(lengths))
 
 
 def _capsules(model: Model, part: str) -> list[Capsule]:

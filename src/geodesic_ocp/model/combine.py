@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from geodesic_ocp.arrays import Array, as_rotation, as_vector
-from geodesic_ocp.model.joints import distinct_frames, restore_frames
+from geodesic_ocp.model.joints import restore_frames, with_distinct_frames
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Body
 
@@ -50,43 +50,22 @@ def combine(*models: Model, placements: Sequence[Any] | None = None) -> Model:
     for model, new_names, base in zip(models, names, bases, strict=True):
         own_gravity = base.rotation @ model.pin.gravity.linear
         if np.abs(own_gravity - gravity).max() > _SAME_GRAVITY:
-            raise ValueError(
-                f"in the common base frame gravity is {own_gravity} m/s^2 for {model.name!r} and "
-                f"{gravity} m/s^2 for {models[0].name!r}"
-            )
+            both = f"{own_gravity} m/s^2 for {model.name!r} and {gravity} m/s^2 for"
+            raise ValueError(f"in the common base frame gravity is {both} {models[0].name!r}")
         parts.append(_renamed(model.pin, new_names))
     whole = pin.Model()
-    with distinct_frames(*parts) as original:
-        for part, base in zip(parts, bases, strict=True):
-            whole = pin.appendModel(whole, part, 0, base)
+    distinct, original = with_distinct_frames(*parts)
+    for part, base in zip(distinct, bases, strict=True):
+        whole = pin.appendModel(whole, part, 0, base)
     restore_frames(whole, original)
     whole.name = " and ".join(model.name for model in models)
     whole.gravity = pin.Motion(gravity, np.zeros(3))
-    _copy_armature(parts, whole)
-    continuous = [
-        new_names[name]
-        for model, new_names in zip(models, names, strict=True)
-        for name in model.continuous
-    ]
-    hands = [new[hand] for model, new in zip(models, names, strict=True) for hand in model.hands]
-    return Model(
-        whole,
-        names[0][models[0].hand],
-        models[0].backend,
-        tuple(continuous),
-        partial(_bodies, models, names),
-        tuple(hands),
-    )
-
-
-def _copy_armature(parts: Sequence[pin.Model], whole: pin.Model) -> None:
-    """Give the joints of the whole the armature that they have in the parts, which is lost."""
-    armature = np.zeros(whole.nv)
-    for part in parts:
-        for index in range(1, part.njoints):
-            joint = whole.joints[whole.getJointId(part.names[index])]
-            armature[joint.idx_v] = part.armature[part.joints[index].idx_v]
-    whole.armature = armature
+    whole.armature = np.concatenate([part.armature for part in parts])  # which is lost
+    pairs = list(zip(models, names, strict=True))
+    continuous = [new[name] for model, new in pairs for name in model.continuous]
+    hands = [new[hand] for model, new in pairs for hand in model.hands]
+    hand, bodies = names[0][models[0].hand], partial(_bodies, models, names)
+    return Model(whole, hand, models[0].backend, tuple(continuous), bodies, tuple(hands))
 
 
 def _bodies(models: Sequence[Model], names: Sequence[Mapping[str, str]]) -> tuple[Body, ...]:

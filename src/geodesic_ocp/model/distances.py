@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations, product
 from typing import Any
 
 import casadi as ca
@@ -34,14 +35,9 @@ class LineSegment:
     is_point: bool
 
     @property
-    def end(self) -> ca.SX:
-        """Its end (3, 1)."""
-        return self.start + self.along
-
-    @property
     def ends(self) -> list[ca.SX]:
         """Both ends, of which the minimum of a distance would not be smooth; one of a point."""
-        return [self.start] if self.is_point else [self.start, self.end]
+        return [self.start] if self.is_point else [self.start, self.start + self.along]
 
 
 def line_segment(
@@ -72,13 +68,9 @@ def _closest_points(one: LineSegment, other: LineSegment) -> tuple[ca.SX, ca.SX]
 def segment_distances(start: Array, end: Array, other_start: Array, other_end: Array) -> Array:
     """Distances (...) [m] between segments, whose ends are (..., 3) each: numbers, many at once."""
     u, w, between = end - start, other_end - other_start, start - other_start
-    c, f = _dot(u, between), _dot(w, between)
-    s, t = _fractions(_dot(u, u), _dot(u, w), _dot(w, w), c, f)
+    products = ((u, u), (u, w), (w, w), (u, between), (w, between))
+    s, t = _fractions(*(np.vecdot(*pair) for pair in products))
     return np.asarray(np.linalg.norm(between + s[..., None] * u - t[..., None] * w, axis=-1))
-
-
-def _dot(one: Array, other: Array) -> Array:
-    return np.asarray(np.einsum("...i,...i->...", one, other))
 
 
 def _fractions(a: Any, b: Any, e: Any, c: Any, f: Any, parallel: float = 0.0) -> tuple[Any, Any]:
@@ -135,7 +127,7 @@ def signed_distances(
     x = q if isinstance(q, ca.SX) else ca.SX.sym("q", model.dof)
     expressions: dict[str, Any] = {}
     for name, body, other in bodies_apart(model, obstacles, links, pairs):
-        for distance in _distances(model, x, body, other):
+        for *_, distance in _nearest(model, x, body, other):
             add_named(expressions, name, distance)
     if isinstance(q, ca.SX) or not expressions:
         return expressions
@@ -161,16 +153,11 @@ def collision_pairs(model: Model, q: ArrayLike, margin: float = 0.0) -> list[tup
         ValueError: q has the wrong shape.
     """
     links = list(dict.fromkeys(str(body.link) for body in model.bodies))
-    pairs = [
-        (one, other)
-        for index, one in enumerate(links)
-        for other in links[index + 1 :]
-        if model.joint_of(one) != model.joint_of(other)
-    ]
     return [
         pair
-        for pair in pairs
-        if min(signed_distances(model, q, pairs=[pair]).values()) > float(margin)
+        for pair in combinations(links, 2)
+        if model.joint_of(pair[0]) != model.joint_of(pair[1])
+        and min(signed_distances(model, q, pairs=[pair]).values()) > float(margin)
     ]
 
 
@@ -185,10 +172,9 @@ def bodies_apart(
     The arguments and errors are those of `signed_distances`; names may occur more than once.
     """
     found: list[tuple[str, Body, Obstacle]] = []
-    # Reading the bodies of a file is slow, so only if they are needed.
-    moving = _moving_bodies(model) if links is None and obstacles else []
-    if links is not None:
-        moving = _bodies_of_links(model, links, "links")
+    moving = [] if links is None else _bodies_of_links(model, links, "links")
+    if links is None and obstacles:  # reading the bodies of a file is slow
+        moving = [body for body in model.bodies if body.link and model.moves(body.link)]
     for number, obstacle in enumerate(obstacles):
         if not isinstance(obstacle, (Capsule, Ball, HalfSpace)):
             raise ValueError(f"obstacles must be Ball, Capsule or HalfSpace, got {obstacle!r}")
@@ -198,16 +184,12 @@ def bodies_apart(
         link = None if isinstance(obstacle, HalfSpace) else obstacle.link
         joint = None if link is None else model.joint_of(link)
         for body in moving:
-            if joint is not None and joint == model.joint_of(str(body.link)):
-                continue  # parts of the same rigid body
-            found.append((f"{_name(body)} to {other}", body, obstacle))
+            if joint != model.joint_of(str(body.link)):  # else parts of the same rigid body
+                found.append((f"{body.name or body.link} to {other}", body, obstacle))
     for pair in pairs:
-        one, other_one = (_bodies_of_links(model, [link], "pairs") for link in as_pair(pair))
-        found += [
-            (f"{_name(body)} to {_name(second)}", body, second)
-            for body in one
-            for second in other_one
-        ]
+        both = (_bodies_of_links(model, [link], "pairs") for link in as_pair(pair))
+        for one, two in product(*both):
+            found.append((f"{one.name or one.link} to {two.name or two.link}", one, two))
     return found
 
 
@@ -227,35 +209,15 @@ def add_named(found: dict[str, Any], name: str, value: Any) -> None:
     found[unique] = value
 
 
-def _name(body: Body) -> str:
-    return body.name or str(body.link)
-
-
-def _moving_bodies(model: Model) -> list[Body]:
-    return [body for body in model.bodies if body.link is not None and model.moves(body.link)]
-
-
 def _bodies_of_links(model: Model, links: Sequence[str], argument: str) -> list[Body]:
-    found = []
     if isinstance(links, str):
         raise ValueError(f"{argument} must be a list of links, got {links!r}")
+    known = list(dict.fromkeys(str(body.link) for body in model.bodies))
     for link in links:
-        own = [body for body in model.bodies if body.link == link]
-        if not own:
-            known = ", ".join(dict.fromkeys(str(body.link) for body in model.bodies)) or "none"
-            raise ValueError(
-                f"{argument}: {model.name!r} has no body at {link!r}; links with bodies: {known}"
-            )
-        found += own
-    return found
-
-
-def _distances(model: Model, q: ca.SX, body: Body, obstacle: Obstacle) -> list[ca.SX]:
-    one = _segment(model, q, body)
-    if isinstance(obstacle, HalfSpace):
-        return half_space_distances(one, body.radius, obstacle)
-    distance = segment_distance(one, _segment(model, q, obstacle))
-    return [distance - (body.radius + obstacle.radius)]
+        if link not in known:
+            what = f"{argument}: {model.name!r} has no body at {link!r}; links with bodies"
+            raise ValueError(f"{what}: {', '.join(known) or 'none'}")
+    return [body for link in links for body in model.bodies if body.link == link]
 
 
 def half_space_distances(segment: LineSegment, radius: float, obstacle: HalfSpace) -> list[ca.SX]:
@@ -265,9 +227,8 @@ def half_space_distances(segment: LineSegment, radius: float, obstacle: HalfSpac
 
 
 def _segment(model: Model, q: ca.SX, body: Body) -> LineSegment:
-    if body.link is None:
-        return line_segment(as_capsule(body))
-    return line_segment(as_capsule(body), *model.frame_pose(body.link, q))
+    pose = () if body.link is None else model.frame_pose(body.link, q)
+    return line_segment(as_capsule(body), *pose)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -303,6 +264,8 @@ def nearest_points(
     """
     x, expressions = ca.SX.sym("q", model.dof), dict[str, Any]()
     for name, body, other in bodies_apart(model, obstacles, links, pairs):
+        if has_symbols(other):
+            raise ValueError(f"obstacles must be numbers here, got {other!r}")
         for nearest in _nearest(model, x, body, other):
             add_named(expressions, name, ca.vertcat(*nearest))
     if not expressions:
@@ -328,12 +291,10 @@ def has_symbols(obstacle: Obstacle) -> bool:
 def _nearest(
     model: Model, q: ca.SX, body: Body, other: Obstacle
 ) -> list[tuple[ca.SX, ca.SX, ca.SX]]:
-    """Points on the surface of either (3, 1), and the distance of `_distances`."""
-    if has_symbols(other):
-        raise ValueError(f"obstacles must be numbers here, got {other!r}")
-    one, distances = _segment(model, q, body), _distances(model, q, body, other)
+    """Points on the surface of either (3, 1), and their distance; of a plane, for each end."""
+    one = _segment(model, q, body)
     if isinstance(other, HalfSpace):
-        normal = ca.DM(other.normal)
+        normal, distances = ca.DM(other.normal), half_space_distances(one, body.radius, other)
         starts = [end - body.radius * normal for end in one.ends]
         return [
             (start, start - apart * normal, apart)
@@ -341,7 +302,7 @@ def _nearest(
         ]
     second = _segment(model, q, other)
     here, there = (second.start + each for each in _closest_points(one, second))
-    apart = distances[0] + (body.radius + other.radius)
+    apart = segment_distance(one, second)
     direction = (there - here) / apart
     start, end = here + body.radius * direction, there - other.radius * direction
-    return [(start, end, distances[0])]
+    return [(start, end, apart - (body.radius + other.radius))]

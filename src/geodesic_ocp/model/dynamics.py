@@ -11,6 +11,7 @@ from __future__ import annotations
 import importlib
 import os
 import warnings
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from types import ModuleType
@@ -32,40 +33,33 @@ NOT_INSTALLED = (
 )
 
 
+@dataclass(frozen=True)
 class _PinocchioCasadi:
     """Pinocchio's algorithms instantiated on casadi.SX, for joints of one coordinate each."""
 
-    def __init__(self, module: Any) -> None:
-        self._cpin = module
+    cpin: Any  # the module pinocchio.casadi
 
     def mass_matrix(self, model: pin.Model, q: ca.SX) -> ca.SX:
+        built_in = rigid_body.mass_matrix(model, q)
         if not _numbered_depth_first(model):
-            return self._mass_matrix_by_columns(model, q)
-        symbolic = self._symbolic(model)
-        matrix = self._cpin.crba(symbolic, symbolic.createData(), q)
-        symmetric = ca.triu2symm(ca.triu(matrix))  # crba fills the upper triangle only
-        return _unless_larger(symmetric, rigid_body.mass_matrix(model, q))
+            return built_in
+        matrix = self.cpin.crba(*self._with_data(model), q)
+        return _unless_larger(ca.triu2symm(ca.triu(matrix)), built_in)  # the upper triangle is set
 
     def kinetic_energy(self, model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
-        bare = model.copy()
-        bare.armature = np.zeros(model.nv)  # which Pinocchio omits for joints of any axis
-        symbolic = self._symbolic(bare)
-        energy = ca.SX(self._cpin.computeKineticEnergy(symbolic, symbolic.createData(), q, v))
+        energy = ca.SX(self.cpin.computeKineticEnergy(*self._with_data(_bare(model)), q, v))
         energy += ca.dot(ca.DM(model.armature), v**2) / 2
         return _unless_larger(energy, rigid_body.kinetic_energy(model, q, v))
 
     def coriolis_force(self, model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
-        symbolic = self._symbolic(_weightless(model))
-        force = ca.SX(self._cpin.nonLinearEffects(symbolic, symbolic.createData(), q, v))
+        force = ca.SX(self.cpin.nonLinearEffects(*self._with_data(_bare(model)), q, v))
         return _unless_larger(force, rigid_body.coriolis_force(model, q, v))
 
     def inverse_dynamics(
         self, model: pin.Model, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX
     ) -> ca.SX:
-        bare = _weightless(model)
-        bare.armature = np.zeros(model.nv)  # which Pinocchio omits for joints of any axis
-        symbolic = self._symbolic(bare)
-        force = ca.SX(self._cpin.rnea(symbolic, symbolic.createData(), q, v, a))
+        bare = _bare(model)
+        force = ca.SX(self.cpin.rnea(*self._with_data(bare), q, v, a))
         force += ca.DM(model.armature) * a
         # The weight is the derivative of the potential energy, for gravity in any direction.
         for axis, unit in enumerate(np.eye(3)):
@@ -74,39 +68,29 @@ class _PinocchioCasadi:
             force += gravity[axis] * ca.jacobian(height, q).T
         return _unless_larger(force, rigid_body.inverse_dynamics(model, q, v, a, gravity))
 
-    def _symbolic(self, model: pin.Model) -> Any:
+    def _with_data(self, model: pin.Model) -> tuple[Any, Any]:
         clean = model.copy()
         for index in range(model.njoints):
             clean.jointPlacements[index] = without_noise(model.jointPlacements[index])
         for index in range(model.nframes):
             clean.frames[index].placement = without_noise(model.frames[index].placement)
-        return self._cpin.Model(clean)
-
-    def _mass_matrix_by_columns(self, model: pin.Model, q: ca.SX) -> ca.SX:
-        """The mass matrix as torques of unit accelerations at rest, without gravity."""
-        symbolic = self._symbolic(_weightless(model))
-        data, still = symbolic.createData(), ca.SX.zeros(model.nv)
-        columns = [
-            ca.SX(self._cpin.rnea(symbolic, data, q, still, unit))
-            for unit in ca.horzsplit(ca.SX.eye(model.nv))
-        ]
-        return _unless_larger(ca.horzcat(*columns), rigid_body.mass_matrix(model, q))
+        symbolic = self.cpin.Model(clean)
+        return symbolic, symbolic.createData()
 
     def frame_pose(self, model: pin.Model, q: ca.SX, frame: int) -> tuple[ca.SX, ca.SX]:
-        symbolic = self._symbolic(model)
-        data = symbolic.createData()
-        self._cpin.framesForwardKinematics(symbolic, data, q)
+        symbolic, data = self._with_data(model)
+        self.cpin.framesForwardKinematics(symbolic, data, q)
         pose = data.oMf[frame]
         return ca.densify(ca.SX(pose.rotation)), ca.densify(ca.SX(pose.translation))
 
     def potential_energy(self, model: pin.Model, q: ca.SX) -> ca.SX:
-        symbolic = self._symbolic(model)
-        return ca.SX(self._cpin.computePotentialEnergy(symbolic, symbolic.createData(), q))
+        return ca.SX(self.cpin.computePotentialEnergy(*self._with_data(model), q))
 
 
-def _weightless(model: pin.Model) -> pin.Model:
+def _bare(model: pin.Model) -> pin.Model:
+    """A copy without gravity, and without armature, which Pinocchio omits for any axis."""
     copy = model.copy()
-    copy.gravity = pin.Motion.Zero()
+    copy.gravity, copy.armature = pin.Motion.Zero(), np.zeros(model.nv)
     return copy
 
 
@@ -123,8 +107,7 @@ def _numbered_depth_first(model: pin.Model) -> bool:
     crba then omits entries of the matrix. The recursions over single bodies, computeKineticEnergy
     and nonLinearEffects, are not affected.
     """
-    subtrees = [list(subtree) for subtree in model.subtrees]
-    return all(subtree[-1] - subtree[0] == len(subtree) - 1 for subtree in subtrees[1:])
+    return all(tree[-1] - tree[0] == len(tree) - 1 for tree in list(map(list, model.subtrees))[1:])
 
 
 @lru_cache(maxsize=1)
@@ -182,15 +165,11 @@ class SymbolicFunctions:
 
     def value(self, name: str, **vectors: Any) -> Any:
         """An algorithm of the back end at q (n,), or at q and v; symbolic if they are."""
-        return evaluate(self._function(name, "".join(vectors)), *self._checked(**vectors))
+        return evaluate(self._function(name, vectors), *self._checked(**vectors))
 
     def inverse_dynamics(self, q: Any, v: Any, a: Any, gravity: Any) -> Any:
         """Joint forces at one state, (n,) each, or at several, (k, n) each."""
-        if "inverse_dynamics" not in self._built:
-            symbols = [ca.SX.sym(name, self.pin.nv) for name in "qva"] + [ca.SX.sym("gravity", 3)]
-            force = self._algorithms.inverse_dynamics(self.pin, *symbols)
-            self._built["inverse_dynamics"] = ca.Function("inverse_dynamics", symbols, [force])
-        function = self._built["inverse_dynamics"]
+        function = self._function("inverse_dynamics", ("q", "v", "a", "gravity"))
         if is_symbolic(q, v, a, gravity):
             return function(q, v, a, gravity)
         fall = as_vector("gravity", gravity, 3)
@@ -199,12 +178,23 @@ class SymbolicFunctions:
         rows = [self._rows(*each, len(q)) for each in zip("qva", (q, v, a), strict=True)]
         if len(q) == 0:
             return np.zeros((0, self.pin.nv))
-        falls = np.repeat(fall[:, None], len(q), axis=1)
-        return evaluate(function.map(len(q)), *rows, falls).T
+        return evaluate(function.map(len(q)), *rows, np.tile(fall, (len(q), 1)).T).T
 
     def jacobian(self, frame: int, q: Any) -> Any:
         """Jacobian (6, n) of a frame: linear, then angular velocity, in base frame axes."""
-        return evaluate(self._jacobian(frame), *self._checked(q=q))
+        key = f"jacobian_{frame}"
+        if key not in self._built:
+            x = ca.SX.sym("q", self.pin.nv)
+            rotation, position = self._function("frame_pose", "q", frame)(x)
+            columns = [
+                ca.inv_skew(ca.reshape(ca.jacobian(rotation, angle), 3, 3) @ rotation.T)
+                for angle in ca.vertsplit(x)
+            ]
+            jacobian = ca.vertcat(ca.jacobian(position, x), ca.horzcat(*columns))
+            self._built[key] = ca.Function(
+                "hand_jacobian", [x], [ca.densify(ca.cse(jacobian))], ["q"], ["J"]
+            )
+        return evaluate(self._built[key], *self._checked(q=q))
 
     def pose(self, frame: int, q: Any) -> Any:
         """Rotation and position of a frame at one configuration (n,) or at several (k, n)."""
@@ -215,33 +205,16 @@ class SymbolicFunctions:
         rotations, positions = evaluate(function.map(len(q)), self._rows("q", q, len(q)))
         return rotations.reshape(3, -1, 3).transpose(1, 0, 2), positions.reshape(3, -1).T
 
-    @property
-    def _algorithms(self) -> Any:
-        """The built-in module, or Pinocchio's algorithms under the same names."""
-        return rigid_body if self.backend == "built-in" else _PinocchioCasadi(_pinocchio_casadi())
-
-    def _function(self, name: str, arguments: str, *options: int) -> ca.Function:
+    def _function(self, name: str, arguments: Iterable[str], *options: int) -> ca.Function:
         key = "_".join((name, *map(str, options)))
         if key not in self._built:
-            symbols = [ca.SX.sym(argument, self.pin.nv) for argument in arguments]
-            outputs = getattr(self._algorithms, name)(self.pin, *symbols, *options)
+            sizes = {"gravity": 3}
+            symbols = [ca.SX.sym(each, sizes.get(each, self.pin.nv)) for each in arguments]
+            built_in = self.backend == "built-in"
+            algorithms = rigid_body if built_in else _PinocchioCasadi(_pinocchio_casadi())
+            outputs = getattr(algorithms, name)(self.pin, *symbols, *options)
             listed = list(outputs) if isinstance(outputs, tuple) else [outputs]
             self._built[key] = ca.Function(key, symbols, listed)
-        return self._built[key]
-
-    def _jacobian(self, frame: int) -> ca.Function:
-        key = f"jacobian_{frame}"
-        if key not in self._built:
-            q = ca.SX.sym("q", self.pin.nv)
-            rotation, position = self._function("frame_pose", "q", frame)(q)
-            columns = [
-                ca.inv_skew(ca.reshape(ca.jacobian(rotation, q[i]), 3, 3) @ rotation.T)
-                for i in range(self.pin.nv)
-            ]
-            jacobian = ca.vertcat(ca.jacobian(position, q), ca.horzcat(*columns))
-            self._built[key] = ca.Function(
-                "hand_jacobian", [q], [ca.densify(ca.cse(jacobian))], ["q"], ["J"]
-            )
         return self._built[key]
 
     def _rows(self, name: str, values: Any, count: int) -> Array:

@@ -32,30 +32,31 @@ _MAX_HEIGHT, _MAX_MASS = 3.0, 1000.0  # [m], [kg]: larger values are probably in
 _TOOL_CENTRE = {"right": (-0.015, 0.0, -0.037), "left": (0.015, 0.0, -0.037)}  # [height]
 # Winter, Biomechanics and Motor Control of Human Movement, tables of length and density.
 _HAND_LENGTH = 0.108  # [height], to the fingertips
-_DENSITY = {"upper arm": 1070.0, "forearm": 1130.0, "hand": 1160.0}  # [kg/m^3]
-_RIGHT_LIMITS = {  # [rad]
-    "Sx": (-1.22173, 3.31613),
-    "Sz": (-1.0472, 1.22173),
-    "Sy": (-2.79253, 0.0),
-    "Ex": (0.0, 2.79253),
-    "Ez": (-1.5708, 1.5708),
-    "Wx": (-0.523599, 0.349066),
-    "Wy": (-1.5708, 1.22173),
+# The same, table of densities; those of the trunk: abdomen and pelvis, thorax, head and neck.
+_DENSITY = {  # [kg/m^3]
+    **{"upper arm": 1070.0, "forearm": 1130.0, "hand": 1160.0},
+    **{"abdomen": 1010.0, "thorax": 920.0, "head": 1110.0},
 }
-_LIMITS = {  # those of the left arm are mirrored
-    "right": _RIGHT_LIMITS,
-    "left": {
-        joint: (low, high) if joint.endswith("x") else (0.0 - high, 0.0 - low)
-        for joint, (low, high) in _RIGHT_LIMITS.items()
-    },
+_JOINTS = {"x": pin.JointModelRX, "y": pin.JointModelRY, "z": pin.JointModelRZ}
+_LIMITS = {  # [rad]
+    "RSx": (-1.22173, 3.31613),
+    "RSz": (-1.0472, 1.22173),
+    "RSy": (-2.79253, 0.0),
+    "REx": (0.0, 2.79253),
+    "REz": (-1.5708, 1.5708),
+    "RWx": (-0.523599, 0.349066),
+    "RWy": (-1.5708, 1.22173),
+    "BPx": (-0.872665, 0.610865),
+    "BPz": (-0.785398, 0.785398),
+    "BPy": (-0.349066, 0.349066),
+    "BTx": (-0.610865, 0.471239),
+    "BTz": (-0.628319, 0.628319),
+    "BTy": (-0.349066, 0.349066),
 }
-# Winter, Biomechanics and Motor Control of Human Movement, table of densities: abdomen and pelvis,
-# thorax, head and neck.
-_UPPER_BODY_DENSITY = {"abdomen": 1010.0, "thorax": 920.0, "head": 1110.0}  # [kg/m^3]
-_JOINTS = {"x": pin.JointModelRX, "z": pin.JointModelRZ, "y": pin.JointModelRY}
-_SPINE_LIMITS = {  # [rad]
-    "BP": {"x": (-0.872665, 0.610865), "z": (-0.785398, 0.785398), "y": (-0.349066, 0.349066)},
-    "BT": {"x": (-0.610865, 0.471239), "z": (-0.628319, 0.628319), "y": (-0.349066, 0.349066)},
+_LIMITS |= {  # those of the left arm are mirrored
+    f"L{joint[1:]}": (low, high) if joint.endswith("x") else (0.0 - high, 0.0 - low)
+    for joint, (low, high) in _LIMITS.items()
+    if joint.startswith("R")
 }
 # The proportions of the tables differ by more than a hundredth from each other only in part: the
 # nearest table is taken.
@@ -121,11 +122,11 @@ def human_arm(
 
     arm = pin.Model()
     arm.name = f"human {side} arm"
-    bodies = add_arm(arm, 0, pin.SE3.Identity(), side, segments, height, mass)
+    bodies = _add_arm(arm, 0, pin.SE3.Identity(), side, segments, height, mass)
     return Model(arm, "hand", backend, shapes=bodies).with_armature(armature)
 
 
-def add_arm(
+def _add_arm(
     model: pin.Model,
     parent: int,
     shoulder: pin.SE3,
@@ -147,70 +148,50 @@ def add_arm(
         hand: name of the frame at the tool centre point. If it is also that of the link, as "right
             hand" is, there is no frame of the link at the wrist.
     """
-    chain = (  # joint, type, distance from the previous joint [height], segment
-        ("Sx", pin.JointModelRX(), 0.0, None),
-        ("Sz", pin.JointModelRZ(), 0.0, None),
-        ("Sy", pin.JointModelRY(), 0.0, segments.upper_arm),
-        ("Ex", pin.JointModelRX(), segments.upper_arm_length, None),
-        ("Ez", pin.JointModelRZ(), 0.0, segments.forearm),
-        ("Wx", pin.JointModelRX(), segments.forearm_length, None),
-        ("Wy", pin.JointModelRY(), 0.0, segments.hand),
+    parts = (  # name, joints at its start, length [height], segment
+        ("upper arm", ("Sx", "Sz", "Sy"), segments.upper_arm_length, segments.upper_arm),
+        ("forearm", ("Ex", "Ez"), segments.forearm_length, segments.forearm),
+        ("hand", ("Wx", "Wy"), _HAND_LENGTH, segments.hand),
     )
-    indices: list[int] = []
-    for joint, joint_type, length, segment in chain:
-        below = pin.SE3(np.eye(3), np.array([0.0, 0.0, -length * height]))
-        placement = below if indices else shoulder
-        name = f"{side[0].upper()}{joint}_joint"
-        parent = add_joint(model, parent, joint_type, placement, name, _LIMITS[side][joint])
-        indices.append(parent)
-        if segment is not None:
-            body = segment_inertia(segment, height, mass)
-            model.appendBodyToJoint(parent, body, pin.SE3.Identity())
     tool = pin.SE3(pin.rpy.rpyToMatrix(np.pi, 0.0, 0.0), height * np.array(_TOOL_CENTRE[side]))
-    model.addFrame(pin.Frame(hand, parent, tool, pin.FrameType.OP_FRAME))
-    lengths = {
-        "upper arm": (segments.upper_arm_length, segments.upper_arm),
-        "forearm": (segments.forearm_length, segments.forearm),
-        "hand": (_HAND_LENGTH, segments.hand),
-    }
-    bodies = []
-    for (name, (length, segment)), number in zip(lengths.items(), (2, 4, 6), strict=True):
-        link, placement = f"{side} {name}", tool
-        if link != hand:
+    bodies, links, placement = [], [], shoulder
+    for name, joints, length, segment in parts:
+        for joint in joints:
+            parent = _add_joint(model, parent, placement, f"{side[0].upper()}{joint}")
             placement = pin.SE3.Identity()
-            model.addFrame(pin.Frame(link, indices[number], placement, pin.FrameType.BODY))
-        tip = np.array([0.0, 0.0, -length * height])
-        start, end = (placement.actInv(point) for point in (np.zeros(3), tip))
-        radius = cylinder_radius(segment.mass * mass, _DENSITY[name], length * height)
+        model.appendBodyToJoint(parent, _inertia(segment, height, mass), placement)
+        link, tip = f"{side} {name}", np.array([0.0, 0.0, -length * height])
+        frame = tool if link == hand else placement
+        if link != hand:
+            links.append(pin.Frame(link, parent, frame, pin.FrameType.BODY))
+        start, end = (frame.actInv(point) for point in (np.zeros(3), tip))
+        radius = _cylinder_radius(segment.mass * mass, name, length * height)
         bodies.append(Capsule(start, end, radius, link))
+        placement = pin.SE3(np.eye(3), tip)
+    for frame in (pin.Frame(hand, parent, tool, pin.FrameType.OP_FRAME), *links):
+        model.addFrame(frame)
     return tuple(bodies)
 
 
-def add_joint(
-    model: pin.Model,
-    parent: int,
-    joint_type: object,
-    placement: pin.SE3,
-    name: str,
-    limits: tuple[float, float],
-) -> int:
-    """Add a joint with its frame and limits [rad]; returns its index."""
-    lower, upper = (np.array([limit]) for limit in limits)
-    free = np.array([np.inf])
-    index = int(model.addJoint(parent, joint_type, placement, name, free, free, lower, upper))
+def _add_joint(model: pin.Model, parent: int, placement: pin.SE3, name: str) -> int:
+    """Add a joint of `_LIMITS` with its frame; returns its index."""
+    lower, upper = (np.array([limit]) for limit in _LIMITS[name])
+    free, joint = np.array([np.inf]), _JOINTS[name[2]]()
+    name = f"{name}_joint"
+    index = int(model.addJoint(parent, joint, placement, name, free, free, lower, upper))
     model.addJointFrame(index)
     return index
 
 
-def segment_inertia(segment: Segment, height: float, mass: float) -> pin.Inertia:
+def _inertia(segment: Segment, height: float, mass: float) -> pin.Inertia:
     """The inertia of a segment of a person of this height [m] and mass [kg]."""
     moments = mass * height**2 * np.diag(segment.inertia)
     return pin.Inertia(mass * segment.mass, height * np.array(segment.centre), moments)
 
 
-def cylinder_radius(mass: float, density: float, length: float) -> float:
-    """Radius [m] of a cylinder of this mass [kg], density [kg/m^3] and length [m]."""
-    return float(np.sqrt(mass / density / (np.pi * length)))
+def _cylinder_radius(mass: float, name: str, length: float) -> float:
+    """Radius [m] of a cylinder of this mass [kg] and length [m] with the density of a segment."""
+    return float(np.sqrt(mass / _DENSITY[name] / (np.pi * length)))
 
 
 def human_upper_body(
@@ -255,26 +236,30 @@ def human_upper_body(
     segments = trunk()
     person = pin.Model()
     person.name = "human upper body"
-    lumbar = _add_trunk_joint(person, 0, "BP", segments.pelvis * height)
-    thoracic = _add_trunk_joint(person, lumbar, "BT", segments.abdomen_length * height)
+
+    def above(distance: float) -> pin.SE3:
+        return pin.SE3(np.eye(3), np.array([0.0, 0.0, distance * height]))
+
+    joints = [0]
+    for name, distance in (("BP", segments.pelvis), ("BT", segments.abdomen_length)):
+        for axis, offset in (("x", distance), ("z", 0.0), ("y", 0.0)):
+            joints.append(_add_joint(person, joints[-1], above(offset), f"{name}{axis}"))
+    lumbar, thoracic = joints[3], joints[6]
     fixed = (segments.thorax, *segments.on_thorax)
     for joint, segment in ((lumbar, segments.abdomen), *((thoracic, each) for each in fixed)):
-        body = segment_inertia(segment, height, mass)
-        person.appendBodyToJoint(joint, body, pin.SE3.Identity())
+        person.appendBodyToJoint(joint, _inertia(segment, height, mass), pin.SE3.Identity())
 
-    collar = pin.SE3(np.eye(3), np.array([0.0, 0.0, segments.thorax_length * height]))
+    collar = above(segments.thorax_length)
     head = segments.on_thorax[-1]
     spans = (  # link, its joint and frame, its mass, from and to where [height]
-        ("abdomen", lumbar, pin.SE3.Identity(), segments.abdomen, 0.0, segments.abdomen_length),
+        ("abdomen", lumbar, above(0.0), segments.abdomen, 0.0, segments.abdomen_length),
         ("thorax", thoracic, collar, segments.thorax, -segments.thorax_length, 0.0),
         ("head", thoracic, collar, head, *segments.head),
     )
     bodies = []
     for link, joint, frame, segment, low, high in spans:
         person.addFrame(pin.Frame(link, joint, frame, pin.FrameType.BODY))
-        radius = cylinder_radius(
-            segment.mass * mass, _UPPER_BODY_DENSITY[link], (high - low) * height
-        )
+        radius = _cylinder_radius(segment.mass * mass, link, (high - low) * height)
         bodies.append(Capsule((0.0, 0.0, low * height), (0.0, 0.0, high * height), radius, link))
     hands = []
     for side in get_args(Side):
@@ -282,19 +267,9 @@ def human_upper_body(
         shoulder = pin.SE3(np.eye(3), collar.translation + np.array([across, 0.0, 0.0]))
         arm = anthropometry(side, "winter", None)
         hands.append(f"{side} hand")
-        bodies += add_arm(person, thoracic, shoulder, side, arm, height, mass, hands[-1])
+        bodies += _add_arm(person, thoracic, shoulder, side, arm, height, mass, hands[-1])
     model = Model(person, hands[0], backend, shapes=tuple(bodies), hands=tuple(hands))
     return model.with_armature(armature)
-
-
-def _add_trunk_joint(model: pin.Model, parent: int, name: str, distance: float) -> int:
-    """Add rotations about x, z and y at a distance [m] above a joint; the last one's index."""
-    for axis, joint_type in _JOINTS.items():
-        placement = pin.SE3(np.eye(3), np.array([0.0, 0.0, distance]))
-        limits = _SPINE_LIMITS[name][axis]
-        parent = add_joint(model, parent, joint_type(), placement, f"{name}{axis}_joint", limits)
-        distance = 0.0
-    return parent
 
 
 def stature(model: Model) -> float | None:
@@ -303,13 +278,13 @@ def stature(model: Model) -> float | None:
     It is read from the lengths of upper arm and forearm, by the anthropometric table whose
     proportion of the two is nearest.
     """
-    for side in ("R", "L"):
-        names = [f"{side}{joint}_joint" for joint in ("Sx", "Sz", "Sy", "Ex", "Ez", "Wx", "Wy")]
+    for side in "RL":
+        names = [f"{joint}_joint" for joint in _LIMITS if joint.startswith(side)]
         if not all(model.pin.existJointName(name) for name in names):
             continue
         upper, fore = (
             float(np.linalg.norm(model.pin.jointPlacements[model.pin.getJointId(name)].translation))
-            for name in (names[3], names[5])
+            for name in (f"{side}Ex_joint", f"{side}Wx_joint")
         )
         if min(upper, fore) <= 0.0:
             continue

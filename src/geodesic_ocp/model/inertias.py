@@ -24,6 +24,7 @@ _SINGULAR = 1e-13
 _NUM_CONFIGURATIONS = 8
 DEFAULT_ARMATURE = 0.05  # [kg m^2], of revolute joints of robots of which nothing is known
 _UR = r"(shoulder_pan|shoulder_lift|elbow|wrist_[123])_joint$"
+_PANDA = "MuJoCo Menagerie, franka_emika_panda/panda.xml (armature 0.1 on all joints)"
 _UR5E = "MuJoCo Menagerie, universal_robots_ur5e/ur5e.xml (armature 0.1 on all joints)"
 
 
@@ -53,10 +54,10 @@ def check_inertias(model: pin.Model) -> None:
         least = _ROUNDING * moments[-1] if body.mass > 0.0 else -_ROUNDING * moments[-1]
         if rotates[index] and (moments[0] < least or (body.mass > 0.0 and moments[-1] <= 0.0)):
             listed = ", ".join(f"{moment:.3g}" for moment in moments)
-            raise ValueError(
-                f"link {link!r}, {body.mass:.3g} kg, has an inertia that is not positive definite: "
-                f"principal moments {listed} kg m^2"
+            what = (
+                f"link {link!r}, {body.mass:.3g} kg, has an inertia that is not positive definite"
             )
+            raise ValueError(f"{what} definite: principal moments {listed} kg m^2")
         if carried[index] <= 0.0 and not model.armature[model.joints[index].idx_v]:
             raise ValueError(
                 f"link {link!r} moves with joint {joint!r}, but neither it nor any later link "
@@ -67,10 +68,7 @@ def check_inertias(model: pin.Model) -> None:
 
 def _carried_masses(model: pin.Model) -> Array:
     """Mass [kg] that each joint moves: its own link and all later links."""
-    carried = np.array([inertia.mass for inertia in model.inertias])
-    for index in range(model.njoints - 1, 0, -1):
-        carried[model.parents[index]] += carried[index]
-    return carried
+    return np.array([sum(model.inertias[each].mass for each in tree) for tree in model.subtrees])
 
 
 def _link_of(model: pin.Model, index: int) -> str:
@@ -97,8 +95,7 @@ def _check_mass_matrix(model: pin.Model) -> None:
         if values[0] > _SINGULAR:
             return
         idle = np.maximum(idle, np.abs(vectors[:, 0]))
-    joints = list(model.joints)
-    index = next(i for i in range(1, model.njoints) if joints[i].idx_v == int(np.argmax(idle)))
+    index = int(np.argmax(idle)) + 1
     raise ValueError(
         f"link {_link_of(model, index)!r}: the mass matrix is singular in every configuration, as "
         f"joint {model.names[index]!r} can move without moving any mass, and has no armature"
@@ -118,27 +115,13 @@ class RobotArmature(ShortRepr):
     source: str
 
 
-@dataclass(frozen=True)
-class _Known:
-    """One value for joints whose name, and that of their robot, contain these patterns."""
-
-    joint: str
-    robot: str
-    value: float  # [kg m^2]
-    source: str
-
-
-_KNOWN = (
-    _Known(
-        r"panda_joint[1-7]$",
-        "",
-        0.1,
-        "MuJoCo Menagerie, franka_emika_panda/panda.xml (armature 0.1 on all joints)",
-    ),
-    _Known(_UR, r"^ur5e\b", 0.1, _UR5E),
-    _Known(_UR, r"^ur5\b", 0.1, f"that of its successor UR5e: {_UR5E}"),
-    _Known("", r"^human (left|right) arm\b", 0.0, "a person's arm has no rotors"),
-)
+# Patterns of names of joints and of their robots: value [kg m^2] and its source.
+_KNOWN = {
+    (r"panda_joint[1-7]$", ""): (0.1, _PANDA),
+    (_UR, r"^ur5e\b"): (0.1, _UR5E),
+    (_UR, r"^ur5\b"): (0.1, f"that of its successor UR5e: {_UR5E}"),
+    ("", r"^human (left|right) arm\b"): (0.0, "a person's arm has no rotors"),
+}
 
 
 def robot_armature(model: Model) -> RobotArmature:
@@ -155,19 +138,18 @@ def robot_armature(model: Model) -> RobotArmature:
     if model.armature.any():
         return RobotArmature(model.armature, "the model")
     values, sources = np.zeros(model.dof), []
+    default = f"default of {DEFAULT_ARMATURE:g} kg m^2"
     for row, (joint, unit) in enumerate(zip(model.joint_names, model.units, strict=True)):
-        known = next((entry for entry in _KNOWN if _fits(entry, model.name, joint)), None)
-        if known is not None:
-            values[row] = known.value
-            sources.append(known.source)
-        elif unit == "rad":
-            values[row] = DEFAULT_ARMATURE
-            sources.append(f"default of {DEFAULT_ARMATURE:g} kg m^2")
+        for (of_joint, of_robot), known in _KNOWN.items():
+            if re.search(of_robot, model.name) and re.search(of_joint, joint):
+                values[row], source = known
+                break
         else:
-            values[row] = DEFAULT_ARMATURE / model.reach**2
-            sources.append(
-                f"default of {DEFAULT_ARMATURE:g} kg m^2 / reach^2 = {values[row]:.3g} kg"
-            )
+            values[row], source = DEFAULT_ARMATURE, default
+            if unit == "m":
+                values[row] /= model.reach**2
+                source = f"{default} / reach^2 = {values[row]:.3g} kg"
+        sources.append(source)
     values.flags.writeable = False
     return RobotArmature(values, "; ".join(dict.fromkeys(sources)))
 
@@ -178,10 +160,6 @@ def with_rotor_inertia(model: Model) -> Model:
         return model
     values = robot_armature(model).values
     return model.with_armature(values) if values.any() else model
-
-
-def _fits(entry: _Known, robot: str, joint: str) -> bool:
-    return bool(re.search(entry.robot, robot) and re.search(entry.joint, joint))
 
 
 def scale_inertias(
@@ -213,23 +191,24 @@ def inertia_scale(model: Model) -> Array:
     Of a model with several hands, the joints that move the same hands belong together, such as
     those of an arm or of the trunk: mass and reach are those from the first of them on.
     """
-    joints = sorted(range(1, model.pin.njoints), key=lambda index: model.pin.joints[index].idx_v)
-    masses, several = _carried_masses(model.pin), len(model.hands) > 1
-    result, found = [], dict[tuple[int, ...], tuple[float, float]]()
-    for joint, unit in zip(joints, model.units, strict=True):
-        hands = _hands_behind(model, joint) if several else ()
-        if (key := hands or (-_root(model, joint),)) not in found:
-            start = _first(model, joint, hands) if hands else _root(model, joint)
-            reach = _reach(model, start, hands) if hands else model.reach
-            found[key] = masses[start], reach
-        mass, reach = found[key]
-        result.append(mass * reach**2 if unit == "rad" else mass)
+    result, masses = [], _carried_masses(model.pin)
+    found = dict[tuple[int, tuple[int, ...]], float]()
+    for joint, unit in enumerate(model.units, start=1):
+        chain = list(model.pin.supports[joint])[1:]
+        hands = _hands_behind(model, joint) if len(model.hands) > 1 else ()
+        # The first joint of the tree, or of those that move the same hands.
+        start = next(each for each in chain if not hands or _hands_behind(model, each) == hands)
+        if (start, hands) not in found:
+            origin = None if start == chain[0] else start
+            found[start, hands] = (
+                model.reach
+                if not hands
+                else max(
+                    max_reach(model.pin, hand, model.lower, model.upper, origin) for hand in hands
+                )
+            )
+        result.append(masses[start] * (found[start, hands] ** 2 if unit == "rad" else 1.0))
     return np.array(result)
-
-
-def _root(model: Model, joint: int) -> int:
-    """The first joint of a joint's tree."""
-    return int(list(model.pin.supports[joint])[1])
 
 
 def _hands_behind(model: Model, joint: int) -> tuple[int, ...]:
@@ -240,15 +219,3 @@ def _hands_behind(model: Model, joint: int) -> tuple[int, ...]:
         for frame in frames
         if joint in list(model.pin.supports[model.pin.frames[frame].parentJoint])
     )
-
-
-def _first(model: Model, joint: int, hands: tuple[int, ...]) -> int:
-    """The first joint, from the base on, that moves the same hands."""
-    chain = [int(index) for index in list(model.pin.supports[joint])[1:]]
-    return next(index for index in chain if _hands_behind(model, index) == hands)
-
-
-def _reach(model: Model, joint: int, hands: tuple[int, ...]) -> float:
-    """Largest distance [m] of any of these hands from a joint."""
-    start = None if joint == _root(model, joint) else joint
-    return max(max_reach(model.pin, hand, model.lower, model.upper, start) for hand in hands)

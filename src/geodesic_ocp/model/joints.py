@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ import pinocchio as pin
 import scipy
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_number, real_array
+from geodesic_ocp.arrays import Array, real_array
 
 _ROUNDING = 1e-15
 # A continuous joint has no limits; these are wide enough for the shortest rotation between angles.
@@ -55,32 +54,24 @@ def configuration(model: pin.Model, q: Array) -> Array:
     return np.array(entries, dtype=float)
 
 
-@contextmanager
-def distinct_frames(*models: pin.Model) -> Iterator[dict[str, str]]:
-    """Temporarily rename frames to be unique, as Pinocchio requires when it edits models.
+def with_distinct_frames(*models: pin.Model) -> tuple[list[pin.Model], dict[str, str]]:
+    """Copies whose frames have unique names, as Pinocchio requires when it edits models.
 
-    Yields the original names by the temporary ones; see `restore_frames`.
+    With them the original names by the new ones, for `restore_frames`.
     """
-    original, count = {}, 0
-    before = [[str(frame.name) for frame in model.frames] for model in models]
+    original, copies = dict[str, str](), [model.copy() for model in models]
     joints = {str(name) for model in models for name in model.names}
-    for model in models:
-        for frame in list(model.frames)[1:]:
+    for copy in copies:
+        for frame in list(copy.frames)[1:]:
             if frame.type == pin.FrameType.JOINT and frame.name in joints:
                 continue  # Pinocchio looks joints up by name
-            count += 1
-            original[f"frame {count}"] = str(frame.name)
-            frame.name = f"frame {count}"
-    try:
-        yield original
-    finally:
-        for model, names in zip(models, before, strict=True):
-            for frame, name in zip(model.frames, names, strict=True):
-                frame.name = name
+            name = f"frame {len(original) + 1}"
+            original[name], frame.name = str(frame.name), name
+    return copies, original
 
 
 def restore_frames(model: pin.Model, original: Mapping[str, str]) -> None:
-    """Give frames the names that they had before `distinct_frames`."""
+    """Give frames the names that they had before `with_distinct_frames`."""
     for frame in model.frames:
         frame.name = original.get(str(frame.name), str(frame.name))
 
@@ -91,11 +82,11 @@ def with_joint_frames(model: pin.Model) -> pin.Model:
     Where another frame has that name, "(joint)" follows it.
     """
     carried = {int(frame.parentJoint) for frame in model.frames}
-    for index in range(1, model.njoints):
+    for index in sorted(set(range(1, model.njoints)) - carried):
         name = str(model.names[index])
-        if index not in carried and not model.existFrame(name):
+        if not model.existFrame(name):
             model.addJointFrame(index)
-        elif index not in carried:
+        else:
             kind = pin.FrameType.OP_FRAME  # of the type JOINT Pinocchio expects the joint's name
             model.addFrame(pin.Frame(f"{name} (joint)", index, pin.SE3.Identity(), kind))
     return model
@@ -119,59 +110,17 @@ def without_noise(placement: pin.SE3) -> pin.SE3:
     return pin.SE3(rotation, placement.translation)
 
 
-def merge_limits(
-    given: Sequence[ArrayLike | Mapping[str, float] | None],
-    current: Sequence[Array],
-    joint_names: Sequence[str],
-) -> list[Array]:
-    """The given lower and upper limits, (n,) each, with the current ones where none is given.
-
-    Raises:
-        ValueError: an unknown joint, not n numbers, or a lower limit above the upper one.
-    """
-    sides = zip(("lower", "upper"), given, current, strict=True)
-    limits = [_merged(name, new, old, joint_names) for name, new, old in sides]
-    for joint, low, high in zip(joint_names, *limits, strict=True):
-        if low > high or low == np.inf or high == -np.inf:  # the range is empty
-            raise ValueError(f"{joint}: the lower limit {low:g} lies above the upper {high:g}")
-    return limits
-
-
-def as_armature(
-    value: ArrayLike | Mapping[str, float], current: Array, joint_names: Sequence[str]
-) -> Array:
-    """Joint inertias (n,) from one number, n numbers, or some by joint name.
-
-    Raises:
-        ValueError: an unknown joint, or not 1 or n numbers; whether they make sense is for
-            `check_armature`.
-    """
-    entries = np.array([*value.values()] if isinstance(value, Mapping) else value, dtype=object)
-    if any(isinstance(entry, (bool, np.bool_)) for entry in entries.flat):
-        raise ValueError(f"armature must be numbers, not truth values, got {value!r}")
-    if isinstance(value, str) or not isinstance(value, (Mapping, Sequence, np.ndarray)):
-        value = [as_number("armature", value)] * current.size
-    return _merged("armature", value, current, joint_names)
-
-
-def check_armature(model: pin.Model) -> None:
-    """Reject joint inertias that are negative or not finite."""
-    for index in range(1, model.njoints):
-        inertia = model.armature[model.joints[index].idx_v]
-        if not 0.0 <= inertia < np.inf:
-            raise ValueError(
-                f"armature of joint {model.names[index]!r} must be finite and not negative, got "
-                f"{inertia:g}"
-            )
-
-
-def _merged(
+def joint_values(
     name: str,
     given: ArrayLike | Mapping[str, float] | None,
     current: Array,
     joint_names: Sequence[str],
 ) -> Array:
-    """One side of the limits, (n,); errors name the argument."""
+    """Numbers of the joints (n,), some by name, with the current ones where none is given.
+
+    Raises:
+        ValueError: an unknown joint, or not n numbers; names the argument.
+    """
     if given is None:
         return current
     if isinstance(given, Mapping):
@@ -191,11 +140,8 @@ def _merged(
 
 def continuous_joints(model: pin.Model) -> tuple[str, ...]:
     """Names of the joints that Pinocchio stores as cosine and sine of their angle."""
-    return tuple(
-        str(model.names[index])
-        for index in range(1, model.njoints)
-        if (model.joints[index].nq, model.joints[index].nv) == (2, 1)
-    )
+    joints = zip(model.names, model.joints, strict=True)
+    return tuple(str(name) for name, joint in joints if (joint.nq, joint.nv) == (2, 1))
 
 
 def with_angles(model: pin.Model) -> pin.Model:
@@ -207,21 +153,18 @@ def with_angles(model: pin.Model) -> pin.Model:
     if not continuous:
         return model.copy()
     result = pin.Model()
-    result.name = model.name
-    result.gravity = model.gravity
+    result.name, result.gravity = model.name, model.gravity
+    result.inertias[0] = model.inertias[0]
+    lower, upper = model.lowerPositionLimit, model.upperPositionLimit
     for index in range(1, model.njoints):
         joint, name = model.joints[index], model.names[index]
-        revolute = name in continuous
-        new_type = joint_along(motion_subspace(model, index)[3:]) if revolute else joint
+        low, high = lower[joint.idx_q], upper[joint.idx_q]
+        if name in continuous:
+            low, high = -DEFAULT_LIMIT, DEFAULT_LIMIT
+            joint = joint_along(motion_subspace(model, index)[3:])
         placement = model.jointPlacements[index]
-        new = result.joints[result.addJoint(model.parents[index], new_type, placement, name)]
-        for limits in ("lowerPositionLimit", "upperPositionLimit"):
-            sign = -1.0 if limits.startswith("lower") else 1.0
-            current = getattr(model, limits)[joint.idx_q : joint.idx_q + joint.nq]
-            getattr(result, limits)[new.idx_q : new.idx_q + new.nq] = (
-                sign * DEFAULT_LIMIT if revolute else current
-            )
-    for index in range(model.njoints):
+        row = result.joints[result.addJoint(model.parents[index], joint, placement, name)].idx_q
+        result.lowerPositionLimit[row], result.upperPositionLimit[row] = low, high
         result.inertias[index] = model.inertias[index]
     for values in _PER_VELOCITY:
         setattr(result, values, getattr(model, values).copy())
@@ -257,7 +200,6 @@ def max_reach(
     chain = list(model.supports[model.frames[frame].parentJoint])[1:]
     if not chain:
         return 0.0
-
     axes = pin.LOCAL_WORLD_ALIGNED
 
     def negative_square(q: Array) -> tuple[float, Array]:
@@ -271,7 +213,13 @@ def max_reach(
             jacobian = jacobian - pin.getJointJacobian(model, data, joint, axes)[:3]
         return -float(arm @ arm), -2.0 * jacobian.T @ arm
 
-    longest = _length(model, frame, chain, joint)
+    # Of the stretched chain; unknown where it does not begin at the joint, or has a slide.
+    start = chain[0] if joint is None else joint
+    behind = [model.jointPlacements[index] for index in chain if index > start]
+    places = [*behind, model.frames[frame].placement]
+    longest = sum(float(np.linalg.norm(place.translation)) for place in places)
+    if start not in chain:
+        longest = np.inf
     for index in chain:
         i, subspace = model.joints[index].idx_v, motion_subspace(model, index)
         if np.any(subspace[:3]):
@@ -282,25 +230,11 @@ def max_reach(
     high = np.where(np.isfinite(upper), upper, np.pi)
     bounds = list(zip(low, high, strict=True))
     random = np.random.default_rng(0).uniform(low, high, (_NUM_RANDOM, model.nv))
+    options = {"jac": True, "bounds": bounds, "method": "L-BFGS-B"}
     reached = 0.0
-    for start in sorted(random, key=lambda q: negative_square(q)[0])[:_NUM_STARTS]:
-        found = scipy.optimize.minimize(
-            negative_square, start, jac=True, bounds=bounds, method="L-BFGS-B"
-        )
+    for first in sorted(random, key=lambda q: negative_square(q)[0])[:_NUM_STARTS]:
+        found = scipy.optimize.minimize(negative_square, first, **options)
         reached = max(reached, float(np.sqrt(-found.fun)))
         if reached >= (1.0 - _STRETCHED) * longest:
             break
     return reached
-
-
-def _length(model: pin.Model, frame: int, chain: list[int], joint: int | None) -> float:
-    """Length [m] of the stretched chain from the joint to the frame; inf if the joint is not in it.
-
-    Prismatic joints are at zero.
-    """
-    if joint is not None and joint not in chain:
-        return np.inf
-    behind = chain[1 if joint is None else chain.index(joint) + 1 :]
-    placements = [model.jointPlacements[index] for index in behind]
-    placements.append(model.frames[frame].placement)
-    return sum(float(np.linalg.norm(placement.translation)) for placement in placements)

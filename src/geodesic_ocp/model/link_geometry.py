@@ -13,14 +13,16 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import scipy
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from geodesic_ocp.arrays import Array, real_array
+from geodesic_ocp.model.joints import frame_index
 from geodesic_ocp.model.primitives import Ball, Body, Capsule, Point, as_capsule
 
 _COINCIDE = 1e-12  # [m]
 _MAX_EVALUATIONS = 1500
 _SUPPORTED = ("box", "cylinder", "sphere", "capsule", "mesh")
+GREY = (0.62, 0.65, 0.70)  # colour of shapes without one
 _RIM = 24  # corners of the polygon around a circle
 
 
@@ -48,15 +50,16 @@ def _fitted(vertices: bytes) -> tuple[Point, Point, float]:
     cloud = np.frombuffer(vertices).reshape(-1, 3)
     size = float(np.ptp(cloud, axis=0).max())
     principal = np.linalg.svd(cloud - cloud.mean(axis=0), full_matrices=True)[2]
-    fits = [_segment_along(cloud, axis) for axis in (*np.eye(3), *principal)]
-    best = min(fits, key=lambda ends: _volume(ends, cloud))
-    found = scipy.optimize.minimize(
-        lambda ends: _volume(ends, cloud) / size**3,
-        best,
-        method="Nelder-Mead",
-        options={"maxfev": _MAX_EVALUATIONS, "xatol": 1e-3 * size, "fatol": 1e-5, "adaptive": True},
-    )
-    ends = min((best, found.x), key=lambda ends: _volume(ends, cloud))
+
+    def volume(ends: Array) -> float:
+        start, end = ends.reshape(2, 3)
+        radius = float(distances_to_segment(cloud, start, end).max()) / size
+        return np.pi * radius**2 * (float(np.linalg.norm(end - start)) / size + 4.0 / 3.0 * radius)
+
+    best = min((_segment_along(cloud, axis) for axis in (*np.eye(3), *principal)), key=volume)
+    options = {"maxfev": _MAX_EVALUATIONS, "xatol": 1e-3 * size, "fatol": 1e-5, "adaptive": True}
+    found = scipy.optimize.minimize(volume, best, method="Nelder-Mead", options=options)
+    ends = min((best, found.x), key=volume)
     start, end = ends.reshape(2, 3)
     # Slightly larger, so that rounding leaves no point outside.
     radius = float(distances_to_segment(cloud, start, end).max()) + 1e-9 * size
@@ -90,13 +93,6 @@ def _segment_along(cloud: Array, axis: Array) -> Array:
     if low > high:
         low = high = (low + high) / 2.0
     return np.concatenate([middle + low * axis, middle + high * axis])
-
-
-def _volume(ends: Array, cloud: Array) -> float:
-    start, end = ends.reshape(2, 3)
-    radius = float(distances_to_segment(cloud, start, end).max())
-    length = float(np.linalg.norm(end - start))
-    return np.pi * radius**2 * (length + 4.0 / 3.0 * radius)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,34 +129,33 @@ class LinkGeometry:
         """
         self._check()
         try:
-            geometry = self._geometry()
+            found = list(self._shapes(pin.GeometryType.COLLISION))
         except Exception as error:
             reason = " ".join(str(error).split())
-            raise ValueError(
-                f"{self.name}: its collision geometry cannot be read: {reason}"
-            ) from None
-        parts = []
-        for each in geometry.geometryObjects:
-            frame = self.pin.frames[each.parentFrame]
+            what = f"{self.name}: its collision geometry cannot be read"
+            raise ValueError(f"{what}: {reason}") from None
+        for each, _, link in found:
             kind = type(each.geometry).__name__
-            if kind in ("Halfspace", "Plane"):  # a floor, not a link
-                continue
             if kind not in ("Sphere", "Capsule") and points_of(each.geometry) is None:
                 raise ValueError(
-                    f"{self.name}: the collision geometry of {frame.name!r} is a {kind}, which "
+                    f"{self.name}: the collision geometry of {link!r} is a {kind}, which "
                     "cannot be enclosed in a capsule; use Model.with_bodies"
                 )
-            at_link = frame.placement.actInv(each.placement)
-            parts.append((each.geometry, at_link, str(frame.name)))
-        return parts + [shape_of(body) for body in self._capsules()]
+        return [(each.geometry, at_link, link) for each, at_link, link in found]
 
-    def visual(self) -> tuple[pin.GeometryModel, tuple[Body, ...]]:
-        """Visual geometry of the links, and the capsules of a URDF, which Pinocchio cannot read.
+    def visual(self) -> Iterator[tuple[pin.GeometryObject, pin.SE3, str]]:
+        """Visual geometry, each with its placement in the frame of a link, and the link.
 
         Raises:
             Exception: of any type, from Pinocchio: a mesh is missing or cannot be read.
         """
-        return self._geometry(pin.GeometryType.VISUAL), tuple(self._capsules("visual"))
+        return self._shapes(pin.GeometryType.VISUAL)
+
+    def _shapes(self, kind: pin.GeometryType) -> Iterator[tuple[pin.GeometryObject, pin.SE3, str]]:
+        for each in self._geometry(kind).geometryObjects:
+            if type(each.geometry).__name__ not in ("Halfspace", "Plane"):  # a floor, not a link
+                frame = self.pin.frames[each.parentFrame]
+                yield each, frame.placement.actInv(each.placement), str(frame.name)
 
     def _check(self) -> None:
         root = ET.fromstring(self.text)
@@ -175,36 +170,43 @@ class LinkGeometry:
             if "refpos" in mesh.attrib or "refquat" in mesh.attrib:
                 raise ValueError(f"{self.name}: refpos and refquat of a mesh are not supported")
 
-    def _geometry(self, kind: pin.GeometryType = pin.GeometryType.COLLISION) -> pin.GeometryModel:
+    def _geometry(self, kind: pin.GeometryType) -> pin.GeometryModel:
         if self.text.lstrip().startswith("<mujoco"):
             with tempfile.TemporaryDirectory() as scratch:
                 written = Path(scratch) / "model.xml"
                 written.write_text(self.text, encoding="utf-8")
                 return pin.buildGeomFromMJCF(self.pin, str(written), kind)
         folders = [] if self.folder is None else [self.folder, *self.folder.parents]
-        root = ET.fromstring(self.text)
+        root, capsules = ET.fromstring(self.text), []
         tag = "visual" if kind == pin.GeometryType.VISUAL else "collision"
         for link, shape in _shapes_of_urdf(root, tag):
             # urdfdom does not know capsules, and would drop all shapes of the link.
-            if shape.find("geometry/capsule") is not None:
+            if (element := shape.find("geometry/capsule")) is not None:
+                capsules.append(_capsule(str(link.get("name")), shape, element))
                 link.remove(shape)
         text = ET.tostring(root, encoding="unicode")
         package_dirs = [str(each) for each in folders]
-        return pin.buildGeomFromUrdfString(self.pin, text, kind, package_dirs=package_dirs)
+        geometry = pin.buildGeomFromUrdfString(self.pin, text, kind, package_dirs=package_dirs)
+        for number, (form, at_link, name) in enumerate(map(shape_of, capsules)):
+            index = frame_index(self.pin, name)
+            frame = self.pin.frames[index]
+            place = frame.placement * at_link
+            added = pin.GeometryObject(f"capsule {number}", frame.parentJoint, index, place, form)
+            added.meshColor = np.array([*GREY, 1.0])
+            geometry.addGeometryObject(added)
+        return geometry
 
-    def _capsules(self, tag: str = "collision") -> Iterator[Body]:
-        """Capsules of a URDF: along z, centred at their origin; the length excludes the caps."""
-        for link, shape in _shapes_of_urdf(ET.fromstring(self.text), tag):
-            if (capsule := shape.find("geometry/capsule")) is not None:
-                origin = shape.find("origin")
-                values = {} if origin is None else origin.attrib
-                position = np.array(values.get("xyz", "0 0 0").split(), dtype=float)
-                rotation = pin.rpy.rpyToMatrix(
-                    np.array(values.get("rpy", "0 0 0").split(), dtype=float)
-                )
-                along = rotation[:, 2] * float(capsule.get("length", "nan")) / 2.0
-                ends = tuple(position - along), tuple(position + along)
-                yield Capsule(*ends, float(capsule.get("radius", "nan")), link.get("name"))
+
+def _capsule(link: str, shape: ET.Element, capsule: ET.Element) -> Capsule:
+    """A capsule of a URDF: along z, centred at its origin; the length excludes the caps."""
+    origin = shape.find("origin")
+    position, angles = (
+        np.array(["0", "0", "0"] if origin is None else origin.get(key, "0 0 0").split(), float)
+        for key in ("xyz", "rpy")
+    )
+    length, radius = (float(capsule.get(key, "nan")) for key in ("length", "radius"))
+    along = pin.rpy.rpyToMatrix(angles)[:, 2] * length / 2.0
+    return Capsule(tuple(position - along), tuple(position + along), radius, link)
 
 
 def _shapes_of_urdf(
@@ -234,12 +236,15 @@ def shape_of(body: Body) -> tuple[Any, pin.SE3, str]:
     start, end = np.array(capsule.start), np.array(capsule.end)
     length, middle = float(np.linalg.norm(end - start)), (start + end) / 2.0
     if length == 0.0:
-        shape, rotation = pin.coal.Sphere(body.radius), np.eye(3)
-    else:
-        z = np.array([0.0, 0.0, 1.0])
-        shape = pin.coal.Capsule(body.radius, length)
-        rotation = pin.Quaternion.FromTwoVectors(z, (end - start) / length).matrix()
-    return shape, pin.SE3(rotation, middle), str(body.link)
+        return pin.coal.Sphere(body.radius), pin.SE3(np.eye(3), middle), str(body.link)
+    placement = pin.SE3(turn_to((end - start) / length), middle)
+    return pin.coal.Capsule(body.radius, length), placement, str(body.link)
+
+
+def turn_to(direction: Array) -> Array:
+    """A rotation (3, 3) of the z axis to a direction (3,), of any length but zero."""
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), direction)
+    return np.array(turn.matrix())
 
 
 def points_of(shape: Any) -> Array | None:
@@ -256,15 +261,22 @@ def points_of(shape: Any) -> Array | None:
         directions = _cube((-1.0, 0.0, 1.0))
         ball = directions[np.any(directions != 0.0, axis=1)]
         ball /= np.linalg.norm(ball, axis=1, keepdims=True)
-        inside = (
-            -scipy.spatial.ConvexHull(ball).equations[:, 3].max()
-        )  # distance of the closest face
-        return np.asarray(ball / inside * np.array(shape.radii))
+        closest = -scipy.spatial.ConvexHull(ball).equations[:, 3].max()  # of the faces
+        return np.asarray(ball / closest * np.array(shape.radii))
     vertices = getattr(shape, "vertices", None)
     if vertices is None:
         return None
     found = np.array(vertices() if callable(vertices) else vertices, dtype=float)
     return found if found.ndim == 2 and found.shape[1] == 3 and len(found) else None
+
+
+def triangles_of(shape: Any) -> NDArray[np.int64] | None:
+    """The triangles (m, 3) of a mesh of coal, indices of `points_of`; None for other shapes."""
+    if not hasattr(shape, "tri_indices"):
+        return None
+    corners = (shape.tri_indices(index) for index in range(shape.num_tris))
+    listed = [(each[0], each[1], each[2]) for each in corners]
+    return np.array(listed, dtype=np.int64).reshape(-1, 3)
 
 
 def _cube(values: tuple[float, ...]) -> Array:

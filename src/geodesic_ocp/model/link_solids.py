@@ -13,7 +13,13 @@ import pinocchio as pin
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.joints import frame_index, motion_subspace
-from geodesic_ocp.model.link_geometry import LinkGeometry, enclosing_body, points_of, shape_of
+from geodesic_ocp.model.link_geometry import (
+    LinkGeometry,
+    enclosing_body,
+    points_of,
+    shape_of,
+    triangles_of,
+)
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Capsule, as_capsule
 
@@ -45,13 +51,12 @@ class LinkSolid:
     @cached_property
     def capsules(self) -> tuple[Capsule, ...]:
         """Capsules that contain the shapes, one for each: the bodies of `Model.bodies`."""
-        into_link = self.at_joint.inverse()
-        bodies = (enclosing_body(shape, into_link * at, self.link) for shape, at in self.shapes)
-        return tuple(self._on_joint(as_capsule(body)) for body in bodies)
-
-    def _on_joint(self, capsule: Capsule) -> Capsule:
-        start, end = (self.at_joint.act(np.array(each)) for each in (capsule.start, capsule.end))
-        return Capsule(tuple(start), tuple(end), capsule.radius, None, self.link)
+        into_link, found = self.at_joint.inverse(), []
+        for shape, at in self.shapes:
+            body = as_capsule(enclosing_body(shape, into_link * at, self.link))
+            start, end = (tuple(self.at_joint.act(np.array(at))) for at in (body.start, body.end))
+            found.append(Capsule(start, end, body.radius, None, self.link))
+        return tuple(found)
 
     @cached_property
     def fast_shapes(self) -> tuple[tuple[Any, Any], ...]:
@@ -122,22 +127,17 @@ def reach_bound(model: Model, solids: Sequence[LinkSolid]) -> tuple[Array, float
 
 def _parent(model: pin.Model, link: str, known: Container[str]) -> str:
     """The nearest frame before a link that is known; "" if there is none."""
-    index = int(model.frames[frame_index(model, link)].parentFrame)
-    while index > 0:
-        if str(model.frames[index].name) in known:
-            return str(model.frames[index].name)
-        index = int(model.frames[index].parentFrame)
+    index = frame_index(model, link)
+    while (index := int(model.frames[index].parentFrame)) > 0:
+        if (name := str(model.frames[index].name)) in known:
+            return name
     return ""
 
 
 def _convex_if_it_is(shape: Any) -> Any:
     """The convex body of a closed mesh no vertex of which lies in front of a triangle."""
-    if not hasattr(shape, "tri_indices"):
-        return shape
-    points = np.array(shape.vertices(), dtype=float)
-    corners = [shape.tri_indices(index) for index in range(shape.num_tris)]
-    triangles = np.array([(each[0], each[1], each[2]) for each in corners])
-    if len(triangles) != 2 * len(points) - 4:  # Euler's formula
+    triangles, points = triangles_of(shape), points_of(shape)
+    if triangles is None or points is None or len(triangles) != 2 * len(points) - 4:  # Euler
         return shape
     first, second, third = (points[triangles[:, column]] for column in range(3))
     normals = np.cross(second - first, third - first)
@@ -151,10 +151,8 @@ def _convex_if_it_is(shape: Any) -> Any:
 
 def _radius(shape: Any) -> float:
     """Radius [m] of a ball about the shape's origin that contains it."""
-    if hasattr(shape, "halfLength") and type(shape).__name__ == "Capsule":
-        return float(shape.halfLength + shape.radius)
-    if type(shape).__name__ == "Sphere":
-        return float(shape.radius)
+    if type(shape).__name__ in ("Capsule", "Sphere"):
+        return float(shape.radius + getattr(shape, "halfLength", 0.0))
     points = points_of(shape)
     return np.inf if points is None else float(np.linalg.norm(points, axis=1).max())
 
@@ -200,12 +198,8 @@ def is_closer(
 
 def _placed(solid: LinkSolid, pose: Pose) -> list[tuple[Any, Any]]:
     rotation, position = pose
-    return [
-        (
-            shape,
-            pin.coal.Transform3s(
-                rotation @ placement.rotation, rotation @ placement.translation + position
-            ),
-        )
-        for shape, placement in solid.fast_shapes
-    ]
+    placed = []
+    for shape, at in solid.fast_shapes:
+        turn, shift = rotation @ at.rotation, rotation @ at.translation + position
+        placed.append((shape, pin.coal.Transform3s(turn, shift)))
+    return placed

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -12,9 +11,9 @@ import pinocchio as pin
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.model.joints import frame_index, motion_subspace
-from geodesic_ocp.model.link_geometry import LinkGeometry
+from geodesic_ocp.model.link_geometry import GREY, LinkGeometry, points_of, triangles_of, turn_to
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Body, as_capsule
 
@@ -33,7 +32,6 @@ _SAME_PLACE = 1e-6  # [size of the mesh]
 # Vertices (k, 3) and triangles (m, 3), counter-clockwise seen from outside.
 Surface: TypeAlias = tuple[Array, Indices]
 SIDES = 32  # of the polygon in place of a circle
-GREY: Colour = (0.62, 0.65, 0.70)
 _LINK: Colour = (0.76, 0.78, 0.81)
 _JOINT: Colour = (0.38, 0.43, 0.50)
 # The radius of a joint is a share of the extent, but fits between the joints of the shortest link.
@@ -45,7 +43,7 @@ _NO_EXTENT = 0.25  # [m], extent of a model whose joints and frames are all at o
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Mesh:
+class Mesh(ShortRepr):
     """A triangle mesh that is fixed to a link.
 
     Attributes:
@@ -60,8 +58,7 @@ class Mesh:
     triangles: Indices
     colour: Colour
 
-    def __repr__(self) -> str:
-        return f"Mesh({self.link!r}, {len(self.triangles)} triangles)"
+    _shown = ("link", "triangles")
 
 
 def simplified(found: Sequence[Mesh], matters: Sequence[bool], count: int) -> list[Mesh]:
@@ -94,27 +91,35 @@ def _collapsed(meshes: list[Mesh], scales: list[float], count: int) -> list[Mesh
     import fast_simplification
 
     middles = [mesh.vertices.sum(axis=0) / max(len(mesh.vertices), 1) for mesh in meshes]
-    shifts = [np.array([number * _APART, 0.0, 0.0]) for number in range(len(meshes))]
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    every = [
-        (mesh.vertices - middle) * scale + shift
-        for mesh, middle, scale, shift in zip(meshes, middles, scales, shifts, strict=True)
-    ]
-    corners = [mesh.triangles + start for mesh, start in zip(meshes, starts[:-1], strict=True)]
-    before, old = np.concatenate(every), np.concatenate(corners)
+    shifts = np.arange(len(meshes))[:, None] * [_APART, 0.0, 0.0]
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
+    before = np.concatenate(
+        [
+            (mesh.vertices - middle) * scale + shift
+            for mesh, middle, scale, shift in zip(meshes, middles, scales, shifts, strict=True)
+        ]
+    )
+    old = np.concatenate(
+        [mesh.triangles + start for mesh, start in zip(meshes, starts, strict=True)]
+    )
     points, triangles, collapses = fast_simplification.simplify(
         before, old, target_count=count, agg=_GROWTH, return_collapses=True, preserve_border=True
     )
     whose = fast_simplification.replay_simplification(before, old, collapses)[2]
     points = _within(points, before, whose)
-    owners = np.rint(points[triangles[:, 0], 0] / _APART).astype(np.int64)
+    owners = np.rint(points[triangles[:, 0], 0] / _APART)
     result = []
     for number, mesh in enumerate(meshes):
-        used, own = np.unique(triangles[owners == number], return_inverse=True)
-        vertices = (points[used] - shifts[number]) / scales[number] + middles[number]
-        shape = own.reshape(-1, 3).astype(np.int64)
-        result.append(replace(mesh, vertices=vertices, triangles=shape))
+        vertices, corners = _used(points, triangles[owners == number])
+        vertices = (vertices - shifts[number]) / scales[number] + middles[number]
+        result.append(replace(mesh, vertices=vertices, triangles=corners))
     return result
+
+
+def _used(vertices: Array, triangles: Indices) -> Surface:
+    """The vertices of triangles alone."""
+    used, corners = np.unique(triangles, return_inverse=True)
+    return vertices[used], corners.reshape(-1, 3).astype(np.int64)
 
 
 def _within(points: Array, before: Array, whose: Indices) -> Array:
@@ -157,10 +162,8 @@ def _welded(mesh: Mesh, cell: float, largest: float) -> Mesh:
     low, middle, high = np.sort(triangles, axis=1).T  # the same triangle, however it is turned
     every = (low * len(middles) + middle) * len(middles) + high
     _, first = np.unique(every, return_index=True)
-    triangles = triangles[np.sort(first)]
-    used, corners = np.unique(triangles, return_inverse=True)
-    vertices = middles[used]
-    return replace(mesh, vertices=vertices, triangles=corners.reshape(-1, 3).astype(np.int64))
+    vertices, corners = _used(middles, triangles[np.sort(first)])
+    return replace(mesh, vertices=vertices, triangles=corners)
 
 
 def box(half_sides: ArrayLike) -> Surface:
@@ -196,11 +199,9 @@ def strut(start: Array, end: Array, radii: float | tuple[float, float]) -> Surfa
     low = np.linspace(-np.pi / 2.0, tilt, SIDES // 4 + 2)
     high = np.linspace(tilt, np.pi / 2.0, SIDES // 4 + 2)
     size = max(first, last)
-    profile = [
-        *np.column_stack([first * np.cos(low), first * np.sin(low)]) / size,
-        *np.column_stack([last * np.cos(high), last * np.sin(high) + length]) / size,
-    ]
-    vertices, triangles = revolved(profile)
+    radii_of, angles = np.repeat([first, last], len(low)), np.concatenate([low, high])
+    heights = radii_of * np.sin(angles) + np.repeat([0.0, length], len(low))
+    vertices, triangles = revolved(np.column_stack([radii_of * np.cos(angles), heights]) / size)
     return moved((size * vertices, triangles), turn_to(end - start), start)
 
 
@@ -209,16 +210,9 @@ def revolved(profile: ArrayLike, sides: int = SIDES) -> Surface:
 
     It is of unit size: triangles far smaller than that are lost.
     """
-    points = np.asarray(profile, dtype=float)
-    vertices, triangles = _revolved(tuple(map(tuple, points.tolist())), sides)
-    return vertices.copy(), triangles.copy()
-
-
-@lru_cache(maxsize=64)
-def _revolved(profile: tuple[tuple[float, ...], ...], sides: int) -> Surface:
     import trimesh
 
-    return _of_trimesh(trimesh.creation.revolve(np.array(profile), sections=sides))
+    return _of_trimesh(trimesh.creation.revolve(np.asarray(profile, dtype=float), sections=sides))
 
 
 def loft(sections: ArrayLike, caps: tuple[float, float], roundness: float = 2.0) -> Surface:
@@ -261,12 +255,6 @@ def moved(surface: Surface, rotation: Array, position: Array) -> Surface:
     return vertices @ rotation.T + position, triangles
 
 
-def turn_to(direction: Array) -> Array:
-    """A rotation (3, 3) of the z axis to a direction (3,), of any length but zero."""
-    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), direction)
-    return np.array(turn.matrix())
-
-
 def _of_trimesh(mesh: Any) -> Surface:
     return np.array(mesh.vertices, dtype=float), np.array(mesh.faces, dtype=np.int64)
 
@@ -277,20 +265,13 @@ def visual_geometry(links: LinkGeometry) -> Iterator[Mesh]:
     Raises:
         Exception: of any type, from Pinocchio: a mesh is missing or cannot be read.
     """
-    geometry, capsules = links.visual()
-    for shape in geometry.geometryObjects:
-        kind = type(shape.geometry).__name__
-        if kind in ("Halfspace", "Plane"):  # a floor, not a link
-            continue
-        frame = links.pin.frames[shape.parentFrame]
-        at_link = frame.placement.actInv(shape.placement)
-        points, triangles = _surface(shape.geometry, kind)
+    for shape, at_link, link in links.visual():
+        points, triangles = _surface(shape.geometry)
         if np.prod(shape.meshScale) < 0.0:  # a reflection reverses the orientation
             triangles = triangles[:, ::-1]
         red, green, blue = np.clip(np.asarray(shape.meshColor, dtype=float)[:3], 0.0, 1.0).tolist()
-        placed = points @ at_link.rotation.T + at_link.translation
-        yield Mesh(str(frame.name), placed, triangles, (red, green, blue))
-    yield from map(body_mesh, capsules)
+        placed = moved((points, triangles), at_link.rotation, at_link.translation)
+        yield Mesh(link, *placed, (red, green, blue))
 
 
 def body_mesh(body: Body) -> Mesh:
@@ -300,8 +281,9 @@ def body_mesh(body: Body) -> Mesh:
     return Mesh(str(body.link), *strut(start, end, capsule.radius), GREY)
 
 
-def _surface(shape: Any, kind: str) -> Surface:
-    """Surface of a geometry in its own frame; vertices of a mesh are already scaled."""
+def _surface(shape: Any) -> Surface:
+    """Surface of a shape of coal in its own frame; vertices of a mesh are already scaled."""
+    kind = type(shape).__name__
     if kind == "Box":
         return box(shape.halfSide)
     if kind in ("Sphere", "Ellipsoid"):
@@ -312,27 +294,20 @@ def _surface(shape: Any, kind: str) -> Surface:
     if kind in ("Cylinder", "Cone"):
         top = 1.0 if kind == "Cylinder" else 0.0
         return cylinder(float(shape.radius), float(shape.halfLength), top)
-    points = np.array(shape.vertices() if callable(shape.vertices) else shape.vertices, dtype=float)
-    if not hasattr(shape, "tri_indices"):  # a convex hull
-        return hull(points)
-    corners = (shape.tri_indices(index) for index in range(shape.num_tris))
-    triangles = np.array([(each[0], each[1], each[2]) for each in corners], dtype=np.int64)
-    return points, triangles.reshape(-1, 3)
+    points, triangles = points_of(shape), triangles_of(shape)
+    if points is None:
+        raise ValueError(f"a {kind} has no surface")
+    return hull(points) if triangles is None else (points, triangles)
 
 
 def chain_ends(model: Model) -> list[int]:
     """Indices in `pin` of the hand frames and of the farthest frame of every other chain."""
-    ends = [frame_index(model.pin, hand) for hand in model.hands]
-    parents = set(model.pin.parents)
-    for joint in range(1, model.pin.njoints):
-        attached = [
-            index for index, frame in enumerate(model.pin.frames) if frame.parentJoint == joint
-        ]
-        if joint not in parents and not set(ends) & set(attached):
-            distances = [
-                np.linalg.norm(model.pin.frames[index].placement.translation) for index in attached
-            ]
-            ends.append(attached[int(np.argmax(distances))])
+    ends, frames = [frame_index(model.pin, hand) for hand in model.hands], list(model.pin.frames)
+    for joint in sorted(set(range(1, model.pin.njoints)) - set(model.pin.parents)):
+        attached = [index for index, frame in enumerate(frames) if frame.parentJoint == joint]
+        if not set(ends) & set(attached):
+            far = (np.linalg.norm(frames[index].placement.translation) for index in attached)
+            ends.append(attached[int(np.argmax(list(far)))])
     return ends
 
 
@@ -353,7 +328,8 @@ def kinematic_chain(model: Model, drawn: Collection[int] = ()) -> Iterator[Mesh]
     struts = [each for each in _struts(model) if each[0] not in drawn]
     extent = _extent(model)
     lengths = [np.linalg.norm(end) for _, _, end in struts]
-    radius = float(np.clip(min(lengths, default=extent) * _OF_SHORTEST, *_range(extent)))
+    thin, thick = _THINNEST * extent, _RADIUS * extent
+    radius = float(np.clip(min(lengths, default=extent) * _OF_SHORTEST, thin, thick))
     touched = {joint for start, stop, _ in struts for joint in (start, stop)}
     for joint, last, end in struts:
         surface = strut(np.zeros(3), end, (_STRUT[0] * radius, _STRUT[1] * radius))
@@ -366,26 +342,14 @@ def kinematic_chain(model: Model, drawn: Collection[int] = ()) -> Iterator[Mesh]
             yield from _joint(model, joints, radius, extent)
 
 
-def _range(extent: float) -> tuple[float, float]:
-    return _THINNEST * extent, _RADIUS * extent
-
-
 def _struts(model: Model) -> list[tuple[int, int, Array]]:
     """Joint at the start, joint at the end (or again the same), and end in axes of the start."""
-    joints = [
-        (
-            int(model.pin.parents[index]),
-            index,
-            np.array(model.pin.jointPlacements[index].translation),
-        )
-        for index in range(1, model.pin.njoints)
-    ]
     frames = [model.pin.frames[index] for index in chain_ends(model)]
-    ends = [
-        (int(frame.parentJoint), int(frame.parentJoint), np.array(frame.placement.translation))
-        for frame in frames
+    places = [
+        *zip(model.pin.parents, range(model.pin.njoints), model.pin.jointPlacements, strict=True),
+        *((frame.parentJoint, frame.parentJoint, frame.placement) for frame in frames),
     ]
-    found = [each for each in (*joints, *ends) if each[0] > 0]
+    found = [(int(joint), int(end), np.array(at.translation)) for joint, end, at in places if joint]
     least = _SAME_PLACE * max((float(np.linalg.norm(end)) for _, _, end in found), default=0.0)
     return [each for each in found if np.linalg.norm(each[2]) > least]
 
@@ -398,9 +362,8 @@ def _extent(model: Model) -> float:
         step = np.linalg.norm(model.pin.jointPlacements[joint].translation) if parent else 0.0
         low, high = _travel(model, joint)
         far[joint] = far[parent] + step + max(abs(low), abs(high))
-    ends = [
-        far[joint] + np.linalg.norm(end) for joint, last, end in _struts(model) if joint == last
-    ]
+    struts = _struts(model)
+    ends = (far[joint] + np.linalg.norm(end) for joint, last, end in struts if joint == last)
     return float(max([*far, *ends])) or _NO_EXTENT
 
 
@@ -408,13 +371,13 @@ def _travel(model: Model, joint: int) -> tuple[float, float]:
     """Lower and upper limit [m] of a prismatic joint, 0 where there is none."""
     if _rotates(model, joint):
         return 0.0, 0.0
-    index = int(model.pin.joints[joint].idx_v)
-    low, high = (float(limits[index]) for limits in (model.lower, model.upper))
-    return low if np.isfinite(low) else 0.0, high if np.isfinite(high) else 0.0
+    limits = model.lower[joint - 1], model.upper[joint - 1]
+    low, high = np.nan_to_num(limits, posinf=0.0, neginf=0.0).tolist()
+    return low, high
 
 
 def _rotates(model: Model, joint: int) -> bool:
-    return bool(np.any(motion_subspace(model.pin, joint)[3:]))
+    return model.units[joint - 1] == "rad"
 
 
 def _places(model: Model, extent: float) -> list[list[int]]:
@@ -423,10 +386,9 @@ def _places(model: Model, extent: float) -> list[list[int]]:
     for joint in range(1, model.pin.njoints):
         parent = int(model.pin.parents[joint])
         offset = np.linalg.norm(model.pin.jointPlacements[joint].translation)
-        with_parent = [place for place in places if parent in place]
         turns = _rotates(model, joint) and parent > 0 and _rotates(model, parent)
         if turns and offset <= _SAME_PLACE * extent:
-            with_parent[0].append(joint)
+            next(place for place in places if parent in place).append(joint)
         else:
             places.append([joint])
     return places
@@ -434,25 +396,22 @@ def _places(model: Model, extent: float) -> list[list[int]]:
 
 def _joint(model: Model, joints: list[int], radius: float, extent: float) -> Iterator[Mesh]:
     """The joints at one place."""
-    first = joints[0]
-    subspace = motion_subspace(model.pin, first)
-    if len(joints) > 1:
-        yield from _mesh(model, first, ellipsoid(_BALL * radius), _JOINT)
-        return
-    turn = turn_to(subspace[3:] if _rotates(model, first) else subspace[:3])
-    if _rotates(model, first):
+    first, rotates = joints[0], _rotates(model, joints[0])
+    twist = motion_subspace(model.pin, first)
+    turn = turn_to(twist[3:] if rotates else twist[:3])
+    form = ellipsoid(_BALL * radius)
+    if len(joints) == 1:
         barrel = cylinder(radius, _HALF_LENGTH * radius)
-        yield from _mesh(model, first, moved(barrel, turn, np.zeros(3)), _JOINT)
+        form = moved(barrel if rotates else box(radius * np.array(_SLIDER)), turn, np.zeros(3))
+    yield from _mesh(model, first, form, _JOINT)
+    if rotates:
         return
-    slider = box(radius * np.array(_SLIDER))
-    yield from _mesh(model, first, moved(slider, turn, np.zeros(3)), _JOINT)
     low, high = _travel(model, first)
     if low == high:  # no limits are known
         low, high = -0.25 * extent, 0.25 * extent
-    place = model.pin.jointPlacements[first]
+    place = model.pin.jointPlacements[first] * pin.SE3(turn, turn[:, 2] * (low + high) / 2.0)
     half = np.array([_RAIL * radius, _RAIL * radius, (high - low) / 2.0])
-    rail = moved(box(half), turn, turn[:, 2] * (low + high) / 2.0)
-    rail = moved(rail, place.rotation, place.translation)
+    rail = moved(box(half), place.rotation, place.translation)
     yield from _mesh(model, int(model.pin.parents[first]), rail, _LINK)
 
 

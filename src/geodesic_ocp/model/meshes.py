@@ -16,17 +16,17 @@ from geodesic_ocp.model.joints import frame_index
 from geodesic_ocp.model.link_geometry import LinkGeometry
 from geodesic_ocp.model.look import Mesh, body_mesh, kinematic_chain, simplified, visual_geometry
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.person_look import person
+from geodesic_ocp.model.person_look import mirrored, person
 
 MAX_TRIANGLES = 20000  # per model, which keeps a page with four robots below a few MB
-_known: WeakKeyDictionary[Model, dict[int, tuple[Mesh, ...]]] = WeakKeyDictionary()
+_known: WeakKeyDictionary[Model, tuple[Mesh, ...]] = WeakKeyDictionary()
 _TALLEST, _HEAVIEST = 3.0, 1000.0  # [m], [kg], of the models of people
 _WIDTHS = (0.5, 2.0)  # of the shoulders, relative to those of the table
 _LEVEL = 0.2  # least distance between shoulders along one axis, over that across it
 _OPPOSITE = {"right": "left", "left": "right"}
 
 
-def meshes(model: Model, max_triangles: int = MAX_TRIANGLES) -> tuple[Mesh, ...]:
+def meshes(model: Model) -> tuple[Mesh, ...]:
     """Triangle meshes of the links of a model, for display only.
 
     They show the visual geometry of the URDF or MJCF file from which the model was loaded; if there
@@ -39,34 +39,25 @@ def meshes(model: Model, max_triangles: int = MAX_TRIANGLES) -> tuple[Mesh, ...]
     >>> from geodesic_ocp.model.meshes import meshes
     >>> sorted({mesh.link for mesh in meshes(go.human_arm("right"))})
     ['right forearm', 'right hand', 'right upper arm']
-
-    Args:
-        model: its configuration does not matter.
-        max_triangles: about the number of all triangles that are left where there are more.
     """
-    if max_triangles < 1:
-        raise ValueError(f"max_triangles must be at least 1, got {max_triangles}")
-    results = _known.setdefault(model, {})
-    if max_triangles not in results:
+    if model not in _known:
         # Links of other models in the file, such as a robot's second arm, are not in this one.
         found = [mesh for mesh in _geometry(model) if model.pin.existFrame(mesh.link)]
         found += kinematic_chain(model, {model.joint_of(mesh.link) for mesh in found})
         moving = [model.moves(mesh.link) for mesh in found]
-        results[max_triangles] = tuple(simplified(found, moving, max_triangles))
-    return results[max_triangles]
+        _known[model] = tuple(simplified(found, moving, MAX_TRIANGLES))
+    return _known[model]
 
 
 def _geometry(model: Model) -> list[Mesh]:
     if isinstance(model.shapes, LinkGeometry):
         try:
-            visual = list(visual_geometry(model.shapes))
+            if visual := list(visual_geometry(model.shapes)):
+                return visual
         except Exception as error:  # from Pinocchio: a mesh is missing, or of an unknown type
             reason = " ".join(str(error).split())
             said = "is drawn without its visual geometry, which cannot be read"
             warnings.warn(f"{model.name} {said}: {reason}", stacklevel=2)
-            visual = []
-        if visual:
-            return visual
     try:
         bodies = model.bodies
     except ValueError:  # the collision geometry cannot be read either
@@ -92,9 +83,8 @@ def person_beside(model: Model) -> tuple[tuple[Mesh, ...], Array, Array] | None:
     """
     arms, height = person_arms(model), stature(model)
     sides = {arm.side: arm for arm in arms}
-    if not arms or height is None or height > _TALLEST or person_trunks(model):
-        return None
-    if model.dof != 7 * len(arms) or len(sides) < len(arms):
+    only_arms = model.dof == 7 * len(arms) == 7 * len(sides) and not person_trunks(model)
+    if not arms or not only_arms or height is None or height > _TALLEST:
         return None
     person = human_upper_body(height, _mass(arms[0], height))
     half_width = person_trunks(person)[0].half_width
@@ -109,19 +99,20 @@ def person_beside(model: Model) -> tuple[tuple[Mesh, ...], Array, Array] | None:
             return None
         collar = (right + left) / 2.0
     else:
-        outward = {"right": 1.0, "left": -1.0}[arms[0].side]
+        outward = 1.0 if arms[0].side == "right" else -1.0
         collar = rest[arms[0].side][1] - outward * half_width * turn[:, 0]
 
     own = np.eye(3), _at_rest(person, "thorax")[1]
     drawn = {str(body.link) for arm in person_arms(person) for body in arm.bodies}
     parts = [_placed(mesh, person, own) for mesh in meshes(person) if mesh.link not in drawn]
-    parts = [part if part.link == "head" else _stretched(part, width) for part in parts]
+    parts = [
+        replace(part, vertices=part.vertices * [1.0 if part.link == "head" else width, 1.0, 1.0])
+        for part in parts
+    ]
     if len(arms) == 1:
         links = {str(body.link) for body in arms[0].bodies}
-        there = [
-            _placed(mesh, model, (turn, collar)) for mesh in meshes(model) if mesh.link in links
-        ]
-        parts += [_mirrored(part, arms[0].side) for part in there]
+        there = [mesh for mesh in meshes(model) if mesh.link in links]
+        parts += [_mirrored(_placed(each, model, (turn, collar)), arms[0].side) for each in there]
     return tuple(parts), turn, collar
 
 
@@ -147,11 +138,7 @@ def _placed(mesh: Mesh, model: Model, origin: tuple[Array, Array]) -> Mesh:
     return replace(mesh, vertices=(points - origin[1]) @ origin[0])
 
 
-def _stretched(mesh: Mesh, width: float) -> Mesh:
-    return replace(mesh, vertices=mesh.vertices * [width, 1.0, 1.0])
-
-
 def _mirrored(mesh: Mesh, side: str) -> Mesh:
     """The mesh on the other side of the sagittal plane."""
     link = mesh.link.replace(side, _OPPOSITE[side]) if side in mesh.link else f"other {mesh.link}"
-    return Mesh(link, mesh.vertices * [-1.0, 1.0, 1.0], mesh.triangles[:, ::-1], mesh.colour)
+    return Mesh(link, *mirrored((mesh.vertices, mesh.triangles)), mesh.colour)

@@ -11,15 +11,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, as_positive, as_vector, is_symbolic, real_array
+from geodesic_ocp.arrays import Array, as_number, as_positive, as_vector, is_symbolic, real_array
 from geodesic_ocp.model.dynamics import SymbolicFunctions, choose_backend
 from geodesic_ocp.model.joints import (
-    as_armature,
-    check_armature,
     continuous_joints,
     frame_index,
+    joint_values,
     max_reach,
-    merge_limits,
     motion_subspace,
     with_angles,
     with_joint_frames,
@@ -27,7 +25,6 @@ from geodesic_ocp.model.joints import (
 from geodesic_ocp.model.primitives import Ball, Bodies, Body, Capsule
 from geodesic_ocp.table import Table
 
-_SIDES = ("right", "left")
 _ROUNDING = 1e-9  # of moments of inertia in files, relative
 
 
@@ -65,12 +62,15 @@ class Model:
         object.__setattr__(self, "hands", _as_hands(self.pin, self.hand, self.hands))
         for index in range(1, self.pin.njoints):
             motion_subspace(self.pin, index)
-        check_armature(self.pin)
-        for name in self.continuous:
-            if name not in list(self.pin.names)[1:]:
-                raise ValueError(f"continuous: {name!r} is not a joint of the model")
+        joints = list(map(str, self.pin.names))[1:]
+        for joint, inertia in zip(joints, self.pin.armature, strict=True):
+            if not 0.0 <= inertia < np.inf:
+                wanted = "must be finite and not negative"
+                raise ValueError(f"armature of joint {joint!r} {wanted}, got {inertia:g}")
+        for name in set(self.continuous).difference(joints):
+            raise ValueError(f"continuous: {name!r} is not a joint of the model")
         periodic = {*self.continuous, *continuous_joints(self.pin)}
-        continuous = tuple(str(name) for name in self.pin.names if name in periodic)
+        continuous = tuple(name for name in joints if name in periodic)
         object.__setattr__(self, "pin", with_joint_frames(with_angles(self.pin)))
         object.__setattr__(self, "backend", choose_backend(self.backend))
         object.__setattr__(self, "_hand_id", frame_index(self.pin, self.hand))
@@ -79,7 +79,7 @@ class Model:
     def __repr__(self) -> str:
         what = f"{self.name!r}, dof={self.dof}, hand={self.hand!r}, backend={self.backend!r}"
         if inertia := self.describe_armature():
-            source = f" from {self.armature_from}" if self.armature_from else ""
+            source = self.armature_from and f" from {self.armature_from}"
             what += f", {inertia}{source}"
         return f"Model({what})"
 
@@ -103,30 +103,30 @@ class Model:
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
         """Names of the joints, in the order of the configuration."""
-        joints = list(zip(self.pin.names, self.pin.joints, strict=True))[1:]
-        return tuple(name for name, joint in sorted(joints, key=lambda pair: pair[1].idx_v))
+        return tuple(self.pin.names)[1:]
 
     @cached_property
     def units(self) -> tuple[str, ...]:
         """Unit of each coordinate, "rad" or "m"."""
-        joints = sorted(range(1, self.pin.njoints), key=lambda index: self.pin.joints[index].idx_v)
-        rotates = (np.any(motion_subspace(self.pin, index)[3:]) for index in joints)
-        return tuple("rad" if angular else "m" for angular in rotates)
+        twists = (motion_subspace(self.pin, index) for index in range(1, self.pin.njoints))
+        return tuple("rad" if np.any(twist[3:]) else "m" for twist in twists)
 
     @cached_property
     def lower(self) -> Array:
         """Lower joint limits (n,) [rad or m]; -inf if unlimited."""
-        return self._limits(np.array(self.pin.lowerPositionLimit))
+        return self._per_joint(self.pin.lowerPositionLimit)
 
     @cached_property
     def upper(self) -> Array:
         """Upper joint limits (n,) [rad or m]; inf if unlimited."""
-        return self._limits(np.array(self.pin.upperPositionLimit))
+        return self._per_joint(self.pin.upperPositionLimit)
 
-    def _limits(self, limits: Array) -> Array:
-        limits = np.where(np.abs(limits) < np.finfo(float).max, limits, np.copysign(np.inf, limits))
-        limits.flags.writeable = False
-        return limits
+    def _per_joint(self, values: Array) -> Array:
+        """A copy that cannot be written to; the largest floats stand for infinity."""
+        huge = np.abs(values) >= np.finfo(float).max
+        copy = np.where(huge, np.copysign(np.inf, values), values)
+        copy.flags.writeable = False
+        return copy
 
     @cached_property
     def armature(self) -> Array:
@@ -135,9 +135,7 @@ class Model:
         Pinocchio's `Model.armature`; of a geared motor it is the inertia of the rotor times the
         square of the gear ratio.
         """
-        armature = np.array(self.pin.armature, dtype=float)
-        armature.flags.writeable = False
-        return armature
+        return self._per_joint(self.pin.armature)
 
     def describe_armature(self) -> str:
         """The range of the joint inertia in words; "" if there is none."""
@@ -276,8 +274,13 @@ class Model:
         Raises:
             ValueError: an unknown joint, not 1 or n numbers, or one that is negative or not finite.
         """
+        entries = np.array([*value.values()] if isinstance(value, Mapping) else value, dtype=object)
+        if any(isinstance(entry, (bool, np.bool_)) for entry in entries.flat):
+            raise ValueError(f"armature must be numbers, not truth values, got {value!r}")
+        if isinstance(value, str) or not isinstance(value, (Mapping, Sequence, np.ndarray)):
+            value = [as_number("armature", value)] * self.dof
         geared = self.pin.copy()
-        geared.armature = as_armature(value, self.armature, self.joint_names)
+        geared.armature = joint_values("armature", value, self.armature, self.joint_names)
         return replace(self, pin=geared, armature_from="")
 
     def with_limits(
@@ -290,9 +293,13 @@ class Model:
         Raises:
             ValueError: wrong shapes or names, not numbers, or a lower limit above the upper one.
         """
-        limits = merge_limits((lower, upper), (self.lower, self.upper), self.joint_names)
+        lower = joint_values("lower", lower, self.lower, self.joint_names)
+        upper = joint_values("upper", upper, self.upper, self.joint_names)
+        for joint, low, high in zip(self.joint_names, lower, upper, strict=True):
+            if low > high or low == np.inf or high == -np.inf:  # the range is empty
+                raise ValueError(f"{joint}: the lower limit {low:g} lies above the upper {high:g}")
         limited = self.pin.copy()
-        limited.lowerPositionLimit, limited.upperPositionLimit = limits
+        limited.lowerPositionLimit, limited.upperPositionLimit = lower, upper
         return replace(self, pin=limited)
 
     def with_hand(self, hand: str, *others: str) -> Model:
@@ -340,8 +347,8 @@ def hand_labels(hands: Sequence[str]) -> tuple[str, ...]:
     labels = []
     for name in hands:
         arm, _, frame = name.rpartition("/")
-        sides = [side for side in _SIDES if side in arm.lower().replace("_", " ").split()]
-        labels.append(f"{sides[0]} {frame}" if len(sides) == 1 else name)
+        sides = {"right", "left"}.intersection(arm.lower().replace("_", " ").split())
+        labels.append(f"{sides.pop()} {frame}" if len(sides) == 1 else name)
     return tuple(labels) if len(set(labels)) == len(hands) else tuple(hands)
 
 

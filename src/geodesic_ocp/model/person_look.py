@@ -8,7 +8,8 @@ their mirror images. The proportions within a part are an artist's, not measurem
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
@@ -19,7 +20,7 @@ from geodesic_ocp.model.anthropometry import PersonArm, PersonTrunk, person_arms
 from geodesic_ocp.model.joints import frame_index
 from geodesic_ocp.model.look import Colour, Mesh, Surface, ellipsoid, loft, moved, strut
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.primitives import Body
+from geodesic_ocp.model.primitives import Body, Capsule
 
 _BODY: Colour = (0.85, 0.76, 0.65)
 _JOINT: Colour = (0.71, 0.60, 0.48)
@@ -90,54 +91,54 @@ _NECK_RADII = (0.66, 0.58)  # per radius of the head
 
 def person(model: Model) -> tuple[list[Mesh], list[Body]]:
     """Meshes of the arms and trunks of people in a model, and its bodies that these replace."""
-    arms, trunks = person_arms(model), person_trunks(model)
-    meshes = [mesh for arm in arms for mesh in _arm(model, arm)]
-    meshes += [mesh for trunk in trunks for mesh in _trunk(model, trunk)]
-    return meshes, [
-        body
-        for bodies in (*(arm.bodies for arm in arms), *(each.bodies for each in trunks))
-        for body in bodies
-    ]
+    meshes, bodies = list[Mesh](), list[Body]()
+    for arm in person_arms(model):
+        meshes += _arm(model, arm)
+        bodies += arm.bodies
+    for trunk in person_trunks(model):
+        meshes += _trunk(model, trunk)
+        bodies += trunk.bodies
+    return meshes, bodies
 
 
 def _arm(model: Model, arm: PersonArm) -> Iterator[Mesh]:
     parts = zip((_upper_arm, _forearm, _hand), arm.bodies, arm.lengths, strict=True)
     for form, body, length in parts:
+        # Forms are in axes of the joint that carries the link.
+        frame = model.pin.frames[frame_index(model.pin, str(body.link))]
+        inverse = frame.placement.inverse()
         for surfaces, colour in zip(form(length, body.radius), (_BODY, _JOINT), strict=True):
-            right = surfaces if arm.side == "right" else map(_mirrored, surfaces)
-            yield from _on_joint(model, str(body.link), right, colour)
+            for surface in surfaces:
+                right = surface if arm.side == "right" else mirrored(surface)
+                placed = moved(right, inverse.rotation, inverse.translation)
+                yield Mesh(str(body.link), *placed, colour)
 
 
 def _trunk(model: Model, trunk: PersonTrunk) -> Iterator[Mesh]:
     abdomen, thorax, head = trunk.bodies
-    lengths = [abs(body.end[2] - body.start[2]) for body in (abdomen, thorax)]
-    chest = _thorax(lengths[1], thorax.radius, trunk.half_width)
-    belly = _abdomen(lengths[0], abdomen.radius)
+    # Chest and shoulders, from the height of the shoulders down.
+    height, wide = abs(thorax.end[2] - thorax.start[2]), trunk.half_width
+    rows = np.array(_THORAX) * [height, wide, thorax.radius, wide, thorax.radius]
+    chest = loft(rows, (0.30 * height, 0.05 * height), roundness=2.3)
     yield Mesh(str(thorax.link), *chest, _BODY)
+    # From below the lumbar joint, at the origin, into the thorax.
+    length = abs(abdomen.end[2] - abdomen.start[2])
+    belly = loft(_scaled(_ABDOMEN, length, abdomen.radius), (0.6 * length, 0.6 * length))
     yield Mesh(str(abdomen.link), *belly, _JOINT)
-    skull, neck = _head(head.start[2], head.end[2], head.radius)
-    for surfaces, colour in ((skull, _BODY), (neck, _JOINT)):
-        yield from (Mesh(str(head.link), *surface, colour) for surface in surfaces)
-    place = model.pin.jointPlacements[trunk.lumbar]
-    pelvis = moved(_pelvis(lengths[0], abdomen.radius), place.rotation, place.translation)
-    parent = model.pin.parents[trunk.lumbar]
+    for surface, colour in zip(_head(head), (_BODY, _JOINT), strict=True):
+        yield Mesh(str(head.link), *surface, colour)
+    # Below the lumbar joint, at the origin.
+    rows = _scaled(_PELVIS, length, abdomen.radius)
+    pelvis = loft(rows, (1.1 * length, 0.6 * length), roundness=2.2)
+    place, parent = model.pin.jointPlacements[trunk.lumbar], model.pin.parents[trunk.lumbar]
     base = next(str(each.name) for each in model.pin.frames if each.parentJoint == parent)
-    yield Mesh(base, *pelvis, _BODY)
+    yield Mesh(base, *moved(pelvis, place.rotation, place.translation), _BODY)
 
 
-def _mirrored(surface: Surface) -> Surface:
+def mirrored(surface: Surface) -> Surface:
+    """The surface on the other side of the sagittal plane."""
     vertices, triangles = surface
     return vertices * [-1.0, 1.0, 1.0], triangles[:, ::-1]
-
-
-def _on_joint(
-    model: Model, link: str, surfaces: Iterable[Surface], colour: Colour
-) -> Iterator[Mesh]:
-    """Surfaces in axes of the joint that carries a link, as meshes in those of the link."""
-    inverse = model.pin.frames[frame_index(model.pin, link)].placement.inverse()
-    for surface in surfaces:
-        vertices, triangles = moved(surface, inverse.rotation, inverse.translation)
-        yield Mesh(link, np.asarray(vertices), triangles, colour)
 
 
 def _upper_arm(length: float, radius: float) -> tuple[list[Surface], list[Surface]]:
@@ -159,39 +160,18 @@ def _hand(length: float, radius: float) -> tuple[list[Surface], list[Surface]]:
     rows = np.array(_PALM) * [length, length, length, radius, length]
     palm = loft(rows, (0.09 * length, 0.1 * length))
     bends = length * np.array(_THUMB)
-    radii = radius * np.array(_THUMB_RADII)
-    thumb = [
-        strut(bends[index], bends[index + 1], (float(radii[index]), float(radii[index + 1])))
-        for index in range(len(bends) - 1)
-    ]
+    radii = [radius * each for each in _THUMB_RADII]
+    thumb = (strut(*each) for each in zip(bends[:-1], bends[1:], pairwise(radii), strict=True))
     return [palm, *thumb], []
 
 
-def _thorax(length: float, radius: float, half_width: float) -> Surface:
-    """Chest and shoulders, from the height of the shoulders down."""
-    rows = np.array(_THORAX) * [length, half_width, radius, half_width, radius]
-    return loft(rows, (0.30 * length, 0.05 * length), roundness=2.3)
-
-
-def _abdomen(length: float, radius: float) -> Surface:
-    """From below the lumbar joint, at the origin, into the thorax."""
-    return loft(_scaled(_ABDOMEN, length, radius), (0.6 * length, 0.6 * length))
-
-
-def _pelvis(length: float, radius: float) -> Surface:
-    """Below the lumbar joint, which is at the origin; from length and radius of the abdomen."""
-    rows = _scaled(_PELVIS, length, radius)
-    return loft(rows, (1.1 * length, 0.6 * length), roundness=2.2)
-
-
-def _head(low: float, high: float, radius: float) -> tuple[list[Surface], list[Surface]]:
-    """Head from chin to crown, and neck; heights [m] above the shoulders."""
-    height = high - low
-    rows = _scaled(_HEAD, height, radius)
-    rows[:, 0] += low
+def _head(body: Capsule) -> tuple[Surface, Surface]:
+    """Head from chin to crown, and neck; heights [m] are above the shoulders."""
+    low, height, radius = body.start[2], body.end[2] - body.start[2], body.radius
+    rows = np.add(_scaled(_HEAD, height, radius), [low, 0.0, 0.0, 0.0, 0.0])
     ends = [np.array([0.0, y * radius, low + z * height]) for z, y in _NECK]
     neck = strut(ends[0], ends[1], (_NECK_RADII[0] * radius, _NECK_RADII[1] * radius))
-    return [loft(rows, (0.15 * height, 0.42 * height))], [neck]
+    return loft(rows, (0.15 * height, 0.42 * height)), neck
 
 
 def _scaled(rows: ArrayLike, length: float, radius: float) -> Array:

@@ -31,9 +31,8 @@ class Placement:
     translation: ca.SX
 
     def __matmul__(self, other: Placement) -> Placement:
-        return Placement(
-            self.rotation @ other.rotation, self.rotation @ other.translation + self.translation
-        )
+        translation = self.rotation @ other.translation + self.translation
+        return Placement(self.rotation @ other.rotation, translation)
 
 
 def constant_placement(placement: pin.SE3) -> Placement:
@@ -105,9 +104,8 @@ class _Inertia:
     second: ca.SX
 
     def __add__(self, other: _Inertia) -> _Inertia:
-        return _Inertia(
-            self.mass + other.mass, self.first + other.first, self.second + other.second
-        )
+        first, second = self.first + other.first, self.second + other.second
+        return _Inertia(self.mass + other.mass, first, second)
 
     def in_parent(self, placement: Placement) -> _Inertia:
         """The same inertia in the parent frame, with the second moment about its origin."""
@@ -121,11 +119,9 @@ class _Inertia:
 
 
 def _body_inertia(inertia: pin.Inertia) -> _Inertia:
-    lever = pin.skew(inertia.lever)
+    lever, first = pin.skew(inertia.lever), constant(inertia.mass * inertia.lever)
     about_origin = inertia.inertia - inertia.mass * lever @ lever
-    return _Inertia(
-        ca.SX(inertia.mass), constant(inertia.mass * inertia.lever), constant(about_origin)
-    )
+    return _Inertia(ca.SX(inertia.mass), first, constant(about_origin))
 
 
 def _axis(model: pin.Model, index: int) -> tuple[ca.SX, ca.SX]:
@@ -138,29 +134,28 @@ def mass_matrix(model: pin.Model, q: ca.SX) -> ca.SX:
     """Joint-space mass-inertia matrix (nv, nv) at the joint coordinates q (nv, 1)."""
     placements = joint_placements(model, q)
     composite = [_body_inertia(inertia) for inertia in model.inertias]
-    # Wrenches that accelerate the composite bodies of descendants, one column for each joint.
+    # Wrenches (force, torque) that accelerate the composite bodies of descendants, one column for
+    # each joint.
     columns: list[list[int]] = [[] for _ in placements]
-    forces, torques = ([ca.SX(3, 0)] * model.njoints for _ in range(2))
+    wrenches = [ca.SX(6, 0)] * model.njoints
     matrix = ca.SX(model.nv, model.nv)
     for index in range(model.njoints - 1, 0, -1):
         body, row, parent = composite[index], model.joints[index].idx_v, model.parents[index]
         linear, angular = _axis(model, index)
         force = body.mass * linear + ca.cross(angular, body.first)
         torque = ca.cross(body.first, linear) + body.second @ angular
-        force = ca.horzcat(force, forces[index])
-        torque = ca.horzcat(torque, torques[index])
-        entries = linear.T @ force + angular.T @ torque
+        wrench = ca.horzcat(ca.vertcat(force, torque), wrenches[index])
+        entries = ca.vertcat(linear, angular).T @ wrench
         columns[index].insert(0, row)
         matrix[row, columns[index]] = entries
         matrix[columns[index], row] = entries.T
         matrix[row, row] += model.armature[row]
         if parent > 0:
             placement = placements[index]
-            force = placement.rotation @ force
-            torque = placement.rotation @ torque + ca.skew(placement.translation) @ force
+            force = placement.rotation @ wrench[:3, :]
+            torque = placement.rotation @ wrench[3:, :] + ca.skew(placement.translation) @ force
             columns[parent] += columns[index]
-            forces[parent] = ca.horzcat(forces[parent], force)
-            torques[parent] = ca.horzcat(torques[parent], torque)
+            wrenches[parent] = ca.horzcat(wrenches[parent], ca.vertcat(force, torque))
             composite[parent] += body.in_parent(placement)
     return ca.cse(ca.densify(matrix))
 

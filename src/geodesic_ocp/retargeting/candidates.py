@@ -13,7 +13,7 @@ from functools import partial
 import casadi as ca
 import numpy as np
 
-from geodesic_ocp.arrays import Array, evaluate
+from geodesic_ocp.arrays import Array, ShortRepr, evaluate
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.ocp.pose_search import CollisionAvoidance, PoseSearch
 from geodesic_ocp.retargeting.key_poses import (
@@ -38,8 +38,8 @@ _MISSED = 1e3, 1e5  # range of weights of squared errors [1/m^2] or [1/rad^2]
 _TINY = 1e-9
 
 
-@dataclass(frozen=True, eq=False)
-class Candidates:
+@dataclass(frozen=True, eq=False, repr=False)
+class Candidates(ShortRepr):
     """Configurations (k, n) with the pose of a waypoint, or with the nearest ones.
 
     Attributes:
@@ -179,8 +179,8 @@ _TOO_NEAR = 100.0  # cost of links closer than their bounds [1/m]
 _SPREAD, _AROUND = 0.3, 12  # [rad or m]; number of starts around each
 
 
-@dataclass(frozen=True, eq=False)
-class StartConfigurations:
+@dataclass(frozen=True, eq=False, repr=False)
+class StartConfigurations(ShortRepr):
     """Configurations at the waypoints (m + 1, n), and their cost.
 
     `missed` are the weights of the errors of poses out of reach (m + 1,), zero for the others.

@@ -30,8 +30,8 @@ REACHED = 1e-6  # [m] and [rad]
 _SETTLED = 1e-2
 
 
-@dataclass(frozen=True, eq=False)
-class Pose:
+@dataclass(frozen=True, eq=False, repr=False)
+class Pose(ShortRepr):
     """A target for the hand.
 
     Attributes:
@@ -179,7 +179,7 @@ class PoseMapping(ShortRepr):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PairedArm:
+class PairedArm(ShortRepr):
     """A person's arm, and the robot that takes over its motion.
 
     Attributes:
@@ -200,6 +200,7 @@ class PairedArm:
     settings: RetargetingSettings
     groups: tuple[SynergyGroup, ...]
     target_poses: tuple[Array, Array]
+    _shown = ("robot", "mapping")
 
     @classmethod
     def of(

@@ -157,6 +157,8 @@ def retarget_arms(
     begin = time.perf_counter()
     report = progress or no_progress
     tolerance, rate = as_positive("tolerance", tolerance), as_positive("rate", rate, "Hz")
+    if not (isinstance(problem, type) and issubclass(problem, SynergyPaths)):
+        raise ValueError(f"problem must be SynergyPaths or a subclass of it, got {problem!r}")
     pairs = _paired(analyses, robots, alignments, person_alignments, limits, settings)
     start_of_each = _one_each("starts", starts, len(pairs))
     clearance = motion_clearance(robots, settings)  # of the models as given, whose pairs are kept

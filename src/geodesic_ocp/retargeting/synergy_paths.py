@@ -60,9 +60,10 @@ Rows = Mapping[tuple[int, float], float]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PlannedPaths(ShortRepr):
-    """The solution of the program.
+    """The solution of `SynergyPaths`.
 
     Attributes:
+        problem: that was solved.
         starts: configurations in which the arms begin.
         paths: of the movements of each arm.
         within_reach: which poses each arm attains, at its m + 1 waypoints: neither out of reach,
@@ -81,6 +82,7 @@ class PlannedPaths(ShortRepr):
             each with by how much [m], and the time in the recording [s].
     """
 
+    problem: SynergyPaths
     starts: tuple[Array, ...]
     paths: tuple[tuple[Path, ...], ...]
     within_reach: tuple[tuple[bool, ...], ...]
@@ -106,9 +108,10 @@ class SynergyPaths(ShortRepr, Problem):
     posture and of likeness to the person, over the paths and over the configurations in which they
     meet. `go.solve` takes it and returns `PlannedPaths`.
 
-    A subclass may add a running `cost(q, v)` to the energy and `constraints(q, v)` to the limits of
-    the joints. They are built for one arm after the other, whose `model` it is and whose joints q
-    are; v = q'(s), and s goes from 0 to 1 over the time in which the arm moves.
+    `retarget` makes one of a person's synergies and a robot: `Retargeting.paths.problem` is what it
+    solved. A subclass may add a running `cost(q, v)` to the energy and `constraints(q, v)` to the
+    limits of the joints. They are built for one arm after the other, whose `model` it is and whose
+    joints q are; v = q'(s), and s goes from 0 to 1 over the time in which the arm moves.
 
     Attributes:
         arms: waypoints of each.
@@ -127,8 +130,15 @@ class SynergyPaths(ShortRepr, Problem):
     posture: float = 0.0
     likeness: float = 30.0
     tolerance: float = 1e-6
-    progress: Progress = no_progress
+    progress: Progress | None = None
     _shown = ("clearance", "stretch", "posture", "likeness", "tolerance")
+
+    def __post_init__(self) -> None:
+        arms = self.arms
+        if not isinstance(arms, tuple) or not all(isinstance(each, ArmWaypoints) for each in arms):
+            raise ValueError(f"arms must be a tuple of ArmWaypoints, got {arms!r}")
+        if not arms:
+            raise ValueError("arms must be at least one, got none")
 
     @property
     def model(self) -> Model:
@@ -176,11 +186,12 @@ class SynergyPaths(ShortRepr, Problem):
             unit, float(edges[-1] - edges[0]), self.stretch, self.posture, self.likeness, _DETOUR
         )
         rounds = _Rounds(self.clearance, edges, weights, self.tolerance)
-        self.progress("choosing configurations", 0, 3)
+        report = self.progress or no_progress
+        report("choosing configurations", 0, 3)
         found: list[_Iterate] = []
         free: list[float] = []  # objectives without distances
         for number, start in enumerate(self._starts(layers, weights)):
-            self.progress("planning all synergies", 1 + number, 3)
+            report("planning all synergies", 1 + number, 3)
             iterate = rounds.refined(start)
             if any(np.isclose(iterate.objective, each, rtol=_SAME) for each in free):
                 continue  # it leads to the same paths
@@ -189,7 +200,7 @@ class SynergyPaths(ShortRepr, Problem):
             if iterate.success and not _lacking_distances(self.clearance, found[-1]):
                 break
         best = min(found, key=lambda each: (not each.success, _score(each, rounds)))
-        return _planned(best, rounds, sum(each.iterations for each in found))
+        return _planned(self, best, rounds, sum(each.iterations for each in found))
 
     def _starts(
         self, layers: Sequence[Sequence[Candidates]], weights: ObjectiveWeights
@@ -333,10 +344,13 @@ def _coarse(part: ArmPart, nodes: Array, tolerance: float, resolved: float) -> N
     return np.asarray((unresolved > resolved / part.grid.segments) | (violated > tolerance))
 
 
-def _planned(iterate: _Iterate, rounds: _Rounds, iterations: int) -> PlannedPaths:
+def _planned(
+    problem: SynergyPaths, iterate: _Iterate, rounds: _Rounds, iterations: int
+) -> PlannedPaths:
     pairs = list(zip(iterate.parts, iterate.nodes, strict=True))
     longer = np.zeros(rounds.edges.size - 1) if iterate.longer is None else iterate.longer
     return PlannedPaths(
+        problem=problem,
         starts=tuple(each[0] for each in iterate.nodes),
         paths=tuple(tuple(part.paths(each)) for part, each in pairs),
         within_reach=tuple(part.within_reach for part in iterate.parts),

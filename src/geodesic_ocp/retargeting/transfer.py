@@ -113,8 +113,8 @@ def transfers_on(
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class FreeGeodesics:
+@dataclass(frozen=True, eq=False, repr=False)
+class FreeGeodesics(ShortRepr):
     """Free geodesics of a robot to the poses of a person's hand, in turn.
 
     Attributes:

@@ -7,7 +7,7 @@ the length of the arm. It turns with the swivel angle (Tolani, Goswami, Badler, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array
+from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.blocks import Terms
 from geodesic_ocp.execution.limits import JointLimits
 from geodesic_ocp.model.model import Model
@@ -151,8 +151,8 @@ def waypoint_terms(
 _PEAK, _BRAKING = 1.5, 5.0
 
 
-@dataclass(frozen=True, eq=False)
-class ArmWaypoints:
+@dataclass(frozen=True, eq=False, repr=False)
+class ArmWaypoints(ShortRepr):
     """Poses that the hand of one arm passes, one after the other.
 
     Attributes:
@@ -182,7 +182,8 @@ class ArmWaypoints:
     limits: JointLimits
     offsets: Array | None
     near_misses: float = 0.0
-    weights: tuple[float, float] = field(default=(1.0, 1.0))
+    weights: tuple[float, float] = (1.0, 1.0)
+    _shown = ("arm", "limited", "count")
 
     @property
     def durations(self) -> Array:

@@ -16,10 +16,10 @@ from geodesic_ocp.model.formats.mjcf import mjcf_model
 from geodesic_ocp.model.formats.simox import simox_model
 from geodesic_ocp.model.formats.urdf import Mimic, apply_mimics, urdf_model
 from geodesic_ocp.model.joints import (
-    distinct_frames,
     frame_index,
     motion_subspace,
     restore_frames,
+    with_distinct_frames,
 )
 from geodesic_ocp.model.link_geometry import LinkGeometry
 from geodesic_ocp.model.primitives import Bodies
@@ -54,14 +54,11 @@ def read_file(file: Path, height: float | None, mass: float | None) -> Descripti
     """
     try:
         content = file.read_bytes()
-    except (OSError, ValueError) as error:
-        raise ValueError(f"{file} cannot be read: {error}") from None
-    declared = _ENCODING.match(content)
-    encoding = declared.group(1).decode() if declared else "utf-8"
-    encoding = next((name for mark, name in _MARKS.items() if content.startswith(mark)), encoding)
-    try:
-        text = content.decode(encoding)
-    except (UnicodeDecodeError, LookupError) as error:
+        declared = _ENCODING.match(content)
+        encodings = [name for mark, name in _MARKS.items() if content.startswith(mark)]
+        encodings.append(declared.group(1).decode() if declared else "utf-8")
+        text = content.decode(encodings[0])
+    except (OSError, ValueError, LookupError) as error:
         raise ValueError(f"{file} cannot be read: {error}") from None
     return read_description(text, file.name, height, mass, file.parent)
 
@@ -91,24 +88,16 @@ def read_description(
     if height is not None or mass is not None:
         raise ValueError(f"height and mass scale MMM models, but {name} is not one")
     if root.tag == "robot":
-        return _with_shapes(urdf_model(root, text, name), name, folder)
-    if root.tag == "mujoco":
-        return _with_shapes(mjcf_model(root, name, folder), name, folder)
-    raise ValueError(
-        f"{name} is neither URDF (<robot>), MJCF (<mujoco>) nor Simox (<Robot>): its root element "
-        f"is <{root.tag}>"
-    )
-
-
-def _with_shapes(
-    read: tuple[pin.Model, Mapping[str, Mimic], tuple[str, ...], str],
-    name: str,
-    folder: Path | None,
-) -> Description:
-    model, mimics, warnings, text = read
-    return Description(
-        model, mimics, warnings, LinkGeometry(model, text, name, folder and folder.absolute())
-    )
+        model, mimics, faults, text = urdf_model(root, text, name)
+    elif root.tag == "mujoco":
+        model, mimics, faults, text = mjcf_model(root, name, folder)
+    else:
+        raise ValueError(
+            f"{name} is neither URDF (<robot>), MJCF (<mujoco>) nor Simox (<Robot>): its root "
+            f"element is <{root.tag}>"
+        )
+    shapes = LinkGeometry(model, text, name, folder and folder.absolute())
+    return Description(model, mimics, faults, shapes)
 
 
 _LIMIT_TOLERANCE = 1e-6  # [rad or m]: limits in files are rounded
@@ -132,11 +121,11 @@ def lock_joints(
             motion_subspace(model, model.getJointId(name))
         except ValueError as error:
             raise ValueError(f"{error}; leave it out with base=... or joints=[...]") from None
-    for index in range(1, model.njoints):
-        if model.joints[index].shortname() == "JointModelMimic":
+    for name, joint in zip(model.names, model.joints, strict=True):
+        if joint.shortname() == "JointModelMimic":
             raise ValueError(
-                f"joint {model.names[index]!r} of the pin.Model is a JointModelMimic, which cannot "
-                "be locked; build the model without mimic joints"
+                f"joint {name!r} of the pin.Model is a JointModelMimic, which cannot be locked; "
+                "build the model without mimic joints"
             )
     for name, mimic in description.mimics.items():
         if mimic.leader in moving and name not in configuration:
@@ -148,8 +137,8 @@ def lock_joints(
     others = [index for index in range(1, model.njoints) if model.names[index] not in moving]
     if not others:
         return model.copy()
-    with distinct_frames(model) as original:
-        reduced = pin.buildReducedModel(model, others, q)
+    (distinct,), original = with_distinct_frames(model)
+    reduced = pin.buildReducedModel(distinct, others, q)
     restore_frames(reduced, original)
     reduced.name = model.name
     return reduced
@@ -161,6 +150,7 @@ def _locked_configuration(
     """Pinocchio's configuration (nq,) of the locked joints; the others are neutral."""
     model = description.pin
     q: Array = pin.neutral(model)
+    limits = np.column_stack([model.lowerPositionLimit, model.upperPositionLimit])
     values = {str(name): 0.0 for name in list(model.names)[1:]}
     if not isinstance(configuration, Mapping):
         raise ValueError(f"configuration must map names of joints to values, got {configuration!r}")
@@ -169,40 +159,34 @@ def _locked_configuration(
             why = "moves" if name in values else f"is not a joint of {model.name!r}"
             raise ValueError(f"configuration: {name!r} {why}")
         as_number(f"configuration: {name!r}", value)
-    for index in range(1, model.njoints):
-        name, joint = str(model.names[index]), model.joints[index]
-        if name in moving:
-            continue
-        if joint.nv != 1:
-            if name in configuration:
-                raise ValueError(
-                    f"configuration: {name!r} is a {joint.shortname()}, not one number"
-                )
-            continue
+    locked = {
+        str(name): joint
+        for name, joint in list(zip(model.names, model.joints, strict=True))[1:]
+        if name not in moving
+    }
+    for name, joint in locked.items():
+        if joint.nv != 1 and name in configuration:
+            raise ValueError(f"configuration: {name!r} is a {joint.shortname()}, not one number")
+        lower, upper = -np.inf, np.inf
         if joint.nq == 1:
-            limits = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
-            values[name] = _locked_value(name, configuration.get(name), *limits)
-        else:
-            values[name] = float(configuration.get(name, 0.0))
+            lower, upper = limits[joint.idx_q]
+        default = np.clip(0.0, lower, upper) if lower <= upper else 0.0
+        values[name] = value = float(configuration.get(name, default))
+        if name in configuration and not (
+            lower - _LIMIT_TOLERANCE <= value <= upper + _LIMIT_TOLERANCE
+        ):
+            raise ValueError(
+                f"configuration: {name!r} = {value:.6g} lies outside its limits {lower:.6g} to "
+                f"{upper:.6g}"
+            )
     free = {name: mimic for name, mimic in description.mimics.items() if name not in configuration}
     values = apply_mimics(free, values)
-    for index in range(1, model.njoints):
-        joint, value = model.joints[index], values[str(model.names[index])]
-        if joint.nv == 1 and model.names[index] not in moving:
+    for name, joint in locked.items():
+        if joint.nv == 1:
+            value = values[name]
             coordinates = [value] if joint.nq == 1 else [np.cos(value), np.sin(value)]
             q[joint.idx_q : joint.idx_q + joint.nq] = coordinates
     return q
-
-
-def _locked_value(name: str, given: float | None, lower: float, upper: float) -> float:
-    if given is None:
-        return float(np.clip(0.0, lower, upper)) if lower <= upper else 0.0
-    if not lower - _LIMIT_TOLERANCE <= given <= upper + _LIMIT_TOLERANCE:
-        raise ValueError(
-            f"configuration: {name!r} = {given:.6g} lies outside its limits {lower:.6g} to "
-            f"{upper:.6g}"
-        )
-    return float(given)
 
 
 def change_base(model: pin.Model, base: str) -> pin.Model:

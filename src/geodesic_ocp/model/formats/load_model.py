@@ -116,32 +116,20 @@ def load_model(
     if isinstance(source, str) and source in ROBOTS:
         model.name = source
     of_file = model.armature.any() and not isinstance(source, pin.Model)
-    return Model(
-        model,
-        hand,
-        backend,
-        _limit_unlimited(model),
-        description.shapes,
-        armature_from="the file" if of_file else "",
-    )
+    origin, continuous = "the file" if of_file else "", _limit_unlimited(model)
+    return Model(model, hand, backend, continuous, description.shapes, armature_from=origin)
 
 
 def _limit_unlimited(model: pin.Model) -> tuple[str, ...]:
     """Limit unlimited revolute joints like continuous joints; returns their names."""
-    names = []
+    names, lower, upper = [], model.lowerPositionLimit, model.upperPositionLimit
     for index in range(1, model.njoints):
-        joint = model.joints[index]
-        if joint.nq == 1 and np.any(motion_subspace(model, index)[3:]):
-            lower, upper = (
-                limits[joint.idx_q]
-                for limits in (model.lowerPositionLimit, model.upperPositionLimit)
-            )
-            # A revolution of a screw also translates.
-            is_screw = "H" in joint.shortname().removeprefix("JointModel")
-            if lower <= -_UNLIMITED and upper >= _UNLIMITED and not is_screw:
-                model.lowerPositionLimit[joint.idx_q] = -DEFAULT_LIMIT
-                model.upperPositionLimit[joint.idx_q] = DEFAULT_LIMIT
-                names.append(str(model.names[index]))
+        row, twist = model.joints[index].idx_q, motion_subspace(model, index)
+        # A revolution of a screw also translates.
+        revolute = model.joints[index].nq == 1 and np.any(twist[3:]) and not np.any(twist[:3])
+        if revolute and lower[row] <= -_UNLIMITED and upper[row] >= _UNLIMITED:
+            lower[row], upper[row] = -DEFAULT_LIMIT, DEFAULT_LIMIT
+            names.append(str(model.names[index]))
     return tuple(names)
 
 
@@ -160,17 +148,16 @@ def _read(
     if isinstance(source, str) and (len(source) > _LONGEST_NAME or "\0" in source):
         raise ValueError(f"source is neither XML nor a name: {source[:40]!r}...")
     file = Path(source)
-    if isinstance(source, str) and not file.is_file() and file.suffix not in _SUFFIXES:
-        if (found := locate(source)) is None:
-            raise ValueError(_unknown_source(source))
-        robot = ROBOTS.get(source)
-        if robot is not None:
-            hand = robot.hand if hand is None else hand
-            base = robot.base if base is None else base
-        description = read_file(found, height, mass)
-        set_armature(description.pin, srdf_armature(found))
-        return description, hand, base
-    return read_file(file, height, mass), hand, base
+    if not isinstance(source, str) or file.is_file() or file.suffix in _SUFFIXES:
+        return read_file(file, height, mass), hand, base
+    if (found := locate(source)) is None:
+        raise ValueError(_unknown_source(source))
+    if (robot := ROBOTS.get(source)) is not None:
+        hand = robot.hand if hand is None else hand
+        base = robot.base if base is None else base
+    description = read_file(found, height, mass)
+    set_armature(description.pin, srdf_armature(found))
+    return description, hand, base
 
 
 def _unknown_source(name: str) -> str:
@@ -178,9 +165,9 @@ def _unknown_source(name: str) -> str:
         return f"{name!r} is in {ROBOTS[name].package}, which is not installed: {INSTALL}"
     names = {*ROBOTS, *described(), *on_demand()}
     similar = difflib.get_close_matches(name, names)
-    hint = (
-        f"did you mean {', '.join(similar)}?" if similar else "`geodesic-ocp models` lists robots"
-    )
+    hint = "`geodesic-ocp models` lists robots"
+    if similar:
+        hint = f"did you mean {', '.join(similar)}?"
     return f"there is no file and no robot {name!r}; {hint}; more come with {INSTALL}"
 
 
@@ -192,8 +179,7 @@ def _frame(argument: str, model: pin.Model, name: str) -> int:
 
 
 def _frames(model: pin.Model) -> list[str]:
-    fixed = pin.FrameType.FIXED_JOINT
-    return [str(frame.name) for frame in model.frames if frame.type != fixed]
+    return [str(each.name) for each in model.frames if each.type != pin.FrameType.FIXED_JOINT]
 
 
 def _known(names: Iterable[str], wanted: str = "") -> str:
@@ -213,10 +199,9 @@ def _moving(
         chain = list(model.supports[model.frames[hand].parentJoint])[1:]
         if base is not None and (root := model.frames[base].parentJoint) > 0:
             if root not in chain:
-                raise ValueError(
-                    f"base {model.frames[base].name!r} is not between the root and the hand "
-                    f"{model.frames[hand].name!r}; name the joints that move with joints=[...]"
-                )
+                where = f"between the root and the hand {model.frames[hand].name!r}"
+                advice = "name the joints that move with joints=[...]"
+                raise ValueError(f"base {model.frames[base].name!r} is not {where}; {advice}")
             chain = chain[chain.index(root) + 1 :]
         if not chain:
             raise ValueError(f"there is no joint before the hand {model.frames[hand].name!r}")
@@ -250,24 +235,18 @@ def catalogue() -> Iterator[str]:
             yield "load_model(name)"
         for name in installed:
             yield from _summary(name, load_model(name, backend=in_use))
-    absent = [name for name in ROBOTS if name not in installed]
-    if absent:
+    if absent := [name for name in ROBOTS if name not in installed]:
         packages = sorted({ROBOTS[name].package for name in absent})
         yield f"not available without {' and '.join(packages)}:"
         yield f"  {INSTALL}"
         yield from _wrapped(absent)
+    by_name = "load_model(name, hand=...):"
     if names := sorted(described()):
-        yield (
-            f"load_model(name, hand=...): {len(names)} of example-robot-data and armar, each with "
-            "its longest chain"
-        )
+        yield f"{by_name} {len(names)} of example-robot-data and armar, each with its longest chain"
         for name in names:
             yield from _longest_chain(name, in_use)
     if names := sorted(on_demand()):
-        yield (
-            f"load_model(name, hand=...): {len(names)} of robot_descriptions, which downloads them "
-            "on first use"
-        )
+        yield f"{by_name} {len(names)} of robot_descriptions, which downloads them on first use"
         yield from _wrapped(names)
     yield "load_model(file, hand=...): URDF, MJCF, MMM/Simox XML"
     yield "back ends of the symbolic mass matrix"
@@ -280,9 +259,8 @@ def catalogue() -> Iterator[str]:
 
 def _summary(name: str, model: Model) -> Iterator[str]:
     values = f"{model.dof} DoF, {model.mass:5.2f} kg, reach {model.reach:.2f} m"
-    if inertia := model.describe_armature():
-        values += f", {inertia}"
-    yield f"  {name:20} {values}"
+    inertia = model.describe_armature()
+    yield f"  {name:20} {values}{inertia and ', '}{inertia}"
     yield from _wrapped(model.joint_names, indent="    ")
 
 
@@ -314,10 +292,5 @@ def _longest_chain(name: str, backend: str) -> Iterator[str]:
 
 
 def _wrapped(names: Sequence[str], indent: str = "  ") -> list[str]:
-    return textwrap.wrap(
-        ", ".join(names),
-        _WIDTH,
-        initial_indent=indent,
-        subsequent_indent=indent,
-        break_on_hyphens=False,
-    )
+    lines = textwrap.wrap(", ".join(names), _WIDTH - len(indent), break_on_hyphens=False)
+    return [indent + line for line in lines]

@@ -22,7 +22,7 @@ from geodesic_ocp.model.formats.robots import ACTUATORS, effort_limits
 from geodesic_ocp.model.formats.urdf import Mimic
 from geodesic_ocp.model.joints import frame_index, motion_subspace
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.model.primitives import Body, as_capsule
+from geodesic_ocp.model.primitives import as_capsule
 
 # MuJoCo takes no moving body without inertia: [kg] and [kg m^2], below the accuracy of any result.
 _LEAST = 1e-12
@@ -66,14 +66,11 @@ def mjcf_text(
         bodies[index] = ET.SubElement(parent, "body", {"name": names[index], **_pose(placement)})
         _write_inertia(bodies[index], native.inertias[index])
         _write_joint(bodies[index], model, index)
-    sites = Counter[str]()
-    for frame in native.frames:
-        is_hand = frame.name == model.hand
-        if (frame.type == pin.FrameType.BODY or is_hand) and not sites[frame.name]:
-            sites[str(frame.name)] += 1
-            named = native.frames[frame_index(native, frame.name)]
-            attributes = {"name": str(frame.name), **_pose(named.placement)}
-            ET.SubElement(bodies[named.parentJoint], "site", attributes)
+    links = (frame for frame in native.frames if frame.type == pin.FrameType.BODY)
+    for name in dict.fromkeys([*(str(frame.name) for frame in links), model.hand]):
+        named = native.frames[frame_index(native, name)]
+        attributes = {"name": name, **_pose(named.placement)}
+        ET.SubElement(bodies[named.parentJoint], "site", attributes)
     _write_geoms(model, bodies)
     contact = ET.SubElement(root, "contact")  # MuJoCo excludes other neighbours by itself
     for index in range(1, native.njoints):
@@ -112,17 +109,11 @@ def _body_names(native: pin.Model) -> dict[int, str]:
 
 
 def _write_inertia(element: ET.Element, inertia: pin.Inertia) -> None:
-    moments = np.array(inertia.inertia)
+    moments, mass = np.array(inertia.inertia), repr(max(float(inertia.mass), _LEAST))
     if inertia.mass < _LEAST or np.linalg.eigvalsh(moments)[0] < _LEAST:
         moments = moments + _LEAST * np.eye(3)
-    entries = [*np.diag(moments), moments[0, 1], moments[0, 2], moments[1, 2]]
-    ET.SubElement(
-        element,
-        "inertial",
-        pos=_text(inertia.lever),
-        mass=repr(max(float(inertia.mass), _LEAST)),
-        fullinertia=_text(entries),
-    )
+    entries = _text([*np.diag(moments), moments[0, 1], moments[0, 2], moments[1, 2]])
+    ET.SubElement(element, "inertial", pos=_text(inertia.lever), mass=mass, fullinertia=entries)
 
 
 def _write_joint(element: ET.Element, model: Model, index: int) -> None:
@@ -132,10 +123,8 @@ def _write_joint(element: ET.Element, model: Model, index: int) -> None:
         raise ValueError(f"joint {name!r} is a screw, which MJCF does not have")
     row = native.joints[index].idx_v
     kind, axis = ("hinge", angular) if np.any(angular) else ("slide", linear)
-    armature = repr(float(native.armature[row]))
-    joint = ET.SubElement(
-        element, "joint", name=name, type=kind, axis=_text(axis), armature=armature
-    )
+    joint = ET.SubElement(element, "joint", name=name, type=kind, axis=_text(axis))
+    joint.set("armature", repr(float(native.armature[row])))
     limits = [model.lower[row], model.upper[row]]
     if name not in model.continuous and np.all(np.isfinite(limits)):
         joint.set("range", _text(limits))
@@ -143,24 +132,16 @@ def _write_joint(element: ET.Element, model: Model, index: int) -> None:
 
 def _write_geoms(model: Model, bodies: dict[int, ET.Element]) -> None:
     seen = Counter[str]()
-    for body in model.bodies:
+    for body in map(as_capsule, model.bodies):
         frame = model.pin.frames[frame_index(model.pin, str(body.link))]
+        start, end = (frame.placement.act(np.array(point)) for point in (body.start, body.end))
         seen[str(body.link)] += 1
-        name = f"{body.link}:{seen[str(body.link)]}"
-        geom = ET.SubElement(bodies[frame.parentJoint], "geom", name=name, mass="0", group="3")
-        _set_shape(geom, body, frame.placement)
-
-
-def _set_shape(geom: ET.Element, body: Body, placement: pin.SE3) -> None:
-    capsule = as_capsule(body)
-    start, end = (placement.act(np.array(point)) for point in (capsule.start, capsule.end))
-    geom.set("size", repr(float(body.radius)))
-    if np.linalg.norm(end - start) > 1e-9:
-        geom.set("type", "capsule")
-        geom.set("fromto", _text([*start, *end]))
-    else:
-        geom.set("type", "sphere")
-        geom.set("pos", _text(start))
+        shape = {"type": "sphere", "pos": _text(start)}
+        if np.linalg.norm(end - start) > 1e-9:
+            shape = {"type": "capsule", "fromto": _text([*start, *end])}
+        name, size = f"{body.link}:{seen[str(body.link)]}", repr(float(body.radius))
+        attributes = {"name": name, "mass": "0", "group": "3", "size": size, **shape}
+        ET.SubElement(bodies[frame.parentJoint], "geom", attributes)
 
 
 def _pose(placement: pin.SE3) -> dict[str, str]:
@@ -207,18 +188,14 @@ def mjcf_model(
             start = model.joints[model.getJointId(joint.get("name"))].idx_q
             model.lowerPositionLimit[start] = -np.inf
             model.upperPositionLimit[start] = np.inf
-    _set_efforts(model, effort_limits(root, name))
+    for driven, (lower, upper) in effort_limits(root, name).items():
+        if model.existJointName(driven):
+            row = model.joints[model.getJointId(driven)].idx_v
+            model.lowerEffortLimit[row], model.upperEffortLimit[row] = lower, upper
     mimics, warnings = _equalities(root, name)
     if folder is not None:
         _make_mesh_folders_absolute(root, folder.absolute())
     return model, mimics, tuple(warnings), ET.tostring(root, encoding="unicode")
-
-
-def _set_efforts(model: pin.Model, limits: dict[str, Array]) -> None:
-    for joint, (lower, upper) in limits.items():
-        if model.existJointName(joint) and (index := model.getJointId(joint)) < model.njoints:
-            row = model.joints[index].idx_v
-            model.lowerEffortLimit[row], model.upperEffortLimit[row] = lower, upper
 
 
 def _make_mesh_folders_absolute(root: ET.Element, folder: Path) -> None:
@@ -226,9 +203,9 @@ def _make_mesh_folders_absolute(root: ET.Element, folder: Path) -> None:
     compiler = root.find("compiler")
     if compiler is None:
         compiler = ET.SubElement(root, "compiler")
-    for key in ("meshdir", "assetdir"):
-        if key in compiler.attrib or key == "meshdir":
-            compiler.set(key, str(folder / compiler.get(key, compiler.get("assetdir", ""))))
+    compiler.attrib.setdefault("meshdir", compiler.get("assetdir", ""))
+    for key in {"meshdir", "assetdir"} & compiler.attrib.keys():
+        compiler.set(key, str(folder / compiler.get(key, "")))
 
 
 def _include(
@@ -247,13 +224,10 @@ def _include(
         try:
             included = ET.parse(file).getroot()
         except (OSError, ET.ParseError) as error:
-            raise ValueError(
-                f"{name} includes {file.name}, which cannot be read: {error}"
-            ) from None
+            what = f"{name} includes {file.name}, which cannot be read"
+            raise ValueError(f"{what}: {error}") from None
         _include(included, name, folder, (*including, file))
-        element.remove(child)
-        for offset, part in enumerate(included):
-            element.insert(index + offset, part)
+        element[index : index + 1] = list(included)
 
 
 def _merge_sections(root: ET.Element) -> None:
@@ -317,22 +291,18 @@ def _reject_unsupported(root: ET.Element, name: str) -> None:
         if not compiler.get("eulerseq", "xyz").islower():
             raise ValueError(f"{name}: eulerseq with capitals, about fixed axes, is not supported")
         if compiler.get("inertiafromgeom") == "true" and next(root.iter("inertial"), None):
-            raise ValueError(
-                f"{name}: inertiafromgeom in place of given <inertial>s is not supported"
-            )
+            given = "inertiafromgeom in place of given <inertial>s"
+            raise ValueError(f"{name}: {given} is not supported")
     for joint in root.iter("joint"):
-        if joint.get("type", "hinge") not in _JOINTS:
-            raise ValueError(
-                f"{name}: joint {joint.get('name')!r} is of the unknown type {joint.get('type')!r}"
-            )
+        if (kind := joint.get("type", "hinge")) not in _JOINTS:
+            raise ValueError(f"{name}: joint {joint.get('name')!r} is of the unknown type {kind!r}")
     for body in root.iter("body"):
         location = f"{name}: body {body.get('name')!r}"
         meshes = [geom for geom in body.iterfind("geom") if geom.get("mesh") is not None]
         heavy = [geom for geom in meshes if not {geom.get("mass"), geom.get("density")} & {"0"}]
         if heavy and body.find("inertial") is None:
-            raise ValueError(
-                f"{location} has the inertia of a mesh, which is not supported: give <inertial>"
-            )
+            what = "has the inertia of a mesh, which is not supported: give <inertial>"
+            raise ValueError(f"{location} {what}")
 
 
 def _rewrite(root: ET.Element, name: str) -> None:
@@ -340,35 +310,34 @@ def _rewrite(root: ET.Element, name: str) -> None:
     degrees = compiler is None or compiler.get("angle", "degree") == "degree"
     for element in root.iter():
         if (given := element.get("axisangle")) is not None:
-            x, y, z, angle = _numbers(given, 4, f"{name}: axisangle")
-            length = float(np.linalg.norm([x, y, z])) or 1.0
-            axis = " ".join(repr(float(number / length)) for number in (x, y, z))
-            element.set("axisangle", f"{axis} {angle!r}")
+            *axis, angle = _numbers(given, 4, f"{name}: axisangle")
+            length = float(np.linalg.norm(axis)) or 1.0
+            element.set("axisangle", _text([*(number / length for number in axis), angle]))
         if degrees and element.tag == "joint" and element.get("type") == "slide":
             location = f"{name}: range of joint {element.get('name')!r}"
             # Pinocchio reads it as degrees.
             metres = _numbers(element.get("range", "0 0"), 2, location)
-            element.set("range", " ".join(repr(float(number)) for number in np.rad2deg(metres)))
+            element.set("range", _text(np.rad2deg(metres)))
     world = root.find("worldbody")
     if world is None or world.find("body") is None:
         raise ValueError(f"{name} has no <body>")
     # Pinocchio reads only one body of the world, and ignores its pose if it has no joint.
     whole = ET.Element("body", {"name": _ROOT})
-    whole.extend(list(world))
-    for child in list(world):
-        world.remove(child)
-    world.append(whole)
+    whole.extend(world)
+    world[:] = [whole]
     for body in list(root.iter("body")):
         _give_each_joint_a_body(body)
 
 
 def _numbers(text: str, count: int, location: str) -> list[float]:
+    """The numbers in a text: as many as the count, any if it is 0."""
     try:
         numbers = [float(number) for number in text.split()]
     except ValueError:
         numbers = []
-    if len(numbers) != count:
-        raise ValueError(f"{location} must be {count} numbers, is {text!r}")
+    wanted = f"{count} numbers" if count else "numbers"
+    if not numbers or (count and len(numbers) != count):
+        raise ValueError(f"{location} must be {wanted}, is {text!r}")
     return numbers
 
 
@@ -381,9 +350,7 @@ def _give_each_joint_a_body(body: ET.Element) -> None:
     for joint in joints[:-1]:
         inner = ET.Element("body", {"name": body.get("name", "")})
         inner.extend([child for child in body if child is not joint])
-        for child in list(inner):
-            body.remove(child)
-        body.append(inner)
+        body[:] = [joint, inner]
         body.set("name", f"{body.get('name', '')}/{joint.get('name', '')}")
         body = inner
 
@@ -399,11 +366,8 @@ def _equalities(root: ET.Element, name: str) -> tuple[dict[str, Mimic], list[str
             continue
         joint, leader = equality.get("joint1", ""), equality.get("joint2")
         location = f"{name}: the equality of joint {joint!r}"
-        try:
-            coefficients = [float(number) for number in equality.get("polycoef", "0 1").split()]
-        except ValueError:
-            raise ValueError(f"{location}: polycoef must be numbers") from None
-        offset, multiplier, *higher = (*coefficients, *[0.0] * (5 - len(coefficients)))
+        coefficients = _numbers(equality.get("polycoef", "0 1"), 0, f"{location}: polycoef")
+        offset, multiplier, *higher = (*coefficients, 0.0, 0.0)
         if leader is None:
             warnings.append(f"{location} with a constant is ignored")
             continue

@@ -66,12 +66,11 @@ def effort_limits(root: ET.Element, name: str) -> dict[str, Array]:
 def _force_range(actuator: ET.Element, automatic: bool, location: str) -> Array:
     """Smallest and largest force of the actuator, before its gear."""
     limits = _range(actuator, "force", automatic, location)
-    direct = actuator.tag == "motor" or (
-        actuator.tag == "general"
-        and actuator.get("gaintype", "fixed") == "fixed"
-        and actuator.get("biastype", "none") == "none"
-    )
-    if not direct:  # the control is a position, a speed or an activation
+    kinds = actuator.get("gaintype", "fixed"), actuator.get("biastype", "none")
+    general = actuator.tag == "general" and kinds == ("fixed", "none")
+    if not (
+        actuator.tag == "motor" or general
+    ):  # the control is a position, a speed or an activation
         return limits
     gain = 1.0 if actuator.tag == "motor" else _first(actuator, "gainprm", location)
     driven = np.sort(gain * _range(actuator, "ctrl", automatic, location)) if gain else np.zeros(2)
@@ -291,9 +290,8 @@ def _of_menagerie(name: str) -> Path:
     try:
         menagerie = importlib.import_module("mujoco_menagerie")
     except ImportError:
-        raise ValueError(
-            f"{_MENAGERIE}{name} needs MuJoCo Menagerie: pip install 'geodesic_ocp[mujoco]'"
-        ) from None
+        needed = "MuJoCo Menagerie: pip install 'geodesic_ocp[mujoco]'"
+        raise ValueError(f"{_MENAGERIE}{name} needs {needed}") from None
     try:
         robot = menagerie.get(name)
         return Path(robot.xml(robot.default_model))

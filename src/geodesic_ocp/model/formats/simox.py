@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -67,7 +67,7 @@ def simox_model(root: ET.Element, name: str, height: float | None, mass: float |
 
     model = pin.Model()
     model.name = name.rsplit(".", 1)[0]
-    todo = [(start, _Node(0, 0, pin.SE3.Identity()))]
+    todo: list[tuple[str, _Node]] = [(start, (0, 0, pin.SE3.Identity()))]
     seen = set()
     while todo:
         node, parent = todo.pop()
@@ -85,37 +85,29 @@ def simox_model(root: ET.Element, name: str, height: float | None, mass: float |
     return model
 
 
-@dataclass(frozen=True)
-class _Units:
+class _Units(NamedTuple):
     """Metres and kilograms per unit of length and mass of the file."""
 
     length: float
     mass: float
 
 
-@dataclass(frozen=True, eq=False)
-class _Node:
-    """A node in the model: indices of its joint and frame, and its placement in the joint frame."""
-
-    joint: int
-    frame: int
-    placement: pin.SE3
+# A node in the model: indices of its joint and frame, and its placement in the joint frame.
+_Node: TypeAlias = tuple[int, int, pin.SE3]
 
 
 def _to_lower_case(element: ET.Element) -> None:
     """Convert tags and names of attributes to lower case, as files differ in case."""
     for each in element.iter():
         each.tag = each.tag.lower()
-        attributes = {key.lower(): value for key, value in each.attrib.items()}
-        each.attrib.clear()
-        each.attrib.update(attributes)
+        each.attrib = {key.lower(): value for key, value in each.attrib.items()}
 
 
 def _add_node(model: pin.Model, node: ET.Element, parent: _Node, units: _Units) -> _Node:
     """Add a child node to a parent."""
     _check_children(node, _OF_NODE, _IGNORED_IN_NODE)
-    name, joint, frame = node.attrib["name"], parent.joint, parent.frame
-    placement = parent.placement * _transform(node.find("transform"), units)
+    name, (joint, frame, placement) = node.attrib["name"], parent
+    placement = placement * _transform(node.find("transform"), units)
     movement = node.find("joint")
     kind = "fixed" if movement is None else movement.get("type", "fixed").lower()
     if movement is not None and kind != "fixed":
@@ -124,17 +116,17 @@ def _add_node(model: pin.Model, node: ET.Element, parent: _Node, units: _Units) 
         if float(movement.get("offset", 0.0)) != 0.0:
             raise ValueError("its joint has an offset, which is not supported")
         _check_children(movement, _OF_JOINT, _IGNORED_IN_JOINT)
-        lower, upper = _limits(movement, kind, units)
+        limits = [np.array([limit]) for limit in _limits(movement, kind, units)]
         free = np.array([np.inf])
         joint_type = _joint_type(movement, kind)
-        joint = model.addJoint(joint, joint_type, placement, name, free, free, lower, upper)
+        joint = model.addJoint(joint, joint_type, placement, name, free, free, *limits)
         placement = pin.SE3.Identity()
         frame = model.addJointFrame(joint, frame)
     else:
         frame = model.addFrame(pin.Frame(name, joint, frame, placement, pin.FrameType.BODY))
     if (physics := node.find("physics")) is not None:
         model.appendBodyToJoint(joint, _inertia(physics, units), placement)
-    return _Node(joint, frame, placement)
+    return joint, frame, placement
 
 
 def _check_children(element: ET.Element, read: set[str], ignored: set[str]) -> None:
@@ -163,6 +155,10 @@ def _unit(element: ET.Element, default: str, units: dict[str, float], kind: str 
     return units[given]
 
 
+def _metres(element: ET.Element, units: _Units) -> float:
+    return _unit(element, "mm", _LENGTHS, "length") * units.length
+
+
 def _numbers(element: ET.Element, names: Sequence[str]) -> Array:
     try:
         numbers = np.array([float(element.attrib[name]) for name in names])
@@ -181,13 +177,11 @@ def _transform(transform: ET.Element | None, units: _Units) -> pin.SE3:
         if len(transform) > 1:
             raise ValueError("<transform> has a <matrix4x4> and other elements")
         rows = _rows(matrix, 4)
-        scale = _unit(matrix, "mm", _LENGTHS, "length") * units.length
-        return pin.SE3(_rotation(rows[:3, :3]), scale * rows[:3, 3])
+        return pin.SE3(_rotation(rows[:3, :3]), _metres(matrix, units) * rows[:3, 3])
     translation, angles = transform.find("translation"), transform.find("rollpitchyaw")
     position, rotation = np.zeros(3), np.eye(3)
     if translation is not None:
-        scale = _unit(translation, "mm", _LENGTHS, "length") * units.length
-        position = scale * _numbers(translation, "xyz")
+        position = _metres(translation, units) * _numbers(translation, "xyz")
     if angles is not None:
         unit = _unit(angles, "radian", _ANGLES, "angle")
         rotation = pin.rpy.rpyToMatrix(*(unit * _numbers(angles, ("roll", "pitch", "yaw"))))
@@ -214,19 +208,17 @@ def _rotation(rows: Array) -> Array:
     return np.asarray(left @ right)
 
 
-def _limits(joint: ET.Element, kind: str, units: _Units) -> tuple[Array, Array]:
+def _limits(joint: ET.Element, kind: str, units: _Units) -> tuple[float, float]:
     limits = joint.find("limits")
     free = {"true", "1"} & {joint.get("limitless", "").lower()}
     if limits is None or free or limits.get("limitless", "").lower() == "true":
-        return np.array([-np.inf]), np.array([np.inf])
-    if kind == "revolute":
-        unit = _unit(limits, "radian", _ANGLES, "angle")
-    else:
-        unit = _unit(limits, "mm", _LENGTHS, "length") * units.length
+        return -np.inf, np.inf
+    angular = kind == "revolute"
+    unit = _unit(limits, "radian", _ANGLES, "angle") if angular else _metres(limits, units)
     lower, upper = unit * _numbers(limits, ("lo", "hi"))
     if lower > upper:
         raise ValueError(f"its lower limit {lower:g} lies above the upper {upper:g}")
-    return np.array([lower]), np.array([upper])
+    return lower, upper
 
 
 def _inertia(physics: ET.Element, units: _Units) -> pin.Inertia:
@@ -241,8 +233,7 @@ def _inertia(physics: ET.Element, units: _Units) -> pin.Inertia:
         if location not in ("custom", "joint"):
             raise ValueError(f"its centre of mass is at {location!r}, which only meshes define")
         if location == "custom":
-            scale = _unit(centre, "mm", _LENGTHS, "length") * units.length
-            lever = scale * _numbers(centre, "xyz")
+            lever = _metres(centre, units) * _numbers(centre, "xyz")
     if tensor is not None:
         scale = _unit(tensor, "kg*m^2", _INERTIAS) * units.mass * units.length**2
         moments = scale * _rows(tensor, 3)

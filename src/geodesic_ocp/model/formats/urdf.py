@@ -99,9 +99,8 @@ def _check(root: ET.Element, name: str) -> None:
         if limit is not None:
             lower, upper = (_number(limit, key, 0.0, location) for key in ("lower", "upper"))
             if lower > upper:
-                raise ValueError(
-                    f"{location}: its lower limit {lower:g} lies above the upper {upper:g}"
-                )
+                what = f"its lower limit {lower:g} lies above the upper {upper:g}"
+                raise ValueError(f"{location}: {what}")
         if axis is not None and not any(map(_nonzero, axis.get("xyz", "1 0 0").split())):
             raise ValueError(f"{location}: its axis is zero")
     for mass in root.iterfind("link/inertial/mass"):
