@@ -116,8 +116,7 @@ class MetricProgram(ShortRepr):
     def program(self) -> BlockProgram:
         """All blocks; the weights of the recordings are its parameters."""
         p, weights = self.size, ca.MX.sym("weights", len(self.parts))
-        share = np.full(p, _REGULARIZATION)
-        near = Block(_change(), np.arange(p)[:, None], weights=share)
+        near = Block(_change(), np.arange(p)[:, None], weights=np.full(p, _REGULARIZATION))
         own = zip(self.parts, self._first, ca.vertsplit(weights), strict=True)
         errors = [part.errors(first, weight) for part, first, weight in own]
         size = p + self.num_x * sum(self.counts)

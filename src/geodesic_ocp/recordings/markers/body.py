@@ -25,7 +25,7 @@ from geodesic_ocp.model.model import Model
 # Joints that carry the segments of a person, by the first letter of the side.
 _CARRIERS = {"upper arm": "Sy", "elbow": "Ex", "forearm": "Ez", "hand": "Wy"}
 _LENGTHS = {"upper arm": "Ex", "forearm": "Wx"}
-_SHOULDERS = "shoulder half width"
+SHOULDERS = "shoulder half width"
 _SIDES = {"right": "R", "left": "L"}
 
 
@@ -65,17 +65,12 @@ class MarkedBody:
         found = [side for side, letter in _SIDES.items() if self._has(f"{letter}Sx_joint")]
         return found[0] if len(found) == 1 else None
 
-    @cached_property
-    def to_base(self) -> Array:
-        """From the root to the model's base (3,) [m]."""
-        if self.lone_side is None:
-            return np.zeros(3)
-        across = trunk().half_width * float(self.height or 0.0)
-        return np.array([across if self.lone_side == "right" else -across, 0.0, 0.0])
-
     def base(self, lengths: Any) -> Any:
         """From the root to the model's base (3,) [m], for lengths relative to the model's."""
-        return self.to_base * lengths[1] if self.lone_side else self.to_base
+        if self.lone_side is None or self.height is None:
+            return np.zeros(3)
+        across = trunk().half_width * self.height * (1.0 if self.lone_side == "right" else -1.0)
+        return np.array([across, 0.0, 0.0]) * lengths[1]
 
     @cached_property
     def _limbs(self) -> dict[str, int]:
@@ -92,7 +87,7 @@ class MarkedBody:
         """Names of the lengths that can be adjusted; the first is the body height."""
         if self.height is None:
             return ()
-        shoulders = [_SHOULDERS] if self.lone_side or self.model.pin.existFrame("thorax") else []
+        shoulders = [SHOULDERS] if self.lone_side or self.model.pin.existFrame("thorax") else []
         return ("height", *shoulders, *self._limbs)
 
     @cached_property
@@ -100,12 +95,12 @@ class MarkedBody:
         """The lengths as the model has them [m]."""
         if self.height is None:
             return np.zeros(0)
-        shoulder = [self.to_base] if self.lone_side else []
+        shoulder = [self.base(np.ones(2))] if self.lone_side else []
         if self.model.pin.existFrame("thorax"):
             shoulder = [joint_offset(self.model, joint_index(self.model, "RSx_joint"))]
-        limbs = [joint_offset(self.model, joint) for joint in self._limbs.values()]
-        limb_lengths = (np.linalg.norm(each) for each in limbs)
-        return np.array([self.height, *(abs(each[0]) for each in shoulder), *limb_lengths])
+        limbs = (joint_offset(self.model, joint) for joint in self._limbs.values())
+        lengths = (np.linalg.norm(each) for each in limbs)
+        return np.array([self.height, *(abs(each[0]) for each in shoulder), *lengths])
 
     def _has(self, joint: str) -> bool:
         return bool(self.model.pin.existJointName(joint))
@@ -118,7 +113,7 @@ class MarkedBody:
         factors = ca.repmat(lengths[0], 3, count)
         for name, joint in self._limbs.items():
             factors[:, joint] = lengths[self.lengths.index(name)]
-        if _SHOULDERS in self.lengths and not self.lone_side:
+        if SHOULDERS in self.lengths and not self.lone_side:
             for letter in _SIDES.values():
                 factors[0, joint_index(self.model, f"{letter}Sx_joint")] = lengths[1]
         return factors

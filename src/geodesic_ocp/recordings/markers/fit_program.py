@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.blocks import Block, BlockProgram, Terms
 from geodesic_ocp.ipopt import Outcome
-from geodesic_ocp.recordings.markers.body import MarkedBody
+from geodesic_ocp.recordings.markers.body import SHOULDERS, MarkedBody
 from geodesic_ocp.recordings.markers.chosen_markers import ChosenMarkers, FitSettings, KnownHeight
 
 ROOT = 6  # coordinates of a root that moves
@@ -124,20 +124,14 @@ class FitProblem:
     @cached_property
     def _sought(self) -> NDArray[np.bool_]:
         """Which of the lengths are estimated: those between markers, and a height not known."""
-        sought = np.zeros(len(self.body.lengths), dtype=bool)
-        if not self.settings.lengths or not sought.size:
-            return sought
-        sought[0] = self.known.spread > 0.0
         segments = self.chosen.segments
         on_arm = [each.startswith(("right", "left")) for each in segments]
-        for index, name in enumerate(self.body.lengths[1:], 1):
-            side, _, segment = name.partition(" ")
-            beyond = {"upper arm": ("elbow", "forearm", "hand"), "forearm": ("hand",)}.get(segment)
-            if beyond is None:
-                sought[index] = any(on_arm) and not all(on_arm)
-            else:
-                sought[index] = any(f"{side} {each}" in segments for each in beyond)
-        return sought
+        found = {"height": self.known.spread > 0.0, SHOULDERS: any(on_arm) and not all(on_arm)}
+        for side in ("right", "left"):
+            found[f"{side} forearm"] = f"{side} hand" in segments
+            beyond = (f"{side} {part}" for part in ("elbow", "forearm", "hand"))
+            found[f"{side} upper arm"] = any(each in segments for each in beyond)
+        return np.array([self.settings.lengths and found[name] for name in self.body.lengths], bool)
 
     @cached_property
     def _spreads(self) -> Array:
@@ -221,9 +215,7 @@ class FitProblem:
     @cached_property
     def neutral(self) -> Array:
         """Variables of a frame (nz,) with the joints at zero, or at the limit next to it."""
-        model = self.body.model
-        posture = np.clip(np.zeros(model.dof), model.lower, model.upper)
-        return np.concatenate([np.zeros(self.first_joint), posture])
+        return np.clip(np.zeros(self.nz), *self.limits)
 
     @cached_property
     def limits(self) -> Array:
