@@ -302,3 +302,10 @@ def test_a_subclass_adds_constraints_and_costs(
     kept: PlannedPaths = go.solve(WithConditions((waypoints,), likeness=0.0))
     assert lowest(kept) >= bound - 2e-6
     assert kept.action > free.action
+
+
+def test_what_solve_does_not_take_is_named(waypoints: ArmWaypoints) -> None:
+    with pytest.raises(ValueError, match="program of its own, without tolerance"):
+        go.solve(SynergyPaths((waypoints,)), tolerance=1e-3)
+    with pytest.raises(ValueError, match="arms must be at least one"):
+        SynergyPaths(())

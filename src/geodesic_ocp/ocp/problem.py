@@ -383,9 +383,9 @@ class Problem(ABC):
         return tuple(key_of(value) for value in (self.metric, *others))
 
     def solved(self) -> Any:
-        """The result of a class that has a program of its own; None: `solve` transcribes it.
+        """The result of a class that has a program of its own, with `success` and `status`.
 
-        It has the attributes `success` and `status`.
+        Other classes leave this method alone: `solve` transcribes them.
         """
         return None
 

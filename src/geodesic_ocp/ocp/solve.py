@@ -107,7 +107,14 @@ def solve(
         raise ValueError(f"problem must be an instance of a Problem class, got {problem!r}")
     if getattr(problem, "metric", None) is None:
         raise ValueError(f"{type(problem).__name__} defines no metric")
-    if (own := problem.solved()) is not None:
+    if type(problem).solved is not Problem.solved:
+        given: dict[str, object] = {"grid": grid, "guess": guess, "tolerance": tolerance}
+        given |= {"callback": callback, "ipopt": ipopt}
+        for name, value in given.items():
+            if value is not None:
+                kind = type(problem).__name__
+                raise ValueError(f"{kind} is solved by a program of its own, without {name}")
+        own = problem.solved()
         if throw and not own.success:
             raise NotConverged(f"{type(problem).__name__} was not solved: {own.status}", own)
         found: Solution = own
