@@ -228,13 +228,9 @@ def test_a_robots_own_meshes() -> None:
     found = meshes(model)
     assert {f"panda_link{number}" for number in range(8)} < {mesh.link for mesh in found}
     assert 0.8 * MAX_TRIANGLES < sum(len(mesh.triangles) for mesh in found) <= MAX_TRIANGLES
-    drawing, _ = model.shapes.visual()
     whole = {}
-    for shape in drawing.geometryObjects:
-        frame = model.shapes.pin.frames[shape.parentFrame]
-        place = frame.placement.actInv(shape.placement)
-        whole[frame.name] = np.array(shape.geometry.vertices()) @ place.rotation.T
-        whole[frame.name] += place.translation
+    for shape, place, link in model.shapes.visual():
+        whole[link] = np.array(shape.geometry.vertices()) @ place.rotation.T + place.translation
     for mesh in found:
         for side in (np.min, np.max):
             moved = side(mesh.vertices, axis=0) - side(whole[mesh.link], axis=0)
