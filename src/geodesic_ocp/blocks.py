@@ -80,7 +80,8 @@ class Terms:
 
     def mapped(self, name: str, count: int, arguments: Sequence[Any]) -> list[ca.MX]:
         """Outputs of one of these functions for so many instances, one column each."""
-        function = self._compiled.get(name, getattr(self, name))
+        compiled = None if name == "value" else self._compiled.get(name)
+        function = compiled or getattr(self, name)
         return list(function.map(count).call(list(arguments)))
 
     @cached_property
