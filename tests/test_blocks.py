@@ -8,7 +8,8 @@ import pytest
 import scipy.sparse
 
 from geodesic_ocp import blocks
-from geodesic_ocp.blocks import Block, BlockProgram, Cells, Terms
+from geodesic_ocp.blocks import Block, BlockProgram, Terms
+from geodesic_ocp.cells import Cells
 
 SIZE = 40
 

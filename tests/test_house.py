@@ -15,7 +15,7 @@ PACKAGE = SOURCE.name
 LAYERS = [
     ("errors", "progress", "arrays", "rotations", "latex", "table", "records"),
     ("ipopt", "compiled"),
-    ("blocks",),
+    ("cells", "blocks"),
     ("model",),
     ("model.formats",),
     ("manifold",),

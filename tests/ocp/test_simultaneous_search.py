@@ -7,8 +7,7 @@ from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.ocp.inverse_kinematics import configuration_within
-from geodesic_ocp.ocp.pose_search import search_simultaneously
+from geodesic_ocp.ocp.pose_search import CollisionAvoidance, PoseSearch, search_simultaneously
 
 LOWER, UPPER = np.array([-np.pi, -2.0]), np.array([np.pi, 2.0])
 
@@ -58,8 +57,14 @@ def test_redundancy_serves_to_stay_near(arm: go.Model) -> None:
     start = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
     rotation, position = arm.hand_pose(start)
     box = start - 0.05, start + 0.05
-    q = configuration_within(arm, start + 0.03, position, rotation, box)
-    assert q is not None
+
+    def within(place: np.ndarray) -> list[np.ndarray]:
+        given = arm, start + 0.03, place, rotation, CollisionAvoidance()
+        search = PoseSearch.checked("test", *given)
+        starts, weights = search.starts(box, 4), np.ones(6)
+        return search.simultaneously(box, starts, np.eye(3), weights, 1, np.inf)[0]
+
+    q, *_ = within(position)
     assert np.all((q >= box[0]) & (q <= box[1]))
     assert_allclose(arm.hand_pose(q)[1], position, atol=1e-9)
-    assert configuration_within(arm, start, position + 0.2, rotation, box) is None
+    assert within(position + 0.2) == []

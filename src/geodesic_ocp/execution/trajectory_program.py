@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geodesic_ocp.arrays import Array, evaluate
-from geodesic_ocp.blocks import Block, BlockProgram, Indices, Terms, in_rounds
+from geodesic_ocp.blocks import Block, BlockProgram, Terms, in_rounds
+from geodesic_ocp.cells import Indices
 from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.limits import QUANTITIES, LimitShares
@@ -489,7 +490,7 @@ def _from_start(
         attempts.append(_attempt(*given, most))
         return attempts[-1]
 
-    def judged(number: int, found: TrajectoryAttempt) -> tuple[TrajectoryAttempt, _Start | None]:
+    def examine(number: int, found: TrajectoryAttempt) -> tuple[TrajectoryAttempt, _Start | None]:
         if not found.solved or (found.success and found.change <= _SETTLED):
             return found, None
         program, states = found.program, found.states
@@ -503,7 +504,7 @@ def _from_start(
         pairs = zip(program.courses, states.positions, strict=True)
         return found, (program, states, [course.nearest(q) for course, q in pairs], watched)
 
-    found = in_rounds(first, solve, judged, MOST_ROUNDS)
+    found = in_rounds(first, solve, examine, MOST_ROUNDS)
     kept = next((each for each in reversed(attempts) if each.success), found)
     return replace(kept, iterations=sum(each.iterations for each in attempts))
 

@@ -18,7 +18,8 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.blocks import Block, Indices, Terms
+from geodesic_ocp.blocks import Block, Terms
+from geodesic_ocp.cells import Indices
 from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.reference import INSIDE, Course, Reference
 from geodesic_ocp.ocp.pose_search import rotation_log

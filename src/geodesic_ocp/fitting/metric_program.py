@@ -22,7 +22,8 @@ import numpy as np
 import scipy.sparse
 
 from geodesic_ocp.arrays import Array, ShortRepr
-from geodesic_ocp.blocks import Block, BlockProgram, Indices, Terms
+from geodesic_ocp.blocks import Block, BlockProgram, Terms
+from geodesic_ocp.cells import Indices
 from geodesic_ocp.fitting.recording_part import MAX_END_RATE, RecordingPart
 from geodesic_ocp.ipopt import Ipopt, Outcome
 
@@ -108,19 +109,16 @@ class MetricProgram(ShortRepr):
         return [self.size + self.num_x * sum(self.counts[:k]) for k in range(len(self.parts))]
 
     @cached_property
-    def _equations(self) -> list[Block]:
-        pairs = zip(self.parts, self._first, strict=True)
-        return [part.equations(first, self.start) for part, first in pairs]
-
-    @cached_property
     def program(self) -> BlockProgram:
         """All blocks; the weights of the recordings are its parameters."""
         p, weights = self.size, ca.MX.sym("weights", len(self.parts))
         near = Block(_change(), np.arange(p)[:, None], weights=np.full(p, _REGULARIZATION))
         own = zip(self.parts, self._first, ca.vertsplit(weights), strict=True)
         errors = [part.errors(first, weight) for part, first, weight in own]
+        pairs = zip(self.parts, self._first, strict=True)
+        equations = [part.equations(first, self.start) for part, first in pairs]
         size = p + self.num_x * sum(self.counts)
-        return BlockProgram(size, [near, *errors, *self._equations], weights)
+        return BlockProgram(size, [near, *errors, *equations], weights)
 
     @cached_property
     def _errors(self) -> ca.Function:
@@ -219,7 +217,7 @@ class MetricProgram(ShortRepr):
         lower_bound, upper_bound = self.bounds
         free = (z > lower_bound + _ACTIVE) & (z < upper_bound - _ACTIVE)
         gradients = np.zeros((len(self.parts), p))
-        hessians = np.stack([each.full() for each in self._corners.call([z, lam_g])])
+        hessians = self._curvatures(z, lam_g)
         for segment, owner in enumerate(self._owners):
             first, rows = p + segment * self.num_x, slice(segment * m, (segment + 1) * m)
             columns = first + np.flatnonzero(free[first : first + self.num_x])
@@ -233,25 +231,18 @@ class MetricProgram(ShortRepr):
             gradients[owner] += by_theta.T @ lam_g[rows]
         return LeastErrors(self.mean_squares(z) / 2.0, gradients, hessians)
 
-    @cached_property
-    def _corners(self) -> ca.Function:
-        """(z, lam_g) -> second derivatives (p, p) of each recording's equations by theta alone."""
-        p, z = self.size, ca.MX.sym("z", self.program.size)
-        lam_g, ends = ca.MX.sym("lam_g", self.program.size_g), [0]
-        for block in self._equations:
-            ends.append(ends[-1] + block.size_g)
-        corners = []
-        for block, own in zip(self._equations, ca.vertsplit(lam_g, ends), strict=True):
-            each = ca.reshape(own, -1, block.count)
-            inputs = [*block.arguments(z), ca.DM.zeros(1, block.count), each]
-            entries = ca.sum2(block.terms.mapped("hessian", block.count, inputs)[0])
-            corner = ca.MX.zeros(p, p)
-            for k, pair in enumerate(zip(*block.terms.hessian_entries, strict=True)):
-                i, j = (int(index) - (block.terms.size - p) for index in pair)
-                if i >= 0:
-                    corner[i, j] = corner[j, i] = entries[k] * self.start[i] * self.start[j]
-            corners.append(corner)
-        return ca.Function("corners", [z, lam_g], corners)
+    def _curvatures(self, z: Array, lam_g: Array) -> Array:
+        """Second derivatives (recordings, p, p) of each one's equations by the parameters alone."""
+        p, hessians = self.size, np.zeros((len(self.parts), self.size, self.size))
+        for k, part in enumerate(self.parts):
+            block = part.equations(self._first[k], self.start)
+            own = lam_g.reshape(len(self._owners), -1)[self._owners == k].reshape(block.count, -1)
+            inputs = [*block.arguments(ca.DM(z)), ca.DM.zeros(1, block.count), own.T]
+            entries = ca.sum2(block.terms.mapped("hessian", block.count, inputs)[0]).full()[:, 0]
+            shape = block.terms.size, block.terms.size
+            upper = scipy.sparse.coo_array((entries, block.terms.hessian_entries), shape).toarray()
+            hessians[k] = upper[-p:, -p:] * np.outer(self.start, self.start)
+        return np.asarray(hessians + np.triu(hessians, 1).swapaxes(1, 2))
 
 
 @lru_cache(maxsize=1)

@@ -21,7 +21,8 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from geodesic_ocp.arrays import Array, ShortRepr
-from geodesic_ocp.blocks import Block, Cells, Indices, Terms
+from geodesic_ocp.blocks import Block, Terms
+from geodesic_ocp.cells import Cells, Indices
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.logarithm.geodesic import geodesic
 from geodesic_ocp.manifold.metric import Metric

@@ -14,7 +14,7 @@ from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.ocp.pose_search import CollisionAvoidance, PoseSearch
 
 _STARTS, _ENOUGH = 60, 4
-_STARTS_NEAREST, _STARTS_WITHIN = 28, 4
+_STARTS_NEAREST = 28
 _FEW, _LAST_RESORT = 2, 6  # configurations that are too few, and further starts of Ipopt then
 _BEST = 4  # starts of Ipopt for a pose out of reach, from different configurations
 _DIFFERENT = 0.3  # [rad or m]
@@ -125,25 +125,6 @@ def inverse_kinematics_solutions(
             f"hand's {' and '.join(what)}: the smallest error reached is {smallest:.3g} {unit}"
         )
     return sorted(found, key=lambda q: float(np.linalg.norm(q - search.near)))
-
-
-def configuration_within(
-    model: Model,
-    near: ArrayLike,
-    position: ArrayLike | None,
-    rotation: ArrayLike | None,
-    bounds: tuple[Array, Array],
-) -> Array | None:
-    """A configuration (n,) with a hand pose within bounds, (n,) each, or None if none is found.
-
-    Raises:
-        ValueError: wrong shapes or values, or neither position nor rotation.
-    """
-    collisions = CollisionAvoidance()
-    search = PoseSearch.checked("configuration_within", model, near, position, rotation, collisions)
-    starts, weights = search.starts(bounds, _STARTS_WITHIN), np.ones(len(search.rows))
-    found, _, _ = search.simultaneously(bounds, starts, np.eye(3), weights, 1, np.inf)
-    return found[0] if found else None
 
 
 def nearest_configuration(

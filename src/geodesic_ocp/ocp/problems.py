@@ -216,14 +216,7 @@ class Reach(ShortRepr, ConstrainedProblem):
             direction makes the target a line, two a plane.
         through: positions (k, 3) [m] that the hand passes on its path, in this order.
         continuous_velocity_at_via: whether the velocity is continuous there; see `Problem`.
-        limits: whether the joints stay within the limits of the metric's model.
-        speed: largest |dq_j / ds| [rad or m over the whole path], one for all coordinates or (n,);
-            a motion at constant speed that lasts T has joint speeds 1 / T times these. None: no
-            limit.
-        obstacles: balls, capsules and half-spaces that the collision bodies keep clear of.
-        links: links whose bodies keep clear of obstacles; None: all that move.
-        pairs: pairs of links that keep clear of each other.
-        margin: smallest distance [m] from obstacles and within pairs.
+        limits, speed, obstacles, links, pairs, margin: along the path, see `PointToPoint`.
 
     Raises:
         ValueError: wrong shapes or values, or neither position nor rotation.

@@ -142,7 +142,7 @@ def _halve_where_violated(
         history.append(_mesh_iteration(found))
         return found
 
-    def judged(number: int, found: Solution) -> tuple[Solution, Grid | None]:
+    def examine(number: int, found: Solution) -> tuple[Solution, Grid | None]:
         nonlocal kept
         if not found.stats.success and found.stats.status != STOPPED:
             return kept, None
@@ -156,7 +156,7 @@ def _halve_where_violated(
             return found, None
         return found, halved(path.grid, coarse)
 
-    return in_rounds(None, solve, judged, _MAX_ROUNDS + 1)
+    return in_rounds(None, solve, examine, _MAX_ROUNDS + 1)
 
 
 def _regrid(grid: Grid, segments: int, degree: int) -> Grid:
@@ -181,7 +181,7 @@ def _refine_from(
         history.append(_mesh_iteration(solution))
         return replace(solution, stats=replace(solution.stats, mesh_history=tuple(history)))
 
-    def judged(number: int, found: Solution) -> tuple[Solution, tuple[Grid, Path] | None]:
+    def examine(number: int, found: Solution) -> tuple[Solution, tuple[Grid, Path] | None]:
         stats, path = found.stats, found.path
         change = abs(stats.objective - history[-2].objective) if number else np.inf
         settled = change <= tolerance * abs(stats.objective)
@@ -199,7 +199,7 @@ def _refine_from(
         )
         return _failed(found, status), None
 
-    return in_rounds((grid, guess), solve, judged, _MAX_ROUNDS)
+    return in_rounds((grid, guess), solve, examine, _MAX_ROUNDS)
 
 
 def _coarse(path: Path, violations: tuple[Array, Array], tolerance: float) -> NDArray[np.bool_]:

@@ -18,7 +18,8 @@ import numpy as np
 import scipy.sparse
 
 from geodesic_ocp.arrays import Array, ShortRepr, evaluate
-from geodesic_ocp.blocks import Block, BlockProgram, Cells, Indices, Terms
+from geodesic_ocp.blocks import Block, BlockProgram, Terms
+from geodesic_ocp.cells import Cells, Indices
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.ocp.conditions import Condition, Conditions, stacked
 from geodesic_ocp.trajectory.grid import Grid

@@ -270,7 +270,7 @@ class _Rounds:
             nodes, longer = program.split(outcome.x)
             return replace(ended, nodes=tuple(nodes), longer=longer, objective=outcome.objective)
 
-        def judged(number: int, iterate: _Iterate) -> tuple[_Iterate, _Iterate | None]:
+        def examine(number: int, iterate: _Iterate) -> tuple[_Iterate, _Iterate | None]:
             resolved = _RESOLVED
             if rows:  # then joint limits alone
                 resolved = _RESOLVED_APART if number < _ROUNDS_APART else np.inf
@@ -292,7 +292,7 @@ class _Rounds:
             ]
             return iterate, replace(iterate, parts=tuple(finer), nodes=tuple(nodes))
 
-        return in_rounds(start, solve, judged, _ROUNDS)
+        return in_rounds(start, solve, examine, _ROUNDS)
 
     def kept_apart(self, start: _Iterate) -> _Iterate:
         """The solution with all distances above their bounds, or the last one that was found.
@@ -316,7 +316,7 @@ class _Rounds:
                 return replace(iterate, iterations=found.iterations)
             return replace(found, kept=tuple(sorted({number for number, _ in rows})))
 
-        def judged(number: int, iterate: _Iterate) -> tuple[_Iterate, _Iterate | None]:
+        def examine(number: int, iterate: _Iterate) -> tuple[_Iterate, _Iterate | None]:
             nonlocal free, lacking
             more, lacks = _too_near(clearance, iterate)
             if not more or failed or number == _DISTANCE_ROUNDS:
@@ -333,7 +333,7 @@ class _Rounds:
             lacking = lacks
             return iterate, following
 
-        return in_rounds(start, solve, judged, _DISTANCE_ROUNDS + 1)
+        return in_rounds(start, solve, examine, _DISTANCE_ROUNDS + 1)
 
 
 def _coarse(part: ArmPart, nodes: Array, tolerance: float, resolved: float) -> NDArray[np.bool_]:

@@ -1,4 +1,4 @@
-"""Other predictions of a recorded motion, beside which geodesics are judged."""
+"""Other predictions of a recorded motion, beside which geodesics are examine."""
 
 from __future__ import annotations
 
