@@ -9,7 +9,7 @@ from pathlib import Path
 import casadi as ca
 
 import geodesic_ocp as go
-from geodesic_ocp.cli.solve.problem_file import problem_classes
+from geodesic_ocp.cli.solve import problem_classes
 
 GALLERY = Path(__file__).resolve().parents[1] / "problems"
 

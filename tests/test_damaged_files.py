@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from known_problems import PlaneAroundDisc
 
 import geodesic_ocp as go
-from geodesic_ocp.cli.show.file_kind import file_kind
+from geodesic_ocp.cli.kinds import file_kind
 from geodesic_ocp.fitting.metric_fit import FORMAT as METRIC
 from geodesic_ocp.retargeting.alignment.alignment import read_alignment
 from geodesic_ocp.studies.batch.results.batch_tables import CollectedResults

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.cli.solve.problem_file import problem_classes
+from geodesic_ocp.cli.solve import problem_classes
 from geodesic_ocp.ocp.problem import parse_conditions
 
 GALLERY = Path(__file__).resolve().parents[1] / "problems"

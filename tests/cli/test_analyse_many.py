@@ -11,10 +11,9 @@ import pytest
 from here import Here
 from minimum_jerk_files import write_stroke
 
+from geodesic_ocp.cli import analyse as analyse_command
 from geodesic_ocp.cli import main as cli
-from geodesic_ocp.cli.analyse import many_recordings
-from geodesic_ocp.cli.analyse.recording_options import stated
-from geodesic_ocp.cli.interrupts import ProgressBar
+from geodesic_ocp.progress import ProgressBar
 from geodesic_ocp.studies.batch.analyse_recordings import analyse_recordings
 from geodesic_ocp.studies.batch.batch_result import BatchResult
 from geodesic_ocp.studies.tables import parquet
@@ -130,7 +129,7 @@ def test_every_file_that_is_left_out_is_on_the_screen(
     def here(*given: Any, **more: Any) -> BatchResult:
         return analyse_recordings(*given, **(more | {"executor": Here()}))
 
-    monkeypatch.setattr(many_recordings, "analyse_recordings", here)
+    monkeypatch.setattr(analyse_command, "analyse_recordings", here)
     text = (data / "S0_reach.csv").read_text()
     (data / "S3_reach.csv").write_text(text.replace("# unit: rad", "# unit: rad\n# height: 1.6"))
     command = ["analyse", str(data), "--out", str(tmp_path / "out"), "--metric", "euclidean"]
@@ -141,20 +140,22 @@ def test_every_file_that_is_left_out_is_on_the_screen(
     assert "note: Assumed, not in the recording: a body height of 1.75 m" in text
 
 
-def test_what_formats_leave_open_can_be_stated() -> None:
+def test_what_formats_leave_open_can_be_stated(tmp_path: Path) -> None:
     """The options of a recording's format are those of every command that reads recordings."""
-    named = ["--skeleton", "a.asf", "--marker-set", "set.json"]
+    files = {"skeleton": str(tmp_path / "a.asf"), "marker_set": str(tmp_path / "set.json")}
+    for file in files.values():
+        Path(file).touch()
     given = ["--convention", "isb", "--unit", "cm", "--amc-rate", "60", "--up=-y"]
-    for command in (["analyse", "a"], ["fit", "a"], ["retarget", "a", "--robot", "panda"]):
-        options = cli._parser().parse_args([*command, *given, *named])
-        assert stated(options) == {
-            "convention": "isb",
-            "unit": "cm",
-            "rate": 60.0,
-            "skeleton": "a.asf",
-            "up": "-y",
-            "marker_set": "set.json",
-        }
+    given += [f"--{name.replace('_', '-')}={file}" for name, file in files.items()]
+    for command, name in (
+        (["analyse", "a"], "analysis"),
+        (["fit", "a"], "recording"),
+        (["show", "a"], "recording"),
+        (["retarget", "a", "--robot", "panda"], "analysis"),
+    ):
+        _, bound, _ = cli.new_app().parse_args([*command, *given])
+        found = bound.arguments[name].reading()
+        assert found == {"convention": "isb", "unit": "cm", "rate": 60.0, "up": "-y", **files}
 
 
 @pytest.mark.parametrize(
@@ -162,7 +163,7 @@ def test_what_formats_leave_open_can_be_stated() -> None:
     [
         (["--convention", "nope"], "'nope' is neither a file nor one of the built-in"),
         (["--skeleton", "none.asf"], "there is no file 'none.asf'"),
-        (["--up", "upwards"], "up must be one of x, y, z"),
+        (["--up", "upwards"], 'Invalid value "upwards" for --up. Choose from: "x", "y", "z"'),
     ],
 )
 def test_what_is_stated_is_checked_first(

@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
+from geodesic_ocp.cli import analyse as analyse_command
 from geodesic_ocp.cli import main as cli
-from geodesic_ocp.cli.analyse import error_curve
-from geodesic_ocp.cli.analyse.analysis_options import check_options
 from geodesic_ocp.model.formats import load_model
 from geodesic_ocp.model.formats.robots import ROBOTS, folder
 from geodesic_ocp.studies.batch import analyse_recording
+from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
 
 TABLES = ["table.csv", "table.md", "table_unfiltered.csv", "table_unfiltered.md"]
 
@@ -143,51 +143,57 @@ def test_settings_of_the_segmentation_are_options(
     assert f"{len(expected)} geodesic synergies at a threshold of 0.4 rad" in text
 
 
-def test_defaults_are_those_in_python(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        cli.main(["analyse", "--help"])
-    described = " ".join(capsys.readouterr().out.split())
-    online, optimal = (
-        inspect.signature(function).parameters for function in (go.segment, go.segment_optimal)
-    )
-    for given in ([], ["--segments", "optimal", "--count", "3"]):
-        options = cli._parser().parse_args(["analyse", "file", *given])
-        check_options(options)
-        assert options.rest_speed == online["rest"].default
-        for name in ("threshold", "rest_duration", "min_duration", "hysteresis"):
-            assert getattr(options, name) == online[name].default
-            assert f"(default: {online[name].default})" in described
-        for name in ("penalty", "error", "measure", "spacing", "max_duration"):
-            assert getattr(options, name) == optimal[name].default
-        assert options.count == (3 if given else optimal["count"].default)
+def test_defaults_are_those_in_python() -> None:
+    settings = AnalysisSettings()
+    for function, names in (
+        (go.segment, ("threshold", "rest_duration", "min_duration", "hysteresis")),
+        (go.segment_optimal, ("count", "penalty", "error", "measure", "spacing", "max_duration")),
+    ):
+        parameters = inspect.signature(function).parameters
+        for name in names:
+            assert getattr(settings, name) == parameters[name].default
+    assert settings.rest_speed == inspect.signature(go.segment).parameters["rest"].default
+
+
+def test_settings_come_from_a_file_and_options_go_first(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    toml, as_json, wrong = (tmp_path / name for name in ("s.toml", "s.json", "wrong.toml"))
+    toml.write_text('threshold = 0.4\nmargin = 0.02\nlimits = false\nunit = "cm"\n')
+    as_json.write_text('{"threshold": 0.4, "margin": 0.02, "limits": false, "unit": "cm"}')
+    for file in (toml, as_json):
+        command = ["retarget", "a.csv", "--robot", "panda", "--settings", str(file)]
+        _, bound, _ = cli.new_app().parse_args([*command, "--margin", "0.03"])
+        settings = bound.arguments["retargeting"]
+        assert (settings.margin, settings.limits) == (0.03, False)
+        assert bound.arguments["analysis"] == AnalysisSettings(threshold=0.4, unit="cm")
+    for text, message in (
+        ("treshold = 0.4\n", "unknown settings: 'treshold'"),
+        ("threshold = \n", "cannot be read"),
+        ("threshold = -1.0\n", "threshold must be positive"),
+        ('threshold = "much"\n', "much"),
+    ):
+        wrong.write_text(text)
+        assert cli.main(["analyse", "a.csv", "--settings", str(wrong)]) == 2
+        assert message in capsys.readouterr().err
+    assert cli.main(["analyse", "a.csv", "--settings", str(tmp_path / "none.toml")]) == 2
+    assert "none.toml: cannot be read" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
-    ("segments", "others"),
+    ("options", "message"),
     [
-        ("online", ["--measure=joint", "--spacing=0.05", "--max-duration=2.0", "--error=0.1"]),
-        (
-            "optimal",
-            [
-                *("--threshold=0.6", "--rest-speed=0.02", "--rest-duration=0.1"),
-                *("--min-duration=0.1", "--hysteresis=0.1"),
-            ],
-        ),
+        (["--measure=position"], "measure: for segments='optimal' only"),
+        (["--spacing=0.1", "--error=0.1"], "error and spacing: for segments='optimal' only"),
+        (["--segments=optimal", "--count=3", "--rest-speed=0.1"], "rest_speed: for segments="),
     ],
 )
 def test_options_without_effect_are_refused(
-    segments: str, others: list[str], capsys: pytest.CaptureFixture[str]
+    options: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Also at their defaults, for all commands."""
-    wanted = {"online": "optimal", "optimal": "online"}[segments]
-    count = ["--count", "3"] if segments == "optimal" else []
-    for command in (["analyse", "file"], ["demo"], ["retarget", "file", "--robot", "panda"]):
-        for option in others:
-            assert cli.main([*command, "--segments", segments, *count, option]) == 2
-            name = option.partition("=")[0]
-            assert f"error: {name} needs --segments {wanted}\n" in capsys.readouterr().err
-    assert cli.main(["demo", "--segments", segments, *count, *others[:2]]) == 2
-    assert f"need --segments {wanted}\n" in capsys.readouterr().err
+    for command in (["analyse", "file"], ["retarget", "file", "--robot", "panda"]):
+        assert cli.main([*command, *options]) == 2
+        assert message in capsys.readouterr().err
 
 
 def test_optimal_segments_are_an_option(
@@ -198,7 +204,7 @@ def test_optimal_segments_are_an_option(
     assert "3 geodesic synergies explain the joints" in text
     assert "threshold" not in text
     for wrong, message in (
-        ([], "--segments optimal needs one of --count, --penalty and --error"),
+        ([], "segments='optimal' needs one of count, penalty and error"),
         (["--count", "1000"], "1000"),
     ):
         assert cli.main([*command, "--metric", "euclidean", *wrong]) == 2
@@ -244,7 +250,7 @@ def test_demo_writes_to_its_default_folder(
         return go.compare_metrics(model, motion, lines, spacing=0.5, thresholds=())
 
     monkeypatch.setattr(analyse_recording, "analyse", analyse)
-    monkeypatch.setattr(error_curve, "compare_metrics", compare)
+    monkeypatch.setattr(analyse_command, "compare_metrics", compare)
     monkeypatch.chdir(tmp_path)
     assert cli.main(["demo"]) == 0
     text = capsys.readouterr().out
@@ -256,8 +262,7 @@ def test_demo_writes_to_its_default_folder(
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit, match="0"):
-        cli.main(["--version"])
+    assert cli.main(["--version"]) == 0
     assert capsys.readouterr().out == f"geodesic-ocp {go.__version__}\n"
 
 
@@ -375,9 +380,9 @@ def test_wrong_tables_end_with_one_line(
         (["--height", "178"], "at most 3 m"),
         (["--threshold", "34"], "threshold must be below pi rad, got 34 (in degrees?)"),
         (["--side", "right"], "there is no joint RSx_joint"),
-        (["--count", "5"], "--count needs --segments optimal"),
+        (["--count", "5"], "count: for segments='optimal' only"),
         (["--armature", "-1"], "armature of joint 'LSx_joint' must be finite and not negative"),
-        (["--armature", "1", "--metric", "kinetic"], "--armature is the joint inertia of --metric"),
+        (["--armature", "1", "--metric", "kinetic"], "armature is the joint inertia of the metric"),
         (["--metric", "mass"], "kinetic, euclidean or a file, and there is no file 'mass'"),
         (["--cutoff", "0"], "cutoff"),
         (["--rest-speed", "1"], "rest must be in [0, 1), got 1.0"),
@@ -387,8 +392,8 @@ def test_wrong_options_end_with_one_line(
     options: list[str], message: str, short_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = short_file.parent / "out"
-    arguments = ["analyse", str(short_file), "--side", "left", "--out", str(out), *options]
-    assert cli.main(arguments) == 2
+    side = [] if "--side" in options else ["--side", "left"]
+    assert cli.main(["analyse", str(short_file), *side, "--out", str(out), *options]) == 2
     printed = capsys.readouterr()
     assert printed.out == ""
     assert message in printed.err.splitlines()[-1]
@@ -410,14 +415,28 @@ def test_missing_and_broken_files_end_with_code_2(
     assert "is a file, not a folder" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("arguments", [[], ["fly"], ["analyse"], ["analyse", "a", "--side", "up"]])
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["fly"], 'Unknown command "fly"'),
+        (["analyse"], "parameter FILE requires an argument"),
+        (["analyse", "a", "--side", "up"], 'Invalid value "up" for --side'),
+        (["analyse", "a", "--treshold", "1"], "Did you mean --threshold?"),
+        (["analyse", "a", "--threshold", "much"], 'unable to convert "much" into float'),
+    ],
+)
 def test_wrong_usage_ends_with_code_2(
-    arguments: list[str], capsys: pytest.CaptureFixture[str]
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(SystemExit) as info:
-        cli.main(arguments)
-    assert info.value.code == 2
-    assert "usage:" in capsys.readouterr().err
+    assert cli.main(arguments) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_without_a_command_the_help_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main([]) == 2
+    text = capsys.readouterr().out
+    assert "Cut recordings into geodesic synergies" in text
+    assert "Exit codes" in text
 
 
 @pytest.mark.slow

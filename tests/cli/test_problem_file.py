@@ -8,7 +8,7 @@ import pytest
 
 import geodesic_ocp as go
 from geodesic_ocp.cli import main as cli
-from geodesic_ocp.cli.solve.problem_file import problem_classes, with_fields
+from geodesic_ocp.cli.solve import problem_classes, with_fields
 
 GALLERY = Path(__file__).resolve().parents[2] / "problems"
 DISC = str(GALLERY / "around_disc.py")

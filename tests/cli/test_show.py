@@ -14,7 +14,7 @@ from small_retargeting import small_analysis, small_retargeting
 
 import geodesic_ocp as go
 from geodesic_ocp.cli import main as cli
-from geodesic_ocp.cli.show import destination, show_command
+from geodesic_ocp.cli import show as show_command
 from geodesic_ocp.model.formats.robots import folder
 from geodesic_ocp.model.meshes import meshes
 from geodesic_ocp.scenes.playback import Playback
@@ -32,8 +32,8 @@ Refused = Callable[..., str]
 def show(monkeypatch: pytest.MonkeyPatch) -> Show:
     """The playback that the command shows."""
     shown: list[Playback] = []
-    monkeypatch.setattr(show_command, "present", lambda playback, _: shown.append(playback))
-    monkeypatch.setattr(destination, "require_pages", lambda: None)
+    monkeypatch.setattr(show_command, "present", lambda playback, *_: shown.append(playback))
+    monkeypatch.setattr(show_command, "require_pages", lambda: None)
 
     def playback_of(*arguments: Any) -> Playback:
         assert cli.main(["show", *map(str, arguments)]) == 0
@@ -381,7 +381,7 @@ def test_layers_and_the_time_of_a_picture(
 def test_without_the_viewer_the_extra_is_named(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("geodesic_ocp.cli.viewer_extra.find_spec", lambda name: None)
+    monkeypatch.setattr("geodesic_ocp.cli.terminal.find_spec", lambda name: None)
     assert cli.main(["show", "missing"]) == 2
     assert "pip install 'geodesic_ocp[viewer]'" in capsys.readouterr().err
     assert cli.main(["retarget", "missing.csv", "--robot", "panda", "--report"]) == 2

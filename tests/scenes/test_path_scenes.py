@@ -14,7 +14,7 @@ from known_models import planar_arm
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.cli.solve.problem_file import problem_classes
+from geodesic_ocp.cli.solve import problem_classes
 from geodesic_ocp.scenes.paths.of_path import path_playback
 from geodesic_ocp.scenes.paths.of_solution import solution_playback
 from geodesic_ocp.scenes.paths.planes import UNIT_BALLS

@@ -299,8 +299,8 @@ def test_wrong_arguments_are_named(
     ("arguments", "words"),
     [
         ({"segments": "optimal"}, "needs one of count, penalty and error"),
-        ({"count": 3}, "needs one of count, penalty and error, and only it does"),
-        ({"cutoff": 5.0, "unfiltered": True}, "only one of cutoff, duration and unfiltered"),
+        ({"count": 3}, "count: for segments='optimal' only"),
+        ({"cutoff": 5.0, "filter": False}, "only one of cutoff, savitzky-golay and no-filter"),
         ({"metric": "mass"}, "there is no file 'mass'"),
         ({"metric": "kinetic", "armature": 0.1}, "armature is the joint inertia"),
         ({"height": -1.0}, r"height must be positive \[m\]"),

@@ -1,1 +1,1 @@
-"""The command line."""
+"""The command line: one module a command, with options from the settings of the package."""

@@ -24,49 +24,51 @@ Formulation = Literal["constrained", "geodesic"]
 
 @dataclass(frozen=True, repr=False)
 class RetargetingSettings(ShortRepr):
-    """Settings of `retarget`.
+    """Settings of `retarget`, which are also options of `geodesic-ocp retarget`.
+
+    Weights are relative to the energy of the paths, in units of the least action.
 
     Attributes:
-        formulation: "constrained", all synergies as one program: paths of least energy between
-            configurations in which the hand has exactly the target poses, subject to the
-            constraints below; a pose out of reach is replaced by the nearest one. Or "geodesic",
-            one synergy after the other, each the free geodesic whose end comes nearest to the pose
-            (`geodesic_to_pose`), without limits and collision avoidance.
-        limits: whether the joints stay within their limits.
-        speed_limits: whether the limits of the joints on speed, acceleration, jerk and torque are
-            met: by the choice of the configurations, and by taking more time than the person.
-        torque_share: of the torque limits that the motion may use. What is left serves a controller
-            against errors of the model.
-        rest: whether the motion begins and ends at rest; otherwise at the person's speed, which a
-            robot cannot do if the recording begins or ends in motion.
-        rotor_inertia: whether a robot whose file states no joint inertia gets the known one of its
-            motors, or a default (`robot_armature`).
-        stretch_weight: of time beyond the person's, relative to the recording's duration, in units
-            of the least action.
-        deviation_weight: of the trajectory's distance from the paths against time, see
-            `plan_trajectory`; larger values round the corners between synergies less.
-        near_misses: errors of the hand's position [m] and orientation [rad] up to which a pose
-            within reach may be missed if attaining it takes a detour; 0: such poses are attained.
-        posture_weight: of the mean squared distance of the joints from the middle of their ranges
-            at the ends of the synergies, in half ranges, in the same unit.
-        likeness_weight: of the mean squared distance of the elbow's offset from the line between
-            shoulder and wrist from that of the person, in lengths of the arm, in the same unit.
-        position_weight, orientation_weight: of the pose error [1/m], [1/rad], for poses that are
-            not reached; zero leaves the position or the orientation free altogether.
-        scale: factor of positions; None: the ratio of the arms' lengths.
-        mirror: whether left and right are exchanged; None: if the arms' sides differ.
-        drop, merge: lengths below which synergies are dropped or merged (`merge_synergies`), in the
-            person's metric; None: fractions of the longest synergy.
-        self_collision: whether the links of a robot, and two arms whose bases are known to be at
-            one place, are kept apart where their geometry is known.
-        obstacles, links: obstacles, and the links that are kept clear of them, in the robot's base
-            frame; see `Reach`.
-        pairs: pairs of links kept apart, in place of those found for `self_collision`; see
+        formulation: constrained: all synergies in one program, paths of least energy between
+            configurations in which the hand has exactly the target poses; a pose out of reach is
+            replaced by the nearest pose. geodesic: one synergy after the other, each the free
+            geodesic whose end comes nearest to the pose, without limits and collision avoidance.
+        limits: keep the joints within their position limits.
+        speed_limits: meet the limits of the joints on speed, acceleration, jerk and torque, by the
+            choice of the configurations and by taking more time than the person.
+        torque_share: fraction of the torque limits that the motion may use; the rest serves a
+            controller against errors of the model.
+        rest: begin and end at rest; otherwise at the person's speed.
+        rotor_inertia: add known or default inertia of the motors where the robot's file states no
+            joint inertia.
+        stretch_weight: weight of time beyond the person's, relative to the recording's duration.
+        deviation_weight: weight of the trajectory's distance from the paths against time; larger
+            values round the corners between synergies less.
+        near_misses: error of the hand's position [m] and orientation [rad] up to which a pose
+            within reach may be missed to avoid a detour; 0: every such pose is attained.
+        posture_weight: weight of the joints' mean squared distance from the middle of their ranges
+            at the ends of the synergies, in half ranges.
+        likeness_weight: weight of the mean squared difference between the elbow's offset from the
+            line between shoulder and wrist and the person's offset, in lengths of the arm.
+        position_weight: weight of the position error of poses that are not reached [1/m]; 0 leaves
+            the hand's position free.
+        orientation_weight: weight of the orientation error of poses that are not reached [1/rad]; 0
+            leaves the hand's orientation free.
+        scale: factor of positions; default: the ratio of the arms' lengths.
+        mirror: exchange left and right; default: if the arms' sides differ.
+        drop: length below which a synergy is dropped, in the person's metric; default:
+            a fraction of the longest synergy.
+        merge: length below which a synergy is merged with its neighbour, likewise.
+        self_collision: keep the links of a robot apart, and two arms whose bases are known to be at
+            one place, where their geometry is known.
+        obstacles: bodies that the links are kept clear of, in the robot's base frame; see `Reach`.
+        links: names of the links that are kept clear of obstacles; see `Reach`.
+        pairs: pairs of links kept apart, in place of the pairs found for `self_collision`; see
             `collision_pairs`.
-        margin: smallest distance allowed between any of them [m].
-        num_starts, energy_weight: in the formulation "geodesic": number of geodesics sought for
-            each synergy, from different initial velocities, of which that of least energy is taken;
-            and weight of the energy.
+        margin: smallest distance allowed between links, and to obstacles [m].
+        num_starts: number of geodesics sought for each synergy in the formulation "geodesic", of
+            which the geodesic of least energy is taken.
+        energy_weight: weight of the energy in the formulation "geodesic".
 
     Raises:
         ValueError: a value of the wrong type or out of range; the message names the field.

@@ -30,7 +30,7 @@ def read_by_settings(
     Raises:
         RecordingError, ValueError, ImportError: as `read_recording`.
     """
-    stated = settings.of_formats()
+    stated = settings.reading()
     if one_of_many:
         stated = that_apply(path, stated)
     return read_recording(
@@ -41,8 +41,8 @@ def read_by_settings(
         armature=settings.armature or 0.0,
         resample=settings.resample,
         cutoff=settings.cutoff,
-        duration=settings.duration,
-        unfiltered=settings.unfiltered,
+        duration=settings.savitzky_golay,
+        unfiltered=not settings.filter,
         **stated,
     )
 
@@ -73,7 +73,7 @@ def analyse_recording(
         settings.threshold,
         metric=metric,
         segments=settings.segments_of(metric, motion, model, progress),
-        rest=settings.rest,
+        rest=settings.rest_speed,
         rest_duration=settings.rest_duration,
         min_duration=settings.min_duration,
         hysteresis=settings.hysteresis,

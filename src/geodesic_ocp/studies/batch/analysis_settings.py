@@ -8,63 +8,70 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import METRIC_NAMES, KineticEnergy, as_analysis_metric
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress
-from geodesic_ocp.recordings.conventions.known_angle_conventions import ANGLE_CONVENTIONS
-from geodesic_ocp.recordings.markers.markers import Axis, as_axis
+from geodesic_ocp.recordings.recording_settings import RecordingSettings
 from geodesic_ocp.synergies.optimal_segmentations import segment_optimal
 from geodesic_ocp.synergies.segment import as_threshold
 from geodesic_ocp.synergies.segment_costs import Measure
 from geodesic_ocp.trajectory.motion import Motion
 
 Segments = Literal["online", "optimal"]
-_UNITS = {
-    "height": "m",
-    "mass": "kg",
-    "resample": "Hz",
-    "cutoff": "Hz",
-    "duration": "s",
-    "rate": "Hz",
-}
+# Settings that apply to one kind of segments only.
+_ONLINE = ("threshold", "rest_speed", "rest_duration", "min_duration", "hysteresis")
+_WANTED = ("count", "penalty", "error")
+_OPTIMAL = (*_WANTED, "measure", "spacing", "max_duration")
 
 
 @dataclass(frozen=True, repr=False)
-class AnalysisSettings:
-    """How recordings are filtered, cut and planned: the options of `geodesic-ocp analyse`.
+class AnalysisSettings(RecordingSettings):
+    """Settings of the filter, the metric and the segments of an analysis.
+
+    These settings are the options of `geodesic-ocp analyse`, the arguments of
+    `analyse_recordings`, and part of every saved result.
 
     Attributes:
-        height, mass: of all persons [m], [kg]; by default those in the files.
-        resample: interpolate at this rate first [Hz].
-        cutoff: of the filter [Hz]; by default chosen for each recording.
-        duration: of the window of a Savitzky-Golay filter [s], instead of a cut-off.
-        unfiltered: take recordings as they are.
-        metric: "joint-inertia", "kinetic", "euclidean", or a file that `save_metric` wrote.
-        armature: joint inertia of every joint [kg m^2] for the metric "joint-inertia".
-        segments: "online", see `segment`, or "optimal", see `segment_optimal`.
-        threshold, rest, rest_duration, min_duration, hysteresis: of `segment`.
-        count, penalty, error, measure, spacing, max_duration: of `segment_optimal`.
-        convention, skeleton, unit, rate, up, marker_set: where the files' format does not give
-            them, see `read_recording`; a convention by its name or its file, a marker set by its
-            file.
+        resample: rate of an interpolation before everything else [Hz], for samples that are not
+            evenly spaced.
+        cutoff: cut-off frequency of the filter [Hz]; default: chosen from the noise floor.
+        savitzky_golay: window of a Savitzky-Golay filter of order 2 [s], in place of a cut-off; in
+            the paper 0.21.
+        filter: filter the recording; otherwise the motion is taken as it is.
+        metric: joint-inertia, kinetic (the kinetic energy without joint inertia), euclidean, or a
+            file that `fit` wrote (.json).
+        armature: joint inertia of every joint [kg m^2]; default: 0.03 m r^2, with the mass m and
+            the reach r of the arm.
+        segments: online: cut where the motion leaves its geodesic; optimal: cut where the error
+            becomes least.
+        threshold: angle between motion and geodesic at which a new synergy begins [rad].
+        rest_speed: fraction of the largest speed below which the arm rests.
+        rest_duration: duration of the shortest rest that is a segment of its own [s].
+        min_duration: duration of the shortest segment that is not a rest [s]; 0 allows any.
+        hysteresis: angle beyond the threshold that a change of direction must reach [rad].
+        count: number of optimal segments.
+        penalty: mean error that a further optimal segment must save [rad or m].
+        error: largest mean error of as few optimal segments as possible [rad or m].
+        measure: error that optimal segments make least, of the joints [rad] or of the hand
+            [m or rad].
+        spacing: time between possible cuts of optimal segments [s], which then move to the best
+            sample nearby.
+        max_duration: duration of the longest optimal segment [s].
 
     Raises:
         ValueError: a setting out of range, or settings that exclude each other.
     """
 
-    height: float | None = None
-    mass: float | None = None
     resample: float | None = None
     cutoff: float | None = None
-    duration: float | None = None
-    unfiltered: bool = False
+    savitzky_golay: float | None = None
+    filter: bool = True
     metric: str = "joint-inertia"
     armature: float | None = None
     segments: Segments = "online"
     threshold: float = 0.6
-    rest: float = 0.02
+    rest_speed: float = 0.02
     rest_duration: float = 0.1
     min_duration: float = 0.1
     hysteresis: float = 0.1
@@ -74,28 +81,16 @@ class AnalysisSettings:
     measure: Measure = "joint"
     spacing: float = 0.05
     max_duration: float = 2.0
-    convention: str | None = None
-    unit: str | float | None = None
-    rate: float | None = None
-    skeleton: str | None = None
-    up: Axis | None = None
-    marker_set: str | None = None
 
     def __post_init__(self) -> None:
-        for name, unit in _UNITS.items():
-            if (number := getattr(self, name)) is not None:
-                as_positive(name, number, unit)
-        if sum((self.cutoff is not None, self.duration is not None, self.unfiltered)) > 1:
-            raise ValueError("give only one of cutoff, duration and unfiltered")
+        super().__post_init__()
+        self._check_positive(resample="Hz", cutoff="Hz", savitzky_golay="s")
+        if sum((self.cutoff is not None, self.savitzky_golay is not None, not self.filter)) > 1:
+            raise ValueError("give only one of cutoff, savitzky-golay and no-filter")
         as_threshold(self.threshold)
         if self.segments not in get_args(Segments):
             raise ValueError(f"segments must be 'online' or 'optimal', got {self.segments!r}")
-        wanted = [name for name in ("count", "penalty", "error") if getattr(self, name) is not None]
-        if len(wanted) != (self.segments == "optimal"):
-            raise ValueError(
-                "segments='optimal' needs one of count, penalty and error, and only it does; got "
-                f"segments={self.segments!r} with {' and '.join(wanted) or 'none of them'}"
-            )
+        self._check_segments()
         if self.metric not in METRIC_NAMES and not Path(self.metric).is_file():
             raise ValueError(
                 f"metric must be {', '.join(METRIC_NAMES)} or a file, and there is no file "
@@ -105,18 +100,19 @@ class AnalysisSettings:
             raise ValueError(
                 f"armature is the joint inertia of the metric joint-inertia, not of {self.metric}"
             )
-        for name in ("skeleton", "marker_set"):
-            file = getattr(self, name)
-            if file is not None and not Path(file).is_file():
-                raise ValueError(f"{name}: there is no file {file!r}")
-        named = self.convention is None or self.convention in ANGLE_CONVENTIONS
-        if self.convention is not None and not named and not Path(self.convention).is_file():
+
+    def _check_segments(self) -> None:
+        """Refuse settings that have no effect on these segments."""
+        other, names = ("optimal", _OPTIMAL) if self.segments == "online" else ("online", _ONLINE)
+        defaults = {each.name: each.default for each in fields(self)}
+        if given := [name for name in names if getattr(self, name) != defaults[name]]:
+            raise ValueError(f"{' and '.join(given)}: for segments={other!r} only")
+        wanted = [name for name in _WANTED if getattr(self, name) is not None]
+        if self.segments == "optimal" and len(wanted) != 1:
             raise ValueError(
-                f"convention: {self.convention!r} is neither a file nor one of the built-in "
-                f"conventions, which are {', '.join(ANGLE_CONVENTIONS)}"
+                "segments='optimal' needs one of count, penalty and error, got "
+                f"{' and '.join(wanted) or 'none of them'}"
             )
-        if self.up is not None:
-            as_axis(self.up)
 
     def __repr__(self) -> str:
         others = [
@@ -143,11 +139,6 @@ class AnalysisSettings:
             if file is not None and Path(file).is_file():
                 found[name] = Path(file)
         return found
-
-    def of_formats(self) -> dict[str, Any]:
-        """The arguments of `read_recording` about what the format of a file leaves open."""
-        names = ("convention", "unit", "rate", "skeleton", "up", "marker_set")
-        return {name: getattr(self, name) for name in names}
 
     def digest(self) -> str:
         """Eight hexadecimal digits that are the same for the same settings."""

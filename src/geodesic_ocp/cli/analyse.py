@@ -1,0 +1,361 @@
+"""geodesic-ocp analyse: recordings cut into geodesic synergies."""
+
+from __future__ import annotations
+
+import glob
+import shlex
+import time
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from geodesic_ocp.cli.options import AnalysisOptions, Flag, SettingsFile, Sides, each_side
+from geodesic_ocp.cli.terminal import check_folder, print_written, printed_warnings, progress
+from geodesic_ocp.comparison.compare_metrics import compare_metrics
+from geodesic_ocp.comparison.metric_comparison import MetricComparison
+from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.model.human import human_arm
+from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
+from geodesic_ocp.recordings.read_recording import read_motion, stature_of
+from geodesic_ocp.recordings.recording import Recording
+from geodesic_ocp.recordings.save_motion import save_motion
+from geodesic_ocp.records import write_file
+from geodesic_ocp.studies.batch.analyse_recording import analyse_recording, read_by_settings
+from geodesic_ocp.studies.batch.analyse_recordings import analyse_recordings
+from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
+from geodesic_ocp.studies.batch.batch_result import BatchResult
+from geodesic_ocp.studies.batch.outcome import RecordingOutcome
+from geodesic_ocp.studies.batch.results.batch_tables import mean_table
+from geodesic_ocp.studies.tables.parquet import PARQUET_HINT, has_parquet
+from geodesic_ocp.synergies.analyse import Analysis
+
+_SPACING, _CANDIDATES = 0.05, 70  # of possible cuts: at least [s], and about at most
+_MANY = Parameter(group="Many recordings")
+
+
+def analyse(
+    file: list[str],
+    /,
+    *,
+    side: Sides = "right",
+    curve: Flag = False,
+    out: Path | None = None,
+    settings: SettingsFile = None,
+    analysis: AnalysisOptions = AnalysisSettings(),  # noqa: B008
+    jobs: Annotated[int | None, _MANY] = None,
+    scheduler: Annotated[str | None, _MANY] = None,
+    recursive: Annotated[Flag, _MANY] = False,
+    subjects: Annotated[Path | None, _MANY] = None,
+    subject_from: Annotated[str | None, _MANY] = None,
+    time_limit: Annotated[float | None, _MANY] = None,
+    tables_only: Annotated[Flag, _MANY] = False,
+) -> int:
+    """Cut recordings into geodesic synergies and compare with the baselines.
+
+    Args:
+        file: recording (MMM, AMC, BVH, OpenSim, c3d, SMPL .npz, or a table .csv). Several files, a
+            folder or a pattern in quotes are analysed in parallel, with tables of all; an
+            interrupted run goes on when the same command is given again.
+        side: the arm.
+        curve: also compare metrics at equal numbers of synergies, each with its best cuts.
+        out: folder for tables, figures and synergies.
+        settings: file (.toml, .json) of any of these options, such as threshold = 0.5.
+        jobs: number of processes; default: one for each core.
+        scheduler: address of a Dask cluster, such as tcp://host:8786, whose workers see the same
+            files; needs the extra cluster.
+        recursive: also take files in the folders within a folder, except results of analyses.
+        subjects: CSV with the columns file and subject, and if known trial, height [m] and mass
+            [kg].
+        subject_from: pattern of the paths without their suffix, such as `{subject}/{trial}` or
+            `{subject}_*_{trial}`; default: the subject in the file, or the name of its folder.
+        time_limit: time after which a recording is left out [s]; not with --scheduler.
+        tables_only: only write the tables from the results so far, also while another run works.
+    """
+    del settings
+    check_folder(out)
+    of_many = {
+        "jobs": jobs,
+        "scheduler": scheduler,
+        "recursive": recursive,
+        "subjects": subjects,
+        "subject_from": subject_from,
+        "time_limit": time_limit,
+        "tables_only": tables_only,
+    }
+    given = {
+        name: value for name, value in of_many.items() if value is not None and value is not False
+    }
+    if given or _are_many(file):
+        return _analyse_many(file, side, curve, out, analysis, given)
+    recording = Path(file[0])
+    for each in each_side(side):
+        folder = out / each if out is not None and side == "both" else out
+        save_analysis(analyse_file(recording, each, analysis, folder), folder, with_curve=curve)
+        if side == "both":
+            print()
+    named = f"{shlex.quote(str(recording))} --side {side}"
+    shown = f"{named} --analyse"
+    if out is not None:
+        shown = shlex.quote(str(out)) + (f" {named}" if side != "both" else "")
+    print(f"\nto see it in motion: geodesic-ocp show {shown}")
+    return 0
+
+
+def analyse_file(
+    file: Path, side: Side, settings: AnalysisSettings, folder: Path | None = None
+) -> Analysis:
+    """Analyse one arm of the recording in a file, and print the results.
+
+    Args:
+        file: the recording.
+        side: the arm.
+        settings: settings of the analysis.
+        folder: folder for the fit to markers, if the recording has markers.
+
+    Raises:
+        RecordingError: the file cannot be read, or has no arm of that side.
+        ValueError: implausible time stamps, height, mass or threshold.
+    """
+    try:
+        recording = _read(file, side, settings)
+    except RecordingError as error:
+        other: Side = "left" if side == "right" else "right"
+        if _has_arm(file, other, settings) and not _has_arm(file, side, settings):
+            raise ValueError(f"{error}; try --side {other}") from None
+        raise
+    if recording.fit is not None:
+        _show_fit(recording.fit, folder)
+    return _analysed(recording, settings, str(file))
+
+
+def save_analysis(analysis: Analysis, folder: Path | None, *, with_curve: bool = False) -> None:
+    """Write the analysis to a folder, if one is given, and print the names of the files.
+
+    Args:
+        analysis: the analysis.
+        folder: folder for the files.
+        with_curve: also compute the curve of the error against the number of synergies.
+    """
+    comparison = _error_curve(analysis) if with_curve else None
+    if folder is not None:
+        written = analysis.save(folder, curve=comparison.draw if comparison else None)
+        if comparison is not None:
+            written += comparison.save(folder / "curve")
+        print()
+        print_written(written)
+
+
+def analyse_bundled(settings: AnalysisSettings) -> Analysis:
+    """Analyse the bundled recording, and print the results."""
+    print("The left arm of a person who climbs onto a box (motion capture, 7 s).")
+    with as_file(files("geodesic_ocp") / "data" / "climb.csv") as file:
+        recording = _read(file, "left", settings)
+    return _analysed(recording, settings, "the bundled recording")
+
+
+def _read(file: Path, side: Side, settings: AnalysisSettings) -> Recording:
+    with printed_warnings():
+        return read_by_settings(file, side, settings, settings.height, settings.mass)
+
+
+def _has_arm(file: Path, side: Side, settings: AnalysisSettings) -> bool:
+    stated = settings.reading()
+    del stated["up"], stated["marker_set"]
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # they are printed by then
+            read_motion(file, human_arm(side).joint_names, **stated)
+    except ValueError:
+        return False
+    return True
+
+
+def _show_fit(fit: MarkerFit, folder: Path | None) -> None:
+    """Print how well the motion fits the markers, and write it to the folder, if one is given."""
+    table = fit.table()
+    print(f"Joint angles fitted to the markers ({fit.marker_set}) in {fit.seconds:.1f} s:")
+    print(f"\n{table}\n")
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        written = [
+            write_file(folder / "markers.csv", table.csv()),
+            write_file(folder / "markers.md", table.markdown()),
+            save_motion(folder / "motion.csv", fit.motion),
+        ]
+        print_written(written)
+        print()
+
+
+def _analysed(recording: Recording, settings: AnalysisSettings, file: str) -> Analysis:
+    """Analyse a recording, and print the results."""
+    metric = settings.metric_of(recording.model)
+    start = time.perf_counter()
+    try:
+        with progress() as bar:
+            analysis = analyse_recording(recording, settings, metric=metric, progress=bar)
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from None
+    _summarize(analysis, settings, time.perf_counter() - start, recording.fit)
+    return analysis
+
+
+def _summarize(
+    analysis: Analysis, settings: AnalysisSettings, seconds: float, fit: MarkerFit | None
+) -> None:
+    motion, subject = analysis.motion, analysis.motion.subject
+    height, mass = stature_of(subject, settings.height, settings.mass)
+    who = f" of {subject.name}" if subject.name else ""
+    print(
+        f"{analysis.model.name}{who}, height {height:.4g} m, mass {mass:.4g} kg: "
+        f"{len(motion)} samples, {motion.duration:.2f} s at {motion.rate:.0f} Hz"
+    )
+    assumed = []
+    if settings.height is None and subject.height is None:
+        assumed.append(f"height {height} m")
+    if settings.mass is None and subject.mass is None:
+        assumed.append(f"mass {mass} kg")
+    if assumed:
+        print(f"assumed, not in the recording: {', '.join(assumed)}")
+    if fit is not None and not motion.filter:
+        print("No further filter: the fit to the markers has smoothed the motion.")
+    else:
+        print(motion.filter or "The recording is taken as it is, without a filter.")
+    print(f"Metric: {analysis.metric_name}.")
+    rule = "" if analysis.threshold is None else f" at a threshold of {analysis.threshold:g} rad"
+    errors = analysis.errors["riemannian"]
+    print(
+        f"{len(analysis.synergies)} geodesic synergies{rule} explain the joints to "
+        f"{errors.joint:.3f} rad and the hand to {1000 * errors.position:.0f} mm on average "
+        f"(found in {seconds:.1f} s)"
+    )
+    kind = "filtered" if motion.filter else "observed" if fit is None else "fitted"
+    print(f"\nmean errors against the {kind} recording\n\n{analysis.table()}")
+    if analysis.errors_unfiltered:  # not without a filter
+        table = analysis.table(unfiltered=True)
+        print(f"\nmean errors against the unfiltered recording\n\n{table}")
+
+
+def _error_curve(analysis: Analysis) -> MetricComparison:
+    """Compare metrics at equal numbers of synergies, each with its best cuts; print the errors."""
+    spacing = max(_SPACING, analysis.motion.duration / _CANDIDATES)
+    thresholds = () if analysis.threshold is None else (analysis.threshold,)
+    with progress() as bar:
+        comparison = compare_metrics(
+            analysis.model, analysis.motion, spacing=spacing, thresholds=thresholds, progress=bar
+        )
+    print(
+        f"\nmean errors with the cuts of least joint error for each metric, {spacing:.2f} s or "
+        f"more apart\n\n{comparison.table()}"
+    )
+    return comparison
+
+
+def _are_many(names: Sequence[str]) -> bool:
+    """Return True if these are many recordings, with tables of all and a result file for each."""
+    path = Path(names[0])
+    return len(names) > 1 or path.is_dir() or (glob.has_magic(names[0]) and not path.exists())
+
+
+def _analyse_many(
+    names: Sequence[str],
+    side: Sides,
+    curve: bool,
+    out: Path | None,
+    settings: AnalysisSettings,
+    given: dict[str, Any],
+) -> int:
+    """Analyse recordings, print each as it is finished, and the tables; return the exit code."""
+    if curve:
+        raise ValueError("--curve is of one recording, not of many")
+    if out is None:
+        first = next(iter(given), "").replace("_", "-")
+        what = "several recordings need" if _are_many(names) else f"--{first} needs"
+        raise ValueError(f"{what} --out, the folder of their results")
+    if "jobs" in given and "scheduler" in given:
+        raise ValueError("give either --jobs, processes of this computer, or --scheduler")
+    if "time_limit" in given and "scheduler" in given:
+        raise ValueError("--time-limit is for processes of this computer, not for --scheduler")
+    pattern = given.pop("subject_from", None)
+    address = given.pop("scheduler", None)
+    left_out: set[str] = set()
+    with progress() as bar:
+
+        def show(outcome: RecordingOutcome) -> None:
+            if not outcome.success:
+                left_out.add(outcome.source.name)
+            if outcome.kind not in ("found", "missing"):
+                text = str(outcome) if outcome.success else f"left out: {outcome}"
+                bar.line(text + (f" ({outcome.seconds:.1f} s)" if outcome.seconds else ""))
+                for warning in outcome.warnings:
+                    bar.line(f"  note: {warning}")
+
+        try:
+            with _cluster(address) as cluster:
+                result = analyse_recordings(
+                    names,
+                    out,
+                    side,
+                    settings,
+                    **given,
+                    **cluster,
+                    subject_pattern=pattern,
+                    progress=bar,
+                    finished=show,
+                )
+        except KeyboardInterrupt:
+            bar.line("Finished recordings are kept: the same command goes on from here.")
+            raise
+    for outcome in result.failures:
+        if outcome.source.name not in left_out:  # as the same motion as another
+            print(f"left out: {outcome}")
+    _summarize_many(result)
+    return 1 if result.failures else 0
+
+
+@contextmanager
+def _cluster(address: str | None) -> Iterator[dict[str, Any]]:
+    """Yield the executor of a Dask cluster, and how many recordings to submit to it at a time.
+
+    Without an address, nothing.
+
+    Raises:
+        ValueError: Dask is not installed, no scheduler answers, or it has no workers.
+    """
+    if address is None:
+        yield {}
+        return
+    try:
+        import distributed
+    except ImportError:
+        raise ValueError(
+            "--scheduler needs Dask: pip install 'geodesic_ocp[cluster]', here and on the workers"
+        ) from None
+    new_client: Any = distributed.Client
+    try:
+        client = new_client(address, set_as_default=False)
+    except (OSError, ValueError) as failure:
+        raise ValueError(f"--scheduler {address}: no scheduler answers: {failure}") from None
+    with client:
+        workers = client.nthreads()
+        if not workers:
+            raise ValueError(f"--scheduler {address}: it has no workers")
+        yield {"executor": client.get_executor(pure=False), "jobs": 3 * len(workers)}
+
+
+def _summarize_many(result: BatchResult) -> None:
+    rows = result.recordings()
+    print(f"\n{result.counts}, in {result.seconds:.1f} s")
+    if rows:
+        print(f"\nmean errors over the recordings\n\n{mean_table(rows)}")
+    for note in result.notes:
+        print(f"\nnote: {note}")
+    print()
+    print_written(result.files)
+    if not has_parquet():
+        print(f"{PARQUET_HINT}.")

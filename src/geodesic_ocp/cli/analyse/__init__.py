@@ -1,1 +1,0 @@
-"""The command analyse, and options that others share with it."""

@@ -1,0 +1,118 @@
+"""geodesic-ocp check-trajectory: whether a robot can execute the trajectory in a file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.cli.options import Flag, GivenLimits, LimitOptions
+from geodesic_ocp.cli.terminal import printed_warnings
+from geodesic_ocp.execution import check_trajectory as checks
+from geodesic_ocp.execution.clearance import Clearance, clearance_constraint
+from geodesic_ocp.model.formats.load_model import load_model
+from geodesic_ocp.model.inertias import with_rotor_inertia
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.retargeting.alignment.alignment import alignment as alignment_of
+from geodesic_ocp.retargeting.alignment.alignment import read_alignment
+from geodesic_ocp.trajectory.read_trajectory import read_trajectory
+
+_FREE_FALL = (0.0, 0.0, -9.81)  # [m/s^2]
+
+
+def check_trajectory(
+    file: Path,
+    /,
+    *,
+    robot: list[str],
+    hand: str | None = None,
+    base: str | None = None,
+    alignment: list[Path] | None = None,
+    aligned: Flag = False,
+    gravity: tuple[float, float, float] | None = None,
+    payload: float | None = None,
+    rotor_inertia: bool = True,
+    clearance: bool = True,
+    moving: Flag = False,
+    uneven: Flag = False,
+    limits: LimitOptions = GivenLimits(),  # noqa: B008
+) -> int:
+    """Check that a robot can execute a trajectory; the exit code is 1 if it cannot.
+
+    Args:
+        file: trajectory (.csv, .json of ROS 2, or .npz).
+        robot: name (see geodesic-ocp models) or file; twice for two arms, in their order.
+        hand: hand frame, for a robot from a file.
+        base: fixed frame of the robot that becomes its base.
+        alignment: alignment with a person, as written by geodesic-ocp align: gravity is along the
+            person's body; one for each --robot.
+        aligned: gravity as for a robot that is mounted by its alignment, as by geodesic-ocp
+            retarget.
+        gravity: acceleration of free fall in the axes of the robot's base [m/s^2]; default:
+            0 0 -9.81.
+        payload: mass in the hand [kg], at the origin of its frame.
+        rotor_inertia: add known or default inertia of the motors where the file states none, as
+            retarget does.
+        clearance: check that links keep clear of each other, where the geometry is known.
+        moving: the trajectory need not begin and end at rest.
+        uneven: samples need not be evenly spaced in time.
+    """
+    if aligned + (gravity is not None) + bool(alignment) > 1:
+        raise ValueError("--aligned, --alignment and --gravity exclude each other")
+    trajectory = read_trajectory(file)
+    with printed_warnings():
+        robots = [load_model(name, hand=hand, base=base) for name in robot]
+    free_fall = _free_fall(robots, gravity, aligned, alignment or ())
+    if rotor_inertia:
+        robots = [with_rotor_inertia(each) for each in robots]
+    if payload is not None:
+        robots = [each.with_payload(payload) for each in robots]
+    found = limits.of_robots(robots)
+    result = checks.check_trajectory(
+        trajectory,
+        robots,
+        found,
+        gravity=free_fall,
+        rest=not moving,
+        uniform=not uneven,
+        clearance=_clearance(robots) if clearance else None,
+    )
+    rate = "uneven samples" if trajectory.rate is None else f"{trajectory.rate:.6g} Hz"
+    print(f"{file}: {len(trajectory.time)} samples, {trajectory.duration:.4g} s, {rate}\n")
+    print(result)
+    if result.clearance is not None:
+        print(f"\nleast distance of links: {result.clearance:.3g} m")
+    for each, its_limits in zip(robots, found, strict=True):
+        print(f"\nlimits of {each.name}:")
+        for name, source in its_limits.sources.items():
+            print(f"  {name}: {source}")
+    return 0 if result.passed else 1
+
+
+def _free_fall(
+    robots: Sequence[Model],
+    given: tuple[float, float, float] | None,
+    aligned: bool,
+    files: Sequence[Path],
+) -> Array:
+    """Return the acceleration of free fall in the axes of each robot's base [m/s^2]."""
+    if files and len(files) != len(robots):
+        raise ValueError(f"--alignment: one for each --robot, got {len(files)}")
+    if not files and not aligned:
+        return np.tile(np.asarray(given or _FREE_FALL, dtype=float), (len(robots), 1))
+    mounted = [read_alignment(each) for each in files] or [alignment_of(each) for each in robots]
+    return np.array([np.asarray(each.base) @ _FREE_FALL for each in mounted])
+
+
+def _clearance(robots: Sequence[Model]) -> Clearance | None:
+    """Return the distances of links from each other; None, with a note, without geometry."""
+    reason: object = "the robot has no collision geometry"
+    try:
+        found = clearance_constraint(robots)
+    except ValueError as error:
+        found, reason = None, error
+    if found is None:
+        print(f"note: clearance is not checked: {reason}")
+    return found

@@ -1,0 +1,280 @@
+"""geodesic-ocp fit: parameters of the metric, estimated from recordings."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from cyclopts import Parameter as Option
+
+from geodesic_ocp.cli.options import Flag, RecordingOptions, SettingsFile, Sides, each_side
+from geodesic_ocp.cli.terminal import check_folder, print_written, progress
+from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.figures.new_figure import new_figure, save_figure
+from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
+from geodesic_ocp.fitting.fit_metric import fit_metric
+from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit, save_metric
+from geodesic_ocp.fitting.parameter import JOINT_INERTIA, Parameter, with_parameters
+from geodesic_ocp.fitting.recording_part import Measure
+from geodesic_ocp.fitting.resampling import bootstrap_fit, separate_fits
+from geodesic_ocp.fitting.resampling import leave_one_out as predicted
+from geodesic_ocp.manifold.metrics import AdjustableKineticEnergy
+from geodesic_ocp.progress import Progress
+from geodesic_ocp.recordings.read_recordings import read_recordings
+from geodesic_ocp.recordings.recording import Recording
+from geodesic_ocp.recordings.recording_settings import RecordingSettings
+from geodesic_ocp.records import write_together
+from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
+from geodesic_ocp.synergies.optimal_segmentations import segment_optimal
+from geodesic_ocp.table import Table
+
+_FEW = 10  # units of a bootstrap
+_FAR = 3.0  # ratio of an estimate to its initial value
+_USUAL = {
+    "joint_inertia": JOINT_INERTIA,
+    "armature": Parameter("armature", 0.05, lower=1e-5),
+    "payload": Parameter("payload", 0.5),
+    "mass_ratio": Parameter("mass_ratio", 1.0, lower=1e-2, upper=1e2),
+    "height_ratio": Parameter("height_ratio", 1.0, lower=0.3, upper=3.0),
+    "link_mass_ratios": Parameter("link_mass_ratios", 1.0, lower=1e-2, upper=1e2),
+    "link_inertia_ratios": Parameter("link_inertia_ratios", 1.0, lower=1e-2, upper=1e2),
+}
+_PARAMETER = Option(
+    help=f"NAME[:JOINT,...][=START], with the names {', '.join(_USUAL)}; of some joints only with "
+    "patterns, as in `armature:?S?_joint` for the shoulder; repeatable [default: joint_inertia]"
+)
+
+
+def fit(
+    file: list[Path],
+    /,
+    *,
+    side: Sides = "right",
+    parameter: Annotated[list[str] | None, _PARAMETER] = None,
+    measure: Measure = "joint",
+    threshold: float = AnalysisSettings.threshold,
+    min_duration: float = AnalysisSettings.min_duration,
+    hysteresis: float = AnalysisSettings.hysteresis,
+    penalty: float | None = None,
+    cutoff: float | None = None,
+    savitzky_golay: float | None = None,
+    by: Literal["recording", "subject"] | None = None,
+    bootstrap: int = 1000,
+    leave_one_out: Flag = False,
+    skip: Flag = False,
+    out: Path | None = None,
+    settings: SettingsFile = None,
+    recording: RecordingOptions = RecordingSettings(),  # noqa: B008
+) -> None:
+    """Estimate parameters of the metric from recordings.
+
+    Args:
+        file: recordings, or folders of recordings.
+        side: the arm.
+        measure: errors of the joints [rad] or of the hand's position [m].
+        threshold: angle of the cuts, which are made with the initial values [rad].
+        min_duration: duration of the shortest segment that is not a rest [s].
+        hysteresis: angle above the threshold that a change of direction must reach [rad].
+        penalty: cut where the error becomes least instead, with this mean joint error for each
+            segment [rad].
+        cutoff: cut-off frequency of the filter [Hz].
+        savitzky_golay: window of a Savitzky-Golay filter of order 2 [s], in place of a cut-off.
+        by: units that are resampled and left out; default: subjects where there are several.
+        bootstrap: number of resamples for the confidence interval; 0 for none.
+        leave_one_out: predict each recording, or subject (see --by), from the others.
+        skip: leave out files that cannot be used, and name them.
+        out: folder for metric.json, tables and a figure.
+        settings: file (.toml, .json) of any of these options, such as threshold = 0.5.
+
+    Raises:
+        ValueError: wrong options, or files that cannot be used.
+        NotConverged: the parameters were not found.
+    """
+    del settings
+    check_folder(out)
+    parameters = [as_parameter(text) for text in parameter or ["joint_inertia"]]
+    if bootstrap < 0:
+        raise ValueError(f"--bootstrap must not be negative, got {bootstrap}")
+    start = time.perf_counter()
+    with progress() as bar:
+        recordings = _recordings(file, side, recording, skip, cutoff, savitzky_golay)
+        subjects = len({each.subject for each in recordings})
+        unit = by or ("subject" if subjects > 1 else "recording")
+        units = subjects if unit == "subject" else len(recordings)
+        if leave_one_out and units < 2:
+            raise ValueError(f"--leave-one-out needs at least two {unit}s, got {units}")
+        found = fit_metric(
+            recordings,
+            parameters,
+            measure=measure,
+            segments=_optimal_segments(penalty, parameters, recordings, bar),
+            threshold=threshold,
+            min_duration=min_duration,
+            hysteresis=hysteresis,
+            progress=bar,
+        )
+        intervals: tuple[ConfidenceInterval, ...] = ()
+        resampled = bootstrap > 0 and units > 1
+        curves = []
+        if out or (resampled and len(parameters) == 1):
+            curves = [error_profile(found, each.name, progress=bar) for each in found.estimates]
+        if resampled:
+            only = curves[0] if len(parameters) == 1 else None
+            intervals = bootstrap_fit(found, bootstrap, by=unit, curve=only, progress=bar)
+        tables = {"table": found.table(intervals)}
+        if len(recordings) > 1:
+            tables["by_recording"] = _by_recording(found, bar)
+        if leave_one_out:
+            tables["leave_one_out"] = predicted(found, unit, progress=bar).table()
+    _summarize(found, intervals, tables, unit, time.perf_counter() - start)
+    if out:
+        print()
+        print_written(
+            write_together(out, lambda folder: _write(folder, found, intervals, tables, curves))
+        )
+
+
+def as_parameter(text: str) -> Parameter:
+    """Return the parameter that NAME[:JOINT,...][=START] means, with its usual bounds.
+
+    Raises:
+        ValueError: there is no such parameter, or its initial value is not a number.
+    """
+    label, _, initial = text.partition("=")
+    name, _, joints = label.partition(":")
+    if name not in _USUAL:
+        raise ValueError(f"--parameter must be one of {', '.join(_USUAL)}, got {name!r}")
+    usual = _USUAL[name]
+    try:
+        start = float(initial) if initial else usual.start
+    except ValueError:
+        raise ValueError(f"--parameter {text}: {initial!r} is not a number") from None
+    chosen = tuple(filter(None, joints.split(",")))
+    return replace(usual, start=start, joints=chosen, name=label)
+
+
+def _recordings(
+    files: Sequence[Path],
+    side: Sides,
+    person: RecordingSettings,
+    skip: bool,
+    cutoff: float | None,
+    window: float | None,
+) -> list[Recording]:
+    """Read the recordings in the files; with --skip, of the sides that there are."""
+    sides = each_side(side)
+    found: list[Recording] = []
+    for number, each in enumerate(sides, 1):
+        try:
+            found += read_recordings(
+                files,
+                each,
+                height=person.height,
+                mass=person.mass,
+                skip=skip,
+                cutoff=cutoff,
+                duration=window,
+                **person.reading(),
+            )
+        except RecordingError as reason:
+            if not skip or (number == len(sides) and not found):
+                raise
+            warnings.warn(f"no {each} arm: {reason}", stacklevel=1)
+    return found
+
+
+def _optimal_segments(
+    penalty: float | None,
+    parameters: Sequence[Parameter],
+    recordings: Sequence[Recording],
+    bar: Progress,
+) -> list[list[tuple[int, int]]] | None:
+    """Return the cuts of least error with the initial metric, if --penalty asks for them."""
+    if penalty is None:
+        return None
+    start = [each.start for each in parameters]
+    return [
+        segment_optimal(
+            with_parameters(AdjustableKineticEnergy(each.model), parameters, start),
+            each.motion,
+            penalty=penalty,
+            progress=bar,
+        )
+        for each in recordings
+    ]
+
+
+def _by_recording(fit: MetricFit, bar: Progress) -> Table:
+    """Return estimates from every recording alone."""
+    names = (part for each in fit.estimates for part in (each.name, "standard error"))
+    rows: list[tuple[str | int | float, ...]] = []
+    alone = separate_fits(fit, progress=bar)
+    for (name, each), recording in zip(alone.items(), fit.recordings, strict=True):
+        numbers = (
+            number
+            for own in each.estimates
+            for number in (own.value, "at its bound" if own.at_bound else own.standard_error)
+        )
+        remark = "not determined" if each.undetermined else ""
+        rows.append((name, recording.subject, *numbers, float(each.errors[0]), remark))
+    header = ("recording", "subject", *names, f"rms error [{fit.error_unit}]", "remark")
+    return Table(header, tuple(rows))
+
+
+def _summarize(
+    fit: MetricFit,
+    intervals: Sequence[ConfidenceInterval],
+    tables: dict[str, Table],
+    by: str,
+    seconds: float,
+) -> None:
+    count, segments = len(fit.recordings), sum(part.count for part in fit.program.parts)
+    print(
+        f"{count} recording{'s'[: count - 1]}, {segments} segments that move, "
+        f"{fit.outcome.iterations} iterations of Ipopt ({seconds:.1f} s in all)"
+    )
+    print(f"\n{tables['table']}")
+    if intervals:
+        count, unit = intervals[0].count, intervals[0].unit
+        few = "; with so few it is a rough one" if count < _FEW else ""
+        print(f"interval: bootstrap over {count} {unit}s{few}")
+    for sentence in fit.undetermined:
+        print(f"note: {sentence}")
+    for parameter, estimate in zip(fit.parameters, fit.estimates, strict=True):
+        if not parameter.start / _FAR < estimate.value < parameter.start * _FAR:
+            print(
+                f"note: the cuts were made with {estimate.name} = {parameter.start:g}; fit again "
+                f"with --parameter {estimate.name}={estimate.value:.3g}"
+            )
+    for name, title in (
+        ("by_recording", "each recording by itself"),
+        ("leave_one_out", f"mean errors of each {by} that took no part in the estimation"),
+    ):
+        if name in tables:
+            print(f"\n{title}\n\n{tables[name]}")
+
+
+def _write(
+    folder: Path,
+    fit: MetricFit,
+    intervals: Sequence[ConfidenceInterval],
+    tables: dict[str, Table],
+    curves: Sequence[ErrorProfile],
+) -> None:
+    profiles = {
+        "profile" + (f"_{number}" if number > 1 else ""): curve.table()
+        for number, curve in enumerate(curves, 1)
+    }
+    for name, table in {**tables, **profiles}.items():
+        (folder / f"{name}.csv").write_text(table.csv(), encoding="utf-8")
+        (folder / f"{name}.md").write_text(table.markdown(), encoding="utf-8")
+    figure = new_figure(6.5 * len(curves), 4.2)
+    for axes, curve in zip(np.ravel(figure.subplots(1, len(curves))), curves, strict=True):
+        curve.draw(axes)
+    save_figure(figure, folder)
+    save_metric(folder / "metric.json", fit, intervals)

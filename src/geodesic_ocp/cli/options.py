@@ -1,0 +1,79 @@
+"""Options that several commands share, as annotated types; most are fields of settings."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal, TypeAlias
+
+from cyclopts import Parameter
+
+from geodesic_ocp.execution.limits import QUANTITIES, JointLimits, joint_limits
+from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.recordings.recording_settings import RecordingSettings
+from geodesic_ocp.retargeting.settings import RetargetingSettings
+from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
+
+
+@dataclass(frozen=True)
+class GivenLimits:
+    """Limits of a robot's joints in place of the file's, the published or the derived limits.
+
+    Attributes:
+        velocity: largest speed [rad/s or m/s] of all joints, or JOINT=LIMIT of one; repeatable.
+        acceleration: largest acceleration [rad/s^2 or m/s^2], likewise.
+        jerk: largest jerk [rad/s^3 or m/s^3], likewise.
+        torque: largest torque [N m or N], likewise.
+    """
+
+    velocity: Sequence[str] | None = None
+    acceleration: Sequence[str] | None = None
+    jerk: Sequence[str] | None = None
+    torque: Sequence[str] | None = None
+
+    def of_robots(self, robots: Sequence[Model]) -> list[JointLimits]:
+        """Return the limits of each robot: the given ones, else as `joint_limits` finds them.
+
+        Raises:
+            ValueError: an option is not a number, or names an unknown joint.
+        """
+        given = {name: _limit(name, getattr(self, name)) for name in QUANTITIES}
+        return [joint_limits(robot, **given) for robot in robots]
+
+
+def _limit(name: str, values: Sequence[str] | None) -> float | dict[str, float] | None:
+    """Return one number for all joints, or numbers by joint."""
+    by_joint: dict[str, float] = {}
+    for value in values or ():
+        joint, _, number = value.rpartition("=")
+        try:
+            limit = float(number)
+        except ValueError:
+            raise ValueError(f"--{name} {value}: must be LIMIT or JOINT=LIMIT") from None
+        if not joint and len(values or ()) > 1:
+            raise ValueError(f"--{name}: several limits must be JOINT=LIMIT each, got {value}")
+        if not joint:
+            return limit
+        by_joint[joint] = limit
+    return by_joint or None
+
+
+Flag = Annotated[bool, Parameter(negative="", show_default=False)]
+Sides: TypeAlias = Literal["right", "left", "both"]
+RecordingOptions = Annotated[RecordingSettings, Parameter(name="*", group="Recording")]
+AnalysisOptions = Annotated[AnalysisSettings, Parameter(name="*", group="Analysis")]
+LimitOptions = Annotated[GivenLimits, Parameter(name="*", group="Limits of the joints")]
+# Settings that are no text: obstacles, and pairs of links.
+_IN_PYTHON_ONLY = re.compile(r"^(?!obstacles|links|pairs)")
+RetargetingOptions = Annotated[
+    RetargetingSettings, Parameter(name="*", group="Retargeting", parse=_IN_PYTHON_ONLY)
+]
+SettingsFile: TypeAlias = Path | None
+
+
+def each_side(side: Sides) -> list[Side]:
+    """Return the sides that an option names."""
+    return ["right", "left"] if side == "both" else [side]

@@ -1,0 +1,203 @@
+"""geodesic-ocp retarget and demo: the synergies of a recording on robots."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TypeAlias
+
+from geodesic_ocp.cli.analyse import analyse_bundled, analyse_file, save_analysis
+from geodesic_ocp.cli.options import (
+    AnalysisOptions,
+    Flag,
+    GivenLimits,
+    LimitOptions,
+    RetargetingOptions,
+    SettingsFile,
+    Sides,
+    each_side,
+)
+from geodesic_ocp.cli.terminal import (
+    check_folder,
+    print_written,
+    printed_warnings,
+    progress,
+    require_pages,
+    why_no_pages,
+)
+from geodesic_ocp.model.formats.load_model import load_model
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.reports.report import report as write_report
+from geodesic_ocp.retargeting.alignment.alignment import alignment as alignment_of
+from geodesic_ocp.retargeting.alignment.alignment import read_alignment
+from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
+from geodesic_ocp.retargeting.result import Retargeting
+from geodesic_ocp.retargeting.retarget import retarget_arms
+from geodesic_ocp.retargeting.settings import RetargetingSettings
+from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
+from geodesic_ocp.synergies.analyse import Analysis
+
+_LONGER = 1.005  # times the person's time, as it is shown
+_FAULTS = 3  # of the trajectory that are printed
+_REPORT = "report.html"
+_Arm: TypeAlias = tuple[Model, Alignment]
+
+
+def retarget(
+    file: Path,
+    /,
+    *,
+    robot: list[str],
+    side: Sides = "right",
+    hand: list[str] | None = None,
+    base: list[str] | None = None,
+    alignment: list[Path] | None = None,
+    payload: float | None = None,
+    rate: float = 100.0,
+    report: Flag = False,
+    out: Path | None = None,
+    settings: SettingsFile = None,
+    retargeting: RetargetingOptions = RetargetingSettings(),  # noqa: B008
+    joint_limits: LimitOptions = GivenLimits(),  # noqa: B008
+    analysis: AnalysisOptions = AnalysisSettings(),  # noqa: B008
+) -> None:
+    """Transfer the synergies of a recording to a robot.
+
+    Args:
+        file: recording, as for geodesic-ocp analyse.
+        robot: name, such as panda (see geodesic-ocp models), or file (URDF, MJCF); twice with
+            --side both, right and left.
+        side: the person's arm.
+        hand: hand (end-effector) frame of the robot; one for each --robot.
+        base: fixed frame of the robot that becomes its base; one for each --robot.
+        alignment: file of the robot's alignment with the person, as written by geodesic-ocp align;
+            one for each --robot.
+        payload: mass in the hand [kg], at the origin of its frame.
+        rate: sampling rate of the trajectory [Hz]; 1000 for libfranka.
+        report: write a page with animated models; default folder: geodesic_ocp_retarget.
+        out: folder for tables, figures, synergies and the trajectory.
+        settings: file (.toml, .json) of any of these options, such as margin = 0.02.
+    """
+    del settings
+    check_folder(out)
+    if report:
+        require_pages()
+    sides = each_side(side)
+    arms = _arms(robot, len(sides), hand or (), base or (), alignment or ())
+    analyses = []
+    for each in sides:
+        analyses.append(analyse_file(file, each, analysis))
+        print()
+    if out is None and report:
+        out = Path("geodesic_ocp_retarget")
+    _transfer(analyses, arms, retargeting, joint_limits, payload, rate, out, report)
+
+
+def demo(
+    *,
+    robot: str | None = None,
+    metric: str = AnalysisSettings.metric,
+    threshold: float = AnalysisSettings.threshold,
+    limits: bool = True,
+    out: Path = Path("geodesic_ocp_demo"),
+) -> None:
+    """Analyse the bundled recording, and transfer it to a robot if one is named.
+
+    Args:
+        robot: name of a robot, such as panda, to which the synergies are transferred.
+        metric: joint-inertia, kinetic, euclidean, or a file that `fit` wrote (.json).
+        threshold: angle between motion and geodesic at which a new synergy begins [rad].
+        limits: keep the robot within its limits.
+        out: folder for tables, figures, synergies and the robot's trajectory.
+    """
+    settings = AnalysisSettings(metric=metric, threshold=threshold)
+    check_folder(out)
+    if robot is None:
+        save_analysis(analyse_bundled(settings), out, with_curve=True)
+        return
+    arms = _arms([robot], 1)
+    if missing := why_no_pages():
+        print(f"note: no {_REPORT} will be written: {missing}")
+    analysis = analyse_bundled(settings)
+    save_analysis(analysis, out)
+    print()
+    transfer = RetargetingSettings(limits=limits, speed_limits=limits)
+    _transfer([analysis], arms, transfer, GivenLimits(), None, 100.0, out / robot, not missing)
+
+
+def _arms(
+    names: Sequence[str],
+    count: int,
+    hands: Sequence[str] = (),
+    bases: Sequence[str] = (),
+    alignments: Sequence[Path] = (),
+) -> list[_Arm]:
+    if len(names) != count:
+        what = "two robots, of the right and of the left arm" if count == 2 else "one robot"
+        raise ValueError(f"--robot: {what}, got {', '.join(names)}")
+    for option, each in (("hand", hands), ("base", bases), ("alignment", alignments)):
+        if each and len(each) != count:
+            raise ValueError(f"--{option}: one for each --robot, got {', '.join(map(str, each))}")
+    none = [None] * count
+    arms = []
+    with printed_warnings():
+        pairs = zip(names, hands or none, bases or none, alignments or none, strict=True)
+        for name, hand, base, file in pairs:
+            robot = load_model(name, hand=hand, base=base)
+            arms.append((robot, alignment_of(robot) if file is None else read_alignment(file)))
+    return arms
+
+
+def _transfer(
+    analyses: Sequence[Analysis],
+    arms: Sequence[_Arm],
+    settings: RetargetingSettings,
+    limits: GivenLimits,
+    payload: float | None,
+    rate: float,
+    out: Path | None,
+    with_report: bool,
+) -> None:
+    robots = [robot if payload is None else robot.with_payload(payload) for robot, _ in arms]
+    with progress() as bar:
+        result = retarget_arms(
+            analyses,
+            robots,
+            alignments=[aligned for _, aligned in arms],
+            limits=limits.of_robots(robots),
+            rate=rate,
+            settings=settings,
+            progress=bar,
+        )
+    _summarize(result)
+    if out is not None:
+        print()
+        print_written(result.save(out))
+        if with_report:
+            print_written([write_report(result, out / _REPORT)])
+        else:
+            print(f"\nto see the robot move: geodesic-ocp show {shlex.quote(str(out))}")
+
+
+def _summarize(result: Retargeting) -> None:
+    for arm in result.arms:
+        worst = max(max(each.position_error, each.rotation_error) for each in arm.transfers)
+        unreached = len(arm.out_of_reach)
+        print(
+            f"{arm.title}: {len(arm.analysis.synergies)} synergies become {len(arm.groups)}, "
+            f"positions scaled by {arm.mapping.scale:.3g}; largest pose error {worst:.1e} m or rad"
+            f"{f', {unreached} poses out of reach' if unreached else ''}"
+        )
+    time = "the person's time"
+    if result.stretch > _LONGER:
+        time = f"{result.stretch:.2f} times the person's time, as the joints' limits require"
+    print(f"it takes {time}; computed in {result.seconds:.1f} s ({result.settings.formulation})")
+    faults = "; ".join(result.check.violations[:_FAULTS]) or "all conditions hold"
+    near = result.check.clearance
+    apart = "not known" if near is None else f"{near:.3g} m"
+    print(f"trajectory at {result.rate:g} Hz: {faults}; least distance of links: {apart}\n")
+    print(result.synergy_table())
+    print(
+        f"\nagainst inverse kinematics that tracks the whole path of the hand\n\n{result.table()}"
+    )

@@ -1,1 +1,0 @@
-"""The command check-trajectory, and limits of robots from options."""
