@@ -3,6 +3,12 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+# Names of what pip fetches; its failures are not hidden by the pipe.
+FETCHED := sed -un 's/^ *Downloading \(.*\)/  fetching \1/p; s/^Installing collected.*/  installing/p'
+SHELL := bash
+# Compiled modules and rewritten tests are kept, whatever the caller's environment says.
+unexport PYTHONDONTWRITEBYTECODE
+.SHELLFLAGS := -o pipefail -c
 PARALLEL ?= --numprocesses auto --dist loadfile
 
 .PHONY: demo test test-slow lint docs package notebooks bench robots browser pinocchio-casadi clean
@@ -62,5 +68,5 @@ $(READY): pyproject.toml
 	  { echo "needs Python 3.10 or later, found: $$($(PYTHON) --version 2>&1); set PYTHON=..."; exit 1; }
 	@echo "creating $(VENV) with all dependencies (once, about a minute)"
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	$(BIN)/python -m pip install --disable-pip-version-check --editable '.[dev]' | $(FETCHED)
 	@touch $@

@@ -22,7 +22,11 @@ from geodesic_ocp.model.dynamics import (
 )
 
 # One numerical example can take tens of milliseconds on a busy machine: no deadline, few examples.
-hypothesis.settings.register_profile("package", deadline=None, max_examples=25, derandomize=True)
+# CI tries more examples of every property.
+EXAMPLES = int(os.environ.get("EXAMPLES", "10"))
+hypothesis.settings.register_profile(
+    "package", deadline=None, max_examples=EXAMPLES, derandomize=True
+)
 hypothesis.settings.load_profile("package")
 
 # Dozens of metrics are compiled in the tests: quickly, without optimization in the background.

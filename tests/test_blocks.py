@@ -14,6 +14,7 @@ from geodesic_ocp.cells import Cells
 SIZE = 40
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "most"), [(0, 10**6), (1, 10**6), (2, 0), (3, 0)])
 def test_derivatives_are_those_of_the_whole_program(
     seed: int, most: int, monkeypatch: pytest.MonkeyPatch

@@ -133,7 +133,6 @@ def check(name: str, file: Path) -> None:
 
 
 few = settings(
-    max_examples=40,
     derandomize=True,
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
@@ -147,6 +146,7 @@ def test_valid_files_are_read(files: dict[str, Path]) -> None:
     assert read_result(files["result.json"]) is not None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(READERS))
 @given(data=st.data())
 @few
@@ -163,6 +163,7 @@ def test_changed_bytes(
     check(name, tmp_path / name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(name for name in READERS if name.endswith(".json")))
 @given(data=st.data())
 @few

@@ -31,13 +31,6 @@ PAGES = [
 ]
 _BLOCK = re.compile(r"(<!-- needs robots -->\n)?```python\n(.*?)```", re.DOTALL)
 _COMMAND = re.compile(r"^(?:\.venv/bin/)?geodesic-ocp (.*?)(?:\s+#.*)?$", re.MULTILINE)
-_SLOW = {
-    "how-to/many_recordings.md",
-    "how-to/problem.md",
-    "how-to/recording.md",
-    "how-to/retargeting.md",
-    "how-to/show.md",
-}  # more than some seconds
 
 
 @dataclass(frozen=True)
@@ -72,7 +65,7 @@ def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     "page",
     [
-        pytest.param(page, id=_name(page), marks=[pytest.mark.slow] if _name(page) in _SLOW else [])
+        pytest.param(page, id=_name(page), marks=[] if page == README else [pytest.mark.slow])
         for page in PAGES
         if _blocks(page)
     ],
@@ -103,6 +96,7 @@ def test_readme_is_short() -> None:
     assert len(README.read_text().split()) <= 900
 
 
+@pytest.mark.slow
 def test_tables_of_the_demo_are_what_it_prints(bundled_analysis: go.Analysis) -> None:
     rows = bundled_analysis.table().markdown().splitlines()
     for page in (README, ROOT / "docs" / "explanation" / "segmentation.md"):

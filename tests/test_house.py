@@ -7,6 +7,8 @@ from collections import Counter
 from graphlib import TopologicalSorter
 from pathlib import Path
 
+import pytest
+
 import geodesic_ocp as go
 
 SOURCE = Path(__file__).resolve().parents[1] / "src" / "geodesic_ocp"
@@ -84,6 +86,7 @@ def layer(module: str) -> int:
     return HEIGHT[parents[-1]]
 
 
+@pytest.mark.slow
 def test_imports_go_down_the_layers_without_circles() -> None:
     graph = {name: imported_modules(tree) for name, tree in TREES.items() if name}
     for name, imports in graph.items():

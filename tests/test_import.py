@@ -36,6 +36,7 @@ def test_import_loads_no_other_library() -> None:
     assert not loaded_after("import geodesic_ocp") & set(HEAVY)
 
 
+@pytest.mark.slow
 def test_only_figures_load_matplotlib() -> None:
     loaded = loaded_after(ANALYSE)
     assert "matplotlib" in loaded

@@ -80,6 +80,7 @@ def test_solve_converges_and_meets_all_conditions(
     assert set(solution.multipliers) == {term.name for group in groups for term in group}
 
 
+@pytest.mark.slow
 def test_solution_is_locally_minimizing(solution: go.Solution) -> None:
     assert solution.certificate.locally_shortest
 
@@ -136,6 +137,7 @@ def test_figure_has_labels_and_is_written(solution: go.Solution, tmp_path: Path)
     figure.savefig(tmp_path / "picture.png", dpi=20)
 
 
+@pytest.mark.slow
 def test_solution_is_saved_and_read(
     problem: go.Problem, solution: go.Solution, tmp_path: Path
 ) -> None:

@@ -57,6 +57,7 @@ ABSTRACT = {go.Metric, go.Problem}
 NEEDS_A_NOTEBOOK = {go.LivePlot}
 
 
+@pytest.mark.slow
 def test_repr_of_every_public_value_is_short(arm: go.Model, bundled_analysis: go.Analysis) -> None:
     obstacles = [
         go.Ball((0.2, 0.35, -0.15), 0.06, name="lamp"),

@@ -5,9 +5,12 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import Any
+from collections.abc import Callable
+from contextlib import closing
+from functools import wraps
+from typing import Any, TypeVar, cast
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
 
 # Called with the current step, the amount done, and the total; zero: the total is not known.
 Progress = Callable[[str, int, int], object]
@@ -21,17 +24,20 @@ def no_progress(label: str, done: int, total: int) -> None:
     del label, done, total
 
 
-@contextmanager
-def reported(progress: Progress | None) -> Iterator[Progress]:
-    """Yield the given report, or a bar that appears where somebody sees it and has to wait."""
-    if progress is not None or not _has_reader():
-        yield progress or no_progress
-        return
-    bar = ProgressBar(_PATIENCE)
-    try:
-        yield bar
-    finally:
-        bar.close()
+def shows_progress(function: _Function) -> _Function:
+    """Let a function with an argument `progress` show a bar where none is given.
+
+    The bar appears on a terminal or in a notebook, and only where somebody has to wait.
+    """
+
+    @wraps(function)
+    def shown(*args: Any, **given: Any) -> Any:
+        if given.get("progress") is not None or not _has_reader():
+            return function(*args, **given)
+        with closing(ProgressBar(_PATIENCE)) as bar:
+            return function(*args, **{**given, "progress": bar})
+
+    return cast("_Function", shown)
 
 
 class ProgressBar:

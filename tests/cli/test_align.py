@@ -19,6 +19,7 @@ def robot(tmp_path: Path) -> Path:
     return file
 
 
+@pytest.mark.slow
 def test_an_alignment_is_shown_written_and_shown_again_as_edited(
     robot: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -50,6 +50,7 @@ def test_the_fit_is_shown_and_saved(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert row["cutoff_hz"] is None
 
 
+@pytest.mark.slow
 def test_a_marker_set_from_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arm, time = go.human_arm("right", HEIGHT), np.arange(60) / 50.0
     markers = marked(arm, angles(arm, time), time, MMM_MARKERS)

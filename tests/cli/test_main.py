@@ -108,6 +108,7 @@ def test_a_fitted_metric_is_read_from_its_file(
     assert str(file) in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_filters_are_options(short_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["analyse", str(short_file), "--side", "left"]
     assert "chosen from the noise floor" in printed(command, capsys)
@@ -196,6 +197,7 @@ def test_options_without_effect_are_refused(
         assert message in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_optimal_segments_are_an_option(
     short_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -369,6 +371,7 @@ def test_wrong_tables_end_with_one_line(
     assert not out.exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "message"),
     [

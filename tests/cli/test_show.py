@@ -99,6 +99,7 @@ def test_a_recording(show: Show, bundled_file: Path, capsys: pytest.CaptureFixtu
     assert "the left arm" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_recording_analysed(show: Show, bundled_file: Path) -> None:
     (spans,) = show(bundled_file, "--analyse", "--side", "left").spans.values()
     assert len(spans) > 10
@@ -128,6 +129,7 @@ def test_recordings_of_many_formats(show: Show, shared: Path, name: str) -> None
     assert bool(scene.clouds) == name.endswith(".c3d")  # the markers
 
 
+@pytest.mark.slow
 def test_what_analyse_wrote(show: Show, analysed: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The predicted motion, of a person of the height that the file tells."""
     for path in (analysed, analysed / "synergies.json"):
@@ -299,6 +301,7 @@ def test_problems_and_solutions(show: Show, refused: Refused, tmp_path: Path) ->
         assert show(path, "--problem", source).title == solved.title
 
 
+@pytest.mark.slow
 def test_a_solution_of_an_unknown_problem_is_named(refused: Refused, tmp_path: Path) -> None:
     source = ROOT / "problems" / "half_plane.py"
     assert cli.main(["solve", str(source), "--out", str(tmp_path)]) == 0

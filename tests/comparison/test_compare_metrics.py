@@ -80,6 +80,7 @@ def test_chosen_counts_can_be_refined(
         go.compare_metrics(arm, motion, lines, **{**options, "counts": [10]})
 
 
+@pytest.mark.slow
 def test_the_number_worth_having_is_that_of_a_motion_made_of_so_many(arm: go.Model) -> None:
     """Straight lines at one speed with noise: more segments only fit the noise."""
     rng = np.random.default_rng(1)
@@ -146,6 +147,7 @@ def test_noise_and_bandwidth_come_from_the_filter_or_as_given(arm: go.Model) -> 
             noise_left(raw, wrong, 5.0)
 
 
+@pytest.mark.slow
 def test_without_metrics_three_are_compared(arm: go.Model, motion: go.Motion) -> None:
     seen: list[str] = []
     result = go.compare_metrics(
@@ -159,6 +161,7 @@ def test_without_metrics_three_are_compared(arm: go.Model, motion: go.Motion) ->
     assert result.curves[names[0]].joint == pytest.approx(by_hand.errors, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_table_figure_and_files(comparison: go.MetricComparison, tmp_path: Path) -> None:
     assert repr(comparison).startswith("MetricComparison(human right arm, 0.9 s, cuts of least pos")
     table = comparison.table([2, 5])

@@ -70,6 +70,7 @@ def test_the_interval_of_a_single_pair_is_unknown() -> None:
     assert np.isnan(go.paired_test([1.0], [2.0]).interval).all()
 
 
+@pytest.mark.slow
 def test_intervals_contain_the_true_mean_as_often_as_they_say() -> None:
     """Of 40 pairs each; a binomial test of the coverage."""
     rng = np.random.default_rng(3)
@@ -81,6 +82,7 @@ def test_intervals_contain_the_true_mean_as_often_as_they_say() -> None:
     assert scipy.stats.binomtest(inside, 100, 0.8).pvalue > 0.01
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6), st.integers(3, 12))
 def test_scale_and_order_change_nothing(seed: int, pairs: int) -> None:
     rng = np.random.default_rng(seed)

@@ -61,6 +61,7 @@ print(go.distance(metric, [1.0, 0.2], [1.4, 1.1]))
 """
 
 
+@pytest.mark.slow
 def test_two_processes_may_build_the_same_library_at_once(empty_cache: Path) -> None:
     tests = Path(__file__).resolve().parents[1]
     processes = [

@@ -123,6 +123,7 @@ def test_a_new_version_of_a_compiler_has_another_identity(
     assert found[0].identity != found[1].identity
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("commands", "reason"),
     [
@@ -176,6 +177,7 @@ def auto(empty_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(library, "_FIRST_WORTHWHILE", 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("auto")
 def test_the_system_compiler_takes_over_in_use(empty_cache: Path) -> None:
     metric = HalfPlane()
@@ -190,6 +192,7 @@ def test_the_system_compiler_takes_over_in_use(empty_cache: Path) -> None:
     assert other.kernels.compiler_name == "system"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("auto")
 def test_without_tcc_casadi_evaluates_until_the_library_is_ready(
     monkeypatch: pytest.MonkeyPatch,
@@ -214,6 +217,7 @@ def test_short_use_of_exp_compiles_nothing(
     assert metric.kernels.compiler_name == "tcc"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("auto")
 def test_an_optimized_library_is_built_once_for_several_metrics(
     empty_cache: Path, monkeypatch: pytest.MonkeyPatch
@@ -227,6 +231,7 @@ def test_an_optimized_library_is_built_once_for_several_metrics(
     assert len(count) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("auto")
 def test_a_build_of_another_process_is_awaited(empty_cache: Path) -> None:
     metric = HalfPlane()
@@ -242,6 +247,7 @@ def test_a_build_of_another_process_is_awaited(empty_cache: Path) -> None:
     wait_until(lambda: metric.kernels.compiler_name == "system")
 
 
+@pytest.mark.slow
 def test_without_an_interpreter_the_compiler_runs_in_a_thread(
     empty_cache: Path, auto: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -262,6 +268,7 @@ print(go.distance(metric, [0.3, 1.2], [1.4, 0.9]), metric.kernels.compiler_name)
 """
 
 
+@pytest.mark.slow
 def test_a_program_that_ends_first_leaves_a_library_and_no_warning(
     empty_cache: Path, auto: None
 ) -> None:
@@ -285,6 +292,7 @@ def test_a_program_that_ends_first_leaves_a_library_and_no_warning(
 
 
 # A metric with a lambda function cannot be pickled, with or without compiled functions.
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(METRICS.keys() - {"region"}))
 def test_copies_and_pickles_compute_the_same(name: str, compiler_or_none: str) -> None:
     metric = METRICS[name]()
@@ -300,6 +308,7 @@ def compiler_or_none(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyP
     return str(request.param)
 
 
+@pytest.mark.slow
 def test_threads_compute_the_same_as_one_by_one(
     empty_cache: Path, arm: go.Model, compiler_or_none: str
 ) -> None:
@@ -326,6 +335,7 @@ def test_threads_compute_the_same_as_one_by_one(
     assert metric.kernels.compiler_name == ("" if compiler_or_none == "none" else "tcc")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("auto")
 def test_threads_may_go_on_while_a_library_takes_over(empty_cache: Path) -> None:
     metric, failures = Sphere(), []
@@ -383,6 +393,7 @@ def test_every_operation_of_casadi_compiles(
     assert metric.matrix(q0) == pytest.approx(expected, rel=1e-14)
 
 
+@pytest.mark.slow
 def test_the_core_calls_nothing_that_is_not_declared(tmp_path: Path) -> None:
     """The result of an undeclared function is an int, and TinyCC does not complain."""
     compiler = library.system_compiler()

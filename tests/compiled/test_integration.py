@@ -170,6 +170,7 @@ def test_a_start_that_is_not_finite_fails() -> None:
         metric.kernels.integrate(np.array([0.0, 1.0, np.nan, 0.3]), np.array([0.0, 2.0]), 1e-9, 99)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CURVED)
 def test_parallel_transport_agrees_with_that_of_scipy(
     name: str, monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
@@ -188,6 +189,7 @@ def test_parallel_transport_agrees_with_that_of_scipy(
     assert results[0] == pytest.approx(results[1], abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("threshold", "min_duration", "hysteresis"),
     [(0.3, 0.1, 0.1), (0.6, 0.1, 0.1), (1.2, 0.05, 0.0), (0.6, 0.0, 0.0)],

@@ -94,6 +94,7 @@ def test_stops_follow_the_paths_and_rest_where_they_meet(timing: Any) -> None:
     assert timing(CORNER, rate=1000.0).duration < found.duration
 
 
+@pytest.mark.slow
 def test_more_points_come_nearer_to_the_kinks() -> None:
     for timing in (toppra_trajectory, ruckig_trajectory):
         deviations = [
@@ -149,6 +150,7 @@ def test_the_comparison_has_a_row_for_each_method() -> None:
     assert rows["Ruckig, stops"][3] <= 1.0
 
 
+@pytest.mark.slow
 def test_a_planned_trajectory_stands_first_and_within_its_limits() -> None:
     planned = plan_trajectory([CORNER])
     table = compare_timings(planned, rate=500.0)

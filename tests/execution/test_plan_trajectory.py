@@ -168,6 +168,7 @@ def torques(found: PlannedTrajectory, count: int = 7001) -> np.ndarray:
     return np.array([pin.rnea(model, data, *state) for state in zip(*states, strict=True)])
 
 
+@pytest.mark.slow
 def test_torques_are_limited_with_gravity_and_payload() -> None:
     strong = along(two_links().with_payload(1.0), CORNERS, EDGES, limits())
     free = np.abs(torques(plan_trajectory([strong]))).max(axis=0)
@@ -212,6 +213,7 @@ def hand_height(robot: Model, lower: float) -> Clearance:
     return Clearance(ca.Function("height", [q], [height]), np.array([lower]), ("hand to table",))
 
 
+@pytest.mark.slow
 def test_distances_are_kept() -> None:
     robot = two_links()
     arm = along(robot, [[-1.2, 1.2], [-0.6, -1.2]], [0.0, 1.0], limits())
@@ -279,6 +281,7 @@ def test_paths_that_end_at_a_position_limit() -> None:
     assert np.all((q <= robot.upper + 1e-6) & (q >= robot.lower - 1e-6))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_any_kinks(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -288,6 +291,7 @@ def test_any_kinks(seed: int) -> None:
     assert found.usage[0].largest <= KEPT
 
 
+@pytest.mark.slow
 def test_an_arm_of_seven_joints_with_weight() -> None:
     rng, robot = np.random.default_rng(5), go.human_arm("right").with_armature(0.05)
     middle, width = (robot.lower + robot.upper) / 2, robot.upper - robot.lower

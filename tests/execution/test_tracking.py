@@ -85,6 +85,7 @@ def test_both_solvers_find_the_same_motion(arm: go.Model) -> None:
     assert_allclose(one.positions, other.positions, atol=0.02)
 
 
+@pytest.mark.slow
 @settings(max_examples=10)
 @given(st.integers(0, 10_000), st.sampled_from([0.5, 5.0, np.inf]), st.floats(0.1, 50.0))
 def test_no_limit_is_exceeded_whatever_the_targets(seed: int, fastest: float, most: float) -> None:

@@ -50,6 +50,7 @@ def draw(axes: object) -> None:
     axes.set_xlabel("number of synergies")  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 def test_arms_are_drawn_in_both_views(figure: Figure) -> None:
     strip = figure.axes[0]
     outlines = [line for line in strip.get_lines() if line.get_linestyle() != "-"]

@@ -8,7 +8,7 @@ import matplotlib.colors
 import matplotlib.style
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from known_models import planar_arm
 from matplotlib.figure import Figure
@@ -37,7 +37,6 @@ def lifted() -> Postures:
     return Postures.of(go.human_arm("right"), np.outer([0.2, 0.9, 1.6], [1.0, 0, 0, 0.3, 0, 0, 0]))
 
 
-@settings(max_examples=25, deadline=None)
 @given(angles, heights)
 def test_a_view_is_a_parallel_projection_with_z_up(azimuth: float, elevation: float) -> None:
     view = View.around_z(azimuth, elevation)
@@ -49,7 +48,6 @@ def test_a_view_is_a_parallel_projection_with_z_up(azimuth: float, elevation: fl
     assert y == pytest.approx(np.cos(np.deg2rad(elevation)))
 
 
-@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_an_outline_is_the_convex_hull(seed: int) -> None:
     points = np.random.default_rng(seed).normal(size=(40, 3))
@@ -148,6 +146,7 @@ def test_a_wall_is_seen_edge_on(lifted: Postures) -> None:
     assert view.towards @ np.array(wall.normal) == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)])
 def test_a_gap_between_hand_and_obstacle_is_seen(side: tuple[float, float, float]) -> None:
     """The view is nearly across the line between the nearest points."""

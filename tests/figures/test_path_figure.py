@@ -26,6 +26,7 @@ def path() -> go.Path:
     return go.Path(go.KineticEnergy(go.human_arm("right")), grid, nodes)
 
 
+@pytest.mark.slow
 def test_the_arm_is_drawn_along_the_path_and_where_it_is_nearest(path: go.Path) -> None:
     model = path.metric.model  # type: ignore[attr-defined]
     lamp = go.Ball(tuple(model.hand_pose(path(0.37))[1] + [0.0, 0.12, 0.0]), 0.05, name="lamp")

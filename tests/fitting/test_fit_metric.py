@@ -38,6 +38,7 @@ def noisy_fit(noisy: list[Any]) -> go.MetricFit:
     return fitted(*noisy, free_ends=True)
 
 
+@pytest.mark.slow
 def test_without_noise_the_parameter_is_exact(
     arm: go.Model, true_metric: go.Metric, rng: np.random.Generator
 ) -> None:
@@ -58,6 +59,7 @@ def test_noise_of_5_mrad_in_the_joints(noisy_fit: go.MetricFit) -> None:
     assert noisy_fit.undetermined == ()
 
 
+@pytest.mark.slow
 def test_noise_of_1_mm_at_the_hand(
     arm: go.Model, true_metric: go.Metric, rng: np.random.Generator
 ) -> None:
@@ -88,6 +90,7 @@ def test_standard_errors_agree_with_repeated_experiments(
     assert 0.5 < spread / stated < 2.0
 
 
+@pytest.mark.slow
 def test_parameters_that_trade_off_are_named(noisy: list[Any]) -> None:
     """Joint inertia and body mass scale the metric together: only their ratio matters."""
     mass = go.Parameter("mass_ratio", 1.3, lower=0.01)
@@ -99,6 +102,7 @@ def test_parameters_that_trade_off_are_named(noisy: list[Any]) -> None:
     assert all(np.isinf(each.standard_error) for each in fit.estimates)
 
 
+@pytest.mark.slow
 def test_a_payload_is_told_from_joint_inertia(
     arm: go.Model, true_metric: go.Metric, rng: np.random.Generator
 ) -> None:
@@ -113,6 +117,7 @@ def test_a_payload_is_told_from_joint_inertia(
     assert fit.values["joint_inertia"] == pytest.approx(TRUE, rel=0.1)
 
 
+@pytest.mark.slow
 def test_groups_of_joints(arm: go.Model, rng: np.random.Generator) -> None:
     by_joint = (0.1, 0.1, 0.1, 0.05, 0.05, 0.02, 0.02)
     metric = go.AdjustableKineticEnergy(arm, armature=by_joint)
@@ -312,6 +317,7 @@ def test_a_parameter_at_its_bound_leaves_the_others_as_they_are(noisy: list[Any]
     assert fit.table((low, high)).rows[1][-1] == "-"
 
 
+@pytest.mark.slow
 def test_armature_of_the_models_is_saved(
     arm: go.Model, true_metric: go.Metric, tmp_path: Path
 ) -> None:

@@ -130,6 +130,7 @@ def test_distance_is_symmetric(arm_metric: go.KineticEnergy) -> None:
     assert there == pytest.approx(back, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_diverging_geodesics_are_right_or_an_error() -> None:
     """In the half-plane errors grow exponentially with the distance."""
     metric = HalfPlane()
@@ -152,6 +153,7 @@ def test_metrics_need_no_hash() -> None:
     assert go.distance(Scaled([4.0, 9.0]), [0.0, 0.0], [1.0, 1.0]) == pytest.approx(13.0**0.5)
 
 
+@pytest.mark.slow
 def test_no_geodesic_is_an_error() -> None:
     """Polar coordinates: straight lines cover less than half a revolution about the origin."""
     with pytest.raises(go.NotConverged, match="no geodesic was found from") as failure:
@@ -177,6 +179,7 @@ class PeriodicSphere(Sphere):
     periods = (np.inf, 2.0 * np.pi)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compiler", ["none", "tcc"])
 def test_a_straight_line_that_is_a_geodesic_but_not_the_shortest(
     monkeypatch: pytest.MonkeyPatch, compiler: str
@@ -232,6 +235,7 @@ def test_several_attempts_are_made(arm_metric: go.KineticEnergy, q0: Any, q1: An
     assert end == pytest.approx(np.array(q1), abs=1e-8)
 
 
+@pytest.mark.slow
 def test_narrow_margins_are_reached_from_wide_ones(arm_metric: go.KineticEnergy) -> None:
     """Geodesics diverge by factors of 1e4 along the limits; the straight line is a bad start."""
     metric = go.RegionAvoiding(arm_metric, margin=0.01)

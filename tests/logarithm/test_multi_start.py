@@ -145,6 +145,7 @@ def test_an_undefined_straight_line_is_one_start_among_others() -> None:
         go.log(OutsideEllipse(), *ends, num_starts=2, seed=3)
 
 
+@pytest.mark.slow
 def test_likely_causes_are_named() -> None:
     rotor = go.KineticEnergy(free_rotor((1.0, 2.0, 3.5)))
     message = "joint1 and joint3 are linearly dependent"

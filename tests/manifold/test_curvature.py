@@ -84,6 +84,7 @@ def test_flat_mechanisms() -> None:
     assert go.scalar_curvature(pendulum, [0.3]) == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", METRICS)
 def test_symmetries_and_bianchi(kind: str, rng: np.random.Generator) -> None:
     """R is antisymmetric in each pair, symmetric between them, and its cyclic sum is zero."""

@@ -131,6 +131,7 @@ def test_geodesics_can_be_continued(fraction: float, seed: int) -> None:
     assert rest == pytest.approx(positions[2], abs=1e-9)
 
 
+@pytest.mark.slow
 @settings(max_examples=8)
 @given(mass=st.floats(0.01, 1000.0), height=st.floats(0.5, 2.5))
 def test_mass_and_height_do_not_change_geodesics(

@@ -33,6 +33,7 @@ VARIANTS: dict[str, Callable[[go.Model], go.Model]] = {
 }
 
 
+@pytest.mark.slow
 @settings(max_examples=8)  # each builds four models
 @given(armature=INERTIAS, q=ANGLES)
 def test_armature_adds_to_the_diagonal(armature: np.ndarray, q: np.ndarray) -> None:

@@ -154,6 +154,7 @@ def test_other_bodies_of_a_person_are_drawn_as_they_are(arm: go.Model) -> None:
     assert volume(drawn_ball) == pytest.approx(VOLUMES["sphere"], rel=ROUND)
 
 
+@pytest.mark.slow
 def test_meshes_are_kept_with_the_model_but_do_not_keep_it_alive() -> None:
     model = go.human_arm("left")
     assert meshes(model) is meshes(model)

@@ -34,6 +34,7 @@ def close(found: np.ndarray, expected: np.ndarray) -> bool:
     return bool(np.abs(found - expected).max() <= RELATIVE * np.abs(expected).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", systems())
 def test_mass_matrix_and_pose(name: str, backend: str, rng: np.random.Generator) -> None:
     native, hand = systems()[name]
@@ -84,6 +85,7 @@ def test_kinetic_energy_and_coriolis_force(
         assert np.abs(model.coriolis_force(q, v) - force).max() <= RELATIVE * terms.max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", systems())
 def test_coriolis_terms(name: str, backend: str, rng: np.random.Generator) -> None:
     native, hand = systems()[name]

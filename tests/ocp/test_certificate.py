@@ -202,6 +202,7 @@ def test_multipliers_that_do_not_fit_are_noticed() -> None:
         assert not wrong.certificate.stationary
 
 
+@pytest.mark.slow
 def test_forces_of_joint_limits_have_the_right_sign_except_around_switching_points() -> None:
     arm = go.human_arm()
     metric = go.KineticEnergy(arm)

@@ -23,6 +23,7 @@ PAIRS = {
 QUADRATURE = 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("energy", PAIRS)
 def test_no_grid_finds_less_than_the_energy_of_the_geodesic(
     arm_metric: go.KineticEnergy, energy: float

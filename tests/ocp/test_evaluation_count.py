@@ -52,6 +52,7 @@ class CountedWithParameters(Counted):
     parameters: ClassVar = ("radius",)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("problem_class", [Counted, CountedWithParameters])
 @pytest.mark.parametrize("grid", [None, go.Grid(6, 4)])
 @pytest.mark.parametrize("tolerance", [None, 1e-3])

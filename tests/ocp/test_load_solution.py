@@ -20,6 +20,7 @@ import geodesic_ocp as go
 START, TARGET = (0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1), (0.10, 0.45, -0.05)  # [rad], [m]
 
 
+@pytest.mark.slow
 def test_saved_solution_is_read_unchanged(tmp_path: Path, arm: go.Model) -> None:
     reach = go.Reach(arm, START, TARGET)
     sphere = go.PointToPoint(Sphere(), (1.0, 0.0), (1.4, 1.9))

@@ -81,6 +81,7 @@ def test_target_behind_a_wall_is_reported_before_the_solve(arm: go.Model) -> Non
         go.solve(reach)
 
 
+@pytest.mark.slow
 def test_other_obstacles_need_another_nlp(arm: go.Model) -> None:
     grid, one = go.Grid(4, 4), go.Reach(arm, START, TARGET, obstacles=[LAMP])
     moved = go.Reach(arm, START + 0.01, (0.1, 0.4, 0.1), obstacles=[LAMP])
@@ -96,6 +97,7 @@ def test_metric_without_bodies_and_wrong_margin_are_named() -> None:
         go.Reach(go.human_arm(), START, TARGET, obstacles=[LAMP], margin=np.nan)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("free", [(0.0, 0.0, 2.0), [(0.0, 0.0, 1.0), (1.0, 1.0, 0.0)]])
 def test_hand_arrives_on_a_line_or_a_plane(arm: go.Model, free: object) -> None:
     """Orthogonally, in the metric, to all configurations with the hand there."""

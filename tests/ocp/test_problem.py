@@ -179,6 +179,7 @@ class Reach(go.Problem):
         return [(0.01, ca.dot(offset, offset), np.inf, "ball")]
 
 
+@pytest.mark.slow
 def test_moved_target_is_reached_from_the_last_solution(arm: go.Model) -> None:
     problem = Reach(arm)
     solution = go.solve(problem)

@@ -32,6 +32,7 @@ def test_path_around_a_disc_to_several_tolerances(tolerance: float) -> None:
     assert stats.mesh_history[0].segments == 16
 
 
+@pytest.mark.slow
 def test_grid_is_finest_where_the_constraint_becomes_active() -> None:
     solution = go.solve(PlaneAroundDisc(), tolerance=1e-7)
     widths, ends = solution.path.grid.widths, solution.path.breakpoints
@@ -195,6 +196,7 @@ class Wall(go.Problem):
         return [((self.thickness / 2.0) ** 2, (q[0] - 0.5) ** 2, np.inf, "wall")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [{}, {"grid": go.Grid(8, 4)}, {"tolerance": 1e-4}])
 def test_paths_through_an_obstacle_are_no_solutions(options: Any) -> None:
     with pytest.raises(go.NotConverged) as failure:

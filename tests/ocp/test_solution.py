@@ -335,6 +335,7 @@ class PrescribedArrival(WithCost):
         return [*super().boundary(q0, q1), (v1, (0.0, 1.0), "arrival")]
 
 
+@pytest.mark.slow
 def test_certificates_mention_cost_and_active_constraints() -> None:
     with_cost = go.solve(WithCost()).certificate
     assert with_cost.has_running_cost

@@ -58,6 +58,7 @@ class Mixed(go.Problem):
         ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("grid", [go.Grid(1, 6), go.Grid(3, 4), go.Grid(2, 2)])
 def test_assembled_derivatives_equal_those_of_casadi(
     grid: go.Grid, rng: np.random.Generator
@@ -209,6 +210,7 @@ def test_geodesics_do_not_depend_on_the_scale_of_the_mass() -> None:
     assert nodes[2] == pytest.approx(nodes[1], abs=1e-8)
 
 
+@pytest.mark.slow
 def test_infeasible_problem_is_explained_with_its_last_iterate() -> None:
     @dataclass(frozen=True)
     class OutOfReach(Mixed):

@@ -49,6 +49,7 @@ class Corners(Mirror):
         return [[(q, point)] for point in self.points]
 
 
+@pytest.mark.slow
 def test_reflection_at_a_line() -> None:
     """The image of the end behind the mirror lies on a straight line."""
     solution = go.solve(Mirror())
@@ -91,6 +92,7 @@ def test_prescribed_via_parameters() -> None:
         go.solve(Corners(via_parameters=(0.5, 0.2)))
 
 
+@pytest.mark.slow
 def test_continuous_velocity_rounds_the_corner() -> None:
     """The additional energy decreases as the grid is refined."""
     corner, energies = go.solve(Mirror()).path.energy, []

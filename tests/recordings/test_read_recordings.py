@@ -108,6 +108,7 @@ def test_the_filter_can_be_chosen(folder: Path) -> None:
     assert local.motion.q == pytest.approx(raw.filtered(21).q)
 
 
+@pytest.mark.slow
 def test_recordings_of_the_database(shared: Path) -> None:
     """One recording is there in two layouts of the format."""
     pattern = str(shared / "data" / "kit" / "*.xml")
@@ -158,6 +159,7 @@ def test_what_a_format_leaves_open_can_be_given(folder: Path) -> None:
         read_recording(folder / "a.csv", unit="cm")
 
 
+@pytest.mark.slow
 def test_of_several_formats_each_takes_what_applies_to_it(folder: Path, shared: Path) -> None:
     """The wrist of this person bends further than the model's: a warning, not a refusal."""
     file = shared / "data" / "cmu" / "02_05.amc"

@@ -51,6 +51,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
+@pytest.mark.slow
 def test_the_page_needs_nothing_else(page: Path) -> None:
     found = elements(page.read_text(encoding="utf-8"))
     assert all(address.startswith("data:") for address in found.addresses)

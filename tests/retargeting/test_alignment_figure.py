@@ -35,6 +35,7 @@ def outline(axes: matplotlib.axes.Axes) -> np.ndarray:
     return points[np.isfinite(points[:, 0])]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("base", [np.eye(3), Rotation.from_rotvec([0.0, 1.2, 0.4]).as_matrix()])
 def test_a_larger_person_is_where_the_person_scaled_is(base: np.ndarray) -> None:
     """Whichever axes its base has; the figure is in the person's."""
@@ -75,6 +76,7 @@ def test_what_points_where_is_drawn() -> None:
     assert forward.xy[0] > forward.xyann[0]
 
 
+@pytest.mark.slow
 def test_postures_out_of_reach_are_named() -> None:
     aligned = replace(go.alignment(PERSON), length=3.0 * PERSON.reach)
     titles = [axes.get_title() for axes in drawn(aligned, PERSON)[:3]]

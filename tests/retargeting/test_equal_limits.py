@@ -47,6 +47,7 @@ def planned(arm: go.Model, corners: np.ndarray) -> PlannedTrajectory:
     return plan_trajectory([ArmPaths(arm, limits, EDGES, paths)])
 
 
+@pytest.mark.slow
 def test_of_two_ways_to_follow_a_hand(
     arm: go.Model, recorded: go.Motion, planned: PlannedTrajectory
 ) -> None:

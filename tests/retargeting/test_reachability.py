@@ -76,6 +76,7 @@ def test_errors_are_those_of_inverse_kinematics(
         )
 
 
+@pytest.mark.slow
 def test_the_advised_mounting_does_what_is_said(
     arm: go.Model, poses: tuple[np.ndarray, np.ndarray]
 ) -> None:

@@ -372,6 +372,7 @@ def test_wrong_analyses_and_robots_are_named(analysis: go.Analysis, robot: go.Mo
         go.retarget_arms([analysis], robot)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_tables_and_figure_show_both_methods(found: go.Retargeting) -> None:
     table = found.table()
     assert [row[1] for row in table.rows] == ["geodesic synergies", "inverse kinematics"]
@@ -402,6 +403,7 @@ def test_tables_and_figure_show_both_methods(found: go.Retargeting) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_saved_files_can_be_read(found: go.Retargeting, tmp_path: Path) -> None:
     files = {file.name for file in found.save(tmp_path / "new" / "folder")}
     assert files == {

@@ -27,6 +27,7 @@ def climb(bundled_analysis: go.Analysis) -> Playback:
     return analysis_playback(bundled_analysis)
 
 
+@pytest.mark.slow
 def test_observed_and_predicted_arm_meet_at_the_cuts(
     climb: Playback, bundled_analysis: go.Analysis
 ) -> None:
@@ -156,6 +157,7 @@ def fit(walker: Markers) -> MarkerFit:
     return fit_motion(go.human_arm("right", HEIGHT), walker, estimate=())
 
 
+@pytest.mark.slow
 def test_markers_on_the_person_are_as_far_away_as_the_fit_says(
     fit: MarkerFit, walker: Markers
 ) -> None:

@@ -114,6 +114,7 @@ def test_a_fast_recording_keeps_its_own_samples(arm: go.Model) -> None:
     assert speed.curves[0].values[100] == pytest.approx(expected)
 
 
+@pytest.mark.slow
 def test_plots_of_many_joints_are_grouped_by_limb() -> None:
     person = go.human_upper_body()
     playback = motion_playback(waving(person, 20.0), person)
@@ -227,6 +228,7 @@ def test_up_is_up(direction: list[float]) -> None:
     np.testing.assert_allclose(turned.actors[0].positions["right forearm"], expected, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_planned_trajectory_knows_its_robots(arm: go.Model) -> None:
     wide = np.full(7, 3.0)
     arm, left = (each.with_limits(-wide, wide) for each in (arm, go.human_arm("left")))

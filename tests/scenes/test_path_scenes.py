@@ -79,6 +79,7 @@ def problems() -> list[Any]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("problem_class", problems())
 def test_every_problem_of_the_gallery_is_shown(problem_class: Any) -> None:
     try:
@@ -191,6 +192,7 @@ def test_via_points_divide_the_path() -> None:
     assert first.stop == second.start == pytest.approx(solution.path.grid.via_s[0])
 
 
+@pytest.mark.slow
 def test_clearances_are_those_of_the_constraints() -> None:
     reach = go.Reach(
         *(ARM, START, TARGET), obstacles=[LAMP], links=["right hand", "right forearm"], margin=0.02

@@ -231,6 +231,7 @@ def test_the_camera_is_between_those_of_the_parts() -> None:
         beside([])
 
 
+@pytest.mark.slow
 def test_nothing_is_imported_before_it_is_needed() -> None:
     code = (
         "import sys, geodesic_ocp.scenes.playback_of\n"
@@ -241,6 +242,7 @@ def test_nothing_is_imported_before_it_is_needed() -> None:
     assert done.stdout.strip() == "[]"
 
 
+@pytest.mark.slow
 def test_a_result_takes_no_model_of_another_body(arm: go.Model) -> None:
     start, goal = np.zeros(7), np.full(7, 0.2)
     path = go.geodesic(go.KineticEnergy(arm), np.clip(start, arm.lower, arm.upper), goal)

@@ -49,6 +49,7 @@ def actor(scene: Scene, name: str) -> Actor:
     return one
 
 
+@pytest.mark.slow
 def test_the_robots_shoulder_is_where_the_persons_is(
     found: go.Retargeting, playback: Playback
 ) -> None:
@@ -163,6 +164,7 @@ def test_several_robots_share_the_person(found: go.Retargeting) -> None:
         retargetings_playback([])
 
 
+@pytest.mark.slow
 def test_a_slowed_person_is_said_to_be_and_keeps_the_durations_of_the_analysis() -> None:
     slow = small_retargeting(0.8, "slow")
     playback = retargeting_playback(slow)
@@ -265,6 +267,7 @@ def test_two_arms_of_a_robot_have_one_body() -> None:
     assert right[:, 0].mean() > 0.0 > left[:, 0].mean()
 
 
+@pytest.mark.slow
 def test_postures_of_an_alignment_correspond() -> None:
     """A person's arm of another size attains every pose, and is the person's arm, scaled."""
     robot = go.human_arm("right", 1.5)

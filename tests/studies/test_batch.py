@@ -179,6 +179,7 @@ def test_failures_of_solvers_and_warnings_are_told(
     assert (again.found, len(again.failures), len(again.warned)) == (2, 1, 2)
 
 
+@pytest.mark.slow
 def test_a_finished_recording_is_not_analysed_again(data: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     first = run(data, out)
@@ -198,6 +199,7 @@ def test_results_among_the_recordings_are_no_recordings(data: Path) -> None:
     assert (again.analysed, again.found, again.failures) == (0, 2, ())
 
 
+@pytest.mark.slow
 def test_tables_of_what_there_is_so_far(data: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     analyse_recordings(data / "An", out, settings=METRIC, executor=Here())
@@ -311,6 +313,7 @@ def test_settings_that_exclude_each_other(arguments: dict[str, Any], words: str)
         AnalysisSettings(**arguments)
 
 
+@pytest.mark.slow
 def test_reprs_are_short(data: Path, tmp_path: Path) -> None:
     assert repr(METRIC) == "AnalysisSettings(metric='euclidean')"
     result = run(data, tmp_path / "out")

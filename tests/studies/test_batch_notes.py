@@ -28,6 +28,7 @@ def analysed(tmp_path: Path) -> BatchResult:
     return run(tmp_path / "data", tmp_path / "out")
 
 
+@pytest.mark.slow
 def test_assumed_numbers_and_names_of_files_are_marked(tmp_path: Path) -> None:
     result = analysed(tmp_path)
     columns = ("subject", "subject_from", "height_m", "height_from", "mass_kg", "mass_from")
@@ -47,6 +48,7 @@ def test_assumed_numbers_and_names_of_files_are_marked(tmp_path: Path) -> None:
         assert any(words in note for note in result.notes)
 
 
+@pytest.mark.slow
 def test_given_numbers_and_subjects_leave_nothing_to_say(tmp_path: Path) -> None:
     write_stroke(tmp_path / "data" / "S1_reach.csv", 1)
     table = tmp_path / "subjects.csv"
@@ -62,6 +64,7 @@ def test_given_numbers_and_subjects_leave_nothing_to_say(tmp_path: Path) -> None
     assert result.notes == ()
 
 
+@pytest.mark.slow
 def test_a_study_says_that_files_stand_for_persons(tmp_path: Path) -> None:
     analysed(tmp_path)
     study = go.study(tmp_path / "out")
@@ -104,6 +107,7 @@ def test_what_nobody_has_analysed_is_not_left_out(tmp_path: Path) -> None:
     assert result.counts == "0 analysed, 1 analysed before, 2 not analysed yet"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["reach", "S1/reach.csv"])
 def test_a_table_of_conditions_may_give_more_of_the_path(name: str, tmp_path: Path) -> None:
     write_stroke(tmp_path / "S1" / "reach.csv", 1)

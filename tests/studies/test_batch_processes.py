@@ -113,6 +113,7 @@ def test_processes_are_replaced_so_that_memory_stays_bounded(
     assert started == [1, 1, 1]
 
 
+@pytest.mark.slow
 def test_threads_of_this_process_stay_as_they_were(folder: Path) -> None:
     before = dict(os.environ)
     list(in_processes(iter(tasks(folder, 1)), 1, folder))

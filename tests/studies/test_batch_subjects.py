@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import geodesic_ocp as go
@@ -145,7 +145,7 @@ ROWS = st.lists(
 )
 
 
-@settings(max_examples=20, deadline=None)
+@pytest.mark.slow
 @given(rows=ROWS)
 def test_tables_are_read_as_they_were_written(
     tmp_path_factory: pytest.TempPathFactory, rows: list[Row]

@@ -210,7 +210,6 @@ def test_rank_biserial_by_hand() -> None:
 
 
 @given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=6))
-@settings(max_examples=30)
 def test_rank_biserial_and_the_statistic_of_wilcoxon(differences: list[float]) -> None:
     """W = min(W+, W-) = (1 - |r|) n (n + 1) / 4 of n differences that are not zero."""
     r = rank_biserial(differences)

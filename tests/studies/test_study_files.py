@@ -51,7 +51,7 @@ def test_parquet_is_read_where_only_that_is_there(tmp_path: Path) -> None:
 
 
 @given(st.integers(0, 100_000), st.integers(0, 255), st.integers(0, 100))
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_damaged_parquet_is_refused_or_read(
     tmp_path: Path, place: int, value: int, missing: int
 ) -> None:
@@ -188,7 +188,7 @@ def test_conditions_come_from_a_column_or_from_a_table_of_files(tmp_path: Path) 
 
 
 @given(st.integers(0, 10_000), st.integers(0, 255), st.sampled_from(["cut", "byte", "drop"]))
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_damaged_tables_are_refused_or_read(
     tmp_path: Path, place: int, value: int, kind: str
 ) -> None:

@@ -56,6 +56,7 @@ def test_all_files_are_written_and_latex_is_balanced(folder: Path) -> None:
         assert {len(re.findall(r"(?<!\\)&", row)) + 1 for row in rows} == {len(columns[1])}
 
 
+@pytest.mark.slow
 def test_means_in_csv_have_all_digits(eight: Study, folder: Path) -> None:
     lines = (folder / "means.csv").read_text().splitlines()
     assert lines[0].startswith("measure,condition,method,subjects,recordings,missing,mean,SD,")

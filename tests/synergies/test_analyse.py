@@ -78,6 +78,7 @@ def test_table_shows_all_comparisons(bundled_analysis: go.Analysis) -> None:
     assert f"{bundled_analysis.errors['riemannian'].joint:#.3g}" in text
 
 
+@pytest.mark.slow
 def test_figure_has_its_panels(bundled_analysis: go.Analysis) -> None:
     figure = bundled_analysis.plot(lambda axes: axes.set_title("curve", loc="right"))
     assert isinstance(figure, Figure)

@@ -64,6 +64,7 @@ def noisy(curve: CubicSpline, rate: float, seed: int) -> go.Motion:
     return go.Motion(t, curve(t) + noise, RIGHT)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_resampled_synthetic_recording_has_the_same_segments(arm: go.Model, seed: int) -> None:
     metric = with_inertia(arm)

@@ -115,6 +115,7 @@ def test_the_table_names_each_hand(analysis: go.Analysis, tmp_path: Path) -> Non
     assert {len(row) for row in rows} == {7}
 
 
+@pytest.mark.slow
 def test_the_figure_shows_each_hand(analysis: go.Analysis) -> None:
     figure = analysis.plot(lambda axes: axes.set_xlabel("number of synergies"))
     panels = {axes.get_ylabel(): axes for axes in figure.axes}
@@ -129,6 +130,7 @@ def test_the_figure_shows_each_hand(analysis: go.Analysis) -> None:
     assert len(analysis.plot().axes) == 6
 
 
+@pytest.mark.slow
 def test_a_single_hand_keeps_its_columns(arms: list[go.Model]) -> None:
     analysis = go.analyse(arms[0], swing(arms[0]))
     assert analysis.table().header[3:] == ("hand [m]", "hand [rad]")

@@ -475,6 +475,7 @@ def test_other_versions_of_the_wheels_are_refused_on_import(
         exec(source, {})
 
 
+@pytest.mark.slow
 def test_import_check_reports_errors() -> None:
     """In this environment: an error, or pinocchio.casadi can be imported."""
     error = install.import_error()

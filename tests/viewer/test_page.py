@@ -176,6 +176,7 @@ def test_a_path_parameter_has_no_unit() -> None:
     assert described(over_path)["parameter"]
 
 
+@pytest.mark.slow
 def test_names_are_text_and_never_elements() -> None:
     pytest.importorskip("meshcat")
     plain, evil = (
@@ -218,6 +219,7 @@ def test_several_fragments_share_one_library() -> None:
     assert "Robin Deits" in alone
 
 
+@pytest.mark.slow
 def test_twenty_seconds_of_both_arms_at_100_hz_stay_small() -> None:
     person = go.human_upper_body()
     time = np.arange(2001) / 100.0

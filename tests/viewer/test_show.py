@@ -158,6 +158,7 @@ def test_pictures_are_drawn_by_the_video_part(
     assert calls.pop() == (STILL, tmp_path / "arm.png", default | {"speed": 1.0} | chosen)
 
 
+@pytest.mark.slow
 def test_layers_are_shown_at_first(tmp_path: Path) -> None:
     """In what is shown, or in a file alone."""
     usual = show(ARM, open_browser=False)

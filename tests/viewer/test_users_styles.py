@@ -29,6 +29,7 @@ STYLES: dict[str, Any] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("style", STYLES.values(), ids=STYLES)
 def test_a_page_has_the_same_plots_in_every_style(style: Any) -> None:
     plain = draw_plot(PLOT, (0.0, 1.0), SECONDS, SPANS)
@@ -36,6 +37,7 @@ def test_a_page_has_the_same_plots_in_every_style(style: Any) -> None:
         assert draw_plot(PLOT, (0.0, 1.0), SECONDS, SPANS) == plain
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("style", STYLES.values(), ids=STYLES)
 def test_a_picture_is_the_same_in_every_style(style: Any) -> None:
     playback = Playback("t", (Scene("s", TIME, ()),), {"n_$": SPANS}, (PLOT,))

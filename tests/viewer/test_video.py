@@ -78,6 +78,7 @@ def red(picture: NDArray[np.uint8]) -> float:
     return float(np.nonzero(found)[1].mean())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["gif", "webp"])
 def test_an_animation_lasts_as_long_as_the_motion_and_half_a_second(
     tmp_path: Path, suffix: str
@@ -103,6 +104,7 @@ def test_the_cube_moves_and_the_last_frame_is_the_end(tmp_path: Path) -> None:
     assert np.abs(end.astype(int) - frames[-1]).mean() < 5.0
 
 
+@pytest.mark.slow
 def test_the_cursor_moves(tmp_path: Path) -> None:
     early, late = (
         pictures(save_video(moving(), tmp_path / f"{at}.png", width=480, at=at))[0]
@@ -113,6 +115,7 @@ def test_the_cursor_moves(tmp_path: Path) -> None:
     assert np.ptp(np.flatnonzero(columns > 100)) > 50
 
 
+@pytest.mark.slow
 def test_the_speed_and_the_parameter_of_a_path_set_the_duration(tmp_path: Path) -> None:
     fast = save_video(moving(), tmp_path / "fast.gif", width=240, rate=10.0, speed=2.0)
     assert sum(durations(fast)) == 1100
@@ -176,6 +179,7 @@ def test_any_name_can_be_written(tmp_path: Path) -> None:
     assert np.ptp(nasty) > 200
 
 
+@pytest.mark.slow
 def test_layers_are_shown_if_asked_for(tmp_path: Path) -> None:
     playback = moving()
     time, turn = playback.scenes[0].time, np.eye(3)[None]

@@ -13,7 +13,7 @@ from geodesic_ocp.errors import GeodesicOcpError, IntegrationFailed
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import STRAIGHT_LINES, USUAL_METRICS
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.progress import Progress
+from geodesic_ocp.progress import Progress, shows_progress
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.synergies.baselines import (
     distal_inertia,
@@ -47,6 +47,7 @@ _KINEMATIC: dict[str, tuple[_Method, str]] = {
 _OF_A_GEODESIC = "2 configurations, 2 speeds"
 
 
+@shows_progress
 def compare_methods(
     recordings: Recording | Sequence[Recording],
     metrics: Mapping[str, MetricOrFunction] | None = None,

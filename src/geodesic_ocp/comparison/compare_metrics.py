@@ -18,7 +18,7 @@ from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import USUAL_METRICS
 from geodesic_ocp.model.model import Model, as_model
-from geodesic_ocp.progress import Progress
+from geodesic_ocp.progress import Progress, shows_progress
 from geodesic_ocp.synergies.optimal_segmentations import (
     OptimalSegmentations,
     optimal_segmentations,
@@ -30,6 +30,7 @@ from geodesic_ocp.synergies.synergy import reconstruct
 from geodesic_ocp.trajectory.motion import Motion, bandwidth
 
 
+@shows_progress
 def compare_metrics(
     model: Model,
     motion: Motion,

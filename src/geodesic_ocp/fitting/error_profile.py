@@ -13,7 +13,7 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.figures.new_figure import new_figure
 from geodesic_ocp.figures.styles import OBSERVED
 from geodesic_ocp.fitting.metric_fit import MetricFit
-from geodesic_ocp.progress import Progress, no_progress
+from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.table import Table
 
 if TYPE_CHECKING:
@@ -81,6 +81,7 @@ class ErrorProfile(ShortRepr):
         return figure
 
 
+@shows_progress
 def error_profile(
     fit: MetricFit,
     name: str | None = None,

@@ -18,7 +18,7 @@ from geodesic_ocp.ipopt import Outcome
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import AdjustableKineticEnergy
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.progress import Progress, no_progress
+from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.synergies.segment import segment
 from geodesic_ocp.trajectory.grid import Grid
@@ -32,6 +32,7 @@ _SINGULAR = 1e-7  # smallest eigenvalue relative to the largest
 _INVOLVED = 0.25  # smallest component of a direction that is named
 
 
+@shows_progress
 def fit_metric(
     recordings: Recording | Sequence[Recording],
     parameters: Parameter | Sequence[Parameter] = JOINT_INERTIA,

@@ -13,7 +13,7 @@ from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
 from geodesic_ocp.fitting.fit_metric import solve_program
 from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit
 from geodesic_ocp.manifold.metrics import Euclidean
-from geodesic_ocp.progress import Progress, no_progress
+from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.synergies.scores import MotionErrors, evaluate
 from geodesic_ocp.synergies.synergy import reconstruct
 from geodesic_ocp.table import Table
@@ -22,6 +22,7 @@ _FINE = 2000  # points at which an interpolated profile is compared
 _LARGEST_STEP = np.log(10.0)  # of a parameter's logarithm
 
 
+@shows_progress
 def separate_fits(
     fit: MetricFit, by: str = "recording", *, progress: Progress | None = None
 ) -> dict[str, MetricFit]:
@@ -118,6 +119,7 @@ class CrossValidation(ShortRepr):
         return Table(header, tuple(rows))
 
 
+@shows_progress
 def leave_one_out(
     fit: MetricFit, by: str = "recording", *, progress: Progress | None = None
 ) -> CrossValidation:
@@ -153,6 +155,7 @@ def leave_one_out(
     return CrossValidation(by, tuple(each.name for each in fit.estimates), in_order)
 
 
+@shows_progress
 def bootstrap_fit(
     fit: MetricFit,
     count: int = 1000,

@@ -19,7 +19,7 @@ from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory, plan_traje
 from geodesic_ocp.model.inertias import with_rotor_inertia
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.solve import solve
-from geodesic_ocp.progress import Progress, no_progress
+from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.retargeting.alignment.alignment import alignment as default_alignment
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment, check_joints
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
@@ -52,6 +52,7 @@ _RATE = 100.0  # [Hz]
 _MOVING = 1.5
 
 
+@shows_progress
 def retarget(
     analysis: Analysis,
     robot: Model,
@@ -123,6 +124,7 @@ def retarget(
     )
 
 
+@shows_progress
 def retarget_arms(
     analyses: Sequence[Analysis],
     robots: Sequence[Model],

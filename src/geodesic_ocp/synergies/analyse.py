@@ -33,7 +33,7 @@ from geodesic_ocp.manifold.metrics import (
     method_of,
 )
 from geodesic_ocp.model.model import Model, as_model, hand_labels
-from geodesic_ocp.progress import Progress, no_progress
+from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.recordings.plausible import check_plausible
 from geodesic_ocp.records import write_together
 from geodesic_ocp.synergies.baselines import track_hand
@@ -250,6 +250,7 @@ class Analysis:
         )
 
 
+@shows_progress
 def analyse(
     model: Model,
     motion: Motion,
@@ -305,6 +306,8 @@ def analyse(
             `Analysis.not_found`.
     """
     report = progress or no_progress
+    if isinstance(model, Motion):
+        raise ValueError("the model comes first, then the motion: analyse(model, motion)")
     motion = motion.select(as_model(model).joint_names)
     check_plausible(model, motion)
     metric = as_analysis_metric(metric, model)

@@ -20,7 +20,7 @@ from geodesic_ocp.arrays import (
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.progress import Progress, no_progress
+from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.synergies.segment_costs import (
     BestPartitions,
     Measure,
@@ -33,6 +33,7 @@ from geodesic_ocp.trajectory.motion import Motion
 _SLACK = 1e-9  # of the longest duration, relative
 
 
+@shows_progress
 def segment_optimal(
     metric: Metric,
     motion: Motion,
@@ -100,6 +101,7 @@ def segment_optimal(
     return found.segments(count)
 
 
+@shows_progress
 def optimal_segmentations(
     metric: Metric,
     motion: Motion,

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -105,7 +105,6 @@ def test_the_upper_limb_moves_as_its_coordinates_are_called() -> None:
 
 
 @given(st.sampled_from(["right", "left"]), st.integers(0, 2**32 - 1))
-@settings(max_examples=20, deadline=None)
 def test_isb_angles_give_the_motion_that_they_describe(side: str, seed: int) -> None:
     """ISB angles by SciPy's Euler angles, whose branch may jump, come back as a smooth motion."""
     arm = go.human_arm(side)
@@ -258,8 +257,8 @@ VALUES = st.recursive(
 )
 
 
+@pytest.mark.slow
 @given(st.dictionaries(KEYS, VALUES, max_size=4))
-@settings(max_examples=100, deadline=None)
 def test_any_record_is_a_convention_or_refused(record: dict) -> None:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "any.json"

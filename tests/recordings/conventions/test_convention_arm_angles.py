@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import geodesic_ocp as go
@@ -36,8 +36,8 @@ def smooth(seed: int, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
     return 0.5 * (lower + upper) + 0.5 * (upper - lower) * waves
 
 
+@pytest.mark.slow
 @given(SIDE, SEED)
-@settings(max_examples=30, deadline=None)
 def test_motions_within_the_limits_come_back(side: str, seed: int) -> None:
     arm = ARMS[side]
     rotations = successive_rotations("zxy", smooth(seed, -np.ones(3), np.ones(3)))
@@ -55,8 +55,8 @@ def test_motions_within_the_limits_come_back(side: str, seed: int) -> None:
     assert back.trunk is trunk
 
 
+@pytest.mark.slow
 @given(SIDE, SEED, st.floats(0.0, 0.25))
-@settings(max_examples=30, deadline=None)
 def test_an_elbow_through_full_extension_has_no_jump(side: str, seed: int, over: float) -> None:
     """Down to 14 degrees of hyperextension the angles are those of the motion."""
     arm = ARMS[side]
@@ -68,8 +68,8 @@ def test_an_elbow_through_full_extension_has_no_jump(side: str, seed: int, over:
     assert back.q == pytest.approx(motion.q, abs=1e-9)
 
 
+@pytest.mark.slow
 @given(SEED, st.floats(0.0, 0.3))
-@settings(max_examples=30, deadline=None)
 def test_a_carrying_angle_leaves_the_hand_exact_and_the_angles_smooth(
     seed: int, carrying: float
 ) -> None:
@@ -140,10 +140,10 @@ def test_without_the_abdomen_the_trunk_bends_by_halves() -> None:
     assert back.q == pytest.approx(expected, abs=1e-12)
 
 
+@pytest.mark.slow
 @given(
     st.permutations("xyz"), SEED, st.floats(-1e-3, 1e-3) | st.just(0.0), st.sampled_from([1, -1])
 )
-@settings(max_examples=60, deadline=None)
 def test_through_and_past_gimbal_lock_no_angle_jumps(
     axes: list[str], seed: int, miss: float, sign: int
 ) -> None:
@@ -160,8 +160,8 @@ def test_through_and_past_gimbal_lock_no_angle_jumps(
     assert found == pytest.approx(angles, abs=1e-9)
 
 
+@pytest.mark.slow
 @given(st.permutations("xyz"), st.sampled_from([1, -1]), st.floats(-3.0, 3.0), st.booleans())
-@settings(max_examples=30, deadline=None)
 def test_a_path_that_stays_in_gimbal_lock_is_as_smooth_as_its_rotation(
     axes: list[str], sign: int, slope: float, leaves: bool
 ) -> None:

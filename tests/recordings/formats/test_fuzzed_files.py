@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from small_recordings import small_recordings
 
@@ -152,7 +152,6 @@ def test_the_undamaged_file_is_read(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", SEEDS)
-@settings(max_examples=40)
 @given(data=st.data())
 def test_damaged_files(name: str, data: st.DataObject) -> None:
     with tempfile.TemporaryDirectory() as folder:
@@ -160,6 +159,7 @@ def test_damaged_files(name: str, data: st.DataObject) -> None:
         outcome(Path(folder), name, data.draw(damaged(SEEDS[name])))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SEEDS)
 def test_files_cut_off_anywhere(name: str, tmp_path: Path) -> None:
     """What is read of a file that ends early is the beginning of the recording.

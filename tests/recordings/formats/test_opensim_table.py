@@ -103,9 +103,7 @@ def test_malformed_files_name_the_line(old: str, new: str, message: str, tmp_pat
 
 
 @given(damage=st.data())
-@settings(
-    max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @pytest.mark.filterwarnings("ignore:.*its header says")
 def test_damaged_files_give_a_motion_or_a_sentence(damage: st.DataObject, tmp_path: Path) -> None:
     content = bytearray(TABS.encode())

@@ -93,6 +93,7 @@ def test_arguments_of_other_formats_are_refused(tmp_path: Path) -> None:
             read_motion(tmp_path / "file", **{argument: 1.0})
 
 
+@pytest.mark.slow
 def test_recordings_under_names_that_mislead(shared: Path, tmp_path: Path) -> None:
     """Every file of the reference data is read the same under another suffix, or refused."""
     data = shared / "data"

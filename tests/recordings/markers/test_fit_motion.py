@@ -19,6 +19,7 @@ from geodesic_ocp.recordings.markers.sets.known_marker_sets import (
 )
 
 
+@pytest.mark.slow
 def test_joint_centres_give_the_angles_of_an_arm_at_a_fixed_shoulder() -> None:
     arm, time = go.human_arm("right", HEIGHT), np.arange(120) / 60.0
     q = angles(arm, time)
@@ -58,6 +59,7 @@ def test_centres_of_joints_tell_the_lengths_and_so_the_height() -> None:
     assert "proportions" in fit.height_from
 
 
+@pytest.mark.slow
 def test_the_model_s_frames_may_be_recorded_by_their_names() -> None:
     arm, time = go.human_arm("left"), np.arange(60) / 60.0
     q = angles(arm, time)
@@ -220,6 +222,7 @@ def test_markers_in_millimetres_or_of_the_other_arm_are_not_fitted_in_silence() 
         fit_motion(go.human_arm("left"), markers)
 
 
+@pytest.mark.slow
 def test_a_solver_that_stops_early_is_an_error() -> None:
     arm, time = go.human_arm("right", HEIGHT), np.arange(30) / 30.0
     markers = marked(arm, angles(arm, time), time, MMM_MARKERS)

@@ -150,6 +150,7 @@ def test_a_height_that_no_adult_has_is_not_believed(walker: Markers) -> None:
     assert fit.height == pytest.approx(1.5 * HEIGHT)
 
 
+@pytest.mark.slow
 def test_doubts_are_told_once(walker: Markers, tmp_path: Path) -> None:
     rows = walker.positions.copy()
     rows[:, [walker.names.index(name) for name in ("RHTS", "RHPS", "RIFD")]] = np.nan

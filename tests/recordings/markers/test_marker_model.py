@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import geodesic_ocp as go
@@ -124,7 +124,6 @@ def test_points_of_arm_and_upper_body_agree() -> None:
     np.testing.assert_allclose(np.diff(points[0]), np.diff(points[1]), atol=1e-12)
 
 
-@settings(max_examples=30, deadline=None)
 @given(
     coefficients=st.lists(st.floats(-2.0, 2.0), min_size=4, max_size=4),
     jitter=st.floats(0.0, 0.4),

@@ -87,8 +87,9 @@ def test_the_angles_of_both_arms_come_back(version: int, degrees: bool, tmp_path
     assert motion.trunk.positions[0] == pytest.approx(change @ place)
 
 
+@pytest.mark.slow
 @given(side=SIDES, seed=st.integers(0, 1000), turned=st.integers(0, 1000))
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=15)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_axes_of_bodies_and_the_zero_pose_do_not_matter(
     side: str, seed: int, turned: int, tmp_path: Path
 ) -> None:

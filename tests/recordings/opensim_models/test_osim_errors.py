@@ -196,9 +196,10 @@ def test_short_reprs(table: Path) -> None:
     assert repr(joint.rotations[0]) == "OsimAxis([0.0, 0.0, 1.0] of Sx_r)"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", [3, 4])
 @given(damage=st.data())
-@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_damaged_models_give_a_motion_or_a_sentence(
     version: int, damage: st.DataObject, table: Path
 ) -> None:

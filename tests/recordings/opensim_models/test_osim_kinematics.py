@@ -89,6 +89,7 @@ def expected(links: list[Link], values: dict[str, float]) -> dict[str, Array]:
     return poses
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", [3, 4])
 @given(seed=st.integers(0, 2**32 - 1))
 def test_every_kind_of_joint(

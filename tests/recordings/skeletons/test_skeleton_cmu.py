@@ -74,6 +74,7 @@ def angle_between(first: Array, second: Array) -> Array:
     return np.arctan2(crossed, np.sum(first * second, axis=1))
 
 
+@pytest.mark.slow
 def test_bones_of_the_arm_follow_the_skeletons(
     orientations: SegmentOrientations, bones: dict[str, dict[str, Array]]
 ) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from recordings.skeletons.skeleton_files import (
     TREE,
@@ -288,7 +288,6 @@ def test_positions_that_are_added_to_offsets_are_not_taken_for_positions(
 READERS = {"a.bvh": read_bvh, "07_01.amc": read_amc, "07.asf": read_amc, "a.npz": read_smpl}
 
 
-@settings(max_examples=80, deadline=None)
 @given(name=st.sampled_from(sorted(READERS)), data=st.data())
 def test_damaged_files_are_read_or_refused_by_a_sentence(
     folder: Path, tmp_path_factory: pytest.TempPathFactory, name: str, data: st.DataObject

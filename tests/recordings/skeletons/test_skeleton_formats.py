@@ -64,6 +64,7 @@ def check_trunk(read: SegmentOrientations, motion: go.Motion) -> None:
     np.testing.assert_allclose(read.trunk.rotations, motion.trunk.rotations, atol=1e-9)
 
 
+@pytest.mark.slow
 @settings(max_examples=10, deadline=None)
 @given(seed=seeds, axes=orders)
 def test_bvh_returns_the_angles_and_the_trunk_in_any_order_of_channels(
@@ -79,6 +80,7 @@ def test_bvh_returns_the_angles_and_the_trunk_in_any_order_of_channels(
     assert read_bvh(file).trunk is None
 
 
+@pytest.mark.slow
 @settings(max_examples=10, deadline=None)
 @given(seed=seeds, axes=orders, radians=st.booleans())
 def test_amc_returns_the_angles_and_the_trunk_in_any_axes_of_bones(
@@ -240,6 +242,7 @@ def rotations_of_a_cube() -> list[Array]:
     return list(matrices)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn", rotations_of_a_cube())
 def test_up_and_forward_are_found_from_the_rest_pose(turn: Array, tmp_path: Path) -> None:
     motion = smooth_motion(13)

@@ -16,7 +16,7 @@ from typing import Any, Literal, get_args
 
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.model.anthropometry import Side
-from geodesic_ocp.progress import Progress, no_progress
+from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.records import write_file
 from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.batch.batch_result import BatchResult
@@ -47,6 +47,7 @@ _LABEL = "analysing recordings"
 _WINDOW = 64  # recordings submitted to an executor at a time
 
 
+@shows_progress
 def analyse_recordings(
     paths: str | PathLike[str] | Iterable[str | PathLike[str]],
     out: str | PathLike[str],

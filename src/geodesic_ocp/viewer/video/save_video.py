@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from geodesic_ocp.arrays import as_integer, as_number, as_positive
-from geodesic_ocp.progress import Progress, no_progress
+from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.records import replacing
 from geodesic_ocp.scenes.playback import PARAMETER, Playback
 from geodesic_ocp.viewer.video.frames import Frame, frames
@@ -23,6 +23,7 @@ _FASTEST = {".gif": 50.0, ".webp": 100.0, ".mp4": 240.0}  # [1 / s]; GIF: browse
 _LOOKED_AT = 8  # frames that are drawn for the colours of a GIF
 
 
+@shows_progress
 def save_video(
     playback: Playback,
     file: str | PathLike[str],
