@@ -17,6 +17,8 @@ import geodesic_ocp as go
 pytest.importorskip("meshcat", reason="needs the extra viewer")
 EVIL = '<script>alert("1")</script>'
 
+pytestmark = pytest.mark.slow
+
 
 class Elements(html.parser.HTMLParser):
     """What elements there are, what they refer to, and the text outside scripts."""
@@ -51,7 +53,6 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
-@pytest.mark.slow
 def test_the_page_needs_nothing_else(page: Path) -> None:
     found = elements(page.read_text(encoding="utf-8"))
     assert all(address.startswith("data:") for address in found.addresses)
@@ -68,7 +69,6 @@ def test_tables_are_those_of_the_result(page: Path) -> None:
             assert all(entry in text for entry in row)
 
 
-@pytest.mark.slow
 def test_the_time_is_told(page: Path, tmp_path: Path) -> None:
     assert "the person's time" in elements(page.read_text(encoding="utf-8")).text
     slow = small_retargeting(0.8, "slow")
@@ -76,7 +76,6 @@ def test_the_time_is_told(page: Path, tmp_path: Path) -> None:
     assert f"{slow.stretch:.2f} times as long as the person" in elements(text).text
 
 
-@pytest.mark.slow
 def test_names_are_text(tmp_path: Path) -> None:
     """A robot called <script> is shown, not run."""
     retargeting = small_retargeting(2.5, EVIL)
@@ -85,13 +84,11 @@ def test_names_are_text(tmp_path: Path) -> None:
     assert EVIL in elements(text).text
 
 
-@pytest.mark.slow
 def test_a_failure_leaves_what_was_there(page: Path, tmp_path: Path) -> None:
     with pytest.raises(OSError, match="missing"):
         go.report(small_retargeting(), tmp_path / "missing" / "report.html")
 
 
-@pytest.mark.slow
 def test_without_the_viewer_the_extra_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -101,7 +98,6 @@ def test_without_the_viewer_the_extra_is_named(
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.slow
 def test_the_page_opens_in_a_browser(tmp_path: Path) -> None:
     """Both panes are drawn, also those of two arms, and nothing is logged."""
     assert version("meshcat")

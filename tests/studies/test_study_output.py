@@ -22,6 +22,8 @@ from geodesic_ocp.studies.study.study_results import Study
 TABLES = ("means", "tests", "synergy_statistics")
 FIGURES = ("errors", "differences", "synergies", "durations")
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def eight() -> Study:
@@ -37,7 +39,6 @@ def folder(eight: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-@pytest.mark.slow
 def test_all_files_are_written_and_latex_is_balanced(folder: Path) -> None:
     names = {file.name for file in folder.iterdir()}
     assert {f"{name}.{suffix}" for name in TABLES for suffix in ("csv", "md", "tex")} <= names
@@ -56,7 +57,6 @@ def test_all_files_are_written_and_latex_is_balanced(folder: Path) -> None:
         assert {len(re.findall(r"(?<!\\)&", row)) + 1 for row in rows} == {len(columns[1])}
 
 
-@pytest.mark.slow
 def test_means_in_csv_have_all_digits(eight: Study, folder: Path) -> None:
     lines = (folder / "means.csv").read_text().splitlines()
     assert lines[0].startswith("measure,condition,method,subjects,recordings,missing,mean,SD,")
@@ -166,7 +166,6 @@ def test_analyses_in_memory_give_the_rows_of_a_folder() -> None:
         study(analyses, names=["a", "a"])
 
 
-@pytest.mark.slow
 def test_the_command_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     recordings, synergies = drawn(4, 6, 2)
     written(tmp_path, recordings, synergies)
