@@ -27,8 +27,8 @@ import scipy
 import geodesic_ocp as go
 from geodesic_ocp.recordings.markers.fit_motion import fit_motion
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
+from geodesic_ocp.recordings.markers.marker_set import MMM_MARKERS
 from geodesic_ocp.recordings.markers.markers import Markers
-from geodesic_ocp.recordings.markers.sets.known_marker_sets import MMM_MARKERS
 from geodesic_ocp.recordings.read_markers import read_markers
 from geodesic_ocp.table import Table
 

@@ -7,8 +7,8 @@ import scipy
 
 import geodesic_ocp as go
 from geodesic_ocp.arrays import Array
+from geodesic_ocp.recordings.markers.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.markers import Markers
-from geodesic_ocp.recordings.markers.sets.marker_set import MarkerSet
 from geodesic_ocp.trajectory.motion import FrameMotion
 
 HEIGHT = 1.8

@@ -18,12 +18,11 @@ import geodesic_ocp as go
 from geodesic_ocp.cli.kinds import file_kind
 from geodesic_ocp.fitting.metric_fit import FORMAT as METRIC
 from geodesic_ocp.retargeting.alignment.alignment import read_alignment
-from geodesic_ocp.studies.batch.results.batch_tables import CollectedResults
-from geodesic_ocp.studies.batch.results.result_file import FORMAT as RESULT
-from geodesic_ocp.studies.batch.results.result_file import read_result
-from geodesic_ocp.studies.batch.run_task import outcome_of
-from geodesic_ocp.studies.batch.sources.recording_source import RecordingSource
-from geodesic_ocp.studies.tables.columns import RECORDING_COLUMNS
+from geodesic_ocp.studies.analyse_recording import outcome_of
+from geodesic_ocp.studies.result_files import FORMAT as RESULT
+from geodesic_ocp.studies.result_files import CollectedResults, read_result
+from geodesic_ocp.studies.sources import RecordingSource
+from geodesic_ocp.studies.tables import RECORDING_COLUMNS
 from geodesic_ocp.synergies.synergy import read_saved_synergies
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 

@@ -27,7 +27,6 @@ LAYERS = [
     ("logarithm",),
     ("recordings",),
     ("synergies",),
-    ("comparison",),
     ("fitting",),
     ("studies",),
     ("execution",),
@@ -35,7 +34,6 @@ LAYERS = [
     ("validation",),
     ("scenes",),
     ("viewer",),
-    ("reports",),
     ("cli",),
 ]
 HEIGHT = {name: height for height, layer in enumerate(LAYERS) for name in layer}

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from geodesic_ocp.records import TEMPORARY, write_file
-from geodesic_ocp.studies.tables.write_rows import write_rows
+from geodesic_ocp.studies.tables import write_rows
 
 
 @pytest.mark.skipif(os.name != "posix", reason="permissions are those of POSIX")

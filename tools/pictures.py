@@ -17,7 +17,7 @@ from pathlib import Path
 
 import geodesic_ocp as go
 from geodesic_ocp.scenes.playback_of import playback_of
-from geodesic_ocp.viewer.video.save_video import save_video
+from geodesic_ocp.viewer.save_video import save_video
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 NEAR_MISSES = 0.04  # [m and rad]

@@ -179,11 +179,6 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same names
-    from geodesic_ocp.comparison.compare_methods import compare_methods
-    from geodesic_ocp.comparison.compare_metrics import compare_metrics
-    from geodesic_ocp.comparison.method_comparison import MethodComparison
-    from geodesic_ocp.comparison.metric_comparison import MetricComparison
-    from geodesic_ocp.comparison.paired_test import PairedTest, paired_test
     from geodesic_ocp.errors import (
         GeodesicOcpError,
         IntegrationFailed,
@@ -271,20 +266,19 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
         AxisRotation,
         SegmentRelation,
     )
-    from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
+    from geodesic_ocp.recordings.conventions.joint_angles import (joint_angles)
+    from geodesic_ocp.recordings.conventions.osim_convention import OsimConvention
     from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
+    from geodesic_ocp.recordings.conventions.skeleton_convention import SkeletonConvention
     from geodesic_ocp.recordings.markers.fit_motion import fit_motion
     from geodesic_ocp.recordings.markers.marker_fit import LostMarker, MarkerFit
+    from geodesic_ocp.recordings.markers.marker_set import MarkerSet
     from geodesic_ocp.recordings.markers.markers import Markers
-    from geodesic_ocp.recordings.markers.sets.marker_set import MarkerSet
-    from geodesic_ocp.recordings.opensim_models.osim_convention import OsimConvention
     from geodesic_ocp.recordings.read_markers import read_markers
     from geodesic_ocp.recordings.read_recording import read_motion, read_recording
     from geodesic_ocp.recordings.read_recordings import read_recordings
     from geodesic_ocp.recordings.recording import Recording
     from geodesic_ocp.recordings.save_motion import save_motion
-    from geodesic_ocp.recordings.skeletons.skeleton_convention import SkeletonConvention
-    from geodesic_ocp.reports.report import report
     from geodesic_ocp.retargeting.alignment.alignment import (
         alignment,
         propose_alignment,
@@ -298,15 +292,14 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.retargeting.retarget import retarget, retarget_arms
     from geodesic_ocp.retargeting.settings import RetargetingSettings
     from geodesic_ocp.retargeting.synergy_paths import SynergyPaths
-    from geodesic_ocp.studies.batch.analyse_recordings import analyse_recordings
-    from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
-    from geodesic_ocp.studies.batch.batch_result import BatchResult
-    from geodesic_ocp.studies.batch.outcome import RecordingOutcome
-    from geodesic_ocp.studies.study.statistics.means import StudyMean
-    from geodesic_ocp.studies.study.statistics.subject_tests import StudyTest
-    from geodesic_ocp.studies.study.statistics.synergy_statistics import SynergyStatistics
-    from geodesic_ocp.studies.study.study import study
-    from geodesic_ocp.studies.study.study_results import Study
+    from geodesic_ocp.studies.analyse_recordings import BatchResult, analyse_recordings
+    from geodesic_ocp.studies.analysis_settings import AnalysisSettings
+    from geodesic_ocp.studies.compare_methods import MethodComparison, compare_methods
+    from geodesic_ocp.studies.compare_metrics import MetricComparison, compare_metrics
+    from geodesic_ocp.studies.paired_test import PairedTest, paired_test
+    from geodesic_ocp.studies.result_files import RecordingOutcome
+    from geodesic_ocp.studies.statistics import StudyMean, StudyTest, SynergyStatistics
+    from geodesic_ocp.studies.study import Study, study
     from geodesic_ocp.synergies.analyse import Analysis, analyse
     from geodesic_ocp.synergies.baselines import (
         distal_inertia,
@@ -337,15 +330,14 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.trajectory.path import Path
     from geodesic_ocp.trajectory.read_trajectory import read_trajectory
     from geodesic_ocp.trajectory.time_law import TimeLaw, time_law
-    from geodesic_ocp.viewer.show import show
-    from geodesic_ocp.viewer.viewer import Viewer
+    from geodesic_ocp.viewer.report import report
+    from geodesic_ocp.viewer.viewer import Viewer, show
 
     __version__: str
 else:
     # Public names by the module that defines them (PEP 562).
     _HOMES = {
-        "viewer.show": "show",
-        "viewer.viewer": "Viewer",
+        "viewer.viewer": "show Viewer",
         "model.inertias": "RobotArmature robot_armature with_rotor_inertia",
         "trajectory.read_trajectory": "read_trajectory",
         "trajectory.joint_trajectory": "JointTrajectory",
@@ -393,7 +385,7 @@ else:
         "ocp.load_solution": "load_solution",
         "ocp.solution": "Solution Stats",
         "ocp.solve": "solve",
-        "reports.report": "report",
+        "viewer.report": "report",
         "retargeting.alignment.alignment": "alignment propose_alignment read_alignment",
         "retargeting.alignment.arm_alignment": "Alignment",
         "retargeting.arm_result": "RetargetedArm",
@@ -414,35 +406,29 @@ else:
         "synergies.baselines": (
             "track_hand minimum_acceleration minimum_jerk minimum_jerk_hand distal_inertia "
         ),
-        "recordings.opensim_models.osim_convention": "OsimConvention",
+        "recordings.conventions.osim_convention": "OsimConvention",
         "recordings.recording": "Recording",
         "recordings.read_recordings": "read_recordings",
-        "comparison.compare_methods": "compare_methods",
-        "comparison.compare_metrics": "compare_metrics",
-        "comparison.method_comparison": "MethodComparison",
-        "comparison.metric_comparison": "MetricComparison",
-        "comparison.paired_test": "PairedTest paired_test",
+        "studies.compare_methods": "compare_methods MethodComparison",
+        "studies.compare_metrics": "compare_metrics MetricComparison",
+        "studies.paired_test": "PairedTest paired_test",
         "recordings.conventions.angle_convention": (
             "AngleConvention AxisRotation SegmentRelation "
         ),
         "recordings.conventions.segment_orientations": "SegmentOrientations",
         "recordings.conventions.joint_angles": "joint_angles",
-        "recordings.skeletons.skeleton_convention": "SkeletonConvention",
+        "recordings.conventions.skeleton_convention": "SkeletonConvention",
         "recordings.markers.markers": "Markers",
         "recordings.read_markers": "read_markers",
-        "recordings.markers.sets.marker_set": "MarkerSet",
+        "recordings.markers.marker_set": "MarkerSet",
         "recordings.markers.marker_fit": "MarkerFit LostMarker",
         "recordings.markers.fit_motion": "fit_motion",
         "trajectory.motion": "FrameMotion Motion Subject",
-        "studies.batch.analyse_recordings": "analyse_recordings",
-        "studies.batch.batch_result": "BatchResult",
-        "studies.batch.analysis_settings": "AnalysisSettings",
-        "studies.batch.outcome": "RecordingOutcome",
-        "studies.study.study": "study",
-        "studies.study.study_results": "Study",
-        "studies.study.statistics.means": "StudyMean",
-        "studies.study.statistics.subject_tests": "StudyTest",
-        "studies.study.statistics.synergy_statistics": "SynergyStatistics",
+        "studies.analyse_recordings": "analyse_recordings BatchResult",
+        "studies.analysis_settings": "AnalysisSettings",
+        "studies.result_files": "RecordingOutcome",
+        "studies.study": "study Study",
+        "studies.statistics": "StudyMean StudyTest SynergyStatistics",
         "recordings.save_motion": "save_motion",
         "table": "Table",
         "trajectory.grid": "Grid",

@@ -12,9 +12,9 @@ from marked_motion import HEIGHT, angles, marked
 
 import geodesic_ocp as go
 from geodesic_ocp.cli import main as cli
-from geodesic_ocp.recordings.markers.sets.known_marker_sets import MMM_MARKERS
-from geodesic_ocp.studies.batch.analyse_recordings import analyse_recordings
-from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
+from geodesic_ocp.recordings.markers.marker_set import MMM_MARKERS
+from geodesic_ocp.studies.analyse_recordings import analyse_recordings
+from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 
 
 @pytest.mark.slow

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
+from geodesic_ocp import validation
 from geodesic_ocp.cli import main as cli
-from geodesic_ocp.validation import known_geodesics
-from geodesic_ocp.validation.known_geodesics import FORMAT
+from geodesic_ocp.validation import FORMAT
 
 DIAGONAL: dict[str, Any] = {
     "name": "diagonal",
@@ -36,7 +36,7 @@ def table(file: Path, **changes: Any) -> Path:
 def short_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One straight line instead of the bundled table."""
     file = table(tmp_path / "bundled.json", name="bundled diagonal")
-    monkeypatch.setattr(known_geodesics, "BUNDLED", file)
+    monkeypatch.setattr(validation, "BUNDLED", file)
 
 
 @pytest.mark.slow

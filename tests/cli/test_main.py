@@ -19,8 +19,8 @@ from geodesic_ocp.cli import analyse as analyse_command
 from geodesic_ocp.cli import main as cli
 from geodesic_ocp.model.formats import load_model
 from geodesic_ocp.model.formats.robots import ROBOTS, folder
-from geodesic_ocp.studies.batch import analyse_recording
-from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
+from geodesic_ocp.studies import analyse_recording
+from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 
 TABLES = ["table.csv", "table.md", "table_unfiltered.csv", "table_unfiltered.md"]
 

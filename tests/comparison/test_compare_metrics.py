@@ -9,7 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import geodesic_ocp as go
-from geodesic_ocp.comparison.bayesian_information import bayesian_information, noise_left
+from geodesic_ocp.studies.compare_metrics import bayesian_information, noise_left
 from geodesic_ocp.trajectory.motion import bandwidth
 
 TIME = np.linspace(0.0, 0.9, 46)

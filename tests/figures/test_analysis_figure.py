@@ -7,11 +7,10 @@ import pytest
 from matplotlib.figure import Figure
 
 import geodesic_ocp as go
-from geodesic_ocp.figures.analysis_figure import draw_analysis
-from geodesic_ocp.figures.arms.arm_strip import StripArm, strip_instants
-from geodesic_ocp.figures.arms.posture import Postures
-from geodesic_ocp.figures.arms.view import View
-from geodesic_ocp.figures.error_over_time import draw_error_over_time
+from geodesic_ocp.figures.analysis_figure import draw_analysis, draw_error_over_time
+from geodesic_ocp.figures.arm_shapes import Postures
+from geodesic_ocp.figures.arm_strip import StripArm, strip_instants
+from geodesic_ocp.figures.view import View
 
 TIME = np.linspace(0.0, 2.0, 101)
 SEGMENTS = [(0, 10), (10, 70), (70, 75), (75, 100)]

@@ -14,16 +14,20 @@ from known_models import planar_arm
 from matplotlib.figure import Figure
 
 import geodesic_ocp as go
-from geodesic_ocp.figures.arms.arm_strip import StripArm, draw_arm_strip
-from geodesic_ocp.figures.arms.best_view import across, best_view, plane_of
-from geodesic_ocp.figures.arms.convex_parts import convex_parts, extreme_points
-from geodesic_ocp.figures.arms.nearest import approach, gap_directions
-from geodesic_ocp.figures.arms.overlay import draw_overlay
-from geodesic_ocp.figures.arms.posture import Postures
-from geodesic_ocp.figures.arms.posture_shapes import outline_of_all, posture_shapes
-from geodesic_ocp.figures.arms.shapes import Shape
-from geodesic_ocp.figures.arms.view import DIRECTIONS, View
+from geodesic_ocp.figures.arm_shapes import (
+    Postures,
+    Shape,
+    approach,
+    convex_parts,
+    extreme_points,
+    gap_directions,
+    outline_of_all,
+    posture_shapes,
+)
+from geodesic_ocp.figures.arm_strip import StripArm, draw_arm_strip, draw_overlay
+from geodesic_ocp.figures.best_view import across, best_view, plane_of
 from geodesic_ocp.figures.obstacles import obstacle_shape
+from geodesic_ocp.figures.view import DIRECTIONS, View
 from geodesic_ocp.model.meshes import meshes
 
 BENT = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1])
@@ -88,7 +92,7 @@ def test_a_link_that_is_not_convex_is_divided(monkeypatch: pytest.MonkeyPatch) -
     """Seen along its edge, the corner that an L leaves free stays free."""
     import trimesh
 
-    from geodesic_ocp.figures.arms import convex_parts as module
+    from geodesic_ocp.figures import arm_shapes as module
     from geodesic_ocp.model.look import Mesh
 
     bars = [trimesh.creation.box((1.0, 0.1, 0.1)), trimesh.creation.box((0.1, 0.1, 1.0))]

@@ -12,9 +12,8 @@ from known_models import planar_arm
 from matplotlib.colors import to_rgb
 
 import geodesic_ocp as go
-from geodesic_ocp.figures.new_figure import save_figure
 from geodesic_ocp.figures.path_figure import draw_path
-from geodesic_ocp.figures.styles import ROLES
+from geodesic_ocp.figures.styles import ROLES, save_figure
 
 START, END = np.zeros(7), np.array([0.6, 0.2, -0.3, 0.9, 0.1, 0.0, 0.1])
 

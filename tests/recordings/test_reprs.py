@@ -7,7 +7,7 @@ from short_reprs import check_reprs
 
 import geodesic_ocp as go
 from geodesic_ocp.recordings.conventions.known_angle_conventions import ISB
-from geodesic_ocp.recordings.skeletons.known_conventions import SMPL
+from geodesic_ocp.recordings.conventions.skeleton_convention import SMPL
 
 OF_RECORDINGS = {
     go.AngleConvention,

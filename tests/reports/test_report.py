@@ -92,7 +92,7 @@ def test_a_failure_leaves_what_was_there(page: Path, tmp_path: Path) -> None:
 def test_without_the_viewer_the_extra_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("geodesic_ocp.viewer.page.document.find_spec", lambda name: None)
+    monkeypatch.setattr("geodesic_ocp.viewer.page.find_spec", lambda name: None)
     with pytest.raises(ImportError, match=re.escape("pip install 'geodesic_ocp[viewer]'")):
         go.report(small_retargeting(), tmp_path / "report.html")
     assert not list(tmp_path.iterdir())

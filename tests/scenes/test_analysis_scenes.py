@@ -11,15 +11,16 @@ from marked_motion import HEIGHT, angles, marked
 import geodesic_ocp as go
 from geodesic_ocp.recordings.markers.fit_motion import fit_motion
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
+from geodesic_ocp.recordings.markers.marker_set import MMM_MARKERS
 from geodesic_ocp.recordings.markers.markers import Markers
-from geodesic_ocp.recordings.markers.sets.known_marker_sets import MMM_MARKERS
-from geodesic_ocp.scenes.playback import Playback
-from geodesic_ocp.scenes.recorded.of_analysis import CUTS, analysis_playback
-from geodesic_ocp.scenes.recorded.of_markers import (
+from geodesic_ocp.scenes.recorded import (
+    CUTS,
+    analysis_playback,
     fitted_positions,
     marker_fit_playback,
     markers_playback,
 )
+from geodesic_ocp.scenes.scene import Playback
 
 
 @pytest.fixture(scope="module")

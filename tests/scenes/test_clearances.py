@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.scenes.around.clearances import MOST, clearances
+from geodesic_ocp.scenes.surroundings import MOST, clearances
 
 ARM = go.human_arm()
 BODIES = [

@@ -13,13 +13,13 @@ from known_models import planar_arm
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.scenes.around.ellipsoids import (
+from geodesic_ocp.scenes.scene import EllipsoidTrack
+from geodesic_ocp.scenes.surroundings import (
     SIZE,
     inverse_tensors,
     mobility_ellipsoids,
     scaled_ellipsoids,
 )
-from geodesic_ocp.scenes.markings import EllipsoidTrack
 
 ARM = go.human_arm()
 Q = np.linspace([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1], [0.9, 0.3, -0.2, 1.5, 0.0, 0.1, 0.0], 21)

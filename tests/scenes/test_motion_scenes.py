@@ -10,20 +10,23 @@ from six_joints import six_joints
 
 import geodesic_ocp as go
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.scenes.around.carried import upright
-from geodesic_ocp.scenes.motions.joint_plots import HAND_SPEED, joint_groups
-from geodesic_ocp.scenes.motions.model_scene import model_scene
-from geodesic_ocp.scenes.motions.of_model import model_playback
-from geodesic_ocp.scenes.motions.of_motion import motion_playback
-from geodesic_ocp.scenes.motions.of_replay import replay_playback
-from geodesic_ocp.scenes.motions.of_trajectory import (
+from geodesic_ocp.scenes.motions import (
+    HAND_SPEED,
+    MOST,
+    RATE,
     SPEED_SHARES,
     TORQUE_SHARES,
+    joint_groups,
+    model_playback,
+    model_scene,
+    motion_playback,
     planned_playback,
+    replay_playback,
+    shown_samples,
     trajectory_playback,
 )
-from geodesic_ocp.scenes.motions.shown_samples import MOST, RATE, shown_samples
-from geodesic_ocp.scenes.playback import Playback, Plot
+from geodesic_ocp.scenes.scene import Playback, Plot
+from geodesic_ocp.scenes.surroundings import upright
 
 STILL = model_scene(go.human_arm("right"), np.zeros(1), np.zeros((1, 7)))
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
-from geodesic_ocp.scenes.around.obstacles import (
+from geodesic_ocp.scenes.surroundings import (
     carried_obstacles,
     collision_bodies,
     obstacle_solids,

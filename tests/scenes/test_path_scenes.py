@@ -15,10 +15,8 @@ from numpy.testing import assert_allclose
 
 import geodesic_ocp as go
 from geodesic_ocp.cli.solve import problem_classes
-from geodesic_ocp.scenes.paths.of_path import path_playback
-from geodesic_ocp.scenes.paths.of_solution import solution_playback
-from geodesic_ocp.scenes.paths.planes import UNIT_BALLS
-from geodesic_ocp.scenes.playback import PARAMETER, Playback
+from geodesic_ocp.scenes.paths import UNIT_BALLS, path_playback, solution_playback
+from geodesic_ocp.scenes.scene import PARAMETER, Playback
 
 GALLERY = Path(__file__).resolve().parents[2] / "problems"
 ARM = go.human_arm()

@@ -13,8 +13,8 @@ import geodesic_ocp as go
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.anthropometry import Sex
 from geodesic_ocp.model.meshes import meshes
-from geodesic_ocp.scenes.actor import Actor, model_actor
-from geodesic_ocp.scenes.around.person import rest_of_person
+from geodesic_ocp.scenes.scene import Actor, model_actor
+from geodesic_ocp.scenes.surroundings import rest_of_person
 
 
 def points(actor: Actor, *links: str) -> Array:

@@ -5,7 +5,7 @@ import unicodedata
 from hypothesis import given
 from hypothesis import strategies as st
 
-from geodesic_ocp.scenes.plain_text import plain_text
+from geodesic_ocp.scenes.scene import plain_text
 
 ANY = st.text(st.characters(exclude_categories=()))
 

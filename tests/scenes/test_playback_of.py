@@ -11,11 +11,17 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.scenes.beside import beside
-from geodesic_ocp.scenes.markings import PointCloud
-from geodesic_ocp.scenes.playback import PARAMETER, SECONDS, Curve, Playback, Plot, Span
-from geodesic_ocp.scenes.playback_of import playback_of
-from geodesic_ocp.scenes.scene import Scene
+from geodesic_ocp.scenes.playback_of import beside, playback_of
+from geodesic_ocp.scenes.scene import (
+    PARAMETER,
+    SECONDS,
+    Curve,
+    Playback,
+    Plot,
+    PointCloud,
+    Scene,
+    Span,
+)
 from geodesic_ocp.trajectory.motion import Subject
 
 

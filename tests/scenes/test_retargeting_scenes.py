@@ -14,16 +14,13 @@ from small_retargeting import both_arms, both_arms_of_talos, small_analysis, sma
 import geodesic_ocp as go
 from geodesic_ocp.model.formats.robots import folder
 from geodesic_ocp.model.meshes import meshes
-from geodesic_ocp.scenes.actor import Actor
-from geodesic_ocp.scenes.markings import Trail
-from geodesic_ocp.scenes.playback import Playback
-from geodesic_ocp.scenes.retargeted.of_alignment import alignment_playback
-from geodesic_ocp.scenes.retargeted.of_retargeting import (
+from geodesic_ocp.scenes.retargeted import (
+    BASELINE,
+    alignment_playback,
     retargeting_playback,
     retargetings_playback,
 )
-from geodesic_ocp.scenes.retargeted.robot_pane import BASELINE
-from geodesic_ocp.scenes.scene import Scene
+from geodesic_ocp.scenes.scene import Actor, Playback, Scene, Trail
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
 EXACT = 1e-12  # [m], rounding

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from geodesic_ocp.studies.tables.columns import Row
-from geodesic_ocp.studies.tables.write_rows import write_rows
+from geodesic_ocp.studies.tables import Row, write_rows
 
 LABELS = {
     "riemannian": "geodesics, kinetic energy with joint inertia",

@@ -13,13 +13,11 @@ from minimum_jerk_files import write_stroke
 
 import geodesic_ocp as go
 from geodesic_ocp.recordings.read_recording import read_recording
-from geodesic_ocp.studies.batch.analyse_recordings import analyse_recordings
-from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
-from geodesic_ocp.studies.batch.batch_result import BatchResult
-from geodesic_ocp.studies.batch.results.folder_lock import locked
-from geodesic_ocp.studies.batch.results.result_file import result_key
-from geodesic_ocp.studies.batch.sources.recording_source import recording_sources
-from geodesic_ocp.studies.tables.read_rows import read_rows
+from geodesic_ocp.studies.analyse_recordings import BatchResult, analyse_recordings
+from geodesic_ocp.studies.analysis_settings import AnalysisSettings
+from geodesic_ocp.studies.result_files import locked, result_key
+from geodesic_ocp.studies.sources import recording_sources
+from geodesic_ocp.studies.tables import read_rows
 
 METRIC = AnalysisSettings(metric="euclidean")  # which is quick
 
@@ -157,7 +155,7 @@ def test_files_that_cannot_be_used_are_left_out_with_their_reasons(
 def test_failures_of_solvers_and_warnings_are_told(
     data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from geodesic_ocp.studies.batch import analyse_recording
+    from geodesic_ocp.studies import analyse_recording
 
     analyse = analyse_recording.analyse
 

@@ -13,14 +13,14 @@ import pytest
 from minimum_jerk_files import write_stroke
 
 from geodesic_ocp.cli import main as cli
-from geodesic_ocp.studies.batch.analyse_recordings import analyse_recordings
-from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
+from geodesic_ocp.studies.analyse_recordings import analyse_recordings
+from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 
 METRIC = AnalysisSettings(metric="euclidean")
 SCRIPT = """
 import sys
-from geodesic_ocp.studies.batch.analyse_recordings import analyse_recordings
-from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
+from geodesic_ocp.studies.analyse_recordings import analyse_recordings
+from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 
 if __name__ == "__main__":
     settings = AnalysisSettings(metric="euclidean")

@@ -10,9 +10,8 @@ from here import Here
 from minimum_jerk_files import write_stroke
 
 import geodesic_ocp as go
-from geodesic_ocp.studies.batch.analyse_recordings import analyse_recordings
-from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
-from geodesic_ocp.studies.batch.batch_result import BatchResult
+from geodesic_ocp.studies.analyse_recordings import BatchResult, analyse_recordings
+from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 
 METRIC = AnalysisSettings(metric="euclidean")  # which is quick
 

@@ -16,14 +16,12 @@ import pytest
 from deadly_path import DeadlyPath, EndlessPath
 
 import geodesic_ocp as go
-from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
-from geodesic_ocp.studies.batch.outcome import RecordingOutcome, RecordingTask
-from geodesic_ocp.studies.batch.processes import in_processes as processes
-from geodesic_ocp.studies.batch.processes.in_executor import completed, in_executor
-from geodesic_ocp.studies.batch.processes.in_processes import in_processes
-from geodesic_ocp.studies.batch.results.folder_lock import locked
-from geodesic_ocp.studies.batch.run_task import RUNNING
-from geodesic_ocp.studies.batch.sources.recording_source import RecordingSource
+from geodesic_ocp.studies import processes
+from geodesic_ocp.studies.analyse_recording import RUNNING
+from geodesic_ocp.studies.analysis_settings import AnalysisSettings
+from geodesic_ocp.studies.processes import completed, in_executor, in_processes
+from geodesic_ocp.studies.result_files import RecordingOutcome, RecordingTask, locked
+from geodesic_ocp.studies.sources import RecordingSource
 
 
 @pytest.fixture

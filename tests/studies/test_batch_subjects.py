@@ -10,12 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import geodesic_ocp as go
-from geodesic_ocp.studies.batch.sources.recording_source import recording_sources
-from geodesic_ocp.studies.batch.sources.subject_names import SubjectPattern, SubjectTable
-from geodesic_ocp.studies.tables.analysis_rows import peak_speed
-from geodesic_ocp.studies.tables.columns import RECORDING_COLUMNS, TABLES, Row
-from geodesic_ocp.studies.tables.read_rows import read_rows
-from geodesic_ocp.studies.tables.write_rows import write_rows
+from geodesic_ocp.studies.sources import SubjectPattern, SubjectTable, recording_sources
+from geodesic_ocp.studies.tables import (
+    RECORDING_COLUMNS,
+    TABLES,
+    Row,
+    peak_speed,
+    read_rows,
+    write_rows,
+)
 
 NAME = st.from_regex(r"[A-Za-z0-9äß ]+", fullmatch=True)
 

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from geodesic_ocp.studies.batch.results.equal_motions import MotionsByProbes
+from geodesic_ocp.studies.result_files import MotionsByProbes
 
 STEP = 0.4e-6  # [rad]; two steps are within the tolerance of 1e-6 rad, three are not
 STEPS = st.lists(st.integers(-4, 4), min_size=3, max_size=3)

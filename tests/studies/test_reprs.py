@@ -8,8 +8,8 @@ from pathlib import Path
 from short_reprs import check_reprs
 
 import geodesic_ocp as go
-from geodesic_ocp.studies.batch.outcome import RecordingOutcome
-from geodesic_ocp.studies.batch.sources.recording_source import RecordingSource
+from geodesic_ocp.studies.result_files import RecordingOutcome
+from geodesic_ocp.studies.sources import RecordingSource
 
 OF_STUDIES = {
     go.AnalysisSettings,

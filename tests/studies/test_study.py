@@ -10,11 +10,14 @@ from hypothesis import strategies as st
 from short_reprs import check_reprs
 from studies.study_rows import LABELS, drawn, rows_of
 
-from geodesic_ocp.studies.study.statistics.means import StudyMean
-from geodesic_ocp.studies.study.statistics.multiple_tests import holm, rank_biserial
-from geodesic_ocp.studies.study.statistics.subject_tests import StudyTest
-from geodesic_ocp.studies.study.statistics.synergy_statistics import SynergyStatistics
-from geodesic_ocp.studies.study.study_results import Study
+from geodesic_ocp.studies.statistics import (
+    StudyMean,
+    StudyTest,
+    SynergyStatistics,
+    holm,
+    rank_biserial,
+)
+from geodesic_ocp.studies.study import Study
 
 METHODS = tuple(LABELS)
 

@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 from studies.study_rows import drawn, rows_of, written
 
 import geodesic_ocp as go
-from geodesic_ocp.studies.study.sources.metadata import with_metadata
-from geodesic_ocp.studies.study.study import study
-from geodesic_ocp.studies.study.study_results import Study
-from geodesic_ocp.studies.tables.write_rows import write_rows
+from geodesic_ocp.studies.study import Study, study
+from geodesic_ocp.studies.study_sources import with_metadata
+from geodesic_ocp.studies.tables import write_rows
 
 HEADER = "recording,subject,method,duration_s,joint_error_rad,position_error_m\n"
 LINE = "a,Ann,riemannian,1.0,0.1,0.2\n"

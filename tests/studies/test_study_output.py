@@ -11,13 +11,16 @@ from studies.study_rows import drawn, rows_of, written
 
 import geodesic_ocp as go
 from geodesic_ocp.cli.main import main
-from geodesic_ocp.figures.new_figure import new_figure
-from geodesic_ocp.figures.study.distributions import draw_distributions
-from geodesic_ocp.figures.study.groups import StudyGroup, draw_groups, fit_scale
-from geodesic_ocp.figures.study.trend import draw_trend
-from geodesic_ocp.studies.study.output.study_tables import plus_minus
-from geodesic_ocp.studies.study.study import study
-from geodesic_ocp.studies.study.study_results import Study
+from geodesic_ocp.figures.study_figures import (
+    StudyGroup,
+    draw_distributions,
+    draw_groups,
+    draw_trend,
+    fit_scale,
+)
+from geodesic_ocp.figures.styles import new_figure
+from geodesic_ocp.studies.study import Study, study
+from geodesic_ocp.studies.study_output import plus_minus
 
 TABLES = ("means", "tests", "synergy_statistics")
 FIGURES = ("errors", "differences", "synergies", "durations")

@@ -16,22 +16,21 @@ from typing import Any
 import numpy as np
 import pytest
 
+from geodesic_ocp import validation
 from geodesic_ocp.model.dynamics import BACKENDS, why_unavailable
-from geodesic_ocp.validation import known_geodesics
-from geodesic_ocp.validation.check import (
+from geodesic_ocp.validation import (
+    BUNDLED,
+    FORMAT,
     Check,
+    KnownGeodesic,
     check_geodesic,
     check_known_geodesics,
+    has_model,
+    metric_of,
+    read_known_geodesics,
     run_check,
     table_of,
 )
-from geodesic_ocp.validation.known_geodesics import (
-    BUNDLED,
-    FORMAT,
-    KnownGeodesic,
-    read_known_geodesics,
-)
-from geodesic_ocp.validation.metrics import has_model, metric_of
 
 ROOT = Path(__file__).resolve().parents[2]
 TOOL = ROOT / "tools" / "known_geodesics.py"
@@ -202,7 +201,7 @@ def short_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder.mkdir()
     entries = json.loads(BUNDLED.read_text())["entries"]
     sphere = next(entry for entry in entries if entry["name"] == "sphere, great circle")
-    monkeypatch.setattr(known_geodesics, "BUNDLED", write_table(folder, sphere))
+    monkeypatch.setattr(validation, "BUNDLED", write_table(folder, sphere))
 
 
 @pytest.mark.usefixtures("short_table")

@@ -24,8 +24,8 @@ from viewer.browser import (
 
 import geodesic_ocp as go
 from geodesic_ocp.figures.styles import ROLES
-from geodesic_ocp.scenes.playback import Playback
 from geodesic_ocp.scenes.playback_of import playback_of
+from geodesic_ocp.scenes.scene import Playback
 from geodesic_ocp.viewer.viewer import Viewer
 
 pytestmark = pytest.mark.slow

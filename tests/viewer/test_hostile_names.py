@@ -13,11 +13,20 @@ from gadget import urdf
 from viewer.browser import BODY, WIDTH, ask, changed_fraction, opened, panes
 
 import geodesic_ocp as go
-from geodesic_ocp.scenes.actor import model_actor
-from geodesic_ocp.scenes.markings import FrameTrack, Gap, PointCloud, Solid, Trail
-from geodesic_ocp.scenes.playback import Curve, Playback, Plot, Span
 from geodesic_ocp.scenes.playback_of import playback_of
-from geodesic_ocp.scenes.scene import Scene
+from geodesic_ocp.scenes.scene import (
+    Curve,
+    FrameTrack,
+    Gap,
+    Playback,
+    Plot,
+    PointCloud,
+    Scene,
+    Solid,
+    Span,
+    Trail,
+    model_actor,
+)
 from geodesic_ocp.viewer.viewer import Viewer
 
 pytestmark = pytest.mark.slow

@@ -15,16 +15,23 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
-from geodesic_ocp.scenes.actor import model_actor
-from geodesic_ocp.scenes.markings import EllipsoidTrack, FrameTrack, Gap, PointCloud, Solid, Trail
-from geodesic_ocp.scenes.playback import PARAMETER, Curve, Playback, Plot, Span
-from geodesic_ocp.scenes.scene import Scene
-from geodesic_ocp.viewer.page import document as document_module
-from geodesic_ocp.viewer.page.described import described
-from geodesic_ocp.viewer.page.document import document
-from geodesic_ocp.viewer.page.extremes import extremes
-from geodesic_ocp.viewer.page.fragment import fragment
-from geodesic_ocp.viewer.page.packed import packed
+from geodesic_ocp.scenes.scene import (
+    PARAMETER,
+    Curve,
+    EllipsoidTrack,
+    FrameTrack,
+    Gap,
+    Playback,
+    Plot,
+    PointCloud,
+    Scene,
+    Solid,
+    Span,
+    Trail,
+    model_actor,
+)
+from geodesic_ocp.viewer import page as document_module
+from geodesic_ocp.viewer.page import described, document, extremes, fragment, packed
 from geodesic_ocp.viewer.viewer import Viewer
 
 EVIL = '</script><script>alert("&1")</script>'

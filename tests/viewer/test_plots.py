@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from geodesic_ocp.figures.styles import ROLES
-from geodesic_ocp.scenes.playback import SECONDS, Curve, Plot, Span
+from geodesic_ocp.scenes.scene import SECONDS, Curve, Plot, Span
 from geodesic_ocp.viewer.plots import draw_plot
 
 SVG = "{http://www.w3.org/2000/svg}"

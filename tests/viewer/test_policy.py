@@ -10,11 +10,8 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.scenes.actor import model_actor
-from geodesic_ocp.scenes.playback import Playback
-from geodesic_ocp.scenes.scene import Scene
-from geodesic_ocp.viewer.page.document import document
-from geodesic_ocp.viewer.page.fragment import fragment
+from geodesic_ocp.scenes.scene import Playback, Scene, model_actor
+from geodesic_ocp.viewer.page import document, fragment
 from geodesic_ocp.viewer.viewer import Viewer
 
 pytestmark = pytest.mark.slow

@@ -11,12 +11,9 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.scenes.actor import model_actor
-from geodesic_ocp.scenes.playback import Playback
-from geodesic_ocp.scenes.scene import Scene
+from geodesic_ocp.scenes.scene import Playback, Scene, model_actor
 from geodesic_ocp.viewer import viewer as viewer_module
-from geodesic_ocp.viewer.show import show
-from geodesic_ocp.viewer.viewer import Viewer
+from geodesic_ocp.viewer.viewer import Viewer, show
 
 ARM = go.human_arm("right")
 STILL = Playback(
@@ -140,7 +137,7 @@ def _refuse(*_: object) -> None:
 def test_pictures_are_drawn_by_the_video_part(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    module = ModuleType("geodesic_ocp.viewer.video.save_video")
+    module = ModuleType("geodesic_ocp.viewer.save_video")
     calls: list[tuple[object, ...]] = []
 
     def save_video(playback: Playback, path: Path, **options: object) -> Path:

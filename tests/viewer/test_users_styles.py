@@ -10,11 +10,10 @@ import matplotlib.style
 import numpy as np
 import pytest
 
-from geodesic_ocp.figures.own_style import added_style, own_style
-from geodesic_ocp.scenes.playback import SECONDS, Curve, Playback, Plot, Span
-from geodesic_ocp.scenes.scene import Scene
+from geodesic_ocp.figures.styles import added_style, own_style
+from geodesic_ocp.scenes.scene import SECONDS, Curve, Playback, Plot, Scene, Span
 from geodesic_ocp.viewer.plots import draw_plot
-from geodesic_ocp.viewer.video.frames import frames
+from geodesic_ocp.viewer.save_video import frames
 
 TIME = np.linspace(0.0, 1.0, 21)
 CURVES = (Curve("a_$1", TIME, TIME, "observed"), Curve("b & c", TIME, TIME**2))

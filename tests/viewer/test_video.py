@@ -14,14 +14,25 @@ from numpy.typing import NDArray
 from PIL import Image, ImageSequence
 
 from geodesic_ocp.model.look import Mesh
-from geodesic_ocp.scenes.actor import Actor
-from geodesic_ocp.scenes.markings import EllipsoidTrack, FrameTrack, Gap, PointCloud, Solid, Trail
-from geodesic_ocp.scenes.playback import PARAMETER, Curve, Playback, Plot, Span
-from geodesic_ocp.scenes.scene import Scene
-from geodesic_ocp.viewer.video import writers
-from geodesic_ocp.viewer.video.drawing.fragments import nearest_fragments
-from geodesic_ocp.viewer.video.layout import layout
-from geodesic_ocp.viewer.video.save_video import save_video
+from geodesic_ocp.scenes.scene import (
+    PARAMETER,
+    Actor,
+    Curve,
+    EllipsoidTrack,
+    FrameTrack,
+    Gap,
+    Playback,
+    Plot,
+    PointCloud,
+    Scene,
+    Solid,
+    Span,
+    Trail,
+)
+from geodesic_ocp.viewer import save_video as writers
+from geodesic_ocp.viewer.panels import layout
+from geodesic_ocp.viewer.rendering import nearest_fragments
+from geodesic_ocp.viewer.save_video import save_video
 
 CORNERS = np.array(np.meshgrid([-0.1, 0.1], [-0.1, 0.1], [-0.1, 0.1])).reshape(3, -1).T
 # Of the cube, counter-clockwise seen from outside.

@@ -16,8 +16,6 @@ from cyclopts import Parameter
 
 from geodesic_ocp.cli.options import AnalysisOptions, Flag, SettingsFile, Sides, each_side
 from geodesic_ocp.cli.terminal import check_folder, print_written, printed_warnings, progress
-from geodesic_ocp.comparison.compare_metrics import compare_metrics
-from geodesic_ocp.comparison.metric_comparison import MetricComparison
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.human import human_arm
@@ -26,13 +24,12 @@ from geodesic_ocp.recordings.read_recording import read_motion, stature_of
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.recordings.save_motion import save_motion
 from geodesic_ocp.records import write_file
-from geodesic_ocp.studies.batch.analyse_recording import analyse_recording, read_by_settings
-from geodesic_ocp.studies.batch.analyse_recordings import analyse_recordings
-from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
-from geodesic_ocp.studies.batch.batch_result import BatchResult
-from geodesic_ocp.studies.batch.outcome import RecordingOutcome
-from geodesic_ocp.studies.batch.results.batch_tables import mean_table
-from geodesic_ocp.studies.tables.parquet import PARQUET_HINT, has_parquet
+from geodesic_ocp.studies.analyse_recording import analyse_recording, read_by_settings
+from geodesic_ocp.studies.analyse_recordings import BatchResult, analyse_recordings
+from geodesic_ocp.studies.analysis_settings import AnalysisSettings
+from geodesic_ocp.studies.compare_metrics import MetricComparison, compare_metrics
+from geodesic_ocp.studies.result_files import RecordingOutcome, mean_table
+from geodesic_ocp.studies.tables import PARQUET_HINT, has_parquet
 from geodesic_ocp.synergies.analyse import Analysis
 
 _SPACING, _CANDIDATES = 0.05, 70  # of possible cuts: at least [s], and about at most

@@ -15,7 +15,7 @@ from cyclopts import Parameter as Option
 from geodesic_ocp.cli.options import Flag, RecordingOptions, SettingsFile, Sides, each_side
 from geodesic_ocp.cli.terminal import check_folder, print_written, progress
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.figures.new_figure import new_figure, save_figure
+from geodesic_ocp.figures.styles import new_figure, save_figure
 from geodesic_ocp.fitting.error_profile import ErrorProfile, error_profile
 from geodesic_ocp.fitting.fit_metric import fit_metric
 from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit, save_metric
@@ -26,10 +26,9 @@ from geodesic_ocp.fitting.resampling import leave_one_out as predicted
 from geodesic_ocp.manifold.metrics import AdjustableKineticEnergy
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.recordings.read_recordings import read_recordings
-from geodesic_ocp.recordings.recording import Recording
-from geodesic_ocp.recordings.recording_settings import RecordingSettings
+from geodesic_ocp.recordings.recording import Recording, RecordingSettings
 from geodesic_ocp.records import write_together
-from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
+from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.synergies.optimal_segmentations import segment_optimal
 from geodesic_ocp.table import Table
 

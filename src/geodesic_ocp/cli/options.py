@@ -13,9 +13,9 @@ from cyclopts import Parameter
 from geodesic_ocp.execution.limits import QUANTITIES, JointLimits, joint_limits
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.recordings.recording_settings import RecordingSettings
+from geodesic_ocp.recordings.recording import RecordingSettings
 from geodesic_ocp.retargeting.settings import RetargetingSettings
-from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
+from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 
 
 @dataclass(frozen=True)

@@ -26,24 +26,27 @@ from geodesic_ocp.ocp.load_solution import load_solution
 from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.recordings.read_markers import read_markers
 from geodesic_ocp.recordings.read_recording import read_recording
-from geodesic_ocp.recordings.recording import Recording
-from geodesic_ocp.recordings.recording_settings import RecordingSettings
+from geodesic_ocp.recordings.recording import Recording, RecordingSettings
 from geodesic_ocp.retargeting.alignment.alignment import read_alignment
 from geodesic_ocp.retargeting.alignment.arm_alignment import check_joints
-from geodesic_ocp.scenes.motions.of_model import model_playback
-from geodesic_ocp.scenes.motions.of_motion import motion_playback
-from geodesic_ocp.scenes.motions.of_robots import robots_playback
-from geodesic_ocp.scenes.motions.of_trajectory import trajectory_playback
-from geodesic_ocp.scenes.paths.of_solution import solution_playback
-from geodesic_ocp.scenes.playback import Playback
+from geodesic_ocp.scenes.motions import (
+    model_playback,
+    motion_playback,
+    robots_playback,
+    trajectory_playback,
+)
+from geodesic_ocp.scenes.paths import solution_playback
 from geodesic_ocp.scenes.playback_of import playback_of
-from geodesic_ocp.scenes.recorded.of_analysis import analysis_playback
-from geodesic_ocp.scenes.recorded.of_markers import marker_fit_playback
-from geodesic_ocp.scenes.recorded.of_saved_synergies import saved_synergies_playback
-from geodesic_ocp.scenes.retargeted.of_alignment import alignment_playback
-from geodesic_ocp.studies.batch.analyse_recording import analyse_recording
-from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
-from geodesic_ocp.studies.batch.results.result_file import SYNERGIES
+from geodesic_ocp.scenes.recorded import (
+    analysis_playback,
+    marker_fit_playback,
+    saved_synergies_playback,
+)
+from geodesic_ocp.scenes.retargeted import alignment_playback
+from geodesic_ocp.scenes.scene import Playback
+from geodesic_ocp.studies.analyse_recording import analyse_recording
+from geodesic_ocp.studies.analysis_settings import AnalysisSettings
+from geodesic_ocp.studies.result_files import SYNERGIES
 from geodesic_ocp.synergies.synergy import SavedSynergies, read_saved_synergies
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion

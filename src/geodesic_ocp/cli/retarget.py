@@ -28,15 +28,15 @@ from geodesic_ocp.cli.terminal import (
 )
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.reports.report import report as write_report
 from geodesic_ocp.retargeting.alignment.alignment import alignment as alignment_of
 from geodesic_ocp.retargeting.alignment.alignment import read_alignment
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
 from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.retargeting.retarget import retarget_arms
 from geodesic_ocp.retargeting.settings import RetargetingSettings
-from geodesic_ocp.studies.batch.analysis_settings import AnalysisSettings
+from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.synergies.analyse import Analysis
+from geodesic_ocp.viewer.report import report as write_report
 
 _LONGER = 1.005  # times the person's time, as it is shown
 _FAULTS = 3  # of the trajectory that are printed

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from geodesic_ocp.cli.terminal import check_folder, print_written
-from geodesic_ocp.studies.study.statistics.measures import as_measure
-from geodesic_ocp.studies.study.study import study as study_tables
+from geodesic_ocp.studies.statistics import as_measure
+from geodesic_ocp.studies.study import study as study_tables
 
 
 def study(

@@ -21,7 +21,7 @@ from geodesic_ocp.execution.simulation import (
     simulate,
     simulated_robot,
 )
-from geodesic_ocp.figures.replay_figure import draw_replay
+from geodesic_ocp.figures.analysis_figure import draw_replay
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.synergies.scores import pose_differences
 from geodesic_ocp.table import Table

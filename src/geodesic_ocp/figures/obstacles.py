@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.figures.arms.shapes import Colour, Shape
-from geodesic_ocp.figures.arms.view import DIRECTIONS, View
+from geodesic_ocp.figures.arm_shapes import Colour, Shape
+from geodesic_ocp.figures.view import DIRECTIONS, View
 from geodesic_ocp.model.primitives import Capsule, HalfSpace, Obstacle, as_capsule
 
 if TYPE_CHECKING:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -48,3 +52,51 @@ def line_styles(count: int) -> list[dict[str, Any]]:
         {"color": shades[index], "linestyle": _DASHES[index % len(_DASHES)], "linewidth": 1.6}
         for index in range(count)
     ]
+
+
+# Settings are global: two threads that set and restore them by turns would leave one's for good.
+_LOCK = threading.RLock()
+
+
+@contextmanager
+def own_style(settings: dict[Any, Any]) -> Iterator[None]:
+    """Draw with matplotlib's defaults and these settings, whatever style the user has chosen.
+
+    The user's settings are restored at the end; other threads wait until then.
+    """
+    import matplotlib.style
+
+    with _LOCK, matplotlib.style.context(["default", settings]):
+        yield
+
+
+@contextmanager
+def added_style(settings: dict[Any, Any]) -> Iterator[None]:
+    """Draw with the user's style and these settings on top, which are taken back at the end."""
+    import matplotlib
+
+    with _LOCK, matplotlib.rc_context(settings):
+        yield
+
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure of this size [inch], which adjusts its layout to its contents."""
+    # Importing matplotlib takes longer than many computations: only what draws imports it.
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def save_figure(figure: Figure, folder: Path, name: str = "figure", dpi: float = 150.0) -> None:
+    """Write name.png and name.pdf to the folder; the figure's layout is final then.
+
+    Text in the PDF is text, in embedded TrueType fonts, which journals ask for.
+    """
+    figure.savefig(folder / f"{name}.png", dpi=dpi)
+    figure.set_layout_engine("none")  # finding the layout takes as long as drawing
+    with added_style({"pdf.fonttype": 42}):
+        figure.savefig(folder / f"{name}.pdf", dpi=dpi)

@@ -14,7 +14,7 @@ from geodesic_ocp.recordings.markers.markers import (
     check_plausible_size,
     with_z_up,
 )
-from geodesic_ocp.recordings.plausible import named_failures
+from geodesic_ocp.recordings.recording import named_failures
 
 
 def read_markers(path: str | PathLike[str], *, up: Axis | None = None) -> Markers:
@@ -52,14 +52,14 @@ def read_markers(path: str | PathLike[str], *, up: Axis | None = None) -> Marker
 def _read(kind: str, file: Path) -> Markers:
     """Each reader is imported when it is needed."""
     if kind == "c3d":
-        from geodesic_ocp.recordings.formats.markers.c3d import read_c3d
+        from geodesic_ocp.recordings.formats.c3d import read_c3d
 
         return read_c3d(file)
     if kind == "trc":
-        from geodesic_ocp.recordings.formats.markers.trc import read_trc
+        from geodesic_ocp.recordings.formats.trc import read_trc
 
         return read_trc(file)
-    from geodesic_ocp.recordings.formats.markers.marker_table import (
+    from geodesic_ocp.recordings.formats.trc import (
         read_marker_table,
     )
 

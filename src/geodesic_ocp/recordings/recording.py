@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
+import csv
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.model import Model
+from geodesic_ocp.recordings.conventions.known_angle_conventions import ANGLE_CONVENTIONS
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
+from geodesic_ocp.recordings.markers.markers import Axis, as_axis
 from geodesic_ocp.trajectory.motion import Motion
 
 
@@ -39,3 +51,221 @@ class Recording:
 
     def __repr__(self) -> str:
         return f"Recording({self.name!r} of {self.subject!r}, {self.model.name}, {self.motion!r})"
+
+
+# Recordings exceed the joint limits by tenths; more than this means wrong units [rad or m].
+_FAR_OUTSIDE = 2.0
+_LONGEST_STEP = 1.0  # [s] between samples of a recording
+# No joint of a person, nor of an arm, is two revolutions from zero; in degrees, any motion is.
+_LARGEST_ANGLE = 4.0 * np.pi  # [rad]
+
+# Joints of people reach a little beyond the model's limits; not by this much for this long.
+_OUTSIDE, _OFTEN = np.radians(10.0), 0.2  # [rad], and share of the samples
+# A shoulder whose first and last axis are this near to parallel, and turn so far in one sample.
+_NEARLY_LOCKED, _FAST = 0.17, 0.5  # cosine of Sz, [rad]
+_STILL = 3.2  # a range of angles that is all of a motion in radians, and hardly one in degrees
+
+
+def check_plausible(model: Model, motion: Motion) -> None:
+    """Check a motion of the model's joints for other units and for spikes.
+
+    Raises:
+        ValueError: samples are a second or more apart, or a joint jumps or is far outside its
+            limits; asks whether angles are in degrees where they would fit the limits.
+    """
+    step = float(np.median(np.diff(motion.time)))
+    if step >= _LONGEST_STEP:
+        raise ValueError(f"samples are {step:g} s apart: is time in milliseconds? It must be in s")
+    outside = np.maximum(model.lower - motion.q, motion.q - model.upper)
+    if _are_degrees(model, motion.q, outside):
+        worst_joint = int(np.argmax(outside.max(axis=0)))
+        raise ValueError(_question(motion.joint_names[worst_joint], motion.q[:, worst_joint]))
+    for column, joint in enumerate(motion.joint_names):
+        q, low, high = motion.q[:, column], model.lower[column], model.upper[column]
+        worst, jump = int(np.argmax(outside[:, column])), int(np.argmax(np.abs(np.diff(q))))
+        if outside[worst, column] > _FAR_OUTSIDE:
+            raise ValueError(
+                f"{joint} is {q[worst]:.6g} at sample {worst}, far outside its limits "
+                f"{low:.3g} to {high:.3g}: another unit, or a spike?"
+            )
+        if abs(q[jump + 1] - q[jump]) > _FAR_OUTSIDE:
+            raise ValueError(f"{joint} jumps from {q[jump]:.6g} to {q[jump + 1]:.6g} at {jump}")
+
+
+def check_radians(names: Sequence[str], q: Array) -> None:
+    """Ask whether angles q (k, n) are in degrees, if one is two revolutions from zero.
+
+    Raises:
+        ValueError: they look like degrees.
+    """
+    if np.abs(q).max(initial=0.0) > _LARGEST_ANGLE:
+        worst = int(np.argmax(np.abs(q).max(axis=0)))
+        raise ValueError(
+            f"{_question(names[worst], q[:, worst])}, and columns that are no angles are left out "
+            "by joints=..."
+        )
+
+
+def ask_about_limits(model: Model, motion: Motion, name: str) -> None:
+    """Give a RuntimeWarning if joints are beyond the model's limits for much of the recording.
+
+    Args:
+        model: whose joints the motion has.
+        motion: of these joints.
+        name: of the recording, with which the warning begins.
+    """
+    outside = np.maximum(model.lower - motion.q, motion.q - model.upper)
+    found = []
+    for column, joint in enumerate(motion.joint_names):
+        share = float(np.mean(outside[:, column] > _OUTSIDE))
+        if model.units[column] == "rad" and share > _OFTEN:
+            worst = motion.q[int(np.argmax(outside[:, column])), column]
+            low, high = np.degrees([model.lower[column], model.upper[column]])
+            found.append(
+                f"{joint} reaches {np.degrees(worst):.0f} deg (limits {low:.0f} to {high:.0f} deg) "
+                f"and is more than 10 deg beyond its limits in {share:.0%} of the samples"
+            )
+    if found:
+        warnings.warn(
+            f"{name}: {'; '.join(found)}: has the file another convention, or a joint another sign "
+            "than assumed? Such as an elevation written as a positive number",
+            RuntimeWarning,
+            stacklevel=3,
+        )
+
+
+def warn_of_gimbal_lock(motion: Motion, name: str) -> None:
+    """Give a RuntimeWarning if the shoulder turns fast because its axes are nearly parallel.
+
+    Where Sz is near 90 degrees, Sx and Sy turn about nearly the same axis, and may change by
+    radians while the arm hardly moves.
+
+    Args:
+        motion: of an arm of the Master Motor Map; of other joints nothing is said.
+        name: of the recording, with which the warning begins.
+    """
+    for letter in "RL":
+        x, z, y = (f"{letter}S{axis}_joint" for axis in "xzy")
+        if not {x, y, z} <= set(motion.joint_names):
+            continue
+        first, middle, last = motion.select([x, z, y]).q.T
+        steps = np.minimum(np.abs(np.diff(first)), np.abs(np.diff(last)))
+        steps[np.abs(np.cos(middle[1:])) > _NEARLY_LOCKED] = 0.0
+        at = int(np.argmax(steps))
+        if steps[at] > _FAST:
+            warnings.warn(
+                f"{name}: {x} and {y} turn by {np.degrees(steps[at]):.0f} deg within one sample, "
+                f"at {motion.time[at + 1]:.2f} s, as {z} is {np.degrees(middle[at + 1]):.0f} deg, "
+                "near gimbal lock: there joint angles and their velocities say little about the "
+                "arm's motion",
+                RuntimeWarning,
+                stacklevel=3,
+            )
+
+
+def ask_about_degrees(name: str, q: Array) -> None:
+    """Give a RuntimeWarning if angles q (k, n) [deg], as the file states, may be radians.
+
+    Args:
+        name: of the recording, with which the warning begins.
+        q: (k, n) numbers of the file; without any sample nothing is asked.
+    """
+    if q.size and np.abs(q).max() <= 2.0 * np.pi and 0.1 < np.ptp(q, axis=0).max() <= _STILL:
+        warnings.warn(
+            f"{name}: no joint moves by more than {np.ptp(q, axis=0).max():.2g} deg: are the "
+            "angles in radians, although the file says degrees?",
+            RuntimeWarning,
+            stacklevel=3,
+        )
+
+
+def _are_degrees(model: Model, q: Array, outside: Array) -> bool:
+    """Whether most samples are far outside the limits, and none would be if it were in degrees."""
+    angular = np.array(model.units) == "rad"
+    if np.mean(np.any(outside[:, angular] > _FAR_OUTSIDE, axis=1)) < 0.5:
+        return False  # a spike
+    angles = np.deg2rad(q[:, angular])
+    low, high = model.lower[angular] - _FAR_OUTSIDE, model.upper[angular] + _FAR_OUTSIDE
+    return bool(np.all((low <= angles) & (angles <= high)))
+
+
+def _question(joint: str, q: Array) -> str:
+    return (
+        f"{joint} reaches {q[int(np.argmax(np.abs(q)))]:.4g} rad: are these degrees? Angles are in "
+        "rad; a table in degrees has the line '# unit: deg', an OpenSim file inDegrees=yes"
+    )
+
+
+@contextmanager
+def named_failures(file: Path) -> Iterator[None]:
+    """Raise failures of the operating system, of decoding and of values as RecordingError."""
+    try:
+        yield
+    except OSError as failure:
+        raise RecordingError(f"{file}: cannot be read: {failure.strerror or failure}") from None
+    except csv.Error as failure:
+        raise RecordingError(f"{file}: is not a table: {failure}") from None
+    except UnicodeDecodeError as failure:
+        raise RecordingError(
+            f"{file}: is not text in UTF-8 (byte {failure.start}); save it as UTF-8"
+        ) from None
+    except ValueError as failure:
+        if isinstance(failure, RecordingError) and str(failure).startswith(str(file)):
+            raise
+        raise RecordingError(f"{file}: {failure}") from None
+
+
+@dataclass(frozen=True)
+class RecordingSettings:
+    """Facts about a recording that its file may not state; None: the file or a default decides.
+
+    Attributes:
+        height: height of the person [m]; default: the recording's, or 1.75 m.
+        mass: body mass of the person [kg]; default: the recording's, or 70 kg.
+        convention: convention of the joint angles (.mot, .sto): a name, a file, or the model's file
+            (.osim); of a skeleton (.amc, .bvh, .npz): a file; default: the known convention that
+            fits.
+        unit: unit of lengths in .bvh and .amc files: m, cm, mm, in, or a number of metres.
+        skeleton: skeleton of .amc files (.asf); default: the file beside each.
+        up: axis that points upwards in marker files: x, y, z, or the opposite, as in --up=-y.
+        marker_set: file that says where the markers are (.json, .toml); default: the known set that
+            fits.
+        amc_rate: sampling rate of .amc files [Hz]; default: 120 Hz.
+
+    Raises:
+        ValueError: a number that is not positive, an unknown axis, or a file that does not exist.
+    """
+
+    height: float | None = None
+    mass: float | None = None
+    convention: str | None = None
+    unit: float | str | None = None
+    skeleton: str | None = None
+    up: Axis | None = None
+    marker_set: str | None = None
+    amc_rate: float | None = None
+
+    def __post_init__(self) -> None:
+        self._check_positive(height="m", mass="kg", amc_rate="Hz")
+        for name in ("skeleton", "marker_set"):
+            file = getattr(self, name)
+            if file is not None and not Path(file).is_file():
+                raise ValueError(f"{name}: there is no file {file!r}")
+        named = self.convention is None or self.convention in ANGLE_CONVENTIONS
+        if self.convention is not None and not named and not Path(self.convention).is_file():
+            raise ValueError(
+                f"convention: {self.convention!r} is neither a file nor one of the built-in "
+                f"conventions, which are {', '.join(ANGLE_CONVENTIONS)}"
+            )
+        if self.up is not None:
+            as_axis(self.up)
+
+    def _check_positive(self, **units: str) -> None:
+        for name, unit in units.items():
+            if (number := getattr(self, name)) is not None:
+                as_positive(name, number, unit)
+
+    def reading(self) -> dict[str, Any]:
+        """Return the arguments of `read_recording` about the format of the file."""
+        names = ("convention", "unit", "skeleton", "up", "marker_set")
+        return {name: getattr(self, name) for name in names} | {"rate": self.amc_rate}

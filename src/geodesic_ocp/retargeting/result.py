@@ -16,8 +16,8 @@ from geodesic_ocp.execution.check_trajectory import TrajectoryCheck, check_traje
 from geodesic_ocp.execution.clearance import Clearance
 from geodesic_ocp.execution.motion_measures import measures_table
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
-from geodesic_ocp.figures import overview
-from geodesic_ocp.figures.new_figure import new_figure, save_figure
+from geodesic_ocp.figures.analysis_figure import draw_overview, widest_of_thirds
+from geodesic_ocp.figures.styles import new_figure, save_figure
 from geodesic_ocp.records import write_together
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.equal_limits import compare_under_equal_limits
@@ -254,14 +254,14 @@ class Retargeting:
             segments = [(group.start, group.stop) for group in arm.groups]
             hands = (arm.target_poses[1], arm.robot.hand_pose(arm.motion.q)[1])
             joints = []
-            for joint in overview.widest_of_thirds(arm.motion.q):
+            for joint in widest_of_thirds(arm.motion.q):
                 name, unit = arm.robot.joint_names[joint], arm.robot.units[joint]
                 label = f"{_short(name)}\n[{unit}]"
                 joints.append((label, arm.tracked.q[:, joint], arm.motion.q[:, joint]))
             ticks = time[[synergy.start for synergy in arm.analysis.synergies]]
             names, other = ("person's hand, mapped", "geodesic synergies"), _METHODS["ik"]
             strips = retargeting_strips(arm)
-            overview.draw_overview(part, time, segments, hands, joints, names, other, ticks, strips)
+            draw_overview(part, time, segments, hands, joints, names, other, ticks, strips)
             part.suptitle(
                 f"{arm.title}: {len(arm.groups)} synergies of {len(arm.analysis.synergies)}"
             )

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geodesic_ocp.figures.arms.arm_strip import StripArm, draw_arm_strip
-from geodesic_ocp.figures.arms.best_view import best_view
-from geodesic_ocp.figures.arms.posture import Postures
-from geodesic_ocp.figures.arms.view import View
+from geodesic_ocp.figures.arm_shapes import Postures
+from geodesic_ocp.figures.arm_strip import StripArm, draw_arm_strip
+from geodesic_ocp.figures.best_view import best_view
+from geodesic_ocp.figures.view import View
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.key_poses import PoseMapping
 

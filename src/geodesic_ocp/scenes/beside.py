@@ -1,4 +1,4 @@
-"""Playbacks side by side."""
+"""Several playbacks side by side, in one time."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from geodesic_ocp.scenes.playback import PARAMETER, SECONDS, Curve, Playback, Plot, Span
-from geodesic_ocp.scenes.scene import Scene
+from geodesic_ocp.scenes.scene import PARAMETER, SECONDS, Curve, Playback, Plot, Scene, Span
 
 
 def beside(playbacks: Sequence[Playback], *, title: str = "") -> Playback:

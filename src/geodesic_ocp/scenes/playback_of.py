@@ -1,4 +1,4 @@
-"""What there is to see of results, by their type."""
+"""Playbacks of results, found by what they are."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.scenes.beside import beside
-from geodesic_ocp.scenes.playback import Playback
+from geodesic_ocp.scenes.scene import Playback
 
 if TYPE_CHECKING:
     from geodesic_ocp.logarithm.geodesic_to_pose import ToPose
@@ -166,8 +166,7 @@ def _hint(item: Any) -> str:
 
 
 def _motion(motion: Motion, model: Model | None = None) -> Playback:
-    from geodesic_ocp.scenes.motions.body_of import body_of
-    from geodesic_ocp.scenes.motions.of_motion import motion_playback
+    from geodesic_ocp.scenes.motions import body_of, motion_playback
 
     if model is not None:
         return motion_playback(motion, model)
@@ -176,26 +175,26 @@ def _motion(motion: Motion, model: Model | None = None) -> Playback:
 
 
 def _recording(recording: Recording) -> Playback:
-    from geodesic_ocp.scenes.motions.of_motion import motion_playback
+    from geodesic_ocp.scenes.motions import motion_playback
 
     return motion_playback(recording.motion, recording.model, title=recording.name)
 
 
 def _reconstruction(reconstruction: Reconstruction, model: Model | None = None) -> Playback:
-    from geodesic_ocp.scenes.recorded.of_analysis import synergy_spans
+    from geodesic_ocp.scenes.recorded import synergy_spans
 
     playback = _motion(reconstruction.predicted, model)
     return replace(playback, spans={"synergies": synergy_spans(reconstruction.synergies)})
 
 
 def _model(model: Model, q: Array | None = None) -> Playback:
-    from geodesic_ocp.scenes.motions.of_model import model_playback
+    from geodesic_ocp.scenes.motions import model_playback
 
     return model_playback(model, q)
 
 
 def _trajectory(trajectory: JointTrajectory, model: Model | None = None) -> Playback:
-    from geodesic_ocp.scenes.motions.of_trajectory import trajectory_playback
+    from geodesic_ocp.scenes.motions import trajectory_playback
 
     if model is None:
         raise ValueError(
@@ -206,7 +205,7 @@ def _trajectory(trajectory: JointTrajectory, model: Model | None = None) -> Play
 
 
 def _alignment(aligned: Alignment, robot: Model | None = None) -> Playback:
-    from geodesic_ocp.scenes.retargeted.of_alignment import alignment_playback
+    from geodesic_ocp.scenes.retargeted import alignment_playback
 
     if robot is None:
         raise ValueError("an alignment is shown with its robot: give the Model after it")
@@ -214,13 +213,13 @@ def _alignment(aligned: Alignment, robot: Model | None = None) -> Playback:
 
 
 def _retargetings(*each: Retargeting) -> Playback:
-    from geodesic_ocp.scenes.retargeted.of_retargeting import retargetings_playback
+    from geodesic_ocp.scenes.retargeted import retargetings_playback
 
     return retargetings_playback(each)
 
 
 def _synergies(synergies: Sequence[Synergy], model: Model | None = None) -> Playback:
-    from geodesic_ocp.scenes.recorded.of_saved_synergies import synergies_playback
+    from geodesic_ocp.scenes.recorded import synergies_playback
 
     return synergies_playback(synergies, model)
 
@@ -241,7 +240,7 @@ def _from(module: str, builder: str) -> Callable[..., Playback]:
     return build
 
 
-_path = _from("paths.of_path", "path_playback")
+_path = _from("paths", "path_playback")
 _BUILDERS: dict[str, Callable[..., Playback]] = {
     "Playback": lambda playback: playback,
     "Motion": _motion,
@@ -251,15 +250,15 @@ _BUILDERS: dict[str, Callable[..., Playback]] = {
     "Synergy": lambda synergy, *model: _synergies([synergy], *model),
     "Model": _model,
     "JointTrajectory": _trajectory,
-    "PlannedTrajectory": _from("motions.of_trajectory", "planned_playback"),
-    "Replay": _from("motions.of_replay", "replay_playback"),
+    "PlannedTrajectory": _from("motions", "planned_playback"),
+    "Replay": _from("motions", "replay_playback"),
     "Path": _path,
     "ToPose": _to_pose,
-    "Solution": _from("paths.of_solution", "solution_playback"),
-    "Analysis": _from("recorded.of_analysis", "analysis_playback"),
+    "Solution": _from("paths", "solution_playback"),
+    "Analysis": _from("recorded", "analysis_playback"),
     "Retargeting": _retargetings,
     "Alignment": _alignment,
-    "MarkerFit": _from("recorded.of_markers", "marker_fit_playback"),
-    "Markers": _from("recorded.of_markers", "markers_playback"),
+    "MarkerFit": _from("recorded", "marker_fit_playback"),
+    "Markers": _from("recorded", "markers_playback"),
 }
 _KINDS = ", ".join(_BUILDERS)

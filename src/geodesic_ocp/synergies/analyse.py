@@ -15,10 +15,10 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import GeodesicOcpError
 from geodesic_ocp.figures.analysis_figure import INSTANTS, draw_analysis
-from geodesic_ocp.figures.arms.arm_strip import StripArm, strip_instants
-from geodesic_ocp.figures.arms.best_view import across, best_view
-from geodesic_ocp.figures.arms.posture import Postures
-from geodesic_ocp.figures.new_figure import new_figure, save_figure
+from geodesic_ocp.figures.arm_shapes import Postures
+from geodesic_ocp.figures.arm_strip import StripArm, strip_instants
+from geodesic_ocp.figures.best_view import across, best_view
+from geodesic_ocp.figures.styles import new_figure, save_figure
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import (
     JOINT_INERTIA,
@@ -34,7 +34,7 @@ from geodesic_ocp.manifold.metrics import (
 )
 from geodesic_ocp.model.model import Model, as_model, hand_labels
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
-from geodesic_ocp.recordings.plausible import check_plausible
+from geodesic_ocp.recordings.recording import check_plausible
 from geodesic_ocp.records import write_together
 from geodesic_ocp.synergies.baselines import track_hand
 from geodesic_ocp.synergies.scores import MotionErrors, evaluate

@@ -9,11 +9,8 @@ import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from geodesic_ocp.figures.new_figure import new_figure
-from geodesic_ocp.figures.own_style import own_style
-from geodesic_ocp.figures.styles import NEUTRAL, ROLES, line_styles
-from geodesic_ocp.scenes.plain_text import plain_text
-from geodesic_ocp.scenes.playback import Plot, Span
+from geodesic_ocp.figures.styles import NEUTRAL, ROLES, line_styles, new_figure, own_style
+from geodesic_ocp.scenes.scene import Plot, Span, plain_text
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -21,15 +21,15 @@ from geodesic_ocp.recordings.conventions.angle_convention import (
     SegmentRelation,
 )
 from geodesic_ocp.recordings.conventions.angle_segments import segments_of_angles
-from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
+from geodesic_ocp.recordings.conventions.joint_angles import (joint_angles)
 from geodesic_ocp.recordings.conventions.known_angle_conventions import (
     ANGLE_CONVENTIONS,
     ISB,
     OPENSIM_FULL_BODY,
     OPENSIM_UPPER_LIMB,
 )
-from geodesic_ocp.recordings.conventions.motion_segments import segment_orientations
 from geodesic_ocp.recordings.conventions.read_angle_convention import as_angle_convention
+from geodesic_ocp.recordings.conventions.segment_orientations import segment_orientations
 
 TIME = np.array([0.0, 1.0])
 RIGHT, FORWARD, UP = np.eye(3)

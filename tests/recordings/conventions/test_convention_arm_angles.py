@@ -10,14 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.conventions.continuous_angles import (
-    axis_rotation,
-    continuous_angles,
-    successive_rotations,
+from geodesic_ocp.recordings.conventions.continuous_angles import (axis_rotation, continuous_angles, successive_rotations)
+from geodesic_ocp.recordings.conventions.joint_angles import (joint_angles)
+from geodesic_ocp.recordings.conventions.segment_orientations import (
+    SegmentOrientations,
+    segment_orientations,
 )
-from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
-from geodesic_ocp.recordings.conventions.motion_segments import segment_orientations
-from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
 from geodesic_ocp.trajectory.motion import FrameMotion
 
 ARMS = {side: go.human_arm(side) for side in ("right", "left")}

@@ -11,12 +11,12 @@ from marked_motion import HEIGHT, angles, marked, placed, walk
 
 import geodesic_ocp as go
 from geodesic_ocp.recordings.markers.fit_motion import fit_motion
-from geodesic_ocp.recordings.markers.markers import Markers
-from geodesic_ocp.recordings.markers.sets.known_marker_sets import (
+from geodesic_ocp.recordings.markers.marker_set import (
     JOINT_CENTRES,
     MMM_MARKERS,
     PLUG_IN_GAIT_MARKERS,
 )
+from geodesic_ocp.recordings.markers.markers import Markers
 
 
 @pytest.mark.slow

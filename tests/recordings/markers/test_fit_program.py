@@ -7,11 +7,7 @@ import numpy as np
 
 import geodesic_ocp as go
 from geodesic_ocp.recordings.markers.body import MarkedBody
-from geodesic_ocp.recordings.markers.chosen_markers import (
-    ChosenMarkers,
-    FitSettings,
-    KnownHeight,
-)
+from geodesic_ocp.recordings.markers.chosen_markers import ChosenMarkers, FitSettings, KnownHeight
 from geodesic_ocp.recordings.markers.fit_program import FitProblem
 
 

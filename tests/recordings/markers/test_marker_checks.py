@@ -12,8 +12,8 @@ from small_recordings import MARKER_TABLE, TRC
 
 import geodesic_ocp as go
 from geodesic_ocp.recordings.markers.fit_motion import fit_motion
+from geodesic_ocp.recordings.markers.marker_set import MMM_MARKERS
 from geodesic_ocp.recordings.markers.markers import Axis, Markers, check_plausible_size, with_z_up
-from geodesic_ocp.recordings.markers.sets.known_marker_sets import MMM_MARKERS
 from geodesic_ocp.recordings.read_markers import read_markers
 from geodesic_ocp.recordings.read_recording import read_recording
 

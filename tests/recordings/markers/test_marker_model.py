@@ -17,9 +17,8 @@ from geodesic_ocp.recordings.markers.chosen_markers import standing_height
 from geodesic_ocp.recordings.markers.fit_motion import fit_motion
 from geodesic_ocp.recordings.markers.fit_program import roughness
 from geodesic_ocp.recordings.markers.marker_fit import lost_markers
+from geodesic_ocp.recordings.markers.marker_set import MARKER_SETS, MMM_MARKERS, MarkerSet
 from geodesic_ocp.recordings.markers.markers import Markers
-from geodesic_ocp.recordings.markers.sets.known_marker_sets import MARKER_SETS, MMM_MARKERS
-from geodesic_ocp.recordings.markers.sets.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.trunk import rigid_poses
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.markers.sets.marker_set import as_marker_set
+from geodesic_ocp.recordings.markers.marker_set import as_marker_set
 
 RECORD = {
     "name": "laboratory",

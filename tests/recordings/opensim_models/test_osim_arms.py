@@ -25,7 +25,7 @@ from recordings.opensim_models.osim_files import (
 )
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.opensim_models.osim_convention import OsimConvention
+from geodesic_ocp.recordings.conventions.osim_convention import OsimConvention
 
 Array = NDArray[np.float64]
 SIDES = st.sampled_from(["right", "left"])

@@ -22,8 +22,7 @@ from recordings.opensim_models.osim_files import (
 )
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.opensim_models.osim_convention import OsimConvention
-from geodesic_ocp.recordings.opensim_models.read_osim import read_osim
+from geodesic_ocp.recordings.conventions.osim_convention import OsimConvention, read_osim
 
 LINKS = [trunk_link(), *arm_links("right")]
 NAMES = [f"{name}_r" for name in ARM]

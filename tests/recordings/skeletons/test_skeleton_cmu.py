@@ -10,10 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.human import human_arm
-from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
+from geodesic_ocp.recordings.conventions.joint_angles import (joint_angles)
 from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
-from geodesic_ocp.recordings.formats.skeletons.amc import read_amc
-from geodesic_ocp.recordings.formats.skeletons.asf import read_asf
+from geodesic_ocp.recordings.formats.amc import read_amc, read_asf
 
 CMU = Path(__file__).resolve().parents[4] / "shared" / "data" / "cmu"
 METRES = 0.0254 / 0.45

@@ -17,13 +17,15 @@ from recordings.skeletons.skeleton_files import (
 )
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.conventions.motion_segments import segment_orientations
-from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
-from geodesic_ocp.recordings.formats.skeletons.bvh import read_bvh
-from geodesic_ocp.recordings.skeletons.read_skeleton_convention import as_skeleton_convention
-from geodesic_ocp.recordings.skeletons.skeleton_convention import (
-    SkeletonConvention,
+from geodesic_ocp.recordings.conventions.segment_orientations import (
+    SegmentOrientations,
+    segment_orientations,
 )
+from geodesic_ocp.recordings.conventions.skeleton_convention import (
+    SkeletonConvention,
+    as_skeleton_convention,
+)
+from geodesic_ocp.recordings.formats.bvh import read_bvh
 
 NAMES = [name for name, *_ in TREE]
 MINE = {

@@ -20,12 +20,14 @@ from recordings.skeletons.skeleton_files import (
 )
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.conventions.motion_segments import segment_orientations
-from geodesic_ocp.recordings.formats.skeletons.amc import read_amc
-from geodesic_ocp.recordings.formats.skeletons.bvh import read_bvh
-from geodesic_ocp.recordings.formats.skeletons.smpl import read_smpl
-from geodesic_ocp.recordings.skeletons.known_conventions import SKELETON_CONVENTIONS
-from geodesic_ocp.recordings.skeletons.skeleton_convention import SkeletonConvention
+from geodesic_ocp.recordings.conventions.segment_orientations import segment_orientations
+from geodesic_ocp.recordings.conventions.skeleton_convention import (
+    SKELETON_CONVENTIONS,
+    SkeletonConvention,
+)
+from geodesic_ocp.recordings.formats.amc import read_amc
+from geodesic_ocp.recordings.formats.bvh import read_bvh
+from geodesic_ocp.recordings.formats.smpl import read_smpl
 
 NAMES = [name for name, *_ in TREE]
 

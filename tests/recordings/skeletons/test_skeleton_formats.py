@@ -25,13 +25,15 @@ from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
-from geodesic_ocp.recordings.conventions.motion_segments import segment_orientations
-from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
-from geodesic_ocp.recordings.formats.skeletons.amc import read_amc
-from geodesic_ocp.recordings.formats.skeletons.bvh import read_bvh
-from geodesic_ocp.recordings.formats.skeletons.smpl import read_smpl
-from geodesic_ocp.recordings.skeletons.known_conventions import SKELETON_CONVENTIONS, SMPL
+from geodesic_ocp.recordings.conventions.joint_angles import (joint_angles)
+from geodesic_ocp.recordings.conventions.segment_orientations import (
+    SegmentOrientations,
+    segment_orientations,
+)
+from geodesic_ocp.recordings.conventions.skeleton_convention import SKELETON_CONVENTIONS, SMPL
+from geodesic_ocp.recordings.formats.amc import read_amc
+from geodesic_ocp.recordings.formats.bvh import read_bvh
+from geodesic_ocp.recordings.formats.smpl import read_smpl
 
 NAMES = [name for name, *_ in TREE]
 CM = 0.01  # [m]

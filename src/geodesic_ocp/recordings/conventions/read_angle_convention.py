@@ -11,9 +11,9 @@ from geodesic_ocp.recordings.conventions.angle_convention import (
     AngleConvention,
     AxisRotation,
     SegmentRelation,
+    read_convention_record,
 )
 from geodesic_ocp.recordings.conventions.known_angle_conventions import ANGLE_CONVENTIONS
-from geodesic_ocp.recordings.conventions.read_convention_record import read_convention_record
 
 
 def as_angle_convention(given: AngleConvention | str | Path | None) -> AngleConvention | None:

@@ -9,9 +9,8 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, as_positive
 from geodesic_ocp.recordings.markers.body import MarkedBody
+from geodesic_ocp.recordings.markers.marker_set import MARKER_SETS, MarkerSet
 from geodesic_ocp.recordings.markers.markers import Markers
-from geodesic_ocp.recordings.markers.sets.known_marker_sets import MARKER_SETS
-from geodesic_ocp.recordings.markers.sets.marker_set import MarkerSet
 
 Base = Literal["fixed", "free"]
 

@@ -7,12 +7,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.figures.arms.posture import Postures
-from geodesic_ocp.figures.arms.posture_shapes import TINT, outline_of_all, posture_shapes
-from geodesic_ocp.figures.arms.shapes import draw_shapes, mixed
-from geodesic_ocp.figures.arms.view import View
-from geodesic_ocp.figures.new_figure import new_figure
-from geodesic_ocp.figures.styles import ROLES
+from geodesic_ocp.figures.arm_shapes import (
+    TINT,
+    Postures,
+    draw_shapes,
+    mixed,
+    outline_of_all,
+    posture_shapes,
+)
+from geodesic_ocp.figures.styles import ROLES, new_figure
+from geodesic_ocp.figures.view import View
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment, axis_name
 from geodesic_ocp.retargeting.nearest_poses import nearest_poses, search_range

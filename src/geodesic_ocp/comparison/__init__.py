@@ -1,1 +1,0 @@
-"""Comparison of methods and metrics over recordings."""

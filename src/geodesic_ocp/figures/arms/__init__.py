@@ -1,1 +1,0 @@
-"""Arms, robots and people as outlines in a plane."""

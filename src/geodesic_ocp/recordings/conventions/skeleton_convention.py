@@ -1,0 +1,239 @@
+"""SkeletonConvention: which joints of a skeleton carry which segments of the body."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from geodesic_ocp.arrays import as_number, as_positive
+from geodesic_ocp.recordings.conventions.angle_convention import from_record
+from geodesic_ocp.recordings.conventions.segment_orientations import SEGMENTS
+from geodesic_ocp.recordings.formats.text_lines import LENGTHS
+
+AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
+RESTS = ("zero", "first frame")
+UNITS = LENGTHS | {"in": 0.0254}  # [m]
+
+
+@dataclass(frozen=True)
+class SkeletonConvention:
+    """Names, axes and rest pose of a family of skeletons.
+
+    >>> import geodesic_ocp.recordings.conventions.skeleton_convention as skeletons
+    >>> mine = skeletons.SkeletonConvention(
+    ...     "mine",
+    ...     {"thorax": "Torso", "right upper arm": "RUpper", "right forearm": ("RLower", "RElbow")},
+    ...     up="+z",
+    ...     forward="-y",
+    ... )
+    >>> mine.joints["thorax"]
+    ('Torso',)
+
+    Attributes:
+        name: of the convention, for messages.
+        joints: by segment ("pelvis", "abdomen", "thorax", "right upper arm", "right forearm",
+            "right hand" and the same on the left), the name of the joint or bone that carries it,
+            or the names that it may have, the best first. Names are compared without regard to
+            case, spaces, hyphens, underscores and a namespace in front of a colon.
+        up: axis of the file, such as "+y", that points upwards in the rest pose; by default it is
+            found from the rest pose.
+        forward: axis that points forward there; found from the rest pose by default.
+        space_up: vertical axis of the space in which the person moves; `up` by default.
+        rest: the pose in which the person stands upright with straight arms: "zero" (all joint
+            angles are zero) or "first frame".
+        twist: by segment of the arms, how far its axes are turned about its long axis in the rest
+            pose, against those of `neutral_frames` [deg].
+        unit: of lengths in the file: "m", "cm", "mm", "in", or metres per unit; None if the file
+            or its format says it, or if it is not known.
+
+    Raises:
+        ValueError: a segment, axis, rest pose or unit of another name.
+    """
+
+    name: str
+    joints: Mapping[str, str | tuple[str, ...]]
+    up: str | None = None
+    forward: str | None = None
+    space_up: str | None = None
+    rest: str = "zero"
+    twist: Mapping[str, float] = field(default_factory=dict)
+    unit: str | float | None = None
+
+    def __post_init__(self) -> None:
+        arms = [segment for segment in SEGMENTS if " " in segment]
+        _check_segments("joints", self.joints, SEGMENTS)
+        _check_segments("twist", self.twist, arms)
+        names = {segment: _names(segment, given) for segment, given in self.joints.items()}
+        object.__setattr__(self, "joints", names)
+        for what in ("up", "forward", "space_up"):
+            axis = getattr(self, what)
+            if axis is not None and axis not in AXES:
+                raise ValueError(f"{what} must be one of {', '.join(AXES)}, got {axis!r}")
+        if (self.up is None) != (self.forward is None):
+            raise ValueError("up and forward are given together, or not at all")
+        if self.up is not None and self.forward is not None and self.up[1] == self.forward[1]:
+            raise ValueError(f"up and forward must be two axes, got {self.up} and {self.forward}")
+        if self.rest not in RESTS:
+            raise ValueError(f"rest must be {' or '.join(map(repr, RESTS))}, got {self.rest!r}")
+        for segment, angle in self.twist.items():
+            as_number(f"twist of the {segment}", angle)
+        if self.unit is not None:
+            metres_per_unit(self.unit)
+
+    def __repr__(self) -> str:
+        return f"SkeletonConvention({self.name!r}, {len(self.joints)} segments)"
+
+
+def _check_segments(what: str, given: object, allowed: Sequence[str]) -> None:
+    if not isinstance(given, Mapping) or not set(given) <= set(allowed):
+        raise ValueError(f"{what} must be given by segment ({', '.join(allowed)}), got {given!r}")
+
+
+def _names(segment: str, given: object) -> tuple[str, ...]:
+    listed = [given] if isinstance(given, str) else given
+    if not isinstance(listed, (tuple, list)) or not all(
+        isinstance(name, str) and name for name in listed
+    ):
+        raise ValueError(f"joints of the {segment} must be names, got {given!r}")
+    return tuple(listed)
+
+
+def metres_per_unit(unit: str | float) -> float:
+    """Metres per unit of length, from its name or as it is given.
+
+    Raises:
+        ValueError: an unknown name, or a number that is not positive.
+    """
+    if isinstance(unit, str):
+        if unit not in UNITS:
+            raise ValueError(
+                f"unit must be 'm', 'cm', 'mm', 'in' or a number of metres, got {unit!r}"
+            )
+        return UNITS[unit]
+    return as_positive("unit", unit, "m")
+
+
+def _both_sides(**names: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
+    """Names by segment; those of the arms are given with {side}, {Side}, {s} or {S} in them."""
+    arms = {"upper_arm": "upper arm", "forearm": "forearm", "hand": "hand"}
+    joints = {segment: given for segment, given in names.items() if segment not in arms}
+    for side in ("right", "left"):
+        letters = {"side": side, "Side": side.title(), "s": side[0], "S": side[0].upper()}
+        for key, segment in arms.items():
+            joints[f"{side} {segment}"] = tuple(name.format(**letters) for name in names[key])
+    return joints
+
+
+# Between pelvis and thorax many skeletons have two or more joints, of which the abdomen's is one:
+# that only decides how their rotation is shared between the lower and the upper joint of the trunk.
+_CMU = SkeletonConvention(
+    # The bones of the database's .asf files. The radius has the flexion of the elbow, the bone
+    # after it ("wrist") the pronation, the hand the flexion and the abduction of the wrist.
+    "CMU Graphics Lab (ASF)",
+    _both_sides(
+        pelvis=("root",),
+        abdomen=("upperback", "lowerback"),
+        thorax=("thorax",),
+        upper_arm=("{s}humerus",),
+        forearm=("{s}wrist", "{s}radius"),
+        hand=("{s}hand",),
+    ),
+)
+_HUMAN_IK = SkeletonConvention(
+    # Names of MotionBuilder's HumanIK, with Mixamo's and 3ds Max's namespaces in front or not; also
+    # those of the CMU database's BVH files and of Perception Neuron's. "RightShoulder" is the
+    # clavicle here.
+    "MotionBuilder, Mixamo, Perception Neuron",
+    _both_sides(
+        pelvis=("Hips",),
+        abdomen=("Spine2", "Spine1", "Spine", "LowerBack"),
+        thorax=("Spine3", "Spine2", "Spine1", "Spine", "Chest"),
+        upper_arm=("{Side}Arm",),
+        forearm=("{Side}ForeArm",),
+        hand=("{Side}FingerBase", "{Side}Hand"),
+    ),
+)
+_BIOVISION = SkeletonConvention(
+    # Biovision's own names, and those of BVH files from Xsens MVN with Chest to Chest4.
+    # "RightShoulder" is the upper arm here, "RightCollar" the clavicle.
+    "Biovision, Xsens MVN (BVH)",
+    _both_sides(
+        pelvis=("Hips", "Hip"),
+        abdomen=("Chest2", "Chest", "Abdomen", "Spine"),
+        thorax=("Chest4", "Chest3", "Chest2", "Chest", "Torso", "Spine"),
+        upper_arm=("{Side}Shoulder", "{Side}UpArm"),
+        forearm=("{Side}Elbow", "{Side}LowArm"),
+        hand=("{Side}Wrist", "{Side}Hand"),
+    ),
+)
+_MVN = SkeletonConvention(
+    # Segments of the Xsens MVN user manual; "RightShoulder" is the clavicle here.
+    "Xsens MVN (segments)",
+    _both_sides(
+        pelvis=("Pelvis",),
+        abdomen=("L3", "L5"),
+        thorax=("T8",),
+        upper_arm=("{Side}UpperArm",),
+        forearm=("{Side}ForeArm",),
+        hand=("{Side}Hand",),
+    ),
+)
+_BIPED = SkeletonConvention(
+    "3ds Max Biped",
+    _both_sides(
+        pelvis=("Bip01 Pelvis",),
+        abdomen=("Bip01 Spine2", "Bip01 Spine1", "Bip01 Spine"),
+        thorax=("Bip01 Spine3", "Bip01 Spine2", "Bip01 Spine1", "Bip01 Spine"),
+        upper_arm=("Bip01 {S} UpperArm",),
+        forearm=("Bip01 {S} Forearm",),
+        hand=("Bip01 {S} Hand",),
+    ),
+)
+_POSER = SkeletonConvention(
+    "Poser and DAZ",
+    _both_sides(
+        pelvis=("hip",),
+        abdomen=("abdomen",),
+        thorax=("chest",),
+        upper_arm=("{s}Shldr",),
+        forearm=("{s}ForeArm",),
+        hand=("{s}Hand",),
+    ),
+)
+#: The body joints of SMPL (Loper et al. 2015, "SMPL: a skinned multi-person linear model", ACM
+#: Transactions on Graphics 34(6)): the rest pose is a T pose with y up, facing z.
+SMPL = SkeletonConvention(
+    "SMPL",
+    _both_sides(
+        pelvis=("pelvis",),
+        abdomen=("spine2", "spine1"),
+        thorax=("spine3",),
+        upper_arm=("{side}_shoulder",),
+        forearm=("{side}_elbow",),
+        hand=("{side}_wrist",),
+    ),
+    up="+y",
+    forward="+z",
+)
+#: Conventions that files are compared with, in this order; see `SkeletonConvention` for others.
+SKELETON_CONVENTIONS = (_CMU, _HUMAN_IK, _BIOVISION, _MVN, _BIPED, _POSER, SMPL)
+
+
+def as_skeleton_convention(
+    given: SkeletonConvention | str | Path | None,
+) -> SkeletonConvention | None:
+    """The convention itself, or the one in a JSON or TOML file with the attributes as its keys.
+
+        {"name": "mine", "up": "+z", "forward": "+y",
+         "joints": {"thorax": "Torso", "right upper arm": ["RUpper", "RArm"]}}
+
+    Raises:
+        RecordingError: the file is missing or malformed, or its keys or values are others.
+        ValueError: the argument is neither a convention nor a path.
+    """
+    if given is None or isinstance(given, SkeletonConvention):
+        return given
+    if not isinstance(given, (str, Path)):
+        raise ValueError(f"convention must be a SkeletonConvention or a file, got {given!r}")
+    return from_record(SkeletonConvention, Path(given), "joints", "a convention")

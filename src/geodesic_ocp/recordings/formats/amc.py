@@ -1,0 +1,445 @@
+"""The sections of an ASF file, and the bones in them; errors name the line (RecordingError)."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.conventions.continuous_angles import (successive_rotations)
+from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
+from geodesic_ocp.recordings.conventions.skeleton_convention import (
+    SkeletonConvention,
+    as_skeleton_convention,
+    metres_per_unit,
+)
+from geodesic_ocp.recordings.conventions.skeleton_segments import (
+    Skeleton,
+    SkeletonMotion,
+    skeleton_segments,
+)
+from geodesic_ocp.recordings.formats.text_lines import ANGLES, numbers, read_lines
+from geodesic_ocp.trajectory.motion import Subject
+
+_INCH = 0.0254  # [m]
+_SHORTEST = 1e-9  # length of a direction
+_ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
+Lines = list[tuple[int, list[str]]]  # number of the line and its words
+
+
+@dataclass
+class AcclaimBone:
+    """What the file says of a bone, and the line on which it begins."""
+
+    line: int
+    name: str = ""
+    direction: list[float] = field(default_factory=list)
+    length: float | None = None
+    axis: list[float] = field(default_factory=list)
+    order: str = "XYZ"
+    dofs: tuple[str, ...] = ()
+
+
+def read_sections(file: Path, lines: list[str]) -> dict[str, Lines]:
+    """Lines by section; what stands after the section's own word is its first line."""
+    sections: dict[str, Lines] = {}
+    current: Lines | None = None
+    for number, line in enumerate(lines, start=1):
+        words = line.partition("#")[0].split()
+        if not words:
+            continue
+        if words[0].startswith(":"):
+            name = words[0][1:].lower()
+            if name in sections:
+                raise RecordingError(f"{file}: line {number}: a second section :{name}")
+            current = sections[name] = []
+            words = words[1:]
+        elif current is None:
+            raise RecordingError(f"{file}: line {number}: no section of an ASF: {line[:40]!r}")
+        if words and current is not None:
+            current.append((number, words))
+    for name in ("root", "bonedata", "hierarchy"):
+        if name not in sections:
+            raise RecordingError(f"{file}: an ASF needs the section :{name}")
+    return sections
+
+
+def read_units(file: Path, lines: Lines) -> tuple[float | None, float | None]:
+    """Metres and radians in the units of length and of angles, None where they are not stated."""
+    unit, angle = None, None
+    for number, words in lines:
+        key = words[0].lower()
+        if key == "length":
+            (value,) = numbers(file, number, "the unit of length", words[1:], 1)
+            if value <= 0.0:
+                raise RecordingError(f"{file}: line {number}: the unit of length is {value:g}")
+            unit = _INCH / value
+        elif key == "angle":
+            angle = ANGLES.get(" ".join(words[1:]).lower())
+            if angle is None:
+                raise RecordingError(
+                    f"{file}: line {number}: the unit of angles must be deg or rad, not "
+                    f"{' '.join(words[1:])[:40]!r}"
+                )
+    return unit, angle
+
+
+def read_root(file: Path, lines: Lines) -> AcclaimBone:
+    """The root, as a bone of no length that can also be moved."""
+    bone = AcclaimBone(lines[0][0] if lines else 0, "root", [0.0, 1.0, 0.0], 0.0, [0.0] * 3)
+    for number, words in lines:
+        key, given = words[0].lower(), words[1:]
+        if key == "order":
+            bone.dofs = tuple(word.lower() for word in given)
+            if sorted(bone.dofs) != ["rx", "ry", "rz", "tx", "ty", "tz"]:
+                raise RecordingError(
+                    f"{file}: line {number}: the order of the root must consist of TX TY TZ RX RY "
+                    f"RZ, is {' '.join(given)!r}"
+                )
+        elif key == "axis":
+            bone.order = _order(file, number, given[-1:])
+        elif key in ("position", "orientation"):
+            values = numbers(file, number, f"the {key} of the root", given, 3)
+            if any(values):
+                raise RecordingError(
+                    f"{file}: line {number}: a root whose {key} in the rest pose is not 0 0 0 is "
+                    "not supported"
+                )
+    if not bone.dofs:
+        raise RecordingError(f"{file}: the section :root does not state an order, TX TY TZ RX ...")
+    return bone
+
+
+def _order(file: Path, line: int, words: list[str]) -> str:
+    order = words[0].upper() if words else ""
+    if order not in _ORDERS:
+        raise RecordingError(
+            f"{file}: line {line}: the order of axes must be one of {', '.join(_ORDERS)}, is "
+            f"{order!r}"
+        )
+    return order
+
+
+def read_bones(file: Path, lines: Lines) -> list[AcclaimBone]:
+    """The bones in the order of the file."""
+    bones: list[AcclaimBone] = []
+    bone: AcclaimBone | None = None
+    for number, words in lines:
+        key, given = words[0].lower(), words[1:]
+        if key == "begin":
+            if bone is not None:
+                raise RecordingError(f"{file}: line {number}: 'begin' before the 'end' of a bone")
+            bone = AcclaimBone(number)
+        elif bone is None:
+            raise RecordingError(f"{file}: line {number}: {words[0]!r} is outside of a bone")
+        elif key == "end":
+            bones.append(_checked(file, bone))
+            bone = None
+        elif key == "name":
+            bone.name = " ".join(given)
+        elif key == "direction":
+            bone.direction = numbers(file, number, "the direction", given, 3)
+        elif key == "length":
+            (bone.length,) = numbers(file, number, "the length", given, 1)
+        elif key == "axis":
+            bone.axis = numbers(file, number, "the axis", given[:3], 3)
+            bone.order = _order(file, number, given[3:])
+        elif key == "dof":
+            bone.dofs = tuple(word.lower() for word in given)
+            if not set(bone.dofs) <= {"rx", "ry", "rz"} or len(set(bone.dofs)) < len(bone.dofs):
+                raise RecordingError(
+                    f"{file}: line {number}: the degrees of freedom of {bone.name or 'a bone'} are "
+                    f"{' '.join(given)!r}; only rotations rx, ry and rz are supported, each once"
+                )
+        elif not re.match(r"id$|limits|\(|bodymass$|cofmass$", key):
+            raise RecordingError(f"{file}: line {number}: {words[0]!r} is not known of a bone")
+    if bone is not None:
+        raise RecordingError(f"{file}: line {bone.line}: the bone has no 'end'")
+    return bones
+
+
+def _checked(file: Path, bone: AcclaimBone) -> AcclaimBone:
+    """The bone, if all is known of it."""
+    for what, given in (
+        ("name", bone.name),
+        ("direction", math.hypot(*bone.direction) > _SHORTEST),
+        ("length", bone.length is not None and bone.length >= 0.0),
+        ("axis", bone.axis),
+    ):
+        if not given:
+            raise RecordingError(
+                f"{file}: line {bone.line}: bone {bone.name} has no {what}, or an invalid one"
+            )
+    return bone
+
+
+def read_parents(
+    file: Path, lines: Lines, bones: Mapping[str, AcclaimBone]
+) -> dict[str, tuple[str, int]]:
+    """The parent of each bone but the root, and the line that says so."""
+    parents: dict[str, tuple[str, int]] = {}
+    for number, words in lines:
+        if words[0].lower() in ("begin", "end"):
+            continue
+        for name in words:
+            if name not in bones:
+                raise RecordingError(f"{file}: line {number}: there is no bone {name!r}")
+        for child in words[1:]:
+            if child in parents or child == "root":
+                raise RecordingError(f"{file}: line {number}: {child} has two parents")
+            parents[child] = words[0], number
+    return parents
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class AcclaimSkeleton:
+    """A skeleton of bones, and how the values of a motion rotate them.
+
+    Attributes:
+        skeleton: one joint a bone, at its start; the first is "root".
+        dofs: by bone, the numbers that a motion gives, such as ("rx", "rz"); bones without any
+            are left out.
+        orders: by bone, in which order the rotations are applied: "XYZ" turns about x first, so
+            that M = Rz Ry Rx.
+        frames: by bone, the axes C (3, 3) about which it turns: its rotation is C M C'.
+        unit: metres per unit of length, or None if the file states none.
+        angle: radians per unit of angle, or None.
+    """
+
+    skeleton: Skeleton
+    dofs: Mapping[str, tuple[str, ...]]
+    orders: Mapping[str, str]
+    frames: Mapping[str, Array]
+    unit: float | None
+    angle: float | None
+
+    def __repr__(self) -> str:
+        return f"AcclaimSkeleton({self.skeleton!r})"
+
+
+def read_asf(file: Path) -> AcclaimSkeleton:
+    """Read an Acclaim skeleton; limits, masses and skins in it are not read.
+
+    Lengths are in inches divided by the unit `length`, as the CMU database's answers to frequent
+    questions give it (with length 0.45, metres are value / 0.45 * 0.0254). Directions are scaled
+    to unit length.
+
+    Raises:
+        RecordingError: the file is malformed, or has bones that change their length or are moved,
+            or a root that is turned in the rest pose; the message names the line.
+    """
+    lines = read_lines(file)
+    sections = read_sections(file, lines)
+    unit, angle = read_units(file, sections.get("units", []))
+    root = read_root(file, sections["root"])
+    bones = {"root": root}
+    for bone in read_bones(file, sections["bonedata"]):
+        if bone.name in bones:
+            raise RecordingError(f"{file}: line {bone.line}: there are two bones {bone.name}")
+        bones[bone.name] = bone
+    parents = read_parents(file, sections["hierarchy"], bones)
+    # Parents come before their children.
+    names = ["root"]
+    for name in names:
+        names += [child for child, (parent, _) in parents.items() if parent == name]
+    for name, bone in bones.items():
+        if name not in names:
+            raise RecordingError(
+                f"{file}: line {bone.line}: the hierarchy does not connect {name} with the root"
+            )
+    ends = {"root": np.zeros(3)}
+    for name in names[1:]:
+        direction, length = np.array(bones[name].direction), bones[name].length
+        ends[name] = direction / np.linalg.norm(direction) * float(length or 0.0)
+    offsets = np.array([np.zeros(3)] + [ends[parents[name][0]] for name in names[1:]])
+    if any(any(bone.axis) for bone in bones.values()) and angle is None:
+        raise RecordingError(f"{file}: ':units' does not state 'angle deg' or 'angle rad'")
+    frames, hinges = {}, {}
+    for index, name in enumerate(names):
+        bone = bones[name]
+        frames[name] = _rotation(bone.order, (angle or 0.0) * np.array([bone.axis]))[0]
+        if len(bone.dofs) == 1:
+            hinges[index] = frames[name][:, "xyz".index(bone.dofs[0][1])]
+    order = tuple(-1 if name == "root" else names.index(parents[name][0]) for name in names)
+    return AcclaimSkeleton(
+        Skeleton(tuple(names), order, offsets, hinges),
+        {name: bones[name].dofs for name in names if bones[name].dofs},
+        {name: bones[name].order for name in names},
+        frames,
+        unit,
+        angle,
+    )
+
+
+def _rotation(order: str, angles: Array) -> Array:
+    """(k, 3, 3) from angles (k, 3) about x, y, z [rad], applied in the order of these letters."""
+    columns = ["XYZ".index(letter) for letter in order[::-1]]
+    return successive_rotations(order[::-1].lower(), angles[:, columns])
+
+
+def bone_rotations(skeleton: AcclaimSkeleton, bone: str, angles: Array) -> Array:
+    """Rotations (k, 3, 3) of a bone relative to its parent, from its angles (k, dofs) [rad]."""
+    every = np.zeros((len(angles), 3))
+    for column, dof in enumerate(skeleton.dofs[bone]):
+        every[:, "xyz".index(dof[1])] = angles[:, column]
+    frame = skeleton.frames[bone]
+    result: Array = frame @ _rotation(skeleton.orders[bone], every) @ frame.T
+    return result
+
+
+_SLOWEST = 1e-3  # [Hz]
+CMU_RATE = 120.0  # [Hz], of the CMU database; the format has no rate
+
+
+def read_amc(
+    file: Path,
+    skeleton: str | PathLike[str] | None = None,
+    rate: float | None = None,
+    convention: SkeletonConvention | str | Path | None = None,
+    unit: str | float | None = None,
+) -> SegmentOrientations:
+    """Read the orientations of segments, and the pose of the trunk, from a motion and its skeleton.
+
+    The subject is named after the skeleton's file.
+
+    Args:
+        file: the .amc.
+        skeleton: the .asf; by default the one in the same folder of the same name, or of its part
+            before "_" (02.asf of 02_05.amc), or the only one there.
+        rate: frames per second [Hz]; by default that of the file's line ':samples-per-second', or
+            else 120 Hz, that of the CMU database.
+        convention: which bones carry which segments; the known one that fits best by default.
+        unit: of lengths, "m", "cm", "mm", "in" or metres; by default that of the skeleton.
+
+    Raises:
+        RecordingError: there is no skeleton, either file is malformed, or the frames do not give
+            every bone of the skeleton; the message names file and line.
+        ValueError: a rate that is not positive.
+    """
+    chosen = as_skeleton_convention(convention)
+    lines = read_lines(file)
+    start, angle, stated = _header(file, lines)
+    person = _skeleton(file, skeleton)
+    acclaim = read_asf(person)
+    angle = angle if angle is not None else acclaim.angle
+    if angle is None:
+        raise RecordingError(f"{file}: neither ':DEGREES' nor ':RADIANS' is stated")
+    values = _frames(file, lines, start, acclaim)
+    hertz = as_positive("rate", rate, "Hz") if rate is not None else stated or CMU_RATE
+    names = acclaim.skeleton.names
+    moves = [acclaim.dofs["root"].index(axis) for axis in ("tx", "ty", "tz")]
+    turns = [column for column in range(6) if column not in moves]
+    turning = replace(
+        acclaim, dofs={**acclaim.dofs, "root": tuple(acclaim.dofs["root"][i] for i in turns)}
+    )
+
+    def rotation(joint: int) -> Array:
+        name = names[joint]
+        if name not in values:
+            return np.eye(3)
+        angles = angle * (values[name] if name != "root" else values[name][:, turns])
+        return bone_rotations(turning, name, angles)
+
+    def position(joint: int) -> Array:
+        offset: Array = acclaim.skeleton.offsets[joint]
+        return values["root"][:, moves] if joint == 0 else offset
+
+    motion = SkeletonMotion(
+        acclaim.skeleton, np.arange(len(values["root"])) / hertz, rotation, position
+    )
+    unit = unit if unit is not None else chosen.unit if chosen is not None else None
+    metres = metres_per_unit(unit) if unit is not None else acclaim.unit
+    return skeleton_segments(file, motion, chosen, metres, Subject(name=person.stem))
+
+
+def _skeleton(file: Path, given: str | PathLike[str] | None) -> Path:
+    """The skeleton's file."""
+    if given is not None:
+        return Path(given)
+    try:
+        found = sorted(each for each in file.parent.iterdir() if each.suffix.lower() == ".asf")
+    except OSError as failure:
+        raise RecordingError(f"{file}: its folder cannot be read: {failure.strerror}") from None
+    stems = [file.stem.lower(), file.stem.lower().partition("_")[0]]
+    for stem in stems:
+        for each in found:
+            if each.stem.lower() == stem:
+                return each
+    if len(found) == 1:
+        return found[0]
+    there = ", ".join(each.name for each in found[:10]) if found else "no .asf"
+    raise RecordingError(
+        f"{file}: an AMC needs its skeleton, an .asf: state skeleton=... (--skeleton), or put "
+        f"{stems[-1]}.asf into the same folder, where there is {there}"
+    )
+
+
+def _header(file: Path, lines: list[str]) -> tuple[int, float | None, float | None]:
+    """Index of the first line of frames, unit of angles [rad] and rate [Hz], if stated."""
+    angle, rate = None, None
+    for index, line in enumerate(lines):
+        words = line.partition("#")[0].lower().split()
+        if not words:
+            continue
+        if words[0] in (":degrees", ":radians"):
+            angle = ANGLES[words[0][1:]]
+        elif words[0] == ":samples-per-second":
+            (rate,) = numbers(file, index + 1, "the rate", words[1:], 1)
+            if rate < _SLOWEST:
+                raise RecordingError(f"{file}: line {index + 1}: the rate is {rate:g} Hz")
+        elif words[0] in (":version", ":root", ":bonedata", ":units"):
+            raise RecordingError(
+                f"{file}: line {index + 1}: this is a skeleton (ASF); read the motion (AMC) of it"
+            )
+        elif words[0].isdecimal() and len(words) == 1:
+            return index, angle, rate
+        elif words[0] != ":fully-specified":
+            raise RecordingError(
+                f"{file}: line {index + 1}: expected ':FULLY-SPECIFIED', ':DEGREES', ':RADIANS' or "
+                f"the number of a frame, found {line.strip()[:40]!r}"
+            )
+    raise RecordingError(f"{file}: there are no frames in this AMC")
+
+
+def _frames(file: Path, lines: list[str], start: int, acclaim: AcclaimSkeleton) -> dict[str, Array]:
+    """Numbers (k, dofs) by bone; every frame gives every bone once."""
+    dofs = acclaim.dofs
+    rows: dict[str, list[list[float]]] = {name: [] for name in dofs}
+    frame, frame_line, count = 0, 0, 0
+
+    def check_complete() -> None:
+        for name, row in rows.items():
+            if len(row) < count:
+                raise RecordingError(f"{file}: line {frame_line}: frame {frame} has no {name}")
+
+    for number, line in enumerate(lines[start:], start=start + 1):
+        words = line.partition("#")[0].split()
+        if not words:
+            continue
+        name, given = words[0], words[1:]
+        if name in rows:
+            if len(rows[name]) == count:
+                raise RecordingError(f"{file}: line {number}: {name} comes twice in frame {frame}")
+            rows[name].append(numbers(file, number, name, given, len(dofs[name])))
+        elif name.isdecimal() and not given:
+            check_complete()
+            if len(name) > 9 or (count and int(name) != frame + 1):
+                raise RecordingError(
+                    f"{file}: line {number}: frame {name[:12]} follows frame {frame}"
+                )
+            frame, frame_line, count = int(name), number, count + 1
+        elif name in acclaim.skeleton.names:
+            raise RecordingError(
+                f"{file}: line {number}: {name} has no degrees of freedom in the skeleton"
+            )
+        else:
+            raise RecordingError(f"{file}: line {number}: the skeleton has no bone {name[:40]!r}")
+    check_complete()
+    return {name: np.array(row) for name, row in rows.items()}

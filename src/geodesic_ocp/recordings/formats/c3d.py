@@ -1,0 +1,292 @@
+"""C3dHeader: the numbers at the beginning of a c3d file, and its parameters.
+
+The layout is that of "The C3D File Format User Guide" (Motion Lab Systems): blocks of 512 bytes; a
+header of 16-bit words; then groups and parameters, each with its name and the offset of the next.
+
+Points without a label, or with one that begins with an asterisk, belong to no marker that could be
+named and are left out; so are the angles, forces, moments and powers of a model, which some
+programs store as points. A marker is missing where its residual is negative, and where it is
+exactly at the origin with a residual of zero. Time starts at zero.
+
+The library ezc3d is not used: version 1.7.2 ends the process with a segmentation fault on files
+whose parameters are incomplete. The tests compare with it.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.formats.text_lines import LENGTHS
+from geodesic_ocp.recordings.markers.markers import Markers
+from geodesic_ocp.trajectory.motion import Subject
+
+BLOCK = 512
+_DEC, _ORDERS = 85, {84: "<", 85: "<", 86: ">"}  # byte orders of Intel, DEC and MIPS
+_TYPES = {1: "B", 2: "H", 4: "f"}
+_SATURATED = 65535  # of a frame number in the header, in longer files
+
+
+@dataclass(frozen=True)
+class C3dHeader:
+    """What describes the frames of a c3d file.
+
+    Attributes:
+        order: of bytes, "<" or ">".
+        is_dec: whether floats are those of DEC.
+        points: number of points in every frame.
+        analog: number of analog samples in every frame.
+        first, last: numbers of the first frame and of the last.
+        scale: of integer coordinates; negative if coordinates are floats.
+        rate: of frames [Hz].
+        data: byte at which the frames begin.
+        parameters: numbers or strings by group and name, in capitals.
+    """
+
+    order: str
+    is_dec: bool
+    points: int
+    analog: int
+    first: int
+    last: int
+    scale: float
+    rate: float
+    data: int
+    parameters: Mapping[tuple[str, str], Array | list[str]]
+
+    def strings(self, group: str, name: str) -> list[str]:
+        """Strings of a parameter, without blanks around them; none if it has none."""
+        values = self.parameters.get((group, name))
+        return [value.strip(" \0") for value in values] if isinstance(values, list) else []
+
+    def numbers(self, group: str, name: str, count: int = 1) -> Array | None:
+        """At least `count` numbers of a parameter, or None."""
+        values = self.parameters.get((group, name))
+        return None if values is None or isinstance(values, list) or len(values) < count else values
+
+    @property
+    def frames(self) -> int:
+        """Number of frames; in long files it is in parameters, as the header has 16 bits."""
+        count = self.last - self.first + 1
+        if self.first <= self.last < _SATURATED:
+            return count
+        start = self.numbers("TRIAL", "ACTUAL_START_FIELD", 2)
+        end = self.numbers("TRIAL", "ACTUAL_END_FIELD", 2)
+        if start is not None and end is not None:
+            words = np.array([1.0, 65536.0])
+            return int(words @ end[:2] - words @ start[:2]) + 1
+        long = self.numbers("POINT", "LONG_FRAMES")
+        return int(long[0]) if long is not None and math.isfinite(long[0]) else count
+
+
+def read_c3d_header(file: Path, content: bytes) -> C3dHeader:
+    """The header and the parameters of a c3d file.
+
+    Raises:
+        RecordingError: the file is cut off, or its header or parameters contradict themselves.
+    """
+    size, block = len(content), content[0] if content else 0
+    start = BLOCK * (block - 1)
+    if block < 2 or start + 4 > size:
+        raise RecordingError(
+            f"{file}: is cut off or broken: its {size} bytes have no block {block}, where the "
+            "parameters should be"
+        )
+    processor = content[start + 3]
+    if processor not in _ORDERS:
+        raise RecordingError(f"{file}: names a processor of unknown type {processor}")
+    order, is_dec = _ORDERS[processor], processor == _DEC
+    points, analog, first, last = struct.unpack_from(f"{order}4H", content, 2)
+    (data,) = struct.unpack_from(f"{order}H", content, 16)
+    scale, rate = (floats(content[at : at + 4], order, is_dec)[0] for at in (12, 20))
+    if data <= block:
+        raise RecordingError(f"{file}: the header is broken: its data begin in block {data}")
+    for name, value in {"scale": scale, "rate": rate}.items():
+        if not math.isfinite(value) or value == 0.0 or (name == "rate" and value < 0.0):
+            raise RecordingError(f"{file}: the header is broken: its {name} is {value:g}")
+    parameters = _parameters(file, content, start + 4, order, is_dec)
+    return C3dHeader(
+        order, is_dec, points, analog, first, last, scale, rate, BLOCK * (data - 1), parameters
+    )
+
+
+def floats(content: bytes, order: str, is_dec: bool) -> Array:
+    """Numbers of four bytes; DEC's have their words swapped and another offset of the exponent."""
+    if is_dec:
+        content = np.frombuffer(content, "<u2").reshape(-1, 2)[:, ::-1].tobytes()
+    with np.errstate(invalid="ignore"):  # signalling NaN
+        numbers = np.frombuffer(content, f"{order}f4").astype(float)
+    return numbers / 4.0 if is_dec else numbers
+
+
+def _parameters(
+    file: Path, content: bytes, at: int, order: str, is_dec: bool
+) -> dict[tuple[str, str], Array | list[str]]:
+    """Follow the chain of groups and parameters to its end, within the file."""
+    groups: dict[int, str] = {}
+    values: dict[tuple[int, str], Array | list[str]] = {}
+    offset = 1
+    while at + 2 <= len(content):
+        length, group = struct.unpack_from("2b", content, at)
+        if offset == 0 or length == 0 or group == 0:
+            return {(groups.get(key, ""), name): value for (key, name), value in values.items()}
+        offset_at = at + 2 + abs(length)
+        if offset_at + 2 > len(content):
+            break
+        name = content[at + 2 : offset_at].decode("latin-1").upper()
+        (offset,) = struct.unpack_from(f"{order}H", content, offset_at)
+        end: int | None = offset_at + 2
+        if group < 0:
+            groups.setdefault(-group, name)
+        else:
+            values[group, name], end = _values(content, offset_at + 2, order, is_dec)
+        if end is None or end > len(content) or (offset > 0 and offset_at + offset < end):
+            raise RecordingError(
+                f"{file}: the parameters are broken: {name!r} at byte {at} does not end where the "
+                "next one begins"
+            )
+        at = offset_at + offset if offset > 0 else end
+    raise RecordingError(f"{file}: is cut off or broken: the parameters at byte {at} do not end")
+
+
+def _values(
+    content: bytes, at: int, order: str, is_dec: bool
+) -> tuple[Array | list[str], int | None]:
+    """Values of a parameter, and where they end; None if their type is unknown or they do not."""
+    kind, rank = struct.unpack_from("bB", content[at : at + 2].ljust(2, b"\0"))
+    dimensions = content[at + 2 : at + 2 + rank]
+    count, start = math.prod(dimensions), at + 2 + rank
+    end = start + abs(kind) * count
+    raw = content[start:end]
+    if kind not in (-1, *_TYPES) or len(dimensions) < rank or end > len(content):
+        return [], None
+    if kind == -1:
+        length = dimensions[0] if rank else 1
+        text = raw.decode("latin-1")
+        return [text[i : i + length] for i in range(0, len(text), max(length, 1))], end
+    if kind == 4:
+        return floats(raw, order, is_dec), end
+    return np.frombuffer(raw, f"{order}{_TYPES[kind]}").astype(float), end
+
+
+_NO_POSITIONS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")
+_SAME_RATE = 0.01
+
+
+def read_c3d(file: Path) -> Markers:
+    """Read all markers that have a label.
+
+    Raises:
+        RecordingError: the file is broken or cut off, has no markers, or gives no known unit.
+    """
+    content = file.read_bytes()
+    header = read_c3d_header(file, content)
+    if header.points == 0:
+        analog = ", only analog data" if header.analog else ""
+        raise RecordingError(f"{file}: has no markers{analog}")
+    _check_counts(file, header, len(content))
+    units = header.strings("POINT", "UNITS")
+    unit = units[0] if units else ""
+    if unit.lower() not in LENGTHS:
+        raise RecordingError(f"{file}: POINT:UNITS must be m, cm or mm, is {unit!r}")
+    labels = _labels(header)[: header.points]
+    others = {name for kind in _NO_POSITIONS for name in header.strings("POINT", kind)}
+    kept = [
+        index
+        for index, label in enumerate(labels)
+        if label and not label.startswith("*") and label not in others
+    ]
+    if not kept:
+        raise RecordingError(f"{file}: none of its {header.points} points has a marker's label")
+    names, subject = _without_prefix([labels[index] for index in kept])
+    subjects = header.strings("SUBJECTS", "NAMES")
+    points = _points(header, content)[:, kept]
+    positions, residuals = points[:, :, :3], points[:, :, 3]
+    missing = (residuals < 0.0) | ((residuals == 0.0) & np.all(positions == 0.0, axis=2))
+    positions = np.where(missing[:, :, None], np.nan, LENGTHS[unit.lower()] * positions)
+    time = np.arange(header.frames) / header.rate
+    try:
+        person = Subject(name=subjects[0] if len(subjects) == 1 else subject)
+        return Markers(time, tuple(names), positions, person)
+    except ValueError as failure:
+        raise RecordingError(f"{file}: {failure}") from None
+
+
+def _check_counts(file: Path, header: C3dHeader, size: int) -> None:
+    """RecordingError if header and parameters differ, or count more frames than there are."""
+    used, rate = header.numbers("POINT", "USED"), header.numbers("POINT", "RATE")
+    if used is not None and used[0] != header.points:
+        raise RecordingError(
+            f"{file}: is broken: the header counts {header.points} points, POINT:USED {used[0]:g}"
+        )
+    if rate is not None and not abs(rate[0] - header.rate) <= _SAME_RATE * header.rate:
+        raise RecordingError(
+            f"{file}: is broken: the rate is {header.rate:g} Hz in the header, {rate[0]:g} Hz in "
+            "POINT:RATE"
+        )
+    counted = header.numbers("POINT", "FRAMES")
+    if counted is not None and header.frames < 65535 and counted[0] != header.frames:
+        raise RecordingError(
+            f"{file}: is broken: the header counts {header.frames} frames, POINT:FRAMES "
+            f"{counted[0]:g}"
+        )
+    held = max(size - header.data, 0) // _frame_size(header)
+    if header.frames < 1:
+        raise RecordingError(
+            f"{file}: the header is broken: it counts frames {header.first} to {header.last}"
+        )
+    if header.frames > held:
+        raise RecordingError(
+            f"{file}: is cut off: the header counts {header.frames} frames, there are {held}"
+        )
+
+
+def _frame_size(header: C3dHeader) -> int:
+    """Bytes of a frame."""
+    return (4 * header.points + header.analog) * (4 if header.scale < 0.0 else 2)
+
+
+def _points(header: C3dHeader, content: bytes) -> Array:
+    """Coordinates in the unit of the file, and residual, of every point (frames, points, 4).
+
+    The residual, with the mask of cameras in its other byte, is only compared with zero.
+    """
+    raw = content[header.data : header.data + header.frames * _frame_size(header)]
+    words = (
+        floats(raw, header.order, header.is_dec)
+        if header.scale < 0.0
+        else np.frombuffer(raw, f"{header.order}i2").astype(float)
+    )
+    frames = words.reshape(header.frames, -1)[:, : 4 * header.points]
+    points = frames.reshape(header.frames, header.points, 4).copy()
+    if header.scale > 0.0:
+        points[:, :, :3] *= header.scale
+    return points
+
+
+def _labels(header: C3dHeader) -> list[str]:
+    """Labels of the points; beyond 255 they continue in LABELS2, LABELS3, ..."""
+    numbers = [
+        int(name[6:])
+        for group, name in header.parameters
+        if group == "POINT" and name.startswith("LABELS") and name[6:].isdecimal()
+    ]
+    names = ["LABELS", *(f"LABELS{number}" for number in sorted(numbers))]
+    return [label for name in names for label in header.strings("POINT", name)]
+
+
+def _without_prefix(labels: list[str]) -> tuple[list[str], str]:
+    """Labels without the subject before a colon, if they then still differ; and the subject."""
+    split = [label.rpartition(":") for label in labels]
+    names = [name.strip() for _, _, name in split]
+    if "" in names or len(set(names)) < len(names):
+        return labels, ""
+    prefixes = {prefix for prefix, _, _ in split if prefix}
+    return names, prefixes.pop() if len(prefixes) == 1 else ""

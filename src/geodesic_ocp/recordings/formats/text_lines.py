@@ -1,0 +1,62 @@
+"""Lines of text files, and the numbers in them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from geodesic_ocp.errors import RecordingError
+
+# No angle, length or coordinate of a person is larger in any unit, so that nothing overflows.
+_LARGEST = 1e9
+
+
+def read_lines(file: Path) -> list[str]:
+    """The lines of a text file, without their ends; bytes that are not text are replaced.
+
+    Raises:
+        RecordingError: the file cannot be read.
+    """
+    try:
+        content = file.read_bytes()
+    except OSError as failure:
+        raise RecordingError(f"{file}: cannot be read: {failure.strerror}") from None
+    encoding = "utf-16" if content.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"
+    text = content.decode(encoding, errors="replace")
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def numbers(file: Path, line: int, what: str, words: Sequence[str], count: int) -> list[float]:
+    """`count` finite numbers from the words of a line.
+
+    Raises:
+        RecordingError: another count, or a word that is not a finite number; the message names the
+            file, the line and `what` they are.
+    """
+    if len(words) != count:
+        raise RecordingError(f"{file}: line {line}: {what} has {len(words)} numbers, not {count}")
+    try:
+        values = [float(word) for word in words]
+    except ValueError:
+        shown = " ".join(words)[:40]
+        raise RecordingError(f"{file}: line {line}: {what} is not numeric: {shown!r}") from None
+    for value in values:
+        if not math.isfinite(value) or abs(value) > _LARGEST:
+            raise RecordingError(f"{file}: line {line}: {what} has the value {value:g}")
+    return values
+
+
+#: Radians in a unit of angle, by its name in lower case.
+ANGLES = {
+    **dict.fromkeys(("rad", "rads", "radian", "radians"), 1.0),
+    **dict.fromkeys(("deg", "degs", "degree", "degrees"), np.pi / 180.0),
+}
+#: Metres in a unit of length, by its name in lower case.
+LENGTHS = {
+    **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), 1.0),
+    **dict.fromkeys(("cm", "centimeter", "centimeters", "centimetre", "centimetres"), 1e-2),
+    **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), 1e-3),
+}

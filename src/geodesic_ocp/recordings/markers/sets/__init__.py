@@ -1,1 +1,0 @@
-"""Where markers are on a person or a model."""

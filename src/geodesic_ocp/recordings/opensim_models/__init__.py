@@ -1,1 +1,0 @@
-"""OpenSim's models (.osim): joints, forward kinematics, and the segments of the body in them."""

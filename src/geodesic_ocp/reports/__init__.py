@@ -1,1 +1,0 @@
-"""Pages that show person and robot in motion."""

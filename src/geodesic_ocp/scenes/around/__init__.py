@@ -1,1 +1,0 @@
-"""What is around the actors: the rest of a person, obstacles, distances, ellipsoids."""

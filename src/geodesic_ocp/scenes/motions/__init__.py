@@ -1,1 +1,0 @@
-"""Models that move over time: motions, trajectories, replays."""

@@ -1,1 +1,0 @@
-"""Paths and solutions of problems."""

@@ -1,1 +1,0 @@
-"""Recordings of people and their synergies."""

@@ -1,1 +1,0 @@
-"""What there is to see of a retargeting: the person, the robots, and curves over time."""

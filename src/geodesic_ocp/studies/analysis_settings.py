@@ -1,0 +1,179 @@
+"""AnalysisSettings: how recordings are filtered, cut and planned, as plain values."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.manifold.metrics import METRIC_NAMES, KineticEnergy, as_analysis_metric
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.progress import Progress
+from geodesic_ocp.recordings.recording import RecordingSettings
+from geodesic_ocp.synergies.optimal_segmentations import segment_optimal
+from geodesic_ocp.synergies.segment import as_threshold
+from geodesic_ocp.synergies.segment_costs import Measure
+from geodesic_ocp.trajectory.motion import Motion
+
+Segments = Literal["online", "optimal"]
+# Settings that apply to one kind of segments only.
+_ONLINE = ("threshold", "rest_speed", "rest_duration", "min_duration", "hysteresis")
+_WANTED = ("count", "penalty", "error")
+_OPTIMAL = (*_WANTED, "measure", "spacing", "max_duration")
+
+
+@dataclass(frozen=True, repr=False)
+class AnalysisSettings(RecordingSettings):
+    """Settings of the filter, the metric and the segments of an analysis.
+
+    These settings are the options of `geodesic-ocp analyse`, the arguments of
+    `analyse_recordings`, and part of every saved result.
+
+    Attributes:
+        resample: rate of an interpolation before everything else [Hz], for samples that are not
+            evenly spaced.
+        cutoff: cut-off frequency of the filter [Hz]; default: chosen from the noise floor.
+        savitzky_golay: window of a Savitzky-Golay filter of order 2 [s], in place of a cut-off; in
+            the paper 0.21.
+        filter: filter the recording; otherwise the motion is taken as it is.
+        metric: joint-inertia, kinetic (the kinetic energy without joint inertia), euclidean, or a
+            file that `fit` wrote (.json).
+        armature: joint inertia of every joint [kg m^2]; default: 0.03 m r^2, with the mass m and
+            the reach r of the arm.
+        segments: online: cut where the motion leaves its geodesic; optimal: cut where the error
+            becomes least.
+        threshold: angle between motion and geodesic at which a new synergy begins [rad].
+        rest_speed: fraction of the largest speed below which the arm rests.
+        rest_duration: duration of the shortest rest that is a segment of its own [s].
+        min_duration: duration of the shortest segment that is not a rest [s]; 0 allows any.
+        hysteresis: angle beyond the threshold that a change of direction must reach [rad].
+        count: number of optimal segments.
+        penalty: mean error that a further optimal segment must save [rad or m].
+        error: largest mean error of as few optimal segments as possible [rad or m].
+        measure: error that optimal segments make least, of the joints [rad] or of the hand
+            [m or rad].
+        spacing: time between possible cuts of optimal segments [s], which then move to the best
+            sample nearby.
+        max_duration: duration of the longest optimal segment [s].
+
+    Raises:
+        ValueError: a setting out of range, or settings that exclude each other.
+    """
+
+    resample: float | None = None
+    cutoff: float | None = None
+    savitzky_golay: float | None = None
+    filter: bool = True
+    metric: str = "joint-inertia"
+    armature: float | None = None
+    segments: Segments = "online"
+    threshold: float = 0.6
+    rest_speed: float = 0.02
+    rest_duration: float = 0.1
+    min_duration: float = 0.1
+    hysteresis: float = 0.1
+    count: int | None = None
+    penalty: float | None = None
+    error: float | None = None
+    measure: Measure = "joint"
+    spacing: float = 0.05
+    max_duration: float = 2.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._check_positive(resample="Hz", cutoff="Hz", savitzky_golay="s")
+        if sum((self.cutoff is not None, self.savitzky_golay is not None, not self.filter)) > 1:
+            raise ValueError("give only one of cutoff, savitzky-golay and no-filter")
+        as_threshold(self.threshold)
+        if self.segments not in get_args(Segments):
+            raise ValueError(f"segments must be 'online' or 'optimal', got {self.segments!r}")
+        self._check_segments()
+        if self.metric not in METRIC_NAMES and not Path(self.metric).is_file():
+            raise ValueError(
+                f"metric must be {', '.join(METRIC_NAMES)} or a file, and there is no file "
+                f"{self.metric!r}"
+            )
+        if self.armature is not None and self.metric != "joint-inertia":
+            raise ValueError(
+                f"armature is the joint inertia of the metric joint-inertia, not of {self.metric}"
+            )
+
+    def _check_segments(self) -> None:
+        """Refuse settings that have no effect on these segments."""
+        other, names = ("optimal", _OPTIMAL) if self.segments == "online" else ("online", _ONLINE)
+        defaults = {each.name: each.default for each in fields(self)}
+        if given := [name for name in names if getattr(self, name) != defaults[name]]:
+            raise ValueError(f"{' and '.join(given)}: for segments={other!r} only")
+        wanted = [name for name in _WANTED if getattr(self, name) is not None]
+        if self.segments == "optimal" and len(wanted) != 1:
+            raise ValueError(
+                "segments='optimal' needs one of count, penalty and error, got "
+                f"{' and '.join(wanted) or 'none of them'}"
+            )
+
+    def __repr__(self) -> str:
+        others = [
+            f"{each.name}={getattr(self, each.name)!r}"
+            for each in fields(self)
+            if getattr(self, each.name) != each.default
+        ]
+        return f"AnalysisSettings({', '.join(others)})"
+
+    def record(self) -> dict[str, Any]:
+        """The settings as they are stored; of files that they name the content, by a digest."""
+        found = asdict(self)
+        for name, file in self.files().items():
+            found[name] = hashlib.sha256(file.read_bytes()).hexdigest()
+        return found
+
+    def files(self) -> dict[str, Path]:
+        """The files that settings name, by setting."""
+        found = {}
+        if self.metric not in METRIC_NAMES:
+            found["metric"] = Path(self.metric)
+        for name in ("convention", "skeleton", "marker_set"):
+            file = getattr(self, name)
+            if file is not None and Path(file).is_file():
+                found[name] = Path(file)
+        return found
+
+    def digest(self) -> str:
+        """Eight hexadecimal digits that are the same for the same settings."""
+        text = json.dumps(self.record(), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:8]
+
+    def metric_of(self, model: Model) -> Metric:
+        """The metric on a model, which has the armature of the settings.
+
+        Raises:
+            RecordingError: the metric's file is not one, or does not fit the model.
+        """
+        if self.metric == "joint-inertia" and self.armature is not None:
+            return KineticEnergy(model)  # also with an armature of 0
+        if self.metric in METRIC_NAMES:
+            return as_analysis_metric(self.metric, model)
+        from geodesic_ocp.fitting.metric_fit import load_metric  # with a solver: others save it
+
+        return load_metric(self.metric, model)
+
+    def segments_of(
+        self, metric: Metric, motion: Motion, model: Model, progress: Progress | None = None
+    ) -> list[tuple[int, int]] | None:
+        """The optimal segments of a filtered motion; None for those of the online rule."""
+        if self.segments == "online":
+            return None
+        return segment_optimal(
+            metric,
+            motion,
+            count=self.count,
+            penalty=self.penalty,
+            error=self.error,
+            measure=self.measure,
+            model=model,
+            spacing=self.spacing,
+            max_duration=self.max_duration,
+            progress=progress,
+        )

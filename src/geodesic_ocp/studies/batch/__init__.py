@@ -1,1 +1,0 @@
-"""The analysis of many recordings in parallel."""

@@ -1,1 +1,0 @@
-"""The recordings that are analysed, and their subjects."""

@@ -1,0 +1,363 @@
+"""Scores of several methods on the same segments of several recordings."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Literal
+
+import numpy as np
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.errors import GeodesicOcpError, IntegrationFailed
+from geodesic_ocp.manifold.metric import Metric
+from geodesic_ocp.manifold.metrics import STRAIGHT_LINES, USUAL_METRICS
+from geodesic_ocp.model.model import Model
+from geodesic_ocp.progress import Progress, shows_progress
+from geodesic_ocp.recordings.recording import Recording
+from geodesic_ocp.studies.compare_metrics import MetricOrFunction, as_named_metrics, metric_of
+from geodesic_ocp.studies.paired_test import PairedTest, paired_test
+from geodesic_ocp.synergies.baselines import (
+    distal_inertia,
+    distal_joints,
+    minimum_acceleration,
+    minimum_jerk,
+    minimum_jerk_hand,
+)
+from geodesic_ocp.synergies.scores import SCORES, Scores, score
+from geodesic_ocp.synergies.segment import segment
+from geodesic_ocp.synergies.synergy import as_segments, reconstruct
+from geodesic_ocp.table import Table
+from geodesic_ocp.trajectory.motion import Motion
+
+_SHOWN = ("joint_mean", "position_mean", "rotation_angle", "path_joint", "path_position", "area")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MethodComparison:
+    """Scores of several methods on the same segments of several recordings.
+
+    Attributes:
+        recordings, subjects: names, one for each recording.
+        methods: names; the first cut the recordings, unless segments were given.
+        segments: (start, stop) sample indices, a tuple for each recording.
+        observed: by method, what it receives of the recording at the ends of a segment, besides
+            its duration.
+        scores: by method, one for each recording; all NaN where the method failed.
+        failures: (recording, method, reason) for each of these.
+    """
+
+    recordings: tuple[str, ...]
+    subjects: tuple[str, ...]
+    methods: tuple[str, ...]
+    segments: tuple[tuple[tuple[int, int], ...], ...]
+    observed: Mapping[str, str]
+    scores: Mapping[str, tuple[Scores, ...]]
+    failures: tuple[tuple[str, str, str], ...] = ()
+
+    def __repr__(self) -> str:
+        failed = f", {len(self.failures)} failures" if self.failures else ""
+        return (
+            f"MethodComparison({len(self.methods)} methods, {len(self.recordings)} recordings of "
+            f"{len(set(self.subjects))} subjects,\n  {sum(map(len, self.segments))} segments"
+            f"{failed})"
+        )
+
+    def _repr_markdown_(self) -> str:
+        return self.table().markdown()
+
+    def values(self, score: str = "joint_mean") -> Array:
+        """One score of every recording and method, (recordings, methods).
+
+        Raises:
+            ValueError: there is no such score.
+        """
+        if score not in SCORES:
+            raise ValueError(f"score must be one of {', '.join(SCORES)}, got {score!r}")
+        columns = [[getattr(each, score) for each in self.scores[name]] for name in self.methods]
+        return np.array(columns, dtype=float).T
+
+    def table(self, *scores: str) -> Table:
+        """Means over the recordings on which no method failed.
+
+        Args:
+            scores: names of attributes of `Scores`; by default joints, hand, path and area.
+
+        Raises:
+            ValueError: there is no such score.
+        """
+        shown = scores or _SHOWN
+        complete = np.flatnonzero(np.all(np.isfinite(self.values()), axis=1))
+        means = [_means(self.values(score)[complete]) for score in shown]
+        count = f"{len(complete)} of {len(self.recordings)}"
+        segments = sum(len(self.segments[index]) for index in complete)
+        header = ("method", "observed at the ends", "recordings", "segments")
+        rows: list[tuple[str | int | float, ...]] = []
+        for k, method in enumerate(self.methods):
+            entries = [float(mean[k]) for mean in means]
+            rows.append((method, self.observed[method], count, segments, *entries))
+        return Table((*header, *(SCORES[score] for score in shown)), tuple(rows))
+
+    def by_recording(self, score: str = "joint_mean") -> Table:
+        """One score of every recording (row) and method (column).
+
+        Raises:
+            ValueError: there is no such score.
+        """
+        values = self.values(score)
+        rows = tuple(
+            (name, self.subjects[k], len(self.segments[k]), *values[k].tolist())
+            for k, name in enumerate(self.recordings)
+        )
+        return Table((SCORES[score], "subject", "segments", *self.methods), rows)
+
+    def tests(
+        self,
+        score: str = "joint_mean",
+        against: str = "straight lines",
+        *,
+        by: Literal["subject", "recording"] = "subject",
+        confidence: float = 0.95,
+        seed: int = 0,
+    ) -> dict[str, PairedTest]:
+        """Paired tests of every method against one of them, over subjects or recordings.
+
+        A method wins a pair if its score is better: lower, but higher for the correlation of the
+        speed profiles. P-values are of single tests, not corrected for their number.
+
+        Args:
+            score: an attribute of `Scores`.
+            against: the method to which the others are compared.
+            by: "subject": recordings of a subject are averaged first; "recording": each is a pair,
+                which assumes that recordings of a subject are independent.
+            confidence, seed: see `paired_test`.
+
+        Returns:
+            By method, without those that failed on every recording.
+
+        Raises:
+            ValueError: there is no such score or method, or by is neither of the two.
+        """
+        values = self.values(score)
+        if against not in self.methods:
+            raise ValueError(f"against must be one of {', '.join(self.methods)}, got {against!r}")
+        if by not in ("subject", "recording"):
+            raise ValueError(f"by must be 'subject' or 'recording', got {by!r}")
+        reference = values[:, self.methods.index(against)]
+        return {
+            method: paired_test(
+                column,
+                reference,
+                by=self.subjects if by == "subject" else None,
+                confidence=confidence,
+                larger_is_better=score == "speed_correlation",
+                seed=seed,
+            )
+            for method, column in zip(self.methods, values.T, strict=True)
+            if method != against and np.isfinite(column - reference).any()
+        }
+
+    def test_table(
+        self,
+        score: str = "joint_mean",
+        against: str = "straight lines",
+        *,
+        by: Literal["subject", "recording"] = "subject",
+        confidence: float = 0.95,
+        seed: int = 0,
+    ) -> Table:
+        """`tests` as a table, and what limits them, such as the number of pairs.
+
+        Limits that all tests share are said once, below the table, and others in a column.
+        """
+        tests = self.tests(score, against, by=by, confidence=confidence, seed=seed)
+        unit = SCORES[score].partition("[")[2]
+        header = (
+            f"against {against}, by {by}",
+            "wins",
+            f"mean difference{' [' * bool(unit)}{unit}",
+            f"{confidence:.0%} interval",
+            "sign test p",
+            "Wilcoxon p",
+        )
+        notes = [test.note for test in tests.values()]
+        differ = len(set(notes)) > 1
+        rows: tuple[tuple[str | int | float, ...], ...] = tuple(
+            (
+                method,
+                f"{test.wins} of {test.pairs}",
+                test.mean_difference,
+                f"{test.interval[0]:.3g} to {test.interval[1]:.3g}",
+                test.sign_p,
+                test.wilcoxon_p,
+                *((test.note or "-",) if differ else ()),
+            )
+            for method, test in tests.items()
+        )
+        if differ:
+            return Table((*header, "note"), rows)
+        return Table(header, rows, notes[0] if notes else "")
+
+
+def _means(values: Array) -> Array:
+    """Means of the columns; NaN of none."""
+    return values.mean(axis=0) if len(values) else np.full(values.shape[1], np.nan)
+
+
+_Segments = Sequence[tuple[int, int]]
+_Method = Callable[[Recording, _Segments], Motion]
+# Predictions without a metric, and what they receive at the ends of a segment.
+_KINEMATIC: dict[str, tuple[_Method, str]] = {
+    "minimum acceleration": (
+        lambda recording, segments: minimum_acceleration(recording.motion, segments),
+        "2 configurations, 2 velocities",
+    ),
+    "minimum jerk": (
+        lambda recording, segments: minimum_jerk(recording.motion, segments),
+        "2 configurations, 2 velocities, 2 accelerations",
+    ),
+    "minimum jerk of the hand": (
+        lambda recording, segments: minimum_jerk_hand(recording.model, recording.motion, segments),
+        "1 configuration, 2 hand poses, velocities, accelerations",
+    ),
+}
+_OF_A_GEODESIC = "2 configurations, 2 speeds"
+
+
+@shows_progress
+def compare_methods(
+    recordings: Recording | Sequence[Recording],
+    metrics: Mapping[str, MetricOrFunction] | None = None,
+    *,
+    segments: Literal["same"] | Sequence[_Segments] = "same",
+    threshold: float = 0.6,
+    progress: Progress | None = None,
+) -> MethodComparison:
+    """Predict the same segments of recordings by geodesics and by baselines, and score them all.
+
+    Geodesics of each metric (`reconstruct`) are compared with the motions of minimum acceleration
+    and of minimum jerk in joint space and of minimum jerk of the hand. The methods do not receive
+    the same data at the ends of a segment; the table has a column that says what each receives.
+
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> recordings = go.read_recordings(files("geodesic_ocp") / "data", "left")
+    >>> comparison = go.compare_methods(
+    ...     recordings, {"straight lines": lambda arm: go.Euclidean(arm.dof)}
+    ... )
+    >>> comparison.methods[:3]
+    ('straight lines', 'minimum acceleration', 'minimum jerk')
+
+    Args:
+        recordings: one or more, see `read_recordings`.
+        metrics: by name, a metric or a function of a recording's model that returns one. By
+            default the kinetic energy with joint inertia (that of the model, if it has any, or
+            else `default_joint_inertia`), the kinetic energy without it, the kinetic energy with
+            joint inertia on the distal joints alone (`distal_inertia`; of `human_arm` only), and
+            the Euclidean metric, whose geodesics are straight lines.
+        segments: "same": every recording is cut by the first metric (`segment`), and all methods
+            predict these segments; or the segments of each recording, which all methods predict.
+        threshold: of the segmentation [rad], see `segment`.
+        progress: called with the current step, the amount done, and the total.
+
+    Returns:
+        All scores. Where a method fails on a recording, as a geodesic is not found, they are NaN.
+
+    Raises:
+        ValueError: no recordings or metrics, segments that do not cover their recording, a metric
+            of another dimension, a recording that never moves, or a threshold that is out of range.
+        IntegrationFailed: the first metric is singular along a recording, see `segment`.
+    """
+    given = [recordings] if isinstance(recordings, Recording) else recordings
+    recordings = list(given) if isinstance(given, Iterable) else []
+    if not recordings or not all(isinstance(each, Recording) for each in recordings):
+        raise ValueError("recordings must be one or more of go.Recording")
+    metrics = as_named_metrics(_default_metrics(recordings) if metrics is None else metrics)
+    if same := metrics.keys() & _KINEMATIC.keys():
+        raise ValueError(f"metrics: {', '.join(same)} is the name of a baseline")
+    methods = (*metrics, *_KINEMATIC)
+    total, done = len(recordings) * (len(methods) + 1), 0
+
+    def report(label: str) -> None:
+        nonlocal done
+        if progress is not None:
+            progress(label, done, total)
+        done += 1
+
+    found: dict[tuple[str, Model], Metric] = {}  # compiled once for recordings of one model
+
+    def metric(name: str, model: Model) -> Metric:
+        if (name, model) not in found:
+            found[name, model] = metric_of(name, metrics[name], model)
+        return found[name, model]
+
+    cuts = _given_segments(recordings, segments)
+    for recording in recordings:
+        report(f"{recording.name}: cutting into segments")
+        if segments == "same":
+            cuts.append(_cut(metric(methods[0], recording.model), recording, threshold))
+    scores: dict[str, list[Scores]] = {method: [] for method in methods}
+    failures: list[tuple[str, str, str]] = []
+    for recording, pieces in zip(recordings, cuts, strict=True):
+        for method in methods:
+            report(f"{recording.name}: {method}")
+            try:
+                if method in metrics:
+                    its_metric = metric(method, recording.model)
+                    predicted = reconstruct(its_metric, recording.motion, pieces).predicted
+                else:
+                    predicted = _KINEMATIC[method][0](recording, pieces)
+                scores[method].append(score(recording.model, recording.motion, predicted, pieces))
+            except GeodesicOcpError as failure:
+                reason = str(failure).partition("\n")[0]
+                failures.append((recording.name, method, reason))
+                warnings.warn(f"{recording.name}: {method} failed: {reason}", stacklevel=2)
+                scores[method].append(_UNKNOWN)
+    report("done")
+    return MethodComparison(
+        recordings=tuple(recording.name for recording in recordings),
+        subjects=tuple(recording.subject for recording in recordings),
+        methods=methods,
+        segments=tuple(tuple(pieces) for pieces in cuts),
+        observed={method: _KINEMATIC.get(method, ((), _OF_A_GEODESIC))[1] for method in methods},
+        scores={method: tuple(scores[method]) for method in methods},
+        failures=tuple(failures),
+    )
+
+
+_UNKNOWN = Scores(**{each.name: float("nan") for each in fields(Scores)})
+
+
+def _cut(metric: Metric, recording: Recording, threshold: float) -> _Segments:
+    """The segments of a recording; errors name it."""
+    try:
+        return segment(metric, recording.motion, threshold)
+    except ValueError as failure:
+        raise ValueError(f"{recording.name}: {failure}") from None
+    except IntegrationFailed as failure:
+        message = f"{recording.name}: {failure}"
+        raise IntegrationFailed(message, failure.time, failure.state) from None
+
+
+def _given_segments(
+    recordings: Sequence[Recording], segments: str | Sequence[_Segments]
+) -> list[_Segments]:
+    """The segments that are given, for each recording; none if they are "same"."""
+    if isinstance(segments, str):
+        if segments != "same":
+            raise ValueError(f"segments must be 'same' or those of each recording: {segments!r}")
+        return []
+    if len(segments) != len(recordings):
+        raise ValueError(
+            f"segments must be given for each of {len(recordings)} recordings, got {len(segments)}"
+        )
+    return [as_segments(each.motion, its) for each, its in zip(recordings, segments, strict=True)]
+
+
+def _default_metrics(recordings: Sequence[Recording]) -> dict[str, MetricOrFunction]:
+    metrics: dict[str, MetricOrFunction] = dict(USUAL_METRICS)
+    if all(distal_joints(recording.model) for recording in recordings):
+        metrics["joint inertia of distal joints alone"] = distal_inertia
+    metrics[STRAIGHT_LINES] = metrics.pop(STRAIGHT_LINES)  # the last
+    return metrics

@@ -1,0 +1,536 @@
+"""The metrics of a comparison, by name."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.errors import GeodesicOcpError
+from geodesic_ocp.figures.styles import COMPARED, line_styles, new_figure, save_figure
+from geodesic_ocp.manifold.metric import Metric, as_metric
+from geodesic_ocp.manifold.metrics import USUAL_METRICS, as_analysis_metric
+from geodesic_ocp.model.model import Model, as_model
+from geodesic_ocp.progress import Progress, shows_progress
+from geodesic_ocp.records import write_together
+from geodesic_ocp.synergies.optimal_segmentations import (
+    OptimalSegmentations,
+    optimal_segmentations,
+)
+from geodesic_ocp.synergies.scores import MotionErrors, evaluate
+from geodesic_ocp.synergies.segment import segment
+from geodesic_ocp.synergies.segment_costs import Measure
+from geodesic_ocp.synergies.synergy import reconstruct
+from geodesic_ocp.table import Table
+from geodesic_ocp.trajectory.motion import Motion, bandwidth
+
+# A metric, or a function of a model that returns one.
+MetricOrFunction = Metric | Callable[[Model], Metric]
+
+
+def as_named_metrics(metrics: Mapping[str, MetricOrFunction]) -> dict[str, MetricOrFunction]:
+    """The metrics by name, checked.
+
+    Raises:
+        ValueError: there is none, they have no names, or one is neither a metric nor a function.
+    """
+    if not isinstance(metrics, Mapping):
+        raise ValueError(
+            "metrics must have names, as in {'kinetic energy': go.KineticEnergy(model)}, got "
+            f"{metrics!r}"
+        )
+    if not metrics:
+        raise ValueError("metrics must be at least one, got none")
+    for name, given in metrics.items():
+        if not isinstance(given, Metric) and not callable(given):
+            raise ValueError(
+                f"metrics: {name!r} must be a metric, or a function of a model that returns one, "
+                f"got {given!r}"
+            )
+    return dict(metrics)
+
+
+def metric_of(name: str, given: MetricOrFunction, model: Model) -> Metric:
+    """The metric of a model.
+
+    Raises:
+        ValueError: a function has not returned a metric, or it is of other joints.
+    """
+    try:
+        metric = as_metric(given if isinstance(given, Metric) else given(model))
+        return as_analysis_metric(metric, model)
+    except ValueError as error:
+        raise ValueError(f"metrics: {name!r}: {error}") from None
+
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_LABELS = {
+    "joint": "mean joint error [rad]",
+    "position": "mean error of the hand's position [m]",
+    "orientation": "mean error of the hand's orientation [rad]",
+}
+_MARKS = "DvPXph*<>"
+_LEAST_SHOWN, _BEYOND = 24, 1.25  # numbers of segments, and a factor beyond the largest mark
+
+
+def draw_error_curves(
+    axes: Axes,
+    curves: Mapping[str, tuple[np.ndarray, Array, int]],
+    points: Mapping[str, Sequence[tuple[int, float]]],
+    measure: str,
+    max_count: int | None,
+) -> None:
+    """Draw one curve for each name, marked at its best number, and hollow marks for its points.
+
+    Args:
+        axes: to draw into.
+        curves: numbers of segments (k,), errors (k,), and the best number.
+        points: (number of segments, error) by name.
+        measure: for the label of the axis.
+        max_count: largest number shown.
+    """
+    marked = [best for *_, best in curves.values()]
+    marked += [count for found in points.values() for count, _ in found]
+    largest = max(int(counts[-1]) for counts, *_ in curves.values())
+    if max_count is None:
+        max_count = min(largest, max(_LEAST_SHOWN, int(_BEYOND * max(marked, default=0))))
+    visible: list[float] = []
+    for (name, (counts, errors, best)), style in zip(
+        curves.items(), _styles(len(curves)), strict=True
+    ):
+        mark, line = style["marker"], {**style, "marker": "none"}
+        few = {"marker": mark, "markersize": 4.0} if len(counts) <= 12 else {}
+        shown = counts <= max_count
+        axes.plot(counts[shown], errors[shown], **{**line, **few}, label=name)
+        at = {"color": style["color"], "linestyle": "none", "marker": mark, "zorder": 4}
+        axes.plot([best], errors[counts == best], markersize=8.0, **at)
+        hollow = [point for point in points.get(name, ()) if point[0] <= max_count]
+        if hollow:
+            axes.plot(*np.transpose(hollow), markersize=6.5, fillstyle="none", **at)
+        visible += [*errors[shown], *(error for _, error in hollow)]
+    axes.set_yscale("log")
+    positive = [error for error in visible if error > 0.0]
+    if positive:
+        axes.set_ylim(0.85 * min(positive), 1.15 * max(positive))
+    axes.set_xlim(0.0, max_count + 1.0)
+    axes.set_xlabel("number of segments")
+    axes.set_ylabel(_LABELS[measure])
+    axes.grid(which="both", color="0.9", linewidth=0.6)
+    axes.set_axisbelow(True)
+    _plain_ticks(axes)
+    _add_legend(axes, any(points.values()))
+
+
+def _styles(count: int) -> list[dict[str, Any]]:
+    if count <= len(COMPARED):
+        return list(COMPARED[:count])
+    marks = ["o", "s", "^", *_MARKS]
+    return [
+        {**style, "marker": marks[index % len(marks)]}
+        for index, style in enumerate(line_styles(count))
+    ]
+
+
+def _plain_ticks(axes: Axes) -> None:
+    """Numbers such as 0.02 instead of powers of ten."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axes.yaxis.set_major_locator(LogLocator(base=10.0, subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def _add_legend(axes: Axes, has_points: bool) -> None:
+    """A legend of the curves and of the two kinds of marks."""
+    from matplotlib.lines import Line2D
+
+    grey: dict[str, Any] = {"color": "0.35", "linestyle": "none", "marker": "o"}
+    handles: list[Any] = list(axes.get_legend_handles_labels()[0])
+    handles.append(Line2D([], [], markersize=8.0, label="least BIC", **grey))
+    if has_points:
+        mark = Line2D([], [], markersize=6.5, fillstyle="none", label="online rule", **grey)
+        handles.append(mark)
+    axes.legend(handles=handles, fontsize="small", frameon=True, framealpha=0.9)
+
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_MEASURES: tuple[Measure, ...] = ("joint", "position", "orientation")
+_SHOWN = (4, 8, 12, 16, 20, 24)  # of many numbers of segments
+_HEADER = ("metric", "cuts", "segments", "joints [rad]", "hand [m]", "hand [rad]")
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorCurve:
+    """Mean errors of one metric with optimal cuts, by the number of segments.
+
+    Attributes:
+        counts: numbers of segments (k,).
+        joint, position, orientation: mean errors (k,) [rad, m, rad].
+        criterion: Bayesian information criterion (k,).
+        segments: (start, stop) sample indices, a tuple for each number.
+    """
+
+    counts: np.ndarray
+    joint: Array
+    position: Array
+    orientation: Array
+    criterion: Array
+    segments: tuple[tuple[tuple[int, int], ...], ...]
+
+    def __repr__(self) -> str:
+        return (
+            f"ErrorCurve({self.counts[0]} to {self.counts[-1]} segments, joint error "
+            f"{self.joint[0]:.3g} to {self.joint[-1]:.3g})"
+        )
+
+
+@dataclass(frozen=True)
+class OnlineErrors:
+    """Mean errors with the cuts of the online rule: its threshold [rad] and its segments."""
+
+    threshold: float
+    count: int
+    errors: MotionErrors
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MetricComparison:
+    """Errors of several metrics, each with its own optimal cuts, from `compare_metrics`.
+
+    Attributes:
+        model: the arm.
+        motion: observed, filtered.
+        measure: that the cuts minimize.
+        curves: by metric, the errors with optimal cuts.
+        online: by metric, the errors with the cuts of the online rule, by threshold.
+    """
+
+    model: Model
+    motion: Motion
+    measure: Measure
+    curves: Mapping[str, ErrorCurve]
+    online: Mapping[str, tuple[OnlineErrors, ...]]
+
+    def __repr__(self) -> str:
+        names = list(self.curves)[:3]
+        best = ", ".join(f"{self.best_count(name)} ({name})" for name in names)
+        best += ", ..." if len(self.curves) > len(names) else ""
+        return (
+            f"MetricComparison({self.model.name}, {self.motion.duration:.3g} s, cuts of least "
+            f"{self.measure} error,\n  synergies worth having: {best})"
+        )
+
+    def _repr_markdown_(self) -> str:
+        return self.table().markdown()
+
+    def best_count(self, name: str) -> int:
+        """The number of synergies worth having: that of the least Bayesian information criterion.
+
+        With M independent samples of each of n joints, residuals of mean square R_j and noise of
+        variance sigma_j^2, the number k minimizes
+
+            M sum_j (log s_j^2 + R_j / s_j^2) + k (n + 2) log(M n),  s_j^2 = max(R_j, sigma_j^2).
+
+        A segment has n + 2 parameters: the configuration, the time and the speed at its end. After
+        a low-pass filter with cut-off frequency f, M is 2 f times the duration (Schwarz, The Annals
+        of Statistics 6, 1978).
+
+        Raises:
+            ValueError: there is no such metric.
+        """
+        if name not in self.curves:
+            raise ValueError(f"name must be one of {', '.join(self.curves)}, got {name!r}")
+        curve = self.curves[name]
+        return int(curve.counts[np.argmin(curve.criterion)])
+
+    def table(self, counts: Sequence[int] | None = None) -> Table:
+        """Mean errors of every metric: optimal cuts, then those of the online rule.
+
+        Args:
+            counts: numbers of segments; None shows 4, 8, ..., 24 and the number worth having.
+
+        Raises:
+            ValueError: a number of segments that was not compared.
+        """
+        known = {int(count) for curve in self.curves.values() for count in curve.counts}
+        if missing := sorted(set(counts or ()) - known):
+            raise ValueError(f"counts {missing} are not among those compared, {sorted(known)}")
+        rows: list[tuple[str | int | float, ...]] = []
+        for name, curve in self.curves.items():
+            best = self.best_count(name)
+            few = known if len(known) <= len(_SHOWN) else {*_SHOWN, best}
+            shown = few if counts is None else set(counts)
+            for index, count in enumerate(curve.counts.tolist()):
+                if count in shown:
+                    cuts = "optimal, least BIC" if count == best else "optimal"
+                    errors = [float(getattr(curve, measure)[index]) for measure in _MEASURES]
+                    rows.append((name, cuts, count, *errors))
+            for point in self.online[name]:
+                errors = [getattr(point.errors, measure) for measure in _MEASURES]
+                rows.append((name, f"online, {point.threshold:g} rad", point.count, *errors))
+        return Table(_HEADER, tuple(rows))
+
+    def draw(
+        self, axes: Axes, measure: Measure | None = None, *, max_count: int | None = None
+    ) -> None:
+        """Draw error against number of segments into axes, with a legend.
+
+        Curves are optimal cuts, their filled marks the numbers worth having, hollow marks the
+        online rule.
+
+        Args:
+            axes: of matplotlib.
+            measure: of the error; None is the one that the cuts minimize.
+            max_count: largest number shown; None shows somewhat more than what is marked.
+
+        Raises:
+            ValueError: an unknown measure.
+        """
+        measure = self.measure if measure is None else measure
+        if measure not in _MEASURES:
+            raise ValueError(f"measure must be one of {', '.join(_MEASURES)}, got {measure!r}")
+        best = {name: self.best_count(name) for name in self.curves}
+        curves = {n: (c.counts, getattr(c, measure), best[n]) for n, c in self.curves.items()}
+        points = {
+            name: [(point.count, float(getattr(point.errors, measure))) for point in found]
+            for name, found in self.online.items()
+        }
+        draw_error_curves(axes, curves, points, measure, max_count)
+
+    def plot(self) -> Figure:
+        """Error against number of segments in all three measures."""
+        figure = new_figure(12.0, 4.6)
+        panels = figure.subplots(1, 3)
+        for axes, measure in zip(panels, _MEASURES, strict=True):
+            self.draw(axes, measure)
+        legends = [axes.get_legend() for axes in panels]
+        labels = [text.get_text() for text in legends[0].get_texts()]
+        handles = legends[0].legend_handles
+        for legend in legends:  # one below all panels, where it covers no mark
+            legend.remove()
+        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
+        of = {"joint": "of the joints"}.get(self.measure, f"of the hand's {self.measure}")
+        figure.suptitle(
+            f"{self.model.name}, {self.motion.duration:.1f} s: cuts of least mean error {of}"
+        )
+        return figure
+
+    def save(self, folder: str | FilePath) -> list[FilePath]:
+        """Write table.csv (all numbers of segments), table.md, figure.png and figure.pdf.
+
+        Returns:
+            The files' paths.
+
+        Raises:
+            OSError: the folder cannot be created or written to.
+        """
+        return write_together(folder, self._write)
+
+    def _write(self, folder: FilePath) -> None:
+        known = {int(count) for curve in self.curves.values() for count in curve.counts}
+        (folder / "table.csv").write_text(self.table(sorted(known)).csv(), encoding="utf-8")
+        (folder / "table.md").write_text(self.table().markdown(), encoding="utf-8")
+        save_figure(self.plot(), folder)
+
+
+_LEAST_NOISE = 1e-6  # [rad or m]: the rounding of recordings
+_NORMAL_MEDIAN = 0.6745  # median of the absolute value of a standard normal variable
+
+
+def bayesian_information(
+    residuals: Array, segments: int, noise: Array, independent_samples: float
+) -> float:
+    """BIC of a motion that is reconstructed from segments; the smallest of several is best.
+
+    M sum_j (log s_j^2 + mean(r_j^2) / s_j^2) + k (n + 2) log(M n)
+
+    for Gaussian residuals r_j of joint j with variance s_j^2 = max(mean(r_j^2), sigma_j^2), where
+    nothing below the noise sigma_j counts as explained. The k segments have n + 2 parameters each:
+    the configuration, the time and the speed at their ends (Schwarz, "Estimating the dimension of a
+    model", The Annals of Statistics 6, 1978).
+
+    Args:
+        residuals: predicted minus observed coordinates (samples, n).
+        segments: their number k.
+        noise: standard deviations sigma (n,) of the noise in the observed coordinates.
+        independent_samples: M, of every joint, which is less than the number of samples after a
+            low-pass filter.
+    """
+    joints = residuals.shape[1]
+    squares = np.mean(residuals**2, axis=0)
+    variances = np.maximum(squares, noise**2)
+    misfit = independent_samples * float(np.sum(np.log(variances) + squares / variances))
+    parameters = segments * (joints + 2)
+    return float(misfit + parameters * np.log(independent_samples * joints))
+
+
+def noise_left(motion: Motion, noise: ArrayLike | None, frequency: float) -> Array:
+    """Standard deviations (n,) of the noise in the coordinates: as given, or estimated.
+
+    White noise of standard deviation sigma before a filter of bandwidth f leaves
+    sigma sqrt(2 f / rate). Without a record of the filter, sigma comes from second differences of
+    the coordinates, as they are.
+
+    Raises:
+        ValueError: noise is neither one nor n numbers, or not positive.
+    """
+    joints = len(motion.joint_names)
+    if noise is not None:
+        given = np.asarray(noise, dtype=float)
+        if given.shape not in ((), (joints,)) or not np.all(np.isfinite(given) & (given > 0.0)):
+            raise ValueError(f"noise must be one or {joints} positive numbers, got {noise!r}")
+        return np.asarray(np.broadcast_to(given, joints), dtype=float)
+    if motion.filter is not None:
+        left = motion.filter.noise * np.sqrt(min(1.0, 2.0 * frequency / motion.rate))
+    else:
+        second = np.abs(np.diff(motion.q, 2, axis=0))
+        left = np.median(second, axis=0) / (_NORMAL_MEDIAN * np.sqrt(6.0))
+    return np.asarray(np.maximum(left, _LEAST_NOISE))
+
+
+@shows_progress
+def compare_metrics(
+    model: Model,
+    motion: Motion,
+    metrics: Mapping[str, MetricOrFunction] | None = None,
+    *,
+    measure: Measure = "joint",
+    counts: Sequence[int] | None = None,
+    refined: bool = False,
+    spacing: float = 0.05,
+    max_duration: float = 2.0,
+    thresholds: Sequence[float] = (0.3, 0.6, 1.0),
+    noise: ArrayLike | None = None,
+    cutoff: float | None = None,
+    progress: Progress | None = None,
+) -> MetricComparison:
+    """Reconstruct a motion with several metrics, each with the cuts that are best for it.
+
+    At an equal number of segments, each metric has its least error in one measure
+    (`optimal_segmentations`). The errors in the other two measures are those of the same cuts. The
+    online rule (`segment`) adds one point for each metric and threshold.
+
+    >>> import geodesic_ocp as go
+    >>> from importlib.resources import files
+    >>> arm = go.human_arm("left", height=1.78)
+    >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv").filtered()
+    >>> part = go.Motion(motion.time[:90], motion.q[:90], motion.joint_names, motion.velocity[:90])
+    >>> metrics = {"straight lines": go.Euclidean(7)}
+    >>> comparison = go.compare_metrics(arm, part, metrics, thresholds=[0.6], spacing=0.1)
+    >>> comparison.curves["straight lines"].counts.tolist()
+    [1, 2, 3, 4, 5, 6, 7]
+
+    Args:
+        model: the arm; its joints are selected from the motion by name.
+        motion: the recording; filtered here (`Motion.filtered`) if it has no velocities.
+        metrics: by name, a metric or a function of the model that returns one; None compares the
+            kinetic energy with the model's or the default joint inertia (`default_joint_inertia`),
+            the kinetic energy of the links alone, and straight lines.
+        measure: that the cuts minimize: "joint" [rad], "position" or "orientation" of the hand.
+        counts: numbers of segments; None takes all that are possible.
+        refined: move the cuts by single samples, which takes about 0.2 s for each number and
+            metric; otherwise they stay on the grid of candidates.
+        spacing: of the candidates [s].
+        max_duration: of a segment [s].
+        thresholds: of the online rule [rad].
+        noise: standard deviation of the noise in the coordinates, one number or (n,) [rad], for
+            `MetricComparison.best_count`; None estimates it from the record of the filter.
+        cutoff: of the motion's filter [Hz], for the same; None takes the filter's. Where that is
+            not known, every sample counts as independent, so give it if the motion was filtered
+            elsewhere.
+        progress: called with what is done, the amount done, and the total.
+
+    Raises:
+        ValueError: there is no metric or it does not fit the model, counts are empty or not
+            possible with one of the metrics, or see `optimal_segmentations` and `segment`.
+        NotConverged: see `optimal_segmentations`.
+
+    Warns:
+        RuntimeWarning: log maps failed, or a point of the online rule was left out for that.
+    """
+    motion = motion.select(as_model(model).joint_names)
+    if motion.velocity is None:
+        motion = motion.filtered()
+    given = as_named_metrics(USUAL_METRICS if metrics is None else metrics)
+    named = {name: metric_of(name, each, model) for name, each in given.items()}
+    if counts is not None and (np.ndim(counts) != 1 or not len(counts)):
+        raise ValueError(f"counts must be one or more numbers of segments, got {counts!r}")
+    frequency = bandwidth(motion, cutoff)
+    floor = noise_left(motion, noise, frequency)
+    curves, online = {}, {}
+    for name, metric in named.items():
+        found = optimal_segmentations(
+            metric,
+            motion,
+            measure=measure,
+            model=model,
+            spacing=spacing,
+            max_duration=max_duration,
+            progress=None if progress is None else _labelled(progress, name),
+        )
+        chosen = found.counts.tolist() if counts is None else sorted({int(k) for k in counts})
+        curves[name] = _curve(model, found, chosen, refined, floor, frequency)
+        online[name] = _online(model, metric, motion, thresholds, name)
+    return MetricComparison(model, motion, measure, curves, online)
+
+
+def _labelled(progress: Progress, name: str) -> Progress:
+    return lambda label, done, total: progress(f"{name}: {label}", done, total)
+
+
+def _curve(
+    model: Model,
+    found: OptimalSegmentations,
+    counts: Sequence[int],
+    refined: bool,
+    noise: np.ndarray,
+    frequency: float,
+) -> ErrorCurve:
+    motion = found.motion
+    independent = min(len(motion), max(1.0, 2.0 * frequency * motion.duration))
+    errors, criteria = [], []
+    for count in counts:
+        predicted = found.predicted(count, refined=refined)
+        errors.append(evaluate(model, motion, predicted))
+        criteria.append(bayesian_information(predicted.q - motion.q, count, noise, independent))
+    segments = tuple(tuple(found.segments(count, refined=refined)) for count in counts)
+    return ErrorCurve(
+        np.array(counts),
+        np.array([each.joint for each in errors]),
+        np.array([each.position for each in errors]),
+        np.array([each.orientation for each in errors]),
+        np.array(criteria),
+        segments,
+    )
+
+
+def _online(
+    model: Model, metric: Metric, motion: Motion, thresholds: Sequence[float], name: str
+) -> tuple[OnlineErrors, ...]:
+    """Errors with the cuts of the online rule, for the thresholds at which it succeeds."""
+    points = []
+    for threshold in thresholds:
+        try:
+            segments = segment(metric, motion, threshold)
+            predicted = reconstruct(metric, motion, segments).predicted
+        except GeodesicOcpError as failure:
+            warnings.warn(
+                f"{name}: the online rule at {threshold:g} rad is left out: {failure}",
+                RuntimeWarning,
+                stacklevel=3,
+            )
+            continue
+        errors = evaluate(model, motion, predicted)
+        points.append(OnlineErrors(float(threshold), len(segments), errors))
+    return tuple(points)

@@ -1,0 +1,418 @@
+"""What becomes of a recording of many, as small values that travel between processes."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import hashlib
+import json
+import os
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from statistics import fmean
+from typing import Annotated, Any, Literal
+
+import msgspec
+import numpy as np
+
+from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.records import TEMPORARY, convert, read_record, write_file
+from geodesic_ocp.studies.analysis_settings import AnalysisSettings
+from geodesic_ocp.studies.sources import RecordingSource
+from geodesic_ocp.studies.tables import (
+    IDENTITY_COLUMNS,
+    PARQUET_HINT,
+    RECORDING_COLUMNS,
+    SYNERGY_COLUMNS,
+    Row,
+    TableColumn,
+    has_parquet,
+    write_rows,
+)
+from geodesic_ocp.table import Table
+
+OutcomeKind = Literal["analysed", "found", "file", "solver", "process", "same", "missing", "error"]
+
+
+@dataclass(frozen=True, repr=False)
+class RecordingTask:
+    """A recording that is to be analysed.
+
+    Attributes:
+        source: of the recording.
+        settings: of the analysis.
+        folder: of the output, absolute.
+        key: of the result, see `result_key`.
+        time_limit: of the process that analyses it [s], or None.
+    """
+
+    source: RecordingSource
+    settings: AnalysisSettings
+    folder: Path
+    key: str
+    time_limit: float | None = None
+
+    def __repr__(self) -> str:
+        return f"RecordingTask({self.source.name!r}, {self.key[:8]})"
+
+
+@dataclass(frozen=True, repr=False)
+class RecordingOutcome:
+    """What became of a recording.
+
+    Attributes:
+        source: of the recording.
+        kind: "analysed" now, or "found" with a result from before; or why there is none: the
+            "file" cannot be used, a "solver" failed, its "process" died, its motion is the "same"
+            as another's, it is "missing" as nobody has analysed it yet, or another "error".
+        text: the result, or the reason, in one sentence.
+        key: of the result; empty if there is none.
+        warnings: that the analysis gave.
+        seconds: that the analysis took.
+    """
+
+    source: RecordingSource
+    kind: OutcomeKind
+    text: str = ""
+    key: str = ""
+    warnings: tuple[str, ...] = ()
+    seconds: float = 0.0
+
+    @property
+    def success(self) -> bool:
+        """Whether there is a result."""
+        return self.kind in ("analysed", "found")
+
+    def __str__(self) -> str:
+        """As a line of text."""
+        return f"{self.source.name}: {self.text}"
+
+    def __repr__(self) -> str:
+        return f"RecordingOutcome({self.source.name!r}, {self.kind}: {self.text})"
+
+
+FORMAT, VERSION = "geodesic_ocp result of a recording", 1
+RESULTS = "results"  # folder of the results, within that of the output
+SYNERGIES = ".synergies.json"
+# Of the rows of recordings, what the summary reads.
+_NEEDED = (
+    *("method_label", "segments", "height_m", "mass_kg"),
+    *("joint_error_rad", "position_error_m", "orientation_error_rad"),
+)
+_KEY = re.compile(r"-([0-9a-f]{32})\.json$")
+
+
+def _row_type(columns: Sequence[TableColumn], needed: Sequence[str]) -> Any:
+    types: dict[str, Any] = {"text": str, "integer": int | None, "number": float | None}
+    fields = [
+        (each.name, types[each.kind], msgspec.NODEFAULT if each.name in needed else None)
+        for each in columns
+    ]
+    return msgspec.defstruct("Row", fields, kw_only=True, forbid_unknown_fields=True)
+
+
+# What the tables and the outcome are made of.
+_Result: Any = msgspec.defstruct(
+    "Result",
+    [
+        ("identity", _row_type(IDENTITY_COLUMNS, [each.name for each in IDENTITY_COLUMNS])),
+        ("own_subject", str),
+        ("probes", tuple[int, Annotated[list[float], msgspec.Meta(min_length=1)]]),
+        ("recordings", list[_row_type(RECORDING_COLUMNS, _NEEDED)]),  # type: ignore[misc]
+        ("synergies", list[_row_type(SYNERGY_COLUMNS, ())]),  # type: ignore[misc]
+        ("warnings", list[str]),
+    ],
+)
+
+
+def result_key(source: RecordingSource, settings: AnalysisSettings) -> str:
+    """32 digits that change with the file's content, the side, the settings and the package.
+
+    With an AMC file, also with the skeletons (.asf) beside it.
+
+    Raises:
+        OSError: the file cannot be read.
+    """
+    digest = hashlib.sha256()
+    files = [source.path]
+    if source.path.suffix.lower() == ".amc":
+        files += sorted(each for each in source.path.parent.glob("*.[aA][sS][fF]"))
+    for file in files:
+        with file.open("rb") as stream:
+            while block := stream.read(1 << 20):
+                digest.update(block)
+    known = [source.side, source.height, source.mass, settings.digest(), version("geodesic_ocp")]
+    digest.update(json.dumps(known).encode())
+    return digest.hexdigest()[:32]
+
+
+def result_name(source: RecordingSource, key: str) -> str:
+    """Name of the file of a result."""
+    stem = re.sub(r"[^\w.-]+", "_", source.path.stem)[:100]
+    return f"{stem}-{source.side}-{key}.json"
+
+
+def results_by_key(folder: Path) -> dict[str, Path]:
+    """The files of results in the output folder, by key; none is opened."""
+    found = {}
+    for name in sorted(os.listdir(folder / RESULTS)) if (folder / RESULTS).is_dir() else ():
+        if match := _KEY.search(name):
+            found[match[1]] = folder / RESULTS / name
+    return found
+
+
+def read_result(path: Path) -> dict[str, Any] | None:
+    """The record of a result; None if the file is missing, damaged or of another version."""
+    try:
+        record = read_record(path, FORMAT, VERSION, "a result")
+        rows = convert(record, _Result, path).recordings
+    except RecordingError:
+        return None
+    # The outcome states the errors of the first row.
+    has_errors = rows and None not in (rows[0].joint_error_rad, rows[0].position_error_m)
+    return record if has_errors else None
+
+
+def unfinished(folder: Path) -> Iterator[Path]:
+    """Temporary files that processes which were killed left among the results."""
+    yield from (folder / RESULTS).glob(f"{TEMPORARY}*")
+
+
+_FILE = ".lock"
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold the folder for this run alone.
+
+    Raises:
+        ValueError: another run works in this folder; names its process.
+        OSError: the folder cannot be written to.
+    """
+    with open(folder / _FILE, "a+", encoding="utf-8") as stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as failure:
+            if failure.errno not in (errno.EWOULDBLOCK, errno.EACCES):
+                raise
+            stream.seek(0)
+            who = stream.read().strip() or "unknown"
+            raise ValueError(
+                f"{folder}: another run works in this folder (process {who}); wait for it to end, "
+                "or choose another folder"
+            ) from None
+        stream.truncate(0)
+        stream.write(f"{os.getpid()}\n")
+        stream.flush()
+        yield
+
+
+_SAME = 1e-6  # [rad]; formats print angles with at least this precision
+
+
+class MotionsByProbes:
+    """Recorded motions by their probes: the angles at some samples.
+
+    Motions are equal if they are of the same side, have as many samples, and differ by at most
+    1e-6 rad in every probe. Each is kept under its weighted mean angle, rounded to twice that, so
+    that an equal one is found under the same or a neighbouring value, without a look at the others.
+    """
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[Any, ...], list[tuple[int, str, Any]]] = {}
+        self._count = 0
+
+    def __repr__(self) -> str:
+        return f"MotionsByProbes({self._count} motions)"
+
+    def add(self, name: str, side: str, samples: int, probes: Any) -> str:
+        """Add a motion; returns the name of the first one equal to it, or "" if there is none.
+
+        A motion that equals an earlier one is not added.
+        """
+        angles = np.asarray(probes, dtype=float)
+        # Unequal weights: the mean of a movement forth and back is that of any other.
+        mean = np.average(angles, weights=np.linspace(1.0, 2.0, angles.size))
+        place = float(np.floor(mean / (2.0 * _SAME)))
+        equal = [
+            (number, other)
+            for near in (place - 1.0, place, place + 1.0)
+            for number, other, known in self._known.get((side, samples, angles.size, near), ())
+            if np.all(np.abs(angles - known) <= _SAME)
+        ]
+        if equal:
+            return min(equal)[1]
+        own = self._known.setdefault((side, samples, angles.size, place), [])
+        own.append((self._count, name, angles))
+        self._count += 1
+        return ""
+
+
+def notes_of(rows: Sequence[Row], others: int) -> Iterator[str]:
+    """Subjects named after files, assumed heights and masses, and results that are in no table.
+
+    Args:
+        rows: of the table of recordings.
+        others: number of results in the folder that are not of these recordings.
+    """
+    by_name = {str(row["recording"]): row for row in rows}
+    recordings = list(by_name.values())
+    files = [row for row in recordings if row.get("subject_from") == "file name"]
+    if len(recordings) > 1 and files:
+        yield (
+            f"Subjects of {_of(files, recordings)} are named after their files, as nothing else "
+            "names them: recordings of one person would count as several subjects. State the "
+            "subjects with a table (--subjects) or by the paths (--subject-from)."
+        )
+    for name, usual in (("height", "m"), ("mass", "kg")):
+        assumed = [row for row in recordings if row.get(f"{name}_from") == "assumed"]
+        if assumed:
+            value = assumed[0][f"{name}_{usual}"]
+            yield f"Assumed, not in the recording: a body {name} of {value} {usual} in " + (
+                f"{_of(assumed, recordings)}."
+            )
+    if others:
+        yield (
+            f"{others} other result{'s' * (others != 1)} in the folder {_are(others)} not of these "
+            "recordings and in none of the tables."
+        )
+
+
+def _of(some: Sequence[Row], all_of_them: Sequence[Row]) -> str:
+    return f"{len(some)} of {len(all_of_them)} recordings"
+
+
+def _are(count: int) -> str:
+    return "is" if count == 1 else "are"
+
+
+class CollectedResults:
+    """Rows of the tables, from results that are read one after the other."""
+
+    def __init__(self) -> None:
+        self.recordings: list[Row] = []
+        self.synergies: list[Row] = []
+        self._motions = MotionsByProbes()
+
+    def add(self, record: dict[str, Any]) -> str:
+        """Add a result; returns the name of an earlier recording with the same motion, or ""."""
+        identity = record["identity"]
+        same = self._motions.add(identity["recording"], identity["side"], *record["probes"])
+        if same:
+            return same
+        self.recordings += [identity | row for row in record["recordings"]]
+        self.synergies += [identity | row for row in record["synergies"]]
+        return ""
+
+
+def collect(
+    folder: Path, outcomes: Sequence[RecordingOutcome]
+) -> tuple[CollectedResults, list[RecordingOutcome]]:
+    """Rows of all results, and outcomes in which one of several equal motions is kept."""
+    collected, kept, paths = CollectedResults(), [], results_by_key(folder)
+    for outcome in outcomes:
+        record = read_result(paths[outcome.key]) if outcome.key in paths else None
+        if outcome.success and record is None:
+            text = "its result has disappeared from the folder"
+            outcome = RecordingOutcome(outcome.source, "error", text)
+        elif record is not None and (same := collected.add(record)):
+            text = f"holds the same motion as {same}"
+            outcome = RecordingOutcome(outcome.source, "same", text)
+        kept.append(outcome)
+    return collected, kept
+
+
+def other_results(folder: Path, outcomes: Iterable[RecordingOutcome]) -> int:
+    """Number of results in the folder that belong to none of these recordings."""
+    return len(set(results_by_key(folder)) - {outcome.key for outcome in outcomes})
+
+
+def write_tables(
+    folder: Path,
+    collected: CollectedResults,
+    outcomes: Sequence[RecordingOutcome],
+    settings: AnalysisSettings,
+    others: int = 0,
+) -> tuple[Path, ...]:
+    """Write recordings, synergies and failures as tables, and summary.md; returns the paths."""
+    failures = [outcome for outcome in outcomes if not outcome.success]
+    files = [
+        *write_rows(folder, "recordings", collected.recordings),
+        *write_rows(folder, "synergies", collected.synergies),
+        *write_rows(folder, "failures", [_failure_row(outcome) for outcome in failures]),
+        write_file(folder / "summary.md", _summary(collected, outcomes, settings, others)),
+    ]
+    return tuple(files)
+
+
+def mean_table(rows: Sequence[Row]) -> Table:
+    """Means over recordings of the errors of each method."""
+    columns = ("joint_error_rad", "position_error_m", "orientation_error_rad")
+    entries: list[tuple[str | int | float, ...]] = []
+    for label in dict.fromkeys(str(row["method_label"]) for row in rows):
+        own = [row for row in rows if row["method_label"] == label]
+        found = [row for row in own if row["joint_error_rad"] is not None]
+        means = [
+            fmean(float(row[name] or 0.0) for row in found) if found else "-" for name in columns
+        ]
+        entries.append((label, len(found), *means))
+    header = ("method", "recordings", "joints [rad]", "hand [m]", "hand [rad]")
+    return Table(header, tuple(entries))
+
+
+def _summary(
+    collected: CollectedResults,
+    outcomes: Sequence[RecordingOutcome],
+    settings: AnalysisSettings,
+    others: int,
+) -> str:
+    subjects = {row["subject"] for row in collected.recordings}
+    failures = [outcome for outcome in outcomes if not outcome.success]
+    warned = [outcome for outcome in outcomes if outcome.success and outcome.warnings]
+    count = len(outcomes) - len(failures)
+    missing = sum(outcome.kind == "missing" for outcome in failures)
+    waiting = f", {missing} of them as nobody has analysed them yet" if missing else ""
+    lines = [
+        "# Analysis of many recordings",
+        "",
+        f"{count} recordings of {len(subjects)} subjects, {len(collected.synergies)} geodesic "
+        f"synergies; {len(failures)} recordings are left out{waiting}.",
+        "",
+        f"Settings: `{settings!r}` (those not named are the defaults).",
+    ]
+    for note in notes_of(collected.recordings, others):
+        lines += ["", note]
+    if not has_parquet():
+        lines += ["", f"The tables are CSV alone. {PARQUET_HINT}."]
+    if collected.recordings:
+        lines += ["", "## Mean errors over the recordings", ""]
+        lines.append(mean_table(collected.recordings).markdown().rstrip())
+    if failures:
+        lines += ["", "## Left out", "", "| recording | kind | reason |", "| --- | --- | --- |"]
+        lines += [f"| {_cell(o.source.name)} | {o.kind} | {_cell(o.text)} |" for o in failures]
+    if warned:
+        lines += ["", "## Warnings", "", "| recording | warning |", "| --- | --- |"]
+        lines += [f"| {_cell(o.source.name)} | {_cell('; '.join(o.warnings))} |" for o in warned]
+    return "\n".join(lines) + "\n"
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|")
+
+
+def _failure_row(outcome: RecordingOutcome) -> Row:
+    source = outcome.source
+    return {
+        "recording": source.name,
+        "file": source.file,
+        "subject": source.subject,
+        "subject_from": source.subject_from if source.subject else "",
+        "trial": source.trial,
+        "side": source.side,
+        "kind": outcome.kind,
+        "reason": outcome.text,
+    }

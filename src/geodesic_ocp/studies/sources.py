@@ -1,0 +1,278 @@
+"""Subjects and trials from patterns of file names, and from a table of the files."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path, PurePosixPath
+from typing import Literal
+
+import numpy as np
+
+from geodesic_ocp.arrays import as_positive
+from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.model.anthropometry import Side
+from geodesic_ocp.recordings.read_recording import stature_of
+from geodesic_ocp.recordings.read_recordings import recording_files
+from geodesic_ocp.recordings.recording import Recording
+from geodesic_ocp.studies.analysis_settings import AnalysisSettings
+from geodesic_ocp.studies.tables import Row, named_file, path_ends, read_text_table
+
+_FIELD = re.compile(r"\{(\w*)\}|(\*)")
+
+
+@dataclass(frozen=True)
+class SubjectEntry:
+    """What is known of a file: subject, trial, height [m] and mass [kg] of the person."""
+
+    subject: str
+    trial: str = ""
+    height: float | None = None
+    mass: float | None = None
+
+
+class SubjectPattern:
+    """A pattern of paths such as "{subject}/{trial}" or "{subject}_*_{trial}".
+
+    It is compared with the end of a path without its suffix. {subject}, {trial} and * stand for at
+    least one character other than /, and for as few as possible, the first of them first.
+
+    >>> SubjectPattern("{subject}_reach_{trial}").find("data/S01_reach_2.c3d")[0].trial
+    '2'
+
+    Raises:
+        ValueError: no {subject}, another or a repeated field, or two with nothing between them.
+    """
+
+    def __init__(self, pattern: str) -> None:
+        names = [match[1] for match in _FIELD.finditer(pattern) if not match[2]]
+        if names.count("subject") != 1 or sorted(names) not in (["subject"], ["subject", "trial"]):
+            raise ValueError(
+                "the pattern of subjects must hold {subject} once, and may hold {trial} once and "
+                f"*, as in '{{subject}}/*_{{trial}}'; got {pattern!r}"
+            )
+        if touching := re.search(r"(?:\{\w*\}|\*){2,}", pattern):
+            raise ValueError(
+                "the pattern of subjects must hold something between two fields, as in "
+                f"'{{subject}}_{{trial}}'; got {touching[0]!r} in {pattern!r}"
+            )
+        self.pattern = pattern
+        pattern = pattern.removeprefix("./")
+        parts, end = [], 0
+        for match in _FIELD.finditer(pattern):
+            parts.append(re.escape(pattern[end : match.start()]))
+            parts.append("[^/]+?" if match[2] else f"(?P<{match[1]}>[^/]+?)")
+            end = match.end()
+        self._expression = re.compile("(?:.*/)?" + "".join([*parts, re.escape(pattern[end:])]))
+
+    def find(self, path: str) -> tuple[SubjectEntry, str]:
+        """What the pattern finds in a path, or why it does not."""
+        found = self._expression.fullmatch(str(PurePosixPath(path).with_suffix("")))
+        if found is None:
+            return SubjectEntry(""), f"its path does not match the pattern {self.pattern!r}"
+        return SubjectEntry(found["subject"], found.groupdict().get("trial") or ""), ""
+
+
+@dataclass(frozen=True, repr=False)
+class SubjectTable:
+    """Entries by the path of the file, as far as the table gives it, with or without its suffix.
+
+    Attributes:
+        path: of the table.
+        entries: by path.
+    """
+
+    path: Path
+    entries: Mapping[str, SubjectEntry]
+
+    def __repr__(self) -> str:
+        return f"SubjectTable({self.path}, {len(self.entries)} files)"
+
+    @classmethod
+    def read(cls, path: str | PathLike[str]) -> SubjectTable:
+        """Read a CSV file with the columns file, subject and, if known, trial, height and mass.
+
+        Raises:
+            RecordingError: the table is missing, lacks a column, has a wrong entry, or lines of one
+                file that differ.
+        """
+        file = Path(path)
+        names, lines = read_text_table(file)
+        if missing := [name for name in ("file", "subject") if name not in names]:
+            raise RecordingError(f"{file}: there is no column {' or '.join(missing)}")
+        entries: dict[str, SubjectEntry] = {}
+        places: dict[str, str] = {}
+        for where, values in lines:
+            key, entry = _entry(f"{file}: {where}", dict(zip(names, values, strict=True)))
+            if entries.setdefault(key, entry) != entry:
+                raise RecordingError(f"{file}: {places[key]} and {where} differ about {key}")
+            places.setdefault(key, where)
+        return cls(file, entries)
+
+    def find(self, file: str) -> tuple[SubjectEntry, str]:
+        """The entry whose path is the end of this one, or why there is none.
+
+        The longest path counts, and of two as long the one with the suffix.
+        """
+        for end in path_ends(file):
+            if (entry := self.entries.get(end)) is not None:
+                return entry, ""
+        shown = "/".join(PurePosixPath(file).parts[-2:])
+        return SubjectEntry(""), f"{self.path} has no row whose file is the end of .../{shown}"
+
+
+def _entry(where: str, row: Mapping[str, str]) -> tuple[str, SubjectEntry]:
+    if not row["file"] or not row["subject"]:
+        raise RecordingError(f"{where}: file and subject must not be empty")
+    numbers: dict[str, float | None] = {}
+    for name in ("height", "mass"):
+        try:
+            numbers[name] = as_positive(name, float(text)) if (text := row.get(name)) else None
+        except ValueError as failure:
+            raise RecordingError(f"{where}: {name}: {failure}") from None
+    entry = SubjectEntry(row["subject"], row.get("trial") or "", **numbers)
+    return named_file(row["file"]), entry
+
+
+#: Where the name of a subject is from: the table of subjects, a pattern of paths, the recording
+#: itself, or, as nothing tells it, the name of the folder or of the file.
+SubjectFrom = Literal["table", "path", "file", "folder name", "file name"]
+
+
+@dataclass(frozen=True, repr=False)
+class RecordingSource:
+    """One side of a file that is to be analysed.
+
+    Attributes:
+        path: of the file, absolute.
+        file: relative to the deepest folder that holds all files that were given.
+        side: "right" or "left".
+        subject: of the person; empty if the file is to tell.
+        subject_from: where the subject is from, see `SubjectFrom`; empty if the file is to tell.
+        fallback: the subject if the file does not tell.
+        fallback_from: where the fallback is from.
+        trial: the repetition.
+        height, mass: of the person [m], [kg]; None if the file is to tell.
+        problem: why the recording cannot be analysed; empty if nothing is known against it.
+    """
+
+    path: Path
+    file: str
+    side: Side
+    subject: str = ""
+    subject_from: SubjectFrom | Literal[""] = ""
+    fallback: str = ""
+    fallback_from: SubjectFrom = "file name"
+    trial: str = ""
+    height: float | None = None
+    mass: float | None = None
+    problem: str = ""
+
+    @property
+    def name(self) -> str:
+        """Of the recording."""
+        return f"{self.file}, {self.side}"
+
+    def __repr__(self) -> str:
+        return f"RecordingSource({self.name!r}, subject {self.subject or self.fallback!r})"
+
+
+def recording_sources(
+    paths: str | PathLike[str] | Iterable[str | PathLike[str]],
+    sides: Sequence[Side],
+    *,
+    recursive: bool = False,
+    pattern: str | None = None,
+    table: str | PathLike[str] | None = None,
+) -> list[RecordingSource]:
+    """The sources of all files, each with its subject and trial.
+
+    A subject is, in this order, that of the table, of the pattern, of the file, the name of the
+    file's folder if files of several folders are given, or the file's name. A trial is that of the
+    table, of the pattern, or the file's name.
+
+    Raises:
+        RecordingError: a folder without recordings, or a table that cannot be read.
+        ValueError: no path, or a pattern without {subject}.
+    """
+    given = recording_files(paths, recursive=recursive)
+    files = list(dict.fromkeys(Path(os.path.abspath(file)) for file in given))
+    root = Path(os.path.commonpath([file.parent for file in files]))
+    named = None if pattern is None else SubjectPattern(pattern)
+    listed = None if table is None else SubjectTable.read(table)
+    sources = []
+    for path in files:
+        file = path.relative_to(root).as_posix()
+        folder = PurePosixPath(file).parent.name
+        problem, entry = "", SubjectEntry("")
+        found_in: SubjectFrom | Literal[""] = ""
+        if listed is not None:
+            found_in, (entry, problem) = "table", listed.find(path.as_posix())
+        elif named is not None:
+            found_in, (entry, problem) = "path", named.find(path.as_posix())
+        for side in sides:
+            sources.append(
+                RecordingSource(
+                    path=path,
+                    file=file,
+                    side=side,
+                    subject=entry.subject,
+                    subject_from=found_in,
+                    fallback=folder or path.stem,
+                    fallback_from="folder name" if folder else "file name",
+                    trial=entry.trial or path.stem,
+                    height=entry.height,
+                    mass=entry.mass,
+                    problem=problem,
+                )
+            )
+    return sources
+
+
+def identity(source: RecordingSource, own_subject: str) -> dict[str, str]:
+    """What identifies a recording in the tables, with the subject that the file names."""
+    subject, subject_from = source.subject, str(source.subject_from)
+    if not subject:
+        subject, subject_from = own_subject, "file"
+    if not subject:
+        subject, subject_from = source.fallback, source.fallback_from
+    return {
+        "recording": source.name,
+        "file": source.file,
+        "subject": subject,
+        "subject_from": subject_from,
+        "trial": source.trial,
+        "side": source.side,
+    }
+
+
+def stature(
+    settings: AnalysisSettings, source: RecordingSource
+) -> tuple[float | None, float | None]:
+    """Height [m] and mass [kg] by the settings or the table of subjects; None if unknown."""
+    return (
+        source.height if settings.height is None else settings.height,
+        source.mass if settings.mass is None else settings.mass,
+    )
+
+
+def person_row(recording: Recording, settings: AnalysisSettings, source: RecordingSource) -> Row:
+    """Height and mass of the model, what they rest on, and the errors of markers."""
+    subject, fit = recording.motion.subject, recording.fit
+    height, mass = stature_of(subject, *stature(settings, source))
+    row: Row = {"height_m": height, "mass_kg": mass}
+    for name in ("height", "mass"):
+        if getattr(settings, name) is not None:
+            origin = "given"
+        elif getattr(source, name) is not None:
+            origin = "table"
+        elif name == "height" and fit is not None and fit.height is not None:
+            origin = "file" if "subject" in fit.height_from else "markers"
+        else:
+            origin = "assumed" if getattr(subject, name) is None else "file"
+        row[f"{name}_from"] = origin
+    row["marker_error_m"] = None if fit is None else float(np.nanmean(fit.errors))
+    return row

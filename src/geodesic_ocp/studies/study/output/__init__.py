@@ -1,1 +1,0 @@
-"""The tables, figures and files of a study."""

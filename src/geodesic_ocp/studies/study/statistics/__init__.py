@@ -1,1 +1,0 @@
-"""Means and tests over subjects."""

@@ -1,1 +1,0 @@
-"""The tidy tables of many recordings: their columns, and files of them."""

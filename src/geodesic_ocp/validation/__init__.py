@@ -1,1 +1,0 @@
-"""Whether what is installed computes the geodesics that are known."""
