@@ -24,14 +24,7 @@ from geodesic_ocp.recordings.formats.recognise import FORMATS, MARKERS, recognis
 from geodesic_ocp.recordings.markers.marker_fit import DOUBTFUL, MarkerFit
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.markers import Axis, as_axis
-from geodesic_ocp.recordings.recording import (
-    Recording,
-    ask_about_limits,
-    check_plausible,
-    check_radians,
-    named_failures,
-    warn_of_gimbal_lock,
-)
+from geodesic_ocp.recordings.recording import (Recording, ask_about_limits, check_plausible, check_radians, named_failures, warn_of_gimbal_lock)
 from geodesic_ocp.trajectory.motion import Motion, Subject
 
 
@@ -135,14 +128,14 @@ def _table(file: Path, joints: Sequence[str] | None) -> Motion:
 
 
 def _amc(file: Path, joints: Sequence[str] | None, **given: Any) -> Motion:
-    from geodesic_ocp.recordings.conventions.joint_angles import (joint_angles)
+    from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
     from geodesic_ocp.recordings.formats.amc import read_amc
 
     return joint_angles(read_amc(file, **given), joints)
 
 
 def _bvh(file: Path, joints: Sequence[str] | None, **given: Any) -> Motion:
-    from geodesic_ocp.recordings.conventions.joint_angles import (joint_angles)
+    from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
     from geodesic_ocp.recordings.formats.bvh import read_bvh
 
     return joint_angles(read_bvh(file, **given), joints)
@@ -155,7 +148,7 @@ def _opensim(file: Path, joints: Sequence[str] | None, **given: Any) -> Motion:
 
 
 def _smpl(file: Path, joints: Sequence[str] | None, **given: Any) -> Motion:
-    from geodesic_ocp.recordings.conventions.joint_angles import (joint_angles)
+    from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
     from geodesic_ocp.recordings.formats.smpl import read_smpl
 
     return joint_angles(read_smpl(file, **given), joints)

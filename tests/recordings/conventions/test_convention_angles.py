@@ -21,7 +21,7 @@ from geodesic_ocp.recordings.conventions.angle_convention import (
     SegmentRelation,
 )
 from geodesic_ocp.recordings.conventions.angle_segments import segments_of_angles
-from geodesic_ocp.recordings.conventions.joint_angles import (joint_angles)
+from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
 from geodesic_ocp.recordings.conventions.known_angle_conventions import (
     ANGLE_CONVENTIONS,
     ISB,

@@ -10,8 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.conventions.continuous_angles import (axis_rotation, continuous_angles, successive_rotations)
-from geodesic_ocp.recordings.conventions.joint_angles import (joint_angles)
+from geodesic_ocp.recordings.conventions.continuous_angles import (
+    axis_rotation,
+    continuous_angles,
+    successive_rotations,
+)
+from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
 from geodesic_ocp.recordings.conventions.segment_orientations import (
     SegmentOrientations,
     segment_orientations,

@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.recordings.conventions.joint_angles import (joint_angles)
+from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
 from geodesic_ocp.recordings.conventions.segment_orientations import (
     SegmentOrientations,
     segment_orientations,

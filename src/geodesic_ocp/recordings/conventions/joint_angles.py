@@ -21,34 +21,19 @@ from typing import Literal
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
 
-from geodesic_ocp.recordings.conventions.continuous_angles import axis_rotation, continuous_angles
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.human import human_arm
-from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
+from geodesic_ocp.recordings.conventions.continuous_angles import axis_rotation, continuous_angles
+from geodesic_ocp.recordings.conventions.segment_orientations import (
+    ARM_JOINTS, SIDES, TRUNK_JOINTS, SegmentOrientations)
 from geodesic_ocp.trajectory.motion import Motion
 
 # Cosine of the second angle below which the other two are not determined one by one: rounding
 # errors of 1e-16 in a matrix become 1e-9 rad in the angles at this one.
 
 
-
-
-
-
-
-
-
-
-
-
-
-
-ARM_JOINTS = ("Sx", "Sz", "Sy", "Ex", "Ez", "Wx", "Wy")  # after R or L, before _joint
-TRUNK_JOINTS = ("BPx", "BPz", "BPy", "BTx", "BTz", "BTy")  # before _joint
-SIDES: tuple[Literal["right", "left"], ...] = ("right", "left")
 
 
 def _needs() -> dict[str, tuple[str, ...]]:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.recordings.conventions.continuous_angles import (successive_rotations)
-from geodesic_ocp.recordings.conventions.joint_angles import (ARM_JOINTS, SIDES, TRUNK_JOINTS)
+from geodesic_ocp.recordings.conventions.continuous_angles import successive_rotations
 from geodesic_ocp.trajectory.motion import FrameMotion, Motion, Subject
+
+ARM_JOINTS = ("Sx", "Sz", "Sy", "Ex", "Ez", "Wx", "Wy")  # after R or L, before _joint
+TRUNK_JOINTS = ("BPx", "BPz", "BPy", "BTx", "BTz", "BTy")  # before _joint
+SIDES: tuple[Literal["right", "left"], ...] = ("right", "left")
 
 #: Names of the segments; those of the arms begin with "right" or "left".
 SEGMENTS = (

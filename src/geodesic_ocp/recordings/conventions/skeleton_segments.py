@@ -11,7 +11,7 @@ import scipy
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.recordings.conventions.continuous_angles import (axis_rotation)
+from geodesic_ocp.recordings.conventions.continuous_angles import axis_rotation
 from geodesic_ocp.recordings.conventions.segment_orientations import SEGMENTS, SegmentOrientations
 from geodesic_ocp.recordings.conventions.skeleton_convention import (
     AXES,

@@ -9,7 +9,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.recordings.conventions.continuous_angles import (successive_rotations)
+from geodesic_ocp.recordings.conventions.continuous_angles import successive_rotations
 from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
 from geodesic_ocp.recordings.conventions.skeleton_convention import (
     SkeletonConvention,

@@ -32,7 +32,7 @@ from geodesic_ocp.recordings.conventions.angle_segments import (
     fits,
     segments_of_angles,
 )
-from geodesic_ocp.recordings.conventions.joint_angles import (JOINTS, joint_angles)
+from geodesic_ocp.recordings.conventions.joint_angles import JOINTS, joint_angles
 from geodesic_ocp.recordings.conventions.known_angle_conventions import ANGLE_CONVENTIONS
 from geodesic_ocp.recordings.conventions.osim_convention import (
     OsimConvention,
@@ -42,7 +42,7 @@ from geodesic_ocp.recordings.conventions.osim_convention import (
 )
 from geodesic_ocp.recordings.conventions.read_angle_convention import as_angle_convention
 from geodesic_ocp.recordings.formats.csv_table import finite_number
-from geodesic_ocp.recordings.recording import ask_about_degrees, check_radians
+from geodesic_ocp.recordings.recording import (ask_about_degrees, check_radians)
 from geodesic_ocp.trajectory.motion import Motion
 
 _TRANSLATION = re.compile(r"(_t|_?trans_?)[xyz]$", re.IGNORECASE)

@@ -1,0 +1,65 @@
+"""RecordingSettings: the person in a recording, and what its file leaves open."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from geodesic_ocp.arrays import as_positive
+from geodesic_ocp.recordings.conventions.known_angle_conventions import ANGLE_CONVENTIONS
+from geodesic_ocp.recordings.markers.markers import Axis, as_axis
+
+
+@dataclass(frozen=True)
+class RecordingSettings:
+    """Facts about a recording that its file may not state; None: the file or a default decides.
+
+    Attributes:
+        height: height of the person [m]; default: the recording's, or 1.75 m.
+        mass: body mass of the person [kg]; default: the recording's, or 70 kg.
+        convention: convention of the joint angles (.mot, .sto): a name, a file, or the model's file
+            (.osim); of a skeleton (.amc, .bvh, .npz): a file; default: the known convention that
+            fits.
+        unit: unit of lengths in .bvh and .amc files: m, cm, mm, in, or a number of metres.
+        skeleton: skeleton of .amc files (.asf); default: the file beside each.
+        up: axis that points upwards in marker files: x, y, z, or the opposite, as in --up=-y.
+        marker_set: file that says where the markers are (.json, .toml); default: the known set that
+            fits.
+        amc_rate: sampling rate of .amc files [Hz]; default: 120 Hz.
+
+    Raises:
+        ValueError: a number that is not positive, an unknown axis, or a file that does not exist.
+    """
+
+    height: float | None = None
+    mass: float | None = None
+    convention: str | None = None
+    unit: float | str | None = None
+    skeleton: str | None = None
+    up: Axis | None = None
+    marker_set: str | None = None
+    amc_rate: float | None = None
+
+    def __post_init__(self) -> None:
+        self._check_positive(height="m", mass="kg", amc_rate="Hz")
+        for name in ("skeleton", "marker_set"):
+            file = getattr(self, name)
+            if file is not None and not Path(file).is_file():
+                raise ValueError(f"{name}: there is no file {file!r}")
+        named = self.convention is None or self.convention in ANGLE_CONVENTIONS
+        if self.convention is not None and not named and not Path(self.convention).is_file():
+            raise ValueError(
+                f"convention: {self.convention!r} is neither a file nor one of the built-in "
+                f"conventions, which are {', '.join(ANGLE_CONVENTIONS)}"
+            )
+        if self.up is not None:
+            as_axis(self.up)
+
+    def _check_positive(self, **units: str) -> None:
+        for name, unit in units.items():
+            if (number := getattr(self, name)) is not None:
+                as_positive(name, number, unit)
+
+    def reading(self) -> dict[str, Any]:
+        """Return the arguments of `read_recording` about the format of the file."""
+        names = ("convention", "unit", "skeleton", "up", "marker_set")
+        return {name: getattr(self, name) for name in names} | {"rate": self.amc_rate}
