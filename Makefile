@@ -67,6 +67,6 @@ $(READY): pyproject.toml
 	@$(PYTHON) -c 'import sys; assert sys.version_info >= (3, 10)' 2>/dev/null || \
 	  { echo "needs Python 3.10 or later, found: $$($(PYTHON) --version 2>&1); set PYTHON=..."; exit 1; }
 	@echo "creating $(VENV) with all dependencies (once, about a minute)"
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --disable-pip-version-check --editable '.[dev]' | $(FETCHED)
+	@$(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -m pip install --disable-pip-version-check --editable '.[dev]' | $(FETCHED)
 	@touch $@
