@@ -277,7 +277,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.recordings.read_markers import read_markers
     from geodesic_ocp.recordings.read_recording import read_motion, read_recording
     from geodesic_ocp.recordings.read_recordings import read_recordings
-    from geodesic_ocp.recordings.recording import (Recording)
+    from geodesic_ocp.recordings.recording import Recording
     from geodesic_ocp.recordings.save_motion import save_motion
     from geodesic_ocp.retargeting.alignment.alignment import (
         alignment,

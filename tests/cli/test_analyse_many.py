@@ -59,6 +59,7 @@ def test_patterns_and_several_files(
     assert "4 analysed, 0 left out" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -214,6 +215,7 @@ def test_without_a_terminal_there_is_no_bar(
     assert capsys.readouterr() == ("one\n", "")
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_does_not_answer(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -144,6 +144,7 @@ def test_what_analyse_wrote(show: Show, analysed: Path, capsys: pytest.CaptureFi
     assert "assumed" not in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_synergies_with_their_recording_are_in_one_pane(
     show: Show, analysed: Path, bundled_file: Path
 ) -> None:

@@ -37,6 +37,7 @@ def comparison(
     return go.compare_metrics(arm, motion, metrics, measure="position", **OPTIONS)
 
 
+@pytest.mark.slow
 def test_every_metric_has_its_own_optimal_cuts_and_their_errors_in_all_measures(
     comparison: go.MetricComparison,
     arm: go.Model,

@@ -123,6 +123,7 @@ def test_cuts_are_where_the_velocity_has_turned_from_the_transported_one() -> No
     assert cuts == [0.0, times[80], times[100], 4.0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CURVED)
 def test_integrations_agree_with_those_of_scipy(
     name: str, tcc: None, rng: np.random.Generator

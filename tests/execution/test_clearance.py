@@ -165,6 +165,7 @@ def test_arms_further_apart_have_larger_distances(arms: tuple[go.Model, go.Model
     assert_allclose(values[1] - values[0], 0.3, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_without_placements_of_two_robots_it_is_said_that_clearance_is_unknown(
     robot: go.Model,
 ) -> None:

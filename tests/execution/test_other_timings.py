@@ -85,6 +85,7 @@ def test_no_torque_is_enough_against_gravity() -> None:
         toppra_trajectory(along([0, 0], [1, 1], torque=[5.0, 20.0]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("timing", [toppra_trajectory, ruckig_trajectory])
 def test_stops_follow_the_paths_and_rest_where_they_meet(timing: Any) -> None:
     found = timing(CORNER, junctions="stop", rate=1000.0)

@@ -182,6 +182,7 @@ def test_torques_are_limited_with_gravity_and_payload() -> None:
     assert found.usage[0].torque.max() >= 0.98
 
 
+@pytest.mark.slow
 def test_an_arm_too_weak_for_its_weight_is_named_before_solving() -> None:
     bounds = replace(limits(), torque=np.array([2.0, 50.0]))
     weak = along(two_links(), CORNERS, EDGES, bounds)
@@ -237,6 +238,7 @@ def test_a_distance_that_the_paths_violate_at_their_ends_is_named() -> None:
     assert "hand to table" in attempt.status
 
 
+@pytest.mark.slow
 def test_a_tolerance_of_the_hand_saves_time(zigzag: PlannedTrajectory) -> None:
     tolerance = (0.02, 0.1)
     found = plan_trajectory(zigzag.arms, tolerance=tolerance)
@@ -266,6 +268,7 @@ def test_without_rest_it_begins_and_ends_in_motion() -> None:
     assert found.sampled().time[-1] <= found.duration + 1e-9
 
 
+@pytest.mark.slow
 def test_short_and_long_intervals() -> None:
     corners = [[0.0, 0.0], [0.3, 0.1], [0.25, 0.3], [1.0, 0.3], [0.0, 0.0]]
     found = plan_trajectory([along(two_links(), corners, [0.0, 0.05, 0.07, 20.0, 20.05], limits())])

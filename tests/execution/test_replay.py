@@ -116,6 +116,7 @@ def test_too_fast_a_trajectory_saturates() -> None:
     assert replay(reach(model, 1.0), model, limits=strong, contacts=False).saturated.max() == 0.0
 
 
+@pytest.mark.slow
 def test_a_payload_that_the_controller_does_not_know_of(arm: go.Model) -> None:
     """Its weight pulls the arm from the reference; a stiffer controller holds it closer."""
     loaded = arm.with_payload(1.0)

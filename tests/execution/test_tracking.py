@@ -113,6 +113,7 @@ def test_far_target_stretches_the_arm_without_shaking(arm: go.Model, limits: Joi
     assert np.abs(found.velocities[-100:]).max() < 0.1
 
 
+@pytest.mark.slow
 def test_free_rotation_and_posture(arm: go.Model, limits: JointLimits) -> None:
     """With a free rotation, the hand stays in place while the arm goes to the posture."""
     start = motion(arm, TIME[:1])[0]

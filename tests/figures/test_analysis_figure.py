@@ -63,6 +63,7 @@ def test_arms_are_drawn_in_both_views(figure: Figure) -> None:
     assert legend == ["arm", "predicted"]
 
 
+@pytest.mark.slow
 def test_panels_have_units_and_the_curve_is_drawn(figure: Figure) -> None:
     joints, hand = figure.axes[1:3]
     assert joints.get_ylabel() == "joints [rad]"

@@ -109,6 +109,7 @@ def test_a_link_that_is_not_convex_is_divided(monkeypatch: pytest.MonkeyPatch) -
         assert np.any((outline @ DIRECTIONS.T).max(axis=0) < 0.0)
 
 
+@pytest.mark.slow
 def test_the_rest_of_a_person_is_grey_and_stays(lifted: Postures) -> None:
     view = View.around_z(0.0, 0.0)
     first, last = (posture_shapes(lifted, index, view) for index in (0, 2))

@@ -26,6 +26,7 @@ def result(arm: go.Model, pose: tuple[Any, Any]) -> go.ToPose:
     return go.geodesic_to_pose(arm, START, *pose)
 
 
+@pytest.mark.slow
 def test_the_result_is_a_geodesic_to_the_pose(
     arm_metric: go.KineticEnergy, result: go.ToPose
 ) -> None:

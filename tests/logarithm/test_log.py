@@ -24,6 +24,7 @@ def distance_on_sphere(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.arctan2(np.linalg.norm(np.cross(x, y)), x @ y))
 
 
+@pytest.mark.slow
 @FEW
 @given(seed=SEED)
 def test_distances_on_the_sphere(seed: int) -> None:

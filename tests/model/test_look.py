@@ -57,6 +57,7 @@ def test_the_hand_ends_at_the_fingertips_with_the_thumb_in_front(side: Side) -> 
     assert inward * hand[np.argmin(hand[:, 2]), 0] > 0.0
 
 
+@pytest.mark.slow
 def test_a_person_grows_with_height_and_mass() -> None:
     small, tall = go.human_upper_body(1.5, 50.0), go.human_upper_body(1.8, 50.0 * 1.2**3)
     assert apart(at_rest(tall), 1.2 * at_rest(small)) < 1e-6

@@ -203,6 +203,7 @@ def test_links_that_move_get_more_triangles_and_the_result_is_deterministic() ->
         assert np.array_equal(first.triangles, second.triangles)
 
 
+@pytest.mark.slow
 def test_an_open_tube_stays_open_and_whole() -> None:
     """Collapses in the plane of its rim, which is a surface of its own, would close the opening."""
     tube = trimesh.creation.annulus(0.9, 1.0, 2.0, sections=64).subdivide().subdivide()

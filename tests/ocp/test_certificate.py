@@ -25,6 +25,7 @@ def along_great_circle(length: float, start: tuple[float, float] = (1.2, 0.3)) -
     return go.Path(metric, grid, nodes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [0.5, 2.0, np.pi - 1e-3])
 def test_great_circles_are_minimizing_before_the_antipode(length: float) -> None:
     certificate = go.certify(along_great_circle(length))

@@ -57,6 +57,7 @@ def test_joint_limits_hold_if_requested(arm: go.Model) -> None:
     assert within.path.length > free.path.length
 
 
+@pytest.mark.slow
 def test_reaches_with_other_start_and_target_share_the_nlp(arm: go.Model) -> None:
     position = arm.hand_pose(GOAL)[1]
     first = go.Reach(arm, START, position=position)

@@ -103,6 +103,7 @@ def test_refinement_stops_at_wrong_tolerances_and_failures() -> None:
     assert len(record.stats.mesh_history) == 1
 
 
+@pytest.mark.slow
 def test_low_degree_gives_the_guess_where_high_degrees_fail() -> None:
     """Finer grids fail here until polynomials of degree two have been tried."""
     problem, seen = PlaneAroundDisc(), []
@@ -148,6 +149,7 @@ def test_narrow_violations_between_nodes_are_found() -> None:
     assert np.max([arm.lower - q, q - arm.upper]) <= 1.05e-6
 
 
+@pytest.mark.slow
 def test_speed_limit_holds_between_the_nodes_by_default() -> None:
     """On 16 segments the speed would exceed its limit between the nodes by more than 1e-3."""
     problem = go.PointToPoint(Sphere(), (0.25, 0.0), (0.25, 2.7), speed=2.9)

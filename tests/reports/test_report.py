@@ -61,6 +61,7 @@ def test_the_page_needs_nothing_else(page: Path) -> None:
     assert "Human left arm (mirrored) on robot" in found.text
 
 
+@pytest.mark.slow
 def test_tables_are_those_of_the_result(page: Path) -> None:
     text = elements(page.read_text(encoding="utf-8")).text
     retargeting = small_retargeting()

@@ -60,6 +60,7 @@ def test_a_larger_person_is_where_the_person_scaled_is(base: np.ndarray) -> None
         assert foremost == pytest.approx(outline(panels[number])[:, 0].max(), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_what_points_where_is_drawn() -> None:
     """The fingers of a hanging arm down, and away from who sees the reaching one from behind."""
     panels = drawn(go.alignment(PERSON), PERSON)

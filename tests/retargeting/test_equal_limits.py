@@ -69,6 +69,7 @@ def test_of_two_ways_to_follow_a_hand(
     assert faster.largest_position > 2.0 * theirs.largest_position
 
 
+@pytest.mark.slow
 def test_orientation_may_be_left_free(
     arm: go.Model, recorded: go.Motion, planned: PlannedTrajectory
 ) -> None:

@@ -197,6 +197,7 @@ def test_slow_joints_take_time_or_another_way(waypoints: ArmWaypoints, found: Pl
     assert np.all(found.longer < 1e-6)
 
 
+@pytest.mark.slow
 def test_bounds_hold_between_the_nodes(waypoints: ArmWaypoints, found: PlannedPaths) -> None:
     """A shoulder that may be raised a little less than it is without the limit."""
     s = np.linspace(0.0, 1.0, 1001)
@@ -229,6 +230,7 @@ def test_pose_out_of_reach_is_replaced_by_the_nearest(
     assert np.linalg.norm(far.position - position) == pytest.approx(beyond, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_distances_are_kept(waypoints: ArmWaypoints, found: PlannedPaths, arm: go.Model) -> None:
     """The hand stays above a plane that the free paths cross, between waypoints."""
     q = ca.SX.sym("q", 7)
@@ -252,6 +254,7 @@ def test_distances_are_kept(waypoints: ArmWaypoints, found: PlannedPaths, arm: g
     assert result.least_distances[0] >= bound - 2e-4
 
 
+@pytest.mark.slow
 def test_two_arms_move_in_one_program(waypoints: ArmWaypoints, found: PlannedPaths) -> None:
     """Without distances between them, each moves as it does alone."""
     result = planned(waypoints, waypoints)

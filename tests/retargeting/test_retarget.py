@@ -270,6 +270,7 @@ def test_obstacle_is_avoided_with_a_margin(analysis: go.Analysis, robot: go.Mode
     assert min(after) > 0.01 - 2e-6
 
 
+@pytest.mark.slow
 def test_a_person_who_rests_is_a_robot_that_rests(analysis: go.Analysis, robot: go.Model) -> None:
     settings = go.RetargetingSettings(drop=100.0, merge=100.0)
     found = go.retarget(analysis, robot, tolerance=LOOSE, settings=settings)

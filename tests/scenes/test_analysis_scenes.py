@@ -167,6 +167,7 @@ def test_markers_on_the_person_are_as_far_away_as_the_fit_says(
     np.testing.assert_allclose(apart, fit.errors, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_person_is_among_the_markers(fit: MarkerFit, walker: Markers) -> None:
     playback = marker_fit_playback(fit, walker)
     (scene,) = playback.scenes

@@ -40,6 +40,7 @@ def rest(model: go.Model) -> Actor:
     return found
 
 
+@pytest.mark.slow
 def test_an_arm_and_the_rest_are_the_whole_person() -> None:
     arm, whole = go.human_arm("right", 1.8, 80.0), go.human_upper_body(1.8, 80.0)
     shoulder = whole.frame_pose("RSx_joint", np.zeros(20))[1]

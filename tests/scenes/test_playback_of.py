@@ -39,6 +39,7 @@ def moved(names: tuple[str, ...], height: float | None = 1.8) -> go.Motion:
     return go.Motion(time, q, names, subject=Subject(height))
 
 
+@pytest.mark.slow
 def test_one_result_is_shown_alone(arm: go.Model) -> None:
     motion = moved(arm.joint_names)
     for items in ((motion, arm), ((motion, arm),), ([(motion, arm)],), ([motion, arm],)):
@@ -49,6 +50,7 @@ def test_one_result_is_shown_alone(arm: go.Model) -> None:
     assert whole.title == "reach"
 
 
+@pytest.mark.slow
 def test_several_results_are_side_by_side(arm: go.Model, arm_metric: go.KineticEnergy) -> None:
     motion = moved(arm.joint_names)
     q = np.full(7, 0.2)
@@ -90,6 +92,7 @@ def test_synergies_are_shown_with_the_model_of_their_metric(
         playback_of(straight)
 
 
+@pytest.mark.slow
 def test_a_dictionary_gives_titles(arm: go.Model) -> None:
     motion = moved(arm.joint_names)
     playback = playback_of({"first": (motion, arm), "second": arm, "more": [arm, arm]})
@@ -145,6 +148,7 @@ def test_the_body_of_a_person_is_known_from_the_joints(
     assert f"assumed: {name} of 1.75 m, the height is not known" in unknown
 
 
+@pytest.mark.slow
 def test_both_arms_have_the_width_of_the_shoulders_between_them() -> None:
     body = go.combine(go.human_arm("right"), go.human_arm("left"))
     person = go.human_upper_body(1.8)

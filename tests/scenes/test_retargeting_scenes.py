@@ -59,6 +59,7 @@ def test_the_robots_shoulder_is_where_the_persons_is(
     assert_allclose(mapped, arm.mapping.scale * own * MIRROR, rtol=0.0, atol=EXACT)
 
 
+@pytest.mark.slow
 def test_colours_are_those_of_the_figure(playback: Playback) -> None:
     person, robot = playback.scenes
     assert trail(person, "hand").role == "observed"
@@ -176,6 +177,7 @@ def test_a_slowed_person_is_said_to_be_and_keeps_the_durations_of_the_analysis()
     assert playback.scenes[0].note.endswith("slowed to the robot's time")
 
 
+@pytest.mark.slow
 def test_a_person_in_the_time_of_the_recording_is_not_slowed(found: go.Retargeting) -> None:
     for shown in (
         retargeting_playback(found),

@@ -23,6 +23,7 @@ from geodesic_ocp.studies.tables import (
 NAME = st.from_regex(r"[A-Za-z0-9äß ]+", fullmatch=True)
 
 
+@pytest.mark.slow
 @given(subject=NAME, trial=NAME, folder=NAME)
 def test_patterns_find_what_names_were_made_of(subject: str, trial: str, folder: str) -> None:
     for pattern in ("{subject}/{trial}", "{subject}_{trial}", "*/{subject}-reach({trial})"):

@@ -70,6 +70,7 @@ def test_means_in_csv_have_all_digits(eight: Study, folder: Path) -> None:
     assert float(cells[7]) == first.spread
 
 
+@pytest.mark.slow
 def test_tests_in_csv_have_all_digits(eight: Study, folder: Path) -> None:
     lines = (folder / "tests.csv").read_text().splitlines()
     names, cells = lines[0].split(","), lines[1].split(",")

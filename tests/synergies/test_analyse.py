@@ -25,6 +25,7 @@ TABLES = ["table.csv", "table.md", "table_unfiltered.csv", "table_unfiltered.md"
 METHODS = ["riemannian", "kinetic_energy", "euclidean_same_segments", "euclidean", "ik"]
 
 
+@pytest.mark.slow
 def test_everything_is_there(bundled_analysis: go.Analysis) -> None:
     assert sorted(bundled_analysis.errors) == sorted(METHODS)
     assert bundled_analysis.not_found == ()
@@ -240,6 +241,7 @@ def planar() -> tuple[go.Model, go.Motion]:
     return arm, go.Motion(time, q, arm.joint_names)
 
 
+@pytest.mark.slow
 def test_the_default_metric_has_joint_inertia(planar: tuple[go.Model, go.Motion]) -> None:
     """The model's own, if it has any; otherwise 0.03 m r^2."""
     arm, motion = planar

@@ -76,6 +76,7 @@ def test_a_resampled_synthetic_recording_has_the_same_segments(arm: go.Model, se
         assert found.unmatched(expected) == 0
 
 
+@pytest.mark.slow
 def test_geodesics_are_found_at_every_rate_with_noise_of_their_own(arm: go.Model) -> None:
     """White noise of 0.15 degrees, drawn anew: the figures of the old rule were 7 to 369."""
     metric = with_inertia(arm)

@@ -63,6 +63,7 @@ def all_partitions(costs: dict[tuple[int, int], float]) -> dict[tuple[int, ...],
     return result
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("measure", MEASURES)
 def test_cuts_on_the_grid_are_the_best_of_all(
     measure: str,
@@ -90,6 +91,7 @@ def test_cuts_on_the_grid_are_the_best_of_all(
         assert result.count_for(error=error) == min(enough)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("measure", MEASURES)
 def test_error_is_that_of_the_reconstruction(
     measure: str,

@@ -49,6 +49,7 @@ def test_the_response_is_that_of_a_butterworth_filter_both_ways(
     assert amplitude(200.0, frequency, cutoff) == pytest.approx(expected, abs=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", RATES)
 def test_velocities_hardly_depend_on_the_rate(rate: float) -> None:
     found, finest = sampled(rate).filtered(cutoff=6.0), sampled(2000.0).filtered(cutoff=6.0)

@@ -197,6 +197,7 @@ def test_names_are_text_and_never_elements() -> None:
     assert labels.count(EVIL) == 2
 
 
+@pytest.mark.slow
 def test_the_data_hold_names_as_they_are_without_closing_their_script() -> None:
     page = fragment(everything(EVIL))
     (data,) = re.findall(r'<script type="application/json">(.*?)</script>', page, re.DOTALL)
@@ -244,6 +245,7 @@ def test_a_missing_meshcat_is_named_with_its_extra(monkeypatch: pytest.MonkeyPat
         document("t", "")
 
 
+@pytest.mark.slow
 def test_names_that_no_file_can_hold_are_made_plain() -> None:
     shown = everything("a\0b\u202ec\udce9")
     page = Viewer(shown).html()

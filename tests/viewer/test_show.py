@@ -51,6 +51,7 @@ def test_a_script_opens_a_browser(opened: list[str], tmp_path: Path) -> None:
     assert (tmp_path / "viewer.html").read_text(encoding="utf-8") == viewer.html()
 
 
+@pytest.mark.slow
 def test_a_notebook_displays_the_value_and_opens_nothing(
     opened: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -101,6 +102,7 @@ def test_the_title_is_text() -> None:
     assert "an <arm>" not in page
 
 
+@pytest.mark.slow
 def test_models_are_shown_by_their_type(opened: list[str]) -> None:
     viewer = show(ARM, go.human_arm("left"), open_browser=False)
     assert len(viewer.playback.scenes) == 2

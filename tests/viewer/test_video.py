@@ -103,6 +103,7 @@ def test_an_animation_lasts_as_long_as_the_motion_and_half_a_second(
         assert image.info["loop"] == 0
 
 
+@pytest.mark.slow
 def test_the_cube_moves_and_the_last_frame_is_the_end(tmp_path: Path) -> None:
     # Seen from the front, x points to the left.
     playback = replace(moving(), azimuth=0.0)
@@ -184,6 +185,7 @@ def test_narrow_pictures_have_letters_of_the_same_size_and_fewer_plots() -> None
             assert 0 <= top < top + height <= place.height
 
 
+@pytest.mark.slow
 def test_any_name_can_be_written(tmp_path: Path) -> None:
     file = save_video(moving(name=NASTY), tmp_path / "nasty.png", width=480)
     (nasty,) = pictures(file)

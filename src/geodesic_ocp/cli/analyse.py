@@ -21,7 +21,7 @@ from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.read_recording import read_motion, stature_of
-from geodesic_ocp.recordings.recording import (Recording)
+from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.recordings.save_motion import save_motion
 from geodesic_ocp.records import write_file
 from geodesic_ocp.studies.analyse_recording import analyse_recording, read_by_settings

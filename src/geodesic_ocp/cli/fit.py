@@ -26,8 +26,8 @@ from geodesic_ocp.fitting.resampling import leave_one_out as predicted
 from geodesic_ocp.manifold.metrics import AdjustableKineticEnergy
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.recordings.read_recordings import read_recordings
-from geodesic_ocp.recordings.recording_settings import (RecordingSettings)
-from geodesic_ocp.recordings.recording import (Recording)
+from geodesic_ocp.recordings.recording import Recording
+from geodesic_ocp.recordings.recording_settings import RecordingSettings
 from geodesic_ocp.records import write_together
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.synergies.optimal_segmentations import segment_optimal

@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from geodesic_ocp.execution.limits import QUANTITIES, JointLimits, joint_limits
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.recordings.recording_settings import (RecordingSettings)
+from geodesic_ocp.recordings.recording_settings import RecordingSettings
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 

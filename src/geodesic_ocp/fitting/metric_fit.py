@@ -18,7 +18,7 @@ from geodesic_ocp.ipopt import Outcome
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import AdjustableKineticEnergy
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.recordings.recording import (Recording)
+from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.records import convert, decoding, read_record, write_record
 from geodesic_ocp.table import Table
 

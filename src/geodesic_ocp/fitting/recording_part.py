@@ -27,7 +27,7 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.logarithm.geodesic import geodesic
 from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.recordings.recording import (Recording)
+from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.synergies.synergy import as_segments
 from geodesic_ocp.trajectory.grid import Grid
 

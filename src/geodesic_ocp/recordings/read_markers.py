@@ -14,7 +14,7 @@ from geodesic_ocp.recordings.markers.markers import (
     check_plausible_size,
     with_z_up,
 )
-from geodesic_ocp.recordings.recording import (named_failures)
+from geodesic_ocp.recordings.recording import named_failures
 
 
 def read_markers(path: str | PathLike[str], *, up: Axis | None = None) -> Markers:

@@ -24,7 +24,14 @@ from geodesic_ocp.recordings.formats.recognise import FORMATS, MARKERS, recognis
 from geodesic_ocp.recordings.markers.marker_fit import DOUBTFUL, MarkerFit
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.markers import Axis, as_axis
-from geodesic_ocp.recordings.recording import (Recording, ask_about_limits, check_plausible, check_radians, named_failures, warn_of_gimbal_lock)
+from geodesic_ocp.recordings.recording import (
+    Recording,
+    ask_about_limits,
+    check_plausible,
+    check_radians,
+    named_failures,
+    warn_of_gimbal_lock,
+)
 from geodesic_ocp.trajectory.motion import Motion, Subject
 
 

@@ -18,7 +18,7 @@ from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.markers import Axis, as_axis
 from geodesic_ocp.recordings.read_recording import read_recording, that_apply
-from geodesic_ocp.recordings.recording import (Recording)
+from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.trajectory.motion import Motion
 
 #: Ends of the names of recordings, by which a folder is searched.

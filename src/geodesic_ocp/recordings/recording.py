@@ -8,16 +8,13 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from geodesic_ocp.arrays import Array, as_positive
+from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.recordings.conventions.known_angle_conventions import ANGLE_CONVENTIONS
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
-from geodesic_ocp.recordings.markers.markers import Axis, as_axis
 from geodesic_ocp.trajectory.motion import Motion
 
 
@@ -213,5 +210,3 @@ def named_failures(file: Path) -> Iterator[None]:
         if isinstance(failure, RecordingError) and str(failure).startswith(str(file)):
             raise
         raise RecordingError(f"{file}: {failure}") from None
-
-

@@ -18,7 +18,7 @@ from geodesic_ocp.scenes.scene import Playback
 if TYPE_CHECKING:
     from geodesic_ocp.logarithm.geodesic_to_pose import ToPose
     from geodesic_ocp.model.model import Model
-    from geodesic_ocp.recordings.recording import (Recording)
+    from geodesic_ocp.recordings.recording import Recording
     from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
     from geodesic_ocp.retargeting.result import Retargeting
     from geodesic_ocp.synergies.synergy import Reconstruction, Synergy

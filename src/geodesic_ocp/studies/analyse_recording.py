@@ -25,7 +25,7 @@ from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.progress import Progress
 from geodesic_ocp.recordings.read_recording import read_recording, that_apply
-from geodesic_ocp.recordings.recording import (Recording)
+from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.records import write_file
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.result_files import (

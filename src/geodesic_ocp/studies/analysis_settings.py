@@ -12,7 +12,7 @@ from geodesic_ocp.manifold.metric import Metric
 from geodesic_ocp.manifold.metrics import METRIC_NAMES, KineticEnergy, as_analysis_metric
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.progress import Progress
-from geodesic_ocp.recordings.recording_settings import (RecordingSettings)
+from geodesic_ocp.recordings.recording_settings import RecordingSettings
 from geodesic_ocp.synergies.optimal_segmentations import segment_optimal
 from geodesic_ocp.synergies.segment import as_threshold
 from geodesic_ocp.synergies.segment_costs import Measure

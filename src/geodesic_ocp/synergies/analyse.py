@@ -34,7 +34,7 @@ from geodesic_ocp.manifold.metrics import (
 )
 from geodesic_ocp.model.model import Model, as_model, hand_labels
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
-from geodesic_ocp.recordings.recording import (check_plausible)
+from geodesic_ocp.recordings.recording import check_plausible
 from geodesic_ocp.records import write_together
 from geodesic_ocp.synergies.baselines import track_hand
 from geodesic_ocp.synergies.scores import MotionErrors, evaluate

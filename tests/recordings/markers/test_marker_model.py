@@ -82,6 +82,7 @@ def planar_arm() -> go.Model:
     return go.Model(arm, "tip")
 
 
+@pytest.mark.slow
 def test_any_model_is_fitted_to_points_on_its_frames() -> None:
     arm, time = planar_arm(), np.arange(80) / 40.0
     q = np.stack([np.sin(2.0 * time), 1.0 + 0.5 * np.cos(3.0 * time)], axis=1)

@@ -56,6 +56,7 @@ def write_model(folder: Path, links: list[Link], version: int = 4, extra: str = 
     return file
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", [3, 4])
 @pytest.mark.parametrize("degrees", [False, True])
 def test_the_angles_of_both_arms_come_back(version: int, degrees: bool, tmp_path: Path) -> None:

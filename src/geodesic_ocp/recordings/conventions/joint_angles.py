@@ -27,13 +27,15 @@ from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.recordings.conventions.continuous_angles import axis_rotation, continuous_angles
 from geodesic_ocp.recordings.conventions.segment_orientations import (
-    ARM_JOINTS, SIDES, TRUNK_JOINTS, SegmentOrientations)
+    ARM_JOINTS,
+    SIDES,
+    TRUNK_JOINTS,
+    SegmentOrientations,
+)
 from geodesic_ocp.trajectory.motion import Motion
 
 # Cosine of the second angle below which the other two are not determined one by one: rounding
 # errors of 1e-16 in a matrix become 1e-9 rad in the angles at this one.
-
-
 
 
 def _needs() -> dict[str, tuple[str, ...]]:

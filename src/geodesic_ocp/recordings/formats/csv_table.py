@@ -23,7 +23,7 @@ import numpy as np
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.formats.text_lines import ANGLES
-from geodesic_ocp.recordings.recording import (ask_about_degrees)
+from geodesic_ocp.recordings.recording import ask_about_degrees
 from geodesic_ocp.trajectory.motion import Motion, Subject
 
 

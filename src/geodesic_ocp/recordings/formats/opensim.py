@@ -42,7 +42,7 @@ from geodesic_ocp.recordings.conventions.osim_convention import (
 )
 from geodesic_ocp.recordings.conventions.read_angle_convention import as_angle_convention
 from geodesic_ocp.recordings.formats.csv_table import finite_number
-from geodesic_ocp.recordings.recording import (ask_about_degrees, check_radians)
+from geodesic_ocp.recordings.recording import ask_about_degrees, check_radians
 from geodesic_ocp.trajectory.motion import Motion
 
 _TRANSLATION = re.compile(r"(_t|_?trans_?)[xyz]$", re.IGNORECASE)
