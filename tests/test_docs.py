@@ -93,7 +93,7 @@ def test_blocks_with_robots_run(page: Path) -> None:
 
 
 def test_readme_is_short() -> None:
-    assert len(README.read_text().split()) <= 1100
+    assert len(README.read_text().split()) <= 900
 
 
 @pytest.mark.slow

@@ -270,6 +270,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.recordings.conventions.osim_convention import OsimConvention
     from geodesic_ocp.recordings.conventions.segment_orientations import SegmentOrientations
     from geodesic_ocp.recordings.conventions.skeleton_convention import SkeletonConvention
+    from geodesic_ocp.recordings.formats.csv_table import save_motion
     from geodesic_ocp.recordings.markers.fit_motion import fit_motion
     from geodesic_ocp.recordings.markers.marker_fit import LostMarker, MarkerFit
     from geodesic_ocp.recordings.markers.marker_set import MarkerSet
@@ -278,7 +279,6 @@ if TYPE_CHECKING:  # what type checkers and editors see; _HOMES gives the same n
     from geodesic_ocp.recordings.read_recording import read_motion, read_recording
     from geodesic_ocp.recordings.read_recordings import read_recordings
     from geodesic_ocp.recordings.recording import Recording
-    from geodesic_ocp.recordings.save_motion import save_motion
     from geodesic_ocp.retargeting.alignment.alignment import (
         alignment,
         propose_alignment,
@@ -429,7 +429,7 @@ else:
         "studies.result_files": "RecordingOutcome",
         "studies.study": "study Study",
         "studies.statistics": "StudyMean StudyTest SynergyStatistics",
-        "recordings.save_motion": "save_motion",
+        "recordings.formats.csv_table": "save_motion",
         "table": "Table",
         "trajectory.grid": "Grid",
         "trajectory.filters": "MotionFilter",

@@ -61,6 +61,36 @@ def read_record(file: str | PathLike[str], name: str, version: int, what: str) -
     return record
 
 
+def read_json_or_toml(file: Path, what: str, hint: str = "") -> Any:
+    """Read the content of a JSON file, or of a TOML file (.toml), which is not checked yet.
+
+    Args:
+        file: the file.
+        what: what the content should be, for messages, such as "convention".
+        hint: text that follows the message when the file cannot be opened.
+
+    Raises:
+        RecordingError: the file is missing or malformed.
+    """
+    try:
+        text = file.read_text(encoding="utf-8-sig")
+        if file.suffix.lower() != ".toml":
+            return parse_json(text)
+        import tomllib  # from Python 3.11 on
+
+        return tomllib.loads(text)
+    except FileNotFoundError:
+        raise RecordingError(f"{file}: cannot be read: there is no such file{hint}") from None
+    except OSError as failure:
+        raise RecordingError(f"{file}: cannot be read: {failure.strerror}{hint}") from None
+    except ImportError:
+        raise RecordingError(
+            f"{file}: TOML needs Python 3.11 or later; write the {what} as JSON"
+        ) from None
+    except (ValueError, RecursionError) as failure:
+        raise RecordingError(f"{file}: is not a {what} in JSON or TOML: {failure}") from None
+
+
 def parse_json(text: str, not_finite: Callable[[str], Any] = float) -> Any:
     """The value of a JSON text.
 

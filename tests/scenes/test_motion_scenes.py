@@ -10,19 +10,21 @@ from six_joints import six_joints
 
 import geodesic_ocp as go
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.scenes.motions import (
+from geodesic_ocp.scenes.model_scene import (
     HAND_SPEED,
     MOST,
     RATE,
+    joint_groups,
+    model_scene,
+    shown_samples,
+)
+from geodesic_ocp.scenes.motions import (
     SPEED_SHARES,
     TORQUE_SHARES,
-    joint_groups,
     model_playback,
-    model_scene,
     motion_playback,
     planned_playback,
     replay_playback,
-    shown_samples,
     trajectory_playback,
 )
 from geodesic_ocp.scenes.scene import Playback, Plot

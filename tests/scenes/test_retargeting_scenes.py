@@ -14,12 +14,8 @@ from small_retargeting import both_arms, both_arms_of_talos, small_analysis, sma
 import geodesic_ocp as go
 from geodesic_ocp.model.formats.robots import folder
 from geodesic_ocp.model.meshes import meshes
-from geodesic_ocp.scenes.retargeted import (
-    BASELINE,
-    alignment_playback,
-    retargeting_playback,
-    retargetings_playback,
-)
+from geodesic_ocp.scenes.alignment_scene import alignment_playback
+from geodesic_ocp.scenes.retargeted import BASELINE, retargeting_playback, retargetings_playback
 from geodesic_ocp.scenes.scene import Actor, Playback, Scene, Trail
 
 MIRROR = np.array([-1.0, 1.0, 1.0])

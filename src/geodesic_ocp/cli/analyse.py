@@ -14,15 +14,15 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from geodesic_ocp.cli.options import AnalysisOptions, Flag, SettingsFile, Sides, each_side
+from geodesic_ocp.cli.options import AnalysisOptions, Flag, Sides, each_side
 from geodesic_ocp.cli.terminal import check_folder, print_written, printed_warnings, progress
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.human import human_arm
+from geodesic_ocp.recordings.formats.csv_table import save_motion
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.read_recording import read_motion, stature_of
 from geodesic_ocp.recordings.recording import Recording
-from geodesic_ocp.recordings.save_motion import save_motion
 from geodesic_ocp.records import write_file
 from geodesic_ocp.studies.analyse_recording import analyse_recording, read_by_settings
 from geodesic_ocp.studies.analyse_recordings import BatchResult, analyse_recordings
@@ -43,7 +43,7 @@ def analyse(
     side: Sides = "right",
     curve: Flag = False,
     out: Path | None = None,
-    settings: SettingsFile = None,
+    settings: Path | None = None,
     analysis: AnalysisOptions = AnalysisSettings(),  # noqa: B008
     jobs: Annotated[int | None, _MANY] = None,
     scheduler: Annotated[str | None, _MANY] = None,

@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 import numpy as np
 from cyclopts import Parameter as Option
 
-from geodesic_ocp.cli.options import Flag, RecordingOptions, SettingsFile, Sides, each_side
+from geodesic_ocp.cli.options import Flag, RecordingOptions, Sides, each_side
 from geodesic_ocp.cli.terminal import check_folder, print_written, progress
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.figures.styles import new_figure, save_figure
@@ -68,7 +68,7 @@ def fit(
     leave_one_out: Flag = False,
     skip: Flag = False,
     out: Path | None = None,
-    settings: SettingsFile = None,
+    settings: Path | None = None,
     recording: RecordingOptions = RecordingSettings(),  # noqa: B008
 ) -> None:
     """Estimate parameters of the metric from recordings.

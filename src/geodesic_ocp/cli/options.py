@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 
 from cyclopts import Parameter
@@ -71,7 +70,6 @@ _IN_PYTHON_ONLY = re.compile(r"^(?!obstacles|links|pairs)")
 RetargetingOptions = Annotated[
     RetargetingSettings, Parameter(name="*", group="Retargeting", parse=_IN_PYTHON_ONLY)
 ]
-SettingsFile: TypeAlias = Path | None
 
 
 def each_side(side: Sides) -> list[Side]:

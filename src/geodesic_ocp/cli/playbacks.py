@@ -30,6 +30,7 @@ from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.recordings.recording_settings import RecordingSettings
 from geodesic_ocp.retargeting.alignment.alignment import read_alignment
 from geodesic_ocp.retargeting.alignment.arm_alignment import check_joints
+from geodesic_ocp.scenes.alignment_scene import alignment_playback
 from geodesic_ocp.scenes.motions import (
     model_playback,
     motion_playback,
@@ -43,7 +44,6 @@ from geodesic_ocp.scenes.recorded import (
     marker_fit_playback,
     saved_synergies_playback,
 )
-from geodesic_ocp.scenes.retargeted import alignment_playback
 from geodesic_ocp.scenes.scene import Playback
 from geodesic_ocp.studies.analyse_recording import analyse_recording
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings

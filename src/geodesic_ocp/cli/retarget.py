@@ -14,7 +14,6 @@ from geodesic_ocp.cli.options import (
     GivenLimits,
     LimitOptions,
     RetargetingOptions,
-    SettingsFile,
     Sides,
     each_side,
 )
@@ -57,7 +56,7 @@ def retarget(
     rate: float = 100.0,
     report: Flag = False,
     out: Path | None = None,
-    settings: SettingsFile = None,
+    settings: Path | None = None,
     retargeting: RetargetingOptions = RetargetingSettings(),  # noqa: B008
     joint_limits: LimitOptions = GivenLimits(),  # noqa: B008
     analysis: AnalysisOptions = AnalysisSettings(),  # noqa: B008

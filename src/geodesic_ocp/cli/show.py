@@ -23,7 +23,6 @@ _SUFFIXES = (PAGES[0], *PICTURES)
 _PICTURE = ".png"
 _LITTLE = 0.1  # [MB]
 _OF_MOTION, _OF_PICTURE = ("rate", "speed"), ("at",)
-_NEEDS_FILE = "of videos and pictures only; give --out FILE.mp4 or .png"
 _ROBOTS = Parameter(group="Robots, trajectories, alignments and solutions")
 _VIDEO = Parameter(group="Videos, animations and pictures")
 

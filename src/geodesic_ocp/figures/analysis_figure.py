@@ -22,7 +22,9 @@ from geodesic_ocp.figures.view import View
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import FigureBase
+    from matplotlib.figure import Figure, FigureBase
+    from matplotlib.gridspec import GridSpec, SubplotSpec
+
 
 Names = tuple[str, str]
 NAMES: Names = ("observed", "predicted")
@@ -149,9 +151,6 @@ def widest_of_thirds(values: Array) -> list[int]:
     return [int(third[widest_columns(values[:, third], 1)[0]]) for third in thirds]
 
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 _HEADROOM = 1.6  # above the two predictions with the smallest peaks
 
 
@@ -181,11 +180,6 @@ def draw_error_over_time(
     axes.set_ylim(0.0, top or 1.0)
     axes.set_ylabel(label)
 
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import FigureBase
-    from matplotlib.gridspec import GridSpec, SubplotSpec
 
 INSTANTS = 7  # arms in the strip
 _TITLE: dict[str, Any] = {"loc": "left", "fontsize": "medium"}
@@ -271,10 +265,6 @@ def _panels(grid: GridSpec, count: int) -> list[SubplotSpec]:
         return [grid[row, 1] for row in range(1, grid.nrows)]
     below = grid[1:, 1].subgridspec(count, 1)
     return [below[row, 0] for row in range(count)] if count > 1 else [grid[1:, 1]]
-
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def draw_replay(

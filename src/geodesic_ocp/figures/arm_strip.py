@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
+
 _GAP = 0.18  # between figures and between views, of the largest extent
 _NOTE: dict[str, Any] = {"color": "0.45", "fontsize": "small"}
 _PATH: dict[str, Any] = {"linewidth": 0.9, "zorder": 4.0}
@@ -183,9 +184,6 @@ def _handle(arm: StripArm) -> Artist:
     return Line2D([], [], color=colour, label=arm.label, **_OUTLINE)
 
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 _LIGHTEST = 0.3  # ink of the first
 _MARGIN = 0.08  # around everything, of its size
 _NEAR = 0.07  # least distance between labels, of the size
@@ -262,9 +260,6 @@ def _apart(labels: Sequence[str], hands: Array, least: float) -> list[tuple[str,
     return [(labels[index], hands[index]) for index in sorted(set(kept))]
 
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 _HALF = 0.42  # of the width, relative to the extent of the arm
 _BODY: dict[str, Any] = {"color": "0.25", "linewidth": 0.9, "linestyle": (0, (2.5, 1.5))}
 _INSET_GAP: dict[str, Any] = {
@@ -330,9 +325,6 @@ def _outline(model: Model, body: Body, q: Array, view: View) -> Array:
     assert shape is not None
     return shape.outlines[0]
 
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 _INSTANTS, _SAMPLES = 6, 101
 _TITLE: dict[str, Any] = {"loc": "left", "fontsize": "medium"}

@@ -18,6 +18,7 @@ from geodesic_ocp.trajectory.path import Path
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 def draw_coordinates(axes: Axes, s: Array, values: Array, names: Sequence[str]) -> None:
@@ -55,10 +56,6 @@ def draw_unit_balls(axes: Axes, centres: Array, matrices: Array, size: float) ->
         label = "unit balls of the metric" if index == 0 else None
         axes.plot(*(centre[:, None] + scale * outline), color="#8fa3b8", linewidth=1.0, label=label)
 
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 # (axes, path, columns): draws additional items, such as obstacles; see `Problem.draw`.
 DrawExtra: TypeAlias = "Callable[[Axes, Path, tuple[int, int]], None]"
@@ -212,7 +209,3 @@ def _draw_hand(axes: Axes, path: Path, draw_extra: DrawExtra | None) -> None:
     )
     if draw_extra is not None:
         draw_extra(axes, path, (first, second))
-
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes

@@ -16,6 +16,7 @@ from geodesic_ocp.figures.styles import COMPARED, OBSERVED, added_style
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+
 # Small enough for a column of a paper, which takes fonts as they are.
 _PAPER: Any = {
     "font.size": 8.0,
@@ -172,9 +173,6 @@ def _spread(count: int) -> Array:
     return np.asarray(2.0 * ((0.5 + golden * np.arange(count)) % 1.0) - 1.0)
 
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 _POINTS = 400
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1, 1)), (0, (5, 1.5, 1, 1.5)))
 _MOST = 0.995  # of all values are within the axis
@@ -237,9 +235,6 @@ def _cumulative(ordered: Array, grid: Array) -> Array:
     """Share of the values that do not exceed each point of the grid."""
     return np.searchsorted(ordered, grid, side="right") / ordered.size
 
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 _BINS, _LEAST = 10, 12  # number of groups at most, and of points in one at least
 _MOST_SYNERGIES = 0.99  # of all values are within the axes

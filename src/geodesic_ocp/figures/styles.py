@@ -10,6 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
 # Dark blue and orange differ in hue and in lightness, and remain distinct in greyscale print.
 OBSERVED: dict[str, Any] = {"color": "#1b3a5c", "linewidth": 2.0}
 PREDICTED: dict[str, Any] = {"color": "#e07b00", "linewidth": 1.5, "linestyle": (0, (4, 1.5))}
@@ -77,10 +81,6 @@ def added_style(settings: dict[Any, Any]) -> Iterator[None]:
 
     with _LOCK, matplotlib.rc_context(settings):
         yield
-
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def new_figure(width: float, height: float) -> Figure:

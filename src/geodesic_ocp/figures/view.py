@@ -11,6 +11,10 @@ from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
 _TURNS = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
 # Directions in the plane (64, 2) in which the extreme points make an outline.
 DIRECTIONS = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)])
@@ -87,9 +91,6 @@ class View:
         extreme = np.argmax(flat @ DIRECTIONS.T, axis=-2)
         return np.take_along_axis(flat, extreme[..., None], axis=-2)
 
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 _SCALES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)  # [m]
 _NOTE: dict[str, Any] = {"color": "0.45", "fontsize": "small"}  # read on black, too

@@ -15,6 +15,9 @@ from geodesic_ocp.ocp.nlp import NLP
 from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.trajectory.path import Path
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
@@ -79,10 +82,6 @@ class IterationCallback(ca.Callback):
             self.failure, self.stopped = error, True
         self._number += 1
         return [int(self.stopped)]
-
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 class LivePlot:

@@ -22,6 +22,9 @@ from geodesic_ocp.ocp.nlp import NLP, ProblemDefinition, build_nlp
 from geodesic_ocp.trajectory.grid import Grid
 from geodesic_ocp.trajectory.path import Path
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 
 def drawn_obstacles(problem: Any) -> tuple[Obstacle, ...]:
     """The obstacles of a problem, which are drawn.
@@ -238,9 +241,6 @@ def _bare_symbols(column: ca.SX, symbols: ca.SX) -> tuple[int, ...] | None:
         index.append(known[entry.element_hash()])
     return tuple(index)
 
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 # (expression, value) or (expression, value, name)
 Equality: TypeAlias = tuple[Any, Any] | tuple[Any, Any, str]

@@ -27,6 +27,9 @@ from geodesic_ocp.trajectory.motion import Motion
 from geodesic_ocp.trajectory.path import Path
 from geodesic_ocp.trajectory.time_law import TimeLaw, motion_along
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 @dataclass(frozen=True)
 class MeshIteration:
@@ -173,9 +176,6 @@ def decoded(value: Any) -> Any:
     [(name, entries)] = value.items()
     return {"tuple": tuple, "list": list}[name](map(decoded, entries))
 
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 FORMAT, VERSION = "geodesic_ocp solution", 2
 

@@ -18,7 +18,8 @@ from geodesic_ocp.model.primitives import HalfSpace
 from geodesic_ocp.ocp.problem import Problem, drawn_obstacles, parse_conditions
 from geodesic_ocp.ocp.problems import ConstrainedProblem
 from geodesic_ocp.ocp.solution import Solution
-from geodesic_ocp.scenes.motions import POSITIONS, joint_plots, model_scene, short_name, viewed_from
+from geodesic_ocp.scenes.model_scene import POSITIONS, joint_plots, model_scene, short_name
+from geodesic_ocp.scenes.motions import viewed_from
 from geodesic_ocp.scenes.scene import (
     PARAMETER,
     Curve,

@@ -205,7 +205,7 @@ def _trajectory(trajectory: JointTrajectory, model: Model | None = None) -> Play
 
 
 def _alignment(aligned: Alignment, robot: Model | None = None) -> Playback:
-    from geodesic_ocp.scenes.retargeted import alignment_playback
+    from geodesic_ocp.scenes.alignment_scene import alignment_playback
 
     if robot is None:
         raise ValueError("an alignment is shown with its robot: give the Model after it")

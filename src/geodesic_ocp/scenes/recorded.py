@@ -15,7 +15,7 @@ from geodesic_ocp.model.model import Model, hand_labels
 from geodesic_ocp.recordings.markers.body import MarkedBody
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.markers.markers import Markers
-from geodesic_ocp.scenes.motions import (
+from geodesic_ocp.scenes.model_scene import (
     POSITIONS,
     hand_frames,
     hand_speed_plots,
@@ -23,13 +23,11 @@ from geodesic_ocp.scenes.motions import (
     joint_groups,
     joint_plots,
     model_scene,
-    motion_playback,
-    of_joints,
     rest_of,
     short_name,
     shown_samples,
-    viewed_from,
 )
+from geodesic_ocp.scenes.motions import motion_playback, of_joints, viewed_from
 from geodesic_ocp.scenes.paths import model_of
 from geodesic_ocp.scenes.scene import (
     Actor,

@@ -20,8 +20,6 @@ from geodesic_ocp.model.model import Model, hand_labels
 from geodesic_ocp.model.primitives import Body, HalfSpace, Obstacle, as_capsule
 from geodesic_ocp.scenes.scene import Actor, EllipsoidTrack, Gap, Scene, Solid, Trail, model_actor
 
-_PARALLEL = 1e-9
-
 
 def carried(scene: Scene, rotations: Array, positions: Array) -> Scene:
     """The actors, paths, frames and ellipsoids of a scene in a frame that is at these poses.
@@ -63,16 +61,12 @@ def carried(scene: Scene, rotations: Array, positions: Array) -> Scene:
 
 def upright(scene: Scene, up: Array) -> Scene:
     """The scene, turned by the smallest angle that makes the direction `up` (3,) that of z."""
-    z = np.array([0.0, 0.0, 1.0])
-    cosine = float(up @ z)
-    if cosine > 1.0 - _PARALLEL:
+    sine, cosine = float(np.hypot(up[0], up[1])), float(up[2])
+    if sine == 0.0 and cosine > 0.0:
         return scene
-    if cosine < _PARALLEL - 1.0:
-        turn = np.diag([1.0, -1.0, -1.0])
-    else:  # Rodrigues' formula with the axis up x z
-        x, y, z_ = np.cross(up, z)
-        skew = np.array([[0.0, -z_, y], [z_, 0.0, -x], [-y, x, 0.0]])
-        turn = np.eye(3) + skew + skew @ skew / (1.0 + cosine)
+    x, y = (up[1] / sine, -up[0] / sine) if sine > 0.0 else (1.0, 0.0)  # the axis, up x z
+    skew = np.array([[0.0, 0.0, y], [0.0, 0.0, -x], [-y, x, 0.0]])
+    turn = np.eye(3) + sine * skew + (1.0 - cosine) * skew @ skew  # Rodrigues' formula
     return carried(scene, turn[None], np.zeros((1, 3)))
 
 

@@ -30,6 +30,11 @@ from geodesic_ocp.synergies.synergy import reconstruct
 from geodesic_ocp.table import Table
 from geodesic_ocp.trajectory.motion import Motion, bandwidth
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
 # A metric, or a function of a model that returns one.
 MetricOrFunction = Metric | Callable[[Model], Metric]
 
@@ -68,9 +73,6 @@ def metric_of(name: str, given: MetricOrFunction, model: Model) -> Metric:
     except ValueError as error:
         raise ValueError(f"metrics: {name!r}: {error}") from None
 
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 _LABELS = {
     "joint": "mean joint error [rad]",
@@ -160,10 +162,6 @@ def _add_legend(axes: Axes, has_points: bool) -> None:
         handles.append(mark)
     axes.legend(handles=handles, fontsize="small", frameon=True, framealpha=0.9)
 
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _MEASURES: tuple[Measure, ...] = ("joint", "position", "orientation")
 _SHOWN = (4, 8, 12, 16, 20, 24)  # of many numbers of segments

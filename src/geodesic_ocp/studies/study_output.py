@@ -41,6 +41,7 @@ from geodesic_ocp.table import Table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+
 _ROW, _FRAME = 0.36, 0.95  # [inch] of a method, and of axis and legend
 _CONFIDENCE = 0.95
 _COLUMNS = 4  # of a legend
@@ -156,10 +157,6 @@ def _numbers(rows: Sequence[Row], column: str) -> Array:
     """The column's numbers (k,); NaN where they are missing."""
     values = (row.get(column) for row in rows)
     return np.array([v if isinstance(v, int | float) else np.nan for v in values], dtype=float)
-
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 _DOTS = 300.0  # an inch, of .png

@@ -19,6 +19,10 @@ from geodesic_ocp.scenes.playback_of import playback_of
 from geodesic_ocp.scenes.scene import Playback, plain_text
 from geodesic_ocp.viewer.page import document, fragment
 
+if TYPE_CHECKING:
+    pass
+
+
 PAGES = (".html", ".htm")
 PICTURES = (".mp4", ".gif", ".webp", ".png")
 HEIGHT = 760  # of the frame in a notebook [px]
@@ -207,9 +211,6 @@ def _in_notebook() -> bool:
     shell = ipython.get_ipython() if ipython is not None else None
     return any(kind.__name__ == "ZMQInteractiveShell" for kind in type(shell).__mro__)
 
-
-if TYPE_CHECKING:
-    pass
 
 _WIDTH, _HEIGHT = 5.4, 2.9  # [inch], of which a page shows one in about 72 pixels
 _CHARACTERS, _HANDLE = 84, 8  # of a legend's line at this width, and of the mark before a name

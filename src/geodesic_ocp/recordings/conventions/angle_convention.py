@@ -11,7 +11,7 @@ import numpy as np
 
 from geodesic_ocp.arrays import Array, as_number, as_vector
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.records import parse_json
+from geodesic_ocp.records import read_json_or_toml
 
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 _TURNS_BACK = (-1.0, -1.0, 1.0)  # of an axis mirrored at the plane x-y
@@ -208,31 +208,6 @@ def mirrored(relation: SegmentRelation) -> SegmentRelation:
 Stated = TypeVar("Stated", bound=Any)
 
 
-def read_convention_record(file: Path, hint: str = "") -> Any:
-    """The content of a JSON file, or of a TOML file (.toml), not yet checked.
-
-    Args:
-        file: to read.
-        hint: follows the message when the file cannot be opened.
-
-    Raises:
-        RecordingError: the file is missing or malformed.
-    """
-    try:
-        text = file.read_text(encoding="utf-8-sig")
-        return _from_toml(text) if file.suffix.lower() == ".toml" else parse_json(text)
-    except FileNotFoundError:
-        raise RecordingError(f"{file}: cannot be read: there is no such file{hint}") from None
-    except OSError as failure:
-        raise RecordingError(f"{file}: cannot be read: {failure.strerror}{hint}") from None
-    except ImportError:
-        raise RecordingError(
-            f"{file}: TOML needs Python 3.11 or later; write the convention as JSON"
-        ) from None
-    except (ValueError, RecursionError) as failure:
-        raise RecordingError(f"{file}: is not a convention in JSON or TOML: {failure}") from None
-
-
 def from_record(kind: type[Stated], file: Path, required: str, what: str) -> Stated:
     """The dataclass of this kind whose attributes are the keys of a JSON or TOML file.
 
@@ -245,7 +220,7 @@ def from_record(kind: type[Stated], file: Path, required: str, what: str) -> Sta
     Raises:
         RecordingError: the file is missing or malformed, or its keys or values are others.
     """
-    record = read_convention_record(file)
+    record = read_json_or_toml(file, "convention")
     known = [each.name for each in fields(kind)]
     if not isinstance(record, dict) or required not in record or not set(record) <= set(known):
         raise RecordingError(
@@ -256,9 +231,3 @@ def from_record(kind: type[Stated], file: Path, required: str, what: str) -> Sta
     except (AttributeError, TypeError, ValueError) as failure:
         raise RecordingError(f"{file}: {failure}") from None
     return stated
-
-
-def _from_toml(text: str) -> object:
-    import tomllib
-
-    return tomllib.loads(text)

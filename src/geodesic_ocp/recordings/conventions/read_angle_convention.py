@@ -11,9 +11,9 @@ from geodesic_ocp.recordings.conventions.angle_convention import (
     AngleConvention,
     AxisRotation,
     SegmentRelation,
-    read_convention_record,
 )
 from geodesic_ocp.recordings.conventions.known_angle_conventions import ANGLE_CONVENTIONS
+from geodesic_ocp.records import read_json_or_toml
 
 
 def as_angle_convention(given: AngleConvention | str | Path | None) -> AngleConvention | None:
@@ -42,7 +42,7 @@ def as_angle_convention(given: AngleConvention | str | Path | None) -> AngleConv
         )
     file = Path(given)
     known = ", ".join(ANGLE_CONVENTIONS)
-    record = read_convention_record(file, f"; built-in conventions are {known}")
+    record = read_json_or_toml(file, "convention", f"; built-in conventions are {known}")
     try:
         return _convention(file.stem, record)
     except (TypeError, ValueError) as failure:

@@ -9,7 +9,7 @@ from pathlib import Path
 from geodesic_ocp.arrays import as_number, as_positive
 from geodesic_ocp.recordings.conventions.angle_convention import from_record
 from geodesic_ocp.recordings.conventions.segment_orientations import SEGMENTS
-from geodesic_ocp.recordings.formats.text_lines import LENGTHS
+from geodesic_ocp.recordings.units import LENGTHS
 
 AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
 RESTS = ("zero", "first frame")

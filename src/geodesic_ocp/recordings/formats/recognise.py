@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.recordings.formats.text_lines import LENGTHS
+from geodesic_ocp.recordings.units import LENGTHS
 
 _HEAD = 1 << 16  # bytes from which a format is told
 

@@ -6,8 +6,6 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from geodesic_ocp.errors import RecordingError
 
 # No angle, length or coordinate of a person is larger in any unit, so that nothing overflows.
@@ -50,13 +48,4 @@ def numbers(file: Path, line: int, what: str, words: Sequence[str], count: int) 
 
 
 #: Radians in a unit of angle, by its name in lower case.
-ANGLES = {
-    **dict.fromkeys(("rad", "rads", "radian", "radians"), 1.0),
-    **dict.fromkeys(("deg", "degs", "degree", "degrees"), np.pi / 180.0),
-}
 #: Metres in a unit of length, by its name in lower case.
-LENGTHS = {
-    **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), 1.0),
-    **dict.fromkeys(("cm", "centimeter", "centimeters", "centimetre", "centimetres"), 1e-2),
-    **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), 1e-3),
-}

@@ -25,8 +25,8 @@ import numpy as np
 
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.formats.csv_table import finite_number, read_csv_text
-from geodesic_ocp.recordings.formats.text_lines import LENGTHS
 from geodesic_ocp.recordings.markers.markers import Markers
+from geodesic_ocp.recordings.units import LENGTHS
 
 _MISSING = ("", "nan", "-nan")
 
