@@ -9,9 +9,10 @@ import tempfile
 from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from geodesic_ocp.cli.options import Flag
+from cyclopts import Parameter
+
 from geodesic_ocp.compiled import cache, library
 from geodesic_ocp.logarithm import log
 from geodesic_ocp.model import dynamics
@@ -46,7 +47,9 @@ def models() -> None:
         print(line)
 
 
-def info(*, clear_cache: Flag = False) -> None:
+def info(
+    *, clear_cache: Annotated[bool, Parameter(negative="", show_default=False)] = False
+) -> None:
     """Show versions, compilers and settings, or clear the cache.
 
     Args:
