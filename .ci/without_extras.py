@@ -23,16 +23,16 @@ for module in modules:
     importlib.import_module(module)
 
 arm = go.human_arm("right")
-limits = go.joint_limits(arm, velocity=4.0, acceleration=20.0, jerk=200.0)
+limits = go.execution.joint_limits(arm, velocity=4.0, acceleration=20.0, jerk=200.0)
 grid = go.Grid(1, 3)
 begin = (arm.lower + arm.upper) / 2.0
 line = go.Path(go.Euclidean(arm.dof), grid, begin + np.outer(grid.nodes, np.full(arm.dof, 0.1)))
-paths = go.ArmPaths(arm, limits, np.array([0.0, 1.0]), [line])
+paths = go.execution.ArmPaths(arm, limits, np.array([0.0, 1.0]), [line])
 planned = go.plan_trajectory([paths])
 trajectory = planned.sampled(100.0)
 assert go.check_trajectory(trajectory, arm, limits).passed
 poses = arm.hand_pose(trajectory.positions)
-assert go.track_within_limits(arm, begin, trajectory.time, poses, limits).rate == 200.0
+assert go.execution.track_within_limits(arm, begin, trajectory.time, poses, limits).rate == 200.0
 
 
 def command(*words: str) -> None:
@@ -51,7 +51,7 @@ assert not list(Path("plain").glob("*.parquet"))
 Path("recordings.parquet").write_bytes(b"PAR1")
 
 NEEDED: list[tuple[str, Callable[[], object]]] = [
-    ("mujoco", lambda: go.replay(trajectory, arm)),
+    ("mujoco", lambda: go.execution.replay(trajectory, arm)),
     ("mujoco", lambda: go.load_model("menagerie/franka_emika_panda", hand="hand")),
     ("cluster", lambda: command(*many, "--scheduler", "tcp://127.0.0.1:8786")),
     ("parquet", lambda: go.study("recordings.parquet")),

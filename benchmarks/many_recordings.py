@@ -76,7 +76,7 @@ def measure(data: Path, out: Path, count: int, jobs: int) -> float:
     watcher.start()
     start, used = time.perf_counter(), _processor_time()
     try:
-        result = go.analyse_recordings(data, out, jobs=jobs, recursive=True)
+        result = go.studies.analyse_recordings(data, out, jobs=jobs, recursive=True)
     finally:
         done.set()
         watcher.join()

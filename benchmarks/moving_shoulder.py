@@ -69,7 +69,7 @@ def compared(
     metric = go.KineticEnergy(model)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
-        cuts = go.optimal_segmentations(metric, motion, spacing=0.1)
+        cuts = go.synergies.optimal_segmentations(metric, motion, spacing=0.1)
     segments = cuts.segments(round(motion.duration / duration), refined=False)
     straight, still, given = (np.array(motion.q) for _ in range(3))
     used = np.zeros(len(motion), dtype=bool)
@@ -97,7 +97,7 @@ def _fractions(motion: go.Motion, samples: slice) -> np.ndarray:
 
 def _errors(model: go.Model, motion: go.Motion, q: np.ndarray, used: np.ndarray) -> str:
     parts = (go.Motion(motion.time[used], each[used], motion.joint_names) for each in (motion.q, q))
-    errors = go.evaluate(model, *parts)
+    errors = go.synergies.motion_errors(model, *parts)
     return f"{errors.joint:.4f} rad, {1000 * errors.position:.1f} mm"
 
 

@@ -106,7 +106,7 @@ def main() -> None:
     parser.add_argument("--rate", type=float, default=100.0, help="of the controller [Hz]")
     rate = parser.parse_args().rate
     arm = go.human_arm()
-    limits = go.joint_limits(arm, velocity=0.5, acceleration=2.0)
+    limits = go.execution.joint_limits(arm, velocity=0.5, acceleration=2.0)
     instants = np.linspace(0.0, 2.0, 101)
     phase = (1.0 - np.cos(np.pi * instants / 2.0))[:, None] / 2.0
     q = (arm.lower + arm.upper) / 2.0 + phase * 0.8 * np.cos(np.arange(arm.dof))

@@ -99,13 +99,13 @@ def by_the_program(
     waypoints = ArmWaypoints(
         arm=arm,
         limited=settings.within_limits,
-        alignment=go.alignment(arm),
+        alignment=go.retargeting.align(arm),
         begins=np.zeros(1),
         ends=np.ones(1),
         poses=(Pose(*arm.hand_pose(start)), pose),
         between=(Pose(*arm.hand_pose(middle)),),
         start=start,
-        limits=go.JointLimits(*np.full((4, arm.dof), np.inf)),
+        limits=go.execution.JointLimits(*np.full((4, arm.dof), np.inf)),
         offsets=None,
         weights=settings.pose_weights,
     )

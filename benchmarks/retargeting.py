@@ -192,7 +192,7 @@ def _run(
 
 
 def _replayed(
-    trajectory: Any, robot: go.Model, limits: go.JointLimits, gravity: Any
+    trajectory: Any, robot: go.Model, limits: go.execution.JointLimits, gravity: Any
 ) -> dict[str, float]:
     """Largest errors of the joints and of the hand in simulation, if MuJoCo is installed."""
     from geodesic_ocp.execution.replay import replay

@@ -112,10 +112,10 @@ def _random_logs(count: int, seed: int = 1) -> None:
 def _by_rule(metric: go.KineticEnergy, motion: go.Motion) -> Found:
     """Cuts of the online rule; the time is without compiling."""
     motion = motion.select(metric.model.joint_names)
-    go.reconstruct(metric, motion, go.segment(metric, motion))
+    go.synergies.reconstruct(metric, motion, go.segment(metric, motion))
     begin = time.perf_counter()
     segments = go.segment(metric, motion)
-    predicted = go.reconstruct(metric, motion, segments).predicted
+    predicted = go.synergies.reconstruct(metric, motion, segments).predicted
     return Found(len(segments), predicted, time.perf_counter() - begin)
 
 
@@ -127,7 +127,7 @@ def _best(
     begin = time.perf_counter()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        cuts = go.optimal_segmentations(metric, motion, spacing=spacing)
+        cuts = go.synergies.optimal_segmentations(metric, motion, spacing=spacing)
     seconds = time.perf_counter() - begin
     failed = "; ".join(str(warning.message) for warning in caught)
     return [Found(count, cuts.predicted(count, refined=False), seconds, failed) for count in counts]
@@ -145,11 +145,11 @@ def _report(
     for side, arm in enumerate(arms):
         number = side if len(found) > 1 else 0
         predicted = found[number].predicted
-        own = go.evaluate(arm, motion, predicted)
+        own = go.synergies.motion_errors(arm, motion, predicted)
         joints.append(own.joint)
         shown = f"{1000 * own.position:.1f} mm, {own.orientation:.3f} rad"
         if models[number].dof == 20:
-            whole = go.evaluate(models[number], motion, predicted).hands[side]
+            whole = go.synergies.motion_errors(models[number], motion, predicted).hands[side]
             shown = (
                 f"{1000 * whole.position:.1f} mm, {whole.orientation:.3f} rad "
                 f"({1000 * own.position:.1f}, {own.orientation:.3f})"

@@ -7,11 +7,11 @@ import sys
 from importlib.metadata import version as version_of
 from pathlib import Path
 
-import geodesic_ocp
-
 HERE = Path(__file__).parent
 ROOT = HERE.parent
 sys.path.insert(0, str(HERE / "_extensions"))
+
+from public_names import public_names  # noqa: E402
 
 # Notebooks and gallery are kept once, in folders of their own, and copied for each build.
 for copied in (HERE / "problems", HERE / "reference" / "generated"):
@@ -58,10 +58,11 @@ add_module_names = False
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # docstrings give types, shapes and units
 autosummary_generate = True
-autosummary_filename_map = {  # apart from geodesic and alignment where case does not count
+_NAMES = public_names()
+autosummary_filename_map = {  # apart from geodesic and replay where case does not count
     f"geodesic_ocp.{name}": f"geodesic_ocp.{name}_class"
-    for name in geodesic_ocp.__all__
-    if name != name.lower() and name.lower() in geodesic_ocp.__all__
+    for name in _NAMES
+    if name != name.lower() and name.lower() in _NAMES
 }
 napoleon_attr_annotations = False
 napoleon_use_param = False  # a description of several parameters is shown once

@@ -36,5 +36,5 @@ class AroundBall(go.Problem):
     def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
         return [
             (self.arm.lower, q, self.arm.upper, "joint limits"),
-            *go.clearance_constraints(self.arm, q, self.obstacles, margin=self.margin),
+            *go.distances.clearance_constraints(self.arm, q, self.obstacles, margin=self.margin),
         ]

@@ -51,7 +51,7 @@ class PandaBox(go.Problem):
     def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Any]:
         return [
             (self.robot.lower, q, self.robot.upper, "joint limits"),
-            *go.clearance_constraints(
+            *go.distances.clearance_constraints(
                 self.robot, q, self.obstacles, links=self.links, margin=self.margin
             ),
         ]

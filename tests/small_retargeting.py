@@ -22,14 +22,14 @@ def small_analysis() -> go.Analysis:
 
 
 @cache
-def small_retargeting(speed: float = 2.5, name: str = "robot") -> go.Retargeting:
+def small_retargeting(speed: float = 2.5, name: str = "robot") -> go.retargeting.Retargeting:
     """On an arm of the other side whose joints have this speed limit [rad/s]."""
     arm = go.human_arm("right", 1.95, 90.0)
     chain = arm.pin.copy()
     chain.velocityLimit = np.full(7, speed)
     chain.name = name
     robot = go.Model(chain, "hand", shapes=arm.bodies)
-    aligned = go.alignment(arm)
+    aligned = go.retargeting.align(arm)
     return go.retarget(small_analysis(), robot, alignment=aligned, tolerance=1e-4)
 
 
@@ -46,18 +46,18 @@ def both_analyses() -> tuple[go.Analysis, go.Analysis]:
 
 
 @cache
-def both_arms() -> go.Retargeting:
+def both_arms() -> go.retargeting.Retargeting:
     """Both arms of a person on two robots, a right arm and a left one."""
     robots = [go.human_arm(side, 1.95) for side in ("right", "left")]
     settings = go.RetargetingSettings(merge=0.4, drop=0.3, speed_limits=False)
-    return go.retarget_arms(both_analyses(), robots, tolerance=1e-4, settings=settings)
+    return go.retargeting.retarget_arms(both_analyses(), robots, tolerance=1e-4, settings=settings)
 
 
 @cache
-def both_arms_of_talos() -> go.Retargeting:
+def both_arms_of_talos() -> go.retargeting.Retargeting:
     """Both arms of a person on those of a humanoid robot."""
     robots = [go.load_model(f"talos-{side}-arm") for side in ("right", "left")]
     settings = go.RetargetingSettings(
         merge=0.6, drop=0.4, limits=False, self_collision=False, orientation_weight=0.0, rest=False
     )
-    return go.retarget_arms(both_analyses(), robots, tolerance=1e-3, settings=settings)
+    return go.retargeting.retarget_arms(both_analyses(), robots, tolerance=1e-3, settings=settings)

@@ -17,7 +17,7 @@ from known_problems import PlaneAroundDisc
 import geodesic_ocp as go
 from geodesic_ocp.cli.kinds import file_kind
 from geodesic_ocp.fitting.metric_fit import FORMAT as METRIC
-from geodesic_ocp.retargeting.alignment.alignment import read_alignment
+from geodesic_ocp.retargeting.alignment.align import read_alignment
 from geodesic_ocp.studies.analyse_recording import outcome_of
 from geodesic_ocp.studies.result_files import FORMAT as RESULT
 from geodesic_ocp.studies.result_files import CollectedResults, read_result
@@ -40,12 +40,12 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     time = np.linspace(0.0, 0.3, 7)
     q = np.column_stack([time, time**2])
     motion = go.Motion(time, q, ("a", "b"), np.column_stack([np.ones(7), 2.0 * time]))
-    synergies, _ = go.reconstruct(go.Euclidean(2), motion, [(0, 3), (3, 6)])
-    go.save_synergies(folder / "synergies.json", synergies, ("a", "b"))
+    synergies, _ = go.synergies.reconstruct(go.Euclidean(2), motion, [(0, 3), (3, 6)])
+    go.synergies.save_synergies(folder / "synergies.json", synergies, ("a", "b"))
     go.solve(PlaneAroundDisc(), grid=go.Grid(2, 4), throw=False).save(folder / "solution.json")
-    go.Alignment((0.1, -0.2, 0.3), np.eye(3), np.eye(3), 0.7, "right", "bend", None).save(
-        folder / "alignment.json", ["a note"]
-    )
+    go.retargeting.Alignment(
+        (0.1, -0.2, 0.3), np.eye(3), np.eye(3), 0.7, "right", "bend", None
+    ).save(folder / "alignment.json", ["a note"])
     trajectory = JointTrajectory.from_positions(time, q, ("a", "b"))
     trajectory.save(folder / "trajectory.npz")
     trajectory.save(folder / "trajectory.json")
@@ -74,7 +74,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 def read_synergies(file: Path) -> None:
     read_saved_synergies(file)
-    go.load_synergies(file, go.Euclidean(2))
+    go.synergies.load_synergies(file, go.Euclidean(2))
 
 
 def read_solution(file: Path) -> None:
@@ -90,7 +90,7 @@ def use_result(file: Path) -> None:
 
 
 READERS: dict[str, Callable[[Path], object]] = {
-    "metric.json": lambda file: go.load_metric(file, go.human_arm()),
+    "metric.json": lambda file: go.fitting.load_metric(file, go.human_arm()),
     "result.json": use_result,
     "solution.json": read_solution,
     "synergies.json": read_synergies,

@@ -64,7 +64,7 @@ def make_figure(path: Path) -> None:
     retargeted().plot().savefig(path, dpi=DPI)
 
 
-def retargeted(near_misses: float = 0.0) -> go.Retargeting:
+def retargeted(near_misses: float = 0.0) -> go.retargeting.Retargeting:
     """The bundled recording on the Panda."""
     recording = str(files("geodesic_ocp") / "data" / "climb.csv")
     arm = go.human_arm("left", height=HEIGHT)

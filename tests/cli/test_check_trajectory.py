@@ -108,7 +108,7 @@ def test_gravity_is_given_or_that_of_the_alignment(
     q = np.tile([0.0, 1.2, 0.0, -0.1, 0.0, 1.0, 0.0], (3, 1))  # stretched forward
     here = JointTrajectory(np.arange(3) / 100, q, 0 * q, 0 * q, panda.joint_names)
     file = str(here.save(tmp_path / "still.json"))
-    down = -9.81 * go.alignment(panda).base[:, 2]
+    down = -9.81 * go.retargeting.align(panda).base[:, 2]
     tables = []
     for arguments in ([], ["--gravity", *map(str, down)], ["--aligned"]):
         run(file, "--robot", "panda", "--no-clearance", *arguments)

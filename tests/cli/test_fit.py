@@ -20,7 +20,7 @@ def files(tmp_path: Path) -> list[Path]:
     rng, written = np.random.default_rng(5), []
     for subject, height, mass in (("Ann", 1.65, 60.0), ("Bob", 1.9, 90.0)):
         arm = go.human_arm("right", height, mass)
-        metric = go.AdjustableKineticEnergy(arm, joint_inertia=TRUE)
+        metric = go.manifold.AdjustableKineticEnergy(arm, joint_inertia=TRUE)
         recording, _ = synthetic_recording(metric, arm, rng, count=3, noise=0.001)
         motion = recording.motion
         file = tmp_path / f"{subject}.csv"
@@ -48,7 +48,7 @@ def test_fit_writes_a_metric_that_analyse_takes(
     assert "Ann" in text
     names = {file.name for file in out.iterdir()}
     assert {"metric.json", "figure.png", "table.csv", "by_recording.md", "profile.csv"} <= names
-    metric = go.load_metric(out / "metric.json", go.human_arm("right", 1.65, 60.0))
+    metric = go.fitting.load_metric(out / "metric.json", go.human_arm("right", 1.65, 60.0))
     # The cuts are found, not given, and the filter rounds the corners of the motion.
     assert metric.joint_inertia[0] == pytest.approx(TRUE, rel=0.5)
     assert cli.main(["analyse", str(files[0]), "--metric", str(out / "metric.json")]) == 0

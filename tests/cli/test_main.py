@@ -73,7 +73,7 @@ def test_metric_and_joint_inertia_are_options(
     short_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     command = ["analyse", str(short_file), "--side", "left"]
-    default = f"{go.default_joint_inertia(go.human_arm('left'))[0]:.3g}"  # the same for all joints
+    default = f"{go.manifold.default_joint_inertia(go.human_arm('left'))[0]:.3g}"
     for options, metric in (
         ([], rf"kinetic energy with joint inertia {default} kg m\^2"),
         (["--armature", "0.05"], r"kinetic energy with joint inertia 0\.05 kg m\^2"),
@@ -148,7 +148,10 @@ def test_defaults_are_those_in_python() -> None:
     settings = AnalysisSettings()
     for function, names in (
         (go.segment, ("threshold", "rest_duration", "min_duration", "hysteresis")),
-        (go.segment_optimal, ("count", "penalty", "error", "measure", "spacing", "max_duration")),
+        (
+            go.synergies.segment_optimal,
+            ("count", "penalty", "error", "measure", "spacing", "max_duration"),
+        ),
     ):
         parameters = inspect.signature(function).parameters
         for name in names:
@@ -243,13 +246,15 @@ def test_demo_writes_to_its_default_folder(
         assert options == (0.6,)
         return bundled_analysis
 
-    def compare(*arguments: object, spacing: float, **options: object) -> go.MetricComparison:
+    def compare(
+        *arguments: object, spacing: float, **options: object
+    ) -> go.studies.MetricComparison:
         """Straight lines alone, with few candidates."""
         model, motion = bundled_analysis.model, bundled_analysis.motion
         assert arguments == (model, motion)
         assert spacing == pytest.approx(0.1, rel=0.01)
         lines = {"straight lines": go.Euclidean(model.dof)}
-        return go.compare_metrics(model, motion, lines, spacing=0.5, thresholds=())
+        return go.studies.compare_metrics(model, motion, lines, spacing=0.5, thresholds=())
 
     monkeypatch.setattr(analyse_recording, "analyse", analyse)
     monkeypatch.setattr(analyse_command, "compare_metrics", compare)

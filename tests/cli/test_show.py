@@ -272,8 +272,8 @@ def test_the_robot_of_a_trajectory_is_named_beside_it(
     trajectory.save(tmp_path / "trajectory.npz")
     metric = go.Euclidean(robot.dof)
     motion = go.Motion(time, q, robot.joint_names, np.full_like(q, 0.1))
-    synergies, _ = go.reconstruct(metric, motion, [(0, len(time) - 1)])
-    go.save_synergies(tmp_path / "synergies.json", synergies, robot.joint_names, robot)
+    synergies, _ = go.synergies.reconstruct(metric, motion, [(0, len(time) - 1)])
+    go.synergies.save_synergies(tmp_path / "synergies.json", synergies, robot.joint_names, robot)
     (scene,) = show(tmp_path).scenes
     assert scene.title.startswith("panda")
     assert "of panda, which is named beside it" in capsys.readouterr().out
@@ -287,7 +287,7 @@ def test_a_robot_from_a_file(show: Show, robot_file: Path) -> None:
 
 def test_an_alignment(show: Show, refused: Refused, tmp_path: Path, robot_file: Path) -> None:
     file = tmp_path / "aligned.json"
-    go.alignment(go.human_arm("right")).save(file)
+    go.retargeting.align(go.human_arm("right")).save(file)
     assert "--robot" in refused(file)
     assert "not a joint of 'pendulum'" in refused(file, "--robot", robot_file)
 

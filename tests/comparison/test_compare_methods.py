@@ -27,7 +27,7 @@ def rods() -> go.Model:
 
 
 @pytest.fixture(scope="module")
-def recordings(rods: go.Model) -> list[go.Recording]:
+def recordings(rods: go.Model) -> list[go.recordings.Recording]:
     """Two persons move along geodesics of the kinetic energy, with a cubic time law."""
     metric = go.KineticEnergy(rods)
     starts = [((0.2, 0.9), (1.0, 0.9)), ((0.4, 1.4), (-0.9, -0.8)), ((-0.3, 0.8), (1.2, -0.4))]
@@ -37,16 +37,18 @@ def recordings(rods: go.Model) -> list[go.Recording]:
         rate = 1.0 + 0.6 * TIME - 0.6 * TIME**2
         path, slopes = sample_geodesic(metric, np.array(q), np.array(v), fraction, tolerance=1e-12)
         motion = go.Motion(TIME, path, rods.joint_names, slopes * rate[:, None])
-        found.append(go.Recording(rods, motion, f"reach {index}", "ab"[index // 2]))
+        found.append(go.recordings.Recording(rods, motion, f"reach {index}", "ab"[index // 2]))
     return found
 
 
 @pytest.fixture(scope="module")
-def comparison(recordings: list[go.Recording]) -> go.MethodComparison:
-    return go.compare_methods(recordings, metrics())
+def comparison(recordings: list[go.recordings.Recording]) -> go.studies.MethodComparison:
+    return go.studies.compare_methods(recordings, metrics())
 
 
-def test_geodesics_win_where_people_move_along_them(comparison: go.MethodComparison) -> None:
+def test_geodesics_win_where_people_move_along_them(
+    comparison: go.studies.MethodComparison,
+) -> None:
     assert comparison.segments == 3 * (((0, 60),),)
     errors = comparison.values("joint_mean")
     assert errors[:, 0] == pytest.approx(0.0, abs=1e-7)
@@ -59,41 +61,47 @@ def test_geodesics_win_where_people_move_along_them(comparison: go.MethodCompari
     assert reverse.mean_difference == pytest.approx(-test.mean_difference)
 
 
-def test_recordings_of_a_subject_are_one_pair(comparison: go.MethodComparison) -> None:
+def test_recordings_of_a_subject_are_one_pair(comparison: go.studies.MethodComparison) -> None:
     tests = comparison.tests("position_mean")
     assert list(tests) == [name for name in comparison.methods if name != LINES]
     assert {test.pairs for test in tests.values()} == {2}
 
 
-def test_a_higher_correlation_wins(comparison: go.MethodComparison) -> None:
+def test_a_higher_correlation_wins(comparison: go.studies.MethodComparison) -> None:
     values = comparison.values("speed_correlation")
     test = comparison.tests("speed_correlation", by="recording")["kinetic energy"]
     assert test.wins == np.sum(values[:, 0] > values[:, 1]) > 0
 
 
 def test_scores_are_those_of_the_methods(
-    comparison: go.MethodComparison, recordings: list[go.Recording], rods: go.Model
+    comparison: go.studies.MethodComparison,
+    recordings: list[go.recordings.Recording],
+    rods: go.Model,
 ) -> None:
     motion = recordings[1].motion
-    cubic = go.minimum_acceleration(motion, [(0, 60)])
-    expected = go.score(rods, motion, cubic, [(0, 60)])
+    cubic = go.baselines.minimum_acceleration(motion, [(0, 60)])
+    expected = go.synergies.score(rods, motion, cubic, [(0, 60)])
     assert comparison.scores["minimum acceleration"][1] == expected
-    straight = go.reconstruct(go.Euclidean(2), motion, [(0, 60)]).predicted
-    assert comparison.values("area")[1, 1] == go.score(rods, motion, straight).area
+    straight = go.synergies.reconstruct(go.Euclidean(2), motion, [(0, 60)]).predicted
+    assert comparison.values("area")[1, 1] == go.synergies.score(rods, motion, straight).area
 
 
-def test_the_first_metric_cuts_unless_segments_are_given(recordings: list[go.Recording]) -> None:
+def test_the_first_metric_cuts_unless_segments_are_given(
+    recordings: list[go.recordings.Recording],
+) -> None:
     lines = {LINES: lambda model: go.Euclidean(model.dof)}
-    cut = go.compare_methods(recordings[:1], lines, threshold=0.1)
+    cut = go.studies.compare_methods(recordings[:1], lines, threshold=0.1)
     assert list(cut.segments[0]) == go.segment(go.Euclidean(2), recordings[0].motion, 0.1)
     assert len(cut.segments[0]) > 1
-    given = go.compare_methods(recordings[:2], lines, segments=[[(0, 20), (20, 60)], [(0, 60)]])
+    given = go.studies.compare_methods(
+        recordings[:2], lines, segments=[[(0, 20), (20, 60)], [(0, 60)]]
+    )
     assert given.segments == (((0, 20), (20, 60)), ((0, 60),))
-    whole = go.compare_methods(recordings[:1], lines, segments=[[(0, 60)]])
+    whole = go.studies.compare_methods(recordings[:1], lines, segments=[[(0, 60)]])
     assert given.values()[0, 0] < whole.values()[0, 0]
 
 
-def test_tables(comparison: go.MethodComparison) -> None:
+def test_tables(comparison: go.studies.MethodComparison) -> None:
     table = comparison.table()
     assert [row[0] for row in table.rows] == list(comparison.methods)
     assert {row[2:4] for row in table.rows} == {("3 of 3", 3)}
@@ -110,13 +118,15 @@ def test_tables(comparison: go.MethodComparison) -> None:
     assert tests.rows[0][1] == "3 of 3"
     assert "note" not in tests.header
     assert str(tests).count("3 pairs that differ cannot reach") == 1
-    assert go.MethodComparison in check_reprs([comparison])
+    assert go.studies.MethodComparison in check_reprs([comparison])
 
 
-def test_a_method_that_fails_is_left_out(recordings: list[go.Recording], rods: go.Model) -> None:
+def test_a_method_that_fails_is_left_out(
+    recordings: list[go.recordings.Recording], rods: go.Model
+) -> None:
     """Of the means on all methods, and of its tests, which say so."""
     other = planar_arm((1.0, 1.0), (1.0, 2.0), (0.5, 0.5), (0.1, 0.1))
-    renamed = go.Recording(other, recordings[2].motion, "reach 2", "b")
+    renamed = go.recordings.Recording(other, recordings[2].motion, "reach 2", "b")
 
     def fails(model: go.Model) -> go.Metric:
         if model is other:
@@ -126,7 +136,7 @@ def test_a_method_that_fails_is_left_out(recordings: list[go.Recording], rods: g
     mixed = [*recordings[:2], renamed]
     lines = {LINES: lambda model: go.Euclidean(model.dof), "fails": fails}
     with pytest.warns(UserWarning, match="reach 2: fails failed: no geodesic was found"):
-        found = go.compare_methods(mixed, lines)
+        found = go.studies.compare_methods(mixed, lines)
     assert found.failures == (("reach 2", "fails", "no geodesic was found"),)
     assert np.isnan(found.values("area")[2, 1])
     assert not np.isnan(np.delete(found.values("area").ravel(), 2 * 5 + 1)).any()
@@ -137,28 +147,29 @@ def test_a_method_that_fails_is_left_out(recordings: list[go.Recording], rods: g
     assert (test.pairs, test.left_out) == (2, 1)
     assert "1 pair left out (NaN)" in test.note
     with pytest.warns(UserWarning, match="fails failed"):
-        nothing = go.compare_methods([renamed], lines)
+        nothing = go.studies.compare_methods([renamed], lines)
     assert "fails" not in nothing.tests()
     assert all(np.isnan(row[4]) for row in nothing.table().rows)
 
 
-def test_one_recording_needs_no_list(recordings: list[go.Recording]) -> None:
+def test_one_recording_needs_no_list(recordings: list[go.recordings.Recording]) -> None:
     alone, listed = (
-        go.compare_methods(given, metrics()) for given in (recordings[0], recordings[:1])
+        go.studies.compare_methods(given, metrics()) for given in (recordings[0], recordings[:1])
     )
     assert np.array_equal(alone.values(), listed.values())
     assert alone.recordings == listed.recordings
 
 
-def test_default_metrics(recordings: list[go.Recording], arm: go.Model) -> None:
+def test_default_metrics(recordings: list[go.recordings.Recording], arm: go.Model) -> None:
     """The control of the distal joints is known of human arms alone."""
-    of_rods = go.compare_methods(recordings[:1])
+    of_rods = go.studies.compare_methods(recordings[:1])
     assert of_rods.methods[:3] == ("kinetic energy with joint inertia", "kinetic energy", LINES)
     q = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1]) + 0.2 * np.sin(TIME)[:, None]
     motion = go.Motion(TIME, q, arm.joint_names).filtered()
     seen: list[tuple[int, int]] = []
-    of_arm = go.compare_methods(
-        [go.Recording(arm, motion)], progress=lambda label, done, total: seen.append((done, total))
+    of_arm = go.studies.compare_methods(
+        [go.recordings.Recording(arm, motion)],
+        progress=lambda label, done, total: seen.append((done, total)),
     )
     assert len(of_arm.methods) == 7
     assert of_arm.methods[2] == "joint inertia of distal joints alone"
@@ -167,34 +178,40 @@ def test_default_metrics(recordings: list[go.Recording], arm: go.Model) -> None:
 
 
 def test_bad_arguments_are_named(
-    recordings: list[go.Recording], comparison: go.MethodComparison
+    recordings: list[go.recordings.Recording], comparison: go.studies.MethodComparison
 ) -> None:
-    with pytest.raises(ValueError, match=r"recordings must be one or more of go\.Recording"):
-        go.compare_methods([])
-    with pytest.raises(ValueError, match=r"recordings must be one or more of go\.Recording"):
-        go.compare_methods([recordings[0].motion])  # type: ignore[list-item]
-    with pytest.raises(ValueError, match=r"recordings must be one or more of go\.Recording"):
-        go.compare_methods(recordings[0].motion)  # type: ignore[arg-type]
+    with pytest.raises(
+        ValueError, match=r"recordings must be one or more of go\.recordings\.Recording"
+    ):
+        go.studies.compare_methods([])
+    with pytest.raises(
+        ValueError, match=r"recordings must be one or more of go\.recordings\.Recording"
+    ):
+        go.studies.compare_methods([recordings[0].motion])  # type: ignore[list-item]
+    with pytest.raises(
+        ValueError, match=r"recordings must be one or more of go\.recordings\.Recording"
+    ):
+        go.studies.compare_methods(recordings[0].motion)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"segments must be pairs \(start, stop\), got \(0, 60\)"):
-        go.compare_methods(recordings[0], metrics(), segments=[(0, 60)])  # type: ignore[list-item]
+        go.studies.compare_methods(recordings[0], metrics(), segments=[(0, 60)])  # type: ignore[list-item]
     with pytest.raises(ValueError, match="metrics must be at least one"):
-        go.compare_methods(recordings, {})
+        go.studies.compare_methods(recordings, {})
     with pytest.raises(ValueError, match="metrics must have names"):
-        go.compare_methods(recordings, [go.Euclidean(2)])  # type: ignore[arg-type]
+        go.studies.compare_methods(recordings, [go.Euclidean(2)])  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="'lines' must be a metric, or a function"):
-        go.compare_methods(recordings, {"lines": 2})  # type: ignore[dict-item]
+        go.studies.compare_methods(recordings, {"lines": 2})  # type: ignore[dict-item]
     with pytest.raises(ValueError, match="minimum jerk is the name of a baseline"):
-        go.compare_methods(recordings, {"minimum jerk": go.Euclidean(2)})
+        go.studies.compare_methods(recordings, {"minimum jerk": go.Euclidean(2)})
     with pytest.raises(ValueError, match="metric must be an instance of a Metric class"):
-        go.compare_methods(recordings, {"model": lambda model: model})
+        go.studies.compare_methods(recordings, {"model": lambda model: model})
     with pytest.raises(ValueError, match="segments must be 'same'"):
-        go.compare_methods(recordings, metrics(), segments="other")
+        go.studies.compare_methods(recordings, metrics(), segments="other")
     with pytest.raises(ValueError, match="segments must be given for each of 3 recordings, got 1"):
-        go.compare_methods(recordings, metrics(), segments=[[(0, 60)]])
+        go.studies.compare_methods(recordings, metrics(), segments=[[(0, 60)]])
     still = go.Motion(TIME, np.ones((61, 2)), ("joint1", "joint2"), np.zeros((61, 2)))
-    resting = go.Recording(recordings[0].model, still, "a rest")
+    resting = go.recordings.Recording(recordings[0].model, still, "a rest")
     with pytest.raises(ValueError, match="a rest: the motion never moves"):
-        go.compare_methods([*recordings, resting], metrics())
+        go.studies.compare_methods([*recordings, resting], metrics())
     with pytest.raises(ValueError, match=r"score must be one of joint_mean, .*, got 'speed'"):
         comparison.table("speed")
     with pytest.raises(ValueError, match="against must be one of kinetic energy, straight lines"):

@@ -33,52 +33,56 @@ def metrics(arm_metric: go.KineticEnergy) -> dict[str, go.Metric]:
 @pytest.fixture(scope="module")
 def comparison(
     arm: go.Model, motion: go.Motion, metrics: dict[str, go.Metric]
-) -> go.MetricComparison:
-    return go.compare_metrics(arm, motion, metrics, measure="position", **OPTIONS)
+) -> go.studies.MetricComparison:
+    return go.studies.compare_metrics(arm, motion, metrics, measure="position", **OPTIONS)
 
 
 @pytest.mark.slow
 def test_every_metric_has_its_own_optimal_cuts_and_their_errors_in_all_measures(
-    comparison: go.MetricComparison,
+    comparison: go.studies.MetricComparison,
     arm: go.Model,
     motion: go.Motion,
     metrics: dict[str, go.Metric],
 ) -> None:
     for name, metric in metrics.items():
-        found = go.optimal_segmentations(metric, motion, measure="position", model=arm, spacing=0.1)
+        found = go.synergies.optimal_segmentations(
+            metric, motion, measure="position", model=arm, spacing=0.1
+        )
         curve = comparison.curves[name]
         assert curve.counts.tolist() == found.counts.tolist() == list(range(1, 10))
         assert curve.position == pytest.approx(found.errors, rel=1e-6)
         assert list(curve.segments[4]) == found.segments(5, refined=False)
-        predicted = go.reconstruct(metric, motion, curve.segments[4]).predicted
-        errors = go.evaluate(arm, motion, predicted)
+        predicted = go.synergies.reconstruct(metric, motion, curve.segments[4]).predicted
+        errors = go.synergies.motion_errors(arm, motion, predicted)
         assert curve.joint[4] == pytest.approx(errors.joint, rel=1e-6)
         assert curve.orientation[4] == pytest.approx(errors.orientation, rel=1e-6)
 
 
 def test_the_online_rule_is_a_point_with_its_own_cuts(
-    comparison: go.MetricComparison,
+    comparison: go.studies.MetricComparison,
     arm: go.Model,
     motion: go.Motion,
     metrics: dict[str, go.Metric],
 ) -> None:
     for name, metric in metrics.items():
         segments = go.segment(metric, motion, 0.6)
-        errors = go.evaluate(arm, motion, go.reconstruct(metric, motion, segments).predicted)
+        errors = go.synergies.motion_errors(
+            arm, motion, go.synergies.reconstruct(metric, motion, segments).predicted
+        )
         (point,) = comparison.online[name]
         assert (point.threshold, point.count, point.errors) == (0.6, len(segments), errors)
 
 
 def test_chosen_counts_can_be_refined(
-    comparison: go.MetricComparison, arm: go.Model, motion: go.Motion
+    comparison: go.studies.MetricComparison, arm: go.Model, motion: go.Motion
 ) -> None:
     lines = {"lines": go.Euclidean(7)}
     options = {**OPTIONS, "measure": "position", "counts": [4, 3], "refined": True}
-    refined = go.compare_metrics(arm, motion, lines, **options).curves["lines"]
+    refined = go.studies.compare_metrics(arm, motion, lines, **options).curves["lines"]
     assert refined.counts.tolist() == [3, 4]
     assert np.all(refined.position <= comparison.curves["lines"].position[2:4])
     with pytest.raises(ValueError, match="count must be 1 to 9"):
-        go.compare_metrics(arm, motion, lines, **{**options, "counts": [10]})
+        go.studies.compare_metrics(arm, motion, lines, **{**options, "counts": [10]})
 
 
 @pytest.mark.slow
@@ -95,7 +99,7 @@ def test_the_number_worth_having_is_that_of_a_motion_made_of_so_many(arm: go.Mod
         seen = q + noise * rng.normal(size=q.shape)
         seen[::40] = q[::40]  # the ends of the segments are fitted to one sample each
         motion = go.Motion(time, seen, arm.joint_names, directions[piece])
-        comparison = go.compare_metrics(
+        comparison = go.studies.compare_metrics(
             arm,
             motion,
             {"lines": go.Euclidean(7)},
@@ -106,7 +110,7 @@ def test_the_number_worth_having_is_that_of_a_motion_made_of_so_many(arm: go.Mod
         )
         assert comparison.best_count("lines") == 4
     # Noise as large as the motion leaves nothing to explain.
-    nothing = go.compare_metrics(
+    nothing = go.studies.compare_metrics(
         arm, motion, {"lines": go.Euclidean(7)}, spacing=0.1, thresholds=[], noise=1.0
     )
     assert nothing.best_count("lines") == 1
@@ -151,19 +155,19 @@ def test_noise_and_bandwidth_come_from_the_filter_or_as_given(arm: go.Model) -> 
 @pytest.mark.slow
 def test_without_metrics_three_are_compared(arm: go.Model, motion: go.Motion) -> None:
     seen: list[str] = []
-    result = go.compare_metrics(
+    result = go.studies.compare_metrics(
         arm, motion, **OPTIONS, progress=lambda label, done, total: seen.append(label)
     )
     names = ["kinetic energy with joint inertia", "kinetic energy", "straight lines"]
     assert list(result.curves) == list(result.online) == names
     assert list(dict.fromkeys(seen)) == [f"{name}: planning segments" for name in names]
-    stiff = go.KineticEnergy(arm.with_armature(go.default_joint_inertia(arm)))
-    by_hand = go.optimal_segmentations(stiff, motion, spacing=0.1)
+    stiff = go.KineticEnergy(arm.with_armature(go.manifold.default_joint_inertia(arm)))
+    by_hand = go.synergies.optimal_segmentations(stiff, motion, spacing=0.1)
     assert result.curves[names[0]].joint == pytest.approx(by_hand.errors, rel=1e-6)
 
 
 @pytest.mark.slow
-def test_table_figure_and_files(comparison: go.MetricComparison, tmp_path: Path) -> None:
+def test_table_figure_and_files(comparison: go.studies.MetricComparison, tmp_path: Path) -> None:
     assert repr(comparison).startswith("MetricComparison(human right arm, 0.9 s, cuts of least pos")
     table = comparison.table([2, 5])
     assert [row[:3] for row in table.rows if row[0] == "lines"][:2] == [
@@ -197,25 +201,25 @@ def test_table_figure_and_files(comparison: go.MetricComparison, tmp_path: Path)
 
 def test_metrics_that_do_not_fit_are_refused(arm: go.Model, motion: go.Motion) -> None:
     with pytest.raises(ValueError, match="metrics must be at least one, got none"):
-        go.compare_metrics(arm, motion, {})
+        go.studies.compare_metrics(arm, motion, {})
     with pytest.raises(ValueError, match=r"metrics must have names, .* got \[Euclidean"):
-        go.compare_metrics(arm, motion, [go.Euclidean(7)])  # type: ignore[arg-type]
+        go.studies.compare_metrics(arm, motion, [go.Euclidean(7)])  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="'kinetic' must be a metric, or a function of a model"):
-        go.compare_metrics(arm, motion, {"kinetic": "kinetic"})  # type: ignore[dict-item]
+        go.studies.compare_metrics(arm, motion, {"kinetic": "kinetic"})  # type: ignore[dict-item]
     with pytest.raises(ValueError, match="metrics: 'arm': metric must be an instance of a Metric"):
-        go.compare_metrics(arm, motion, {"arm": lambda model: model})
+        go.studies.compare_metrics(arm, motion, {"arm": lambda model: model})
     with pytest.raises(ValueError, match="metrics: 'small': metric has dimension 3"):
-        go.compare_metrics(arm, motion, {"small": go.Euclidean(3)})
+        go.studies.compare_metrics(arm, motion, {"small": go.Euclidean(3)})
     for counts in ([], 3):
         with pytest.raises(ValueError, match="counts must be one or more numbers of segments"):
-            go.compare_metrics(arm, motion, {"lines": go.Euclidean(7)}, counts=counts)
+            go.studies.compare_metrics(arm, motion, {"lines": go.Euclidean(7)}, counts=counts)
 
 
 def test_functions_of_the_model_are_metrics(
-    comparison: go.MetricComparison, arm: go.Model, motion: go.Motion
+    comparison: go.studies.MetricComparison, arm: go.Model, motion: go.Motion
 ) -> None:
     given = {"lines": lambda model: go.Euclidean(model.dof)}
-    found = go.compare_metrics(arm, motion, given, measure="position", **OPTIONS)
+    found = go.studies.compare_metrics(arm, motion, given, measure="position", **OPTIONS)
     assert np.array_equal(found.curves["lines"].joint, comparison.curves["lines"].joint)
 
 
@@ -238,7 +242,9 @@ def test_joint_inertia_explains_recordings_better_than_straight_lines(
         "lines": go.Euclidean(7),
     }
     counts = [4, 8, 12, 16, 20, 24]
-    comparison = go.compare_metrics(arm, motion, metrics, counts=counts, spacing=0.1, thresholds=[])
+    comparison = go.studies.compare_metrics(
+        arm, motion, metrics, counts=counts, spacing=0.1, thresholds=[]
+    )
     inertia, links, lines = comparison.curves.values()
     assert np.all(inertia.joint < lines.joint)
     assert np.all(inertia.position < lines.position)

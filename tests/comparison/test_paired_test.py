@@ -16,7 +16,7 @@ import geodesic_ocp as go
 def test_a_win_in_every_pair(pairs: int, p: float) -> None:
     """Both p-values are 2^(1 - n), the smallest that n pairs allow."""
     b = np.linspace(1.0, 2.0, pairs)
-    test = go.paired_test(b - 0.1 * b**2, b)
+    test = go.studies.paired_test(b - 0.1 * b**2, b)
     assert (test.pairs, test.wins, test.losses, test.ties) == (pairs, pairs, 0, 0)
     assert test.sign_p == pytest.approx(p)
     assert test.wilcoxon_p == pytest.approx(p)
@@ -26,7 +26,7 @@ def test_a_win_in_every_pair(pairs: int, p: float) -> None:
 
 def test_sign_and_wilcoxon_tests_by_hand() -> None:
     """Differences 1, 2, 3, -4: one loss of four; the rank sum of the negative one is 4."""
-    test = go.paired_test([1.0, 2.0, 3.0, -4.0], np.zeros(4), larger_is_better=True)
+    test = go.studies.paired_test([1.0, 2.0, 3.0, -4.0], np.zeros(4), larger_is_better=True)
     assert (test.wins, test.losses) == (3, 1)
     assert test.sign_p == pytest.approx(2 * (1 + 4) / 16)
     # Subsets of {1, 2, 3, 4} with a sum of at most 4: 0, 1, 2, 3, 4, 1 + 2, 1 + 3.
@@ -36,7 +36,10 @@ def test_sign_and_wilcoxon_tests_by_hand() -> None:
 
 def test_smaller_is_better_unless_told_otherwise() -> None:
     a, b = [1.0, 2.0, 3.0], [2.0, 1.0, 5.0]
-    errors, correlations = go.paired_test(a, b), go.paired_test(a, b, larger_is_better=True)
+    errors, correlations = (
+        go.studies.paired_test(a, b),
+        go.studies.paired_test(a, b, larger_is_better=True),
+    )
     assert (errors.wins, errors.losses) == (2, 1)
     assert (correlations.wins, correlations.losses) == (1, 2)
     assert errors.mean_difference == correlations.mean_difference == pytest.approx(-2 / 3)
@@ -45,7 +48,7 @@ def test_smaller_is_better_unless_told_otherwise() -> None:
 def test_ties_and_missing_pairs_are_left_out_and_counted() -> None:
     a = [1.0, 2.0, np.nan, 4.0, 5.0, 7.0]
     b = [2.0, 3.0, 1.0, np.nan, 5.0, 6.5]
-    test = go.paired_test(a, b)
+    test = go.studies.paired_test(a, b)
     assert (test.pairs, test.left_out, test.wins, test.losses, test.ties) == (4, 2, 2, 1, 1)
     assert test.sign_p == 1.0
     assert test.note.startswith("2 pairs left out (NaN); 3 pairs that differ cannot reach p < 0.05")
@@ -54,20 +57,20 @@ def test_ties_and_missing_pairs_are_left_out_and_counted() -> None:
 def test_recordings_of_a_subject_are_averaged_first() -> None:
     """Ten recordings of one subject are one pair."""
     a, b = np.arange(12.0), np.arange(12.0) + np.repeat([1.0, -2.0, -4.0], [10, 1, 1])
-    test = go.paired_test(a, b, by=[*10 * ["first"], "second", "second"])
+    test = go.studies.paired_test(a, b, by=[*10 * ["first"], "second", "second"])
     assert (test.pairs, test.wins, test.losses) == (2, 1, 1)
     assert test.mean_difference == pytest.approx((-1.0 + 3.0) / 2)
 
 
 def test_equal_numbers() -> None:
-    test = go.paired_test(np.ones(4), np.ones(4))
+    test = go.studies.paired_test(np.ones(4), np.ones(4))
     assert (test.ties, test.sign_p, test.wilcoxon_p) == (4, 1.0, 1.0)
     assert test.interval == (0.0, 0.0)
-    assert go.paired_test(np.ones(4), np.zeros(4)).interval == (1.0, 1.0)
+    assert go.studies.paired_test(np.ones(4), np.zeros(4)).interval == (1.0, 1.0)
 
 
 def test_the_interval_of_a_single_pair_is_unknown() -> None:
-    assert np.isnan(go.paired_test([1.0], [2.0]).interval).all()
+    assert np.isnan(go.studies.paired_test([1.0], [2.0]).interval).all()
 
 
 @pytest.mark.slow
@@ -77,7 +80,9 @@ def test_intervals_contain_the_true_mean_as_often_as_they_say() -> None:
     inside = 0
     for seed in range(100):
         differences = rng.normal(1.0, 2.0, size=40)
-        low, high = go.paired_test(differences, np.zeros(40), confidence=0.8, seed=seed).interval
+        low, high = go.studies.paired_test(
+            differences, np.zeros(40), confidence=0.8, seed=seed
+        ).interval
         inside += low <= 1.0 <= high
     assert scipy.stats.binomtest(inside, 100, 0.8).pvalue > 0.01
 
@@ -87,35 +92,35 @@ def test_intervals_contain_the_true_mean_as_often_as_they_say() -> None:
 def test_scale_and_order_change_nothing(seed: int, pairs: int) -> None:
     rng = np.random.default_rng(seed)
     a, b = rng.normal(size=(2, pairs))
-    test, swapped = go.paired_test(a, b), go.paired_test(b, a)
+    test, swapped = go.studies.paired_test(a, b), go.studies.paired_test(b, a)
     assert (test.wins, test.losses) == (swapped.losses, swapped.wins)
     assert test.sign_p == pytest.approx(swapped.sign_p)
     assert test.wilcoxon_p == pytest.approx(swapped.wilcoxon_p)
-    doubled = go.paired_test(2.0 * a, 2.0 * b)
+    doubled = go.studies.paired_test(2.0 * a, 2.0 * b)
     assert doubled.interval == pytest.approx(2.0 * np.array(test.interval))
     assert test.interval[0] <= test.mean_difference <= test.interval[1]
-    assert test == go.paired_test(a, b)  # seeded
+    assert test == go.studies.paired_test(a, b)  # seeded
     assert min(test.sign_p, test.wilcoxon_p) >= test.smallest_p * (1.0 - 1e-12)
 
 
 def test_it_shows_itself(rng: np.random.Generator) -> None:
-    test = go.paired_test(*rng.normal(size=(2, 8)))
-    assert go.PairedTest in check_reprs([test])
+    test = go.studies.paired_test(*rng.normal(size=(2, 8)))
+    assert go.studies.PairedTest in check_reprs([test])
     assert dict(test.table().rows)["pairs"] == 8
 
 
 def test_bad_arguments_are_named() -> None:
     with pytest.raises(ValueError, match="a and b must be pairs, got 2 and 3 numbers"):
-        go.paired_test([1.0, 2.0], [1.0, 2.0, 3.0])
+        go.studies.paired_test([1.0, 2.0], [1.0, 2.0, 3.0])
     with pytest.raises(ValueError, match=r"b must be numbers \(k,\), finite or NaN"):
-        go.paired_test([1.0], [np.inf])
+        go.studies.paired_test([1.0], [np.inf])
     with pytest.raises(ValueError, match=r"a must be numbers \(k,\)"):
-        go.paired_test([[1.0]], [1.0])
+        go.studies.paired_test([[1.0]], [1.0])
     with pytest.raises(ValueError, match="a and b have no pair without NaN"):
-        go.paired_test([np.nan, 1.0], [1.0, np.nan])
+        go.studies.paired_test([np.nan, 1.0], [1.0, np.nan])
     with pytest.raises(ValueError, match="by must have 2 labels, one for each pair, got 1"):
-        go.paired_test([1.0, 2.0], [2.0, 1.0], by=["first"])
+        go.studies.paired_test([1.0, 2.0], [2.0, 1.0], by=["first"])
     with pytest.raises(ValueError, match=r"confidence must be in \(0, 1\)"):
-        go.paired_test([1.0], [2.0], confidence=95.0)
+        go.studies.paired_test([1.0], [2.0], confidence=95.0)
     with pytest.raises(ValueError, match="seed must be a non-negative integer"):
-        go.paired_test([1.0], [2.0], seed=-1)
+        go.studies.paired_test([1.0], [2.0], seed=-1)

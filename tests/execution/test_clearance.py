@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import geodesic_ocp as go
-from geodesic_ocp.execution.clearance import active_rows, clearance_constraint
+from geodesic_ocp.execution.clearance import active_rows, keep_clear
 from geodesic_ocp.execution.link_pairs import (
     LinkPairs,
     capsule_distances,
@@ -94,18 +94,18 @@ def test_capsules_are_never_further_apart_than_the_links(robot: go.Model) -> Non
 
 def test_the_function_of_a_program_is_the_distance_of_signed_distances(robot: go.Model) -> None:
     pairs = [("one", "three"), ("base", "three")]
-    clearance = clearance_constraint(robot, pairs=pairs, margin=0.02)
+    clearance = keep_clear(robot, pairs=pairs, margin=0.02)
     assert clearance is not None
     assert_array_equal(clearance.lower, 0.02)
     for q in sampled_configurations([robot], 8):
-        expected = go.signed_distances(robot, q, pairs=pairs)
+        expected = go.distances.signed_distances(robot, q, pairs=pairs)
         assert clearance.names == tuple(expected)
         assert_allclose(clearance.function(q).full()[:, 0], list(expected.values()), atol=1e-9)
 
 
 def test_bounds_with_an_excess_leave_most_configurations(robot: go.Model) -> None:
     """No constrained pair excludes more than a quarter of the configurations without contact."""
-    clearance = clearance_constraint(robot)
+    clearance = keep_clear(robot)
     assert clearance is not None
     assert clearance.exact is not None
     q = sampled_configurations([robot], 512)
@@ -117,7 +117,7 @@ def test_bounds_with_an_excess_leave_most_configurations(robot: go.Model) -> Non
 
 def test_rows_are_the_whole_function(arms: tuple[go.Model, go.Model]) -> None:
     table = go.HalfSpace((0.0, 0.0, 0.8), (0.0, 0.0, 1.0), name="table")
-    clearance = clearance_constraint(arms, obstacles=[table], placements=SHOULDERS)
+    clearance = keep_clear(arms, obstacles=[table], placements=SHOULDERS)
     assert clearance is not None
     assert any("to table" in name for name in clearance.names)
     q = sampled_configurations(arms, 3)[1]
@@ -131,8 +131,8 @@ def test_rows_are_the_whole_function(arms: tuple[go.Model, go.Model]) -> None:
 
 
 def test_left_and_right_arm_are_symmetric(arms: tuple[go.Model, go.Model]) -> None:
-    clearance = clearance_constraint(arms, placements=SHOULDERS)
-    swapped = clearance_constraint(arms[::-1], placements=SHOULDERS[::-1])
+    clearance = keep_clear(arms, placements=SHOULDERS)
+    swapped = keep_clear(arms[::-1], placements=SHOULDERS[::-1])
     assert clearance is not None
     assert swapped is not None
     q = sampled_configurations(arms, 2)[1]
@@ -157,7 +157,7 @@ def test_arms_further_apart_have_larger_distances(arms: tuple[go.Model, go.Model
     q = np.zeros(14)
     values = []
     for half in (0.2, 0.35):
-        clearance = clearance_constraint(
+        clearance = keep_clear(
             arms, pairs=between, placements=[(-half, 0.0, 0.0), (half, 0.0, 0.0)]
         )
         assert clearance is not None
@@ -193,7 +193,7 @@ def test_arms_of_one_file_share_their_base(robot: go.Model) -> None:
 
 def test_a_robot_without_geometry_has_no_constraint_and_an_honest_report() -> None:
     bare = go.load_model(boxes(geometry=""), hand="three")
-    assert clearance_constraint(bare) is None
+    assert keep_clear(bare) is None
     report = trajectory_clearance(bare, np.zeros((3, 3)))
     assert (report.least, report.pair, report.time) == (None, None, None)
     assert "pair=None" in repr(report)
@@ -201,7 +201,7 @@ def test_a_robot_without_geometry_has_no_constraint_and_an_honest_report() -> No
 
 
 def test_active_rows_are_those_that_are_too_small(robot: go.Model) -> None:
-    clearance = clearance_constraint(robot, pairs=[("one", "three"), ("base", "three")])
+    clearance = keep_clear(robot, pairs=[("one", "three"), ("base", "three")])
     assert clearance is not None
     q = sampled_configurations([robot], 200)
     values = clearance.function(q.T).full().T
@@ -224,7 +224,7 @@ def test_active_rows_are_those_that_are_too_small(robot: go.Model) -> None:
 
 def test_moving_along_the_gradient_of_violated_rows_removes_the_violation(robot: go.Model) -> None:
     """What a program with these rows does: it makes their distances larger."""
-    clearance = clearance_constraint(robot, pairs=[("one", "three"), ("base", "three")])
+    clearance = keep_clear(robot, pairs=[("one", "three"), ("base", "three")])
     assert clearance is not None
     q = sampled_configurations([robot], 64)
     active = active_rows(clearance, q)
@@ -283,7 +283,7 @@ def test_links_that_touch_are_at_distance_zero(robot: go.Model, found: LinkPairs
 )
 def test_wrong_arguments_are_named(robot: go.Model, arguments: dict, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        clearance_constraint(robot, **arguments)
+        keep_clear(robot, **arguments)
 
 
 def test_wrong_trajectories_are_named(robot: go.Model, found: LinkPairs) -> None:
@@ -316,6 +316,6 @@ def test_a_panda_keeps_its_links_apart_by_lower_bounds() -> None:
         capsules, exact = least_of(robot, pair, q)
         assert np.all(capsules <= np.array(exact) + 1e-6)
     middle = (robot.lower + robot.upper) / 2.0
-    clearance = clearance_constraint(robot, pairs=pairs)
+    clearance = keep_clear(robot, pairs=pairs)
     assert clearance is not None
     assert len(active_rows(clearance, middle[None])) == 0

@@ -9,15 +9,15 @@ from short_reprs import check_reprs
 import geodesic_ocp as go
 
 OF_EXECUTION = {
-    go.ArmPaths,
-    go.Clearance,
-    go.ClearanceReport,
-    go.JointLimits,
+    go.execution.ArmPaths,
+    go.execution.Clearance,
+    go.execution.ClearanceReport,
+    go.execution.JointLimits,
     go.JointTrajectory,
-    go.LinkPairs,
-    go.MotionMeasures,
-    go.PlannedTrajectory,
-    go.TrajectoryCheck,
+    go.execution.LinkPairs,
+    go.execution.MotionMeasures,
+    go.execution.PlannedTrajectory,
+    go.execution.TrajectoryCheck,
 }
 
 
@@ -25,11 +25,11 @@ OF_EXECUTION = {
 def test_reprs_are_short() -> None:
     one = go.human_arm("right")
     arm = go.combine(one, go.human_arm("left"))
-    limits = go.joint_limits(arm, velocity=2.0, torque=50.0)
+    limits = go.execution.joint_limits(arm, velocity=2.0, torque=50.0)
     grid = go.Grid(1, 3)
     zero, target = np.clip(0.0, arm.lower, arm.upper), (arm.lower + arm.upper) / 2.0
     line = go.Path(go.Euclidean(14), grid, zero + np.outer(grid.nodes, 0.2 * (target - zero)))
-    paths = go.ArmPaths(arm, limits, np.array([0.0, 1.0]), [line])
+    paths = go.execution.ArmPaths(arm, limits, np.array([0.0, 1.0]), [line])
     planned = go.plan_trajectory([paths], throw=False)
     trajectory = planned.sampled(50.0)
     broken = go.JointTrajectory(
@@ -53,10 +53,12 @@ def test_reprs_are_short() -> None:
         trajectory,
         go.check_trajectory(trajectory, arm, limits),
         failed,
-        go.clearance_constraint(arm),
-        go.link_pairs(arm),
-        go.trajectory_clearance(arm, trajectory),
-        go.motion_measures(one, half, one.hand_pose(half.positions), go.joint_limits(one)),
+        go.execution.keep_clear(arm),
+        go.execution.link_pairs(arm),
+        go.execution.trajectory_clearance(arm, trajectory),
+        go.execution.motion_measures(
+            one, half, one.hand_pose(half.positions), go.execution.joint_limits(one)
+        ),
     ]
     # Others are in tests/test_repr.py, which takes it that these are here.
     assert check_reprs(values) >= OF_EXECUTION
@@ -68,4 +70,4 @@ def test_repr_of_a_replay_is_short() -> None:
     time = np.arange(11) / 100.0
     rest = np.tile((arm.lower + arm.upper) / 2.0, (len(time), 1))
     standing = go.JointTrajectory(time, rest, 0.0 * rest, 0.0 * rest, arm.joint_names)
-    assert check_reprs([go.replay(standing, arm)]) >= {go.Replay}
+    assert check_reprs([go.execution.replay(standing, arm)]) >= {go.execution.Replay}

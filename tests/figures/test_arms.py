@@ -171,7 +171,7 @@ def test_the_nearest_approach_is_that_of_the_distances() -> None:
     q, ball = np.linspace(0.5, 1.5, 11)[:, None] * BENT, go.Ball((0.1, 0.5, -0.1), 0.04)
     near = approach(arm, q, [ball])
     assert near is not None
-    expected = [min(go.signed_distances(arm, row, [ball]).values()) for row in q]
+    expected = [min(go.distances.signed_distances(arm, row, [ball]).values()) for row in q]
     assert near.distances == pytest.approx(expected, abs=1e-6)
     assert np.linalg.norm(near.ends - near.starts, axis=1) == pytest.approx(np.abs(near.distances))
     assert approach(arm, q, []) is None

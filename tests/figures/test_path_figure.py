@@ -37,7 +37,7 @@ def test_the_arm_is_drawn_along_the_path_and_where_it_is_nearest(path: go.Path) 
     (nearest,) = [text for text in below if "nearest" in text]
     s = float(re.findall(r"s = ([\d.]+)", nearest)[0])
     distances = [
-        min(go.signed_distances(model, path(each), [lamp]).values())
+        min(go.distances.signed_distances(model, path(each), [lamp]).values())
         for each in np.linspace(0.0, 1.0, 101)
     ]
     assert s == pytest.approx(np.argmin(distances) / 100.0)

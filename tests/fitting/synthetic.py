@@ -22,7 +22,7 @@ def synthetic_recording(
     noise: float = 0.0,
     name: str = "synthetic",
     subject: str = "",
-) -> tuple[go.Recording, list[tuple[int, int]]]:
+) -> tuple[go.recordings.Recording, list[tuple[int, int]]]:
     """A sequence of geodesics, each with a smooth progress, and its segments.
 
     Args:
@@ -53,10 +53,10 @@ def synthetic_recording(
     time = np.arange(len(coordinates)) / RATE
     motion = go.Motion(time, coordinates, model.joint_names, np.vstack(velocity))
     segments = [(steps * k, steps * (k + 1)) for k in range(count)]
-    return go.Recording(model, motion, name, subject), segments
+    return go.recordings.Recording(model, motion, name, subject), segments
 
 
-def fitted(*recordings: Any, **options: Any) -> go.MetricFit:
+def fitted(*recordings: Any, **options: Any) -> go.fitting.MetricFit:
     """The fit of recordings with their segments."""
     return go.fit_metric(
         [recording for recording, _ in recordings],

@@ -17,8 +17,8 @@ TRUE = 0.05
 
 
 @pytest.fixture(scope="module")
-def true_metric(arm: go.Model) -> go.AdjustableKineticEnergy:
-    return go.AdjustableKineticEnergy(arm, joint_inertia=TRUE)
+def true_metric(arm: go.Model) -> go.manifold.AdjustableKineticEnergy:
+    return go.manifold.AdjustableKineticEnergy(arm, joint_inertia=TRUE)
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +34,7 @@ def noisy(arm: go.Model, true_metric: go.Metric) -> list[Any]:
 
 
 @pytest.fixture(scope="module")
-def noisy_fit(noisy: list[Any]) -> go.MetricFit:
+def noisy_fit(noisy: list[Any]) -> go.fitting.MetricFit:
     return fitted(*noisy, free_ends=True)
 
 
@@ -51,7 +51,7 @@ def test_without_noise_the_parameter_is_exact(
 
 
 @pytest.mark.slow
-def test_noise_of_5_mrad_in_the_joints(noisy_fit: go.MetricFit) -> None:
+def test_noise_of_5_mrad_in_the_joints(noisy_fit: go.fitting.MetricFit) -> None:
     (estimate,) = noisy_fit.estimates
     assert estimate.value == pytest.approx(TRUE, rel=0.1)
     assert 0.0 < estimate.standard_error < 0.05 * TRUE
@@ -83,7 +83,7 @@ def test_standard_errors_agree_with_repeated_experiments(
         motion = go.Motion(
             clean.motion.time, clean.motion.q + noise, arm.joint_names, clean.motion.velocity
         )
-        fits.append(fitted((go.Recording(arm, motion), segments), free_ends=True))
+        fits.append(fitted((go.recordings.Recording(arm, motion), segments), free_ends=True))
     spread = np.std([fit.values["joint_inertia"] for fit in fits], ddof=1)
     stated = np.mean([fit.estimates[0].standard_error for fit in fits])
     # The standard deviation of ten numbers is uncertain by a quarter.
@@ -93,8 +93,10 @@ def test_standard_errors_agree_with_repeated_experiments(
 @pytest.mark.slow
 def test_parameters_that_trade_off_are_named(noisy: list[Any]) -> None:
     """Joint inertia and body mass scale the metric together: only their ratio matters."""
-    mass = go.Parameter("mass_ratio", 1.3, lower=0.01)
-    fit = fitted(noisy[0], parameters=[go.Parameter("joint_inertia", 0.03), mass], free_ends=True)
+    mass = go.fitting.Parameter("mass_ratio", 1.3, lower=0.01)
+    fit = fitted(
+        noisy[0], parameters=[go.fitting.Parameter("joint_inertia", 0.03), mass], free_ends=True
+    )
     ratio = fit.values["joint_inertia"] / fit.values["mass_ratio"]
     assert ratio == pytest.approx(TRUE, rel=0.15)
     (sentence,) = fit.undetermined
@@ -106,11 +108,14 @@ def test_parameters_that_trade_off_are_named(noisy: list[Any]) -> None:
 def test_a_payload_is_told_from_joint_inertia(
     arm: go.Model, true_metric: go.Metric, rng: np.random.Generator
 ) -> None:
-    loaded = go.AdjustableKineticEnergy(arm, joint_inertia=TRUE, payload=2.0)
+    loaded = go.manifold.AdjustableKineticEnergy(arm, joint_inertia=TRUE, payload=2.0)
     data = synthetic_recording(loaded, arm, rng, count=4, noise=0.001)
     fit = fitted(
         data,
-        parameters=[go.Parameter("joint_inertia", 0.03), go.Parameter("payload", 0.5)],
+        parameters=[
+            go.fitting.Parameter("joint_inertia", 0.03),
+            go.fitting.Parameter("payload", 0.5),
+        ],
         free_ends=True,
     )
     assert fit.values["payload"] == pytest.approx(2.0, rel=0.1)
@@ -120,12 +125,12 @@ def test_a_payload_is_told_from_joint_inertia(
 @pytest.mark.slow
 def test_groups_of_joints(arm: go.Model, rng: np.random.Generator) -> None:
     by_joint = (0.1, 0.1, 0.1, 0.05, 0.05, 0.02, 0.02)
-    metric = go.AdjustableKineticEnergy(arm, armature=by_joint)
+    metric = go.manifold.AdjustableKineticEnergy(arm, armature=by_joint)
     groups = {"shoulder": "?S?_joint", "elbow": "?E?_joint", "wrist": "?W?_joint"}
     fit = fitted(
         synthetic_recording(metric, arm, rng, count=6),
         parameters=[
-            go.Parameter("armature", 0.04, joints=(pattern,), name=name)
+            go.fitting.Parameter("armature", 0.04, joints=(pattern,), name=name)
             for name, pattern in groups.items()
         ],
     )
@@ -154,7 +159,9 @@ class Squared(Stretched):
 def test_parameters_of_a_users_metric() -> None:
     model = go.load_model(PLANAR, hand="hand")
     data = synthetic_recording(Stretched(2.0), model, np.random.default_rng(1), count=4)
-    fit = fitted(data, metric=lambda model: Stretched(), parameters=go.Parameter("stretch", 0.7))
+    fit = fitted(
+        data, metric=lambda model: Stretched(), parameters=go.fitting.Parameter("stretch", 0.7)
+    )
     assert fit.values["stretch"] == pytest.approx(2.0, rel=1e-3)
     assert fit.metric(model) == Stretched(fit.values["stretch"])
 
@@ -178,7 +185,7 @@ PLANAR = """
 """
 
 
-def test_derivatives_of_the_least_errors(noisy_fit: go.MetricFit) -> None:
+def test_derivatives_of_the_least_errors(noisy_fit: go.fitting.MetricFit) -> None:
     """By solving again with the parameter fixed nearby."""
     program, outcome = noisy_fit.program, noisy_fit.outcome
     value, step = float(outcome.x[0]), 0.01
@@ -202,7 +209,7 @@ def test_a_metric_that_is_not_linear_in_its_parameter() -> None:
     """The equations of each recording have second derivatives by the parameter alone."""
     model, rng = go.load_model(PLANAR, hand="hand"), np.random.default_rng(1)
     data = [synthetic_recording(Stretched(4.0), model, rng, count=2) for _ in range(2)]
-    start = go.Parameter("stretch", 1.4)
+    start = go.fitting.Parameter("stretch", 1.4)
     fit = fitted(*data, metric=lambda model: Squared(), parameters=start)
     assert fit.values["stretch"] == pytest.approx(2.0, rel=1e-3)
     program, x = fit.program, fit.outcome.x
@@ -215,15 +222,15 @@ def test_a_metric_that_is_not_linear_in_its_parameter() -> None:
 
 
 @pytest.mark.slow
-def test_bootstrap_profile_and_leave_one_out(noisy_fit: go.MetricFit) -> None:
-    curve = go.error_profile(noisy_fit, values=[0.02, 0.05, 0.12])
+def test_bootstrap_profile_and_leave_one_out(noisy_fit: go.fitting.MetricFit) -> None:
+    curve = go.fitting.error_profile(noisy_fit, values=[0.02, 0.05, 0.12])
     assert curve.mean[1] < min(curve.mean[0], curve.mean[2])
-    (interval,) = go.bootstrap_fit(noisy_fit, 200, by="subject")
+    (interval,) = go.fitting.bootstrap_fit(noisy_fit, 200, by="subject")
     assert interval.low < noisy_fit.values["joint_inertia"] < interval.high
     assert interval.low > 0.8 * TRUE
     assert interval.high < 1.2 * TRUE
     assert interval.count == 3
-    result = go.leave_one_out(noisy_fit, "subject")
+    result = go.fitting.leave_one_out(noisy_fit, "subject")
     assert [each.name for each in result.left_out] == ["r0", "r1", "r2"]
     for each in result.left_out:
         assert each.values[0] == pytest.approx(TRUE, rel=0.15)
@@ -243,31 +250,31 @@ def test_one_newton_step_bootstraps_several_parameters(noisy: list[Any]) -> None
     assert steps == pytest.approx([each.values["joint_inertia"] for each in exact], rel=0.01)
 
 
-def test_files(noisy_fit: go.MetricFit, arm: go.Model, tmp_path: Path) -> None:
+def test_files(noisy_fit: go.fitting.MetricFit, arm: go.Model, tmp_path: Path) -> None:
     file = tmp_path / "metric.json"
-    go.save_metric(file, noisy_fit)
-    metric = go.load_metric(file, arm)
+    go.fitting.save_metric(file, noisy_fit)
+    metric = go.fitting.load_metric(file, arm)
     q = np.full(7, 0.2)
     assert metric.matrix(q) == pytest.approx(noisy_fit.metric(arm).matrix(q), rel=1e-12)
     child = go.human_arm("left", 1.2, 25.0)  # the same relative to its size
-    assert go.load_metric(file, child).joint_inertia == metric.joint_inertia
+    assert go.fitting.load_metric(file, child).joint_inertia == metric.joint_inertia
     file.write_text(file.read_text().replace('"joint_inertia"', '"colour"'))
     with pytest.raises(go.RecordingError, match="no number 'colour'"):
-        go.load_metric(file, arm)
+        go.fitting.load_metric(file, arm)
     file.write_text(file.read_text().replace("AdjustableKineticEnergy", "Stretched"))
     with pytest.raises(go.RecordingError, match="holds parameters of Stretched"):
-        go.load_metric(file, arm)
+        go.fitting.load_metric(file, arm)
 
 
 def test_wrong_arguments(noisy: list[Any], arm: go.Model) -> None:
     recording, segments = noisy[0]
     for start in (0.0, -1.0, float("nan")):
         with pytest.raises(ValueError, match="start of payload"):
-            go.Parameter("payload", start)
+            go.fitting.Parameter("payload", start)
     with pytest.raises(ValueError, match="has no number 'weight'"):
-        go.fit_metric(recording, go.Parameter("weight", 1.0))
+        go.fit_metric(recording, go.fitting.Parameter("weight", 1.0))
     with pytest.raises(ValueError, match=r"no joint matches 'Knee'"):
-        go.fit_metric(recording, go.Parameter("armature", 1.0, joints=("Knee",)))
+        go.fit_metric(recording, go.fitting.Parameter("armature", 1.0, joints=("Knee",)))
     with pytest.raises(ValueError, match="measure must be one of joint, position"):
         go.fit_metric(recording, measure="hand")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="segments must be given for each of 1"):
@@ -275,33 +282,36 @@ def test_wrong_arguments(noisy: list[Any], arm: go.Model) -> None:
     with pytest.raises(ValueError, match="must cover samples 0 to 240 without gaps"):
         go.fit_metric(recording, segments=[[(0, 60), (120, 240)]])
     with pytest.raises(ValueError, match="payload is one number; it takes no joints"):
-        go.fit_metric(recording, go.Parameter("payload", 1.0, joints=("?W*",)))
+        go.fit_metric(recording, go.fitting.Parameter("payload", 1.0, joints=("?W*",)))
     with pytest.raises(ValueError, match="some of its joints have another parameter"):
         go.fit_metric(
             recording,
-            [go.Parameter("armature", 0.1), go.Parameter("armature", 0.1, joints=("?W*",))],
+            [
+                go.fitting.Parameter("armature", 0.1),
+                go.fitting.Parameter("armature", 0.1, joints=("?W*",)),
+            ],
         )
     with pytest.raises(ValueError, match="has no number 'model'"):
-        go.fit_metric(recording, go.Parameter("model", 1.0))
+        go.fit_metric(recording, go.fitting.Parameter("model", 1.0))
     with pytest.raises(ValueError, match="joints must be a tuple of patterns"):
-        go.Parameter("armature", 0.1, joints="RSx_joint")
+        go.fitting.Parameter("armature", 0.1, joints="RSx_joint")
     with pytest.raises(ValueError, match="metric must give the metric of a model"):
         go.fit_metric(recording, metric=go.Euclidean(7))  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="different names"):
-        go.fit_metric(recording, [go.Parameter("payload", 1.0)] * 2)
+        go.fit_metric(recording, [go.fitting.Parameter("payload", 1.0)] * 2)
     with pytest.raises(ValueError, match="Euclidean has no number 'joint_inertia'; it has dim"):
         go.fit_metric(recording, metric=lambda model: go.Euclidean(7))
     still = go.Motion(recording.motion.time, 0.0 * recording.motion.q, arm.joint_names)
     with pytest.raises(ValueError, match=r"none of its"):
-        go.fit_metric(go.Recording(arm, still.filtered(21)), segments=[segments])
+        go.fit_metric(go.recordings.Recording(arm, still.filtered(21)), segments=[segments])
 
 
 @pytest.mark.slow
 def test_a_parameter_at_its_bound_leaves_the_others_as_they_are(noisy: list[Any]) -> None:
     """The recordings have no payload, so its estimate is the bound or close to it."""
     free = fitted(noisy[0], free_ends=True)
-    payload = go.Parameter("payload", 0.5, upper=0.5)
-    inertia = go.Parameter("joint_inertia", 0.03)
+    payload = go.fitting.Parameter("payload", 0.5, upper=0.5)
+    inertia = go.fitting.Parameter("joint_inertia", 0.03)
     fit = fitted(noisy[0], parameters=[inertia, payload], free_ends=True)
     first, second = fit.estimates
     assert second.at_bound  # for this noise
@@ -311,7 +321,7 @@ def test_a_parameter_at_its_bound_leaves_the_others_as_they_are(noisy: list[Any]
     assert fit.undetermined == ()
     assert "at its bound" in str(fit.table())
     low, high = (
-        go.ConfidenceInterval(name, *ends, 0.95, "recording", 2)
+        go.fitting.ConfidenceInterval(name, *ends, 0.95, "recording", 2)
         for name, ends in (("joint_inertia", (0.04, 0.06)), ("payload", (np.nan, np.nan)))
     )
     assert fit.table((low, high)).rows[1][-1] == "-"
@@ -325,18 +335,20 @@ def test_armature_of_the_models_is_saved(
     data = synthetic_recording(true_metric, geared, np.random.default_rng(2), count=2)
     fit = fitted(data)
     file = tmp_path / "metric.json"
-    go.save_metric(file, fit)
+    go.fitting.save_metric(file, fit)
     q = np.full(7, 0.2)
     expected = fit.metric(geared).matrix(q)
     for model in (arm, geared):
-        assert go.load_metric(file, model).matrix(q) == pytest.approx(expected, rel=1e-12)
+        assert go.fitting.load_metric(file, model).matrix(q) == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.slow
 def test_the_estimate_does_not_depend_on_the_initial_value(noisy: list[Any]) -> None:
     """On the same segments; from poor initial values the paths are found first."""
     values = [
-        fitted(noisy[0], parameters=go.Parameter("joint_inertia", start)).values["joint_inertia"]
+        fitted(noisy[0], parameters=go.fitting.Parameter("joint_inertia", start)).values[
+            "joint_inertia"
+        ]
         for start in (0.01, 0.03, 0.3)
     ]
     assert values == pytest.approx(3 * [values[0]], rel=1e-4)
@@ -344,9 +356,11 @@ def test_the_estimate_does_not_depend_on_the_initial_value(noisy: list[Any]) -> 
 
 @pytest.mark.slow
 def test_nothing_is_known_of_undetermined_parameters(noisy: list[Any]) -> None:
-    mass = go.Parameter("mass_ratio", 1.0, lower=0.01)
-    fit = fitted(*noisy, parameters=[go.Parameter("joint_inertia", 0.03), mass], free_ends=True)
-    for interval in go.bootstrap_fit(fit, 20):
+    mass = go.fitting.Parameter("mass_ratio", 1.0, lower=0.01)
+    fit = fitted(
+        *noisy, parameters=[go.fitting.Parameter("joint_inertia", 0.03), mass], free_ends=True
+    )
+    for interval in go.fitting.bootstrap_fit(fit, 20):
         assert (interval.low, interval.high) == (0.0, np.inf)
     # The initial values are changed by the same factor, in opposite directions.
     first, second = fit.values["joint_inertia"] / 0.03, fit.values["mass_ratio"]

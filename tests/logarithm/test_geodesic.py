@@ -69,7 +69,7 @@ def test_every_result_of_log_can_be_sampled() -> None:
 
 def test_geodesics_of_length_zero_have_a_certificate() -> None:
     path = go.geodesic(Sphere(), [1.0, 0.0], [1.0, 0.0])
-    assert path.certificate == go.Certificate(0.0, 0.0, True, 0)
+    assert path.certificate == go.ocp.Certificate(0.0, 0.0, True, 0)
 
 
 def test_repr_shows_a_certificate_once_it_is_known(arm_metric: go.KineticEnergy) -> None:

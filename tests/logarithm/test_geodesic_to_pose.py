@@ -22,13 +22,13 @@ def pose(arm_metric: go.KineticEnergy) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.fixture(scope="module")
-def result(arm: go.Model, pose: tuple[Any, Any]) -> go.ToPose:
+def result(arm: go.Model, pose: tuple[Any, Any]) -> go.logarithm.ToPose:
     return go.geodesic_to_pose(arm, START, *pose)
 
 
 @pytest.mark.slow
 def test_the_result_is_a_geodesic_to_the_pose(
-    arm_metric: go.KineticEnergy, result: go.ToPose
+    arm_metric: go.KineticEnergy, result: go.logarithm.ToPose
 ) -> None:
     assert result.success
     assert result.position_error < 1e-6
@@ -42,7 +42,7 @@ def test_the_result_is_a_geodesic_to_the_pose(
 
 
 def test_energy_equals_that_of_reach(
-    arm: go.Model, pose: tuple[Any, Any], result: go.ToPose
+    arm: go.Model, pose: tuple[Any, Any], result: go.logarithm.ToPose
 ) -> None:
     """Shooting with a small weight of the energy, and the NLP over the path's nodes."""
     reach = go.solve(go.Reach(arm, START, *pose, limits=False))
@@ -51,7 +51,7 @@ def test_energy_equals_that_of_reach(
 
 
 def test_the_gradient_of_the_paper_needs_more_steps(
-    arm: go.Model, pose: tuple[Any, Any], result: go.ToPose
+    arm: go.Model, pose: tuple[Any, Any], result: go.logarithm.ToPose
 ) -> None:
     gradient = go.geodesic_to_pose(arm, START, *pose, method="transport")
     assert gradient.success
@@ -61,7 +61,9 @@ def test_the_gradient_of_the_paper_needs_more_steps(
 
 
 @pytest.mark.slow
-def test_position_alone_costs_less(arm: go.Model, pose: tuple[Any, Any], result: go.ToPose) -> None:
+def test_position_alone_costs_less(
+    arm: go.Model, pose: tuple[Any, Any], result: go.logarithm.ToPose
+) -> None:
     position, rotation = pose
     free = go.geodesic_to_pose(arm, START, position)
     turned = go.geodesic_to_pose(arm, START, rotation=rotation)
@@ -74,7 +76,7 @@ def test_position_alone_costs_less(arm: go.Model, pose: tuple[Any, Any], result:
 
 
 def test_initial_guess_from_inverse_kinematics(
-    arm: go.Model, pose: tuple[Any, Any], result: go.ToPose
+    arm: go.Model, pose: tuple[Any, Any], result: go.logarithm.ToPose
 ) -> None:
     towards = go.inverse_kinematics(arm, START, *pose)
     found = go.geodesic_to_pose(arm, START, *pose, towards=towards)
@@ -129,4 +131,4 @@ def test_not_converged_reports_the_pose_error(arm: go.Model) -> None:
     assert not record.success
     with pytest.raises(go.NotConverged, match="the pose error of the hand is") as raised:
         go.geodesic_to_pose(arm, START, position, turned, method="transport", weights=(1.0, 10.0))
-    assert isinstance(raised.value.solution, go.ToPose)
+    assert isinstance(raised.value.solution, go.logarithm.ToPose)

@@ -46,8 +46,10 @@ def test_surfaces_of_constant_curvature(
 ) -> None:
     for _ in range(20):
         q, u, v = rng.uniform(0.3, 1.5, 2), *rng.normal(size=(2, 2))
-        assert go.sectional_curvature(metric, q, u, v) == pytest.approx(curvature, abs=1e-10)
-        assert close(go.scalar_curvature(metric, q), 2.0 * curvature)
+        assert go.manifold.sectional_curvature(metric, q, u, v) == pytest.approx(
+            curvature, abs=1e-10
+        )
+        assert close(go.manifold.scalar_curvature(metric, q), 2.0 * curvature)
 
 
 def test_curvature_scales_with_the_inverse_squared_radius(rng: np.random.Generator) -> None:
@@ -57,20 +59,22 @@ def test_curvature_scales_with_the_inverse_squared_radius(rng: np.random.Generat
         def matrix(self, q: Any) -> Any:
             return 25.0 * Sphere().matrix(q)
 
-    assert close(go.sectional_curvature(Globe(), [1.0, 2.0], [1.0, 0.0], [0.0, 1.0]), 1.0 / 25.0)
+    assert close(
+        go.manifold.sectional_curvature(Globe(), [1.0, 2.0], [1.0, 0.0], [0.0, 1.0]), 1.0 / 25.0
+    )
 
 
 def test_product_of_spheres(rng: np.random.Generator) -> None:
     metric = Product(Sphere(), Sphere())
     q = rng.uniform(0.3, 1.5, 4)
     unit = np.eye(4)
-    assert close(go.sectional_curvature(metric, q, unit[0], unit[1]), 1.0)
-    assert close(go.sectional_curvature(metric, q, unit[2], unit[3]), 1.0)
+    assert close(go.manifold.sectional_curvature(metric, q, unit[0], unit[1]), 1.0)
+    assert close(go.manifold.sectional_curvature(metric, q, unit[2], unit[3]), 1.0)
     for i in (0, 1):
         for j in (2, 3):
-            assert close(go.sectional_curvature(metric, q, unit[i], unit[j]), 0.0)
-    assert close(go.scalar_curvature(metric, q), 4.0)
-    assert close(go.scalar_curvature(Product(Sphere(), HalfPlane()), q), 0.0)
+            assert close(go.manifold.sectional_curvature(metric, q, unit[i], unit[j]), 0.0)
+    assert close(go.manifold.scalar_curvature(metric, q), 4.0)
+    assert close(go.manifold.scalar_curvature(Product(Sphere(), HalfPlane()), q), 0.0)
 
 
 def test_flat_mechanisms() -> None:
@@ -78,10 +82,12 @@ def test_flat_mechanisms() -> None:
     tip_mass = planar_arm((1.0, 0.8), (0.0, 2.0), (0.0, 0.8), (0.0, 0.0))
     balanced = planar_arm((1.0, 0.6), (1.3, 0.7), (0.4, 0.0), (0.2, 0.1))
     for arm in (tip_mass, balanced):
-        assert close(go.scalar_curvature(go.KineticEnergy(arm), [0.4, 1.1]), 0.0, scale=100.0)
-    assert go.scalar_curvature(go.Euclidean(3), [1.0, 2.0, 3.0]) == 0.0
+        assert close(
+            go.manifold.scalar_curvature(go.KineticEnergy(arm), [0.4, 1.1]), 0.0, scale=100.0
+        )
+    assert go.manifold.scalar_curvature(go.Euclidean(3), [1.0, 2.0, 3.0]) == 0.0
     pendulum = go.KineticEnergy(planar_arm((1.0,), (2.0,), (0.5,), (0.1,)))
-    assert go.scalar_curvature(pendulum, [0.3]) == 0.0
+    assert go.manifold.scalar_curvature(pendulum, [0.3]) == 0.0
 
 
 @pytest.mark.slow
@@ -92,7 +98,7 @@ def test_symmetries_and_bianchi(kind: str, rng: np.random.Generator) -> None:
     n = metric.dim
 
     def form(*vectors: np.ndarray) -> float:
-        return go.riemann_curvature(metric, q, *vectors)
+        return go.manifold.riemann_curvature(metric, q, *vectors)
 
     for q in points(metric, rng, 5):
         u, v, w, z = rng.uniform(-1.0, 1.0, (4, n))
@@ -144,15 +150,17 @@ def test_curvature_is_the_commutator_of_covariant_derivatives(
         return np.einsum("ijk,j,k->i", slope, b, w) + np.einsum("ijk,j,k->i", gamma, a, inner)
 
     expected = arm_metric.inner(q, nested(u, v) - nested(v, u), z)
-    assert go.riemann_curvature(arm_metric, q, u, v, w, z) == pytest.approx(expected, rel=1e-6)
+    assert go.manifold.riemann_curvature(arm_metric, q, u, v, w, z) == pytest.approx(
+        expected, rel=1e-6
+    )
 
 
 def test_sectional_curvature_depends_on_the_plane_only(
     arm_metric: go.KineticEnergy, rng: np.random.Generator
 ) -> None:
     q, u, v = rng.uniform(-0.8, 0.8, (3, 7))
-    expected = go.sectional_curvature(arm_metric, q, u, v)
-    other = go.sectional_curvature(arm_metric, q, 2.0 * u - v, 0.5 * u + 3.0 * v)
+    expected = go.manifold.sectional_curvature(arm_metric, q, u, v)
+    other = go.manifold.sectional_curvature(arm_metric, q, 2.0 * u - v, 0.5 * u + 3.0 * v)
     assert other == pytest.approx(expected, rel=1e-9)
 
 
@@ -168,6 +176,6 @@ def test_sectional_curvature_depends_on_the_plane_only(
 )
 def test_bad_arguments_are_named(q: list, u: list, v: list, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        go.sectional_curvature(Sphere(), q, u, v)
+        go.manifold.sectional_curvature(Sphere(), q, u, v)
     with pytest.raises(ValueError, match="metric must be"):
-        go.scalar_curvature("sphere", q)
+        go.manifold.scalar_curvature("sphere", q)

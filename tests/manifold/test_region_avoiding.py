@@ -316,7 +316,7 @@ def test_outside_the_limits_every_function_says_so(arm: go.Model, rng: np.random
         lambda: metric.acceleration(outside, v),
         lambda: go.exp(metric, outside, v),
         lambda: go.log(metric, start, outside),
-        lambda: go.scalar_curvature(metric, outside),
+        lambda: go.manifold.scalar_curvature(metric, outside),
         lambda: go.segment(metric, motion),
     ):
         with pytest.raises(ValueError, match=rf"not inside the region: .* {names[3]} to its up"):

@@ -102,7 +102,7 @@ def test_both_arms_keep_their_bodies() -> None:
     assert links == [
         f"{side} {part}" for side in ("left", "right") for part in ("upper arm", "forearm", "hand")
     ]
-    hanging = go.signed_distances(arms, np.zeros(14), pairs=[("left hand", "right hand")])
+    hanging = go.distances.signed_distances(arms, np.zeros(14), pairs=[("left hand", "right hand")])
     hand = arms.bodies[2]
     assert hanging["left hand to right hand"] == pytest.approx(0.4 - 2.0 * hand.radius)
     twice = go.combine(go.human_arm("left"), go.human_arm("left"))

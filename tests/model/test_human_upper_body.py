@@ -115,9 +115,9 @@ _PARTS = ("upper arm", "forearm", "hand")
 
 
 def test_default_joint_inertia_is_that_of_each_limb(person: go.Model) -> None:
-    inertia = go.default_joint_inertia(person)
+    inertia = go.manifold.default_joint_inertia(person)
     for side, part in (("right", RIGHT), ("left", LEFT)):
-        alone = go.default_joint_inertia(go.human_arm(side, 1.84, 70.0))
+        alone = go.manifold.default_joint_inertia(go.human_arm(side, 1.84, 70.0))
         assert inertia[part] == pytest.approx(alone, rel=1e-9)
     stretched = 0.06 + np.hypot(0.11, 0.188) + 0.188 + 0.145 + np.hypot(0.015, 0.037)
     assert np.all(inertia[TRUNK] == inertia[0])

@@ -51,8 +51,8 @@ def test_bodies_of_locked_links_are_kept() -> None:
     )
     q = np.array([0.3, 0.7, 0.4])
     ball = go.Ball((0.5, 0.1, 0.2), 0.05)
-    one = go.signed_distances(moving, q, [ball], links=["three"])
-    other = go.signed_distances(locked, q[:2], [ball], links=["three"])
+    one = go.distances.signed_distances(moving, q, [ball], links=["three"])
+    other = go.distances.signed_distances(locked, q[:2], [ball], links=["three"])
     assert one["three to obstacle 0"] == pytest.approx(other["three to obstacle 0"], abs=1e-12)
 
 

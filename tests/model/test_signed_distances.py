@@ -108,8 +108,8 @@ def test_numeric_and_symbolic_distances_agree(arm: go.Model, rng: np.random.Gene
     ]
     pairs = [("right upper arm", "right hand")]
     q, x = rng.uniform(arm.lower, arm.upper), ca.MX.sym("q", arm.dof)
-    numbers = go.signed_distances(arm, q, obstacles, pairs=pairs)
-    symbols = go.signed_distances(arm, x, obstacles, pairs=pairs)
+    numbers = go.distances.signed_distances(arm, q, obstacles, pairs=pairs)
+    symbols = go.distances.signed_distances(arm, x, obstacles, pairs=pairs)
     assert list(numbers) == list(symbols)
     assert len(numbers) == 3 * 4 + 1
     assert {"right hand to lamp", "right forearm to obstacle 1", "right hand to table"} <= set(
@@ -121,7 +121,7 @@ def test_numeric_and_symbolic_distances_agree(arm: go.Model, rng: np.random.Gene
 
 def test_heights_above_a_table(arm: go.Model) -> None:
     """Heights of joints and fingertips of the hanging arm, less the radius."""
-    found = go.signed_distances(
+    found = go.distances.signed_distances(
         arm, np.zeros(7), [go.HalfSpace((5.0, 5.0, -1.0), (0, 0, 3.0), "table")]
     )
     upper, fore, hand = (body.radius for body in arm.bodies)
@@ -134,44 +134,42 @@ def test_heights_above_a_table(arm: go.Model) -> None:
 
 def test_errors_name_links_and_arguments(arm: go.Model) -> None:
     ball, q = go.Ball((1.0, 0.0, 0.0), 0.1), np.zeros(7)
-    assert list(go.signed_distances(arm, q, [ball], links=["right hand"])) == [
+    assert list(go.distances.signed_distances(arm, q, [ball], links=["right hand"])) == [
         "right hand to obstacle 0"
     ]
     with pytest.raises(
         ValueError, match=r"links: .* no body at 'hand'; links with bodies: right upp"
     ):
-        go.signed_distances(arm, q, [ball], links=["hand"])
+        go.distances.signed_distances(arm, q, [ball], links=["hand"])
     with pytest.raises(ValueError, match=r"pairs: .* no body at 'left hand'"):
-        go.signed_distances(arm, q, pairs=[("right hand", "left hand")])
+        go.distances.signed_distances(arm, q, pairs=[("right hand", "left hand")])
     with pytest.raises(ValueError, match="pairs must be a list of pairs of two different links"):
-        go.signed_distances(arm, q, pairs=[("right hand", "right hand")])
+        go.distances.signed_distances(arm, q, pairs=[("right hand", "right hand")])
     with pytest.raises(ValueError, match="obstacles must be Ball, Capsule or HalfSpace"):
-        go.signed_distances(arm, q, ["wall"])
+        go.distances.signed_distances(arm, q, ["wall"])
     with pytest.raises(ValueError, match="has no bodies"):
-        go.signed_distances(arm.with_bodies(), q, [ball])
+        go.distances.signed_distances(arm.with_bodies(), q, [ball])
     with pytest.raises(ValueError, match="q must have shape"):
-        go.signed_distances(arm, q[:3], [ball])
+        go.distances.signed_distances(arm, q[:3], [ball])
 
 
 def test_an_obstacle_on_a_link_is_ignored_for_that_link(arm: go.Model) -> None:
     """Neither has an empty list of links any distances."""
     tool = go.Capsule((0.0, 0.0, -0.2), (0.0, 0.0, -0.4), 0.01, "right hand", "tool")
-    names = list(go.signed_distances(arm, np.zeros(7), [tool]))
+    names = list(go.distances.signed_distances(arm, np.zeros(7), [tool]))
     assert names == ["right upper arm to tool", "right forearm to tool"]
-    assert go.signed_distances(arm, np.zeros(7), [tool], links=[]) == {}
+    assert go.distances.signed_distances(arm, np.zeros(7), [tool], links=[]) == {}
     with pytest.raises(ValueError, match="links must be a list of links, got 'right hand'"):
-        go.signed_distances(arm, np.zeros(7), [tool], links="right hand")
+        go.distances.signed_distances(arm, np.zeros(7), [tool], links="right hand")
 
 
-def test_collision_pairs_leave_out_adjacent_links() -> None:
+def test_pairs_of_links_leave_out_adjacent_ones() -> None:
     arms = go.combine(
         go.human_arm("left"), go.human_arm("right"), placements=((-0.2, 0, 0), (0.2, 0, 0))
     )
-    pairs = go.collision_pairs(arms, np.zeros(14))
+    pairs = go.execution.link_pairs(arms).constrained
     assert ("left hand", "right hand") in pairs
     assert ("left upper arm", "left hand") in pairs
     assert ("left upper arm", "left forearm") not in pairs
     assert len(pairs) == 9 + 2  # any two of different arms, and the ends of each
-    assert go.collision_pairs(arms, np.zeros(14), margin=1.0) == []
-    with pytest.raises(ValueError, match="q must have shape"):
-        go.collision_pairs(arms, np.zeros(7))
+    assert len(go.distances.signed_distances(arms, np.zeros(14), pairs=pairs)) == len(pairs)

@@ -76,7 +76,7 @@ def test_configurations_are_clear_of_obstacles(arm: go.Model) -> None:
     ball = go.Ball(tuple(elbow), 0.05)
     clear = go.inverse_kinematics(arm, START, TARGET, obstacles=[ball], margin=0.01)
     assert_allclose(arm.hand_pose(clear)[1], TARGET, rtol=0, atol=1e-6)
-    assert min(go.signed_distances(arm, clear, [ball]).values()) > 0.01 - 1e-7
+    assert min(go.distances.signed_distances(arm, clear, [ball]).values()) > 0.01 - 1e-7
 
 
 def test_pose_out_of_reach_is_reported_before_the_solve() -> None:

@@ -22,7 +22,9 @@ LAMP = go.Ball((0.2, 0.35, -0.15), 0.06, name="lamp")
 
 def smallest_distance(arm: go.Model, path: go.Path, **bodies: object) -> float:
     configurations = path(np.linspace(0.0, 1.0, 301))
-    return min(min(go.signed_distances(arm, q, **bodies).values()) for q in configurations)
+    return min(
+        min(go.distances.signed_distances(arm, q, **bodies).values()) for q in configurations
+    )
 
 
 @pytest.mark.slow
@@ -50,7 +52,7 @@ def test_hand_avoids_the_upper_arm(arm: go.Model) -> None:
     pairs = [("right upper arm", "right hand")]
     goal = [0.3, 0.1, -0.4, 2.5, 0.1, 0.0, 0.1]
     metric = go.KineticEnergy(arm)
-    there = go.signed_distances(arm, goal, pairs=pairs)["right upper arm to right hand"]
+    there = go.distances.signed_distances(arm, goal, pairs=pairs)["right upper arm to right hand"]
     with pytest.raises(
         ValueError, match=r"end violates a constraint: right upper arm to right hand falls below"
     ):
@@ -127,7 +129,7 @@ def test_wrong_free_directions_are_named(arm: go.Model) -> None:
 def test_clearance_constraints_for_a_users_own_problem(arm: go.Model) -> None:
     """`clearance_constraints` returns entries for `Problem.constraints`."""
     q = ca.SX.sym("q", arm.dof)
-    rows = go.clearance_constraints(
+    rows = go.distances.clearance_constraints(
         arm, q, [LAMP], pairs=[("right upper arm", "right hand")], margin=0.01
     )
     assert [row[3] for row in rows] == [
@@ -163,7 +165,7 @@ class AroundMovedBall(go.Problem):
         ]
         return [
             (self.arm.lower, q, self.arm.upper, "limits"),
-            *go.clearance_constraints(self.arm, q, bodies),
+            *go.distances.clearance_constraints(self.arm, q, bodies),
         ]
 
 

@@ -73,12 +73,12 @@ def test_motion_from_rest_to_rest(arm: go.Model) -> None:
 
 def test_motion_with_a_time_law(arm: go.Model) -> None:
     solution = go.solve(go.Reach(arm, START, TARGET))
-    law = go.time_law(solution.path.length, 0.8, 0.3, 0.2)
+    law = go.trajectory.time_law(solution.path.length, 0.8, 0.3, 0.2)
     motion = solution.to_motion(law)
     assert motion.velocity is not None
     assert solution.path.metric.norm(motion.q[0], motion.velocity[0]) == pytest.approx(0.3)
     with pytest.raises(ValueError, match="the time law covers a length of"):
-        solution.to_motion(go.time_law(2.0 * solution.path.length, 0.8, 0.3, 0.2))
+        solution.to_motion(go.trajectory.time_law(2.0 * solution.path.length, 0.8, 0.3, 0.2))
     with pytest.raises(ValueError, match="duration must be positive"):
         solution.to_motion(0.0)
     with pytest.raises(ValueError, match="rate must be positive"):
@@ -167,7 +167,7 @@ def test_nlp_can_be_solved_by_another_solver() -> None:
 
 
 def test_callback_receives_every_iterate() -> None:
-    seen: list[go.Iterate] = []
+    seen: list[go.ocp.Iterate] = []
     solution = go.solve(PlaneAroundDisc(), callback=seen.append)
     assert [iterate.number for iterate in seen] == list(range(solution.stats.iterations + 1))
     assert seen[-1].objective == pytest.approx(solution.stats.objective, rel=1e-8)
@@ -242,7 +242,7 @@ def test_files_of_another_problem_or_damaged_files_are_refused(tmp_path: Path) -
 def test_callback_stops_refinement() -> None:
     grids: list[int] = []
 
-    def second(iterate: go.Iterate) -> object:
+    def second(iterate: go.ocp.Iterate) -> object:
         grids.append(iterate.number)
         return np.bool_(grids.count(0) == 2)
 
@@ -282,7 +282,7 @@ def test_live_plot_in_a_notebook(monkeypatch: pytest.MonkeyPatch) -> None:
     ipython = pytest.importorskip("IPython", reason="IPython is not installed here")
     display = pytest.importorskip("IPython.display")
     with pytest.raises(ValueError, match="works in a notebook only"):
-        go.LivePlot(PlaneAroundDisc())
+        go.ocp.LivePlot(PlaneAroundDisc())
     shown: list[object] = []
 
     class Handle:
@@ -296,7 +296,7 @@ def test_live_plot_in_a_notebook(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(display, "display", show)
     monkeypatch.setattr(ipython, "get_ipython", lambda: SimpleNamespace(kernel=object()))
     problem = PlaneAroundDisc()
-    with go.LivePlot(problem, interval=1e9) as live:
+    with go.ocp.LivePlot(problem, interval=1e9) as live:
         solution = go.solve(problem, callback=live)
     assert len(shown) == 2  # the first iterate, and the last one on closing
     assert shown[0] is shown[1]

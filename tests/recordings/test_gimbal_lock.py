@@ -25,7 +25,7 @@ def swing(nearest: float) -> go.Motion:
     upright = np.tile(np.eye(3), (TIME.size, 1, 1))
     segments = {"thorax": upright, "right upper arm": upper_arm, "right forearm": upper_arm}
     names = ["RSx_joint", "RSz_joint", "RSy_joint"]
-    return go.joint_angles(go.SegmentOrientations(TIME, segments), names)
+    return go.recordings.joint_angles(go.recordings.SegmentOrientations(TIME, segments), names)
 
 
 def test_a_swing_past_gimbal_lock_is_told_of() -> None:

@@ -252,7 +252,10 @@ def test_motions_and_markers_are_not_confused(tmp_path: Path) -> None:
     for name, content in {"a": TRC, "b": MARKER_TABLE, "c": small_c3d()}.items():
         file = write(tmp_path, name, content)
         assert isinstance(read_markers(file), Markers)
-        with pytest.raises(go.RecordingError, match=r"go\.read_markers, and .*go\.fit_motion"):
+        with pytest.raises(
+            go.RecordingError,
+            match=r"go\.recordings\.read_markers, and .*go\.recordings\.fit_markers",
+        ):
             read_motion(file)
     with pytest.raises(go.RecordingError, match=r"has no markers; read it with go\.read_motion"):
         read_markers(write(tmp_path, "d", TABLE))

@@ -53,12 +53,12 @@ def write(folder: Path, name: str, text: str) -> Path:
 @pytest.mark.parametrize(
     ("name", "text", "subject"),
     [
-        ("legacy.xml", LEGACY, go.Subject(1.7, 65.0, "walker")),
-        ("two.xml", VERSION_2, go.Subject(None, None, "walker")),
-        ("table.csv", TABLE, go.Subject(1.7, None, "")),
+        ("legacy.xml", LEGACY, go.trajectory.Subject(1.7, 65.0, "walker")),
+        ("two.xml", VERSION_2, go.trajectory.Subject(None, None, "walker")),
+        ("table.csv", TABLE, go.trajectory.Subject(1.7, None, "")),
     ],
 )
-def test_every_layout(name: str, text: str, subject: go.Subject, tmp_path: Path) -> None:
+def test_every_layout(name: str, text: str, subject: go.trajectory.Subject, tmp_path: Path) -> None:
     file = write(tmp_path, name, text)
     motion = go.read_motion(file, joints=("a", "b"))
     assert motion.time == pytest.approx([0.0, 0.01, 0.02])
@@ -184,7 +184,7 @@ def test_both_layouts_of_one_recording_agree(shared: Path) -> None:
     )
     assert np.array_equal(legacy.q, new.q)
     assert np.array_equal(legacy.time, new.time)
-    assert legacy.subject == new.subject == go.Subject(1.83, 100.0, "subject_id_1229")
+    assert legacy.subject == new.subject == go.trajectory.Subject(1.83, 100.0, "subject_id_1229")
     assert len(legacy) == 338
 
 

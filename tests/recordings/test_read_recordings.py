@@ -34,7 +34,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_a_folder_is_read_with_an_arm_for_each_subject(folder: Path) -> None:
-    first, second = go.read_recordings(folder)
+    first, second = go.recordings.read_recordings(folder)
     assert (first.name, first.subject) == ("a, right", "An")
     assert (second.name, second.subject) == ("b, right", "Bo")
     assert first.motion.velocity is not None
@@ -47,7 +47,7 @@ def test_a_folder_is_read_with_an_arm_for_each_subject(folder: Path) -> None:
 
 def test_height_and_mass_can_be_given_and_models_are_shared(folder: Path) -> None:
     files = [folder / "b.csv", str(folder / "a.csv")]
-    first, second = go.read_recordings(files, height=1.7, mass=60.0)
+    first, second = go.recordings.read_recordings(files, height=1.7, mass=60.0)
     assert [first.name, second.name] == ["b, right", "a, right"]
     assert first.model is second.model
     assert first.model.mass == pytest.approx(go.human_arm("right", 1.7, 60.0).mass)
@@ -60,7 +60,7 @@ def test_files_that_cannot_be_used_are_named_together(folder: Path) -> None:
     write(folder / "f.csv", swing(0.5), time=1000.0 * TIME)
     write(folder / "g.csv", swing(0.1) + 1e-8)
     with pytest.raises(go.RecordingError) as failure:
-        go.read_recordings(folder)
+        go.recordings.read_recordings(folder)
     reasons = str(failure.value).split(";\n")  # on the command line in one line
     expected = {
         "c.xml": "broken XML",
@@ -74,37 +74,37 @@ def test_files_that_cannot_be_used_are_named_together(folder: Path) -> None:
         assert reason.startswith(f"{folder / name}: ")
         assert words in reason
     with pytest.warns(UserWarning, match="left out: ") as warned:
-        found = go.read_recordings(folder, skip=True)
+        found = go.recordings.read_recordings(folder, skip=True)
     assert [each.name for each in found] == ["a, right", "b, right"]
     assert len(warned) == 5
 
 
 def test_without_any_recording(tmp_path: Path) -> None:
     with pytest.raises(go.RecordingError, match=r"no file in this folder ends in \.xml, \.csv, "):
-        go.read_recordings(tmp_path)
+        go.recordings.read_recordings(tmp_path)
     with pytest.raises(go.RecordingError, match="there is no such file"):
-        go.read_recordings(tmp_path / "a.csv", skip=True)
+        go.recordings.read_recordings(tmp_path / "a.csv", skip=True)
     with pytest.raises(go.RecordingError, match="none: there is no such file or folder"):
-        go.read_recordings(tmp_path / "none")
+        go.recordings.read_recordings(tmp_path / "none")
     with pytest.raises(ValueError, match="paths must name at least one file or folder"):
-        go.read_recordings([])
+        go.recordings.read_recordings([])
 
 
 def test_wrong_arguments_are_not_reasons_to_skip(folder: Path) -> None:
     with pytest.raises(ValueError, match="side must be 'right' or 'left'"):
-        go.read_recordings(folder, "both", skip=True)
+        go.recordings.read_recordings(folder, "both", skip=True)
     with pytest.raises(ValueError, match="height must be positive"):
-        go.read_recordings(folder, height=-1.0, skip=True)
+        go.recordings.read_recordings(folder, height=-1.0, skip=True)
     with pytest.raises(ValueError, match="one of cutoff and duration, got 6 Hz and"):
-        go.read_recordings(folder, cutoff=6.0, duration=0.2, skip=True)
+        go.recordings.read_recordings(folder, cutoff=6.0, duration=0.2, skip=True)
 
 
 def test_the_filter_can_be_chosen(folder: Path) -> None:
     raw = go.read_motion(folder / "a.csv")
-    chosen, smooth = (go.read_recordings(folder, cutoff=each)[0] for each in (None, 4.0))
+    chosen, smooth = (go.recordings.read_recordings(folder, cutoff=each)[0] for each in (None, 4.0))
     assert chosen.motion.q == pytest.approx(raw.filtered().q)
     assert smooth.motion.velocity == pytest.approx(raw.filtered(cutoff=4.0).velocity)
-    local = go.read_recordings(folder, duration=0.21)[0]
+    local = go.recordings.read_recordings(folder, duration=0.21)[0]
     assert local.motion.q == pytest.approx(raw.filtered(21).q)
 
 
@@ -113,22 +113,22 @@ def test_recordings_of_the_database(shared: Path) -> None:
     """One recording is there in two layouts of the format."""
     pattern = str(shared / "data" / "kit" / "*.xml")
     with pytest.raises(go.RecordingError, match=r"arm_02\.xml: holds the same motion as .*mmm2"):
-        go.read_recordings(pattern)
+        go.recordings.read_recordings(pattern)
     with pytest.warns(UserWarning, match="holds the same motion"):
-        found = go.read_recordings(pattern, mass=70.0, skip=True)
+        found = go.recordings.read_recordings(pattern, mass=70.0, skip=True)
     assert [each.subject for each in found] == ["subject_id_969", *4 * ["subject_id_1229"]]
 
 
 def test_folders_within_a_folder_and_patterns(folder: Path) -> None:
     (folder / "more").mkdir()
     write(folder / "more" / "c.csv", swing(0.3))
-    assert len(go.read_recordings(folder)) == 2
+    assert len(go.recordings.read_recordings(folder)) == 2
     for paths in ({"paths": folder, "recursive": True}, {"paths": f"{folder}/**/*.csv"}):
-        names = [each.name for each in go.read_recordings(**paths)]
+        names = [each.name for each in go.recordings.read_recordings(**paths)]
         assert names == ["a, right", "b, right", "c, right"]
-    assert len(go.read_recordings([folder, folder / "a.csv"])) == 2  # each file once
+    assert len(go.recordings.read_recordings([folder, folder / "a.csv"])) == 2  # each file once
     with pytest.raises(go.RecordingError, match="no file matches this pattern"):
-        go.read_recordings(f"{folder}/*.bvh")
+        go.recordings.read_recordings(f"{folder}/*.bvh")
 
 
 def test_people_of_equal_stature_share_the_model(tmp_path: Path) -> None:
@@ -136,7 +136,7 @@ def test_people_of_equal_stature_share_the_model(tmp_path: Path) -> None:
         write(tmp_path / f"{name}.csv", swing(phase), "# height: 1.7")
         for name, phase in (("a", 0.1), ("b", 0.2))
     ]
-    first, second = go.read_recordings(files)
+    first, second = go.recordings.read_recordings(files)
     assert first.model is second.model
 
 
@@ -144,8 +144,8 @@ def test_people_of_equal_stature_share_the_model(tmp_path: Path) -> None:
 def test_markers_are_fitted_by_the_arm_of_the_person(shared: Path) -> None:
     pytest.importorskip("ezc3d")
     kit = shared / "data" / "kit"
-    (fitted,) = go.read_recordings(kit / "take_book_from_shelf_right_arm_02.c3d")
-    (angles,) = go.read_recordings(kit / "take_book_from_shelf_right_arm_02.xml")
+    (fitted,) = go.recordings.read_recordings(kit / "take_book_from_shelf_right_arm_02.c3d")
+    (angles,) = go.recordings.read_recordings(kit / "take_book_from_shelf_right_arm_02.xml")
     assert fitted.motion.joint_names == angles.motion.joint_names
     assert len(fitted.motion) == len(angles.motion)
     # The flexion of the elbow, up to an offset of the person's arm.
@@ -164,10 +164,10 @@ def test_of_several_formats_each_takes_what_applies_to_it(folder: Path, shared: 
     """The wrist of this person bends further than the model's: a warning, not a refusal."""
     file = shared / "data" / "cmu" / "02_05.amc"
     with pytest.warns(RuntimeWarning, match=r"02_05\.amc: RWx_joint reaches 55 deg"):
-        found = go.read_recordings([folder / "a.csv", file], rate=60.0, up="y")
+        found = go.recordings.read_recordings([folder / "a.csv", file], rate=60.0, up="y")
     assert [each.motion.rate for each in found] == pytest.approx([100.0, 60.0])
     with pytest.raises(ValueError, match="up must be one of x, y"):
-        go.read_recordings(folder, up="upwards")
+        go.recordings.read_recordings(folder, up="upwards")
 
 
 def test_the_skeleton_of_a_file_can_be_given(tmp_path: Path, shared: Path) -> None:
@@ -194,8 +194,8 @@ def test_a_joint_beyond_its_limits_for_long_is_asked_about(folder: Path) -> None
 
 
 def test_folders_of_results_are_no_recordings(folder: Path) -> None:
-    before = {each.name for each in go.read_recordings(folder)}
+    before = {each.name for each in go.recordings.read_recordings(folder)}
     for name in ("out/recordings.csv", "out/synergies.csv", "out/results/a.json"):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text("recording\n")
-    assert {each.name for each in go.read_recordings(folder, recursive=True)} == before
+    assert {each.name for each in go.recordings.read_recordings(folder, recursive=True)} == before

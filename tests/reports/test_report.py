@@ -49,7 +49,7 @@ def elements(text: str) -> Elements:
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("report") / "report.html"
-    assert go.report(small_retargeting(), file) == file
+    assert go.viewer.report(small_retargeting(), file) == file
     return file
 
 
@@ -73,21 +73,21 @@ def test_tables_are_those_of_the_result(page: Path) -> None:
 def test_the_time_is_told(page: Path, tmp_path: Path) -> None:
     assert "the person's time" in elements(page.read_text(encoding="utf-8")).text
     slow = small_retargeting(0.8, "slow")
-    text = go.report(slow, tmp_path / "slow.html").read_text(encoding="utf-8")
+    text = go.viewer.report(slow, tmp_path / "slow.html").read_text(encoding="utf-8")
     assert f"{slow.stretch:.2f} times as long as the person" in elements(text).text
 
 
 def test_names_are_text(tmp_path: Path) -> None:
     """A robot called <script> is shown, not run."""
     retargeting = small_retargeting(2.5, EVIL)
-    text = go.report(retargeting, tmp_path / "report.html").read_text(encoding="utf-8")
+    text = go.viewer.report(retargeting, tmp_path / "report.html").read_text(encoding="utf-8")
     assert EVIL not in text
     assert EVIL in elements(text).text
 
 
 def test_a_failure_leaves_what_was_there(page: Path, tmp_path: Path) -> None:
     with pytest.raises(OSError, match="missing"):
-        go.report(small_retargeting(), tmp_path / "missing" / "report.html")
+        go.viewer.report(small_retargeting(), tmp_path / "missing" / "report.html")
 
 
 def test_without_the_viewer_the_extra_is_named(
@@ -95,7 +95,7 @@ def test_without_the_viewer_the_extra_is_named(
 ) -> None:
     monkeypatch.setattr("geodesic_ocp.viewer.page.find_spec", lambda name: None)
     with pytest.raises(ImportError, match=re.escape("pip install 'geodesic_ocp[viewer]'")):
-        go.report(small_retargeting(), tmp_path / "report.html")
+        go.viewer.report(small_retargeting(), tmp_path / "report.html")
     assert not list(tmp_path.iterdir())
 
 
@@ -103,8 +103,8 @@ def test_the_page_opens_in_a_browser(tmp_path: Path) -> None:
     """Both panes are drawn, also those of two arms, and nothing is logged."""
     assert version("meshcat")
     files = [
-        go.report(small_retargeting(2.5, EVIL), tmp_path / "one.html"),
-        go.report(both_arms(), tmp_path / "both.html"),
+        go.viewer.report(small_retargeting(2.5, EVIL), tmp_path / "one.html"),
+        go.viewer.report(both_arms(), tmp_path / "both.html"),
     ]
     with playwright_or_skip() as driver, chromium(driver) as browser:
         for file in files:

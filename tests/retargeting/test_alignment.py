@@ -18,12 +18,14 @@ DOWN, FORWARD, RIGHT = np.array([0.0, 0.0, -1.0]), np.array([0.0, 1.0, 0.0]), np
 
 
 @pytest.fixture
-def some(rng: np.random.Generator) -> go.Alignment:
+def some(rng: np.random.Generator) -> go.retargeting.Alignment:
     base, hand = Rotation.random(2, random_state=3).as_matrix()
-    return go.Alignment(rng.normal(size=3), base, hand, 1.2)
+    return go.retargeting.Alignment(rng.normal(size=3), base, hand, 1.2)
 
 
-def test_maps_to_robot_and_person_are_inverse(some: go.Alignment, rng: np.random.Generator) -> None:
+def test_maps_to_robot_and_person_are_inverse(
+    some: go.retargeting.Alignment, rng: np.random.Generator
+) -> None:
     rotations = Rotation.random(5, random_state=1).as_matrix()
     positions = rng.normal(size=(5, 3))
     for mirror in (True, False):
@@ -35,7 +37,7 @@ def test_maps_to_robot_and_person_are_inverse(some: go.Alignment, rng: np.random
     assert_allclose(one[1], mapped[1][2], atol=1e-12)
 
 
-def test_positions_are_scaled_from_the_shoulder(some: go.Alignment) -> None:
+def test_positions_are_scaled_from_the_shoulder(some: go.retargeting.Alignment) -> None:
     axes = np.eye(3)
     _, at_shoulder = some.to_robot(axes, np.zeros(3), scale=2.0)
     _, mapped = some.to_robot(axes, np.array([0.1, 0.2, -0.3]), scale=2.0)
@@ -48,7 +50,7 @@ def test_positions_are_scaled_from_the_shoulder(some: go.Alignment) -> None:
 def test_mirrored_right_arm_is_the_left_arm() -> None:
     """Mirrored configurations of the right arm have the poses of the left arm, frame by frame."""
     right, left = go.human_arm("right", 1.8), go.human_arm("left", 1.8)
-    here = go.alignment(right)
+    here = go.retargeting.align(right)
     rng = np.random.default_rng(4)
     for q in rng.uniform(right.lower, right.upper, (5, 7)):
         # Joints about y and z rotate in the opposite direction on the other side.
@@ -61,27 +63,27 @@ def test_mirrored_right_arm_is_the_left_arm() -> None:
 
 def test_alignment_of_a_human_arm_scales_with_height() -> None:
     small, tall = go.human_arm("left", 1.5), go.human_arm("left", 2.0)
-    found = go.alignment(tall.with_payload(1.0))
+    found = go.retargeting.align(tall.with_payload(1.0))
     assert found.side == "left"
-    assert found.length / go.alignment(small).length == pytest.approx(2.0 / 1.5, rel=1e-6)
+    assert found.length / go.retargeting.align(small).length == pytest.approx(2.0 / 1.5, rel=1e-6)
     assert_allclose(found.base, np.eye(3))
 
 
 def test_elbow_and_wrist_of_a_human_arm() -> None:
     for side, letter in (("right", "R"), ("left", "L")):
-        found = go.alignment(go.human_arm(side))
+        found = go.retargeting.align(go.human_arm(side))
         assert (found.elbow, found.wrist) == (f"{letter}Ex_joint", f"{letter}Wx_joint")
 
 
 def test_changed_fields_and_unknown_robots() -> None:
     arm = go.human_arm()
-    assert go.alignment(arm, side=None).side is None
+    assert go.retargeting.align(arm, side=None).side is None
     with pytest.raises(ValueError, match=r"alignment: .*'colour'"):
-        go.alignment(arm, colour="red")
+        go.retargeting.align(arm, colour="red")
     unknown = pin.buildSampleModelManipulator()
     model = go.Model(unknown, unknown.frames[-1].name)
     with pytest.warns(UserWarning, match=r"no alignment is known for .*geodesic-ocp align"):
-        assert go.alignment(model, side="left").side == "left"
+        assert go.retargeting.align(model, side="left").side == "left"
 
 
 @pytest.mark.parametrize(
@@ -104,7 +106,7 @@ def test_wrong_fields_are_named(change: dict[str, Any], message: str) -> None:
         "length": 1.0,
     }
     with pytest.raises(ValueError, match=message):
-        go.Alignment(**{**fields, **change})
+        go.retargeting.Alignment(**{**fields, **change})
 
 
 def test_arm_length_is_measured_from_the_given_joint() -> None:
@@ -123,12 +125,12 @@ def test_arm_length_is_measured_from_the_given_joint() -> None:
     assert arm_length(model, "shoulder") == pytest.approx(2.0 * np.cos(0.1), rel=1e-6)
 
 
-def hanging(name: str, package: str) -> tuple[go.Alignment, np.ndarray, np.ndarray]:
+def hanging(name: str, package: str) -> tuple[go.retargeting.Alignment, np.ndarray, np.ndarray]:
     """The robot's alignment, and the pose on it of the hand of a person's hanging arm."""
     if folder(package) is None:
         pytest.skip(f"{package} is not installed: make robots")
     robot = go.load_model(name)
-    aligned = go.alignment(robot)
+    aligned = go.retargeting.align(robot)
     person = go.human_arm(aligned.side or "right")
     scale = aligned.length / person.reach
     pose = aligned.to_robot(*person.hand_pose(np.zeros(7)), scale=scale)

@@ -16,7 +16,7 @@ from geodesic_ocp.retargeting.alignment.alignment_figure import alignment_figure
 PERSON = go.human_arm("right")
 
 
-def drawn(aligned: go.Alignment, robot: go.Model) -> list[matplotlib.axes.Axes]:
+def drawn(aligned: go.retargeting.Alignment, robot: go.Model) -> list[matplotlib.axes.Axes]:
     """Panels: from behind hanging, bent, reaching; the same from the right."""
     return list(alignment_figure(robot, aligned, PERSON).axes)
 
@@ -40,7 +40,7 @@ def outline(axes: matplotlib.axes.Axes) -> np.ndarray:
 def test_a_larger_person_is_where_the_person_scaled_is(base: np.ndarray) -> None:
     """Whichever axes its base has; the figure is in the person's."""
     larger = go.human_arm("right", 2.1)
-    aligned = replace(go.alignment(larger), base=base)
+    aligned = replace(go.retargeting.align(larger), base=base)
     chain = larger.pin.copy()
     chain.jointPlacements[1].rotation = base @ chain.jointPlacements[1].rotation
     robot = go.Model(chain, larger.hand, shapes=larger.bodies)
@@ -63,7 +63,7 @@ def test_a_larger_person_is_where_the_person_scaled_is(base: np.ndarray) -> None
 @pytest.mark.slow
 def test_what_points_where_is_drawn() -> None:
     """The fingers of a hanging arm down, and away from who sees the reaching one from behind."""
-    panels = drawn(go.alignment(PERSON), PERSON)
+    panels = drawn(go.retargeting.align(PERSON), PERSON)
     assert [axes.get_title() for axes in panels[:3]] == [
         "hanging",
         "elbow bent",
@@ -79,7 +79,7 @@ def test_what_points_where_is_drawn() -> None:
 
 @pytest.mark.slow
 def test_postures_out_of_reach_are_named() -> None:
-    aligned = replace(go.alignment(PERSON), length=3.0 * PERSON.reach)
+    aligned = replace(go.retargeting.align(PERSON), length=3.0 * PERSON.reach)
     titles = [axes.get_title() for axes in drawn(aligned, PERSON)[:3]]
     assert "out of reach by" in titles[0]
     assert titles[0].startswith("hanging")

@@ -12,12 +12,12 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 import geodesic_ocp as go
-from geodesic_ocp.retargeting.alignment.alignment import read_alignment
+from geodesic_ocp.retargeting.alignment.align import read_alignment
 
 
 def saved(folder: Path, **changes: Any) -> Path:
     """The file of a human arm's alignment, with some fields changed; None removes one."""
-    file = go.alignment(go.human_arm()).save(folder / "arm.json", ["for a test"])
+    file = go.retargeting.align(go.human_arm()).save(folder / "arm.json", ["for a test"])
     record = json.loads(file.read_text())
     for name, value in changes.items():
         if value is None:
@@ -31,7 +31,9 @@ def saved(folder: Path, **changes: Any) -> Path:
 def test_what_is_read_is_what_was_written(tmp_path: Path) -> None:
     base, hand = Rotation.random(2, random_state=5).as_matrix()
     for side, elbow in (("right", "bend"), (None, None)):
-        written = go.Alignment((0.1, -0.2, 1 / 3), base, hand, 0.7, side, elbow, "pitch")
+        written = go.retargeting.Alignment(
+            (0.1, -0.2, 1 / 3), base, hand, 0.7, side, elbow, "pitch"
+        )
         read = read_alignment(written.save(tmp_path / "file.json"))
         for name in ("shoulder", "base", "hand"):
             assert_allclose(getattr(read, name), getattr(written, name), atol=1e-12)

@@ -11,7 +11,7 @@ import geodesic_ocp as go
 from geodesic_ocp.execution.arm_paths import ArmPaths
 from geodesic_ocp.execution.limits import joint_limits
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory, plan_trajectory
-from geodesic_ocp.retargeting.alignment.alignment import alignment
+from geodesic_ocp.retargeting.alignment.align import align
 from geodesic_ocp.retargeting.equal_limits import compare_under_equal_limits
 from geodesic_ocp.retargeting.key_poses import PoseMapping
 
@@ -51,7 +51,7 @@ def planned(arm: go.Model, corners: np.ndarray) -> PlannedTrajectory:
 def test_of_two_ways_to_follow_a_hand(
     arm: go.Model, recorded: go.Motion, planned: PlannedTrajectory
 ) -> None:
-    same = alignment(arm)
+    same = align(arm)
     mapping = PoseMapping.between(arm, same, same, go.RetargetingSettings())
     found = compare_under_equal_limits(planned, recorded, mapping)
     ours, theirs, faster = found.values()
@@ -73,7 +73,7 @@ def test_of_two_ways_to_follow_a_hand(
 def test_orientation_may_be_left_free(
     arm: go.Model, recorded: go.Motion, planned: PlannedTrajectory
 ) -> None:
-    same = alignment(arm)
+    same = align(arm)
     mapping = PoseMapping.between(arm, same, same, go.RetargetingSettings())
     turned = compare_under_equal_limits(planned, recorded, mapping, rate=50.0)
     free = compare_under_equal_limits(planned, recorded, mapping, rate=50.0, turning=False)

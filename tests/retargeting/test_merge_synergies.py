@@ -22,27 +22,27 @@ LENGTHS = st.lists(
 )
 
 
-def synergies(pieces: list[tuple[float, int]]) -> list[go.Synergy]:
+def synergies(pieces: list[tuple[float, int]]) -> list[go.synergies.Synergy]:
     """Synergies with these lengths and numbers of samples, at 100 Hz."""
     found, start = [], 0
     for length, samples in pieces:
         nodes = np.array([[0.0], [length / 2.0], [length]])
         path = go.Path(go.Euclidean(1), go.Grid(1, 2), nodes)
-        law = go.time_law(length, samples / 100.0, 0.0, 0.0)
-        found.append(go.Synergy(start, start + samples, start / 100.0, path, law))
+        law = go.trajectory.time_law(length, samples / 100.0, 0.0, 0.0)
+        found.append(go.synergies.Synergy(start, start + samples, start / 100.0, path, law))
         start += samples
     return found
 
 
 def grouped(*pieces: tuple[float, int]) -> list[tuple[str, tuple[int, ...], tuple[int, ...]]]:
-    groups = go.merge_synergies(synergies(list(pieces)), drop=DROP, merge=MERGE)
+    groups = go.retargeting.merge_synergies(synergies(list(pieces)), drop=DROP, merge=MERGE)
     return [(group.kind, group.members, group.dropped) for group in groups]
 
 
 @given(pieces=LENGTHS)
 def test_groups_have_no_gaps_and_keep_long_synergies(pieces: list[tuple[float, int]]) -> None:
     given_ones = synergies(pieces)
-    groups = go.merge_synergies(given_ones, drop=DROP, merge=MERGE)
+    groups = go.retargeting.merge_synergies(given_ones, drop=DROP, merge=MERGE)
     assert [number for group in groups for number in group.members] == list(range(len(pieces)))
     for group in groups:
         assert group.start == given_ones[group.members[0]].start
@@ -63,7 +63,7 @@ def test_groups_have_no_gaps_and_keep_long_synergies(pieces: list[tuple[float, i
 
 @given(pieces=LENGTHS)
 def test_no_short_group_is_next_to_a_moving_group(pieces: list[tuple[float, int]]) -> None:
-    groups = go.merge_synergies(synergies(pieces), drop=DROP, merge=MERGE)
+    groups = go.retargeting.merge_synergies(synergies(pieces), drop=DROP, merge=MERGE)
     for one, other in pairwise(groups):
         if "rest" not in (one.kind, other.kind):
             for group in (one, other):
@@ -115,18 +115,22 @@ def test_remaining_small_synergy_joins_its_shorter_neighbour() -> None:
 def test_default_thresholds_are_fractions_of_the_longest() -> None:
     pieces = [(1.0, 9), (0.14, 9), (0.02, 2), (1.0, 9), (0.16, 9)]
     for scale in (1.0, 7.0):
-        groups = go.merge_synergies(synergies([(scale * length, n) for length, n in pieces]))
+        groups = go.retargeting.merge_synergies(
+            synergies([(scale * length, n) for length, n in pieces])
+        )
         assert [group.members for group in groups] == [(0, 1), (2, 3), (4,)]
 
 
 def test_zero_thresholds_keep_everything() -> None:
-    groups = go.merge_synergies(synergies([(0.5, 9), (0.001, 9), (0.1, 9)]), drop=0.0, merge=0.0)
+    groups = go.retargeting.merge_synergies(
+        synergies([(0.5, 9), (0.001, 9), (0.1, 9)]), drop=0.0, merge=0.0
+    )
     assert [group.kind for group in groups] == ["kept", "kept", "kept"]
 
 
 @pytest.mark.parametrize(("drop", "merge"), [(-1.0, 0.1), (0.2, 0.1), (float("nan"), 1.0)])
 def test_wrong_thresholds_are_named(drop: float, merge: float) -> None:
     with pytest.raises(ValueError, match="drop"):
-        go.merge_synergies(synergies([(0.5, 9)]), drop=drop, merge=merge)
+        go.retargeting.merge_synergies(synergies([(0.5, 9)]), drop=drop, merge=merge)
     with pytest.raises(ValueError, match="no synergies"):
-        go.merge_synergies([])
+        go.retargeting.merge_synergies([])

@@ -53,7 +53,7 @@ def waypoints(arm: go.Model) -> ArmWaypoints:
     return ArmWaypoints(
         arm=arm,
         limited=True,
-        alignment=go.alignment(arm),
+        alignment=go.retargeting.align(arm),
         begins=TIMES[:-1],
         ends=TIMES[1:],
         poses=tuple(poses),

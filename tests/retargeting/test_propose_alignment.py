@@ -10,7 +10,7 @@ from six_joints import six_joints
 
 import geodesic_ocp as go
 from geodesic_ocp.model.formats.robots import ROBOTS, folder
-from geodesic_ocp.retargeting.alignment.alignment import (
+from geodesic_ocp.retargeting.alignment.align import (
     known_alignment,
     proposal,
     propose_alignment,
@@ -104,7 +104,7 @@ def test_arms_of_bodies(
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_human_arms_have_their_own_alignment(side: str) -> None:
     arm = go.human_arm(side)
-    known, found = go.alignment(arm), propose_alignment(arm, side="right")
+    known, found = go.retargeting.align(arm), propose_alignment(arm, side="right")
     assert_allclose(found.shoulder, known.shoulder, atol=1e-9)
     assert_allclose(found.base, known.base, atol=1e-9)
     assert_allclose(found.hand, known.hand, atol=1e-9)
@@ -115,7 +115,7 @@ def test_human_arms_have_their_own_alignment(side: str) -> None:
 def test_an_unknown_arm_is_mounted_like_a_shoulder_and_says_so() -> None:
     robot = go.load_model(six_joints(), hand="flange")
     with pytest.warns(UserWarning, match="no alignment is known for 'six-joints'") as caught:
-        found = go.alignment(robot)
+        found = go.retargeting.align(robot)
     text = str(caught[0].message)
     for part in ("where the axes of pan, lift meet", "first axis points to the right", "flange"):
         assert part in text
@@ -161,7 +161,7 @@ def test_other_hands_and_bases_of_known_robots_keep_their_directions() -> None:
         pytest.skip("needs robots: make robots")
     usual, flange = go.load_model("panda"), go.load_model("panda", hand="panda_link8")
     q = np.array([0.1, -0.4, 0.3, -1.8, 0.2, 1.5, 0.6])
-    one, other = go.alignment(usual), go.alignment(flange)
+    one, other = go.retargeting.align(usual), go.retargeting.align(flange)
     assert_allclose(
         usual.hand_pose(q)[0] @ np.asarray(one.hand).T,
         flange.hand_pose(q)[0] @ np.asarray(other.hand).T,
@@ -178,7 +178,7 @@ def test_proposals_reach_as_much_as_built_in_alignments(name: str) -> None:
     low, high = np.array(
         [[-0.3, -0.3, -1.2, 0.3, -0.8, -0.2, -0.6], [1.3, 0.6, 0.0, 1.9, 0.8, 0.2, 0.6]]
     )
-    poses = go.alignment(arm).to_person(*arm.hand_pose(rng.uniform(low, high, (30, 7))))
+    poses = go.retargeting.align(arm).to_person(*arm.hand_pose(rng.uniform(low, high, (30, 7))))
     counts = []
     for aligned in (known_alignment(robot), propose_alignment(robot)):
         assert aligned is not None
@@ -191,6 +191,6 @@ def test_proposals_reach_as_much_as_built_in_alignments(name: str) -> None:
 def test_arms_without_two_revolute_joints_and_wrong_sides_are_refused() -> None:
     robot = go.load_model(six_joints(), hand="pan_link")
     with pytest.raises(ValueError, match="has 1 revolute joints before its hand 'pan_link'"):
-        go.alignment(robot)
+        go.retargeting.align(robot)
     with pytest.raises(ValueError, match="side must be 'right', 'left' or None, got 'up'"):
         propose_alignment(go.human_arm(), side="up")  # type: ignore[arg-type]

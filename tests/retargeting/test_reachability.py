@@ -26,17 +26,17 @@ def poses(arm: go.Model) -> tuple[np.ndarray, np.ndarray]:
 def test_poses_of_the_arm_itself_are_within_reach(
     arm: go.Model, poses: tuple[np.ndarray, np.ndarray]
 ) -> None:
-    found = reachability(arm, go.alignment(arm), *poses)
+    found = reachability(arm, go.retargeting.align(arm), *poses)
     assert found.unreachable == ()
     assert found.advice == ""
     assert found.table().rows == ()
     assert str(found) == "all 12 poses are within reach"
-    assert reachability(arm, go.alignment(arm), None, poses[1]).unreachable == ()
+    assert reachability(arm, go.retargeting.align(arm), None, poses[1]).unreachable == ()
 
 
 def test_positions_beyond_the_arm_are_missed_by_the_excess(arm: go.Model) -> None:
     """Forward and down, where the arm can be stretched, the nearest point is along the way."""
-    aligned = go.alignment(arm)
+    aligned = go.retargeting.align(arm)
     toward = np.array([[0.0, 1.0, -1.0], [0.0, 1.0, -2.0]])
     toward /= np.linalg.norm(toward, axis=1)[:, None]
     positions = np.vstack([0.8 * aligned.length * toward[:1], 1.25 * aligned.length * toward])
@@ -61,7 +61,7 @@ def test_errors_are_those_of_inverse_kinematics(
     """Out of reach, the nearest pose is that of the package's search one by one."""
     rotations = poses[0][:4] @ Rotation.from_rotvec([0.0, 0.9, 0.0]).as_matrix()
     positions = 1.1 * poses[1][:4]
-    found = reachability(arm, go.alignment(arm), rotations, positions)
+    found = reachability(arm, go.retargeting.align(arm), rotations, positions)
     assert found.unreachable
     for each in found.unreachable:
         q = nearest_configuration(
@@ -81,7 +81,7 @@ def test_the_advised_mounting_does_what_is_said(
     arm: go.Model, poses: tuple[np.ndarray, np.ndarray]
 ) -> None:
     """Poses mapped with a shoulder that is 0.15 m off are brought back."""
-    aligned = go.alignment(arm)
+    aligned = go.retargeting.align(arm)
     off = replace(aligned, shoulder=(0.0, 0.15, 0.0))
     rotations, positions = off.to_robot(*aligned.to_person(*poses), scale=1.0)
     found = reachability(arm, off, rotations, positions)
@@ -105,7 +105,7 @@ def test_the_advised_mounting_does_what_is_said(
 )
 def test_wrong_arguments_are_named(arm: go.Model, change: dict[str, Any], message: str) -> None:
     given = {
-        "alignment": go.alignment(arm),
+        "alignment": go.retargeting.align(arm),
         "rotations": None,
         "positions": np.zeros((1, 3)),
         **change,

@@ -47,7 +47,7 @@ LOOSE = 1e-4  # tolerance of tests that are not about accuracy
 
 
 @pytest.fixture(scope="module")
-def found(analysis: go.Analysis, robot: go.Model) -> go.Retargeting:
+def found(analysis: go.Analysis, robot: go.Model) -> go.retargeting.Retargeting:
     return go.retarget(analysis, robot, tolerance=LOOSE)
 
 
@@ -55,7 +55,7 @@ def outside(model: go.Model, q: np.ndarray) -> float:
     return float(np.max([model.lower - q, q - model.upper]))
 
 
-def test_hand_reaches_the_poses(found: go.Retargeting, analysis: go.Analysis) -> None:
+def test_hand_reaches_the_poses(found: go.retargeting.Retargeting, analysis: go.Analysis) -> None:
     (arm,) = found.arms
     assert arm.mapping.mirror
     assert not arm.out_of_reach
@@ -73,7 +73,7 @@ def test_hand_reaches_the_poses(found: go.Retargeting, analysis: go.Analysis) ->
         assert_allclose(one.path.nodes[-1], other.path.nodes[0], atol=1e-12)
 
 
-def test_limits_hold_everywhere(found: go.Retargeting) -> None:
+def test_limits_hold_everywhere(found: go.retargeting.Retargeting) -> None:
     (arm,) = found.arms
     assert found.success
     s = np.linspace(0.0, 1.0, 1001)
@@ -93,7 +93,7 @@ def test_limits_hold_everywhere(found: go.Retargeting) -> None:
 
 
 def test_trajectory_is_sampled_evenly_and_consistent(
-    analysis: go.Analysis, robot: go.Model, found: go.Retargeting
+    analysis: go.Analysis, robot: go.Model, found: go.retargeting.Retargeting
 ) -> None:
     finer = go.retarget(analysis, robot, tolerance=LOOSE, rate=1000.0)
     for result, rate in ((found, 100.0), (finer, 1000.0)):
@@ -110,7 +110,7 @@ def test_trajectory_is_sampled_evenly_and_consistent(
         assert_allclose(trajectory.accelerations[[0, -1]], 0.0, atol=1e-9)
 
 
-def test_action_is_less_than_that_of_tracking_the_hand(found: go.Retargeting) -> None:
+def test_action_is_less_than_that_of_tracking_the_hand(found: go.retargeting.Retargeting) -> None:
     statistics = found.arms[0].statistics
     assert statistics["synergies"].action < statistics["ik"].action
     # Tracking follows the whole path, synergies attain the poses at their ends.
@@ -118,7 +118,9 @@ def test_action_is_less_than_that_of_tracking_the_hand(found: go.Retargeting) ->
     assert statistics["synergies"].position < 0.1
 
 
-def test_motion_passes_the_ends_of_the_synergies_and_stays_near_them(found: go.Retargeting) -> None:
+def test_motion_passes_the_ends_of_the_synergies_and_stays_near_them(
+    found: go.retargeting.Retargeting,
+) -> None:
     (arm,) = found.arms
     motion, time = found.motion, found.motion.time
     assert motion.joint_names == arm.robot.joint_names
@@ -257,14 +259,15 @@ def test_obstacle_is_avoided_with_a_margin(analysis: go.Analysis, robot: go.Mode
     centre = hand[k] + 0.07 * beside / np.linalg.norm(beside)
     ball, links = go.Ball(tuple(centre), 0.05, name="lamp"), ("right hand",)
     before = [
-        min(go.signed_distances(robot, q, [ball], links=links).values()) for q in free.motion.q
+        min(go.distances.signed_distances(robot, q, [ball], links=links).values())
+        for q in free.motion.q
     ]
     assert min(before) < 0.0
     assert min(before[0], before[-1]) > 0.02
     settings = replace(SETTINGS, obstacles=[ball], links=links, margin=0.01)
     avoiding = go.retarget(analysis, robot, settings=settings)
     after = [
-        min(go.signed_distances(robot, q, [ball], links=links).values())
+        min(go.distances.signed_distances(robot, q, [ball], links=links).values())
         for q in avoiding.motion.q[::3]
     ]
     assert min(after) > 0.01 - 2e-6
@@ -357,24 +360,24 @@ def test_wrong_arguments_are_named(
 
 def test_wrong_analyses_and_robots_are_named(analysis: go.Analysis, robot: go.Model) -> None:
     with pytest.raises(ValueError, match="2 analyses for 1 robots"):
-        go.retarget_arms([analysis, analysis], [robot])
+        go.retargeting.retarget_arms([analysis, analysis], [robot])
     motion = analysis.motion
     later = go.Motion(motion.time + 1.0, motion.q, motion.joint_names, motion.velocity)
     other = replace(analysis, motion=later)
     with pytest.raises(ValueError, match="must be of one recording"):
-        go.retarget_arms([analysis, other], [robot, analysis.model])
+        go.retargeting.retarget_arms([analysis, other], [robot, analysis.model])
     with pytest.raises(ValueError, match="starts must be a list, one for each of 1 robots"):
-        go.retarget_arms([analysis], [robot], starts=[])
+        go.retargeting.retarget_arms([analysis], [robot], starts=[])
     with pytest.raises(ValueError, match="robot must be a Model"):
         go.retarget(analysis, "panda")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="analysis must be an Analysis"):
         go.retarget(robot, robot)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="robots must be a list of Model"):
-        go.retarget_arms([analysis], robot)  # type: ignore[arg-type]
+        go.retargeting.retarget_arms([analysis], robot)  # type: ignore[arg-type]
 
 
 @pytest.mark.slow
-def test_tables_and_figure_show_both_methods(found: go.Retargeting) -> None:
+def test_tables_and_figure_show_both_methods(found: go.retargeting.Retargeting) -> None:
     table = found.table()
     assert [row[1] for row in table.rows] == ["geodesic synergies", "inverse kinematics"]
     synergies = found.synergy_table()
@@ -405,7 +408,7 @@ def test_tables_and_figure_show_both_methods(found: go.Retargeting) -> None:
 
 
 @pytest.mark.slow
-def test_saved_files_can_be_read(found: go.Retargeting, tmp_path: Path) -> None:
+def test_saved_files_can_be_read(found: go.retargeting.Retargeting, tmp_path: Path) -> None:
     files = {file.name for file in found.save(tmp_path / "new" / "folder")}
     assert files == {
         "comparison.csv",
@@ -424,7 +427,7 @@ def test_saved_files_can_be_read(found: go.Retargeting, tmp_path: Path) -> None:
     folder = tmp_path / "new" / "folder"
     (arm,) = found.arms
     metric = go.KineticEnergy(arm.robot)
-    again = go.load_synergies(folder / "synergies.json", metric)
+    again = go.synergies.load_synergies(folder / "synergies.json", metric)
     assert len(again) == len(arm.synergies)
     times = again[-1].start_time + np.array([0.0, 0.4, 1.0]) * again[-1].duration
     assert_allclose(again[-1](times), arm.synergies[-1](times), atol=1e-9)
@@ -437,16 +440,22 @@ def test_saved_files_can_be_read(found: go.Retargeting, tmp_path: Path) -> None:
         assert_allclose(again.accelerations, found.trajectory.accelerations, atol=1e-12)
 
 
-def test_reprs_are_short(found: go.Retargeting) -> None:
+def test_reprs_are_short(found: go.retargeting.Retargeting) -> None:
     values = [found, found.motion, found.trajectory, dict(found.arms[0].statistics)]
-    assert check_reprs(values) >= {go.Retargeting, go.RetargetedArm, go.SynergyGroup}
+    assert check_reprs(values) >= {
+        go.retargeting.Retargeting,
+        go.retargeting.RetargetedArm,
+        go.retargeting.SynergyGroup,
+    }
 
 
 @pytest.mark.slow
 def test_both_arms_at_once(analysis: go.Analysis, robot: go.Model, tmp_path: Path) -> None:
     other = go.human_arm("left", 1.8)
     analyses = [analysis, analysis]
-    found = go.retarget_arms(analyses, [other, robot], tolerance=LOOSE, settings=SETTINGS)
+    found = go.retargeting.retarget_arms(
+        analyses, [other, robot], tolerance=LOOSE, settings=SETTINGS
+    )
     assert [arm.mapping.mirror for arm in found.arms] == [False, True]
     assert found.motion.joint_names == (*other.joint_names, *robot.joint_names)
     assert found.motion.q.shape[1] == 14
@@ -454,7 +463,9 @@ def test_both_arms_at_once(analysis: go.Analysis, robot: go.Model, tmp_path: Pat
     assert len(found.synergies) == sum(len(arm.groups) for arm in found.arms)
     assert len(found.plot().subfigs) == 2
     settings = go.RetargetingSettings(merge=0.4, drop=0.3)
-    twice = go.retarget_arms(analyses, [other, other], tolerance=LOOSE, settings=settings)
+    twice = go.retargeting.retarget_arms(
+        analyses, [other, other], tolerance=LOOSE, settings=settings
+    )
     assert len(set(twice.joint_names)) == 14
     names = {file.name for file in found.save(tmp_path)}
     assert {"synergies_0.json", "synergies_1.json"} <= names
@@ -477,7 +488,7 @@ def test_on_panda(analysis: go.Analysis) -> None:
 
 @pytest.mark.slow
 def test_an_obstacle_that_cannot_be_avoided_is_no_success(
-    analysis: go.Analysis, robot: go.Model, found: go.Retargeting
+    analysis: go.Analysis, robot: go.Model, found: go.retargeting.Retargeting
 ) -> None:
     """It lies where the hand has to be."""
     (arm,) = found.arms

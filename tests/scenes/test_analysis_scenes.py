@@ -9,7 +9,7 @@ import pytest
 from marked_motion import HEIGHT, angles, marked
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.markers.fit_motion import fit_motion
+from geodesic_ocp.recordings.markers.fit_markers import fit_markers
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.markers.marker_set import MMM_MARKERS
 from geodesic_ocp.recordings.markers.markers import Markers
@@ -155,7 +155,7 @@ def walker() -> Markers:
 
 @pytest.fixture(scope="module")
 def fit(walker: Markers) -> MarkerFit:
-    return fit_motion(go.human_arm("right", HEIGHT), walker, estimate=())
+    return fit_markers(go.human_arm("right", HEIGHT), walker, estimate=())
 
 
 @pytest.mark.slow

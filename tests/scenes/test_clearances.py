@@ -33,7 +33,7 @@ def configurations(shares: list[list[float]]) -> np.ndarray:
 def test_distances_are_those_of_the_constraints(shares: list[list[float]]) -> None:
     q = configurations(shares)
     gaps = clearances(ARM, q, BODIES, pairs=PAIRS, most=100)
-    expected = [go.signed_distances(ARM, row, BODIES, pairs=PAIRS) for row in q]
+    expected = [go.distances.signed_distances(ARM, row, BODIES, pairs=PAIRS) for row in q]
     assert [gap.name for gap in gaps] == list(expected[0])
     for gap in gaps:
         assert_allclose(gap.distances, [each[gap.name] for each in expected], rtol=0, atol=1e-9)

@@ -243,9 +243,9 @@ def test_a_planned_trajectory_knows_its_robots(arm: go.Model) -> None:
     q[2] -= 0.05
     edges = np.array([0.0, 1.0, 2.0])
     arms = [
-        go.ArmPaths(
+        go.execution.ArmPaths(
             robot,
-            go.joint_limits(robot, velocity=4.0),
+            go.execution.joint_limits(robot, velocity=4.0),
             edges,
             [go.geodesic(straight, *q[[0, 1]]), go.geodesic(straight, *q[[1, 2]])],
         )
@@ -266,7 +266,9 @@ def test_a_replay_shows_what_the_robot_should_do_as_an_overlay(lift: go.Model) -
     wanted = go.JointTrajectory.from_positions(motion.time, motion.q, lift.joint_names, lift.units)
     late = go.Motion(motion.time, motion.q - 0.01, lift.joint_names, motion.velocity)
     limits = np.full(7, 80.0)
-    replay = go.Replay(lift, wanted, late, np.zeros_like(motion.q), limits, None, "computed torque")
+    replay = go.execution.Replay(
+        lift, wanted, late, np.zeros_like(motion.q), limits, None, "computed torque"
+    )
     playback = replay_playback(replay)
     actors = {actor.name: actor for actor in playback.scenes[0].actors}
     assert actors["trajectory"].translucent

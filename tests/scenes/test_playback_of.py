@@ -73,8 +73,8 @@ def test_synergies_are_shown_with_the_model_of_their_metric(
     velocity = np.full_like(q, 0.1)
     motion = go.Motion(0.5 + np.arange(9) / 10.0, q, arm.joint_names, velocity)
     cuts = [(0, 3), (3, 5), (5, 8)]
-    synergies, predicted = go.reconstruct(arm_metric, motion, cuts)
-    straight, _ = go.reconstruct(go.Euclidean(7), motion, cuts)
+    synergies, predicted = go.synergies.reconstruct(arm_metric, motion, cuts)
+    straight, _ = go.synergies.reconstruct(go.Euclidean(7), motion, cuts)
     for items in ((synergies,), (list(synergies),), (synergies, arm), ((straight, arm),)):
         playback = playback_of(*items)
         (scene,) = playback.scenes
@@ -119,7 +119,7 @@ def test_analyses_solutions_and_paths_are_known(
 
 def test_a_reconstruction_has_its_synergies(arm: go.Model) -> None:
     motion = moved(arm.joint_names).filtered(3, 1)
-    result = go.reconstruct(go.Euclidean(7), motion, [(0, 2), (2, 4)])
+    result = go.synergies.reconstruct(go.Euclidean(7), motion, [(0, 2), (2, 4)])
     for playback in (playback_of(result, arm), playback_of((result, arm))):
         assert len(playback.spans["synergies"]) == 2
 

@@ -23,12 +23,12 @@ EXACT = 1e-12  # [m], rounding
 
 
 @pytest.fixture(scope="module")
-def found() -> go.Retargeting:
+def found() -> go.retargeting.Retargeting:
     return small_retargeting()
 
 
 @pytest.fixture(scope="module")
-def playback(found: go.Retargeting) -> Playback:
+def playback(found: go.retargeting.Retargeting) -> Playback:
     return retargeting_playback(found)
 
 
@@ -44,7 +44,7 @@ def actor(scene: Scene, name: str) -> Actor:
 
 @pytest.mark.slow
 def test_the_robots_shoulder_is_where_the_persons_is(
-    found: go.Retargeting, playback: Playback
+    found: go.retargeting.Retargeting, playback: Playback
 ) -> None:
     """So the mapped path is the person's own, scaled, and mirrored for an arm of the other side."""
     person, robot = playback.scenes
@@ -83,7 +83,9 @@ def test_the_person_is_a_whole_person(playback: Playback) -> None:
     assert {"head", "thorax"} <= links
 
 
-def test_links_are_where_the_joints_take_them(found: go.Retargeting, playback: Playback) -> None:
+def test_links_are_where_the_joints_take_them(
+    found: go.retargeting.Retargeting, playback: Playback
+) -> None:
     """The hand's link carries the end of its path, in the robot's motion and in the baseline's."""
     (arm,) = found.arms
     scene = playback.scenes[1]
@@ -111,7 +113,7 @@ def test_distances_are_those_between_the_paths(playback: Playback) -> None:
     assert shares.curves[0].values.max() <= 1.0 + 1e-6
 
 
-def test_spans_are_the_synergies(found: go.Retargeting, playback: Playback) -> None:
+def test_spans_are_the_synergies(found: go.retargeting.Retargeting, playback: Playback) -> None:
     (arm,) = found.arms
     rows = playback.spans
     assert list(rows) == ["person", arm.robot.name]
@@ -130,14 +132,14 @@ def test_spans_are_the_synergies(found: go.Retargeting, playback: Playback) -> N
             assert span.text.endswith(f"person's {first if first == last else f'{first}-{last}'}")
 
 
-def test_without_the_person(found: go.Retargeting) -> None:
+def test_without_the_person(found: go.retargeting.Retargeting) -> None:
     alone = retargeting_playback(found, person=False)
     assert [scene.title for scene in alone.scenes] == ["robot"]
     assert list(alone.spans) == ["robot"]
 
 
 @pytest.mark.slow
-def test_several_robots_share_the_person(found: go.Retargeting) -> None:
+def test_several_robots_share_the_person(found: go.retargeting.Retargeting) -> None:
     """Whose time is the recording's, if the robots take different times."""
     slow = small_retargeting(0.8, "slow")
     assert slow.stretch > 1.01
@@ -174,7 +176,9 @@ def test_a_slowed_person_is_said_to_be_and_keeps_the_durations_of_the_analysis()
 
 
 @pytest.mark.slow
-def test_a_person_in_the_time_of_the_recording_is_not_slowed(found: go.Retargeting) -> None:
+def test_a_person_in_the_time_of_the_recording_is_not_slowed(
+    found: go.retargeting.Retargeting,
+) -> None:
     for shown in (
         retargeting_playback(found),
         retargetings_playback([found, small_retargeting(0.8, "slow")]),
@@ -183,7 +187,7 @@ def test_a_person_in_the_time_of_the_recording_is_not_slowed(found: go.Retargeti
 
 
 @pytest.mark.slow
-def test_two_motions_of_one_robot_have_different_titles(found: go.Retargeting) -> None:
+def test_two_motions_of_one_robot_have_different_titles(found: go.retargeting.Retargeting) -> None:
     slow = small_retargeting(0.8)
     together = retargetings_playback([found, slow])
     assert [scene.title for scene in together.scenes] == ["person", "robot", "robot (2)"]
@@ -192,7 +196,7 @@ def test_two_motions_of_one_robot_have_different_titles(found: go.Retargeting) -
     assert any(plot.title.startswith("robot (2)") for plot in together.plots)
 
 
-def test_obstacles_are_where_they_are_on_the_robot(found: go.Retargeting) -> None:
+def test_obstacles_are_where_they_are_on_the_robot(found: go.retargeting.Retargeting) -> None:
     (arm,) = found.arms
     centre = np.array(arm.robot.hand_pose(arm.motion.q[-1])[1])
     ball = go.Ball(tuple(centre), 0.1, name="lamp")
@@ -211,7 +215,9 @@ def test_obstacles_are_where_they_are_on_the_robot(found: go.Retargeting) -> Non
     assert min(gap.distances.min() for gap in robot.gaps) < 0.0
 
 
-def test_mobility_ellipsoids_are_at_the_hand(found: go.Retargeting, playback: Playback) -> None:
+def test_mobility_ellipsoids_are_at_the_hand(
+    found: go.retargeting.Retargeting, playback: Playback
+) -> None:
     """With the axes of the metric in which the paths were planned."""
     (arm,) = found.arms
     robot = playback.scenes[1]
@@ -266,7 +272,7 @@ def test_two_arms_of_a_robot_have_one_body() -> None:
 def test_postures_of_an_alignment_correspond() -> None:
     """A person's arm of another size attains every pose, and is the person's arm, scaled."""
     robot = go.human_arm("right", 1.5)
-    aligned = go.alignment(robot)
+    aligned = go.retargeting.align(robot)
     playback = alignment_playback(aligned, robot)
     person, scene = playback.scenes
     ways = [trail(scene, name).points for name in ("person's hand, mapped", "robot's hand")]

@@ -187,8 +187,8 @@ def test_wrong_tables_are_named(tmp_path: Path) -> None:
 def test_the_peak_speed_is_the_largest(
     ends: tuple[float, float], length: float, duration: float
 ) -> None:
-    law = go.time_law(length, duration, *ends)
-    synergy = go.Synergy(0, 1, 0.0, None, law)  # its path does not matter
+    law = go.trajectory.time_law(length, duration, *ends)
+    synergy = go.synergies.Synergy(0, 1, 0.0, None, law)  # its path does not matter
     sampled = law(np.linspace(0.0, duration, 2001), 1)
     peak = peak_speed(synergy)
     assert peak >= sampled.max() - 1e-9

@@ -12,13 +12,13 @@ from geodesic_ocp.studies.result_files import RecordingOutcome
 from geodesic_ocp.studies.sources import RecordingSource
 
 OF_STUDIES = {
-    go.AnalysisSettings,
-    go.BatchResult,
-    go.RecordingOutcome,
-    go.Study,
-    go.StudyMean,
-    go.StudyTest,
-    go.SynergyStatistics,
+    go.studies.AnalysisSettings,
+    go.studies.BatchResult,
+    go.studies.RecordingOutcome,
+    go.studies.StudyResult,
+    go.studies.StudyMean,
+    go.studies.StudyTest,
+    go.studies.SynergyStatistics,
 }
 
 
@@ -31,9 +31,9 @@ def test_reprs_are_short(bundled_analysis: go.Analysis) -> None:
         study.means(),
         study.tests(),
         study.synergy_statistics(),
-        go.AnalysisSettings(),
+        go.studies.AnalysisSettings(),
         failed,
-        go.BatchResult(Path("results"), 1000, 0, (failed,) * 500, (), 3.0, ()),
+        go.studies.BatchResult(Path("results"), 1000, 0, (failed,) * 500, (), 3.0, ()),
     ]
     covered = check_reprs(values)
     assert covered >= OF_STUDIES

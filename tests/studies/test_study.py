@@ -17,13 +17,13 @@ from geodesic_ocp.studies.statistics import (
     holm,
     rank_biserial,
 )
-from geodesic_ocp.studies.study import Study
+from geodesic_ocp.studies.study import StudyResult
 
 METHODS = tuple(LABELS)
 
 
-def study_of(*recordings: tuple[str, str, dict[str, float | None]]) -> Study:
-    return Study(tuple(row for each in recordings for row in rows_of(*each)))
+def study_of(*recordings: tuple[str, str, dict[str, float | None]]) -> StudyResult:
+    return StudyResult(tuple(row for each in recordings for row in rows_of(*each)))
 
 
 def test_a_mean_is_that_of_the_subjects_means_however_many_recordings_each_has() -> None:
@@ -40,7 +40,7 @@ def test_a_mean_is_that_of_the_subjects_means_however_many_recordings_each_has()
 
 def test_intervals_are_those_of_the_t_test() -> None:
     recordings, _ = drawn(1, 9, 2)
-    found = Study(tuple(recordings)).means("joint", confidence=0.9)[0]
+    found = StudyResult(tuple(recordings)).means("joint", confidence=0.9)[0]
     values = list(found.values.values())
     expected = scipy.stats.ttest_1samp(values, 0.0).confidence_interval(0.9)
     assert found.interval == pytest.approx(tuple(expected))
@@ -61,7 +61,7 @@ def test_one_subject_has_no_spread_and_says_so() -> None:
 
 def test_tests_are_those_of_scipy_over_the_subjects_means() -> None:
     recordings, _ = drawn(2, 8, 3)
-    study = Study(tuple(recordings))
+    study = StudyResult(tuple(recordings))
     by = {
         method: np.array(
             [
@@ -142,7 +142,7 @@ def test_conditions_are_apart_and_can_be_compared() -> None:
         for condition, more in (("slow", 0.0), ("fast", 0.5)):
             errors = {"riemannian": 1.0 + k + more, "euclidean_same_segments": 2.0 + k + more}
             rows += rows_of(f"{subject} {condition}", subject, errors, condition=condition)
-    study = Study(tuple(rows), by="condition")
+    study = StudyResult(tuple(rows), by="condition")
     assert study.conditions == ("fast", "slow")
     means = {(each.condition, each.method): each.mean for each in study.means()}
     assert means["slow", "riemannian"] == 2.0
@@ -163,7 +163,7 @@ def test_conditions_are_apart_and_can_be_compared() -> None:
 
 def test_synergies_are_counted_by_recording_and_second() -> None:
     recordings, synergies = drawn(3, 2, 3)
-    study = Study(tuple(recordings), tuple(synergies))
+    study = StudyResult(tuple(recordings), tuple(synergies))
     first = study.synergy_statistics()[0]
     assert (first.recordings, first.synergies) == (3, 6)
     assert first.per_recording == 2.0
@@ -230,7 +230,7 @@ def test_the_order_of_rows_changes_nothing(seed: int, random: object) -> None:
     recordings, synergies = drawn(seed, 4, 2)
     shuffled = [*recordings]
     random.shuffle(shuffled)  # type: ignore[attr-defined]
-    one, other = (Study(tuple(rows), tuple(synergies)) for rows in (recordings, shuffled))
+    one, other = (StudyResult(tuple(rows), tuple(synergies)) for rows in (recordings, shuffled))
     assert one.methods == other.methods
     assert one.means() == other.means()
     assert one.tests() == other.tests()
@@ -249,7 +249,7 @@ def test_recordings_that_are_repeated_give_no_more_pairs(seed: int, times: int) 
         for row in recordings
         if row["subject"] == "S1"
     ]
-    one, more = Study(tuple(recordings)), Study((*recordings, *copies))
+    one, more = StudyResult(tuple(recordings)), StudyResult((*recordings, *copies))
     for first, second in zip(one.tests(), more.tests(), strict=True):
         assert first.test.pairs == second.test.pairs == 5
         assert second.test.wilcoxon_p == first.test.wilcoxon_p
@@ -263,7 +263,7 @@ def test_nameless_subjects_different_settings_and_failures_are_noted() -> None:
         *rows_of("b", "", {"riemannian": 2.0}, settings="2"),
     ]
     failures = ({"recording": "c", "kind": "file", "reason": "is empty"},)
-    study = Study(tuple(rows), None, failures)
+    study = StudyResult(tuple(rows), None, failures)
     assert study.subjects == ("a.csv", "b.csv")
     assert "2 recordings without the name of a subject" in study.notes[1]
     assert study.notes[0] == ("1 recording left out of the analysis (file that cannot be used: 1).")
@@ -279,6 +279,6 @@ def test_names_that_may_be_of_one_person_are_noted() -> None:
 
 def test_reprs_are_short() -> None:
     recordings, synergies = drawn(0, 3, 2)
-    study = Study(tuple(recordings), tuple(synergies))
+    study = StudyResult(tuple(recordings), tuple(synergies))
     values = (study, study.means()[0], study.tests()[0], study.synergy_statistics()[0])
-    assert {Study, StudyMean, StudyTest, SynergyStatistics} <= check_reprs(values)
+    assert {StudyResult, StudyMean, StudyTest, SynergyStatistics} <= check_reprs(values)

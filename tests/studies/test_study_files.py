@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from studies.study_rows import drawn, rows_of, written
 
 import geodesic_ocp as go
-from geodesic_ocp.studies.study import Study, study
+from geodesic_ocp.studies.study import StudyResult, study
 from geodesic_ocp.studies.study_sources import with_metadata
 from geodesic_ocp.studies.tables import write_rows
 
@@ -21,7 +21,7 @@ LINE = "a,Ann,riemannian,1.0,0.1,0.2\n"
 def test_a_folder_its_files_and_its_rows_give_the_same(tmp_path: Path) -> None:
     recordings, synergies = drawn(0, 3, 2)
     written(tmp_path, recordings, synergies)
-    expected = Study(tuple(recordings), tuple(synergies))
+    expected = StudyResult(tuple(recordings), tuple(synergies))
     files = [tmp_path / "synergies.csv", tmp_path / "recordings.csv"]
     for source in (tmp_path, str(tmp_path), files):
         found = study(source)

@@ -19,7 +19,7 @@ from geodesic_ocp.figures.study_figures import (
     fit_scale,
 )
 from geodesic_ocp.figures.styles import new_figure
-from geodesic_ocp.studies.study import Study, study
+from geodesic_ocp.studies.study import StudyResult, study
 from geodesic_ocp.studies.study_output import plus_minus
 
 TABLES = ("means", "tests", "synergy_statistics")
@@ -29,13 +29,13 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def eight() -> Study:
+def eight() -> StudyResult:
     recordings, synergies = drawn(4, 8, 3)
-    return Study(tuple(recordings), tuple(synergies))
+    return StudyResult(tuple(recordings), tuple(synergies))
 
 
 @pytest.fixture(scope="module")
-def folder(eight: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(eight: StudyResult, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The study's files, of its position errors."""
     out = tmp_path_factory.mktemp("study") / "paper"
     assert {file.parent for file in eight.save(out, measure="position")} == {out}
@@ -60,7 +60,7 @@ def test_all_files_are_written_and_latex_is_balanced(folder: Path) -> None:
         assert {len(re.findall(r"(?<!\\)&", row)) + 1 for row in rows} == {len(columns[1])}
 
 
-def test_means_in_csv_have_all_digits(eight: Study, folder: Path) -> None:
+def test_means_in_csv_have_all_digits(eight: StudyResult, folder: Path) -> None:
     lines = (folder / "means.csv").read_text().splitlines()
     assert lines[0].startswith("measure,condition,method,subjects,recordings,missing,mean,SD,")
     first = eight.means("joint")[0]
@@ -71,7 +71,7 @@ def test_means_in_csv_have_all_digits(eight: Study, folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_tests_in_csv_have_all_digits(eight: Study, folder: Path) -> None:
+def test_tests_in_csv_have_all_digits(eight: StudyResult, folder: Path) -> None:
     lines = (folder / "tests.csv").read_text().splitlines()
     names, cells = lines[0].split(","), lines[1].split(",")
     first = eight.tests("position")[0]
@@ -81,13 +81,13 @@ def test_tests_in_csv_have_all_digits(eight: Study, folder: Path) -> None:
 
 def test_figures_of_one_subject_and_without_a_table_of_synergies() -> None:
     rows = rows_of("a", "Ann", {"riemannian": 0.1, "euclidean_same_segments": 0.2})
-    figures = Study(tuple(rows)).figures()
+    figures = StudyResult(tuple(rows)).figures()
     assert set(figures) == {"errors", "differences"}
     labels = [text.get_text() for text in figures["errors"].legends[0].get_texts()]
     assert labels == ["subject", "mean"]  # without an interval
 
 
-def test_axes_have_units_and_every_subject_is_drawn(eight: Study) -> None:
+def test_axes_have_units_and_every_subject_is_drawn(eight: StudyResult) -> None:
     figures = eight.figures("position")
     panels = figures["errors"].axes
     assert [axes.get_xlabel() for axes in panels] == [
@@ -176,7 +176,7 @@ def test_the_command_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFix
     out = tmp_path / "paper"
     assert main(["study", str(tmp_path), "--out", str(out), "--measure", "position"]) == 0
     text = capsys.readouterr().out
-    assert "Study(12 recordings of 6 subjects, 3 methods, 24 synergies)" in text
+    assert "StudyResult(12 recordings of 6 subjects, 3 methods, 24 synergies)" in text
     assert "p, Holm" in text
     assert f"wrote {out / 'errors.pdf'}" in text
     table = [str(tmp_path / "recordings.csv"), "--by", "trial", "--against", "0"]

@@ -37,7 +37,9 @@ def test_everything_is_there(bundled_analysis: go.Analysis) -> None:
     assert bundled_analysis.segment_counts["euclidean_same_segments"] == len(
         bundled_analysis.segments
     )
-    again = go.evaluate(bundled_analysis.model, bundled_analysis.motion, bundled_analysis.predicted)
+    again = go.synergies.motion_errors(
+        bundled_analysis.model, bundled_analysis.motion, bundled_analysis.predicted
+    )
     assert again == bundled_analysis.errors["riemannian"]
 
 
@@ -59,7 +61,9 @@ def test_finer_thresholds_explain_more(bundled_analysis: go.Analysis) -> None:
     coarse, fine = (go.segment(metric, motion, threshold) for threshold in (0.6, 0.3))
     assert len(fine) > len(coarse)
     errors = [
-        go.evaluate(model, motion, go.reconstruct(metric, motion, segments).predicted).joint
+        go.synergies.motion_errors(
+            model, motion, go.synergies.reconstruct(metric, motion, segments).predicted
+        ).joint
         for segments in (coarse, fine)
     ]
     assert errors[1] < errors[0]
@@ -114,7 +118,7 @@ def test_saved_results_can_be_loaded(bundled_analysis: go.Analysis, tmp_path: Pa
     assert (folder / "table_unfiltered.md").read_text() == unfiltered.markdown()
     rows = list(csv.reader((folder / "table.csv").read_text().splitlines()))
     assert float(rows[1][2]) == bundled_analysis.errors["riemannian"].joint
-    loaded = go.load_synergies(folder / "synergies.json", bundled_analysis.metric)
+    loaded = go.synergies.load_synergies(folder / "synergies.json", bundled_analysis.metric)
     t = bundled_analysis.motion.time
     for synergy in loaded:
         here = slice(synergy.start, synergy.stop)
@@ -247,7 +251,7 @@ def test_the_default_metric_has_joint_inertia(planar: tuple[go.Model, go.Motion]
     arm, motion = planar
     default, own = go.analyse(arm, motion), go.analyse(arm.with_armature([0.0, 0.2]), motion)
     assert isinstance(default.metric, go.KineticEnergy)
-    assert np.array_equal(default.metric.model.armature, go.default_joint_inertia(arm))
+    assert np.array_equal(default.metric.model.armature, go.manifold.default_joint_inertia(arm))
     assert own.metric == go.KineticEnergy(own.model)
     named = go.analyse(arm, motion, metric="joint-inertia")
     assert np.array_equal(named.metric.model.armature, default.metric.model.armature)
@@ -279,10 +283,10 @@ def test_kinetic_is_without_joint_inertia_also_for_a_model_with_some(
 def test_geodesics_do_not_depend_on_the_unit_of_mass(planar: tuple[go.Model, go.Motion]) -> None:
     """The body mass of a recording, often a placeholder, must not decide the result."""
     light, heavy = (go.human_arm("right", 1.8, mass) for mass in (50.0, 100.0))
-    ratio = go.default_joint_inertia(heavy) / go.default_joint_inertia(light)
+    ratio = go.manifold.default_joint_inertia(heavy) / go.manifold.default_joint_inertia(light)
     assert ratio == pytest.approx(2.0)
     tall = go.human_arm("right", 1.98, 50.0)
-    ratio = go.default_joint_inertia(tall) / go.default_joint_inertia(light)
+    ratio = go.manifold.default_joint_inertia(tall) / go.manifold.default_joint_inertia(light)
     assert ratio == pytest.approx(1.1**2, rel=2e-3)  # the reach is found numerically
 
 
@@ -303,8 +307,8 @@ def test_each_metric_is_compared_with_the_others(planar: tuple[go.Model, go.Moti
         (flat, "kinetic_energy", go.KineticEnergy(arm)),
         (kinetic, "joint_inertia", go.analyse(arm, motion).metric),
     ):
-        again = go.reconstruct(metric, analysis.motion, analysis.segments)
-        expected = go.evaluate(arm, analysis.motion, again.predicted)
+        again = go.synergies.reconstruct(metric, analysis.motion, analysis.segments)
+        expected = go.synergies.motion_errors(arm, analysis.motion, again.predicted)
         assert analysis.errors[method].joint == pytest.approx(expected.joint, rel=1e-6)
 
 
@@ -362,7 +366,7 @@ def test_errors_against_the_recording_as_it_is(planar: tuple[go.Model, go.Motion
     analysis = go.analyse(arm, noisy)
     assert set(analysis.errors_unfiltered) == set(analysis.errors)
     for method, prediction in analysis.predictions.items():
-        against = go.evaluate(arm, noisy, prediction)
+        against = go.synergies.motion_errors(arm, noisy, prediction)
         assert analysis.errors_unfiltered[method] == against
     # The mean of |x| of the noise is sqrt(2 / pi) of its standard deviation.
     assert analysis.errors_unfiltered["riemannian"].joint > 0.7 * 0.01 * np.sqrt(2.0 / np.pi)
@@ -385,7 +389,7 @@ def test_a_comparison_without_a_geodesic_does_not_lose_the_analysis(
         if isinstance(metric, go.KineticEnergy) and not metric.model.armature.any():
             options["progress"](1)  # the first segment
             raise go.NotConverged("no geodesic")
-        return go.reconstruct(metric, *arguments, **options)
+        return go.synergies.reconstruct(metric, *arguments, **options)
 
     monkeypatch.setattr(analyse_module, "reconstruct", fail)
     cut = [(0, 50), (50, 120)]
@@ -422,7 +426,7 @@ def test_the_default_joint_inertia_needs_a_reach() -> None:
     native.addFrame(pin.Frame("tip", hinge, behind, pin.FrameType.OP_FRAME))
     model = go.Model(native, "tip")
     with pytest.raises(ValueError, match="has no default joint inertia: limit its joints"):
-        go.default_joint_inertia(model)
+        go.manifold.default_joint_inertia(model)
     limited = model.with_limits({"slide": -1.2}, {"slide": 1.2})
     expected = [FRACTION * 4.0, FRACTION * 4.0 * 1.3**2]  # [kg], [kg m^2]: reach hypot(1.2, 0.5)
-    assert go.default_joint_inertia(limited) == pytest.approx(expected, rel=1e-3)
+    assert go.manifold.default_joint_inertia(limited) == pytest.approx(expected, rel=1e-3)

@@ -20,7 +20,7 @@ def motion() -> go.Motion:
 
 
 def test_errors_of_equal_motions_are_zero(arm: go.Model, motion: go.Motion) -> None:
-    errors = go.evaluate(arm, motion, motion)
+    errors = go.synergies.motion_errors(arm, motion, motion)
     assert errors.joint == 0.0
     assert errors.position == 0.0
     assert errors.orientation == pytest.approx(0.0, abs=1e-14)
@@ -31,7 +31,7 @@ def test_errors_of_known_displacements(arm: go.Model, motion: go.Motion) -> None
     shifted = motion.q.copy()
     shifted[:, 6] += 0.2
     other = go.Motion(TIME, shifted, motion.joint_names)
-    errors = go.evaluate(arm, motion, other)
+    errors = go.synergies.motion_errors(arm, motion, other)
     assert errors.joint == pytest.approx(0.2 / 7, rel=1e-12)
     assert errors.orientation == pytest.approx(0.2, rel=1e-9)
     lever = 1.75 * np.hypot(0.015, 0.037)  # from the wrist to the tool centre
@@ -41,12 +41,12 @@ def test_errors_of_known_displacements(arm: go.Model, motion: go.Motion) -> None
 def test_motions_must_have_the_same_sample_times(arm: go.Model, motion: go.Motion) -> None:
     late = go.Motion(TIME + 0.001, motion.q, motion.joint_names)
     with pytest.raises(ValueError, match="must have the same sample times"):
-        go.evaluate(arm, motion, late)
+        go.synergies.motion_errors(arm, motion, late)
 
 
 def test_joints_are_selected_by_name(arm: go.Model, motion: go.Motion) -> None:
     shuffled = motion.select(motion.joint_names[::-1])
-    assert go.evaluate(arm, motion, shuffled).joint == 0.0
+    assert go.synergies.motion_errors(arm, motion, shuffled).joint == 0.0
 
 
 def test_action_of_a_straight_motion(motion: go.Motion) -> None:

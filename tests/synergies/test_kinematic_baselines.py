@@ -10,28 +10,28 @@ import geodesic_ocp as go
 
 TIME = np.linspace(0.0, 1.0, 101)
 SEGMENTS = [(0, 30), (30, 64), (64, 100)]
-KINEMATIC = [go.minimum_acceleration, go.minimum_jerk]
+KINEMATIC = [go.baselines.minimum_acceleration, go.baselines.minimum_jerk]
 
 
 def polynomial(degree: int, rng: np.random.Generator) -> go.Motion:
     curves = [np.polynomial.Polynomial(c) for c in rng.normal(size=(3, degree + 1))]
     q = np.column_stack([curve(TIME) for curve in curves])
     velocity = np.column_stack([curve.deriv()(TIME) for curve in curves])
-    return go.Motion(TIME, q, ("a", "b", "c"), velocity, go.Subject(name="me"))
+    return go.Motion(TIME, q, ("a", "b", "c"), velocity, go.trajectory.Subject(name="me"))
 
 
 def test_cubics_and_quintics_are_predicted(rng: np.random.Generator) -> None:
     cubic = polynomial(3, rng)
     for segments in (SEGMENTS, [(0, 100)]):
-        predicted = go.minimum_acceleration(cubic, segments)
+        predicted = go.baselines.minimum_acceleration(cubic, segments)
         assert predicted.q == pytest.approx(cubic.q, abs=1e-12)
         assert predicted.velocity == pytest.approx(cubic.velocity, abs=1e-11)
         assert predicted.subject == cubic.subject
         # Accelerations are differences of velocities, exact up to the second power of time.
-        assert go.minimum_jerk(cubic, segments).q == pytest.approx(cubic.q, abs=1e-12)
+        assert go.baselines.minimum_jerk(cubic, segments).q == pytest.approx(cubic.q, abs=1e-12)
     quintic = polynomial(5, rng)
-    assert np.abs(go.minimum_jerk(quintic, [(0, 100)]).q - quintic.q).max() < 2e-3
-    assert np.abs(go.minimum_acceleration(quintic, [(0, 100)]).q - quintic.q).max() > 2e-2
+    assert np.abs(go.baselines.minimum_jerk(quintic, [(0, 100)]).q - quintic.q).max() < 2e-3
+    assert np.abs(go.baselines.minimum_acceleration(quintic, [(0, 100)]).q - quintic.q).max() > 2e-2
 
 
 def test_a_reach_from_rest_to_rest_is_that_of_flash_and_hogan() -> None:
@@ -41,15 +41,17 @@ def test_a_reach_from_rest_to_rest_is_that_of_flash_and_hogan() -> None:
     ramp = 3.0 * (10 * s**3 - 15 * s**4 + 6 * s**5)
     q = ramp + wave
     observed = go.Motion(2.0 * s[:, 0], q, ("x",), np.gradient(q, 2.0 * s[:, 0], axis=0))
-    predicted = go.minimum_jerk(observed, [(0, 1000)])
+    predicted = go.baselines.minimum_jerk(observed, [(0, 1000)])
     assert np.abs(predicted.q - ramp).max() < 1e-3
 
 
 @pytest.mark.parametrize("method", KINEMATIC)
-def test_no_variation_costs_less(method: type[go.minimum_jerk], rng: np.random.Generator) -> None:
+def test_no_variation_costs_less(
+    method: type[go.baselines.minimum_jerk], rng: np.random.Generator
+) -> None:
     """Of variations that vanish at the ends with the derivatives that are given there."""
     predicted = method(polynomial(6, rng), [(0, 100)])
-    order = 2 if method is go.minimum_acceleration else 3
+    order = 2 if method is go.baselines.minimum_acceleration else 3
     step = TIME[1]
 
     def cost(q: np.ndarray) -> float:
@@ -63,7 +65,7 @@ def test_no_variation_costs_less(method: type[go.minimum_jerk], rng: np.random.G
 
 @pytest.mark.parametrize("method", KINEMATIC)
 def test_predictions_depend_on_the_ends_alone(
-    method: type[go.minimum_jerk], rng: np.random.Generator
+    method: type[go.baselines.minimum_jerk], rng: np.random.Generator
 ) -> None:
     motion = polynomial(4, rng)
     between = np.ones(101, dtype=bool)
@@ -85,7 +87,7 @@ def test_the_hand_reaches_in_a_straight_line(arm: go.Model) -> None:
     way = 0.5 * np.array([1.0, -0.3, 0.6, 0.9, -0.5, 0.2, 0.4])
     velocity = 30 * s**2 * (1.0 - s) ** 2 * way
     observed = go.Motion(TIME, start + ramp * way, arm.joint_names, velocity)
-    hand = go.minimum_jerk_hand(arm, observed, [(0, 100)])
+    hand = go.baselines.minimum_jerk_hand(arm, observed, [(0, 100)])
     assert hand.q[0] == pytest.approx(observed.q[0])
     positions, predicted = arm.hand_pose(observed.q)[1], arm.hand_pose(hand.q)[1]
     assert np.linalg.norm(predicted[-1] - positions[-1]) < 2e-3
@@ -104,28 +106,30 @@ def test_the_hand_turns_about_the_axis_between_its_orientations(arm: go.Model) -
     velocity = np.zeros_like(q)
     velocity[:, 6] = 0.4 + 0.9 * TIME**2
     observed = go.Motion(TIME, q, arm.joint_names, velocity)
-    scores = go.score(arm, observed, go.minimum_jerk_hand(arm, observed, [(0, 50), (50, 100)]))
+    scores = go.synergies.score(
+        arm, observed, go.baselines.minimum_jerk_hand(arm, observed, [(0, 50), (50, 100)])
+    )
     assert scores.rotation_angle < 2e-3
     assert scores.position_mean < 2e-3
 
 
 def test_joint_inertia_of_distal_joints_alone(arm: go.Model) -> None:
-    plain, control = go.KineticEnergy(arm), go.distal_inertia(arm, armature=0.1)
+    plain, control = go.KineticEnergy(arm), go.baselines.distal_inertia(arm, armature=0.1)
     q = np.full(7, 0.2)
     added = control.matrix(q) - plain.matrix(q)
     assert added == pytest.approx(np.diag([0, 0, 0, 0, 0.1, 0.1, 0.1]), abs=1e-12)
-    default = go.distal_inertia(arm).model.armature
-    assert default == pytest.approx(go.default_joint_inertia(arm) * [0, 0, 0, 0, 1, 1, 1])
+    default = go.baselines.distal_inertia(arm).model.armature
+    assert default == pytest.approx(go.manifold.default_joint_inertia(arm) * [0, 0, 0, 0, 1, 1, 1])
     rods = planar_arm((1.0, 1.0), (1.0, 1.0), (0.5, 0.5), (0.1, 0.1)).with_armature([0.2, 0.3])
-    assert go.distal_inertia(rods, ["joint2"]).model.armature.tolist() == [0.0, 0.3]
+    assert go.baselines.distal_inertia(rods, ["joint2"]).model.armature.tolist() == [0.0, 0.3]
     with pytest.raises(ValueError, match="there is no joint joint3; there are joint1, joint2"):
-        go.distal_inertia(rods, ["joint3"])
+        go.baselines.distal_inertia(rods, ["joint3"])
     with pytest.raises(ValueError, match="joints must name the distal ones of joint1, joint2"):
-        go.distal_inertia(rods)
+        go.baselines.distal_inertia(rods)
     with pytest.raises(ValueError, match="joints must be a sequence of names"):
-        go.distal_inertia(rods, [])
+        go.baselines.distal_inertia(rods, [])
     with pytest.raises(ValueError, match=r"armature must be positive \[kg m\^2\]"):
-        go.distal_inertia(arm, armature=0.0)
+        go.baselines.distal_inertia(arm, armature=0.0)
 
 
 def test_bad_arguments_are_named(arm: go.Model, rng: np.random.Generator) -> None:
@@ -137,7 +141,7 @@ def test_bad_arguments_are_named(arm: go.Model, rng: np.random.Generator) -> Non
         with pytest.raises(ValueError, match="segments must cover samples 0 to 100"):
             method(motion, [(0, 50)])
     with pytest.raises(ValueError, match="there is no joint RSx_joint"):
-        go.minimum_jerk_hand(arm, motion, [(0, 100)])
+        go.baselines.minimum_jerk_hand(arm, motion, [(0, 100)])
     pair = go.Motion(TIME[:2], motion.q[:2], motion.joint_names, motion.velocity[:2])
     with pytest.raises(ValueError, match="accelerations need at least three samples"):
-        go.minimum_jerk(pair, [(0, 1)])
+        go.baselines.minimum_jerk(pair, [(0, 1)])

@@ -120,7 +120,8 @@ def test_resampled_real_recordings_have_the_same_segments(shared: Path) -> None:
 def test_zero_velocity_segments_of_resampled_recordings(shared: Path) -> None:
     for name, _, motion in recordings(shared):
         counts = [
-            len(go.segment_zero_velocity(motion.resampled(rate).filtered())) for rate in RATES
+            len(go.synergies.segment_zero_velocity(motion.resampled(rate).filtered()))
+            for rate in RATES
         ]
         assert max(counts) - min(counts) <= max(1.0, 0.1 * min(counts)), (name, counts)
 

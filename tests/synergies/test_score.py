@@ -31,7 +31,7 @@ def motion(arm: go.Model) -> go.Motion:
 
 
 def test_scores_of_equal_motions(arm: go.Model, motion: go.Motion) -> None:
-    scores = go.score(arm, motion, motion, [(0, 77), (77, 200)])
+    scores = go.synergies.score(arm, motion, motion, [(0, 77), (77, 200)])
     assert scores.speed_correlation == pytest.approx(1.0)
     for name in SCORES.keys() - {"speed_correlation"}:
         assert getattr(scores, name) == pytest.approx(0.0, abs=1e-14)
@@ -41,7 +41,7 @@ def test_a_constant_offset(arm: go.Model, motion: go.Motion) -> None:
     """The last joint rotated by 0.2 rad turns the hand by 0.2 rad, of which S^3 sees half."""
     shifted = motion.q.copy()
     shifted[:, 6] += 0.2
-    scores = go.score(arm, motion, go.Motion(TIME, shifted, motion.joint_names))
+    scores = go.synergies.score(arm, motion, go.Motion(TIME, shifted, motion.joint_names))
     assert scores.joint_mean == pytest.approx(0.2 / 7, rel=1e-12)
     assert scores.joint_rms == pytest.approx(0.2 / np.sqrt(7), rel=1e-12)
     assert scores.rotation_angle == pytest.approx(0.2, rel=1e-9)
@@ -55,7 +55,9 @@ def test_distance_on_the_three_sphere(arm: go.Model, motion: go.Motion) -> None:
     other = go.Motion(TIME, motion.q + 0.1 * np.cos(TIME)[:, None], motion.joint_names)
     a, b = (Rotation.from_matrix(arm.hand_pose(each.q)[0]).as_quat() for each in (motion, other))
     expected = np.mean(np.arccos(np.abs(np.sum(a * b, axis=1))))
-    assert go.score(arm, motion, other).quaternion_distance == pytest.approx(expected, rel=1e-6)
+    assert go.synergies.score(arm, motion, other).quaternion_distance == pytest.approx(
+        expected, rel=1e-6
+    )
 
 
 @pytest.mark.parametrize("segments", [None, [(0, 60), (60, 200)]])
@@ -69,7 +71,7 @@ def test_a_time_warp_changes_everything_but_the_path(
         fraction = (TIME[inside] - start) / (stop - start)
         progress[inside] = start + (stop - start) * fraction**2
     warped = swing(arm, progress)
-    scores = go.score(arm, motion, warped, segments)
+    scores = go.synergies.score(arm, motion, warped, segments)
     assert scores.joint_mean > 0.03
     assert scores.position_mean > 0.02
     assert scores.speed_rms > 0.1
@@ -86,8 +88,8 @@ def test_path_scores_stay_within_their_segment(arm: go.Model) -> None:
     late = go.Motion(
         TIME, np.vstack([still.q[:100], there_and_back.q[100:]]), there_and_back.joint_names
     )
-    assert go.score(arm, there_and_back, late).path_joint < 1e-3
-    assert go.score(arm, there_and_back, late, [(0, 99), (99, 200)]).path_joint > 0.05
+    assert go.synergies.score(arm, there_and_back, late).path_joint < 1e-3
+    assert go.synergies.score(arm, there_and_back, late, [(0, 99), (99, 200)]).path_joint > 0.05
 
 
 def test_the_speed_profile_of_a_rotating_rod() -> None:
@@ -96,13 +98,15 @@ def test_the_speed_profile_of_a_rotating_rod() -> None:
     velocity = 1.0 + TIME
     fast = go.Motion(TIME, (TIME + TIME**2 / 2)[:, None], rod.joint_names, velocity[:, None])
     slow = go.Motion(TIME, TIME[:, None], rod.joint_names, np.ones((201, 1)))
-    scores = go.score(rod, fast, slow)
+    scores = go.synergies.score(rod, fast, slow)
     assert scores.speed_rms == pytest.approx(2.0 * np.sqrt(np.mean(TIME**2)), rel=1e-9)
     assert np.isnan(scores.speed_correlation)  # a constant speed correlates with nothing
     twice = go.Motion(TIME, 2.0 * fast.q, rod.joint_names, 2.0 * fast.velocity)
-    assert go.score(rod, fast, twice).speed_correlation == pytest.approx(1.0)
+    assert go.synergies.score(rod, fast, twice).speed_correlation == pytest.approx(1.0)
     bare = go.Motion(TIME, fast.q, rod.joint_names)  # velocities of its spline
-    assert go.score(rod, bare, slow).speed_rms == pytest.approx(scores.speed_rms, rel=1e-9)
+    assert go.synergies.score(rod, bare, slow).speed_rms == pytest.approx(
+        scores.speed_rms, rel=1e-9
+    )
 
 
 def test_areas_of_plane_figures() -> None:
@@ -150,8 +154,8 @@ def test_the_nearest_point_is_nearest(seed: int, count: int) -> None:
 
 def test_scores_show_themselves(arm: go.Model, motion: go.Motion) -> None:
     other = go.Motion(TIME, motion.q + 0.1 * np.cos(TIME)[:, None], motion.joint_names)
-    scores = go.score(arm, motion, other)
-    assert go.Scores in check_reprs([scores])
+    scores = go.synergies.score(arm, motion, other)
+    assert go.synergies.Scores in check_reprs([scores])
     assert [row[0] for row in scores.table().rows] == list(SCORES.values())
     assert dict(scores.table().rows)["joints [rad]"] == scores.joint_mean
 
@@ -159,8 +163,8 @@ def test_scores_show_themselves(arm: go.Model, motion: go.Motion) -> None:
 def test_bad_arguments_are_named(arm: go.Model, motion: go.Motion) -> None:
     late = go.Motion(TIME + 0.001, motion.q, motion.joint_names)
     with pytest.raises(ValueError, match="must have the same sample times"):
-        go.score(arm, motion, late)
+        go.synergies.score(arm, motion, late)
     with pytest.raises(ValueError, match="segments must cover samples 0 to 200"):
-        go.score(arm, motion, motion, [(0, 150)])
+        go.synergies.score(arm, motion, motion, [(0, 150)])
     with pytest.raises(ValueError, match="there is no joint LSx_joint"):
-        go.score(go.human_arm("left"), motion, motion)
+        go.synergies.score(go.human_arm("left"), motion, motion)

@@ -37,17 +37,19 @@ def costs(
             part = slice(start, stop + 1)
             names = motion.joint_names
             alone = go.Motion(TIME[part], motion.q[part], names, motion.velocity[part])
-            predicted = go.reconstruct(arm_metric, alone, [(0, stop - start)]).predicted
-            errors = go.evaluate(arm, alone, predicted)
+            predicted = go.synergies.reconstruct(arm_metric, alone, [(0, stop - start)]).predicted
+            errors = go.synergies.motion_errors(arm, alone, predicted)
             for measure in MEASURES:
                 found[measure][start, stop] = len(alone) * getattr(errors, measure)
     return found
 
 
 @pytest.fixture(scope="module")
-def found(arm_metric: go.KineticEnergy, motion: go.Motion) -> dict[str, go.OptimalSegmentations]:
+def found(
+    arm_metric: go.KineticEnergy, motion: go.Motion
+) -> dict[str, go.synergies.OptimalSegmentations]:
     return {
-        measure: go.optimal_segmentations(arm_metric, motion, measure=measure, **OPTIONS)
+        measure: go.synergies.optimal_segmentations(arm_metric, motion, measure=measure, **OPTIONS)
         for measure in MEASURES
     }
 
@@ -67,7 +69,7 @@ def all_partitions(costs: dict[tuple[int, int], float]) -> dict[tuple[int, ...],
 @pytest.mark.parametrize("measure", MEASURES)
 def test_cuts_on_the_grid_are_the_best_of_all(
     measure: str,
-    found: dict[str, go.OptimalSegmentations],
+    found: dict[str, go.synergies.OptimalSegmentations],
     costs: dict[str, dict[tuple[int, int], float]],
 ) -> None:
     partitions = all_partitions(costs[measure])
@@ -95,22 +97,22 @@ def test_cuts_on_the_grid_are_the_best_of_all(
 @pytest.mark.parametrize("measure", MEASURES)
 def test_error_is_that_of_the_reconstruction(
     measure: str,
-    found: dict[str, go.OptimalSegmentations],
+    found: dict[str, go.synergies.OptimalSegmentations],
     arm: go.Model,
     arm_metric: go.KineticEnergy,
     motion: go.Motion,
 ) -> None:
     for refined in (False, True):
         segments = found[measure].segments(4, refined=refined)
-        predicted = go.reconstruct(arm_metric, motion, segments).predicted
-        error = getattr(go.evaluate(arm, motion, predicted), measure)
+        predicted = go.synergies.reconstruct(arm_metric, motion, segments).predicted
+        error = getattr(go.synergies.motion_errors(arm, motion, predicted), measure)
         assert found[measure].error(4, refined=refined) == pytest.approx(error, rel=1e-6)
         own = found[measure].predicted(4, refined=refined)
         assert own.q == pytest.approx(predicted.q, abs=1e-8)
 
 
 def test_no_cut_can_be_moved_by_a_sample_for_the_better(
-    found: dict[str, go.OptimalSegmentations], arm: go.Model, motion: go.Motion
+    found: dict[str, go.synergies.OptimalSegmentations], arm: go.Model, motion: go.Motion
 ) -> None:
     result = found["joint"]
     segments = result.segments(4)
@@ -121,17 +123,23 @@ def test_no_cut_can_be_moved_by_a_sample_for_the_better(
         for move in (-1, 1):
             moved = [*cuts[:index], cuts[index] + move, *cuts[index + 1 :]]
             if np.diff(TIME[moved]).max() <= 0.5 + 1e-9:
-                predicted = go.reconstruct(result.metric, motion, list(pairwise(moved))).predicted
-                assert go.evaluate(arm, motion, predicted).joint >= error * (1.0 - 1e-6)
+                predicted = go.synergies.reconstruct(
+                    result.metric, motion, list(pairwise(moved))
+                ).predicted
+                assert go.synergies.motion_errors(arm, motion, predicted).joint >= error * (
+                    1.0 - 1e-6
+                )
 
 
 def test_one_run_or_one_call_cut_alike(
-    found: dict[str, go.OptimalSegmentations], arm_metric: go.KineticEnergy, motion: go.Motion
+    found: dict[str, go.synergies.OptimalSegmentations],
+    arm_metric: go.KineticEnergy,
+    motion: go.Motion,
 ) -> None:
     wanted = found["joint"].segments(3)
-    assert go.segment_optimal(arm_metric, motion, count=3, **OPTIONS) == wanted
+    assert go.synergies.segment_optimal(arm_metric, motion, count=3, **OPTIONS) == wanted
     error = found["joint"].errors[1] * 1.0001
-    assert go.segment_optimal(arm_metric, motion, error=error, **OPTIONS) == wanted
+    assert go.synergies.segment_optimal(arm_metric, motion, error=error, **OPTIONS) == wanted
 
 
 def test_corners_between_geodesics_are_found(arm: go.Model, arm_metric: go.KineticEnergy) -> None:
@@ -150,7 +158,7 @@ def test_corners_between_geodesics_are_found(arm: go.Model, arm_metric: go.Kinet
     rows = np.vstack([first[0], second[0][1:]])
     rates = np.vstack([first[1], scale * second[1][1:]]) / (23 * 0.02)
     cornered = go.Motion(TIME, rows, arm.joint_names, rates)
-    result = go.optimal_segmentations(arm_metric, cornered, spacing=0.1)
+    result = go.synergies.optimal_segmentations(arm_metric, cornered, spacing=0.1)
     assert result.errors[0] > 1e-2  # one geodesic
     assert result.segments(2, refined=False) != [(0, 23), (23, 45)]
     assert result.segments(2) == [(0, 23), (23, 45)]
@@ -161,7 +169,7 @@ def test_segments_without_a_geodesic_are_avoided_and_counted(
     motion: go.Motion, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     flat = go.Euclidean(7)
-    with_all = go.optimal_segmentations(flat, motion, **OPTIONS)
+    with_all = go.synergies.optimal_segmentations(flat, motion, **OPTIONS)
     lost = set(with_all.segments(3, refined=False))
     plan = segment_costs.predict_segment
 
@@ -172,19 +180,19 @@ def test_segments_without_a_geodesic_are_avoided_and_counted(
 
     monkeypatch.setattr(segment_costs, "predict_segment", fail)
     with pytest.warns(RuntimeWarning, match=r"3 log maps of 35 failed; .* not available"):
-        rest = go.optimal_segmentations(flat, motion, **OPTIONS)
+        rest = go.synergies.optimal_segmentations(flat, motion, **OPTIONS)
     assert not lost & set(rest.segments(3, refined=False))
     assert rest.error(3, refined=False) > with_all.error(3, refined=False)
     lost.update(combinations(range(46), 2))
     with pytest.raises(go.NotConverged, match="35 of 35 log maps failed"):
-        go.optimal_segmentations(flat, motion, **OPTIONS)
+        go.synergies.optimal_segmentations(flat, motion, **OPTIONS)
 
 
 def test_a_motion_of_fewer_samples_than_candidates_is_cut_at_its_samples(
     motion: go.Motion,
 ) -> None:
     short = go.Motion(TIME[:4], motion.q[:4], motion.joint_names, motion.velocity[:4])
-    result = go.optimal_segmentations(go.Euclidean(7), short, spacing=0.001)
+    result = go.synergies.optimal_segmentations(go.Euclidean(7), short, spacing=0.001)
     assert result.counts.tolist() == [1, 2, 3]
     assert result.segments(3) == [(0, 1), (1, 2), (2, 3)]
     assert result.error(3) == pytest.approx(0.0, abs=1e-12)
@@ -192,7 +200,7 @@ def test_a_motion_of_fewer_samples_than_candidates_is_cut_at_its_samples(
 
 def test_progress_and_repr(motion: go.Motion) -> None:
     seen: list[tuple[str, int, int]] = []
-    result = go.optimal_segmentations(
+    result = go.synergies.optimal_segmentations(
         go.Euclidean(7), motion, **OPTIONS, progress=lambda *args: seen.append(args)
     )
     assert seen == [("planning segments", done, 35) for done in range(1, 36)]
@@ -223,7 +231,7 @@ def test_wrong_arguments_are_named(
     options: dict[str, object], message: str, motion: go.Motion
 ) -> None:
     with pytest.raises(ValueError, match=message):
-        go.segment_optimal(go.Euclidean(7), motion, **{**OPTIONS, **options})
+        go.synergies.segment_optimal(go.Euclidean(7), motion, **{**OPTIONS, **options})
     bare = go.Motion(motion.time, motion.q, motion.joint_names)
     with pytest.raises(ValueError, match="has no velocities"):
-        go.segment_optimal(go.Euclidean(7), bare, count=3)
+        go.synergies.segment_optimal(go.Euclidean(7), bare, count=3)

@@ -23,16 +23,21 @@ def sines(phases: Sequence[float]) -> go.Motion:
 def test_zero_velocity_cuts() -> None:
     """Four of five joints reverse together at 0.505 s and every 0.5 s; one is out of phase."""
     motion = sines([0.005, 0.005, 0.015, -0.005, 0.25])
-    assert go.segment_zero_velocity(motion) == [(0, 50), (50, 100), (100, 150), (150, 199)]
+    assert go.synergies.segment_zero_velocity(motion) == [
+        (0, 50),
+        (50, 100),
+        (100, 150),
+        (150, 199),
+    ]
     # The crossings of the first four span 20 ms: more than 10 ms, less than 50 ms.
-    assert go.segment_zero_velocity(motion, window=0.01) == [(0, 199)]
+    assert go.synergies.segment_zero_velocity(motion, window=0.01) == [(0, 199)]
     spread = sines([0.0, 0.016, 0.032, 0.048, 0.25])
-    assert len(go.segment_zero_velocity(spread)) > 1
-    assert go.segment_zero_velocity(spread, window=0.047) == [(0, 199)]
+    assert len(go.synergies.segment_zero_velocity(spread)) > 1
+    assert go.synergies.segment_zero_velocity(spread, window=0.047) == [(0, 199)]
     # Only four reverse at once, never more.
-    assert go.segment_zero_velocity(motion, joints=4) == [(0, 199)]
+    assert go.synergies.segment_zero_velocity(motion, joints=4) == [(0, 199)]
     # Reversals further apart than the window do not count together.
-    assert go.segment_zero_velocity(sines([0.0, 0.03, 0.06, 0.09, 0.12])) == [(0, 199)]
+    assert go.synergies.segment_zero_velocity(sines([0.0, 0.03, 0.06, 0.09, 0.12])) == [(0, 199)]
 
 
 def test_touching_zero_is_not_a_crossing() -> None:
@@ -41,10 +46,10 @@ def test_touching_zero_is_not_a_crossing() -> None:
     speed[45:56] = 0.0
     q = np.cumsum(speed, axis=0) * STEP
     motion = go.Motion(time, q, tuple("abcd"), speed)
-    assert go.segment_zero_velocity(motion) == [(0, 99)]
+    assert go.synergies.segment_zero_velocity(motion) == [(0, 99)]
     back = np.where(time[:, None] < 0.5, speed, -speed)
     motion = go.Motion(time, np.cumsum(back, axis=0) * STEP, tuple("abcd"), back)
-    assert go.segment_zero_velocity(motion) == [(0, 50), (50, 99)]
+    assert go.synergies.segment_zero_velocity(motion) == [(0, 50), (50, 99)]
 
 
 def test_bad_arguments_are_named() -> None:
@@ -53,10 +58,10 @@ def test_bad_arguments_are_named() -> None:
         STEP * np.arange(50), np.full((50, 7), 0.3), tuple("abcdefg"), np.zeros((50, 7))
     )
     with pytest.raises(ValueError, match="never moves"):
-        go.segment_zero_velocity(still)
+        go.synergies.segment_zero_velocity(still)
     with pytest.raises(ValueError, match="joints must be 0 to 4"):
-        go.segment_zero_velocity(motion, joints=5)
+        go.synergies.segment_zero_velocity(motion, joints=5)
     with pytest.raises(ValueError, match="window must be positive"):
-        go.segment_zero_velocity(motion, window=0.0)
+        go.synergies.segment_zero_velocity(motion, window=0.0)
     with pytest.raises(ValueError, match="has no velocities"):
-        go.segment_zero_velocity(go.Motion(motion.time, motion.q, motion.joint_names))
+        go.synergies.segment_zero_velocity(go.Motion(motion.time, motion.q, motion.joint_names))

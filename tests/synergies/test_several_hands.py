@@ -41,8 +41,8 @@ def analysis(both: go.Model) -> go.Analysis:
 def test_errors_of_each_hand_are_those_of_its_arm(both: go.Model, arms: list[go.Model]) -> None:
     motion = swing(both)
     late = go.Motion(TIME, motion.q + 0.03 * np.arange(14), motion.joint_names)
-    errors = go.evaluate(both, motion, late)
-    alone = [go.evaluate(arm, motion, late) for arm in arms]
+    errors = go.synergies.motion_errors(both, motion, late)
+    alone = [go.synergies.motion_errors(arm, motion, late) for arm in arms]
     assert [hand.name for hand in errors.hands] == ["right hand", "left hand"]
     for hand, arm in zip(errors.hands, alone, strict=True):
         assert hand.position == pytest.approx(arm.position, rel=1e-12)
@@ -59,7 +59,9 @@ def test_the_trunk_moves_both_hands() -> None:
     observed = go.Motion(TIME[:2], np.zeros((2, 20)), person.joint_names)
     turned = np.zeros((2, 20))
     turned[:, 1] = 0.01  # about the vertical axis of the lumbar joint
-    errors = go.evaluate(person, observed, go.Motion(TIME[:2], turned, person.joint_names))
+    errors = go.synergies.motion_errors(
+        person, observed, go.Motion(TIME[:2], turned, person.joint_names)
+    )
     assert errors.hands[0].position == pytest.approx(1.75 * (0.110 - 0.015) * 0.01, rel=1e-4)
     assert errors.hands[0].orientation == pytest.approx(0.01)
     assert errors.hands[1].position == pytest.approx(errors.hands[0].position)
@@ -69,7 +71,7 @@ def test_errors_relative_to_the_pelvis_are_those_in_the_room(rng: np.random.Gene
     person = go.human_upper_body()
     q, other = rng.uniform(person.lower, person.upper, (2, 3, 20))
     motions = [go.Motion(TIME[:3], each, person.joint_names) for each in (q, other)]
-    errors = go.evaluate(person, *motions)
+    errors = go.synergies.motion_errors(person, *motions)
     turn, place = np.linalg.qr(rng.normal(size=(3, 3)))[0], rng.normal(size=3)
     for hand, frame in zip(errors.hands, person.hands, strict=True):
         seen, found = (person.frame_pose(frame, each)[1] @ turn.T + place for each in (q, other))
@@ -78,7 +80,7 @@ def test_errors_relative_to_the_pelvis_are_those_in_the_room(rng: np.random.Gene
 
 def test_all_hands_are_tracked(both: go.Model) -> None:
     motion = swing(both)
-    errors = go.evaluate(both, motion, go.track_hand(both, motion))
+    errors = go.synergies.motion_errors(both, motion, go.baselines.track_hand(both, motion))
     assert errors.joint > 0.02  # each arm has one redundant degree of freedom
     for hand in errors.hands:
         assert hand.position < 3e-3
@@ -88,17 +90,17 @@ def test_all_hands_are_tracked(both: go.Model) -> None:
 def test_two_arms_are_tracked_as_each_alone(both: go.Model, arms: list[go.Model]) -> None:
     """Without common joints, the damped least squares of both separate into those of each."""
     motion = swing(both)
-    together = go.track_hand(both, motion)
+    together = go.baselines.track_hand(both, motion)
     for arm in arms:
-        alone = go.track_hand(arm, motion).q
+        alone = go.baselines.track_hand(arm, motion).q
         assert together.select(arm.joint_names).q == pytest.approx(alone, abs=1e-7)
 
 
 def test_minimum_jerk_moves_all_hands(both: go.Model, arms: list[go.Model]) -> None:
     motion, segments = swing(both).filtered(cutoff=8.0), [(0, 70), (70, 149)]
-    together = go.minimum_jerk_hand(both, motion, segments)
+    together = go.baselines.minimum_jerk_hand(both, motion, segments)
     for arm in arms:
-        alone = go.minimum_jerk_hand(arm, motion, segments).q
+        alone = go.baselines.minimum_jerk_hand(arm, motion, segments).q
         assert together.select(arm.joint_names).q == pytest.approx(alone, abs=1e-7)
 
 
@@ -153,13 +155,15 @@ def test_a_geodesic_of_both_arms_is_one_of_each(both: go.Model, arms: list[go.Mo
 def test_cuts_that_minimize_the_error_of_the_hands_count_both(both: go.Model) -> None:
     motion = swing(both).filtered(cutoff=8.0)
     metric = go.Euclidean(14)
-    found = go.optimal_segmentations(
+    found = go.synergies.optimal_segmentations(
         metric, motion, measure="position", model=both, spacing=0.3, max_duration=1.5
     )
     segments = found.segments(2, refined=False)
-    predicted = go.reconstruct(metric, motion, segments).predicted
+    predicted = go.synergies.reconstruct(metric, motion, segments).predicted
     error = found.error(2, refined=False)
-    assert error == pytest.approx(go.evaluate(both, motion, predicted).position, rel=0.02)
+    assert error == pytest.approx(
+        go.synergies.motion_errors(both, motion, predicted).position, rel=0.02
+    )
 
 
 @pytest.mark.slow

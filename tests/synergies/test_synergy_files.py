@@ -14,11 +14,11 @@ import geodesic_ocp as go
 def test_synergies_are_saved_and_loaded(bundled_analysis: go.Analysis, tmp_path: Path) -> None:
     joint_names, synergies = bundled_analysis.motion.joint_names, bundled_analysis.synergies[:3]
     file = tmp_path / "synergies.json"
-    go.save_synergies(file, synergies, joint_names)
+    go.synergies.save_synergies(file, synergies, joint_names)
     record = json.loads(file.read_text())
     assert record["segments"] == [list(segment) for segment in bundled_analysis.segments[:3]]
     assert record["joint_names"] == list(joint_names)
-    loaded = go.load_synergies(file, bundled_analysis.metric)
+    loaded = go.synergies.load_synergies(file, bundled_analysis.metric)
     for before, after in zip(synergies, loaded, strict=True):
         t = np.linspace(before.start_time, before.start_time + before.duration, 9)
         assert np.array_equal(before(t), after(t))
@@ -29,24 +29,26 @@ def test_synergies_are_saved_and_loaded(bundled_analysis: go.Analysis, tmp_path:
 def test_another_metric_is_noticed(bundled_analysis: go.Analysis, tmp_path: Path) -> None:
     """Such as the kinetic energy without the joint inertia in which the synergies were found."""
     file = tmp_path / "synergies.json"
-    go.save_synergies(file, bundled_analysis.synergies, bundled_analysis.motion.joint_names)
+    go.synergies.save_synergies(
+        file, bundled_analysis.synergies, bundled_analysis.motion.joint_names
+    )
     with pytest.raises(go.RecordingError, match=r"in this metric, not .*: it was saved in another"):
-        go.load_synergies(file, go.KineticEnergy(bundled_analysis.model))
+        go.synergies.load_synergies(file, go.KineticEnergy(bundled_analysis.model))
 
 
 def test_bad_files_are_named(bundled_analysis: go.Analysis, tmp_path: Path) -> None:
     metric, motion = go.KineticEnergy(bundled_analysis.model), bundled_analysis.motion
     file = tmp_path / "synergies.json"
     with pytest.raises(go.RecordingError, match=r"synergies\.json: there is no such file"):
-        go.load_synergies(file, metric)
-    synergies, _ = go.reconstruct(go.Euclidean(7), motion, [(0, len(motion) - 1)])
-    go.save_synergies(file, synergies, motion.joint_names)
+        go.synergies.load_synergies(file, metric)
+    synergies, _ = go.synergies.reconstruct(go.Euclidean(7), motion, [(0, len(motion) - 1)])
+    go.synergies.save_synergies(file, synergies, motion.joint_names)
     good = file.read_text()
     with pytest.raises(go.RecordingError, match=r"nodes must have shape \(15, 2\)"):
-        go.load_synergies(file, go.Euclidean(2))
-    go.save_synergies(file, synergies, motion.joint_names[::-1])
+        go.synergies.load_synergies(file, go.Euclidean(2))
+    go.synergies.save_synergies(file, synergies, motion.joint_names[::-1])
     with pytest.raises(go.RecordingError, match=r"its joints .* are not the metric's"):
-        go.load_synergies(file, metric)
+        go.synergies.load_synergies(file, metric)
     for text, message in (
         (good.replace('"knots": [\n     0.0,', '"knots": [\n     0.5,'), "knots must increase"),
         (good[:100], "is not JSON"),
@@ -56,4 +58,4 @@ def test_bad_files_are_named(bundled_analysis: go.Analysis, tmp_path: Path) -> N
     ):
         file.write_text(text)
         with pytest.raises(go.RecordingError, match=message):
-            go.load_synergies(file, metric)
+            go.synergies.load_synergies(file, metric)

@@ -19,9 +19,9 @@ def motion() -> go.Motion:
 
 
 def test_the_hand_is_tracked_but_not_the_configuration(arm: go.Model, motion: go.Motion) -> None:
-    tracked = go.track_hand(arm, motion)
+    tracked = go.baselines.track_hand(arm, motion)
     assert np.array_equal(tracked.q[0], motion.q[0])
-    errors = go.evaluate(arm, motion, tracked)
+    errors = go.synergies.motion_errors(arm, motion, tracked)
     assert errors.position < 2e-3
     assert errors.orientation < 5e-3
     assert errors.joint > 5e-3  # the arm has one redundant degree of freedom
@@ -34,7 +34,7 @@ def test_controller_converges_from_a_jump(arm: go.Model, motion: go.Motion) -> N
     q = np.tile(motion.q[0], (200, 1))
     q[1:] += 0.2
     held = go.Motion(TIME, q, motion.joint_names)
-    tracked = go.track_hand(arm, held)
+    tracked = go.baselines.track_hand(arm, held)
     gaps = np.linalg.norm(arm.hand_pose(tracked.q)[1] - arm.hand_pose(held.q)[1], axis=1)
     assert gaps[-1] < 1e-4
 
@@ -43,21 +43,23 @@ def test_controller_converges_from_a_jump(arm: go.Model, motion: go.Motion) -> N
 def test_low_sampling_rates(arm: go.Model, motion: go.Motion, every: int) -> None:
     """Down to four samples a second: the gain must not overshoot."""
     slow = go.Motion(motion.time[::every], motion.q[::every], motion.joint_names)
-    errors = go.evaluate(arm, slow, go.track_hand(arm, slow))
+    errors = go.synergies.motion_errors(arm, slow, go.baselines.track_hand(arm, slow))
     assert errors.position < 5e-3
     assert errors.joint < 0.5
 
 
 def test_joints_are_selected_by_name(arm: go.Model, motion: go.Motion) -> None:
     shuffled = motion.select(motion.joint_names[::-1])
-    assert np.array_equal(go.track_hand(arm, shuffled).q, go.track_hand(arm, motion).q)
+    assert np.array_equal(
+        go.baselines.track_hand(arm, shuffled).q, go.baselines.track_hand(arm, motion).q
+    )
 
 
 def test_bad_arguments_are_named(arm: go.Model, motion: go.Motion) -> None:
     left = go.human_arm("left")
     with pytest.raises(ValueError, match="there is no joint LSx_joint"):
-        go.track_hand(left, motion)
+        go.baselines.track_hand(left, motion)
     with pytest.raises(ValueError, match=r"gain must be positive \[1/s\]"):
-        go.track_hand(arm, motion, gain=0.0)
+        go.baselines.track_hand(arm, motion, gain=0.0)
     with pytest.raises(ValueError, match="damping must be positive"):
-        go.track_hand(arm, motion, damping=-1.0)
+        go.baselines.track_hand(arm, motion, damping=-1.0)

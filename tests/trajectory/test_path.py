@@ -78,7 +78,7 @@ def test_speeds_of_columns_of_one_array(arm: go.Model) -> None:
 def test_states_up_to_an_order_are_the_first_of_all() -> None:
     grid = go.Grid(1, 8)
     path = go.Path(Scaled(), grid, grid.nodes[:, None])
-    law = go.time_law(path.length, 1.5, 0.3, 0.1)
+    law = go.trajectory.time_law(path.length, 1.5, 0.3, 0.1)
     t = np.linspace(0.0, 1.5, 11)
     everything = states_at(path, law, t)
     for order in range(3):

@@ -30,7 +30,7 @@ def cubic(length: float, duration: float, start: float, end: float, t: np.ndarra
 def test_time_law_without_bounds_is_the_cubic(
     length: float, duration: float, start: float, end: float
 ) -> None:
-    law = go.time_law(length, duration, start, end)
+    law = go.trajectory.time_law(length, duration, start, end)
     t = np.linspace(0.0, duration, 21)
     size = max(length, duration * max(abs(start), abs(end)), 1e-12)
     expected = cubic(length, duration, start, end, t)
@@ -45,13 +45,13 @@ def test_time_law_without_bounds_is_the_cubic(
     "bounds", [{}, {"monotone": True}, {"max_speed": 2.0}, {"monotone": True, "max_speed": 2.0}]
 )
 def test_bounds_that_the_cubic_satisfies_change_nothing(bounds: dict[str, object]) -> None:
-    law = go.time_law(1.0, 1.0, 0.5, 0.5, **bounds)
+    law = go.trajectory.time_law(1.0, 1.0, 0.5, 0.5, **bounds)
     assert law.knots.tolist() == [0.0, 1.0]
     t = np.linspace(0.0, 1.0, 11)
     assert law(t) == pytest.approx(cubic(1.0, 1.0, 0.5, 0.5, t), abs=1e-15)
 
 
-def solved_by_ipopt(law: go.TimeLaw, low: float, high: float) -> go.TimeLaw:
+def solved_by_ipopt(law: go.trajectory.TimeLaw, low: float, high: float) -> go.trajectory.TimeLaw:
     """The NLP over piecewise cubics whose knots contain those of a law, with its ends and length.
 
     The speed is a parabola on each piece, and its three Bezier coefficients satisfy the bounds.
@@ -75,7 +75,7 @@ def solved_by_ipopt(law: go.TimeLaw, low: float, high: float) -> go.TimeLaw:
     limits = {"lbx": lower, "ubx": upper, "lbg": low, "ubg": high}
     outcome = solver(x0=guess, **limits)
     assert outcome.success
-    return go.TimeLaw(knots, *np.split(outcome.x, 2))
+    return go.trajectory.TimeLaw(knots, *np.split(outcome.x, 2))
 
 
 @pytest.mark.parametrize(
@@ -92,7 +92,7 @@ def solved_by_ipopt(law: go.TimeLaw, low: float, high: float) -> go.TimeLaw:
 def test_closed_form_is_the_optimum_that_ipopt_finds(
     length: float, start: float, end: float, bounds: dict[str, object]
 ) -> None:
-    law = go.time_law(length, 1.0, start, end, **bounds)
+    law = go.trajectory.time_law(length, 1.0, start, end, **bounds)
     assert law.knots.size > 2
     low = 0.0 if "monotone" in bounds else -np.inf
     reference = solved_by_ipopt(law, low, float(bounds.get("max_speed", np.inf)))  # type: ignore[arg-type]
@@ -107,7 +107,7 @@ def test_the_bound_is_reached_where_the_cubic_first_touches_it() -> None:
     touching = (0.4**3 + 0.6**3) / 3.0
     t = np.linspace(0.0, 1.0, 101)
     for length in (touching * (1 + 1e-7), touching * (1 - 1e-7)):
-        law = go.time_law(length, 1.0, 0.16, 0.36, monotone=True)
+        law = go.trajectory.time_law(length, 1.0, 0.16, 0.36, monotone=True)
         assert law(t, 1) == pytest.approx((t - 0.4) ** 2, abs=1e-6)
 
 
@@ -115,13 +115,13 @@ def test_the_bound_is_reached_where_the_cubic_first_touches_it() -> None:
 def test_speed_of_a_monotone_time_law_is_never_negative(
     length: float, start: float, end: float
 ) -> None:
-    law = go.time_law(length, 1.0, start, end, monotone=True)
+    law = go.trajectory.time_law(length, 1.0, start, end, monotone=True)
     speed = max(length, start, end)
     # Also between the knots: s' is a parabola without negative Bezier coefficients.
     assert law(np.linspace(0.0, 1.0, 2001), 1).min() >= -1e-9 * speed
     assert law(1.0) == pytest.approx(length, abs=1e-9 * speed)
     assert law(0.0, 1) == pytest.approx(start, abs=1e-9 * speed)
-    assert law.cost >= go.time_law(length, 1.0, start, end).cost * (1.0 - 1e-6)
+    assert law.cost >= go.trajectory.time_law(length, 1.0, start, end).cost * (1.0 - 1e-6)
 
 
 def test_monotone_time_law_with_a_pause_is_optimal() -> None:
@@ -134,7 +134,7 @@ def test_monotone_time_law_with_a_pause_is_optimal() -> None:
     root = 3 * length / (start**1.5 + end**1.5)
     brake, launch = root * np.sqrt([start, end])
     assert brake + launch < 1.0
-    law = go.time_law(length, 1.0, start, end, monotone=True)
+    law = go.trajectory.time_law(length, 1.0, start, end, monotone=True)
     best = 4 / 3 * (start**2 / brake + end**2 / launch)
     assert law.cost == pytest.approx(best, rel=1e-9)
     middle = np.linspace(brake, 1.0 - launch, 20)
@@ -142,8 +142,8 @@ def test_monotone_time_law_with_a_pause_is_optimal() -> None:
 
 
 def test_speed_reaches_its_bound_without_exceeding_it() -> None:
-    free = go.time_law(0.9, 1.0, 0.0, 0.0)
-    law = go.time_law(0.9, 1.0, 0.0, 0.0, max_speed=1.2)
+    free = go.trajectory.time_law(0.9, 1.0, 0.0, 0.0)
+    law = go.trajectory.time_law(0.9, 1.0, 0.0, 0.0, max_speed=1.2)
     assert free(0.5, 1) == pytest.approx(1.35)
     speeds = law(np.linspace(0.0, 1.0, 2001), 1)
     assert speeds.max() <= 1.2 * (1 + 1e-9)
@@ -155,7 +155,7 @@ def test_speed_reaches_its_bound_without_exceeding_it() -> None:
 @pytest.mark.parametrize("gap", [0.002, 0.005, 0.05])
 def test_speed_bound_close_to_the_mean_speed(gap: float, ends: tuple[float, float]) -> None:
     """Nearly all of the length at full speed, after immediate braking or acceleration."""
-    law = go.time_law(1.0, 1.0, *ends, max_speed=1.0 + gap)
+    law = go.trajectory.time_law(1.0, 1.0, *ends, max_speed=1.0 + gap)
     speeds = law(np.linspace(0.0, 1.0, 2001), 1)
     assert speeds.max() <= (1.0 + gap) * (1 + 1e-9)
     assert law(1.0) == pytest.approx(1.0, abs=1e-9)
@@ -163,14 +163,14 @@ def test_speed_bound_close_to_the_mean_speed(gap: float, ends: tuple[float, floa
 
 
 def test_cost_is_the_integral() -> None:
-    law = go.time_law(0.4, 1.3, 0.9, 0.1, monotone=True)
+    law = go.trajectory.time_law(0.4, 1.3, 0.9, 0.1, monotone=True)
     # The midpoint rule on a fine grid.
     t = (np.arange(200_000) + 0.5) / 200_000 * 1.3
     assert law.cost == pytest.approx(1.3 * np.mean(law(t, 2) ** 2), rel=1e-6)
 
 
 def test_derivatives_match_finite_differences() -> None:
-    law = go.time_law(1.0, 2.0, 0.1, 0.3)
+    law = go.trajectory.time_law(1.0, 2.0, 0.1, 0.3)
     t, h = np.linspace(0.1, 1.9, 7), 1e-6
     for order in (1, 2):
         slope = (law(t + h, order - 1) - law(t - h, order - 1)) / (2 * h)
@@ -182,7 +182,7 @@ def test_derivatives_match_finite_differences() -> None:
 
 
 def test_zero_length_and_zero_speeds_give_rest() -> None:
-    law = go.time_law(0.0, 1.0, 0.0, 0.0, monotone=True)
+    law = go.trajectory.time_law(0.0, 1.0, 0.0, 0.0, monotone=True)
     assert not law(np.linspace(0.0, 1.0, 5)).any()
 
 
@@ -204,11 +204,11 @@ def test_infeasible_time_laws_are_refused(
     arguments: tuple[float, ...], options: dict[str, object], message: str
 ) -> None:
     with pytest.raises(ValueError, match=message):
-        go.time_law(*arguments, **options)
+        go.trajectory.time_law(*arguments, **options)
 
 
 def test_arguments_out_of_range_are_named() -> None:
-    law = go.time_law(1.0, 2.0, 0.0, 0.0)
+    law = go.trajectory.time_law(1.0, 2.0, 0.0, 0.0)
     with pytest.raises(ValueError, match=r"t must lie in \[0, 2\] s"):
         law(2.1)
     with pytest.raises(ValueError, match="order must not be negative"):

@@ -52,13 +52,15 @@ def past_a_lamp() -> go.Solution:
 
 
 @pytest.fixture(scope="module")
-def on_two_arms(bundled_file: Path) -> go.Retargeting:
+def on_two_arms(bundled_file: Path) -> go.retargeting.Retargeting:
     motion = go.read_motion(bundled_file)
     reach = go.Motion(motion.time[260:430], motion.q[260:430], motion.joint_names)
     analysis = go.analyse(go.human_arm("left", 1.78), reach, metric="kinetic")
     robots = [go.human_arm("left", 1.9), go.human_arm("right", 1.9)]
     settings = go.RetargetingSettings(merge=0.4, speed_limits=False)
-    return go.retarget_arms([analysis, analysis], robots, tolerance=1e-3, settings=settings)
+    return go.retargeting.retarget_arms(
+        [analysis, analysis], robots, tolerance=1e-3, settings=settings
+    )
 
 
 KINDS = {

@@ -9,7 +9,7 @@ from geodesic_ocp.cli.terminal import print_written, printed_warnings
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.human import human_arm
-from geodesic_ocp.retargeting.alignment.alignment import known_alignment, proposal, read_alignment
+from geodesic_ocp.retargeting.alignment.align import known_alignment, proposal, read_alignment
 from geodesic_ocp.retargeting.alignment.alignment_figure import alignment_figure, alignment_table
 
 _WIDTH = 100

@@ -11,12 +11,11 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.cli.options import Flag, GivenLimits, LimitOptions
 from geodesic_ocp.cli.terminal import printed_warnings
 from geodesic_ocp.execution import check_trajectory as checks
-from geodesic_ocp.execution.clearance import Clearance, clearance_constraint
+from geodesic_ocp.execution.clearance import Clearance, keep_clear
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.inertias import with_rotor_inertia
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.retargeting.alignment.alignment import alignment as alignment_of
-from geodesic_ocp.retargeting.alignment.alignment import read_alignment
+from geodesic_ocp.retargeting.alignment.align import align, read_alignment
 from geodesic_ocp.trajectory.read_trajectory import read_trajectory
 
 _FREE_FALL = (0.0, 0.0, -9.81)  # [m/s^2]
@@ -102,7 +101,7 @@ def _free_fall(
         raise ValueError(f"--alignment: one for each --robot, got {len(files)}")
     if not files and not aligned:
         return np.tile(np.asarray(given or _FREE_FALL, dtype=float), (len(robots), 1))
-    mounted = [read_alignment(each) for each in files] or [alignment_of(each) for each in robots]
+    mounted = [read_alignment(each) for each in files] or [align(each) for each in robots]
     return np.array([np.asarray(each.base) @ _FREE_FALL for each in mounted])
 
 
@@ -110,7 +109,7 @@ def _clearance(robots: Sequence[Model]) -> Clearance | None:
     """Return the distances of links from each other; None, with a note, without geometry."""
     reason: object = "the robot has no collision geometry"
     try:
-        found = clearance_constraint(robots)
+        found = keep_clear(robots)
     except ValueError as error:
         found, reason = None, error
     if found is None:

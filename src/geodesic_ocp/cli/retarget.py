@@ -27,8 +27,7 @@ from geodesic_ocp.cli.terminal import (
 )
 from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.retargeting.alignment.alignment import alignment as alignment_of
-from geodesic_ocp.retargeting.alignment.alignment import read_alignment
+from geodesic_ocp.retargeting.alignment.align import align, read_alignment
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
 from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.retargeting.retarget import retarget_arms
@@ -144,7 +143,7 @@ def _arms(
         pairs = zip(names, hands or none, bases or none, alignments or none, strict=True)
         for name, hand, base, file in pairs:
             robot = load_model(name, hand=hand, base=base)
-            arms.append((robot, alignment_of(robot) if file is None else read_alignment(file)))
+            arms.append((robot, align(robot) if file is None else read_alignment(file)))
     return arms
 
 

@@ -120,7 +120,7 @@ def check_trajectory(
         uniform: whether it must be sampled evenly.
         tolerance: by which fraction of a limit a value may exceed it.
         clearance: distances to be kept, of the joints of all models in their order, such as those
-            of `clearance_constraint`; None: not checked. They are evaluated every 10 ms, or at
+            of `keep_clear`; None: not checked. They are evaluated every 10 ms, or at
             every sample if there are fewer, and exactly where the function is below its bound.
 
     Raises:

@@ -74,7 +74,7 @@ class Clearance(ShortRepr):
         return self._rows[index]
 
 
-def clearance_constraint(
+def keep_clear(
     arms: Model | Sequence[Model],
     *,
     pairs: LinkPairs | Sequence[tuple[str, str]] | None = None,

@@ -126,7 +126,7 @@ def joint_limits(
 
     >>> import geodesic_ocp as go
     >>> arm = go.human_arm("right")
-    >>> go.joint_limits(arm, velocity=4.0).acceleration
+    >>> go.execution.joint_limits(arm, velocity=4.0).acceleration
     array([16., 16., 16., 16., 16., 16., 16.])
 
     Args:

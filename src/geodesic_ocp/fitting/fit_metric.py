@@ -59,12 +59,12 @@ def fit_metric(
     >>> import numpy as np
     >>> import geodesic_ocp as go
     >>> arm = go.human_arm()
-    >>> metric = go.AdjustableKineticEnergy(arm, joint_inertia=0.05)
+    >>> metric = go.manifold.AdjustableKineticEnergy(arm, joint_inertia=0.05)
     >>> q0, q1 = [0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1], [1.2, -0.2, -0.9, 1.6, -0.3, 0.1, 0.4]
     >>> path, u = go.geodesic(metric, q0, q1), np.linspace(0.0, 1.0, 51)  # 1 s at 50 Hz
     >>> s, rate = 3 * u**2 - 2 * u**3, 6 * u - 6 * u**2
     >>> motion = go.Motion(u, path(s), arm.joint_names, rate[:, None] * path(s, 1))
-    >>> fit = go.fit_metric(go.Recording(arm, motion), segments=[[(0, 50)]])
+    >>> fit = go.fit_metric(go.recordings.Recording(arm, motion), segments=[[(0, 50)]])
     >>> round(fit.values["joint_inertia"], 4)
     0.05
 
@@ -93,7 +93,7 @@ def fit_metric(
     """
     listed = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
     if not listed or not all(isinstance(each, Recording) for each in listed):
-        raise ValueError("recordings must be one or more of go.Recording")
+        raise ValueError("recordings must be one or more of go.recordings.Recording")
     if len({each.model.dof for each in listed}) > 1:
         raise ValueError("the models of all recordings must have the same number of joints")
     if segments is not None and len(segments) != len(listed):

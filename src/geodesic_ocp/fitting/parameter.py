@@ -21,7 +21,7 @@ class Parameter:
     """A parameter to be estimated: a field of a metric, or some entries of it.
 
     >>> import geodesic_ocp as go
-    >>> go.Parameter("armature", 0.05, joints=("?S?_joint",)).name  # the three shoulder joints
+    >>> go.fitting.Parameter("armature", 0.05, joints=("?S?_joint",)).name  # three joints
     'armature ?S?_joint'
 
     Attributes:
@@ -64,7 +64,7 @@ def as_parameters(parameters: Any) -> tuple[Parameter, ...]:
     """The argument as a tuple; ValueError if it is empty or two parameters share a name."""
     listed = (parameters,) if isinstance(parameters, Parameter) else tuple(parameters)
     if not listed or not all(isinstance(each, Parameter) for each in listed):
-        raise ValueError(f"parameters must be one or more of go.Parameter, got {parameters!r}")
+        raise ValueError(f"parameters must be one or more fitting.Parameter, got {parameters!r}")
     names = [each.name for each in listed]
     if len(set(names)) < len(names):
         raise ValueError(f"parameters must have different names, got {', '.join(names)}")

@@ -14,7 +14,7 @@ from geodesic_ocp.fitting.fit_metric import solve_program
 from geodesic_ocp.fitting.metric_fit import ConfidenceInterval, MetricFit
 from geodesic_ocp.manifold.metrics import Euclidean
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
-from geodesic_ocp.synergies.scores import MotionErrors, evaluate
+from geodesic_ocp.synergies.scores import MotionErrors, motion_errors
 from geodesic_ocp.synergies.synergy import reconstruct
 from geodesic_ocp.table import Table
 
@@ -143,7 +143,7 @@ def leave_one_out(
             part = fit.program.parts[index]
             recording, model = part.recording, part.recording.model
             errors = (
-                evaluate(
+                motion_errors(
                     *(model, recording.motion),
                     reconstruct(each, recording.motion, part.every).predicted,
                 )

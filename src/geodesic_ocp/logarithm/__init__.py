@@ -1,1 +1,5 @@
 """The logarithmic map: geodesics between configurations, and from a configuration to a pose."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,1 +1,5 @@
 """Riemannian metrics, and what follows from the metric tensor: curvature, exp, transport."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -167,7 +167,7 @@ def sectional_curvature(metric: Metric, q: ArrayLike, u: ArrayLike, v: ArrayLike
     ...     dim = 2
     ...     def matrix(self, q):
     ...         return 4.0 * ca.diag(ca.vertcat(1.0, ca.sin(q[0]) ** 2))
-    >>> round(go.sectional_curvature(Globe(), [1.0, 0.0], [1.0, 0.0], [0.0, 1.0]), 12)
+    >>> round(go.manifold.sectional_curvature(Globe(), [1.0, 0.0], [1.0, 0.0], [0.0, 1.0]), 12)
     0.25
 
     Raises:

@@ -189,7 +189,7 @@ class AdjustableKineticEnergy(ModelMetric):
 
     >>> import geodesic_ocp as go
     >>> arm = go.human_arm()
-    >>> metric = go.AdjustableKineticEnergy(arm, armature=0.05)
+    >>> metric = go.manifold.AdjustableKineticEnergy(arm, armature=0.05)
     >>> q = [0.3, 0.1, -0.2, 0.8, 0.0, 0.0, 0.0]
     >>> (metric.matrix(q) - arm.mass_matrix(q)).diagonal().round(3)
     array([0.05, 0.05, 0.05, 0.05, 0.05, 0.05, 0.05])
@@ -250,7 +250,8 @@ class AdjustableKineticEnergy(ModelMetric):
         """The metric and its parameters in words.
 
         >>> import geodesic_ocp as go
-        >>> go.AdjustableKineticEnergy(go.human_arm(), joint_inertia=0.02, payload=1.0).description
+        >>> arm = go.human_arm()
+        >>> go.manifold.AdjustableKineticEnergy(arm, joint_inertia=0.02, payload=1.0).description
         'fitted kinetic energy with joint inertia 0.02 m r^2, payload 1 kg'
         """
         units = {
@@ -343,7 +344,7 @@ def default_joint_inertia(model: Model) -> Array:
     is often a placeholder.
 
     >>> import geodesic_ocp as go
-    >>> go.default_joint_inertia(go.human_arm(height=1.75, mass=70.0)).round(3)
+    >>> go.manifold.default_joint_inertia(go.human_arm(height=1.75, mass=70.0)).round(3)
     array([0.044, 0.044, 0.044, 0.044, 0.044, 0.044, 0.044])
 
     Raises:

@@ -10,16 +10,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations, product
+from itertools import product
 from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, ShortRepr, as_vector, evaluate, is_symbolic
+from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_vector, evaluate, is_symbolic
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.model.primitives import Ball, Body, Capsule, HalfSpace, Obstacle, as_capsule
+
+__all__ = ["clearance_constraints", "signed_distances"]
 
 _PARALLEL = 1e-8
 _TOUCHING = 1e-20  # [m^2]: keeps the distance differentiable at zero
@@ -102,7 +103,7 @@ def signed_distances(
 
     >>> import geodesic_ocp as go
     >>> table = go.HalfSpace(point=(0.0, 0.0, -0.7), normal=(0.0, 0.0, 1.0), name="table")
-    >>> distances = go.signed_distances(
+    >>> distances = go.distances.signed_distances(
     ...     go.human_arm(), [0.5, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0], [table], links=["right hand"]
     ... )
     >>> {name: round(value, 3) for name, value in distances.items()}
@@ -114,7 +115,7 @@ def signed_distances(
         obstacles: fixed, or moving with the link that they name.
         links: links whose distances to obstacles are computed; None: all that move.
         pairs: pairs of links whose mutual distances are computed. Adjacent links overlap at their
-            joint; `collision_pairs` suggests pairs without them.
+            joint; `execution.link_pairs` finds pairs without them.
 
     Returns:
         Numbers or expressions by name, such as "forearm to table". If a name occurs more than once,
@@ -138,27 +139,29 @@ def signed_distances(
     return dict(zip(expressions, values.tolist(), strict=True))
 
 
-def collision_pairs(model: Model, q: ArrayLike, margin: float = 0.0) -> list[tuple[str, str]]:
-    """Pairs of links that move relative to each other and are apart in a configuration.
-
-    A suggestion for `pairs` of `signed_distances`: adjacent links, which overlap at their joint,
-    are left out.
+def clearance_constraints(
+    model: Model,
+    q: ca.SX,
+    obstacles: Sequence[Obstacle] = (),
+    *,
+    links: Sequence[str] | None = None,
+    pairs: Sequence[tuple[str, str]] = (),
+    margin: float = 0.0,
+) -> list[tuple[float, Any, float, str]]:
+    """Path constraints that keep a model's collision bodies apart from obstacles and each other.
 
     Args:
-        model: model with collision bodies.
-        q: a collision-free configuration (n,).
-        margin: smallest distance [m] of the links of a pair.
+        model: with collision bodies (`Model.bodies`).
+        q: symbols of the configuration (n, 1).
+        obstacles, links, pairs: see `signed_distances`.
+        margin: smallest distance allowed [m].
 
     Raises:
-        ValueError: q has the wrong shape.
+        ValueError: the model, or a named link, has no collision bodies.
     """
-    links = list(dict.fromkeys(str(body.link) for body in model.bodies))
-    return [
-        pair
-        for pair in combinations(links, 2)
-        if model.joint_of(pair[0]) != model.joint_of(pair[1])
-        and min(signed_distances(model, q, pairs=[pair]).values()) > float(margin)
-    ]
+    margin = as_number("margin", margin)
+    distances = signed_distances(model, q, obstacles, links=links, pairs=pairs)
+    return [(margin, distance, np.inf, name) for name, distance in distances.items()]
 
 
 def bodies_apart(

@@ -94,7 +94,7 @@ class LivePlot:
     Raises:
         ValueError: outside a notebook.
 
-    Use it as `with go.LivePlot(problem) as live: go.solve(problem, callback=live)`.
+    Use it as `with go.ocp.LivePlot(problem) as live: go.solve(problem, callback=live)`.
     """
 
     def __init__(self, problem: Problem, interval: float = 0.1) -> None:

@@ -10,11 +10,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geodesic_ocp.arrays import Array, ShortRepr, as_number, as_rotation, as_vector
+from geodesic_ocp.arrays import Array, ShortRepr, as_rotation, as_vector
 from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.manifold.metric import Metric, as_metric
 from geodesic_ocp.manifold.metrics import metric_of
-from geodesic_ocp.model.distances import as_pair, signed_distances
+from geodesic_ocp.model.distances import as_pair, clearance_constraints
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.model.primitives import Obstacle
 from geodesic_ocp.ocp.inverse_kinematics import inverse_kinematics
@@ -23,31 +23,6 @@ from geodesic_ocp.ocp.pose_search import as_directions, complement, rotation_log
 from geodesic_ocp.ocp.problem import Equality, Inequality, Problem, key_of
 
 _NEEDS_MODEL = {"limits": "limits", "obstacles": "bodies", "pairs": "bodies"}
-
-
-def clearance_constraints(
-    model: Model,
-    q: ca.SX,
-    obstacles: Sequence[Obstacle] = (),
-    *,
-    links: Sequence[str] | None = None,
-    pairs: Sequence[tuple[str, str]] = (),
-    margin: float = 0.0,
-) -> list[Inequality]:
-    """Path constraints that keep a model's collision bodies apart from obstacles and each other.
-
-    Args:
-        model: with collision bodies (`Model.bodies`).
-        q: symbols of the configuration (n, 1).
-        obstacles, links, pairs: see `signed_distances`.
-        margin: smallest distance allowed [m].
-
-    Raises:
-        ValueError: the model, or a named link, has no collision bodies.
-    """
-    margin = as_number("margin", margin)
-    distances = signed_distances(model, q, obstacles, links=links, pairs=pairs)
-    return [(margin, distance, np.inf, name) for name, distance in distances.items()]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

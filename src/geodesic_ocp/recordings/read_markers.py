@@ -26,7 +26,7 @@ def read_markers(path: str | PathLike[str], *, up: Axis | None = None) -> Marker
     Args:
         path: of the file.
         up: the axis of the file that points upwards, such as "y" or "-z"; the space is turned so
-            that it becomes z, which `fit_motion` needs. Formats leave it open: TRC files for
+            that it becomes z, which `fit_markers` needs. Formats leave it open: TRC files for
             OpenSim mostly have y up, c3d files z.
 
     Raises:

@@ -80,8 +80,8 @@ def read_motion(
         kind = recognise(file)
     if kind in MARKERS:
         raise RecordingError(
-            f"{file}: {FORMATS[kind]} has markers, not joint angles; read it with go.read_markers, "
-            "and compute angles with go.fit_motion"
+            f"{file}: {FORMATS[kind]} has markers, not joint angles; read it with "
+            "go.recordings.read_markers, and compute angles with go.recordings.fit_markers"
         )
     reader, _ = _READERS[kind]
     arguments = {"convention": convention, "skeleton": skeleton, "rate": rate, "unit": unit}
@@ -199,7 +199,7 @@ def read_recording(
 
     Args:
         path: of the file, in any format of `read_motion`, or of markers (`read_markers`), to which
-            the motion is fitted, with the lengths of the arm (`fit_motion`).
+            the motion is fitted, with the lengths of the arm (`fit_markers`).
         side: "right" or "left".
         height: of the person [m]; by default that in the file, or of the markers, or 1.75 m.
         mass: of the person [kg]; by default that in the file, or 70 kg.
@@ -212,7 +212,7 @@ def read_recording(
         convention, unit, rate, skeleton: where the file's format does not give them, see
             `read_motion`.
         up: the axis that points upwards in a file of markers, see `read_markers`.
-        marker_set: where the markers are, or a file that says so, see `fit_motion`.
+        marker_set: where the markers are, or a file that says so, see `fit_markers`.
 
     Raises:
         RecordingError: the file cannot be read or has no arm of that side.
@@ -285,7 +285,7 @@ def _from_markers(
     of_markers: dict[str, Any],
 ) -> MarkerFit:
     """The motion that is fitted to the markers, and the arm with the lengths of the person."""
-    from geodesic_ocp.recordings.markers.fit_motion import fit_motion
+    from geodesic_ocp.recordings.markers.fit_markers import fit_markers
     from geodesic_ocp.recordings.read_markers import read_markers
 
     markers = read_markers(file)
@@ -294,7 +294,7 @@ def _from_markers(
         arm = human_arm(side, *stature, armature=armature)
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", DOUBTFUL, RuntimeWarning)  # named below
-            fit = fit_motion(arm, markers, height=height, **of_markers)
+            fit = fit_markers(arm, markers, height=height, **of_markers)
     if fit.doubts:
         warnings.warn(f"{file}: {'; '.join(fit.doubts)}", RuntimeWarning, stacklevel=3)
     return fit

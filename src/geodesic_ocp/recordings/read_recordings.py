@@ -130,7 +130,7 @@ def read_recordings(
     >>> import geodesic_ocp as go
     >>> from importlib.resources import files
     >>> folder = files("geodesic_ocp") / "data"
-    >>> [(each.name, each.model.name) for each in go.read_recordings(folder, "left")]
+    >>> [(each.name, each.model.name) for each in go.recordings.read_recordings(folder, "left")]
     [('climb, left', 'human left arm')]
 
     Args:

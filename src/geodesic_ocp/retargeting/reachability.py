@@ -29,8 +29,8 @@ class Mounting:
         alignment: the changed one.
         factor: of positions, in addition to the present scale.
         change: what is changed, in words; the factor apart.
-        arguments: what to pass to `go.alignment`, such as "shoulder=(0.1, 0, 0.3)"; empty if
-            only the factor is changed.
+        arguments: what to pass to `go.retargeting.align`, such as "shoulder=(0.1, 0, 0.3)"; empty
+            if only the factor is changed.
     """
 
     alignment: Alignment
@@ -46,7 +46,7 @@ class Mounting:
         """What to do, such as "Scale positions by 0.9 (scale=0.7)"."""
         parts = []
         if self.change:
-            parts.append(f"{self.change} (go.alignment(robot, {self.arguments}))")
+            parts.append(f"{self.change} (go.retargeting.align(robot, {self.arguments}))")
         if self.factor != 1.0:
             new = "" if scale is None else f" (scale={self.factor * scale:.3g})"
             parts.append(f"scale positions by {self.factor:g}{new}")

@@ -20,7 +20,7 @@ from geodesic_ocp.model.inertias import with_rotor_inertia
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.ocp.solve import solve
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
-from geodesic_ocp.retargeting.alignment.alignment import alignment as default_alignment
+from geodesic_ocp.retargeting.alignment.align import align
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment, check_joints
 from geodesic_ocp.retargeting.arm_result import RetargetedArm
 from geodesic_ocp.retargeting.candidates import first_candidates
@@ -81,7 +81,7 @@ def retarget(
         analysis: of the person's motion (`analyse`).
         robot: the arm.
         alignment: of the robot's shoulder and hand with the person's; None: that of the known robot
-            (`go.alignment`).
+            (`go.retargeting.align`).
         person_alignment: likewise of the person's arm, if it is not a `human_arm`.
         start: configuration (n,) to begin in [rad or m]; None: among those with the first pose,
             the one from which the motion as a whole takes least energy and time.
@@ -326,8 +326,7 @@ def _alignments(name: str, given: Any, models: Sequence[Model]) -> list[Alignmen
         if each is not None and not isinstance(each, Alignment):
             raise ValueError(f"{name} must be of Alignment, got {each!r}")
     aligned = [
-        default_alignment(model) if each is None else each
-        for model, each in zip(models, found, strict=True)
+        align(model) if each is None else each for model, each in zip(models, found, strict=True)
     ]
     for model, each in zip(models, aligned, strict=True):
         check_joints(each, model)

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from geodesic_ocp.arrays import Array, ShortRepr, as_integer, as_number, as_positive
-from geodesic_ocp.execution.clearance import Clearance, clearance_constraint
+from geodesic_ocp.execution.clearance import Clearance, keep_clear
 from geodesic_ocp.execution.link_pairs import LinkPairs, link_pairs
 from geodesic_ocp.logarithm.geodesic_to_pose import ENERGY_WEIGHT
 from geodesic_ocp.model.distances import signed_distances
@@ -64,7 +64,7 @@ class RetargetingSettings(ShortRepr):
         obstacles: bodies that the links are kept clear of, in the robot's base frame; see `Reach`.
         links: names of the links that are kept clear of obstacles; see `Reach`.
         pairs: pairs of links kept apart, in place of the pairs found for `self_collision`; see
-            `collision_pairs`.
+            `execution.link_pairs`.
         margin: smallest distance allowed between links, and to obstacles [m].
         num_starts: number of geodesics sought for each synergy in the formulation "geodesic", of
             which the geodesic of least energy is taken.
@@ -181,7 +181,7 @@ def motion_clearance(robots: Sequence[Model], settings: RetargetingSettings) -> 
     if settings.self_collision and not settings.pairs:
         pairs_found = _pairs(tuple(robots), settings.margin)
         named = [*pairs_found.constrained, *pairs_found.exact_only]
-        every = clearance_constraint(robots, pairs=named, margin=settings.margin) if named else None
+        every = keep_clear(robots, pairs=named, margin=settings.margin) if named else None
         close = {f"{one} to {other}" for one, other in pairs_found.exact_only}
         if every is not None:
             wide = [name.partition(" (")[0] in close for name in every.names]

@@ -242,8 +242,8 @@ def compare_methods(
 
     >>> import geodesic_ocp as go
     >>> from importlib.resources import files
-    >>> recordings = go.read_recordings(files("geodesic_ocp") / "data", "left")
-    >>> comparison = go.compare_methods(
+    >>> recordings = go.recordings.read_recordings(files("geodesic_ocp") / "data", "left")
+    >>> comparison = go.studies.compare_methods(
     ...     recordings, {"straight lines": lambda arm: go.Euclidean(arm.dof)}
     ... )
     >>> comparison.methods[:3]
@@ -272,7 +272,7 @@ def compare_methods(
     given = [recordings] if isinstance(recordings, Recording) else recordings
     recordings = list(given) if isinstance(given, Iterable) else []
     if not recordings or not all(isinstance(each, Recording) for each in recordings):
-        raise ValueError("recordings must be one or more of go.Recording")
+        raise ValueError("recordings must be one or more of go.recordings.Recording")
     metrics = as_named_metrics(_default_metrics(recordings) if metrics is None else metrics)
     if same := metrics.keys() & _KINEMATIC.keys():
         raise ValueError(f"metrics: {', '.join(same)} is the name of a baseline")

@@ -23,7 +23,7 @@ from geodesic_ocp.synergies.optimal_segmentations import (
     OptimalSegmentations,
     optimal_segmentations,
 )
-from geodesic_ocp.synergies.scores import MotionErrors, evaluate
+from geodesic_ocp.synergies.scores import MotionErrors, motion_errors
 from geodesic_ocp.synergies.segment import segment
 from geodesic_ocp.synergies.segment_costs import Measure
 from geodesic_ocp.synergies.synergy import reconstruct
@@ -425,7 +425,7 @@ def compare_metrics(
     >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv").filtered()
     >>> part = go.Motion(motion.time[:90], motion.q[:90], motion.joint_names, motion.velocity[:90])
     >>> metrics = {"straight lines": go.Euclidean(7)}
-    >>> comparison = go.compare_metrics(arm, part, metrics, thresholds=[0.6], spacing=0.1)
+    >>> comparison = go.studies.compare_metrics(arm, part, metrics, thresholds=[0.6], spacing=0.1)
     >>> comparison.curves["straight lines"].counts.tolist()
     [1, 2, 3, 4, 5, 6, 7]
 
@@ -500,7 +500,7 @@ def _curve(
     errors, criteria = [], []
     for count in counts:
         predicted = found.predicted(count, refined=refined)
-        errors.append(evaluate(model, motion, predicted))
+        errors.append(motion_errors(model, motion, predicted))
         criteria.append(bayesian_information(predicted.q - motion.q, count, noise, independent))
     segments = tuple(tuple(found.segments(count, refined=refined)) for count in counts)
     return ErrorCurve(
@@ -529,6 +529,6 @@ def _online(
                 stacklevel=3,
             )
             continue
-        errors = evaluate(model, motion, predicted)
+        errors = motion_errors(model, motion, predicted)
         points.append(OnlineErrors(float(threshold), len(segments), errors))
     return tuple(points)

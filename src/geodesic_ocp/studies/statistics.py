@@ -33,7 +33,7 @@ class StudyMeasure:
     """A number of every recording and method.
 
     Attributes:
-        name: as in `Study.means`.
+        name: as in `StudyResult.means`.
         column: of recordings.csv.
         header: of a column of a table, with the unit.
         axis: label of a figure's axis, with its unit.

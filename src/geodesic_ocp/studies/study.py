@@ -69,7 +69,7 @@ SHOWN = ("joint", "position", "orientation")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Study:
+class StudyResult:
     """Recordings of several subjects, analysed; see `study`.
 
     Attributes:
@@ -89,10 +89,11 @@ class Study:
         synergies = "" if self.synergies is None else f", {len(self.synergies)} synergies"
         conditions = f", {len(self.conditions)} conditions ({self.by})" if self.by else ""
         failed = f", {count(len(self.failures), 'failure')}" if self.failures else ""
-        return (
-            f"Study({count(recordings, 'recording')} of {count(len(self.subjects), 'subject')}, "
-            f"{count(len(self.methods), 'method')}{synergies}{conditions}{failed})"
+        counts = (
+            f"{count(recordings, 'recording')} of {count(len(self.subjects), 'subject')}, "
+            f"{count(len(self.methods), 'method')}"
         )
+        return f"StudyResult({counts}{synergies}{conditions}{failed})"
 
     def _repr_markdown_(self) -> str:
         return self.means_table().markdown()
@@ -315,7 +316,7 @@ def study(
     names: Sequence[str] | None = None,
     subjects: Sequence[str] | None = None,
     conditions: Sequence[str] | None = None,
-) -> Study:
+) -> StudyResult:
     """Statistics over subjects of the analyses of many recordings.
 
     Recordings of a person are not independent: all means, intervals and tests are over the means
@@ -346,7 +347,7 @@ def study(
         by = "condition"
     _check_conditions(tables.recordings, by)
     _check_labels(tables.recordings, by)
-    return Study(tables.recordings, tables.synergies, tables.failures, by)
+    return StudyResult(tables.recordings, tables.synergies, tables.failures, by)
 
 
 def _tables(

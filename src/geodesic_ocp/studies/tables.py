@@ -21,7 +21,7 @@ import numpy as np
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.records import replacing
 from geodesic_ocp.synergies.analyse import Analysis
-from geodesic_ocp.synergies.scores import MotionErrors, evaluate
+from geodesic_ocp.synergies.scores import MotionErrors, motion_errors
 from geodesic_ocp.synergies.synergy import Synergy
 from geodesic_ocp.trajectory.motion import Motion
 
@@ -193,7 +193,7 @@ def synergy_rows(analysis: Analysis) -> list[Row]:
             "mean_speed": _finite(synergy.length / synergy.duration),
             "peak_speed": peak_speed(synergy),
         }
-        rows.append(own | _errors(evaluate(analysis.model, *parts)))
+        rows.append(own | _errors(motion_errors(analysis.model, *parts)))
     return rows
 
 

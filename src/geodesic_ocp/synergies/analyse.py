@@ -37,7 +37,7 @@ from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.recordings.recording import check_plausible
 from geodesic_ocp.records import write_together
 from geodesic_ocp.synergies.baselines import track_hand
-from geodesic_ocp.synergies.scores import MotionErrors, evaluate
+from geodesic_ocp.synergies.scores import MotionErrors, motion_errors
 from geodesic_ocp.synergies.segment import segment, segment_zero_velocity
 from geodesic_ocp.synergies.synergy import (
     Reconstruction,
@@ -361,7 +361,7 @@ def analyse(
     if motion.unfiltered is not None:
         observed.append(Motion(motion.time, motion.unfiltered, motion.joint_names))
     errors = [
-        {method: evaluate(model, seen, each) for method, each in predictions.items()}
+        {method: motion_errors(model, seen, each) for method, each in predictions.items()}
         for seen in observed
     ]
     return Analysis(

@@ -1,4 +1,4 @@
-"""Other predictions of a recorded motion, beside which geodesics are examine."""
+"""Baselines: predictions of a recorded motion that geodesics are compared with."""
 
 from __future__ import annotations
 
@@ -19,6 +19,14 @@ from geodesic_ocp.synergies.scores import hand_twists
 from geodesic_ocp.synergies.segment import observed_velocity
 from geodesic_ocp.synergies.synergy import as_segments
 from geodesic_ocp.trajectory.motion import Motion
+
+__all__ = [
+    "distal_inertia",
+    "minimum_acceleration",
+    "minimum_jerk",
+    "minimum_jerk_hand",
+    "track_hand",
+]
 
 # Largest displacement of a joint in one step of the controller [rad or m].
 _MAX_STEP = 0.05
@@ -130,7 +138,7 @@ def minimum_acceleration(motion: Motion, segments: Sequence[tuple[int, int]]) ->
     >>> import numpy as np
     >>> time = np.linspace(0.0, 1.0, 11)
     >>> cubic = go.Motion(time, time[:, None] ** 3, ("joint",), 3.0 * time[:, None] ** 2)
-    >>> predicted = go.minimum_acceleration(cubic, [(0, 10)])
+    >>> predicted = go.baselines.minimum_acceleration(cubic, [(0, 10)])
     >>> bool(np.allclose(predicted.q, cubic.q))
     True
 
@@ -161,7 +169,7 @@ def minimum_jerk(motion: Motion, segments: Sequence[tuple[int, int]]) -> Motion:
     >>> time = np.linspace(0.0, 1.0, 101)
     >>> q = 10.0 * time**3 - 15.0 * time**4 + 6.0 * time**5  # from rest to rest
     >>> reach = go.Motion(time, q[:, None], ("joint",), 30.0 * (time * (1.0 - time))[:, None] ** 2)
-    >>> predicted = go.minimum_jerk(reach, [(0, 100)])
+    >>> predicted = go.baselines.minimum_jerk(reach, [(0, 100)])
     >>> bool(np.allclose(predicted.q, reach.q, atol=1e-3))
     True
 
@@ -223,8 +231,9 @@ def minimum_jerk_hand(
     >>> arm, time = go.human_arm(), np.linspace(0.0, 0.5, 51)
     >>> q = np.array([0.3, 0.1, -0.4, 0.9, 0.1, 0.0, 0.1]) + 0.2 * np.sin(2.0 * time)[:, None]
     >>> motion = go.Motion(time, q, arm.joint_names, 0.4 * np.cos(2.0 * time)[:, None] + 0.0 * q)
-    >>> predicted = go.minimum_jerk_hand(arm, motion, [(0, 50)])
-    >>> bool(go.evaluate(arm, motion, predicted).position < 1e-3)  # mean error of the hand [m]
+    >>> predicted = go.baselines.minimum_jerk_hand(arm, motion, [(0, 50)])
+    >>> errors = go.synergies.motion_errors(arm, motion, predicted)
+    >>> bool(errors.position < 1e-3)  # mean error of the hand [m]
     True
 
     Args:
@@ -296,7 +305,7 @@ def distal_inertia(
     explain recordings as well as G + a I.
 
     >>> import geodesic_ocp as go
-    >>> go.distal_inertia(go.human_arm(), armature=0.1).model.armature.tolist()
+    >>> go.baselines.distal_inertia(go.human_arm(), armature=0.1).model.armature.tolist()
     [0.0, 0.0, 0.0, 0.0, 0.1, 0.1, 0.1]
 
     Args:

@@ -59,7 +59,7 @@ def segment_optimal(
     >>> from importlib.resources import files
     >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv").filtered()
     >>> part = go.Motion(motion.time[:90], motion.q[:90], motion.joint_names, motion.velocity[:90])
-    >>> segments = go.segment_optimal(go.Euclidean(7), part, count=3)
+    >>> segments = go.synergies.segment_optimal(go.Euclidean(7), part, count=3)
     >>> len(segments), segments[0][0], segments[-1][1]
     (3, 0, 89)
 
@@ -130,7 +130,7 @@ def optimal_segmentations(
     >>> slope = np.where(time < 0.5, -1.0, 1.0)  # the first of two coordinates turns at 0.5 s
     >>> q, v = np.stack([np.abs(time - 0.5), time], 1), np.stack([slope, np.ones(61)], 1)
     >>> motion = go.Motion(time, q, ("x", "y"), v)
-    >>> found = go.optimal_segmentations(go.Euclidean(2), motion, spacing=0.1)
+    >>> found = go.synergies.optimal_segmentations(go.Euclidean(2), motion, spacing=0.1)
     >>> found.segments(2)
     [(0, 25), (25, 60)]
 

@@ -69,7 +69,7 @@ class MotionErrors(ShortRepr):
     hands: tuple[HandErrors, ...] = ()
 
 
-def evaluate(model: Model, observed: Motion, predicted: Motion) -> MotionErrors:
+def motion_errors(model: Model, observed: Motion, predicted: Motion) -> MotionErrors:
     """Mean errors of a predicted motion against the observed one, sample by sample.
 
     >>> import geodesic_ocp as go
@@ -77,7 +77,7 @@ def evaluate(model: Model, observed: Motion, predicted: Motion) -> MotionErrors:
     >>> arm, time = go.human_arm(), np.linspace(0.0, 1.0, 11)
     >>> observed = go.Motion(time, np.outer(time, np.full(7, 0.5)), arm.joint_names)
     >>> predicted = go.Motion(time, observed.q + 0.01, arm.joint_names)
-    >>> go.evaluate(arm, observed, predicted)
+    >>> go.synergies.motion_errors(arm, observed, predicted)
     MotionErrors(joint=0.01, position=0.00922838, orientation=0.0395273)
 
     Raises:
@@ -175,7 +175,7 @@ def score(
     >>> arm, time = go.human_arm(), np.linspace(0.0, 1.0, 101)
     >>> observed = go.Motion(time, np.outer(time, np.full(7, 0.5)), arm.joint_names)
     >>> late = go.Motion(time, np.outer(time**2, np.full(7, 0.5)), arm.joint_names)
-    >>> scores = go.score(arm, observed, late)  # the same path at other times
+    >>> scores = go.synergies.score(arm, observed, late)  # the same path at other times
     >>> round(scores.joint_mean, 3), round(scores.path_joint, 3)
     (0.083, 0.0)
 

@@ -43,9 +43,9 @@ _BLOCK = 8  # segments that a thread plans in one go
 class SegmentCosts:
     """Predictions and costs of segments (start, stop) of one motion; each is planned once.
 
-    The cost of a segment is the sum over its samples of the absolute error that `measure` names, as
-    of `go.reconstruct` and `go.evaluate`, of several hands their mean; divided by the number of
-    samples of the motion, those of its segments add up to the mean error.
+    The cost of a segment is the sum of the absolute errors of its samples, averaged over the hands,
+    divided by the number of samples of the motion. The costs of all segments add up to the mean
+    error that `synergies.motion_errors` gives for `synergies.reconstruct`.
 
     Args:
         metric: of the geodesics.

@@ -135,7 +135,8 @@ def reconstruct(
     >>> import geodesic_ocp as go
     >>> from importlib.resources import files
     >>> motion = go.read_motion(files("geodesic_ocp") / "data" / "climb.csv").filtered()
-    >>> result = go.reconstruct(go.Euclidean(7), motion, [(0, 300), (300, len(motion) - 1)])
+    >>> segments = [(0, 300), (300, len(motion) - 1)]
+    >>> result = go.synergies.reconstruct(go.Euclidean(7), motion, segments)
     >>> [round(synergy.length, 2) for synergy in result.synergies]
     [0.44, 0.36]
     >>> result.predicted.q.shape

@@ -48,7 +48,7 @@ def test_motions_within_the_limits_come_back(side: str, seed: int) -> None:
         TIME,
         np.hstack([smooth(seed, arm.lower, arm.upper), smooth(seed, -np.ones(6), np.ones(6))]),
         arm.joint_names + TRUNK,
-        subject=go.Subject(1.8, 80.0, "somebody"),
+        subject=go.trajectory.Subject(1.8, 80.0, "somebody"),
         trunk=trunk,
     )
     back = joint_angles(segment_orientations(motion), motion.joint_names)

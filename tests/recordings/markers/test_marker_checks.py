@@ -11,7 +11,7 @@ from marked_motion import HEIGHT, angles, marked
 from small_recordings import MARKER_TABLE, TRC
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.markers.fit_motion import fit_motion
+from geodesic_ocp.recordings.markers.fit_markers import fit_markers
 from geodesic_ocp.recordings.markers.marker_set import MMM_MARKERS
 from geodesic_ocp.recordings.markers.markers import Axis, Markers, check_plausible_size, with_z_up
 from geodesic_ocp.recordings.read_markers import read_markers
@@ -46,20 +46,20 @@ def test_a_person_who_is_not_upright_is_asked_about(up: Axis, walker: Markers) -
     other = replace(walker, positions=walker.positions @ to_z.positions[0].T)
     arm = go.human_arm("right", HEIGHT)
     with pytest.raises(ValueError, match=f"is {up} up[?] Then pass up='{up}'"):
-        fit_motion(arm, other)
+        fit_markers(arm, other)
     np.testing.assert_allclose(with_z_up(other, up).positions, walker.positions, atol=1e-12)
 
 
 @pytest.mark.slow
 def test_a_person_may_lie_if_that_is_said(walker: Markers) -> None:
     arm = go.human_arm("right", HEIGHT)
-    upright = fit_motion(arm, walker, estimate=())
+    upright = fit_markers(arm, walker, estimate=())
     lying = replace(
         walker, positions=walker.positions @ np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
     )
     with pytest.raises(ValueError, match="pass up='z' if z is up and the person lies"):
-        fit_motion(arm, lying, estimate=())
-    fit = fit_motion(arm, lying, estimate=(), up="z")
+        fit_markers(arm, lying, estimate=())
+    fit = fit_markers(arm, lying, estimate=(), up="z")
     np.testing.assert_allclose(fit.motion.q, upright.motion.q, atol=2e-3)
     assert fit.motion.trunk is not None
     assert np.abs(fit.motion.trunk.rotations[:, 2, 2]).max() < 0.5
@@ -70,7 +70,7 @@ def test_a_stray_marker_of_the_thorax_does_not_lay_a_person_down(walker: Markers
     positions = walker.positions.copy()
     positions[:, walker.names.index("C7")] = 0.0
     arm = go.human_arm("right", HEIGHT)
-    fit = fit_motion(arm, replace(walker, positions=positions), estimate=())
+    fit = fit_markers(arm, replace(walker, positions=positions), estimate=())
     assert {each.marker for each in fit.lost} == {"C7"}
     assert fit.typical_error < 0.001
 
@@ -90,11 +90,11 @@ def test_mirrored_people_are_refused(walker: Markers) -> None:
     arm = go.human_arm("right", HEIGHT)
     left_handed = replace(walker, positions=walker.positions * np.array([-1.0, 1.0, 1.0]))
     with pytest.raises(ValueError, match="right and left may be exchanged"):
-        fit_motion(arm, left_handed)
+        fit_markers(arm, left_handed)
     other = {"R": "L", "L": "R"}
     names = tuple(other.get(name[0], name[0]) + name[1:] for name in walker.names)
     with pytest.raises(ValueError, match="right and left may be exchanged"):
-        fit_motion(go.human_arm("left", HEIGHT), replace(walker, names=names))
+        fit_markers(go.human_arm("left", HEIGHT), replace(walker, names=names))
 
 
 @pytest.mark.parametrize(
@@ -104,7 +104,7 @@ def test_mirrored_people_are_refused(walker: Markers) -> None:
 def test_positions_in_another_unit(factor: float, message: str, walker: Markers) -> None:
     scaled = replace(walker, positions=factor * walker.positions)
     with pytest.raises(ValueError, match=message):
-        fit_motion(go.human_arm("right"), scaled)
+        fit_markers(go.human_arm("right"), scaled)
 
 
 @pytest.mark.parametrize("content", [TRC, MARKER_TABLE])
@@ -128,7 +128,7 @@ def test_positions_in_a_room_have_no_fixed_base(walker: Markers) -> None:
     with pytest.raises(
         ValueError, match=r"not fitted: markers are typically .* Check base='fixed'"
     ):
-        fit_motion(go.human_arm("right", HEIGHT), walker, base="fixed", estimate=())
+        fit_markers(go.human_arm("right", HEIGHT), walker, base="fixed", estimate=())
 
 
 @pytest.mark.slow
@@ -137,7 +137,7 @@ def test_names_that_are_permuted_are_no_fit(walker: Markers) -> None:
     mixed = dict(zip(arm_names, np.random.default_rng(1).permutation(arm_names), strict=True))
     names = tuple(str(mixed.get(name, name)) for name in walker.names)
     with pytest.raises(ValueError, match="names that mean other places"):
-        fit_motion(go.human_arm("right", HEIGHT), replace(walker, names=names))
+        fit_markers(go.human_arm("right", HEIGHT), replace(walker, names=names))
 
 
 @pytest.mark.slow
@@ -145,8 +145,8 @@ def test_a_height_that_no_adult_has_is_not_believed(walker: Markers) -> None:
     """Unless it is given: then the model is of this height."""
     tall = replace(walker, positions=1.5 * walker.positions)
     with pytest.raises(ValueError, match=r"the body height would be 2\.\d+ m"):
-        fit_motion(go.human_arm("right", HEIGHT), tall)
-    fit = fit_motion(go.human_arm("right", HEIGHT), tall, height=1.5 * HEIGHT)
+        fit_markers(go.human_arm("right", HEIGHT), tall)
+    fit = fit_markers(go.human_arm("right", HEIGHT), tall, height=1.5 * HEIGHT)
     assert fit.height == pytest.approx(1.5 * HEIGHT)
 
 
@@ -156,7 +156,7 @@ def test_doubts_are_told_once(walker: Markers, tmp_path: Path) -> None:
     rows[:, [walker.names.index(name) for name in ("RHTS", "RHPS", "RIFD")]] = np.nan
     arm = go.human_arm("right", HEIGHT)
     with pytest.warns(RuntimeWarning, match="do not determine RWx_joint, RWy_joint") as told:
-        fit = fit_motion(arm, replace(walker, positions=rows), height=HEIGHT)
+        fit = fit_markers(arm, replace(walker, positions=rows), height=HEIGHT)
     assert len(told) == 1
     assert fit.doubts == ("the markers do not determine RWx_joint, RWy_joint",)
     assert np.flatnonzero(np.isnan(fit.constant_errors)).tolist() == [5, 6]
@@ -175,15 +175,17 @@ def test_doubts_are_told_once(walker: Markers, tmp_path: Path) -> None:
 
 
 def test_arrays_are_not_markers(walker: Markers) -> None:
-    with pytest.raises(TypeError, match=r"must be Markers, got ndarray; give go\.Markers"):
-        fit_motion(go.human_arm("right"), walker.positions)  # type: ignore[arg-type]
+    with pytest.raises(
+        TypeError, match=r"must be Markers, got ndarray; give go\.recordings\.Markers"
+    ):
+        fit_markers(go.human_arm("right"), walker.positions)  # type: ignore[arg-type]
 
 
 def test_gaps_that_leave_nothing_are_named(walker: Markers) -> None:
     positions = walker.positions.copy()
     positions[6:] = np.nan
     with pytest.raises(ValueError, match=r"for \d+% of the time no marker is seen"):
-        fit_motion(go.human_arm("right"), replace(walker, positions=positions))
+        fit_markers(go.human_arm("right"), replace(walker, positions=positions))
 
 
 @pytest.mark.slow
@@ -192,10 +194,10 @@ def test_constant_errors_grow_with_the_uncertainty_of_places(walker: Markers) ->
     arm, found = go.human_arm("right", HEIGHT), {}
     for size in (0.01, 0.02):
         used = replace(MMM_MARKERS, uncertainty=size)
-        kept = fit_motion(arm, walker, marker_set=used, estimate=(), height=HEIGHT)
+        kept = fit_markers(arm, walker, marker_set=used, estimate=(), height=HEIGHT)
         found[size] = kept.constant_errors
     assert found[0.02] == pytest.approx(2.0 * found[0.01], rel=1e-3)
     assert np.all((np.deg2rad(1.0) < found[0.01]) & (found[0.01] < np.deg2rad(20.0)))
     used = replace(MMM_MARKERS, uncertainty=0.02)
-    estimated = fit_motion(arm, walker, marker_set=used, estimate="offsets", height=HEIGHT)
+    estimated = fit_markers(arm, walker, marker_set=used, estimate="offsets", height=HEIGHT)
     assert np.all(estimated.constant_errors < found[0.02])

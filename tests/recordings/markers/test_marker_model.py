@@ -14,7 +14,7 @@ from geodesic_ocp.model.adjustable_lengths import joint_poses, with_lengths
 from geodesic_ocp.model.human import human_upper_body, stature
 from geodesic_ocp.recordings.markers.body import MarkedBody
 from geodesic_ocp.recordings.markers.chosen_markers import standing_height
-from geodesic_ocp.recordings.markers.fit_motion import fit_motion
+from geodesic_ocp.recordings.markers.fit_markers import fit_markers
 from geodesic_ocp.recordings.markers.fit_program import roughness
 from geodesic_ocp.recordings.markers.marker_fit import lost_markers
 from geodesic_ocp.recordings.markers.marker_set import MARKER_SETS, MMM_MARKERS, MarkerSet
@@ -87,7 +87,7 @@ def test_any_model_is_fitted_to_points_on_its_frames() -> None:
     arm, time = planar_arm(), np.arange(80) / 40.0
     q = np.stack([np.sin(2.0 * time), 1.0 + 0.5 * np.cos(3.0 * time)], axis=1)
     positions = np.stack([arm.frame_pose(name, q)[1] for name in ("second", "tip")], axis=1)
-    fit = fit_motion(arm, Markers(time, ("second", "tip"), positions), base="fixed")
+    fit = fit_markers(arm, Markers(time, ("second", "tip"), positions), base="fixed")
     assert np.abs(fit.motion.q - q).max() < 0.005
     assert (fit.height, fit.lengths, fit.marker_set) == (None, {}, "frames of the model")
     # Markers on the base tell where it is.
@@ -97,14 +97,14 @@ def test_any_model_is_fitted_to_points_on_its_frames() -> None:
     base = np.array([each for _, each in corners])
     seen = np.concatenate([np.tile(base, (80, 1, 1)), positions[:, 1:]], axis=1)
     lifted = Markers(time, ("a", "b", "c", "end"), seen + np.array([0.0, 0.0, 2.0]))
-    found = fit_motion(arm, lifted, marker_set=known)
+    found = fit_markers(arm, lifted, marker_set=known)
     assert found.base is not None
     np.testing.assert_allclose(found.base.positions, np.tile([0.0, 0.0, 2.0], (80, 1)), atol=1e-4)
     assert np.abs(found.motion.q - q).max() < 0.005
     with pytest.raises(ValueError, match="fractions of the body height"):
-        fit_motion(arm, lifted, marker_set=MMM_MARKERS)
+        fit_markers(arm, lifted, marker_set=MMM_MARKERS)
     with pytest.raises(ValueError, match="height is for models of people"):
-        fit_motion(arm, lifted, marker_set=known, height=1.8)
+        fit_markers(arm, lifted, marker_set=known, height=1.8)
 
 
 def test_points_of_arm_and_upper_body_agree() -> None:

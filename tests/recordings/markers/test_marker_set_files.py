@@ -22,7 +22,7 @@ def test_a_file_holds_the_attributes(tmp_path: Path) -> None:
     file = tmp_path / "set.json"
     file.write_text(json.dumps(RECORD))
     place = ("left forearm", (-0.03, 0.0, -0.22))
-    expected = go.MarkerSet("laboratory", {"dial": place}, "m", {"dial": 0.02})
+    expected = go.recordings.MarkerSet("laboratory", {"dial": place}, "m", {"dial": 0.02})
     assert as_marker_set(file) == as_marker_set(str(file)) == expected
     assert as_marker_set(expected) is expected
     assert as_marker_set(None) is None

@@ -27,7 +27,7 @@ _UPRIGHT = 90.0  # percentile of the heights over time: people bend more often t
 
 @dataclass(frozen=True)
 class FitSettings:
-    """See `fit_motion`, whose arguments these are."""
+    """See `fit_markers`, whose arguments these are."""
 
     base: Base = "free"
     lengths: bool = True

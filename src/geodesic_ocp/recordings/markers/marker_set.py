@@ -26,7 +26,8 @@ class MarkerSet:
     person's right, y forward and z up with the arms hanging and the palms towards the body.
 
     >>> import geodesic_ocp as go
-    >>> watch = go.MarkerSet("watch", {"dial": ("left forearm", (-0.03, 0.0, -0.22))}, unit="m")
+    >>> dial = ("left forearm", (-0.03, 0.0, -0.22))
+    >>> watch = go.recordings.MarkerSet("watch", {"dial": dial}, unit="m")
 
     Attributes:
         name: of the set.
@@ -210,5 +211,5 @@ _JOINTS: dict[str, Place] = {
 JOINT_CENTRES = MarkerSet(
     "joint centres", _per_mille({**_JOINTS, **_mirrored(_JOINTS)}), uncertainty=0.0
 )
-#: The sets among which `fit_motion` chooses.
+#: The sets among which `fit_markers` chooses.
 MARKER_SETS = (MMM_MARKERS, PLUG_IN_GAIT_MARKERS, JOINT_CENTRES)

@@ -66,7 +66,7 @@ def landmarks(robot: Model) -> Landmarks:
     if len(revolute) < 2:
         raise ValueError(
             f"{robot.name!r} has {len(revolute)} revolute joints before its hand {robot.hand!r}: "
-            "an alignment cannot be proposed for it; describe it with go.Alignment"
+            "an alignment cannot be proposed for it; describe it with go.retargeting.Alignment"
         )
     arm = revolute[-_ARM_JOINTS:]
     _, hand = robot.hand_pose(home)

@@ -10,7 +10,7 @@ import scipy
 from marked_motion import HEIGHT, angles, marked, placed, walk
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.markers.fit_motion import fit_motion
+from geodesic_ocp.recordings.markers.fit_markers import fit_markers
 from geodesic_ocp.recordings.markers.marker_set import (
     JOINT_CENTRES,
     MMM_MARKERS,
@@ -29,7 +29,7 @@ def test_joint_centres_give_the_angles_of_an_arm_at_a_fixed_shoulder() -> None:
         if segment.startswith("right")
     }
     positions = placed(arm, q, places)
-    fit = fit_motion(arm, Markers(time, tuple(places), positions), base="fixed", estimate=())
+    fit = fit_markers(arm, Markers(time, tuple(places), positions), base="fixed", estimate=())
     # What is left is what the prior of small accelerations and jerks takes away.
     assert np.abs(fit.motion.q - q).max() < 0.01
     assert np.nanmax(fit.errors) < 1e-3
@@ -50,7 +50,7 @@ def test_centres_of_joints_tell_the_lengths_and_so_the_height() -> None:
         if segment.startswith("right")
     }
     positions = placed(arm, angles(arm, time), places)
-    fit = fit_motion(
+    fit = fit_markers(
         go.human_arm("right", 1.6), Markers(time, tuple(places), positions), base="fixed"
     )
     assert fit.height == pytest.approx(HEIGHT, rel=0.005)
@@ -66,7 +66,7 @@ def test_the_model_s_frames_may_be_recorded_by_their_names() -> None:
     names = ("LEx_joint", "LWx_joint", "hand")
     positions = np.stack([arm.frame_pose(name, q)[1] for name in names], axis=1)
     with pytest.warns(RuntimeWarning, match="do not determine"):
-        fit = fit_motion(arm, Markers(time, names, positions), base="fixed", estimate=())
+        fit = fit_markers(arm, Markers(time, names, positions), base="fixed", estimate=())
     assert np.nanmax(fit.errors) < 1e-3
     # One point of the hand leaves the hand's orientation open.
     assert fit.undetermined
@@ -84,7 +84,7 @@ def test_noise_gaps_and_swapped_markers_leave_the_motion_as_it_is() -> None:
     positions[100:112, [column[f"L{name}"] for name in ("HTS", "HPS", "IFD")]] = np.nan
     swapped = [column["LWTS"], column["LWPS"]]
     positions[130:160, swapped] = positions[130:160, swapped[::-1]]
-    fit = fit_motion(arm, replace(markers, positions=positions), estimate=())
+    fit = fit_markers(arm, replace(markers, positions=positions), estimate=())
     error = np.abs(fit.motion.q - q)
     assert np.sqrt(np.mean(error**2)) < 0.005
     assert error.max() < 0.03
@@ -113,7 +113,7 @@ def test_lengths_and_offsets_are_found() -> None:
     moved = {**MMM_MARKERS.places, "RHTS": (segment, (x + 0.006, y - 0.004, z + 0.003))}
     markers = marked(arm, q, time, replace(MMM_MARKERS, places=moved), noise=1e-3)
     # The model starts from another height: lengths and height come from the markers alone.
-    fit = fit_motion(go.human_arm("right", 1.7), markers)
+    fit = fit_markers(go.human_arm("right", 1.7), markers)
     assert fit.height == pytest.approx(HEIGHT, rel=0.02)
     assert fit.lengths["right upper arm"] == pytest.approx(0.188 * HEIGHT, rel=0.03)
     assert fit.lengths["right forearm"] == pytest.approx(0.145 * HEIGHT, rel=0.03)
@@ -135,7 +135,7 @@ def test_the_result_hardly_depends_on_the_sampling_rate() -> None:
     for rate in (50, 200):
         time = np.arange(2 * rate + 1) / rate
         markers = marked(arm, angles(arm, time), time, MMM_MARKERS)
-        fits.append(fit_motion(arm, markers, estimate=(), jerk=20.0))
+        fits.append(fit_markers(arm, markers, estimate=(), jerk=20.0))
     slow, fast = (fit.motion.q for fit in fits)
     smoothed = np.abs(slow - angles(arm, fits[0].motion.time)).max()
     assert smoothed > 0.02  # so small a jerk distorts the motion visibly, and equally
@@ -147,7 +147,7 @@ def test_samples_may_be_unevenly_spaced() -> None:
     arm = go.human_arm("right", HEIGHT)
     time = (np.arange(150) + np.random.default_rng(3).uniform(-0.4, 0.4, 150)) / 75.0
     q = angles(arm, time)
-    fit = fit_motion(arm, marked(arm, q, time, MMM_MARKERS), estimate=())
+    fit = fit_markers(arm, marked(arm, q, time, MMM_MARKERS), estimate=())
     assert np.abs(fit.motion.q - q).max() < 0.01
 
 
@@ -157,10 +157,10 @@ def test_limits_hold_unless_they_are_left_out() -> None:
     q = angles(arm, time)
     markers = marked(arm, q, time, MMM_MARKERS)
     narrow = arm.with_limits(upper={"REx_joint": float(np.median(q[:, 3]))})
-    kept = fit_motion(narrow, markers, estimate=()).motion.q
+    kept = fit_markers(narrow, markers, estimate=()).motion.q
     assert np.all(kept <= narrow.upper)
     assert np.all(kept >= narrow.lower)
-    free = fit_motion(narrow, markers, estimate=(), limits=False).motion.q
+    free = fit_markers(narrow, markers, estimate=(), limits=False).motion.q
     assert np.abs(free - q).max() < 0.01
 
 
@@ -175,7 +175,7 @@ def test_markers_of_plug_in_gait_at_unknown_offsets() -> None:
     }
     used = replace(PLUG_IN_GAIT_MARKERS, places=places)
     markers = marked(arm, q, time, used, noise=1e-3)
-    fit = fit_motion(arm, markers, height=HEIGHT)
+    fit = fit_markers(arm, markers, height=HEIGHT)
     assert fit.marker_set == "Plug-in Gait"
     assert np.nanmean(fit.errors) < 0.003
     # A constant error per joint is what unknown offsets leave; the motion itself comes back.
@@ -193,23 +193,23 @@ def test_wrong_arguments_are_named() -> None:
     unknown = Markers(time, ("nose",), np.zeros((10, 1, 3)))
     elbow = Markers(time, ("right elbow", "right wrist"), np.zeros((10, 2, 3)))
     with pytest.raises(ValueError, match="nose"):
-        fit_motion(arm, unknown)
+        fit_markers(arm, unknown)
     with pytest.raises(ValueError, match="three markers"):
-        fit_motion(arm, elbow)
+        fit_markers(arm, elbow)
     with pytest.raises(ValueError, match="base"):
-        fit_motion(arm, elbow, base="moving")  # type: ignore[arg-type]
+        fit_markers(arm, elbow, base="moving")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="estimate"):
-        fit_motion(arm, elbow, base="fixed", estimate=("mass",))
+        fit_markers(arm, elbow, base="fixed", estimate=("mass",))
     with pytest.raises(ValueError, match="noise"):
-        fit_motion(arm, elbow, base="fixed", noise=0.0)
+        fit_markers(arm, elbow, base="fixed", noise=0.0)
     missing = replace(elbow, positions=np.full((10, 2, 3), np.nan))
     with pytest.raises(ValueError, match="no marker"):
-        fit_motion(arm, missing, base="fixed")
+        fit_markers(arm, missing, base="fixed")
     near = replace(elbow, time=np.where(time == time[4], time[3] + 1e-6, time))
     with pytest.raises(ValueError, match="samples 3 and 4"):
-        fit_motion(arm, near, base="fixed")
+        fit_markers(arm, near, base="fixed")
     with pytest.raises(ValueError, match="height"):
-        fit_motion(arm, elbow, base="fixed", height=180.0)
+        fit_markers(arm, elbow, base="fixed", height=180.0)
 
 
 def test_markers_in_millimetres_or_of_the_other_arm_are_not_fitted_in_silence() -> None:
@@ -217,9 +217,9 @@ def test_markers_in_millimetres_or_of_the_other_arm_are_not_fitted_in_silence() 
     markers = marked(arm, angles(arm, time), time, MMM_MARKERS)
     in_millimetres = replace(markers, positions=1e3 * markers.positions)
     with pytest.raises(ValueError, match="are the numbers mm or cm"):
-        fit_motion(arm, in_millimetres, height=HEIGHT)
+        fit_markers(arm, in_millimetres, height=HEIGHT)
     with pytest.raises(ValueError, match="none of the joints of 'human left arm'"):
-        fit_motion(go.human_arm("left"), markers)
+        fit_markers(go.human_arm("left"), markers)
 
 
 @pytest.mark.slow
@@ -227,4 +227,4 @@ def test_a_solver_that_stops_early_is_an_error() -> None:
     arm, time = go.human_arm("right", HEIGHT), np.arange(30) / 30.0
     markers = marked(arm, angles(arm, time), time, MMM_MARKERS)
     with pytest.raises(go.NotConverged, match="no motion was fitted"):
-        fit_motion(arm, markers, ipopt={"max_iter": 1})
+        fit_markers(arm, markers, ipopt={"max_iter": 1})

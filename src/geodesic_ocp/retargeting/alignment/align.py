@@ -165,7 +165,7 @@ def propose_alignment(robot: Model, *, side: Side | None = None) -> Alignment:
     `geodesic-ocp align` shows all that was assumed, and writes a file to edit.
 
     >>> import geodesic_ocp as go
-    >>> found = go.propose_alignment(go.human_arm("right"))
+    >>> found = go.retargeting.propose_alignment(go.human_arm("right"))
     >>> found.elbow, found.wrist, abs(found.shoulder).round(6).tolist()
     ('REx_joint', 'RWx_joint', [0.0, 0.0, 0.0])
 
@@ -214,7 +214,7 @@ def _rounded(point: Array) -> Array:
 _HUMAN: dict[str, Side] = {"human right arm": "right", "human left arm": "left"}
 
 
-def alignment(robot: Model, **changes: Any) -> Alignment:
+def align(robot: Model, **changes: Any) -> Alignment:
     """The default alignment of a robot or of a person's arm, with some fields changed.
 
     Robots that `load_model` offers by name (panda, talos-left-arm, ...) are known by the name of
@@ -233,7 +233,7 @@ def alignment(robot: Model, **changes: Any) -> Alignment:
         ValueError: nothing can be proposed, or a change is not a field of an alignment.
 
     >>> import geodesic_ocp as go
-    >>> go.alignment(go.human_arm("left")).side
+    >>> go.retargeting.align(go.human_arm("left")).side
     'left'
     """
     found = known_alignment(as_model(robot))

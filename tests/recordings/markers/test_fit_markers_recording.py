@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.markers.fit_motion import fit_motion
+from geodesic_ocp.recordings.markers.fit_markers import fit_markers
 from geodesic_ocp.recordings.read_markers import read_markers
 
 KIT = Path(__file__).resolve().parents[4] / "shared" / "data" / "kit"
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.skipif(
 @pytest.mark.slow
 def test_the_book_s_recording() -> None:
     markers = read_markers(KIT / f"{NAME}.c3d")
-    fit = fit_motion(go.human_arm("right"), markers)
+    fit = fit_markers(go.human_arm("right"), markers)
     on_arm = [column for column, name in enumerate(fit.segments) if name != "thorax"]
     # The database's own errors, by its conversion's log: 29.9 mm on average, 107 mm at most.
     assert 1e3 * fit.errors[:, on_arm].mean() < 8.0

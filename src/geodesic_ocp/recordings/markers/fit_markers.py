@@ -57,7 +57,7 @@ class FrameSearch:
 
     Attributes:
         problem: of the fit.
-        outlier: [m], see `fit_motion`.
+        outlier: [m], see `fit_markers`.
     """
 
     problem: FitProblem
@@ -226,7 +226,7 @@ _ESTIMATES = ("lengths", "offsets")
 _CLOSEST = 0.05  # least step between samples, relative to their median
 
 
-def fit_motion(
+def fit_markers(
     model: Model,
     positions: Markers,
     *,
@@ -260,9 +260,10 @@ def fit_motion(
     >>> rotation, wrist = arm.frame_pose("right hand", q)
     >>> points = [arm.frame_pose("REx_joint", q)[1], *(wrist + 0.1 * rotation.transpose(2, 0, 1))]
     >>> hand = {name: ("right hand", 0.1 * np.eye(3)[i]) for i, name in enumerate("xyz")}
-    >>> used = go.MarkerSet("elbow and hand", {"elbow": ("REx_joint", (0, 0, 0))} | hand, unit="m")
-    >>> markers = go.Markers(time, tuple(used.places), np.stack(points, axis=1))
-    >>> fit = go.fit_motion(arm, markers, marker_set=used, base="fixed", estimate=())
+    >>> places = {"elbow": ("REx_joint", (0, 0, 0))} | hand
+    >>> used = go.recordings.MarkerSet("elbow and hand", places, unit="m")
+    >>> markers = go.recordings.Markers(time, tuple(used.places), np.stack(points, axis=1))
+    >>> fit = go.recordings.fit_markers(arm, markers, marker_set=used, base="fixed", estimate=())
     >>> bool(np.nanmax(fit.errors) < 1e-3)
     True
 
@@ -318,7 +319,7 @@ def fit_motion(
     if not isinstance(positions, Markers):
         raise TypeError(
             f"positions must be Markers, got {type(positions).__name__}; give "
-            "go.Markers(time, names, positions) with positions (samples, markers, 3) in m"
+            "recordings.Markers(time, names, positions) with positions (samples, markers, 3) in m"
         )
     check_plausible_size(positions)
     if up is not None:

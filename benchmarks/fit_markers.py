@@ -1,7 +1,7 @@
 """Motions fitted to markers: speed, and what the analysis says of them.
 
-Usage: python benchmarks/fit_motion.py [--frames N ...]
-       python benchmarks/fit_motion.py --markers FILE.c3d --motion FILE.xml [--height H]
+Usage: python benchmarks/fit_markers.py [--frames N ...]
+       python benchmarks/fit_markers.py --markers FILE.c3d --motion FILE.xml [--height H]
 
 Without files: frames a second for synthetic recordings at 100 Hz of an arm on a thorax that walks,
 with the 17 markers of the Master Motor Map's set and 1 mm of noise; 7 joints, 6 coordinates of the
@@ -25,7 +25,7 @@ import numpy as np
 import scipy
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.markers.fit_motion import fit_motion
+from geodesic_ocp.recordings.markers.fit_markers import fit_markers
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.markers.marker_set import MMM_MARKERS
 from geodesic_ocp.recordings.markers.markers import Markers
@@ -75,7 +75,7 @@ def speeds(counts: list[int]) -> Table:
     for frames in counts:
         arm, q, markers = synthetic(frames)
         start = time.process_time()
-        fit = fit_motion(arm, markers, height=1.8)
+        fit = fit_markers(arm, markers, height=1.8)
         processor = time.process_time() - start
         error = float(np.sqrt(np.mean((fit.motion.q - q) ** 2)))
         row = (
@@ -116,7 +116,7 @@ def fits(arm: go.Model, markers: Markers, height: float | None) -> dict[str, Mar
         "jerk 100000": {"jerk": 1e5, "acceleration": 1e4},
     }
     return {
-        name: fit_motion(arm, fewer if "RIFD" in name else markers, height=height, **given)
+        name: fit_markers(arm, fewer if "RIFD" in name else markers, height=height, **given)
         for name, given in settings.items()
     }
 

@@ -1,0 +1,17 @@
+from .arm_paths import ArmPaths as ArmPaths
+from .check_trajectory import TrajectoryCheck as TrajectoryCheck
+from .clearance import Clearance as Clearance
+from .clearance import keep_clear as keep_clear
+from .limits import JointLimits as JointLimits
+from .limits import joint_limits as joint_limits
+from .link_pairs import LinkPairs as LinkPairs
+from .link_pairs import link_pairs as link_pairs
+from .motion_measures import MotionMeasures as MotionMeasures
+from .motion_measures import compare_with_tracking as compare_with_tracking
+from .motion_measures import motion_measures as motion_measures
+from .plan_trajectory import PlannedTrajectory as PlannedTrajectory
+from .replay import Replay as Replay
+from .replay import replay as replay
+from .track_within_limits import track_within_limits as track_within_limits
+from .trajectory_clearance import ClearanceReport as ClearanceReport
+from .trajectory_clearance import trajectory_clearance as trajectory_clearance

@@ -1,0 +1,1 @@
+from .obstacles import draw_obstacle as draw_obstacle

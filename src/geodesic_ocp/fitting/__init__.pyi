@@ -1,0 +1,12 @@
+from .error_profile import ErrorProfile as ErrorProfile
+from .error_profile import error_profile as error_profile
+from .metric_fit import ConfidenceInterval as ConfidenceInterval
+from .metric_fit import Estimate as Estimate
+from .metric_fit import MetricFit as MetricFit
+from .metric_fit import load_metric as load_metric
+from .metric_fit import save_metric as save_metric
+from .parameter import Parameter as Parameter
+from .resampling import CrossValidation as CrossValidation
+from .resampling import bootstrap_fit as bootstrap_fit
+from .resampling import leave_one_out as leave_one_out
+from .resampling import separate_fits as separate_fits

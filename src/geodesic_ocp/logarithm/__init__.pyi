@@ -1,0 +1,1 @@
+from .geodesic_to_pose import ToPose as ToPose

@@ -1,0 +1,5 @@
+from .connection import riemann_curvature as riemann_curvature
+from .connection import scalar_curvature as scalar_curvature
+from .connection import sectional_curvature as sectional_curvature
+from .metrics import AdjustableKineticEnergy as AdjustableKineticEnergy
+from .metrics import default_joint_inertia as default_joint_inertia

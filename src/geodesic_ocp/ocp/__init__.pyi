@@ -1,0 +1,5 @@
+from .callback import Iterate as Iterate
+from .callback import LivePlot as LivePlot
+from .certificate import Certificate as Certificate
+from .nlp import NLP as NLP
+from .solution import Stats as Stats

@@ -1,0 +1,16 @@
+from .conventions.angle_convention import AngleConvention as AngleConvention
+from .conventions.angle_convention import AxisRotation as AxisRotation
+from .conventions.angle_convention import SegmentRelation as SegmentRelation
+from .conventions.joint_angles import joint_angles as joint_angles
+from .conventions.osim_convention import OsimConvention as OsimConvention
+from .conventions.segment_orientations import SegmentOrientations as SegmentOrientations
+from .conventions.skeleton_convention import SkeletonConvention as SkeletonConvention
+from .formats.csv_table import save_motion as save_motion
+from .markers.fit_markers import fit_markers as fit_markers
+from .markers.marker_fit import LostMarker as LostMarker
+from .markers.marker_fit import MarkerFit as MarkerFit
+from .markers.marker_set import MarkerSet as MarkerSet
+from .markers.markers import Markers as Markers
+from .read_markers import read_markers as read_markers
+from .read_recordings import read_recordings as read_recordings
+from .recording import Recording as Recording

@@ -1,0 +1,12 @@
+from .alignment.align import align as align
+from .alignment.align import propose_alignment as propose_alignment
+from .alignment.align import read_alignment as read_alignment
+from .alignment.arm_alignment import Alignment as Alignment
+from .arm_result import RetargetedArm as RetargetedArm
+from .merge_synergies import SynergyGroup as SynergyGroup
+from .merge_synergies import merge_synergies as merge_synergies
+from .reachability import Reachability as Reachability
+from .reachability import reachability as reachability
+from .result import Retargeting as Retargeting
+from .retarget import retarget_arms as retarget_arms
+from .synergy_paths import SynergyPaths as SynergyPaths

@@ -1,0 +1,14 @@
+from .analyse_recordings import BatchResult as BatchResult
+from .analyse_recordings import analyse_recordings as analyse_recordings
+from .analysis_settings import AnalysisSettings as AnalysisSettings
+from .compare_methods import MethodComparison as MethodComparison
+from .compare_methods import compare_methods as compare_methods
+from .compare_metrics import MetricComparison as MetricComparison
+from .compare_metrics import compare_metrics as compare_metrics
+from .paired_test import PairedTest as PairedTest
+from .paired_test import paired_test as paired_test
+from .result_files import RecordingOutcome as RecordingOutcome
+from .statistics import StudyMean as StudyMean
+from .statistics import StudyTest as StudyTest
+from .statistics import SynergyStatistics as SynergyStatistics
+from .study import StudyResult as StudyResult

@@ -1,0 +1,15 @@
+from . import baselines as baselines
+from .optimal_segmentations import OptimalSegmentations as OptimalSegmentations
+from .optimal_segmentations import optimal_segmentations as optimal_segmentations
+from .optimal_segmentations import segment_optimal as segment_optimal
+from .scores import HandErrors as HandErrors
+from .scores import MotionErrors as MotionErrors
+from .scores import Scores as Scores
+from .scores import motion_errors as motion_errors
+from .scores import score as score
+from .segment import segment_zero_velocity as segment_zero_velocity
+from .synergy import Reconstruction as Reconstruction
+from .synergy import Synergy as Synergy
+from .synergy import load_synergies as load_synergies
+from .synergy import reconstruct as reconstruct
+from .synergy import save_synergies as save_synergies

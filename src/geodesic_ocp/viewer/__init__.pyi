@@ -1,0 +1,2 @@
+from .report import report as report
+from .viewer import Viewer as Viewer
