@@ -319,7 +319,7 @@ def fit_markers(
     if not isinstance(positions, Markers):
         raise TypeError(
             f"positions must be Markers, got {type(positions).__name__}; give "
-            "recordings.Markers(time, names, positions) with positions (samples, markers, 3) in m"
+            "go.recordings.Markers(time, names, positions) of shape (samples, markers, 3), in m"
         )
     check_plausible_size(positions)
     if up is not None:
