@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 import scipy
+from pandas import DataFrame
 
 import geodesic_ocp as go
 from geodesic_ocp.recordings.markers.fit_markers import fit_markers
@@ -30,7 +31,7 @@ from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.markers.marker_set import MMM_MARKERS
 from geodesic_ocp.recordings.markers.markers import Markers
 from geodesic_ocp.recordings.read_markers import read_markers
-from geodesic_ocp.table import Table
+from geodesic_ocp.tables import markdown, new_table
 
 FILTERS = {"Savitzky-Golay 0.21 s": {"duration": 0.21}, "default": {}}
 SETTINGS = (("kinetic", 0.6), ("kinetic", 0.3), ("kinetic", 0.15), ("joint-inertia", 0.6))
@@ -69,7 +70,7 @@ def synthetic(frames: int, height: float = 1.8) -> tuple[go.Model, np.ndarray, M
     return arm, q, Markers(moment, tuple(points), stacked)
 
 
-def speeds(counts: list[int]) -> Table:
+def speeds(counts: list[int]) -> DataFrame:
     """Frames a second of recordings of several lengths."""
     rows = []
     for frames in counts:
@@ -98,7 +99,7 @@ def speeds(counts: list[int]) -> Table:
         "iterations",
         "RMS error of the angles [mrad]",
     )
-    return Table(header, tuple(rows))
+    return new_table(header, tuple(rows))
 
 
 def fits(arm: go.Model, markers: Markers, height: float | None) -> dict[str, MarkerFit]:
@@ -121,7 +122,7 @@ def fits(arm: go.Model, markers: Markers, height: float | None) -> dict[str, Mar
     }
 
 
-def kinematics(arm: go.Model, database: go.Motion, found: dict[str, MarkerFit]) -> Table:
+def kinematics(arm: go.Model, database: go.Motion, found: dict[str, MarkerFit]) -> DataFrame:
     """Errors of the arm's markers, distance from the database's angles, noise and jerk."""
     rows: list[tuple[str | int | float, ...]] = []
     motions = {"database": database, **{name: fit.motion for name, fit in found.items()}}
@@ -159,10 +160,10 @@ def kinematics(arm: go.Model, database: go.Motion, found: dict[str, MarkerFit]) 
         "jerk, RMS [rad/s^3]",
         "at a limit [%]",
     )
-    return Table(header, tuple(rows))
+    return new_table(header, tuple(rows))
 
 
-def analyses(motions: dict[str, tuple[go.Model, go.Motion]]) -> Table:
+def analyses(motions: dict[str, tuple[go.Model, go.Motion]]) -> DataFrame:
     """Segments and errors of every motion, by filter, metric, threshold and cuts."""
     rows: list[tuple[str | int | float, ...]] = []
 
@@ -214,7 +215,7 @@ def analyses(motions: dict[str, tuple[go.Model, go.Motion]]) -> Table:
         "by the wrist alone [rad]",
         "straight lines, same cuts [rad]",
     )
-    return Table(header, tuple(rows))
+    return new_table(header, tuple(rows))
 
 
 def by_wrist(analysis: go.Analysis) -> float:
@@ -236,7 +237,7 @@ def main() -> None:
     parser.add_argument("--height", type=float, help="of the person [m]")
     given = parser.parse_args()
     if given.markers is None:
-        print(speeds(given.frames).markdown())
+        print(markdown(speeds(given.frames)))
         return
     markers = read_markers(given.markers)
     arm = go.human_arm("right", given.height or go.read_motion(given.motion).subject.height or 1.75)
@@ -244,13 +245,13 @@ def main() -> None:
     start = time.perf_counter()
     found = fits(arm, markers, given.height)
     print(f"{len(found)} fits in {time.perf_counter() - start:.1f} s\n")
-    print(found["fit"].table().markdown())
-    print(kinematics(arm, database, found).markdown())
+    print(markdown(found["fit"].table()))
+    print(markdown(kinematics(arm, database, found)))
     models = {
         name: (found[name].model, found[name].motion)
         for name in ("fit", "no estimates", "without RIFD")
     }
-    print(analyses({"database": (arm, database), **models}).markdown())
+    print(markdown(analyses({"database": (arm, database), **models})))
 
 
 if __name__ == "__main__":

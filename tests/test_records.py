@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from geodesic_ocp.records import TEMPORARY, write_file
-from geodesic_ocp.studies.tables import write_rows
+from geodesic_ocp.studies.study_tables import write_table
 
 
 @pytest.mark.skipif(os.name != "posix", reason="permissions are those of POSIX")
@@ -21,7 +21,7 @@ def test_files_have_the_permissions_that_the_user_asks_for(mask: int, tmp_path: 
         files = [
             write_file(tmp_path / "a.json", "{}"),
             write_file(tmp_path / "b.json", "{}", lasting=True),
-            *write_rows(tmp_path, "recordings", [{"samples": 3}]),
+            *write_table(tmp_path, "recordings", [{"samples": 3}]),
         ]
     finally:
         os.umask(before)

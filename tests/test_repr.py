@@ -54,9 +54,6 @@ OF_STUDIES = {
     go.studies.BatchResult,
     go.studies.RecordingOutcome,
     go.studies.StudyResult,
-    go.studies.StudyMean,
-    go.studies.StudyTest,
-    go.studies.SynergyStatistics,
 }
 ELSEWHERE = OF_A_RETARGETING | OF_EXECUTION | OF_RECORDINGS | OF_STUDIES
 ABSTRACT = {go.Metric, go.Problem}

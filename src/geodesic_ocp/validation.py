@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -26,7 +26,10 @@ from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.records import parse_json
-from geodesic_ocp.table import Table
+from geodesic_ocp.tables import new_table, text
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 
 @dataclass(frozen=True)
@@ -489,9 +492,9 @@ def check_known_geodesics(
     )
 
 
-def table_of(checks: Iterable[Check]) -> Table:
+def table_of(checks: Iterable[Check]) -> DataFrame:
     """Checks as a table."""
-    return Table(
+    return new_table(
         ("name", "quantity", "back end", "error", "tolerance", "verdict"),
         tuple(
             (
@@ -524,7 +527,7 @@ def run_check(file: str | PathLike[str] | None = None, backend: str | None = Non
     if backend is not None:
         backends = [choose_backend(backend)]
     checks = check_known_geodesics(known, backends)
-    print(table_of(checks))
+    print(text(table_of(checks)))
     print()
     failed = [check for check in checks if not check.passed]
     for check in failed:

@@ -14,7 +14,7 @@ from minimum_jerk_files import write_stroke
 from geodesic_ocp.cli import analyse as analyse_command
 from geodesic_ocp.cli import main as cli
 from geodesic_ocp.progress import ProgressBar
-from geodesic_ocp.studies import tables
+from geodesic_ocp.studies import study_tables
 from geodesic_ocp.studies.analyse_recordings import BatchResult, analyse_recordings
 
 QUICK = ["--metric", "euclidean", "--jobs", "1"]
@@ -178,7 +178,7 @@ def test_a_package_that_is_missing_is_named_in_one_line(
 ) -> None:
     (tmp_path / "recordings.parquet").write_bytes(b"PAR1")
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    monkeypatch.setattr(tables, "has_parquet", lambda: False)
+    monkeypatch.setattr(study_tables, "has_parquet", lambda: False)
     assert cli.main(["study", str(tmp_path)]) == 2
     printed = capsys.readouterr().err
     assert "Parquet needs pyarrow: pip install 'geodesic_ocp[parquet]'" in printed

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from known_models import planar_arm
 from short_reprs import check_reprs
+from table_rows import header_of, rows_of_table
 
 import geodesic_ocp as go
 from geodesic_ocp.manifold.exp import sample_geodesic
@@ -103,21 +104,21 @@ def test_the_first_metric_cuts_unless_segments_are_given(
 
 def test_tables(comparison: go.studies.MethodComparison) -> None:
     table = comparison.table()
-    assert [row[0] for row in table.rows] == list(comparison.methods)
-    assert {row[2:4] for row in table.rows} == {("3 of 3", 3)}
-    assert table.rows[0][1] == "2 configurations, 2 speeds"
-    assert table.rows[2][1] == "2 configurations, 2 velocities"
-    assert table.rows[1][4] == pytest.approx(comparison.values()[:, 1].mean())
+    assert [row[0] for row in rows_of_table(table)] == list(comparison.methods)
+    assert {row[2:4] for row in rows_of_table(table)} == {("3 of 3", 3)}
+    assert rows_of_table(table)[0][1] == "2 configurations, 2 speeds"
+    assert rows_of_table(table)[2][1] == "2 configurations, 2 velocities"
+    assert rows_of_table(table)[1][4] == pytest.approx(comparison.values()[:, 1].mean())
     everything = comparison.table(*SCORES)
-    assert everything.header[4:] == tuple(SCORES.values())
+    assert header_of(everything)[4:] == tuple(SCORES.values())
     each = comparison.by_recording("area")
-    assert each.header[:3] == ("area [m^2]", "subject", "segments")
-    assert each.rows[2][:3] == ("reach 2", "b", 1)
+    assert header_of(each)[:3] == ("area [m^2]", "subject", "segments")
+    assert rows_of_table(each)[2][:3] == ("reach 2", "b", 1)
     tests = comparison.test_table("area", by="recording")
-    assert tests.header[2] == "mean difference [m^2]"
-    assert tests.rows[0][1] == "3 of 3"
-    assert "note" not in tests.header
-    assert str(tests).count("3 pairs that differ cannot reach") == 1
+    assert header_of(tests)[2] == "mean difference [m^2]"
+    assert rows_of_table(tests)[0][1] == "3 of 3"
+    assert "note" not in header_of(tests)
+    assert tests.attrs["note"].count("3 pairs that differ cannot reach") == 1
     assert go.studies.MethodComparison in check_reprs([comparison])
 
 
@@ -141,15 +142,15 @@ def test_a_method_that_fails_is_left_out(
     assert np.isnan(found.values("area")[2, 1])
     assert not np.isnan(np.delete(found.values("area").ravel(), 2 * 5 + 1)).any()
     segments = len(found.segments[0]) + len(found.segments[1])
-    assert {row[2:4] for row in found.table().rows} == {("2 of 3", segments)}
-    assert found.table().rows[0][4] == pytest.approx(found.values()[:2, 0].mean())
+    assert {row[2:4] for row in rows_of_table(found.table())} == {("2 of 3", segments)}
+    assert rows_of_table(found.table())[0][4] == pytest.approx(found.values()[:2, 0].mean())
     test = found.tests(by="recording")["fails"]
     assert (test.pairs, test.left_out) == (2, 1)
     assert "1 pair left out (NaN)" in test.note
     with pytest.warns(UserWarning, match="fails failed"):
         nothing = go.studies.compare_methods([renamed], lines)
     assert "fails" not in nothing.tests()
-    assert all(np.isnan(row[4]) for row in nothing.table().rows)
+    assert all(np.isnan(row[4]) for row in rows_of_table(nothing.table()))
 
 
 def test_one_recording_needs_no_list(recordings: list[go.recordings.Recording]) -> None:

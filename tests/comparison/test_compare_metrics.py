@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from table_rows import rows_of_table
 
 import geodesic_ocp as go
 from geodesic_ocp.studies.compare_metrics import bayesian_information, noise_left
@@ -170,14 +171,14 @@ def test_without_metrics_three_are_compared(arm: go.Model, motion: go.Motion) ->
 def test_table_figure_and_files(comparison: go.studies.MetricComparison, tmp_path: Path) -> None:
     assert repr(comparison).startswith("MetricComparison(human right arm, 0.9 s, cuts of least pos")
     table = comparison.table([2, 5])
-    assert [row[:3] for row in table.rows if row[0] == "lines"][:2] == [
+    assert [row[:3] for row in rows_of_table(table) if row[0] == "lines"][:2] == [
         ("lines", "optimal", 2),
         ("lines", "optimal", 5),
     ]
-    assert table.rows[0][4] == comparison.curves["G"].position[1]
+    assert rows_of_table(table)[0][4] == comparison.curves["G"].position[1]
     with pytest.raises(ValueError, match=r"counts \[11\] are not among those compared"):
         comparison.table([11])
-    best = [row for row in comparison.table().rows if "BIC" in str(row[1])]
+    best = [row for row in rows_of_table(comparison.table()) if "BIC" in str(row[1])]
     assert [row[2] for row in best] == [comparison.best_count(name) for name in ("G", "lines")]
     with pytest.raises(ValueError, match="name must be one of G, lines, got 'log'"):
         comparison.best_count("log")

@@ -106,7 +106,6 @@ def test_scale_and_order_change_nothing(seed: int, pairs: int) -> None:
 def test_it_shows_itself(rng: np.random.Generator) -> None:
     test = go.studies.paired_test(*rng.normal(size=(2, 8)))
     assert go.studies.PairedTest in check_reprs([test])
-    assert dict(test.table().rows)["pairs"] == 8
 
 
 def test_bad_arguments_are_named() -> None:

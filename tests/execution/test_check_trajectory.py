@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from table_rows import rows_of_table
 
 import geodesic_ocp as go
 from geodesic_ocp.execution.check_trajectory import (
@@ -316,7 +317,7 @@ def test_files_with_six_digits_pass(arm: go.Model) -> None:
 def test_the_result_is_told_as_table_and_text(arm: go.Model) -> None:
     check = check_trajectory(swing(), arm)
     assert repr(check).startswith("TrajectoryCheck(passed; of the limits: position 50%")
-    assert [row[0] for row in check.table().rows] == ["shoulder", "elbow"]
+    assert [row[0] for row in rows_of_table(check.table())] == ["shoulder", "elbow"]
     assert "all conditions hold" in str(check)
     failed = check_trajectory(swing(), arm, joint_limits(arm, velocity=1.0, jerk=99.0))
     assert failed.violations[0] in str(failed)

@@ -8,6 +8,7 @@ from itertools import combinations, pairwise
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from table_rows import rows_of_table
 
 import geodesic_ocp as go
 from geodesic_ocp.execution.clearance import active_rows, keep_clear
@@ -21,6 +22,7 @@ from geodesic_ocp.execution.link_pairs import (
 )
 from geodesic_ocp.execution.trajectory_clearance import trajectory_clearance
 from geodesic_ocp.model.formats.robots import folder
+from geodesic_ocp.tables import text
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 
 SHOULDERS = [(-0.2, 0.0, 1.4), (0.2, 0.0, 1.4)]
@@ -197,7 +199,7 @@ def test_a_robot_without_geometry_has_no_constraint_and_an_honest_report() -> No
     report = trajectory_clearance(bare, np.zeros((3, 3)))
     assert (report.least, report.pair, report.time) == (None, None, None)
     assert "pair=None" in repr(report)
-    assert "no geometry" in str(report.table())
+    assert "no geometry" in text(report.table())
 
 
 def test_active_rows_are_those_that_are_too_small(robot: go.Model) -> None:
@@ -258,7 +260,7 @@ def test_the_least_exact_distance_of_a_trajectory_is_that_of_all_samples(
     assert report.least == report.closest[0].distance
     assert report.pair == (report.closest[0].one, report.closest[0].other)
     assert f"least={report.least:.6g}" in repr(report)
-    assert len(report.table().rows) == len(report.closest) == report.pairs
+    assert len(rows_of_table(report.table())) == len(report.closest) == report.pairs
 
 
 def test_links_that_touch_are_at_distance_zero(robot: go.Model, found: LinkPairs) -> None:

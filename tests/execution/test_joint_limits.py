@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from table_rows import rows_of_table
 
 import geodesic_ocp as go
 from geodesic_ocp.execution.limits import QUANTITIES, JointLimits, joint_limits, published_limits
@@ -115,9 +116,9 @@ def test_limits_of_different_shapes_or_signs_are_rejected() -> None:
 
 def test_the_table_names_joints_and_sources(two: go.Model) -> None:
     table = joint_limits(two).table(two)
-    assert [row[0] for row in table.rows] == ["lift", "turn"]
-    assert table.rows[0][1:] == (0.5, 2.0, 40.0, 200.0)
-    assert "velocity: file of the model (lift)" in table.note
+    assert [row[0] for row in rows_of_table(table)] == ["lift", "turn"]
+    assert rows_of_table(table)[0][1:] == (0.5, 2.0, 40.0, 200.0)
+    assert "velocity: file of the model (lift)" in table.attrs["note"]
 
 
 def test_speeds_that_an_mjcf_cannot_state_are_published_ones() -> None:

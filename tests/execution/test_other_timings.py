@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from table_rows import rows_of_table
 
 import geodesic_ocp as go
 from geodesic_ocp.execution.arm_paths import ArmPaths
@@ -143,7 +144,7 @@ def test_deviation_is_the_distance_from_the_nearest_point() -> None:
 def test_the_comparison_has_a_row_for_each_method() -> None:
     other = toppra_trajectory(CORNER)
     table = compare_timings(CORNER, others={"mine": other}, rate=200.0)
-    rows = {row[0]: row[1:] for row in table.rows}
+    rows = {row[0]: row[1:] for row in rows_of_table(table)}
     assert rows["mine"][0] == other.duration
     assert rows["TOPP-RA, kinks rounded"][0] < rows["TOPP-RA, stops"][0]
     assert rows["Ruckig, passing"][0] < rows["Ruckig, stops"][0]
@@ -155,11 +156,11 @@ def test_the_comparison_has_a_row_for_each_method() -> None:
 def test_a_planned_trajectory_stands_first_and_within_its_limits() -> None:
     planned = plan_trajectory([CORNER])
     table = compare_timings(planned, rate=500.0)
-    name, duration, *shares, deviation, _ = table.rows[0]
-    assert (name, len(table.rows)) == ("planned", 7)
+    name, duration, *shares, deviation, _ = rows_of_table(table)[0]
+    assert (name, len(rows_of_table(table))) == ("planned", 7)
     assert duration == pytest.approx(planned.duration, abs=0.002)
     assert max(shares) <= 1.001
-    rows = {row[0]: row[1:] for row in table.rows}
+    rows = {row[0]: row[1:] for row in rows_of_table(table)}
     assert rows["TOPP-RA, as near as planned"][5] <= deviation
 
 

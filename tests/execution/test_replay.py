@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from gadget import MJCF, urdf
 from numpy.testing import assert_allclose
+from table_rows import rows_of_table
 
 import geodesic_ocp as go
 from geodesic_ocp.errors import IntegrationFailed
@@ -94,7 +95,7 @@ def test_torques_are_those_of_inverse_dynamics(arm: go.Model, exact: Replay) -> 
     assert_allclose(exact.torques[k], expected, rtol=0, atol=0.01 * np.abs(expected).max())
     assert not exact.torque_share.any()
     assert not exact.saturated.any()
-    assert "No torque limit is known of RSx_joint" in exact.table().note
+    assert "No torque limit is known of RSx_joint" in exact.table().attrs["note"]
 
 
 def test_gravity_may_have_any_direction(arm: go.Model) -> None:
@@ -141,7 +142,7 @@ def test_errors_of_the_hand_and_their_table(arm: go.Model) -> None:
     reached = arm.hand_pose(result.motion.q[k])[1]
     assert result.position_error[k] == pytest.approx(np.linalg.norm(reached - wanted))
     assert np.all(result.rms_error <= result.largest_error)
-    rows = result.table().rows
+    rows = rows_of_table(result.table())
     assert [row[0] for row in rows] == list(arm.joint_names)
     assert_allclose([row[1] for row in rows], 1e3 * result.largest_error)
     assert "Replay('human right arm', pd: largest error" in repr(result)
@@ -181,12 +182,12 @@ def test_links_that_touch_are_named_and_do_not_push(from_file: bool) -> None:
     assert 0.0 < contact.depth <= 0.06
     assert 0.05 < contact.share < 0.5
     what = "Links touch" if from_file else "Capsules around links overlap"
-    assert f"{what}: fore and upper (" in result.table().note
+    assert f"{what}: fore and upper (" in result.table().attrs["note"]
     assert result.largest_error.max() < 1e-3
     apart = JointTrajectory(time, zeros, zeros, zeros, model.joint_names)
     result = replay(apart, model, simulated=simulated)
     assert result.contacts == ()
-    assert "No links touch." in result.table().note
+    assert "No links touch." in result.table().attrs["note"]
     assert replay(apart, model, simulated=simulated, contacts=False).contacts is None
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from known_models import planar_arm
 from numpy.testing import assert_allclose
+from table_rows import rows_of_table
 
 import geodesic_ocp as go
 from geodesic_ocp.execution.limits import joint_limits
@@ -110,12 +111,12 @@ def test_comparison_is_under_equal_limits(arm: go.Model) -> None:
         assert each.outside == 0.0
         assert max(each.usage["velocity"], each.usage["acceleration"]) <= 1.0 + 1e-9
     table = measures_table(found)
-    assert [row[0] for row in table.rows] == [
+    assert [row[0] for row in rows_of_table(table)] == [
         "geodesic synergies",
         "inverse kinematics (QP)",
         "inverse kinematics (QP), the person's time",
     ]
-    assert_allclose(float(table.rows[0][2]), ours.action)
+    assert_allclose(float(rows_of_table(table)[0][2]), ours.action)
 
 
 def test_shapes_are_checked(arm: go.Model) -> None:

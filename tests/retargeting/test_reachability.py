@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
+from table_rows import rows_of_table
 
 import geodesic_ocp as go
 from geodesic_ocp.ocp.inverse_kinematics import nearest_configuration
@@ -29,7 +30,7 @@ def test_poses_of_the_arm_itself_are_within_reach(
     found = reachability(arm, go.retargeting.align(arm), *poses)
     assert found.unreachable == ()
     assert found.advice == ""
-    assert found.table().rows == ()
+    assert found.table().empty
     assert str(found) == "all 12 poses are within reach"
     assert reachability(arm, go.retargeting.align(arm), None, poses[1]).unreachable == ()
 
@@ -52,7 +53,7 @@ def test_positions_beyond_the_arm_are_missed_by_the_excess(arm: go.Model) -> Non
     assert "2 of 3 poses are out of reach of 'human right arm'" in found.advice
     assert "(2 farther from the shoulder than the arm is long)" in found.advice
     assert "then 3 of 3 are within reach" in found.advice
-    assert [row[0] for row in found.table().rows] == ["1", "2"]
+    assert [row[0] for row in rows_of_table(found.table())] == ["1", "2"]
 
 
 def test_errors_are_those_of_inverse_kinematics(

@@ -13,6 +13,7 @@ import pytest
 from numpy.testing import assert_allclose
 from shaded_times import is_shaded
 from short_reprs import check_reprs
+from table_rows import rows_of_table
 
 import geodesic_ocp as go
 from geodesic_ocp.model.formats.robots import folder
@@ -379,15 +380,18 @@ def test_wrong_analyses_and_robots_are_named(analysis: go.Analysis, robot: go.Mo
 @pytest.mark.slow
 def test_tables_and_figure_show_both_methods(found: go.retargeting.Retargeting) -> None:
     table = found.table()
-    assert [row[1] for row in table.rows] == ["geodesic synergies", "inverse kinematics"]
+    assert [row[1] for row in rows_of_table(table)] == [
+        "geodesic synergies",
+        "inverse kinematics",
+    ]
     synergies = found.synergy_table()
     (arm,) = found.arms
-    assert len(synergies.rows) == len(arm.groups)
-    assert [row[4] for row in synergies.rows] == [group.kind for group in arm.groups]
+    assert len(rows_of_table(synergies)) == len(arm.groups)
+    assert [row[4] for row in rows_of_table(synergies)] == [group.kind for group in arm.groups]
     # Numbers count from 1, those of the robot and those of the person.
-    assert [row[1] for row in synergies.rows] == list(range(1, len(arm.groups) + 1))
-    assert str(synergies.rows[0][2]).startswith("1")
-    assert str(synergies.rows[-1][2]).endswith(str(len(arm.analysis.synergies)))
+    assert [row[1] for row in rows_of_table(synergies)] == list(range(1, len(arm.groups) + 1))
+    assert str(rows_of_table(synergies)[0][2]).startswith("1")
+    assert str(rows_of_table(synergies)[-1][2]).endswith(str(len(arm.analysis.synergies)))
     figure = found.plot()
     (part,) = figure.subfigs
     panels = part.axes

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
 
-from geodesic_ocp.studies.tables import Row, write_rows
+from geodesic_ocp.studies.study import StudyResult
+from geodesic_ocp.studies.study_tables import Row, new_rows, write_table
 
 LABELS = {
     "riemannian": "geodesics, kinetic energy with joint inertia",
@@ -76,7 +77,22 @@ def drawn(seed: int, subjects: int, trials: int) -> tuple[list[Row], list[Row]]:
 
 def written(folder: Path, recordings: list[Row], synergies: list[Row] | None = None) -> Path:
     """The folder with the tables in it."""
-    write_rows(folder, "recordings", recordings)
+    write_table(folder, "recordings", recordings)
     if synergies is not None:
-        write_rows(folder, "synergies", synergies)
+        write_table(folder, "synergies", synergies)
     return folder
+
+
+def study_of_rows(
+    recordings: Iterable[Row],
+    synergies: Iterable[Row] | None = None,
+    failures: Iterable[Row] = (),
+    by: str | None = None,
+) -> StudyResult:
+    """The study of rows in memory."""
+    return StudyResult(
+        new_rows(recordings, "recordings"),
+        None if synergies is None else new_rows(synergies, "synergies"),
+        new_rows(failures, "failures"),
+        by,
+    )

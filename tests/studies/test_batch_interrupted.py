@@ -72,7 +72,7 @@ def test_a_killed_run_goes_on_where_it_was(tmp_path: Path) -> None:
     assert 3 <= len(finished) < 12
     result = analyse_recordings(tmp_path / "data", out, settings=METRIC, jobs=1)
     assert (result.analysed, result.found) == (12 - len(finished), len(finished))
-    assert len({row["recording"] for row in result.recordings()}) == 12
+    assert result.recordings()["recording"].nunique() == 12
     after = results(out)
     assert len(after) == 12
     assert {name: after[name] for name in finished} == finished
@@ -134,4 +134,4 @@ def test_a_cluster_that_loses_a_worker(tmp_path: Path) -> None:
     assert killed
     assert not result.failures
     assert len(results(tmp_path / "out")) == 12
-    assert len({row["recording"] for row in result.recordings()}) == 12
+    assert result.recordings()["recording"].nunique() == 12

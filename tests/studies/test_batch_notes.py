@@ -31,12 +31,12 @@ def analysed(tmp_path: Path) -> BatchResult:
 def test_assumed_numbers_and_names_of_files_are_marked(tmp_path: Path) -> None:
     result = analysed(tmp_path)
     columns = ("subject", "subject_from", "height_m", "height_from", "mass_kg", "mass_from")
-    found = {tuple(row[name] for name in columns) for row in result.recordings()}
+    found = {*result.recordings()[[*columns]].itertuples(index=False, name=None)}
     assert found == {
         ("Ann", "file", 1.6, "file", 70.0, "assumed"),
         ("second", "file name", 1.75, "assumed", 70.0, "assumed"),
     }
-    assert all(row["marker_error_m"] is None for row in result.recordings())
+    assert result.recordings()["marker_error_m"].isna().all()
     summary = (tmp_path / "out" / "summary.md").read_text()
     for words in (
         "Subjects of 1 of 2 recordings are named after their files",
@@ -54,7 +54,7 @@ def test_given_numbers_and_subjects_leave_nothing_to_say(tmp_path: Path) -> None
     table.write_text("file,subject,height\nS1_reach,Ann,1.6\n")
     settings = AnalysisSettings(metric="euclidean", mass=60.0)
     result = run(tmp_path / "data", tmp_path / "out", settings, subjects=table)
-    row = result.recordings()[0]
+    row = result.recordings().iloc[0]
     assert (row["subject_from"], row["height_from"], row["mass_from"]) == (
         "table",
         "table",
@@ -70,12 +70,12 @@ def test_a_study_says_that_files_stand_for_persons(tmp_path: Path) -> None:
     words = "Subjects of 1 of 2 recordings are named after files"
     assert any(note.startswith(words) for note in study.notes)
     for table in (
-        study.means_table(),
-        study.test_table(),
-        study.synergy_table(),
+        study.means(),
+        study.tests(),
+        study.synergy_statistics(),
         study.by_subject(),
     ):
-        assert words in table.note
+        assert words in table.attrs["note"]
 
 
 @pytest.mark.slow

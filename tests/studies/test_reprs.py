@@ -16,9 +16,6 @@ OF_STUDIES = {
     go.studies.BatchResult,
     go.studies.RecordingOutcome,
     go.studies.StudyResult,
-    go.studies.StudyMean,
-    go.studies.StudyTest,
-    go.studies.SynergyStatistics,
 }
 
 
@@ -28,9 +25,6 @@ def test_reprs_are_short(bundled_analysis: go.Analysis) -> None:
     failed = RecordingOutcome(source, "file", "folder/climb.csv: is empty")
     values = [
         study,
-        study.means(),
-        study.tests(),
-        study.synergy_statistics(),
         go.studies.AnalysisSettings(),
         failed,
         go.studies.BatchResult(Path("results"), 1000, 0, (failed,) * 500, (), 3.0, ()),

@@ -7,63 +7,57 @@ import pytest
 import scipy.stats
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pandas.testing import assert_frame_equal
 from short_reprs import check_reprs
-from studies.study_rows import LABELS, drawn, rows_of
+from studies.study_rows import LABELS, drawn, rows_of, study_of_rows
 
-from geodesic_ocp.studies.statistics import (
-    StudyMean,
-    StudyTest,
-    SynergyStatistics,
-    holm,
-    rank_biserial,
-)
+from geodesic_ocp.studies.paired_test import holm, rank_biserial
 from geodesic_ocp.studies.study import StudyResult
 
-METHODS = tuple(LABELS)
+OWN, KINETIC, LINES = LABELS.values()
+JOINTS = "joints [rad]"
 
 
 def study_of(*recordings: tuple[str, str, dict[str, float | None]]) -> StudyResult:
-    return StudyResult(tuple(row for each in recordings for row in rows_of(*each)))
+    return study_of_rows(row for each in recordings for row in rows_of(*each))
 
 
 def test_a_mean_is_that_of_the_subjects_means_however_many_recordings_each_has() -> None:
     """Ann: (1 + 3) / 2 = 2; Bob: 6. Mean 4, SD sqrt(8), where recordings alone give 10 / 3."""
-    found = study_of(
+    study = study_of(
         ("a", "Ann", {"riemannian": 1.0}),
         ("b", "Ann", {"riemannian": 3.0}),
         ("c", "Bob", {"riemannian": 6.0}),
-    ).means("joint")[0]
-    assert (found.mean, found.subjects, found.recordings, found.missing) == (4.0, 2, 3, 0)
-    assert found.values == {"Ann": 2.0, "Bob": 6.0}
-    assert found.spread == pytest.approx(np.sqrt(8.0))
+    )
+    found = study.means("joint").loc[JOINTS, OWN]
+    assert found[["mean", "subjects", "recordings", "missing"]].tolist() == [4.0, 2, 3, 0]
+    assert found["SD"] == pytest.approx(np.sqrt(8.0))
+    assert study.by_subject()[OWN].to_dict() == {"Ann": 2.0, "Bob": 6.0}
 
 
 def test_intervals_are_those_of_the_t_test() -> None:
-    recordings, _ = drawn(1, 9, 2)
-    found = StudyResult(tuple(recordings)).means("joint", confidence=0.9)[0]
-    values = list(found.values.values())
+    study = study_of_rows(drawn(1, 9, 2)[0])
+    found = study.means("joint", confidence=0.9).loc[JOINTS, OWN]
+    values = study.by_subject()[OWN]
     expected = scipy.stats.ttest_1samp(values, 0.0).confidence_interval(0.9)
-    assert found.interval == pytest.approx(tuple(expected))
-    assert found.mean == pytest.approx(np.mean(values))
+    assert found[["90% low", "90% high"]].tolist() == pytest.approx([*expected])
+    assert found["mean"] == pytest.approx(np.mean(values))
 
 
 def test_one_subject_has_no_spread_and_says_so() -> None:
     study = study_of(("a", "Ann", {"riemannian": 1.0, "euclidean_same_segments": 2.0}))
-    mean = study.means("joint")[0]
-    assert mean.spread is None
-    assert mean.interval is None
-    assert any("One subject only" in note for note in study.notes)
-    for table in (study.means_table(), study.test_table()):
-        assert "One subject only" in table.note
-        assert "nan" not in str(table)
-    assert "-" in study.test_table().rows[0]
+    mean = study.means("joint").iloc[0]
+    assert mean[["SD", "95% low", "95% high"]].isna().all()
+    for said in (study.notes, study.means().attrs["note"], study.tests().attrs["note"]):
+        assert "One subject only" in str(said)
+    assert study.tests().iloc[0]["subjects"] == 1
 
 
 def test_tests_are_those_of_scipy_over_the_subjects_means() -> None:
     recordings, _ = drawn(2, 8, 3)
-    study = StudyResult(tuple(recordings))
+    study = study_of_rows(recordings)
     by = {
-        method: np.array(
+        label: np.array(
             [
                 np.mean(
                     [
@@ -75,19 +69,18 @@ def test_tests_are_those_of_scipy_over_the_subjects_means() -> None:
                 for subject in study.subjects
             ]
         )
-        for method in METHODS
+        for method, label in LABELS.items()
     }
-    tests = {each.method: each for each in study.tests()}
-    assert set(tests) == {"riemannian", "kinetic_energy"}
+    tests = study.tests()
+    assert [*tests.index] == [OWN, KINETIC]
     p = []
-    for method, test in tests.items():
-        difference = by[method] - by["euclidean_same_segments"]
-        assert list(test.differences.values()) == pytest.approx(difference)
+    for label, test in tests.iterrows():
+        difference = by[label] - by[LINES]
+        assert test["mean difference [rad]"] == pytest.approx(difference.mean())
         p.append(scipy.stats.wilcoxon(difference).pvalue)
-        assert test.test.wilcoxon_p == pytest.approx(p[-1])
-        assert test.together == 2
-    corrected = [each.corrected_p for each in tests.values()]
-    assert corrected == pytest.approx([min(1.0, 2.0 * min(p))] * 2 if p[0] == p[1] else holm(p))
+        assert test["Wilcoxon p"] == pytest.approx(p[-1])
+        assert test["effect"] == rank_biserial(difference)
+    assert tests["p, Holm"].tolist() == pytest.approx(holm(p))
 
 
 def test_subjects_without_a_method_are_left_out_of_the_pairs_and_named() -> None:
@@ -100,37 +93,38 @@ def test_subjects_without_a_method_are_left_out_of_the_pairs_and_named() -> None
         # Of two recordings of a subject the pair has the one with both numbers.
         ("e", "Dan", {"riemannian": 100.0}),
     )
-    (test,) = study.tests()
-    assert test.differences == {"Ann": -1.0, "Dan": -0.5}
-    assert test.left_out == ("Bob", "Cid")
-    assert "Bob, Cid" in study.test_table().note
-    lines = study.means("joint")[1]
-    assert (lines.subjects, lines.recordings, lines.missing) == (2, 2, 3)
+    tests = study.tests()
+    assert tests["mean difference [rad]"].tolist() == [(-1.0 - 0.5) / 2.0]
+    assert tests[["subjects", "left out"]].to_numpy().tolist() == [[2, 2]]
+    assert "Left out, without a pair: Bob, Cid." in tests.attrs["note"]
+    means = study.means("joint")
+    lines = means.loc[JOINTS, LINES]
+    assert lines[["subjects", "recordings", "missing"]].tolist() == [2, 2, 3]
     assert "straight lines, same segments: no result in 3 of 5 recordings." in study.notes
-    assert "not all averaged over the same recordings" in study.means_table().note
+    assert "not all averaged over the same recordings" in means.attrs["note"]
     complete = study.means("joint", complete=True)
-    assert [each.values.keys() for each in complete] == [{"Ann", "Dan"}] * 2
-    assert complete[0].mean == 1.25
+    assert complete["subjects"].tolist() == [2, 2]
+    assert complete.loc[(JOINTS, OWN), "mean"] == 1.25
 
 
 def test_numbers_that_differ_by_rounding_alone_are_equal() -> None:
     """0.1 + 0.2 is 0.30000000000000004: eight such pairs would give p = 2^-7."""
     errors = {"riemannian": 0.1 + 0.2, "euclidean_same_segments": 0.3}
-    (test,) = study_of(*((name, name, errors) for name in "abcdefgh")).tests()
-    assert (test.test.ties, test.test.wilcoxon_p, test.effect) == (8, 1.0, 0.0)
+    columns = ["smaller in", "larger in", "effect"]
+    test = study_of(*((name, name, errors) for name in "abcdefgh")).tests().iloc[0]
+    assert test[[*columns, "Wilcoxon p"]].tolist() == [0, 0, 0.0, 1.0]
     errors["riemannian"] = 0.3 + 1e-9
-    (test,) = study_of(*((name, name, errors) for name in "abcdefgh")).tests()
-    assert (test.test.losses, test.test.wilcoxon_p) == (8, pytest.approx(2.0**-7))
+    test = study_of(*((name, name, errors) for name in "abcdefgh")).tests().iloc[0]
+    assert test[[*columns, "Wilcoxon p"]].tolist() == [0, 8, -1.0, pytest.approx(2.0**-7)]
 
 
 def test_no_pair_at_all_is_said_in_the_table() -> None:
     study = study_of(
         ("a", "Ann", {"riemannian": 1.0}), ("b", "Bob", {"euclidean_same_segments": 1.0})
     )
-    assert study.tests() == ()
-    table = study.test_table()
-    assert table.rows == ()
-    assert "No subject can be compared" in table.note
+    tests = study.tests()
+    assert tests.empty
+    assert "No subject can be compared" in tests.attrs["note"]
     with pytest.raises(ValueError, match="no recording has 'joint' of all methods"):
         study.means(complete=True)
 
@@ -142,43 +136,39 @@ def test_conditions_are_apart_and_can_be_compared() -> None:
         for condition, more in (("slow", 0.0), ("fast", 0.5)):
             errors = {"riemannian": 1.0 + k + more, "euclidean_same_segments": 2.0 + k + more}
             rows += rows_of(f"{subject} {condition}", subject, errors, condition=condition)
-    study = StudyResult(tuple(rows), by="condition")
+    study = study_of_rows(rows, by="condition")
     assert study.conditions == ("fast", "slow")
-    means = {(each.condition, each.method): each.mean for each in study.means()}
-    assert means["slow", "riemannian"] == 2.0
-    assert means["fast", "euclidean_same_segments"] == 3.5
-    within = study.tests()
-    assert [(each.condition, each.test.mean_difference) for each in within] == [
-        ("fast", -1.0),
-        ("slow", -1.0),
-    ]
+    means = study.means("joint")["mean"]
+    assert means.index.names == ["measure", "condition", "method"]
+    assert means[JOINTS, "slow", OWN] == 2.0
+    assert means[JOINTS, "fast", LINES] == 3.5
+    within = study.tests()["mean difference [rad]"]
+    assert within.to_dict() == {("fast", OWN): -1.0, ("slow", OWN): -1.0}
     between = study.tests(against="slow")
-    assert [(each.method, each.condition) for each in between] == [
-        ("riemannian", "fast"),
-        ("euclidean_same_segments", "fast"),
-    ]
-    assert all(each.test.mean_difference == 0.5 and each.effect == -1.0 for each in between)
-    assert study.test_table(against="slow").rows[0][0] == "fast"
+    assert [*between.index] == [("fast", OWN), ("fast", LINES)]
+    assert (between["mean difference [rad]"] == 0.5).all()
+    assert (between["effect"] == -1.0).all()
 
 
 def test_synergies_are_counted_by_recording_and_second() -> None:
     recordings, synergies = drawn(3, 2, 3)
-    study = StudyResult(tuple(recordings), tuple(synergies))
-    first = study.synergy_statistics()[0]
-    assert (first.recordings, first.synergies) == (3, 6)
-    assert first.per_recording == 2.0
-    assert first.per_second == pytest.approx(6 / (3 * 2.0))
+    table = study_of_rows(recordings, synergies).synergy_statistics()
+    assert [*table.index] == ["S1", "S2", "mean over subjects"]
+    first = table.loc["S1"]
+    assert first[["recordings", "synergies", "per recording"]].tolist() == [3, 6, 2.0]
+    assert first["per second [1/s]"] == pytest.approx(6 / (3 * 2.0))
     durations = [row["duration_s"] for row in synergies if row["subject"] == "S1"]
-    assert first.durations == pytest.approx(np.percentile(durations, [5, 25, 50, 75, 95]))
-    assert first.lengths == pytest.approx(np.array(first.durations) / 2.0)
-    assert study.synergy_table().header[-1] == "length, median (quartiles) [sqrt(kg) m]"
+    found = first[[f"duration, {level}% [s]" for level in (25, 50, 75)]]
+    assert found.tolist() == pytest.approx(np.percentile(durations, [25, 50, 75]))
+    assert first["length, 50% [sqrt(kg) m]"] == pytest.approx(found.iloc[1] / 2.0)
 
 
 def test_segments_per_second_and_other_measures() -> None:
     study = study_of(("a", "Ann", {"riemannian": 0.1}), ("b", "Bob", {"riemannian": 0.3}))
-    assert study.means("segments_per_second")[0].mean == 1.0
-    assert study.means("position")[0].mean == pytest.approx(0.1)
-    assert study.means("orientation")[0].mean == pytest.approx(0.6)
+    means = study.means("segments_per_second", "position", "orientation")["mean"]
+    assert means.droplevel("method").to_dict() == pytest.approx(
+        {"segments per second [1/s]": 1.0, "hand [m]": 0.1, "hand [rad]": 0.6}
+    )
     with pytest.raises(ValueError, match="measure must be one of joint, position"):
         study.means("speed")
     with pytest.raises(ValueError, match="the table has no joint_error_unfiltered_rad"):
@@ -204,14 +194,6 @@ def test_holm_lies_between_the_p_values_and_bonferroni(p: list[float]) -> None:
     assert np.all(np.diff(corrected[order]) >= 0.0)
 
 
-def test_rank_biserial_by_hand() -> None:
-    """Ranks 1, 2, 3 of which 3 is positive: (3 - 3) / 6."""
-    assert rank_biserial([-1.0, -2.0, 3.0]) == 0.0
-    assert rank_biserial([-1.0, -2.0, 0.0]) == 1.0
-    assert rank_biserial([1.0, 2.0]) == -1.0
-    assert rank_biserial([0.0]) == 0.0
-
-
 @given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=6))
 def test_rank_biserial_and_the_statistic_of_wilcoxon(differences: list[float]) -> None:
     """W = min(W+, W-) = (1 - |r|) n (n + 1) / 4 of n differences that are not zero."""
@@ -222,39 +204,35 @@ def test_rank_biserial_and_the_statistic_of_wilcoxon(differences: list[float]) -
     if unequal:
         n, statistic = len(unequal), scipy.stats.wilcoxon(unequal).statistic
         assert statistic == pytest.approx((1.0 - abs(r)) * n * (n + 1) / 4.0, abs=1e-9)
+    assert rank_biserial([-1.0, -2.0, 0.0]) == 1.0
 
 
 @given(st.integers(0, 50), st.randoms(use_true_random=False))
-@settings(max_examples=5)
+@settings(max_examples=3)
 def test_the_order_of_rows_changes_nothing(seed: int, random: object) -> None:
     recordings, synergies = drawn(seed, 4, 2)
     shuffled = [*recordings]
     random.shuffle(shuffled)  # type: ignore[attr-defined]
-    one, other = (StudyResult(tuple(rows), tuple(synergies)) for rows in (recordings, shuffled))
+    one, other = (study_of_rows(rows, synergies) for rows in (recordings, shuffled))
     assert one.methods == other.methods
-    assert one.means() == other.means()
-    assert one.tests() == other.tests()
-    assert one.means_table() == other.means_table()
-    assert one.synergy_statistics() == other.synergy_statistics()
+    assert_frame_equal(one.means(), other.means())
+    assert_frame_equal(one.tests(), other.tests())
+    assert_frame_equal(one.synergy_statistics(), other.synergy_statistics())
 
 
-@given(st.integers(0, 50), st.integers(1, 4))
-@settings(max_examples=5)
-def test_recordings_that_are_repeated_give_no_more_pairs(seed: int, times: int) -> None:
+def test_recordings_that_are_repeated_give_no_more_pairs() -> None:
     """Copies of all recordings of one subject change neither means nor p-values."""
-    recordings, _ = drawn(seed, 5, 2)
+    recordings, _ = drawn(7, 5, 2)
     copies = [
         {**row, "recording": f"{row['recording']} copy {k}"}
-        for k in range(times)
+        for k in range(3)
         for row in recordings
         if row["subject"] == "S1"
     ]
-    one, more = StudyResult(tuple(recordings)), StudyResult((*recordings, *copies))
-    for first, second in zip(one.tests(), more.tests(), strict=True):
-        assert first.test.pairs == second.test.pairs == 5
-        assert second.test.wilcoxon_p == first.test.wilcoxon_p
-        assert second.test.mean_difference == pytest.approx(first.test.mean_difference)
-    assert [each.mean for each in more.means()] == pytest.approx([e.mean for e in one.means()])
+    one, more = study_of_rows(recordings), study_of_rows([*recordings, *copies])
+    columns = ["subjects", "mean difference [rad]", "Wilcoxon p"]
+    assert_frame_equal(one.tests()[columns], more.tests()[columns])
+    assert_frame_equal(one.means()[["mean"]], more.means()[["mean"]])
 
 
 def test_nameless_subjects_different_settings_and_failures_are_noted() -> None:
@@ -263,7 +241,7 @@ def test_nameless_subjects_different_settings_and_failures_are_noted() -> None:
         *rows_of("b", "", {"riemannian": 2.0}, settings="2"),
     ]
     failures = ({"recording": "c", "kind": "file", "reason": "is empty"},)
-    study = StudyResult(tuple(rows), None, failures)
+    study = study_of_rows(rows, None, failures)
     assert study.subjects == ("a.csv", "b.csv")
     assert "2 recordings without the name of a subject" in study.notes[1]
     assert study.notes[0] == ("1 recording left out of the analysis (file that cannot be used: 1).")
@@ -278,7 +256,4 @@ def test_names_that_may_be_of_one_person_are_noted() -> None:
 
 
 def test_reprs_are_short() -> None:
-    recordings, synergies = drawn(0, 3, 2)
-    study = StudyResult(tuple(recordings), tuple(synergies))
-    values = (study, study.means()[0], study.tests()[0], study.synergy_statistics()[0])
-    assert {StudyResult, StudyMean, StudyTest, SynergyStatistics} <= check_reprs(values)
+    assert StudyResult in check_reprs([study_of_rows(*drawn(0, 3, 2))])

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from studies.study_rows import drawn, rows_of, written
+from pandas.testing import assert_frame_equal
+from studies.study_rows import drawn, rows_of, study_of_rows, written
 
 import geodesic_ocp as go
-from geodesic_ocp.studies.study import StudyResult, study
-from geodesic_ocp.studies.study_sources import with_metadata
-from geodesic_ocp.studies.tables import write_rows
+from geodesic_ocp.studies.study import study
+from geodesic_ocp.studies.study_tables import new_rows, with_metadata, write_table
 
 HEADER = "recording,subject,method,duration_s,joint_error_rad,position_error_m\n"
 LINE = "a,Ann,riemannian,1.0,0.1,0.2\n"
@@ -21,17 +21,17 @@ LINE = "a,Ann,riemannian,1.0,0.1,0.2\n"
 def test_a_folder_its_files_and_its_rows_give_the_same(tmp_path: Path) -> None:
     recordings, synergies = drawn(0, 3, 2)
     written(tmp_path, recordings, synergies)
-    expected = StudyResult(tuple(recordings), tuple(synergies))
+    expected = study_of_rows(recordings, synergies)
     files = [tmp_path / "synergies.csv", tmp_path / "recordings.csv"]
     for source in (tmp_path, str(tmp_path), files):
         found = study(source)
-        assert found.means() == expected.means()
-        assert found.synergy_statistics() == expected.synergy_statistics()
+        assert_frame_equal(found.means(), expected.means())
+        assert_frame_equal(found.synergy_statistics(), expected.synergy_statistics())
     alone = study(tmp_path / "recordings.csv")
-    assert alone.means() == expected.means()
+    assert_frame_equal(alone.means(), expected.means())
     assert "There is no table of synergies." in alone.notes
     with pytest.raises(ValueError, match="no table of synergies"):
-        alone.synergy_table()
+        alone.synergy_statistics()
 
 
 def test_parquet_is_read_where_only_that_is_there(tmp_path: Path) -> None:
@@ -42,8 +42,8 @@ def test_parquet_is_read_where_only_that_is_there(tmp_path: Path) -> None:
     for name in ("recordings", "synergies"):
         (tmp_path / f"{name}.csv").unlink()
     found = study(tmp_path)
-    assert found.means() == expected.means()
-    assert found.synergy_statistics() == expected.synergy_statistics()
+    assert_frame_equal(found.means(), expected.means())
+    assert_frame_equal(found.synergy_statistics(), expected.synergy_statistics())
     (tmp_path / "recordings.parquet").write_bytes(b"PAR1 and nothing else")
     with pytest.raises(go.RecordingError, match=r"recordings\.parquet: cannot be read as Parquet"):
         study(tmp_path)
@@ -65,7 +65,7 @@ def test_damaged_parquet_is_refused_or_read(
     damaged = data[:place] + bytes([value]) + data[place + 1 + (missing % 3) * missing :]
     (tmp_path / "recordings.parquet").write_bytes(damaged)
     try:
-        study(tmp_path).means_table()
+        study(tmp_path).means()
     except go.RecordingError as error:
         reason = str(error)
     else:
@@ -129,10 +129,10 @@ def test_recordings_that_were_cut_by_different_metrics_are_not_averaged(tmp_path
         *rows_of("a", "Ann", {"riemannian": 1.0}, metric="one"),
         *rows_of("b", "Bob", {"riemannian": 1.0}, metric="two", method_label="straight lines"),
     ]
-    write_rows(tmp_path, "recordings", rows)
+    write_table(tmp_path, "recordings", rows)
     with pytest.raises(go.RecordingError, match="cut by metrics that differ cannot be averaged"):
         study(tmp_path)
-    assert len(study(tmp_path, by="metric").means()) == 2
+    assert len(study(tmp_path, by="metric").means("joint")) == 2
 
 
 @pytest.mark.parametrize(
@@ -153,11 +153,11 @@ def test_metadata_are_those_of_the_file_that_is_named(
     table = tmp_path / "files.csv"
     table.write_text("\n".join(["file,condition", *(f"{name},{name}" for name in names)]) + "\n")
     if chosen:
-        (row,) = with_metadata([{"file": file}], table)
-        assert row["condition"] == chosen
+        rows = with_metadata(new_rows([{"file": file}], "recordings"), table)
+        assert rows["condition"].tolist() == [chosen]
     else:
         with pytest.raises(go.RecordingError, match="does not name the recording's file"):
-            with_metadata([{"file": file}], table)
+            with_metadata(new_rows([{"file": file}], "recordings"), table)
 
 
 def test_conditions_come_from_a_column_or_from_a_table_of_files(tmp_path: Path) -> None:
@@ -170,12 +170,12 @@ def test_conditions_come_from_a_column_or_from_a_table_of_files(tmp_path: Path) 
     table.write_text("\n".join(["file,condition", *(line.split("/")[1] for line in lines)]) + "\n")
     found = study(tmp_path, by="condition", metadata=table)
     assert found.conditions == ("fast", "slow")
-    assert {each.recordings for each in found.means()} == {3}
+    assert set(found.means()["recordings"]) == {3}
     table.write_text(f"file,condition\n{names[0]},slow\n")
     with pytest.raises(go.RecordingError, match=r"does not name the recording's file 'S1_1\.csv'"):
         study(tmp_path, by="condition", metadata=table)
     rows = [row for k in range(21) for row in rows_of(f"r{k}", "Ann", {"riemannian": 1.0})]
-    write_rows(tmp_path, "recordings", [{**row, "trial": row["recording"]} for row in rows])
+    write_table(tmp_path, "recordings", [{**row, "trial": row["recording"]} for row in rows])
     with pytest.raises(ValueError, match="'trial' has 21 values, more than 20, such as 'r0', 'r1'"):
         study(tmp_path, by="trial")
     with pytest.raises(
@@ -208,7 +208,7 @@ def test_damaged_tables_are_refused_or_read(
     (tmp_path / "recordings.csv").write_bytes(damaged)
     try:
         found = study(tmp_path)
-        found.means_table()
+        found.means()
     except go.RecordingError as error:
         reason = str(error)
     else:

@@ -16,9 +16,11 @@ import pytest
 from known_models import planar_arm
 from matplotlib.figure import Figure
 from shaded_times import is_shaded
+from table_rows import rows_of_table
 
 import geodesic_ocp as go
 from geodesic_ocp.manifold.metrics import FRACTION
+from geodesic_ocp.tables import markdown, text
 
 analyse_module = importlib.import_module("geodesic_ocp.synergies.analyse")
 TABLES = ["table.csv", "table.md", "table_unfiltered.csv", "table_unfiltered.md"]
@@ -72,15 +74,15 @@ def test_finer_thresholds_explain_more(bundled_analysis: go.Analysis) -> None:
 def test_table_shows_all_comparisons(bundled_analysis: go.Analysis) -> None:
     table = bundled_analysis.table()
     count = len(bundled_analysis.segments)
-    counts = [count, count, count, bundled_analysis.segment_counts["euclidean"], "-"]
-    assert [row[1] for row in table.rows] == counts
-    assert [row[2] for row in table.rows] == [
+    counts = [count, count, count, bundled_analysis.segment_counts["euclidean"], None]
+    assert [row[1] for row in rows_of_table(table)] == counts
+    assert [row[2] for row in rows_of_table(table)] == [
         bundled_analysis.errors[method].joint for method in METHODS
     ]
-    text = str(table)
-    assert "straight lines, zero-velocity segments" in text
-    assert "straight lines, same segments" in text
-    assert f"{bundled_analysis.errors['riemannian'].joint:#.3g}" in text
+    shown = text(table)
+    assert "straight lines, zero-velocity segments" in shown
+    assert "straight lines, same segments" in shown
+    assert f"{bundled_analysis.errors['riemannian'].joint:#.3g}" in shown
 
 
 @pytest.mark.slow
@@ -113,9 +115,9 @@ def test_saved_results_can_be_loaded(bundled_analysis: go.Analysis, tmp_path: Pa
     assert sorted(file.name for file in folder.iterdir()) == expected
     assert (folder / "figure.png").read_bytes().startswith(b"\x89PNG")
     assert (folder / "figure.pdf").read_bytes().startswith(b"%PDF")
-    assert (folder / "table.md").read_text() == bundled_analysis.table().markdown()
+    assert (folder / "table.md").read_text() == markdown(bundled_analysis.table())
     unfiltered = bundled_analysis.table(unfiltered=True)
-    assert (folder / "table_unfiltered.md").read_text() == unfiltered.markdown()
+    assert (folder / "table_unfiltered.md").read_text() == markdown(unfiltered)
     rows = list(csv.reader((folder / "table.csv").read_text().splitlines()))
     assert float(rows[1][2]) == bundled_analysis.errors["riemannian"].joint
     loaded = go.synergies.load_synergies(folder / "synergies.json", bundled_analysis.metric)
@@ -155,7 +157,7 @@ def test_repr_is_short_and_notebooks_show_the_table(bundled_analysis: go.Analysi
     assert f"{len(bundled_analysis.synergies)} geodesic synergies" in lines[0]
     assert "kinetic energy with joint inertia 0.0" in lines[1]
     assert repr(bundled_analysis.errors["riemannian"]) in lines[2]
-    assert bundled_analysis._repr_markdown_() == bundled_analysis.table().markdown()
+    assert bundled_analysis._repr_markdown_() == markdown(bundled_analysis.table())
 
 
 def test_mistakes_are_named(bundled_file: Path, bundled_analysis: go.Analysis) -> None:
@@ -298,7 +300,7 @@ def test_each_metric_is_compared_with_the_others(planar: tuple[go.Model, go.Moti
     assert set(kinetic.errors) == {*same, "joint_inertia"}
     assert set(flat.errors) == {*same, "joint_inertia", "kinetic_energy"}
     assert flat.errors["riemannian"] == flat.errors["euclidean_same_segments"]
-    titles = [str(row[0]) for row in flat.table().rows]
+    titles = [str(row[0]) for row in rows_of_table(flat.table())]
     assert titles[0] == "straight lines, same segments"
     assert len(set(titles)) == len(titles)
     # On the segments of one analysis, the comparison is the reconstruction in the other metric.
@@ -328,7 +330,7 @@ def test_a_metric_of_ones_own(planar: tuple[go.Model, go.Motion]) -> None:
     assert own.segments == kinetic.segments
     assert own.errors["riemannian"].joint == pytest.approx(kinetic.errors["riemannian"].joint)
     assert set(own.errors) == {*METHODS, "joint_inertia"}
-    assert own.table().rows[0][0] == "geodesics, Doubled"
+    assert rows_of_table(own.table())[0][0] == "geodesics, Doubled"
 
 
 def test_segments_can_be_given(planar: tuple[go.Model, go.Motion]) -> None:
@@ -371,8 +373,10 @@ def test_errors_against_the_recording_as_it_is(planar: tuple[go.Model, go.Motion
     # The mean of |x| of the noise is sqrt(2 / pi) of its standard deviation.
     assert analysis.errors_unfiltered["riemannian"].joint > 0.7 * 0.01 * np.sqrt(2.0 / np.pi)
     table = analysis.table(unfiltered=True)
-    assert [row[0] for row in table.rows] == [row[0] for row in analysis.table().rows]
-    assert table.rows[0][2] == analysis.errors_unfiltered["riemannian"].joint
+    assert [row[0] for row in rows_of_table(table)] == [
+        row[0] for row in rows_of_table(analysis.table())
+    ]
+    assert rows_of_table(table)[0][2] == analysis.errors_unfiltered["riemannian"].joint
     velocities = dataclasses.replace(smooth, velocity=smooth(smooth.time, 1))
     unknown = go.analyse(arm, velocities)
     assert unknown.errors_unfiltered == {}
@@ -397,9 +401,10 @@ def test_a_comparison_without_a_geodesic_does_not_lose_the_analysis(
         analysis = go.analyse(arm, motion, segments=cut)
     assert analysis.not_found == ("kinetic_energy",)
     assert set(analysis.errors) == {*METHODS} - {"kinetic_energy"}
-    row = next(row for row in analysis.table().rows if row[0] == "geodesics, kinetic energy")
-    assert row == ("geodesics, kinetic energy", 2, *["not found"] * 3)
-    assert "not found" in str(analysis.table())
+    row = analysis.table().loc["geodesics, kinetic energy"]
+    assert row["segments"] == 2
+    assert row.drop("segments").isna().all()
+    assert "Not found: geodesics, kinetic energy." in text(analysis.table())
     with pytest.raises(go.NotConverged):  # of the analysis' own metric, it is an error
         go.analyse(arm, motion, segments=cut, metric="kinetic")
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from known_models import planar_arm
 from scipy.spatial.transform import Rotation
 from short_reprs import check_reprs
+from table_rows import rows_of_table
 
 import geodesic_ocp as go
 from geodesic_ocp.synergies.scores import SCORES, area_between, nearest_on_path
@@ -156,8 +157,8 @@ def test_scores_show_themselves(arm: go.Model, motion: go.Motion) -> None:
     other = go.Motion(TIME, motion.q + 0.1 * np.cos(TIME)[:, None], motion.joint_names)
     scores = go.synergies.score(arm, motion, other)
     assert go.synergies.Scores in check_reprs([scores])
-    assert [row[0] for row in scores.table().rows] == list(SCORES.values())
-    assert dict(scores.table().rows)["joints [rad]"] == scores.joint_mean
+    assert [row[0] for row in rows_of_table(scores.table())] == list(SCORES.values())
+    assert dict(rows_of_table(scores.table()))["joints [rad]"] == scores.joint_mean
 
 
 def test_bad_arguments_are_named(arm: go.Model, motion: go.Motion) -> None:

@@ -85,7 +85,7 @@ def test_known_geodesic(known: KnownGeodesic, backend: str) -> None:
     checks = check_geodesic(known, backend)
     expected = {"exp", "length"} | ({"path"} if known.points else set())
     assert {check.quantity for check in checks} == expected | ({"log"} if known.log else set())
-    assert failed_quantities(checks) == set(), table_of(checks)
+    assert failed_quantities(checks) == set(), table_of(checks).to_string()
 
 
 def test_every_type_of_metric_is_in_the_table() -> None:

@@ -11,6 +11,7 @@ from geodesic_ocp.model.formats.load_model import load_model
 from geodesic_ocp.model.human import human_arm
 from geodesic_ocp.retargeting.alignment.align import known_alignment, proposal, read_alignment
 from geodesic_ocp.retargeting.alignment.alignment_figure import alignment_figure, alignment_table
+from geodesic_ocp.tables import text
 
 _WIDTH = 100
 _SUFFIX = ".json"
@@ -52,7 +53,7 @@ def align(
         proposed = proposal(model, side)
         aligned, notes = proposed.alignment, proposed.assumptions
         source = "taken from the kinematics, assuming that"
-    print(f"{alignment_table(model, aligned)}\n\n{source}")
+    print(f"{text(alignment_table(model, aligned))}\n\n{source}")
     for note in notes:
         print(textwrap.fill(note, _WIDTH, initial_indent="- ", subsequent_indent="  "))
     if out is None:

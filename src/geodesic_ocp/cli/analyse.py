@@ -28,9 +28,10 @@ from geodesic_ocp.studies.analyse_recording import analyse_recording, read_by_se
 from geodesic_ocp.studies.analyse_recordings import BatchResult, analyse_recordings
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.compare_metrics import MetricComparison, compare_metrics
-from geodesic_ocp.studies.result_files import RecordingOutcome, mean_table
-from geodesic_ocp.studies.tables import PARQUET_HINT, has_parquet
+from geodesic_ocp.studies.result_files import RecordingOutcome, mean_errors
+from geodesic_ocp.studies.study_tables import PARQUET_HINT, has_parquet
 from geodesic_ocp.synergies.analyse import Analysis
+from geodesic_ocp.tables import markdown, text
 
 _SPACING, _CANDIDATES = 0.05, 70  # of possible cuts: at least [s], and about at most
 _MANY = Parameter(group="Many recordings")
@@ -177,12 +178,12 @@ def _show_fit(fit: MarkerFit, folder: Path | None) -> None:
     """Print how well the motion fits the markers, and write it to the folder, if one is given."""
     table = fit.table()
     print(f"Joint angles fitted to the markers ({fit.marker_set}) in {fit.seconds:.1f} s:")
-    print(f"\n{table}\n")
+    print(f"\n{text(table)}\n")
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
         written = [
-            write_file(folder / "markers.csv", table.csv()),
-            write_file(folder / "markers.md", table.markdown()),
+            write_file(folder / "markers.csv", table.to_csv()),
+            write_file(folder / "markers.md", markdown(table)),
             save_motion(folder / "motion.csv", fit.motion),
         ]
         print_written(written)
@@ -232,10 +233,10 @@ def _summarize(
         f"(found in {seconds:.1f} s)"
     )
     kind = "filtered" if motion.filter else "observed" if fit is None else "fitted"
-    print(f"\nmean errors against the {kind} recording\n\n{analysis.table()}")
+    print(f"\nmean errors against the {kind} recording\n\n{text(analysis.table())}")
     if analysis.errors_unfiltered:  # not without a filter
         table = analysis.table(unfiltered=True)
-        print(f"\nmean errors against the unfiltered recording\n\n{table}")
+        print(f"\nmean errors against the unfiltered recording\n\n{text(table)}")
 
 
 def _error_curve(analysis: Analysis) -> MetricComparison:
@@ -248,7 +249,7 @@ def _error_curve(analysis: Analysis) -> MetricComparison:
         )
     print(
         f"\nmean errors with the cuts of least joint error for each metric, {spacing:.2f} s or "
-        f"more apart\n\n{comparison.table()}"
+        f"more apart\n\n{text(comparison.table())}"
     )
     return comparison
 
@@ -348,8 +349,8 @@ def _cluster(address: str | None) -> Iterator[dict[str, Any]]:
 def _summarize_many(result: BatchResult) -> None:
     rows = result.recordings()
     print(f"\n{result.counts}, in {result.seconds:.1f} s")
-    if rows:
-        print(f"\nmean errors over the recordings\n\n{mean_table(rows)}")
+    if len(rows):
+        print(f"\nmean errors over the recordings\n\n{text(mean_errors(rows))}")
     for note in result.notes:
         print(f"\nnote: {note}")
     print()

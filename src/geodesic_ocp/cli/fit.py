@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from cyclopts import Parameter as Option
@@ -31,7 +31,10 @@ from geodesic_ocp.recordings.recording_settings import RecordingSettings
 from geodesic_ocp.records import write_together
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.synergies.optimal_segmentations import segment_optimal
-from geodesic_ocp.table import Table
+from geodesic_ocp.tables import new_table, save_tables, text
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 _FEW = 10  # units of a bootstrap
 _FAR = 3.0  # ratio of an estimate to its initial value
@@ -209,7 +212,7 @@ def _optimal_segments(
     ]
 
 
-def _by_recording(fit: MetricFit, bar: Progress) -> Table:
+def _by_recording(fit: MetricFit, bar: Progress) -> DataFrame:
     """Return estimates from every recording alone."""
     names = (part for each in fit.estimates for part in (each.name, "standard error"))
     rows: list[tuple[str | int | float, ...]] = []
@@ -223,13 +226,13 @@ def _by_recording(fit: MetricFit, bar: Progress) -> Table:
         remark = "not determined" if each.undetermined else ""
         rows.append((name, recording.subject, *numbers, float(each.errors[0]), remark))
     header = ("recording", "subject", *names, f"rms error [{fit.error_unit}]", "remark")
-    return Table(header, tuple(rows))
+    return new_table(header, rows)
 
 
 def _summarize(
     fit: MetricFit,
     intervals: Sequence[ConfidenceInterval],
-    tables: dict[str, Table],
+    tables: dict[str, DataFrame],
     by: str,
     seconds: float,
 ) -> None:
@@ -238,7 +241,7 @@ def _summarize(
         f"{count} recording{'s'[: count - 1]}, {segments} segments that move, "
         f"{fit.outcome.iterations} iterations of Ipopt ({seconds:.1f} s in all)"
     )
-    print(f"\n{tables['table']}")
+    print(f"\n{text(tables['table'])}")
     if intervals:
         count, unit = intervals[0].count, intervals[0].unit
         few = "; with so few it is a rough one" if count < _FEW else ""
@@ -256,23 +259,21 @@ def _summarize(
         ("leave_one_out", f"mean errors of each {by} that took no part in the estimation"),
     ):
         if name in tables:
-            print(f"\n{title}\n\n{tables[name]}")
+            print(f"\n{title}\n\n{text(tables[name])}")
 
 
 def _write(
     folder: Path,
     fit: MetricFit,
     intervals: Sequence[ConfidenceInterval],
-    tables: dict[str, Table],
+    tables: dict[str, DataFrame],
     curves: Sequence[ErrorProfile],
 ) -> None:
     profiles = {
         "profile" + (f"_{number}" if number > 1 else ""): curve.table()
         for number, curve in enumerate(curves, 1)
     }
-    for name, table in {**tables, **profiles}.items():
-        (folder / f"{name}.csv").write_text(table.csv(), encoding="utf-8")
-        (folder / f"{name}.md").write_text(table.markdown(), encoding="utf-8")
+    save_tables(folder, {**tables, **profiles})
     figure = new_figure(6.5 * len(curves), 4.2)
     for axes, curve in zip(np.ravel(figure.subplots(1, len(curves))), curves, strict=True):
         curve.draw(axes)

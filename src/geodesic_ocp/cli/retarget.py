@@ -34,6 +34,7 @@ from geodesic_ocp.retargeting.retarget import retarget_arms
 from geodesic_ocp.retargeting.settings import RetargetingSettings
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.synergies.analyse import Analysis
+from geodesic_ocp.tables import text
 from geodesic_ocp.viewer.report import report as write_report
 
 _LONGER = 1.005  # times the person's time, as it is shown
@@ -195,7 +196,8 @@ def _summarize(result: Retargeting) -> None:
     near = result.check.clearance
     apart = "not known" if near is None else f"{near:.3g} m"
     print(f"trajectory at {result.rate:g} Hz: {faults}; least distance of links: {apart}\n")
-    print(result.synergy_table())
+    print(text(result.synergy_table()))
     print(
-        f"\nagainst inverse kinematics that tracks the whole path of the hand\n\n{result.table()}"
+        "\nagainst inverse kinematics that tracks the whole path of the hand\n\n"
+        f"{text(result.table())}"
     )

@@ -11,7 +11,7 @@ import traceback
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
@@ -19,7 +19,10 @@ from geodesic_ocp.cli.terminal import check_folder, print_written
 from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.ocp.solution import Solution
 from geodesic_ocp.ocp.solve import solve as solve_problem
-from geodesic_ocp.table import Table
+from geodesic_ocp.tables import new_table, text
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 
 def solve(
@@ -56,7 +59,7 @@ def solve(
     for name, instance in [(name, with_fields(each, settings)) for name, each in classes.items()]:
         solution = solve_problem(instance, tolerance=tolerance)
         summary = (inspect.getdoc(instance) or "").partition("\n")[0]
-        print(f"{name}: {summary}\n\n{solution_table(solution)}\n\n{solution.certificate}")
+        print(f"{name}: {summary}\n\n{text(solution_table(solution))}\n\n{solution.certificate}")
         if out is not None:
             out.mkdir(parents=True, exist_ok=True)
             stem = out / name
@@ -154,7 +157,7 @@ def _literal(key: str, text: str) -> Any:
         ) from None
 
 
-def solution_table(solution: Solution) -> Table:
+def solution_table(solution: Solution) -> DataFrame:
     """Statistics of a solution, one per row."""
     stats, problem = solution.stats, solution.problem
     rows: list[tuple[str | int | float, ...]] = [
@@ -171,4 +174,4 @@ def solution_table(solution: Solution) -> Table:
         rows.append(("exact length", f"{exact:.8g}"))
     if solution.path.grid.via_segments:
         rows.append(("via points at s", ", ".join(f"{s:.4f}" for s in solution.path.grid.via_s)))
-    return Table(("quantity", "value"), tuple(rows))
+    return new_table(("quantity", "value"), rows)

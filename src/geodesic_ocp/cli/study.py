@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from geodesic_ocp.cli.terminal import check_folder, print_written
-from geodesic_ocp.studies.statistics import as_measure
+from geodesic_ocp.studies.study import as_measure
 from geodesic_ocp.studies.study import study as study_tables
+from geodesic_ocp.tables import text
 
 
 def study(
@@ -36,14 +37,14 @@ def study(
     tested = as_measure(measure)
     found = study_tables(source[0] if len(source) == 1 else source, by=by, metadata=metadata)
     # Files first: the reader of what is printed, such as `head`, may stop early.
-    files = [] if out is None else found.save(out, measure=tested.name, against=against)
+    files = [] if out is None else found.save(out, measure=measure, against=against)
     print(found)
     for note in found.notes:
         print(f"note: {note}")
-    print(f"\n{found.means_table()}")
-    print(f"\n{tested.header}\n\n{found.test_table(tested.name, against)}")
-    if found.synergies:
-        print(f"\n{found.synergy_table()}")
+    print(f"\n{text(found.means())}")
+    print(f"\n{tested.header}\n\n{text(found.tests(measure, against))}")
+    if found.synergies is not None and len(found.synergies):
+        print(f"\n{text(found.synergy_statistics())}")
     if files:
         print()
     print_written(files)

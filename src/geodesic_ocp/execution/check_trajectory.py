@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,8 +16,11 @@ from geodesic_ocp.execution.arm_paths import joint_forces
 from geodesic_ocp.execution.clearance import Clearance, least_distances
 from geodesic_ocp.execution.limits import UNITS, JointLimits, joined_limits, joint_limits
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.table import Table
+from geodesic_ocp.tables import markdown, new_table, text
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 _SHOWN = 140  # characters of the first violation
 # Files round numbers to six digits or so: that is no contradiction.
@@ -63,19 +67,19 @@ class TrajectoryCheck:
         return f"TrajectoryCheck({first}{others}; of the limits: {peaks})"
 
     def __str__(self) -> str:
-        return "\n".join([str(self.table()), "", *(self.violations or ("all conditions hold",))])
+        return "\n".join([text(self.table()), "", *(self.violations or ("all conditions hold",))])
 
-    def table(self) -> Table:
+    def table(self) -> DataFrame:
         """Largest magnitudes and fractions of limits, by joint."""
         columns = {"joint": self.joint_names, "position [limit]": self.usage["position"].tolist()}
         for name, unit in UNITS.items():
             columns[f"{name} [{unit}]"] = self.largest[name].tolist()
             columns[f"{name} [limit]"] = self.usage[name].tolist()
-        return Table(tuple(columns), tuple(zip(*columns.values(), strict=True)))
+        return new_table(tuple(columns), tuple(zip(*columns.values(), strict=True)))
 
     def _repr_markdown_(self) -> str:
         found = self.violations or ("all conditions hold",)
-        return self.table().markdown() + "\n" + "\n".join(f"- {each}" for each in found) + "\n"
+        return markdown(self.table()) + "\n" + "\n".join(f"- {each}" for each in found) + "\n"
 
 
 def check_trajectory(

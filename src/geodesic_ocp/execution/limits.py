@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +18,10 @@ from numpy.typing import ArrayLike
 from geodesic_ocp.arrays import Array, ShortRepr, real_array
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.records import convert, read_record
-from geodesic_ocp.table import Table
+from geodesic_ocp.tables import markdown, new_table
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 UNITS = {  # of revolute and of prismatic joints
     "velocity": "rad/s, m/s",
@@ -67,17 +71,17 @@ class JointLimits(ShortRepr):
             values.flags.writeable = False
             object.__setattr__(self, name, values)
 
-    def table(self, model: Model | None = None) -> Table:
+    def table(self, model: Model | None = None) -> DataFrame:
         """The numbers by joint, named if the model is given, with their sources below."""
         numbered = [str(k + 1) for k in range(self.velocity.size)]
         columns = [getattr(self, name).tolist() for name in QUANTITIES]
         names = model.joint_names if model else numbered
         header = ("joint", *(f"{name} [{unit}]" for name, unit in UNITS.items()))
         note = "; ".join(f"{name}: {source}" for name, source in self.sources.items())
-        return Table(header, tuple(zip(names, *columns, strict=True)), note)
+        return new_table(header, tuple(zip(names, *columns, strict=True)), note)
 
     def _repr_markdown_(self) -> str:
-        return self.table().markdown()
+        return markdown(self.table())
 
 
 def joined_limits(parts: Sequence[JointLimits]) -> JointLimits:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,8 +18,11 @@ from geodesic_ocp.manifold.metrics import KineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.synergies.baselines import Poses
 from geodesic_ocp.synergies.scores import pose_differences
-from geodesic_ocp.table import Table
+from geodesic_ocp.tables import new_table
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 _HIGHEST = 10.0  # [Hz]
 _LEAST = 0.05  # of the largest amplitude: higher frequencies are cut off from there on
@@ -153,15 +157,15 @@ def motion_measures(
     )
 
 
-def measures_table(measures: Mapping[str, MotionMeasures]) -> Table:
+def measures_table(measures: Mapping[str, MotionMeasures]) -> DataFrame:
     """One row for each motion by its name."""
     rows = []
     for name, each in measures.items():
         values = [getattr(each, attribute) for attribute in _COLUMNS.values()]
         shares = [each.usage[kind] for kind in QUANTITIES]
-        rows.append((name, *("-" if np.isnan(value) else value for value in values), *shares))
+        rows.append((name, *values, *shares))
     header = ("motion", *_COLUMNS, *(f"{kind} [limit]" for kind in QUANTITIES))
-    return Table(header, tuple(rows))
+    return new_table(header, rows)
 
 
 def _root_mean_square(values: Array) -> float:

@@ -24,12 +24,13 @@ from geodesic_ocp.execution.simulation import (
 from geodesic_ocp.figures.analysis_figure import draw_replay
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.synergies.scores import pose_differences
-from geodesic_ocp.table import Table
+from geodesic_ocp.tables import markdown, new_table
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from pandas import DataFrame
 
 _SATURATED = 1.0 - 1e-9  # of the torque limit
 _CONTACTS_EVERY = 0.01  # [s]
@@ -107,7 +108,7 @@ class Replay:
         """Share of the time in which a joint's torque is at its limit (n,), from 0 to 1."""
         return np.asarray(np.mean(np.abs(self.torques) >= _SATURATED * self.torque_limits, axis=0))
 
-    def table(self) -> Table:
+    def table(self) -> DataFrame:
         """Errors and torques of each joint; hand and contacts below."""
         columns = {
             "joint": self.model.joint_names,
@@ -117,7 +118,7 @@ class Replay:
             "of its limit [%]": (100.0 * self.torque_share).tolist(),
             "time at the limit [%]": (100.0 * self.saturated).tolist(),
         }
-        return Table(tuple(columns), tuple(zip(*columns.values(), strict=True)), self._note())
+        return new_table(tuple(columns), tuple(zip(*columns.values(), strict=True)), self._note())
 
     def _note(self) -> str:
         sentences = [
@@ -141,7 +142,7 @@ class Replay:
         return " ".join(sentences)
 
     def _repr_markdown_(self) -> str:
-        return self.table().markdown()
+        return markdown(self.table())
 
     def plot(self) -> Figure:
         """Tracking errors of the joints, errors of the hand and shares of torques over time."""

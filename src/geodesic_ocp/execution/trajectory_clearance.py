@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,8 +20,11 @@ from geodesic_ocp.execution.link_pairs import (
 )
 from geodesic_ocp.model.link_solids import Pose
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.table import Table
+from geodesic_ocp.tables import markdown, new_table, text
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 _SHOWN = 5
 _COARSE, _FINE = 0.05, 0.01  # accuracy of distances, relative
@@ -64,7 +67,7 @@ class ClearanceReport(ShortRepr):
     _shown = ("pair", "least", "pairs", "unknown")
 
     def __str__(self) -> str:
-        return str(self.table())
+        return text(self.table())
 
     @property
     def least(self) -> float | None:
@@ -81,7 +84,7 @@ class ClearanceReport(ShortRepr):
         """When they come closest [s]; None if it is not known."""
         return self.closest[0].time if self.closest else None
 
-    def table(self) -> Table:
+    def table(self) -> DataFrame:
         """The closest pairs, with what is not known as a note."""
         rows = []
         for each in self.closest:
@@ -89,10 +92,10 @@ class ClearanceReport(ShortRepr):
             rows.append((f"{each.one} to {each.other}", each.distance, when))
         instant = "sample" if any(each.time is None for each in self.closest) else "time [s]"
         note = " ".join(f"{each[:1].upper()}{each[1:]}." for each in self.unknown)
-        return Table(("links", "distance [m]", instant), tuple(rows), note)
+        return new_table(("links", "distance [m]", instant), rows, note)
 
     def _repr_markdown_(self) -> str:
-        return self.table().markdown()
+        return markdown(self.table())
 
 
 def trajectory_clearance(

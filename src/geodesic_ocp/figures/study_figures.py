@@ -1,20 +1,23 @@
-"""Groups of subjects side by side: points, means and intervals."""
+"""Figures of studies: means and differences over subjects, and distributions of synergies."""
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from geodesic_ocp.arrays import Array
-from geodesic_ocp.figures.styles import COMPARED, OBSERVED, added_style
+from geodesic_ocp.figures.styles import COMPARED, OBSERVED, added_style, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from pandas import DataFrame, Series
 
 
 # Small enough for a column of a paper, which takes fonts as they are.
@@ -289,3 +292,143 @@ def draw_trend(axes: Axes, x: Array, y: Array, labels: tuple[str, str]) -> None:
         axes.set_ylim(0.0, 1.05 * float(np.quantile(y, _MOST_SYNERGIES)) or 1.0)
     axes.set_xlabel(labels[0])
     axes.set_ylabel(labels[1])
+
+
+_ROW, _FRAME = 0.36, 0.95  # [inch] of a method, and of axis and legend
+_COLUMNS = 4  # of a legend
+_LEGEND: dict[str, Any] = {"loc": "outside lower center", "frameon": False}
+
+
+class Means(NamedTuple):
+    """Means of a measure to be drawn.
+
+    Attributes:
+        axis: label of the axis, with its unit.
+        scale: from the table's unit to that of the axis.
+        table: by condition, if there are several, and method, with columns "mean" and the ends of
+            the interval as the last two.
+        points: the subjects' means (k,) of each row of the table.
+    """
+
+    axis: str
+    scale: float
+    table: DataFrame
+    points: list[Array]
+
+
+def _key(index: Any) -> tuple[str, str]:
+    """Condition and method of a row; the condition is empty if there are none."""
+    return index if isinstance(index, tuple) else ("", index)
+
+
+def errors_figure(means: Sequence[Means]) -> Figure:
+    """Draw means of several measures by method, a panel each, with subjects as points."""
+    panels = [
+        [
+            StudyGroup(
+                label,
+                condition,
+                tuple(each.scale * points),
+                each.scale * row["mean"],
+                _interval(each.scale, *row.iloc[-2:]),
+            )
+            for (index, row), points in zip(each.table.iterrows(), each.points, strict=True)
+            for condition, label in [_key(index)]
+        ]
+        for each in means
+    ]
+    figure = new_figure(WIDTH, _height(panels[0]))
+    all_axes = np.ravel(figure.subplots(1, len(panels), sharey=True, squeeze=False))
+    for axes, groups, each in zip(all_axes, panels, means, strict=True):
+        draw_groups(axes, groups, each.axis)
+        fit_scale(axes, groups)
+    several = any(group.interval for groups in panels for group in groups)
+    conditions = list(dict.fromkeys(group.condition for groups in panels for group in groups))
+    handles = group_handles(conditions, "mean, 95% interval" if several else "mean")
+    figure.legend(handles=handles, ncols=min(_COLUMNS, len(handles)), **_LEGEND)
+    return figure
+
+
+def differences_figure(
+    tests: DataFrame, points: Sequence[Array], against: str, axis: str, scale: float
+) -> Figure:
+    """Draw paired differences of one measure, with their intervals and p-values.
+
+    Args:
+        tests: by condition, if there are several, and method.
+        points: differences of the subjects, (k,) for each test.
+        against: label of the reference.
+        axis: label of the measure's axis, with its unit.
+        scale: from the table's unit to that of the axis.
+    """
+    groups = []
+    for (index, row), own in zip(tests.iterrows(), points, strict=True):
+        condition, label = _key(index)
+        p = f"p = {row['p, Holm']:.3g}" if row["p, Holm"] >= 0.001 else "p < 0.001"
+        note = f"{p}, n = {own.size}" if own.size > 1 else "n = 1"
+        ends = _interval(scale, row["95% low"], row["95% high"])
+        groups.append(
+            StudyGroup(label, condition, tuple(scale * own), scale * float(own.mean()), ends, note)
+        )
+    figure = new_figure(0.72 * WIDTH, _height(groups))
+    axes = figure.subplots()
+    axes.axvline(0.0, color="0.3", linewidth=0.8, linestyle=(0, (4, 2)), zorder=1)
+    name, bracket, unit = axis.partition(" [")
+    draw_groups(axes, groups, f"{name}:\ndifference from {against}{bracket}{unit}")
+    several = any(group.interval for group in groups)
+    if several:
+        head: dict[str, Any] = {"va": "bottom", "fontsize": 7.0, "color": "0.3"}
+        axes.text(1.02, 1.0, "Wilcoxon, Holm", transform=axes.transAxes, **head)
+    conditions = list(dict.fromkeys(group.condition for group in groups))
+    what = "mean difference, 95% interval" if several else "difference"
+    handles = group_handles(conditions, what)
+    figure.legend(handles=handles, ncols=min(2, len(handles)), **_LEGEND)
+    return figure
+
+
+def synergies_figure(groups: Mapping[str, Sequence[DataFrame]], unit: str) -> Figure:
+    """Draw cumulative distributions of the synergies' durations and lengths.
+
+    Args:
+        groups: by condition, the synergies of each subject.
+        unit: of lengths; empty if it is not known.
+    """
+    figure = new_figure(WIDTH, 2.9)
+    panels = figure.subplots(1, 2, sharey=True)
+    sign = re.sub(r"sqrt\((\w+)\)", r"√\1", unit)
+    labels = ("duration of a synergy [s]", f"length of a synergy{f' [{sign}]' if sign else ''}")
+    for axes, column, text in zip(panels, ("duration_s", "length"), labels, strict=True):
+        values = {
+            condition: [each[column].to_numpy(dtype=float) for each in own]
+            for condition, own in groups.items()
+        }
+        draw_distributions(axes, values, text)
+    panels[0].set_ylabel("share of synergies")
+    handles, names = panels[0].get_legend_handles_labels()
+    figure.legend(handles, names, ncols=min(_COLUMNS, len(handles)), **_LEGEND)
+    return figure
+
+
+def durations_figure(durations: Series, errors: Sequence[tuple[str, Series]]) -> Figure:
+    """Draw errors within each synergy against its duration [s]; each with its axis label."""
+    figure = new_figure(WIDTH, 2.9)
+    panels = figure.subplots(1, len(errors))
+    for axes, (label, values) in zip(panels, errors, strict=True):
+        labels = ("duration of a synergy [s]", f"mean {label}")
+        draw_trend(axes, durations.to_numpy(float), values.to_numpy(float), labels)
+    handles, names = panels[0].get_legend_handles_labels()
+    legend = figure.legend(handles, names, ncols=min(_COLUMNS, len(handles)), **_LEGEND)
+    for handle in legend.legend_handles[:1]:
+        if handle is not None:
+            handle.set_alpha(1.0)  # a single point of many is too pale to see
+    return figure
+
+
+def _interval(scale: float, low: float, high: float) -> tuple[float, float] | None:
+    return (scale * low, scale * high) if np.isfinite(low) else None
+
+
+def _height(groups: Sequence[StudyGroup]) -> float:
+    methods = len({group.label for group in groups})
+    conditions = len({group.condition for group in groups})
+    return _FRAME + _ROW * methods * max(1.0, 0.55 * conditions)

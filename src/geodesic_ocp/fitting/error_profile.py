@@ -13,11 +13,12 @@ from geodesic_ocp.errors import NotConverged
 from geodesic_ocp.figures.styles import OBSERVED, new_figure
 from geodesic_ocp.fitting.metric_fit import MetricFit
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
-from geodesic_ocp.table import Table
+from geodesic_ocp.tables import new_table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from pandas import DataFrame
 
 _RANGE, _COUNT = 10.0, 13
 
@@ -49,12 +50,12 @@ class ErrorProfile(ShortRepr):
         """Root of the mean over the recordings of the squared errors, (k,)."""
         return np.asarray(np.sqrt(np.mean(self.errors**2, axis=1)))
 
-    def table(self) -> Table:
+    def table(self) -> DataFrame:
         """Value, mean error, and the error of every recording."""
         unit = f" [{self.unit}]" if self.unit else ""
         header = (f"{self.name}{unit}", f"rms error [{self.error_unit}]", *self.recordings)
         rows = zip(self.values.tolist(), self.mean.tolist(), self.errors.tolist(), strict=True)
-        return Table(header, tuple((value, mean, *each) for value, mean, each in rows))
+        return new_table(header, tuple((value, mean, *each) for value, mean, each in rows))
 
     def draw(self, axes: Axes) -> None:
         """Draw the curves of the recordings and of their mean."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
 from os import PathLike
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,7 +20,10 @@ from geodesic_ocp.manifold.metrics import AdjustableKineticEnergy
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.records import convert, decoding, read_record, write_record
-from geodesic_ocp.table import Table
+from geodesic_ocp.tables import markdown, new_table
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 FORMAT, _VERSION = "geodesic_ocp metric", 1
 
@@ -108,7 +111,7 @@ class MetricFit:
 
     def _repr_markdown_(self) -> str:
         notes = "".join(f"\n- {sentence}" for sentence in self.undetermined)
-        return self.table().markdown() + notes
+        return markdown(self.table()) + notes
 
     @property
     def values(self) -> dict[str, float]:
@@ -134,7 +137,7 @@ class MetricFit:
         """The metric of a model with the estimated parameters."""
         return with_parameters(self.family(model), self.parameters, list(self.values.values()))
 
-    def table(self, intervals: tuple[ConfidenceInterval, ...] = ()) -> Table:
+    def table(self, intervals: tuple[ConfidenceInterval, ...] = ()) -> DataFrame:
         """Estimates, standard errors, and bootstrap intervals if given (`bootstrap_fit`)."""
         header: tuple[str, ...] = ("parameter", "unit", "estimate", "standard error")
         rows: list[tuple[str | int | float, ...]] = []
@@ -144,8 +147,8 @@ class MetricFit:
         if intervals:
             header += (f"{100 * intervals[0].confidence:g} % from", "to")
             for row, own in enumerate(intervals):
-                rows[row] += ("-", "-") if np.isnan(own.low) else (own.low, own.high)
-        return Table(header, tuple(rows))
+                rows[row] += (own.low, own.high)
+        return new_table(header, rows)
 
 
 def save_metric(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -16,7 +17,10 @@ from geodesic_ocp.manifold.metrics import Euclidean
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.synergies.scores import MotionErrors, motion_errors
 from geodesic_ocp.synergies.synergy import reconstruct
-from geodesic_ocp.table import Table
+from geodesic_ocp.tables import markdown, new_table
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 _FINE = 2000  # points at which an interpolated profile is compared
 _LARGEST_STEP = np.log(10.0)  # of a parameter's logarithm
@@ -103,9 +107,9 @@ class CrossValidation(ShortRepr):
     left_out: tuple[LeftOut, ...]
 
     def _repr_markdown_(self) -> str:
-        return self.table().markdown()
+        return markdown(self.table())
 
-    def table(self) -> Table:
+    def table(self) -> DataFrame:
         """Estimates without the recording, its errors, and those of straight lines."""
         kinds = ("joints [rad]", "hand [m]", "hand [rad]")
         header = ("left out", *self.parameters, *kinds, *(f"lines: {kind}" for kind in kinds))
@@ -116,7 +120,7 @@ class CrossValidation(ShortRepr):
                 for errors in (each.errors, each.straight_lines)
             )
             rows.append((each.name, *each.values, *own, *lines))
-        return Table(header, tuple(rows))
+        return new_table(header, rows)
 
 
 @shows_progress

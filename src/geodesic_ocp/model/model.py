@@ -23,7 +23,7 @@ from geodesic_ocp.model.joints import (
     with_joint_frames,
 )
 from geodesic_ocp.model.primitives import Ball, Bodies, Body, Capsule
-from geodesic_ocp.table import Table
+from geodesic_ocp.tables import markdown, new_table
 
 _ROUNDING = 1e-9  # of moments of inertia in files, relative
 
@@ -86,7 +86,9 @@ class Model:
     def _repr_markdown_(self) -> str:
         values = self.lower.tolist(), self.upper.tolist(), self.armature.tolist()
         rows = tuple(zip(self.joint_names, self.units, *values, strict=True))
-        table = Table(("joint", "unit", "lower limit", "upper limit", "armature"), rows).markdown()
+        table = markdown(
+            new_table(("joint", "unit", "lower limit", "upper limit", "armature"), rows)
+        )
         hands = "`, `".join(self.hands)
         return f"**{self.name}**: hand `{hands}`, mass {self.mass:.3g} kg\n\n{table}"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +13,10 @@ from geodesic_ocp.arrays import Array, ShortRepr, as_positive
 from geodesic_ocp.model.model import Model, as_model
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment
 from geodesic_ocp.retargeting.nearest_poses import NearestPoses, nearest_poses, search_range
-from geodesic_ocp.table import Table
+from geodesic_ocp.tables import new_table
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 _SCALES = (0.95, 0.9, 0.85, 0.8, 0.7, 0.6)
 _SHIFTS = (0.1, 0.2, 0.3)  # of the arm's length
@@ -187,13 +191,13 @@ class Reachability(ShortRepr):
     def __str__(self) -> str:
         return self.advice or f"all {self.count} poses are within reach"
 
-    def table(self) -> Table:
+    def table(self) -> DataFrame:
         """The poses out of reach."""
         header = ("pose", "distance [m]", "angle [rad]", "beyond the arm's length [m]")
         rows = tuple(
             (str(each.index), each.distance, each.angle, each.beyond) for each in self.unreachable
         )
-        return Table(header, rows)
+        return new_table(header, rows)
 
 
 def reachability(

@@ -26,12 +26,13 @@ from geodesic_ocp.retargeting.settings import TOUCHING, RetargetingSettings, in_
 from geodesic_ocp.retargeting.synergy_paths import PlannedPaths
 from geodesic_ocp.retargeting.transfer import NEAR_MISS, TOO_NEAR
 from geodesic_ocp.synergies.synergy import Synergy, save_synergies
-from geodesic_ocp.table import Table
+from geodesic_ocp.tables import markdown, new_table, save_tables
 from geodesic_ocp.trajectory.joint_trajectory import JointTrajectory
 from geodesic_ocp.trajectory.motion import Motion
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from pandas import DataFrame
 
 _METHODS = {"synergies": "geodesic synergies", "ik": "inverse kinematics"}
 
@@ -64,7 +65,7 @@ class Retargeting:
         return "\n".join([f"Retargeting: {time}, found in {self.seconds:.1f} s", *lines[:2]])
 
     def _repr_markdown_(self) -> str:
-        return self.table().markdown()
+        return markdown(self.table())
 
     @property
     def synergies(self) -> tuple[Synergy, ...]:
@@ -142,7 +143,7 @@ class Retargeting:
             clearance=None if self.clearance is None else in_check(self.clearance),
         )
 
-    def comparison(self, arm: int = 0) -> Table:
+    def comparison(self, arm: int = 0) -> DataFrame:
         """Beside inverse kinematics under the same limits, in this time and in the person's.
 
         Energy, torque, smoothness, likeness to the person, errors of the hand, and the time that it
@@ -164,7 +165,7 @@ class Retargeting:
         )
         return measures_table(found)
 
-    def table(self) -> Table:
+    def table(self) -> DataFrame:
         """Action, speed and errors of the hand, of the synergies and of inverse kinematics."""
         header = (
             "arm",
@@ -180,7 +181,7 @@ class Retargeting:
                 arm.title,
                 _METHODS[method],
                 found.action,
-                found.peak_speed if arm.has_speed_limits else "-",
+                found.peak_speed if arm.has_speed_limits else None,
                 found.position,
                 found.orientation,
                 found.limit_violation,
@@ -191,9 +192,9 @@ class Retargeting:
         note = (
             "means over the samples of the recording; `comparison` has those over the robot's time"
         )
-        return Table(header, tuple(rows), note)
+        return new_table(header, rows, note)
 
-    def synergy_table(self) -> Table:
+    def synergy_table(self) -> DataFrame:
         """The robot's synergies, with the person's from which they are made; both count from 1."""
         header = (
             "arm",
@@ -210,7 +211,7 @@ class Retargeting:
             "iterations",
             "status",
         )
-        rows: list[tuple[str | int | float, ...]] = []
+        rows: list[tuple[str | int | float | None, ...]] = []
         for arm in self.arms:
             time = arm.analysis.motion.time
             for number, (group, synergy, transfer) in enumerate(
@@ -228,13 +229,13 @@ class Retargeting:
                         synergy.duration,
                         synergy.duration / seconds,
                         synergy.length,
-                        "-" if group.kind == "rest" else transfer.position_error,
-                        "-" if group.kind == "rest" else transfer.rotation_error,
+                        None if group.kind == "rest" else transfer.position_error,
+                        None if group.kind == "rest" else transfer.rotation_error,
                         transfer.iterations,
                         transfer.status,
                     )
                 )
-        return Table(header, tuple(rows))
+        return new_table(header, rows)
 
     def plot(self) -> Figure:
         """Person and robot at some instants, the hand and three joints over time, and its path.
@@ -292,9 +293,7 @@ class Retargeting:
         for number in range(len(self.arms)):
             name = "comparison" if len(self.arms) == 1 else f"comparison_{number}"
             tables[name] = self.comparison(number)
-        for name, table in tables.items():
-            (made / f"{name}.csv").write_text(table.csv(), encoding="utf-8")
-            (made / f"{name}.md").write_text(table.markdown(), encoding="utf-8")
+        save_tables(made, tables)
         for suffix in ("csv", "json", "npz"):
             self.trajectory.save(made / f"trajectory.{suffix}")
         save_figure(self.plot(), made)

@@ -8,7 +8,4 @@ from .compare_metrics import compare_metrics as compare_metrics
 from .paired_test import PairedTest as PairedTest
 from .paired_test import paired_test as paired_test
 from .result_files import RecordingOutcome as RecordingOutcome
-from .statistics import StudyMean as StudyMean
-from .statistics import StudyTest as StudyTest
-from .statistics import SynergyStatistics as SynergyStatistics
 from .study import StudyResult as StudyResult

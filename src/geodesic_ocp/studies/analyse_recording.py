@@ -40,7 +40,7 @@ from geodesic_ocp.studies.result_files import (
     result_name,
 )
 from geodesic_ocp.studies.sources import RecordingSource, identity, person_row, stature
-from geodesic_ocp.studies.tables import Row, recording_rows, synergy_rows
+from geodesic_ocp.studies.study_tables import Row, recording_rows, synergy_rows
 from geodesic_ocp.synergies.analyse import Analysis, analyse
 from geodesic_ocp.synergies.synergy import save_synergies
 from geodesic_ocp.trajectory.motion import Motion

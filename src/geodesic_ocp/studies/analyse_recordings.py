@@ -1,4 +1,4 @@
-"""BatchResult: what became of many recordings."""
+"""Analyse many recordings in parallel, with one result file for each."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.model.anthropometry import Side
@@ -36,7 +36,10 @@ from geodesic_ocp.studies.result_files import (
     write_tables,
 )
 from geodesic_ocp.studies.sources import RecordingSource, identity, recording_sources
-from geodesic_ocp.studies.tables import TABLES, Row, read_rows
+from geodesic_ocp.studies.study_tables import TABLES, read_table
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -81,13 +84,13 @@ class BatchResult:
             parts.append(f"{len(self.failures) - missing} left out")
         return ", ".join(parts)
 
-    def recordings(self) -> list[Row]:
+    def recordings(self) -> DataFrame:
         """Rows of recordings.csv, one for each recording and method."""
-        return read_rows(self.folder / "recordings.csv", "recordings")
+        return read_table(self.folder / "recordings.csv", "recordings")
 
-    def synergies(self) -> list[Row]:
+    def synergies(self) -> DataFrame:
         """Rows of synergies.csv, one for each synergy."""
-        return read_rows(self.folder / "synergies.csv", "synergies")
+        return read_table(self.folder / "synergies.csv", "synergies")
 
 
 _LABEL = "analysing recordings"

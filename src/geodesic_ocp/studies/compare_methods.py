@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -28,8 +28,11 @@ from geodesic_ocp.synergies.baselines import (
 from geodesic_ocp.synergies.scores import SCORES, Scores, score
 from geodesic_ocp.synergies.segment import segment
 from geodesic_ocp.synergies.synergy import as_segments, reconstruct
-from geodesic_ocp.table import Table
+from geodesic_ocp.tables import markdown, new_table
 from geodesic_ocp.trajectory.motion import Motion
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 _SHOWN = ("joint_mean", "position_mean", "rotation_angle", "path_joint", "path_position", "area")
 
@@ -65,7 +68,7 @@ class MethodComparison:
         )
 
     def _repr_markdown_(self) -> str:
-        return self.table().markdown()
+        return markdown(self.table())
 
     def values(self, score: str = "joint_mean") -> Array:
         """One score of every recording and method, (recordings, methods).
@@ -78,7 +81,7 @@ class MethodComparison:
         columns = [[getattr(each, score) for each in self.scores[name]] for name in self.methods]
         return np.array(columns, dtype=float).T
 
-    def table(self, *scores: str) -> Table:
+    def table(self, *scores: str) -> DataFrame:
         """Means over the recordings on which no method failed.
 
         Args:
@@ -97,9 +100,9 @@ class MethodComparison:
         for k, method in enumerate(self.methods):
             entries = [float(mean[k]) for mean in means]
             rows.append((method, self.observed[method], count, segments, *entries))
-        return Table((*header, *(SCORES[score] for score in shown)), tuple(rows))
+        return new_table((*header, *(SCORES[score] for score in shown)), tuple(rows))
 
-    def by_recording(self, score: str = "joint_mean") -> Table:
+    def by_recording(self, score: str = "joint_mean") -> DataFrame:
         """One score of every recording (row) and method (column).
 
         Raises:
@@ -110,7 +113,7 @@ class MethodComparison:
             (name, self.subjects[k], len(self.segments[k]), *values[k].tolist())
             for k, name in enumerate(self.recordings)
         )
-        return Table((SCORES[score], "subject", "segments", *self.methods), rows)
+        return new_table((SCORES[score], "subject", "segments", *self.methods), rows)
 
     def tests(
         self,
@@ -166,7 +169,7 @@ class MethodComparison:
         by: Literal["subject", "recording"] = "subject",
         confidence: float = 0.95,
         seed: int = 0,
-    ) -> Table:
+    ) -> DataFrame:
         """`tests` as a table, and what limits them, such as the number of pairs.
 
         Limits that all tests share are said once, below the table, and others in a column.
@@ -196,8 +199,8 @@ class MethodComparison:
             for method, test in tests.items()
         )
         if differ:
-            return Table((*header, "note"), rows)
-        return Table(header, rows, notes[0] if notes else "")
+            return new_table((*header, "note"), rows)
+        return new_table(header, rows, notes[0] if notes else "")
 
 
 def _means(values: Array) -> Array:

@@ -27,12 +27,13 @@ from geodesic_ocp.synergies.scores import MotionErrors, motion_errors
 from geodesic_ocp.synergies.segment import segment
 from geodesic_ocp.synergies.segment_costs import Measure
 from geodesic_ocp.synergies.synergy import reconstruct
-from geodesic_ocp.table import Table
+from geodesic_ocp.tables import markdown, new_table
 from geodesic_ocp.trajectory.motion import Motion, bandwidth
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from pandas import DataFrame
 
 
 # A metric, or a function of a model that returns one.
@@ -230,7 +231,7 @@ class MetricComparison:
         )
 
     def _repr_markdown_(self) -> str:
-        return self.table().markdown()
+        return markdown(self.table())
 
     def best_count(self, name: str) -> int:
         """The number of synergies worth having: that of the least Bayesian information criterion.
@@ -252,7 +253,7 @@ class MetricComparison:
         curve = self.curves[name]
         return int(curve.counts[np.argmin(curve.criterion)])
 
-    def table(self, counts: Sequence[int] | None = None) -> Table:
+    def table(self, counts: Sequence[int] | None = None) -> DataFrame:
         """Mean errors of every metric: optimal cuts, then those of the online rule.
 
         Args:
@@ -277,7 +278,7 @@ class MetricComparison:
             for point in self.online[name]:
                 errors = [getattr(point.errors, measure) for measure in _MEASURES]
                 rows.append((name, f"online, {point.threshold:g} rad", point.count, *errors))
-        return Table(_HEADER, tuple(rows))
+        return new_table(_HEADER, rows)
 
     def draw(
         self, axes: Axes, measure: Measure | None = None, *, max_count: int | None = None
@@ -337,8 +338,8 @@ class MetricComparison:
 
     def _write(self, folder: FilePath) -> None:
         known = {int(count) for curve in self.curves.values() for count in curve.counts}
-        (folder / "table.csv").write_text(self.table(sorted(known)).csv(), encoding="utf-8")
-        (folder / "table.md").write_text(self.table().markdown(), encoding="utf-8")
+        self.table(sorted(known)).to_csv(folder / "table.csv")
+        (folder / "table.md").write_text(markdown(self.table()), encoding="utf-8")
         save_figure(self.plot(), folder)
 
 

@@ -11,7 +11,6 @@ import scipy
 from numpy.typing import ArrayLike
 
 from geodesic_ocp.arrays import Array, as_integer, as_number
-from geodesic_ocp.table import Table
 
 _RESAMPLES = 9999
 _FEW = 10  # fewer pairs give a bootstrap interval that is narrower than its name
@@ -70,24 +69,6 @@ class PairedTest:
         if self.pairs < _FEW:
             notes.append(f"a bootstrap of {self.pairs} pairs underestimates the interval")
         return "; ".join(notes)
-
-    def table(self) -> Table:
-        """All figures, one a row."""
-        low, high = self.interval
-        rows = (
-            ("pairs", self.pairs),
-            ("left out", self.left_out),
-            ("wins", self.wins),
-            ("losses", self.losses),
-            ("ties", self.ties),
-            ("mean difference", self.mean_difference),
-            (f"{self.confidence:.0%} interval, low", low),
-            (f"{self.confidence:.0%} interval, high", high),
-            ("sign test, p", self.sign_p),
-            ("Wilcoxon test, p", self.wilcoxon_p),
-            ("smallest possible p", self.smallest_p),
-        )
-        return Table(("paired test", "value"), rows)
 
 
 def paired_test(
@@ -202,3 +183,37 @@ def _bootstrap(values: Array, confidence: float, seed: int) -> tuple[tuple[float
         if np.all(np.isfinite(found)):
             break
     return (float(found.low), float(found.high)), method
+
+
+def holm(p_values: Sequence[float]) -> Array:
+    """Return p-values corrected for their number m by Holm's step-down method.
+
+    p*_(i) = max_(j <= i) min(1, (m - j + 1) p_(j)) for p_(1) <= ... <= p_(m)
+
+    Rejecting where p* < alpha keeps the probability of any false rejection below alpha, whatever
+    the dependence of the tests (Holm, "A simple sequentially rejective multiple test procedure",
+    Scandinavian Journal of Statistics 6, 1979).
+    """
+    p = np.asarray(p_values, dtype=float)
+    order = np.argsort(p, kind="stable")
+    stepped = np.minimum(1.0, p[order] * (p.size - np.arange(p.size)))
+    corrected = np.empty_like(p)
+    corrected[order] = np.maximum.accumulate(stepped)
+    return corrected
+
+
+def rank_biserial(differences: ArrayLike) -> float:
+    """Return the matched-pairs rank-biserial correlation, positive for negative differences.
+
+    r = (W- - W+) / (W- + W+)
+
+    with the sums W of the ranks of |d| over negative and positive differences d; those that are
+    zero are left out. 1: every first number is the smaller one; -1: every one is larger; 0 if none
+    differs (Kerby, "The simple difference formula", Comprehensive Psychology 3, 2014).
+    """
+    d = np.asarray(differences, dtype=float)
+    d = d[d != 0.0]
+    if d.size == 0:
+        return 0.0
+    ranks = scipy.stats.rankdata(np.abs(d))
+    return float(np.sum(np.where(d < 0.0, ranks, -ranks)) / np.sum(ranks))

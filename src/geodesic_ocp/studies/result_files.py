@@ -8,13 +8,12 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from statistics import fmean
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import msgspec
 import numpy as np
@@ -23,17 +22,21 @@ from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.records import TEMPORARY, convert, read_record, write_file
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.sources import RecordingSource
-from geodesic_ocp.studies.tables import (
-    IDENTITY_COLUMNS,
+from geodesic_ocp.studies.study_tables import (
+    IDENTITY,
     PARQUET_HINT,
-    RECORDING_COLUMNS,
-    SYNERGY_COLUMNS,
+    RECORDINGS,
+    Kind,
     Row,
-    TableColumn,
     has_parquet,
-    write_rows,
+    new_rows,
+    write_table,
 )
-from geodesic_ocp.table import Table
+from geodesic_ocp.studies.study_tables import SYNERGIES as SYNERGY_COLUMNS
+from geodesic_ocp.tables import markdown
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 OutcomeKind = Literal["analysed", "found", "file", "solver", "process", "same", "missing", "error"]
 
@@ -106,11 +109,11 @@ _NEEDED = (
 _KEY = re.compile(r"-([0-9a-f]{32})\.json$")
 
 
-def _row_type(columns: Sequence[TableColumn], needed: Sequence[str]) -> Any:
+def _row_type(columns: Mapping[str, Kind], needed: Iterable[str]) -> Any:
     types: dict[str, Any] = {"text": str, "integer": int | None, "number": float | None}
     fields = [
-        (each.name, types[each.kind], msgspec.NODEFAULT if each.name in needed else None)
-        for each in columns
+        (name, types[kind], msgspec.NODEFAULT if name in needed else None)
+        for name, kind in columns.items()
     ]
     return msgspec.defstruct("Row", fields, kw_only=True, forbid_unknown_fields=True)
 
@@ -119,10 +122,10 @@ def _row_type(columns: Sequence[TableColumn], needed: Sequence[str]) -> Any:
 _Result: Any = msgspec.defstruct(
     "Result",
     [
-        ("identity", _row_type(IDENTITY_COLUMNS, [each.name for each in IDENTITY_COLUMNS])),
+        ("identity", _row_type(IDENTITY, IDENTITY)),
         ("own_subject", str),
         ("probes", tuple[int, Annotated[list[float], msgspec.Meta(min_length=1)]]),
-        ("recordings", list[_row_type(RECORDING_COLUMNS, _NEEDED)]),  # type: ignore[misc]
+        ("recordings", list[_row_type(RECORDINGS, _NEEDED)]),  # type: ignore[misc]
         ("synergies", list[_row_type(SYNERGY_COLUMNS, ())]),  # type: ignore[misc]
         ("warnings", list[str]),
     ],
@@ -341,27 +344,25 @@ def write_tables(
     """Write recordings, synergies and failures as tables, and summary.md; returns the paths."""
     failures = [outcome for outcome in outcomes if not outcome.success]
     files = [
-        *write_rows(folder, "recordings", collected.recordings),
-        *write_rows(folder, "synergies", collected.synergies),
-        *write_rows(folder, "failures", [_failure_row(outcome) for outcome in failures]),
+        *write_table(folder, "recordings", collected.recordings),
+        *write_table(folder, "synergies", collected.synergies),
+        *write_table(folder, "failures", [_failure_row(outcome) for outcome in failures]),
         write_file(folder / "summary.md", _summary(collected, outcomes, settings, others)),
     ]
     return tuple(files)
 
 
-def mean_table(rows: Sequence[Row]) -> Table:
-    """Means over recordings of the errors of each method."""
-    columns = ("joint_error_rad", "position_error_m", "orientation_error_rad")
-    entries: list[tuple[str | int | float, ...]] = []
-    for label in dict.fromkeys(str(row["method_label"]) for row in rows):
-        own = [row for row in rows if row["method_label"] == label]
-        found = [row for row in own if row["joint_error_rad"] is not None]
-        means = [
-            fmean(float(row[name] or 0.0) for row in found) if found else "-" for name in columns
-        ]
-        entries.append((label, len(found), *means))
-    header = ("method", "recordings", "joints [rad]", "hand [m]", "hand [rad]")
-    return Table(header, tuple(entries))
+def mean_errors(rows: DataFrame) -> DataFrame:
+    """Return means over recordings of the errors of each method."""
+    headers = {
+        "joint_error_rad": "joints [rad]",
+        "position_error_m": "hand [m]",
+        "orientation_error_rad": "hand [rad]",
+    }
+    groups = rows.rename(columns=headers).groupby("method_label", sort=False)[[*headers.values()]]
+    found = groups.mean()
+    found.insert(0, "recordings", groups.count()["joints [rad]"])
+    return found.rename_axis("method")
 
 
 def _summary(
@@ -390,7 +391,8 @@ def _summary(
         lines += ["", f"The tables are CSV alone. {PARQUET_HINT}."]
     if collected.recordings:
         lines += ["", "## Mean errors over the recordings", ""]
-        lines.append(mean_table(collected.recordings).markdown().rstrip())
+        rows = new_rows(collected.recordings, "recordings")
+        lines.append(markdown(mean_errors(rows)).rstrip())
     if failures:
         lines += ["", "## Left out", "", "| recording | kind | reason |", "| --- | --- | --- |"]
         lines += [f"| {_cell(o.source.name)} | {o.kind} | {_cell(o.text)} |" for o in failures]

@@ -19,7 +19,7 @@ from geodesic_ocp.recordings.read_recording import stature_of
 from geodesic_ocp.recordings.read_recordings import recording_files
 from geodesic_ocp.recordings.recording import Recording
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
-from geodesic_ocp.studies.tables import Row, named_file, path_ends, read_text_table
+from geodesic_ocp.studies.study_tables import Row, named_file, path_ends, read_text_table
 
 _FIELD = re.compile(r"\{(\w*)\}|(\*)")
 

@@ -46,12 +46,13 @@ from geodesic_ocp.synergies.synergy import (
     reconstruct,
     save_synergies,
 )
-from geodesic_ocp.table import Table
+from geodesic_ocp.tables import markdown, new_table, save_tables
 from geodesic_ocp.trajectory.motion import Motion
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from pandas import DataFrame
 
 _METRICS = {
     "kinetic_energy": KINETIC_ENERGY,
@@ -62,7 +63,6 @@ _BASELINES = {
     "euclidean": f"{STRAIGHT_LINES}, zero-velocity segments",
     "ik": "inverse kinematics of the hand",
 }
-NOT_FOUND = "not found"
 _UNITS = ("m", "rad")
 
 
@@ -112,7 +112,7 @@ class Analysis:
         )
 
     def _repr_markdown_(self) -> str:
-        return self.table().markdown()
+        return markdown(self.table())
 
     @property
     def metric_name(self) -> str:
@@ -126,7 +126,7 @@ class Analysis:
     def _by_rule(self) -> str:
         return "" if self.threshold is None else f" at a threshold of {self.threshold:g} rad"
 
-    def table(self, *, unfiltered: bool = False) -> Table:
+    def table(self, *, unfiltered: bool = False) -> DataFrame:
         """Number of segments and mean errors of all methods, of each hand if there are several.
 
         Args:
@@ -139,15 +139,17 @@ class Analysis:
             raise ValueError("the unfiltered motion is not known: use Motion.filtered")
         errors = self.errors_unfiltered if unfiltered else self.errors
         columns = [f"{hand} [{unit}]" for hand in hand_labels(self.model.hands) for unit in _UNITS]
-        rows: list[tuple[str | int | float, ...]] = []
+        rows = []
         for method, label in self.labels().items():
-            entries: list[str | float] = [NOT_FOUND] * (1 + len(columns))
+            entries: list[float] = [np.nan] * (1 + len(columns))
             if method not in self.not_found:
                 values = errors[method]
                 hands = [(hand.position, hand.orientation) for hand in values.hands or [values]]
                 entries = [values.joint, *chain(*hands)]
-            rows.append((label, self.segment_counts.get(method, "-"), *entries))
-        return Table(("method", "segments", "joints [rad]", *columns), tuple(rows))
+            rows.append((label, self.segment_counts.get(method), *entries))
+        lacking = ", ".join(self.labels()[method] for method in self.not_found)
+        note = f"Not found: {lacking}." if lacking else ""
+        return new_table(("method", "segments", "joints [rad]", *columns), rows, note)
 
     def labels(self) -> dict[str, str]:
         """What tables and figures call the methods, by method."""
@@ -241,9 +243,7 @@ class Analysis:
         tables = {"table": self.table()}
         if self.errors_unfiltered:
             tables["table_unfiltered"] = self.table(unfiltered=True)
-        for name, table in tables.items():
-            (folder / f"{name}.csv").write_text(table.csv(), encoding="utf-8")
-            (folder / f"{name}.md").write_text(table.markdown(), encoding="utf-8")
+        save_tables(folder, tables)
         save_figure(self.plot(curve), folder)
         save_synergies(
             folder / "synergies.json", self.synergies, self.motion.joint_names, self.model

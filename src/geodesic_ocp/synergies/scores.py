@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -13,8 +14,11 @@ from geodesic_ocp.arrays import Array, ShortRepr, rotation_vector
 from geodesic_ocp.manifold.metric import Metric, speeds_at
 from geodesic_ocp.model.model import Model, hand_labels
 from geodesic_ocp.synergies.synergy import as_segments
-from geodesic_ocp.table import Table
+from geodesic_ocp.tables import markdown, new_table
 from geodesic_ocp.trajectory.motion import Motion
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 _CELLS = 200  # along the curves; the error falls with the square of their number
 _ACROSS, _WEIGHTS = np.polynomial.legendre.leggauss(5)  # from one curve to the other
@@ -148,13 +152,13 @@ class Scores(ShortRepr):
         """
         return self.rotation_angle / 2.0
 
-    def table(self) -> Table:
+    def table(self) -> DataFrame:
         """All scores, one a row."""
         rows = tuple((label, float(getattr(self, name))) for name, label in SCORES.items())
-        return Table(("score", "value"), rows)
+        return new_table(("score", "value"), rows)
 
     def _repr_markdown_(self) -> str:
-        return self.table().markdown()
+        return markdown(self.table())
 
 
 def score(

@@ -11,7 +11,7 @@ from pathlib import Path
 from geodesic_ocp.records import write_file
 from geodesic_ocp.retargeting.result import Retargeting
 from geodesic_ocp.scenes.retargeted import retargeting_playback
-from geodesic_ocp.table import Table
+from geodesic_ocp.tables import html as html_table
 from geodesic_ocp.viewer.page import document, fragment
 
 
@@ -40,9 +40,9 @@ def report(retargeting: Retargeting, file: str | PathLike[str]) -> Path:
         f"<p>{html.escape(_sentences(retargeting))}</p>",
         fragment(playback),
         "<h2>Compared with inverse kinematics that tracks the whole path of the hand</h2>",
-        _html_table(retargeting.table()),
+        html_table(retargeting.table()),
         "<h2>The robot's synergies, and the person's synergies from which they are made</h2>",
-        _html_table(retargeting.synergy_table()),
+        html_table(retargeting.synergy_table()),
         f'<p><img alt="hand and joints over time" src="{_picture(retargeting)}"></p>',
     ]
     return write_file(file, document(title, "\n".join(parts)))
@@ -67,17 +67,6 @@ def _sentences(retargeting: Retargeting) -> str:
     num_unreachable = sum(len(arm.out_of_reach) for arm in retargeting.arms)
     reach = f" Poses out of reach: {num_unreachable}." if num_unreachable else ""
     return f"{description} {time}{reach}"
-
-
-def _html_table(table: Table) -> str:
-    """A table as HTML, which scrolls sideways where it is wider than the page."""
-    header, *rows = table.shown()
-    head = "".join(f"<th>{html.escape(entry)}</th>" for entry in header)
-    body = "".join(
-        f"<tr>{''.join(f'<td>{html.escape(entry)}</td>' for entry in row)}</tr>" for row in rows
-    )
-    found = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
-    return f'<div style="overflow-x: auto">{found}</div>'
 
 
 def _picture(retargeting: Retargeting) -> str:

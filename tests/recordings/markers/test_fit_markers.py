@@ -17,6 +17,7 @@ from geodesic_ocp.recordings.markers.marker_set import (
     PLUG_IN_GAIT_MARKERS,
 )
 from geodesic_ocp.recordings.markers.markers import Markers
+from geodesic_ocp.tables import text
 
 
 @pytest.mark.slow
@@ -39,7 +40,7 @@ def test_joint_centres_give_the_angles_of_an_arm_at_a_fixed_shoulder() -> None:
     assert fit.height == pytest.approx(HEIGHT)
     # The places of joint centres are certain, so no constant error is left.
     assert not fit.constant_errors.any()
-    assert "Constant errors" not in str(fit.table())
+    assert "Constant errors" not in text(fit.table())
 
 
 def test_centres_of_joints_tell_the_lengths_and_so_the_height() -> None:
@@ -185,7 +186,7 @@ def test_markers_of_plug_in_gait_at_unknown_offsets() -> None:
     constant = (fit.motion.q - q).mean(axis=0)
     assert np.all(np.abs(constant) < 3.0 * fit.constant_errors)
     assert np.sqrt(np.mean((constant / fit.constant_errors) ** 2)) < 1.5
-    assert "Constant errors of the angles are possible" in str(fit.table())
+    assert "Constant errors of the angles are possible" in text(fit.table())
 
 
 def test_wrong_arguments_are_named() -> None:

@@ -10,6 +10,7 @@ import pytest
 import geodesic_ocp as go
 from geodesic_ocp.recordings.markers.fit_markers import fit_markers
 from geodesic_ocp.recordings.read_markers import read_markers
+from geodesic_ocp.tables import text
 
 KIT = Path(__file__).resolve().parents[4] / "shared" / "data" / "kit"
 NAME = "take_book_from_shelf_right_arm_02"
@@ -40,5 +41,5 @@ def test_the_book_s_recording() -> None:
     assert np.all(noise.noise < 0.1 * known.noise)
     assert fit.motion.trunk is not None
     assert fit.undetermined == ()
-    assert "RSHO" in str(fit.table())
+    assert "RSHO" in text(fit.table())
     assert len(repr(fit).splitlines()) <= 3

@@ -16,6 +16,7 @@ from geodesic_ocp.recordings.markers.marker_set import MMM_MARKERS
 from geodesic_ocp.recordings.markers.markers import Axis, Markers, check_plausible_size, with_z_up
 from geodesic_ocp.recordings.read_markers import read_markers
 from geodesic_ocp.recordings.read_recording import read_recording
+from geodesic_ocp.tables import text
 
 AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
 AXES |= {"-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1)}
@@ -160,7 +161,7 @@ def test_doubts_are_told_once(walker: Markers, tmp_path: Path) -> None:
     assert len(told) == 1
     assert fit.doubts == ("the markers do not determine RWx_joint, RWy_joint",)
     assert np.flatnonzero(np.isnan(fit.constant_errors)).tolist() == [5, 6]
-    assert "RWx" not in str(fit.table()).partition("Constant errors")[2]
+    assert "RWx" not in text(fit.table()).partition("Constant errors")[2]
     assert 0.0 < fit.typical_error < 0.001
     header = ",".join(f"{name}_{axis}" for name in walker.names for axis in "xyz")
     lines = [

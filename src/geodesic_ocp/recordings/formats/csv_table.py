@@ -26,7 +26,7 @@ from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.recording import ask_about_degrees
 from geodesic_ocp.recordings.units import ANGLES
 from geodesic_ocp.records import write_file
-from geodesic_ocp.table import Table
+from geodesic_ocp.tables import new_table
 from geodesic_ocp.trajectory.motion import Motion, Subject
 
 
@@ -213,8 +213,6 @@ def save_motion(path: str | PathLike[str], motion: Motion) -> Path:
     lines = [f"# {key}: {value}" for key, value in notes.items() if value is not None]
     if subject.name:
         lines.append(f"# subject: {' '.join(subject.name.split())}")
-    rows = tuple(
-        (float(time), *map(float, q)) for time, q in zip(motion.time, motion.q, strict=True)
-    )
-    table = Table(("time", *motion.joint_names), rows).csv()
+    rows = np.column_stack([motion.time, motion.q]).tolist()
+    table = new_table(("time", *motion.joint_names), rows).to_csv()
     return write_file(file, "\n".join([*lines, table]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -13,8 +14,11 @@ from geodesic_ocp.arrays import Array
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.recordings.markers.fit_program import LOOSE_SPREAD, PRIOR_TIME, FitProblem
 from geodesic_ocp.recordings.markers.markers import evenly
-from geodesic_ocp.table import Table
+from geodesic_ocp.tables import new_table
 from geodesic_ocp.trajectory.motion import FrameMotion, Motion
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 #: How the warning of a fit that is doubtful begins.
 DOUBTFUL = "the fit of the markers is doubtful: "
@@ -127,7 +131,7 @@ class MarkerFit:
     seconds: float
     iterations: int
 
-    def table(self) -> Table:
+    def table(self) -> DataFrame:
         """Errors of every marker, and the share of time in which it is missing or lost."""
         missing = np.isnan(self.errors)
         lost = np.where(missing, np.nan, self.weights < _LOST)
@@ -140,7 +144,7 @@ class MarkerFit:
         }
         numbers = (each.tolist() for each in columns.values())
         rows = tuple(zip(self.names, self.segments, *numbers, strict=True))
-        return Table(("marker", "segment", *columns), rows, self._note)
+        return new_table(("marker", "segment", *columns), rows, self._note)
 
     @property
     def typical_error(self) -> float:

@@ -20,11 +20,12 @@ from geodesic_ocp.figures.view import View
 from geodesic_ocp.model.model import Model
 from geodesic_ocp.retargeting.alignment.arm_alignment import Alignment, axis_name
 from geodesic_ocp.retargeting.nearest_poses import nearest_poses, search_range
-from geodesic_ocp.table import Table
+from geodesic_ocp.tables import new_table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from pandas import DataFrame
 
 # Flexion of shoulder and elbow [rad], the first and the fourth joint of a human arm.
 _POSTURES = {
@@ -162,7 +163,7 @@ def _add_legend(figure: Figure, axes: Axes, name: str) -> None:
     figure.legend(known.values(), known.keys(), loc="outside lower center", ncols=4, frameon=False)
 
 
-def alignment_table(robot: Model, aligned: Alignment) -> Table:
+def alignment_table(robot: Model, aligned: Alignment) -> DataFrame:
     """Shoulder, axes, length, side, elbow and wrist of an alignment, in words."""
     base, hand = np.asarray(aligned.base), np.asarray(aligned.hand)
     across = {"right": "back of the hand", "left": "palm"}.get(aligned.side or "", "hand's right")
@@ -179,4 +180,4 @@ def alignment_table(robot: Model, aligned: Alignment) -> Table:
         ("elbow", aligned.elbow or "not known"),
         ("wrist", aligned.wrist or "not known"),
     )
-    return Table(("alignment", robot.name), rows)
+    return new_table(("alignment", robot.name), rows)

@@ -1,0 +1,508 @@
+"""The tables of many recordings: their columns, and how they are read and written.
+
+recordings.csv has one row for each recording and method, synergies.csv one for each synergy, and
+failures.csv one for each recording without a result. Units are the suffix of a column's name.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from importlib.util import find_spec
+from math import isfinite
+from os import PathLike
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.records import replacing
+from geodesic_ocp.synergies.analyse import Analysis
+from geodesic_ocp.synergies.scores import MotionErrors, motion_errors
+from geodesic_ocp.synergies.synergy import Synergy
+from geodesic_ocp.trajectory.motion import Motion
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+Kind = Literal["text", "integer", "number"]  # of a column; integers and numbers may be missing
+Row = dict[str, str | int | float | None]
+
+# The kind of each column, and its meaning where the name does not say it.
+IDENTITY: dict[str, Kind] = {
+    "recording": "text",  # the file and the side
+    "file": "text",  # relative to the folder that was given
+    "subject": "text",  # the person; recordings of one person are not independent
+    "subject_from": "text",  # table, path, file (that names the subject), folder name or file name
+    "trial": "text",  # the repetition, within the subject
+    "side": "text",
+}
+_ERRORS: dict[str, Kind] = {
+    "joint_error_rad": "number",  # means over samples (and joints)
+    "position_error_m": "number",
+    "orientation_error_rad": "number",
+}
+RECORDINGS: dict[str, Kind] = {
+    **IDENTITY,
+    "height_m": "number",  # of the model
+    "height_from": "text",  # given, table, file, markers, or assumed
+    "mass_kg": "number",
+    "mass_from": "text",  # given, table, file, or assumed
+    "marker_error_m": "number",  # mean distance of markers from the fitted ones
+    "samples": "integer",
+    "duration_s": "number",
+    "rate_hz": "number",  # mean sampling rate
+    "cutoff_hz": "number",  # of the filter
+    "noise_rad": "number",  # root mean square over joints
+    "metric": "text",  # in which the motion is segmented and planned
+    "threshold_rad": "number",  # of the segmentation; missing for optimal segments
+    "method": "text",  # key in `Analysis.errors`
+    "method_label": "text",  # the method in words, as in `Analysis.table`
+    "segments": "integer",  # of the method; missing if the method has none
+    **_ERRORS,
+    **{name.replace("_error_", "_error_unfiltered_"): kind for name, kind in _ERRORS.items()},
+    "computation_s": "number",
+    "settings": "text",  # identifies the settings of the analysis
+}
+SYNERGIES: dict[str, Kind] = {
+    **IDENTITY,
+    "metric": "text",
+    "synergy": "integer",  # number in the recording, from 1
+    "start_sample": "integer",  # from 0
+    "stop_sample": "integer",
+    "start_time_s": "number",  # on the recording's clock
+    "duration_s": "number",
+    "length": "number",  # in the metric's unit: sqrt(kg) m, of straight lines rad
+    "mean_speed": "number",  # length over duration
+    "peak_speed": "number",  # of its time law
+    **_ERRORS,
+    "settings": "text",
+}
+TABLES: dict[str, dict[str, Kind]] = {
+    "recordings": RECORDINGS,
+    "synergies": SYNERGIES,
+    # Kinds of failures: file, solver, process, same (as another), missing or error.
+    "failures": {**IDENTITY, "kind": "text", "reason": "text"},
+}
+
+_METHODS = {
+    "kinetic_energy": "geodesics, kinetic energy",
+    "joint_inertia": "geodesics, kinetic energy with joint inertia",
+    "euclidean_same_segments": "straight lines, same segments",
+    "euclidean": "straight lines, zero-velocity segments",
+    "ik": "inverse kinematics of the hand",
+}
+
+
+def recording_rows(analysis: Analysis) -> list[Row]:
+    """Return one row for each method; errors of a method without geodesics are missing."""
+    motion, used = analysis.motion, analysis.motion.filter
+    same: Row = {
+        "samples": len(motion),
+        "duration_s": motion.duration,
+        "rate_hz": motion.rate,
+        "cutoff_hz": None if used is None else _finite(used.bandwidth),
+        "noise_rad": None if used is None else _finite(float(np.sqrt(np.mean(used.noise**2)))),
+        "metric": analysis.metric_name,
+        "threshold_rad": analysis.threshold,
+    }
+    labels = {"riemannian": str(analysis.table().index[0]), **_METHODS}
+    return [
+        same
+        | {"method": method, "method_label": label, "segments": analysis.segment_counts.get(method)}
+        | _errors(analysis.errors.get(method))
+        | _errors(analysis.errors_unfiltered.get(method), "_unfiltered")
+        for method, label in labels.items()
+        if method in (*analysis.errors, *analysis.not_found)
+    ]
+
+
+def synergy_rows(analysis: Analysis) -> list[Row]:
+    """Return one row for each synergy, with the mean errors over its samples."""
+    rows: list[Row] = []
+    for number, synergy in enumerate(analysis.synergies, 1):
+        parts = (_part(motion, synergy) for motion in (analysis.motion, analysis.predicted))
+        own: Row = {
+            "metric": analysis.metric_name,
+            "synergy": number,
+            "start_sample": synergy.start,
+            "stop_sample": synergy.stop,
+            "start_time_s": synergy.start_time,
+            "duration_s": synergy.duration,
+            "length": synergy.length,
+            "mean_speed": _finite(synergy.length / synergy.duration),
+            "peak_speed": peak_speed(synergy),
+        }
+        rows.append(own | _errors(motion_errors(analysis.model, *parts)))
+    return rows
+
+
+def peak_speed(synergy: Synergy) -> float:
+    """Return the largest speed of a synergy's time law, a piecewise parabola, exactly."""
+    law = synergy.law
+    start, stop = law(law.knots[:-1], 2), law((law.knots[:-1] + law.knots[1:]) / 2.0, 2)
+    change = 2.0 * (stop - start)  # of the acceleration over each interval
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = -start / change
+    inside = (share > 0.0) & (share < 1.0)
+    extrema = (law.knots[:-1] + share * np.diff(law.knots))[inside]
+    return float(np.max(law(np.concatenate([law.knots, extrema]), 1)))
+
+
+def _part(motion: Motion, synergy: Synergy) -> Motion:
+    rows = slice(synergy.start, synergy.stop + 1)
+    return Motion(motion.time[rows], motion.q[rows], motion.joint_names)
+
+
+def _errors(errors: MotionErrors | None, suffix: str = "") -> Row:
+    found = (None,) * 3 if errors is None else (errors.joint, errors.position, errors.orientation)
+    names = (name.replace("_error_", f"_error{suffix}_") for name in _ERRORS)
+    return {
+        name: None if value is None else _finite(value)
+        for name, value in zip(names, found, strict=True)
+    }
+
+
+def _finite(number: float) -> float | None:
+    return number if isfinite(number) else None
+
+
+def named_file(text: str) -> str:
+    """Return a path in a table as it is compared with those that `path_ends` gives."""
+    return str(PurePosixPath(text.replace("\\", "/").removeprefix("./").lstrip("/")))
+
+
+def path_ends(file: str) -> Iterator[str]:
+    """Yield what a table may call a file, the longest first, and with its suffix before without.
+
+    >>> list(path_ends("S1/reach_1.5.c3d"))
+    ['S1/reach_1.5.c3d', 'S1/reach_1.5', 'reach_1.5.c3d', 'reach_1.5']
+    """
+    path = PurePosixPath(file)
+    parts = [part for part in path.parts if part != "/"]
+    for start in range(len(parts)):
+        for name in dict.fromkeys((path.name, path.stem)):
+            yield "/".join([*parts[start:-1], name])
+
+
+PARQUET_HINT = "Parquet needs pyarrow: pip install 'geodesic_ocp[parquet]'"
+
+
+def has_parquet() -> bool:
+    """Return True if tables can be written as Parquet."""
+    return find_spec("pyarrow") is not None
+
+
+def read_text_table(file: Path) -> tuple[list[str], list[tuple[str, list[str]]]]:
+    """Return the names of the columns of a CSV file, and its lines, each with its place.
+
+    Raises:
+        RecordingError: the file cannot be read, or a line does not fit the columns.
+    """
+    lines: list[tuple[str, list[str]]] = []
+    number = 0
+    try:
+        with file.open(encoding="utf-8-sig", newline="") as stream:
+            reader = csv.reader(stream, strict=True)
+            names = next(reader, [])
+            number = reader.line_num
+            for values in reader:
+                where = f"line {number + 1}"
+                number = reader.line_num
+                if values and len(values) != len(names):
+                    raise RecordingError(
+                        f"{file}: {where}: {len(values)} values under {len(names)} columns"
+                    )
+                if values:
+                    lines.append((where, values))
+    except UnicodeDecodeError as error:
+        raise RecordingError(f"{file}: is not text in UTF-8: {error}") from None
+    except csv.Error as error:
+        raise RecordingError(f"{file}: line {number + 1}: is not CSV: {error}") from None
+    except OSError as error:
+        raise RecordingError(f"{file}: cannot be read: {error}") from None
+    if len(names) == 1 and {";", "\t"} & set(names[0]):
+        raise RecordingError(f"{file}: line 1: separate columns by commas, got {names[0][:60]!r}")
+    if not names:
+        raise RecordingError(f"{file}: line 1: is empty, expected the names of columns")
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise RecordingError(f"{file}: line 1: column {', '.join(twice)} is there twice")
+    return names, lines
+
+
+# Without these a table says nothing about subjects; other columns may be missing.
+_NEEDED = {
+    "recordings": ("recording", "subject", "method", "duration_s", "joint_error_rad"),
+    "synergies": ("recording", "subject", "duration_s", "length"),
+    "failures": ("recording", "reason"),
+}
+_NOT_NEGATIVE = ("joint_error", "position_error", "orientation_error", "duration", "length", "segm")
+_KEYS = {"recordings": ["recording", "method"], "synergies": ["recording", "synergy"]}
+
+
+def new_rows(rows: Iterable[Mapping[str, Any]], table: str) -> DataFrame:
+    """Return rows as one of `TABLES`, whose columns are all there; others are text.
+
+    Raises:
+        ValueError: an entry is not of its column's kind.
+    """
+    from pandas import DataFrame
+
+    frame, kinds = DataFrame([*rows], dtype=object), TABLES[table]
+    frame = frame.reindex(columns=[*dict.fromkeys([*kinds, *frame.columns])])
+    for name in frame.columns:
+        kind = kinds.get(name, "text")
+        column = frame[name]
+        if kind == "text":
+            frame[name] = column.where(column.notna(), "").map(str).astype(object)
+        else:
+            frame[name] = column.astype("Int64" if kind == "integer" else "float64")
+    return frame
+
+
+def read_table(file: Path, table: str) -> DataFrame:
+    """Read one of `TABLES`; columns that it does not define are text.
+
+    Raises:
+        RecordingError: the file is missing or cannot be read, a column that is needed is missing, a
+            value is not a number, or a row is there twice; names file, line (of Parquet, row) and
+            column.
+        ImportError: a Parquet file without the extra `parquet`.
+    """
+    from pandas import DataFrame, Series, read_parquet
+
+    if not file.is_file():
+        raise RecordingError(f"{file}: there is no such file")
+    if file.suffix.lower() == ".parquet":
+        if not has_parquet():
+            raise ImportError(f"{file}: {PARQUET_HINT}")
+        try:
+            frame = read_parquet(file).astype(object)
+        except (OSError, ValueError, TypeError, ArithmeticError, LookupError) as error:
+            raise RecordingError(f"{file}: cannot be read as Parquet: {error}") from None
+        places = [f"row {k}" for k in range(1, len(frame) + 1)]
+    else:
+        names, lines = read_text_table(file)
+        places = [where for where, _ in lines]
+        frame = DataFrame([values for _, values in lines], columns=names, dtype=object)
+    if missing := [name for name in _NEEDED[table] if name not in frame.columns]:
+        raise RecordingError(
+            f"{file}: line 1: column {', '.join(missing)} is missing; is it the table of {table}?"
+        )
+    for name, kind in TABLES[table].items():
+        if name in frame.columns and kind != "text":
+            values = zip(frame[name], places, strict=True)
+            numbers = [
+                _number(value, kind, name, f"{file}: {where}, column {name}")
+                for value, where in values
+            ]
+            frame[name] = Series(numbers, dtype=object)
+    keys = [name for name in _KEYS.get(table, ()) if name in frame.columns]
+    for k in np.flatnonzero(frame.duplicated(keys)) if keys else ():
+        key = frame.loc[k, keys]
+        first = places[int(np.flatnonzero((frame[keys] == key).all(axis=1))[0])]
+        what = ", ".join(map(str, key))
+        raise RecordingError(f"{file}: {places[k]}: {what} is there already, in {first}")
+    return new_rows(frame.to_dict("records"), table)
+
+
+def _number(value: Any, kind: Kind, name: str, where: str) -> int | float | None:
+    """Return the value of a cell, None where it is missing; `where` opens an error's message."""
+    from pandas import isna
+
+    if isna(value) or (isinstance(value, str) and not value.strip()):
+        return None
+    try:
+        if isinstance(value, bool | bytes):
+            raise ValueError
+        number = int(value) if kind == "integer" else float(value)
+    except (TypeError, ValueError):
+        raise RecordingError(f"{where}: {value!r} is not a number") from None
+    if not isfinite(number):
+        raise RecordingError(f"{where}: {number!r} is not finite")
+    if number < 0 and name.startswith(_NOT_NEGATIVE):
+        raise RecordingError(f"{where}: {number!r} is negative")
+    return number
+
+
+def write_table(folder: str | PathLike[str], name: str, rows: Iterable[Row]) -> list[Path]:
+    """Write one of `TABLES` as CSV, and as Parquet with the extra; each file as a whole.
+
+    Args:
+        folder: of the files, which exists.
+        name: of the table.
+        rows: values by column; those that are left out are missing.
+
+    Returns:
+        The files' paths.
+
+    Raises:
+        ValueError: a row has a value that is in no column.
+        OSError: a file cannot be written.
+    """
+    frame = new_rows(rows, name)
+    if extra := set(frame.columns) - set(TABLES[name]):
+        raise ValueError(f"{name} has no column {', '.join(sorted(extra))}")
+    written = [Path(folder) / f"{name}.csv"]
+    with replacing(written[0]) as file:
+        frame.to_csv(file, index=False)
+    if has_parquet():
+        written.append(Path(folder) / f"{name}.parquet")
+        with replacing(written[1]) as file:
+            frame.to_parquet(file, index=False)
+    return written
+
+
+def with_metadata(recordings: DataFrame, table: str | PathLike[str]) -> DataFrame:
+    """Return the recordings with all columns of a table that has a column file.
+
+    It holds the end of each file's path, with or without its suffix, as the table of subjects of
+    `analyse_recordings` does. Columns that the recordings have already stay as they are.
+
+    Raises:
+        RecordingError: the table cannot be read, has no column file, names a file twice, or does
+            not name one of the recordings.
+    """
+    path = Path(table)
+    names, lines = read_text_table(path)
+    if "file" not in names:
+        raise RecordingError(f"{path}: line 1: there is no column file")
+    entries: dict[str, dict[str, str]] = {}
+    for where, values in lines:
+        entry = dict(zip(names, values, strict=True))
+        if (key := named_file(entry["file"])) in entries:
+            raise RecordingError(f"{path}: {where}: {entry['file']} is there already")
+        entries[key] = entry
+    found = [_entry(file, entries, path) for file in recordings["file"]]
+    own = {name for name in recordings.columns if (recordings[name] != "").any()}
+    new = {name: [each[name] for each in found] for name in names if name not in own}
+    return recordings.assign(**new)
+
+
+def _entry(file: str, entries: Mapping[str, dict[str, str]], path: Path) -> dict[str, str]:
+    ends = list(path_ends(file))
+    for end in ends:
+        if (entry := entries.get(end)) is not None:
+            return entry
+    for whole in [end for end in ends if end.count("/") == ends[0].count("/")]:
+        # The table may give more of the path than the recordings do.
+        longer = [key for key in entries if key.endswith(f"/{whole}")]
+        if len(longer) == 1:
+            return entries[longer[0]]
+        if longer:
+            break
+    raise RecordingError(f"{path}: does not name the recording's file {file!r}")
+
+
+def read_study_tables(
+    source: str | PathLike[str] | Iterable[str | PathLike[str]],
+) -> dict[str, DataFrame]:
+    """Read the tables of an output folder, or from the files whose paths are given, by name.
+
+    In a folder recordings, synergies and failures are read from .csv files, or from .parquet
+    files where only these are there. Given files are told apart by the beginning of their names.
+
+    Raises:
+        RecordingError: there is no table of recordings, a table cannot be read, or tables disagree
+            about the synergies of a recording, as when one was cut off.
+    """
+    if isinstance(source, str | PathLike):
+        path = Path(source)
+        files = _by_name([path]) if path.is_file() else _in_folder(path)
+    else:
+        files = _by_name([Path(each) for each in source])
+    tables = {name: read_table(file, name) for name, file in files.items()}
+    if tables["recordings"].empty:
+        raise RecordingError(f"{files['recordings']}: has no recordings")
+    if "synergies" in tables:
+        _check_synergies(tables["recordings"], tables["synergies"], files["synergies"])
+    return tables
+
+
+def _in_folder(folder: Path) -> dict[str, Path]:
+    if not folder.is_dir():
+        raise RecordingError(f"{folder}: there is no such folder or table")
+    found: dict[str, Path] = {}
+    for table in TABLES:
+        files = [folder / f"{table}{suffix}" for suffix in (".csv", ".parquet")]
+        if there := [file for file in files if file.is_file()]:
+            found[table] = there[0]
+    if "recordings" not in found:
+        raise RecordingError(
+            f"{folder}: has no recordings.csv or recordings.parquet; it must be the folder of a "
+            "finished `geodesic-ocp analyse DIR --out FOLDER`"
+        )
+    return found
+
+
+def _by_name(files: Sequence[Path]) -> dict[str, Path]:
+    found: dict[str, Path] = {}
+    for file in files:
+        table = next((t for t in TABLES if file.name.startswith(t)), None)
+        if table is None and len(files) == 1:
+            table = "recordings"
+        if table is None or table in found:
+            raise ValueError(
+                f"source: the name of {file.name} must begin with one of {', '.join(TABLES)}, "
+                "each once"
+            )
+        found[table] = file
+    if "recordings" not in found:
+        raise ValueError("source must have the table of recordings, got none")
+    return found
+
+
+def _check_synergies(recordings: DataFrame, synergies: DataFrame, file: Path) -> None:
+    """RecordingError if a recording has another number of synergies than segments."""
+    counts = Counter(synergies["recording"])
+    if unknown := sorted(set(counts) - set(recordings["recording"])):
+        raise RecordingError(f"{file}: {unknown[0]} is not in the table of recordings")
+    own = recordings[(recordings["method"] == "riemannian") & recordings["segments"].notna()]
+    for name, expected in zip(own["recording"], own["segments"], strict=True):
+        if expected != counts[name]:
+            raise RecordingError(
+                f"{file}: {name} has {counts[name]} synergies, but {expected} in the table of "
+                "recordings; is one of the two cut off, or of another analysis?"
+            )
+
+
+def analysis_tables(
+    analyses: Sequence[Analysis],
+    names: Sequence[str] | None,
+    subjects: Sequence[str] | None,
+    conditions: Sequence[str] | None,
+) -> dict[str, DataFrame]:
+    """Return the tables of analyses in memory, as those of a folder.
+
+    Args:
+        analyses: one of each recording.
+        names: of the recordings; by default they are numbered.
+        subjects: the persons; by default those of the motions.
+        conditions: of the recordings, column "condition".
+
+    Raises:
+        ValueError: names, subjects or conditions are not one for each analysis, or names are equal.
+    """
+    count = len(analyses)
+    names = [str(k) for k in range(1, count + 1)] if names is None else names
+    if subjects is None:
+        subjects = [each.motion.subject.name or "" for each in analyses]
+    for what, given in (("names", names), ("subjects", subjects), ("conditions", conditions)):
+        if given is not None and (isinstance(given, str) or len(given) != count):
+            raise ValueError(f"{what} must be {count}, one for each analysis, got {given!r}")
+    if len(set(names)) < count:
+        raise ValueError(f"names must differ, got {list(names)!r}")
+    recordings: list[Row] = []
+    synergies: list[Row] = []
+    for k, analysis in enumerate(analyses):
+        identity: Row = {"recording": str(names[k]), "subject": str(subjects[k])}
+        if conditions is not None:
+            identity["condition"] = str(conditions[k])
+        recordings += [identity | row for row in recording_rows(analysis)]
+        synergies += [identity | row for row in synergy_rows(analysis)]
+    return {
+        "recordings": new_rows(recordings, "recordings"),
+        "synergies": new_rows(synergies, "synergies"),
+    }
