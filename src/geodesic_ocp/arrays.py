@@ -18,7 +18,7 @@ Symbolic: TypeAlias = ca.SX | ca.MX
 
 
 def is_symbolic(*values: object) -> bool:
-    """Whether any of the values is a CasADi expression."""
+    """Return whether any of the values is a CasADi expression."""
     return any(isinstance(value, (ca.SX, ca.MX)) for value in values)
 
 

@@ -127,12 +127,12 @@ class Block:
     """Instances of one kind of terms. Numbers may be expressions in the program's parameters.
 
     Attributes:
-        terms: of an instance.
-        places: of the variables of every instance in x: indices (instances, size), all different in
-            a row; a sparse matrix (instances * size, number of variables); or cells.
-        values: of the parameters, (instances, k).
+        terms: terms of an instance.
+        places: places of the variables of every instance in x: indices (instances, size), all
+            different in a row; a sparse matrix (instances * size, number of variables); or cells.
+        values: values of the parameters, (instances, k).
         lower, upper: bounds of the constraint functions, (instances, m).
-        weights: of the objective (instances,); None: one.
+        weights: weights of the objective (instances,); None: one.
         units: offset and scale of the variables (rows of places, size); None: zero and one.
         groups: for each instance the row of `places` with its variables, of terms without
             constraints; None: each has its own.
@@ -294,7 +294,7 @@ class BlockProgram:
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
-        """Of the constraint functions."""
+        """Bounds of the constraint functions."""
         sides = [(each.lower, each.upper) for each in self.blocks if each.size_g]
         lower, upper = zip(*sides, strict=True) if sides else ((), ())
         return _joined(lower), _joined(upper)
@@ -305,7 +305,7 @@ class BlockProgram:
         Args:
             x: (size,).
             bounds: lower and upper (size,).
-            options: of Ipopt.
+            options: options of Ipopt.
         """
         lower, upper = bounds
         lower_g, upper_g = self.bounds

@@ -28,7 +28,7 @@ class Cells:
     instances share.
 
     Attributes:
-        indices: of the coordinates at the nodes in x, (cells, nodes, n).
+        indices: indices of the coordinates at the nodes in x, (cells, nodes, n).
         rows: (points, r, nodes).
         shared: indices in x of what all instances share, below those of the nodes.
     """
@@ -84,7 +84,7 @@ class Cells:
     def _mixed(
         self, pattern: tuple[Indices, Indices], entries: ca.MX
     ) -> tuple[Indices, Indices, ca.MX]:
-        """By the nodes and what is shared: sum_k A_sa H_st over points and rows s, of node a."""
+        """Return mixed derivatives, sum_k A_sa H_st: by the nodes and what is shared."""
         cells, nodes, n = self.indices.shape
         (row, i), to = np.divmod(pattern[0], n), pattern[1]
         places, found = [], []
@@ -100,7 +100,7 @@ class Cells:
     def _of_nodes(
         self, pattern: tuple[Indices, Indices], entries: ca.MX
     ) -> tuple[Indices, Indices, ca.MX]:
-        """By the nodes alone.
+        """Return the second derivatives by the nodes alone.
 
         With blocks H_st of rows s and t, the block of nodes a and b is the sum over k, s <= t of
 
@@ -149,7 +149,7 @@ def _product(matrix: ca.MX, factors: Array) -> ca.MX:
 def _halves(
     n: int, pairs: Sequence[tuple[int, int]], pattern: tuple[Indices, Indices]
 ) -> tuple[ca.DM, ca.DM]:
-    """From entries of H to half of those of (H_st + H_st')/2 and (H_st - H_st')/2, and back.
+    """Turn entries of H into half of (H_st + H_st')/2 and (H_st - H_st')/2, and back.
 
     The second matrix joins the halves of a symmetric and an antisymmetric matrix to their sum, in
     the order of columns.

@@ -71,7 +71,7 @@ class Ipopt:
     Args:
         nlp: dictionary of CasADi expressions or a function; x, p -> f, g.
         derivatives: functions for nlpsol's options grad_f and hess_lag, if not CasADi's own.
-        options: of Ipopt by name, which override the package's.
+        options: options of Ipopt by name, which override the package's.
         relay: CasADi callback for every iteration.
 
     Raises:

@@ -116,11 +116,11 @@ def planar_arm(
     """Links that turn about parallel axes, one after the other; the hand, "tip", is at the end.
 
     Args:
-        lengths: of the links [m].
-        masses: of the links [kg].
-        centres: of mass, from the joint along the link [m].
+        lengths: lengths of the links [m].
+        masses: masses of the links [kg].
+        centres: centres of mass, from the joint along the link [m].
         inertias: about the centres of mass and the axis of turning [kg m^2].
-        backend: of the symbolic rigid-body algorithms, see `Model`.
+        backend: backend of the symbolic rigid-body algorithms, see `Model`.
 
     Raises:
         ValueError: not as many figures of one sort as of the other, or they are not a body's.
@@ -170,7 +170,7 @@ _OF_MODELS = ("planar arm", "human arm", "urdf")
 
 
 def has_model(description: Mapping[str, Any]) -> bool:
-    """Whether the metric is that of a model, so that it depends on the back end."""
+    """Return whether the metric is that of a model, so that it depends on the back end."""
     return description.get("kind") in _OF_MODELS
 
 
@@ -210,7 +210,7 @@ def metric_of(description: Mapping[str, Any], backend: str | None = None) -> Met
 
     Args:
         description: its kind and the kind's fields; lengths in m, masses in kg.
-        backend: of the symbolic rigid-body algorithms, for metrics of models; see `Model`.
+        backend: backend of the symbolic rigid-body algorithms, for metrics of models; see `Model`.
 
     Raises:
         ValueError: an unknown kind, or fields that are not the kind's.
@@ -253,7 +253,7 @@ class KnownGeodesic:
     """A geodesic q(s), s in [0, 1], that is known from elsewhere.
 
     Attributes:
-        name: of the entry.
+        name: name of the entry.
         metric: description of the metric, see `metric_of`.
         q0: where it starts, (n,) [rad or m].
         v0: q'(0), (n,).
@@ -399,9 +399,9 @@ class Check:
     """One quantity of a known geodesic, as computed by the package.
 
     Attributes:
-        name: of the known geodesic.
+        name: name of the known geodesic.
         quantity: "exp", "length", "path" or "log"; "metric" where there is not even that.
-        backend: of the symbolic rigid-body algorithms; "-" where the metric needs none.
+        backend: backend of the symbolic rigid-body algorithms; "-" where the metric needs none.
         error: largest difference of any coordinate; inf where there is no result.
         tolerance: what is allowed.
         message: why there is no result, otherwise empty.
@@ -416,7 +416,7 @@ class Check:
 
     @property
     def passed(self) -> bool:
-        """Whether the error is within the tolerance; not a number is not."""
+        """True if the error is within the tolerance; not a number is not."""
         return self.error <= self.tolerance
 
 
@@ -427,7 +427,7 @@ def check_geodesic(known: KnownGeodesic, backend: str | None = None) -> list[Che
 
     Args:
         known: the entry.
-        backend: of the symbolic rigid-body algorithms, see `Model`.
+        backend: backend of the symbolic rigid-body algorithms, see `Model`.
 
     Raises:
         ValueError: the back end is unknown or cannot be imported here.

@@ -1,4 +1,4 @@
-"""What is in a file or a folder, told by its content."""
+"""Kinds of files and folders, recognized by their content."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _ROBOTS = ("robot", "mujoco")  # root elements of URDF and Simox files, and of M
 
 
 def file_kind(file: Path) -> Kind:
-    """What is in a file; only Python files are told by their suffix.
+    """Return the kind of a file; only Python files are recognized by their suffix.
 
     Raises:
         RecordingError: the file is of no known kind, or holds nothing that can be seen.
@@ -113,13 +113,13 @@ def _kind_of_xml(file: Path) -> Kind:
 
 
 def _is_trajectory_table(text: str) -> bool:
-    """Whether the header of a table has the columns of a joint trajectory."""
+    """Return whether the header of a table has the columns of a joint trajectory."""
     header = next((line for line in text.splitlines() if line and not line.startswith("#")), "")
     return any(_OF_TRAJECTORY.fullmatch(name.strip(" \"'")) for name in header.split(","))
 
 
 def _has_positions(file: Path) -> bool:
-    """Whether a NumPy archive has the arrays of a joint trajectory."""
+    """Return whether a NumPy archive has the arrays of a joint trajectory."""
     try:
         with zipfile.ZipFile(file) as archive:
             return {"position.npy", "joint_names.npy"} <= set(archive.namelist())

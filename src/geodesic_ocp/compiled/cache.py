@@ -57,7 +57,7 @@ _temporary: dict[int, Path] = {}
 
 
 def cache_folder() -> Path:
-    """Where compiled libraries are kept: $GEODESIC_OCP_CACHE, or a folder of the user's cache."""
+    """Return the folder of compiled libraries: $GEODESIC_OCP_CACHE, or in the user's cache."""
     if chosen := os.environ.get(ENVIRONMENT_VARIABLE):
         return Path(chosen).expanduser().absolute() / "compiled"
     from platformdirs import user_cache_path
@@ -84,7 +84,7 @@ def _make_private(folder: Path) -> None:
 
 
 def why_not_private(folder: Path) -> str:
-    """Which folder on the path another user could change, and why; empty if there is none."""
+    """Return which folder on the path another user could change, and why; empty if none."""
     if not hasattr(os, "getuid"):
         return ""
     resolved = folder.resolve()
@@ -147,7 +147,7 @@ def new_job(folder: Path, text: str, name: str) -> Path:
 
 
 def is_stale(job: Path) -> bool:
-    """Whether the process that worked at this job was interrupted, or has ended."""
+    """Return whether the process that worked at this job was interrupted, or has ended."""
     try:
         age = time.time() - job.stat().st_mtime
         return age > _STALE or (age > _GRACE and not is_locked(job))
@@ -162,7 +162,7 @@ def wait_for_job(folder: Path, name: str) -> None:
 
 
 def has_space(folder: Path) -> bool:
-    """Whether a compiler that failed there had enough space."""
+    """Return whether a compiler that failed there had enough space."""
     try:
         return shutil.disk_usage(folder).free > _ENOUGH
     except OSError:
@@ -211,7 +211,7 @@ def _use_file(file: Path) -> Path:
 
 
 def _is_own(file: Path) -> bool:
-    """Whether nobody else can have written the file, also before its folder was made private."""
+    """Return whether nobody else can have written the file, now or earlier."""
     status = file.lstat()
     is_shared = status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
     owners = (0, os.getuid()) if hasattr(os, "getuid") else (status.st_uid,)
@@ -263,7 +263,7 @@ def lock(folder: Path, alone: bool = False) -> Iterator[None]:
     """Hold a lock on a folder, which ends with the process at the latest.
 
     Args:
-        folder: with nothing done where its file system has no locks.
+        folder: folder to lock; nothing is done where its file system has no locks.
         alone: wait until nobody else has a lock on it.
     """
     if sys.platform == "win32":
@@ -279,7 +279,7 @@ def lock(folder: Path, alone: bool = False) -> Iterator[None]:
 
 
 def is_locked(folder: Path) -> bool:
-    """Whether a process has a lock on the folder, or that cannot be told."""
+    """Return whether a process has a lock on the folder, or that cannot be told."""
     if sys.platform == "win32":
         return True
     descriptor = os.open(folder, os.O_RDONLY)
@@ -330,7 +330,7 @@ def file_name(key: str, content: bytes) -> str:
 
 
 def is_complete(content: bytes) -> bool:
-    """Whether a 64-bit ELF file holds all of its sections; True for libraries of other formats."""
+    """Return whether a 64-bit ELF file holds all of its sections; True for other formats."""
     if len(content) < 64 or content[:5] != b"\x7fELF\x02":
         return len(content) >= 64
     (start,) = struct.unpack_from("=Q", content, 40)

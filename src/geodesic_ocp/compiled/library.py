@@ -124,7 +124,7 @@ def _identity(program: str, *parts: str) -> str:
 
 @lru_cache(maxsize=1)
 def _processor() -> str:
-    """What -march=native depends on: a cache folder may be shared by different machines."""
+    """Return what -march=native depends on: different machines may share a cache folder."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
@@ -150,7 +150,7 @@ class Library:
     Args:
         functions: gives the functions by their names, when they have to be compiled.
         fingerprint: text that changes with the functions.
-        dim: of the manifold; 0: without the core.
+        dim: dimension of the manifold; 0: without the core.
     """
 
     def __init__(
@@ -171,7 +171,7 @@ class Library:
 
     @property
     def loaded(self) -> bool:
-        """Whether the library is in use."""
+        """True if the library is in use."""
         return self._loaded is not None
 
     @property
@@ -186,7 +186,7 @@ class Library:
         return "" if handle is None else handle._name
 
     def available(self, at_once: bool = True) -> bool:
-        """Whether there is a library, in the terms of `handle`."""
+        """Return whether there is a library, in the terms of `handle`."""
         return self.handle(at_once) is not None
 
     def handle(self, at_once: bool) -> ctypes.CDLL | None:

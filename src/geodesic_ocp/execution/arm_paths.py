@@ -20,7 +20,7 @@ class ArmPaths(ShortRepr):
 
     Attributes:
         robot: the arm; its mass matrix, payload included, is the one that torques are made of.
-        limits: of its joints.
+        limits: limits of its joints.
         edges: times (k + 1,) [s] in the recording at which its k paths begin and end.
         paths: k of them; of zero length where the arm rests. Each begins where the one before ends.
         gravity: acceleration of free fall in the axes of the robot's base (3,) [m/s^2].
@@ -41,7 +41,7 @@ class ArmPaths(ShortRepr):
 
 
 def joint_names(arms: Sequence[ArmPaths]) -> tuple[str, ...]:
-    """Of all arms, with the number of the arm in front if two arms share a name."""
+    """Joint names of all arms, after the number of the arm if two arms share a name."""
     names = [name for arm in arms for name in arm.robot.joint_names]
     if len(set(names)) == len(names):
         return tuple(names)

@@ -32,7 +32,7 @@ _NEAR = 1e-6  # [m]: rounding of distances
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TrajectoryCheck:
-    """What a check of a trajectory found.
+    """Result of a check of a trajectory.
 
     Attributes:
         violations: one sentence for each joint and condition that does not hold, with the worst
@@ -44,7 +44,7 @@ class TrajectoryCheck:
             samples and of means between samples [rad or m, per second..., N m or N].
         consistency: largest contradiction between samples over its bound (n,), by "velocity"
             (against positions) and "acceleration" (against velocities).
-        joint_names: of the n joints.
+        joint_names: names of the n joints.
         clearance: least of the distances to be kept [m]; None: not checked.
     """
 
@@ -57,7 +57,7 @@ class TrajectoryCheck:
 
     @property
     def passed(self) -> bool:
-        """Whether all conditions hold."""
+        """True if all conditions hold."""
         return not self.violations
 
     def __repr__(self) -> str:
@@ -117,12 +117,12 @@ def check_trajectory(
         trajectory: its joints are those of the model in any order, or in the same order with a
             prefix that ends in a slash.
         model: the robot, payload included, or several whose joints follow each other.
-        limits: of the joints of each model; None: `joint_limits(model)`.
+        limits: limits of the joints of each model; None: `joint_limits(model)`.
         gravity: acceleration of free fall in the axes of each robot's base, (3,) or (robots, 3)
             [m/s^2].
         rest: whether it must begin and end at rest.
         uniform: whether it must be sampled evenly.
-        tolerance: by which fraction of a limit a value may exceed it.
+        tolerance: fraction of a limit by which a value may exceed it.
         clearance: distances to be kept, of the joints of all models in their order, such as those
             of `keep_clear`; None: not checked. They are evaluated every 10 ms, or at
             every sample if there are fewer, and exactly where the function is below its bound.
@@ -228,7 +228,7 @@ def _share_of_range(positions: Array, lower: Array, upper: Array) -> Array:
 
 
 def sample_consistency(trajectory: JointTrajectory) -> dict[str, tuple[Array, Array]]:
-    """Whether velocities are the derivatives of positions, and accelerations of velocities.
+    """Return whether velocities are the derivatives of positions, and accelerations of velocities.
 
     The trapezoidal rule over a step h is wrong by at most J h^3 / 12 for positions and J h^2 / 4
     for velocities where the jerk is at most J, and by at most J h^3 / 8 and J h^2 / 2 where the

@@ -42,7 +42,7 @@ class Clearance(ShortRepr):
     Attributes:
         function: distances (m,) [m] at the configuration (N,) of all arms, one after the other.
         lower: smallest distances allowed (m,) [m].
-        names: of the distances, such as "panda_link2 to panda_link5".
+        names: names of the distances, such as "panda_link2 to panda_link5".
         exact: distance [m] of the exact geometry, 0 where it overlaps, at a configuration (N,) for
             the distance of an index; None if it is not known.
     """
@@ -89,12 +89,12 @@ def keep_clear(
 
     Args:
         arms: a model, or several.
-        pairs: of links, as from `link_pairs`, whose `constrained` ones are taken, or by name; None:
-            those that `link_pairs` finds.
+        pairs: pairs of links, as from `link_pairs`, whose `constrained` ones are taken, or by name;
+            None: those that `link_pairs` finds.
         obstacles: balls, capsules and half-spaces in the common base frame, which all moving links
             keep clear of.
         margin: smallest distance allowed [m].
-        placements: of the bases of the arms, see `link_pairs`.
+        placements: placements of the bases of the arms, see `link_pairs`.
 
     Raises:
         ValueError: an unknown link, obstacles that are fixed to a link, or a wrong margin.

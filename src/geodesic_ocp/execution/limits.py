@@ -85,7 +85,7 @@ class JointLimits(ShortRepr):
 
 
 def joined_limits(parts: Sequence[JointLimits]) -> JointLimits:
-    """Those of several arms' joints, one arm after the other."""
+    """Join the limits of several arms, one arm after the other."""
     velocity, acceleration, jerk, torque = (
         np.concatenate([getattr(part, name) for part in parts]) for name in QUANTITIES
     )
@@ -213,7 +213,7 @@ class KnownLimits:
     Attributes:
         source: the document, and what it states.
         joints: ends of the names of the joints.
-        values: by the name of a field of JointLimits, in its units.
+        values: values by the name of a field of JointLimits, in its units.
     """
 
     source: str
@@ -223,7 +223,7 @@ class KnownLimits:
 
 @cache
 def published_limits() -> Mapping[str, KnownLimits]:
-    """Those of all robots by their names, from `data/joint_limits.json`."""
+    """Return the limits of all robots by name, from `data/joint_limits.json`."""
     file = Path(__file__).parents[1] / "data" / "joint_limits.json"
     record = read_record(file, "geodesic_ocp published limits of joints", 1, "published limits")
     return {name: convert(each, KnownLimits, file) for name, each in record["robots"].items()}

@@ -43,7 +43,7 @@ class LinkPairs(ShortRepr):
 
     Attributes:
         constrained: pairs that programs keep apart by their capsules.
-        excess: by how much [m] the capsules of each of them are closer than its links at least,
+        excess: distance [m] by which the capsules of a pair are closer than its links at least,
             when these are as close as the margin. Not zero only for pairs whose capsules exclude
             more than 5 % of the sampled configurations without contact; found from eight times as
             many samples.
@@ -87,7 +87,7 @@ def link_pairs(
 
     Args:
         arms: a model, or several.
-        placements: of the bases of the arms, see `combine`.
+        placements: placements of the bases of the arms, see `combine`.
         margin: distance [m] that they will be kept apart.
         samples: number of configurations within the joint limits at which links are compared.
 
@@ -150,7 +150,7 @@ def _kind(
     few: Sequence[Pose],
     many: Callable[[], Sequence[Pose]],
 ) -> tuple[str, float]:
-    """How a pair is treated, and the excess; as nothing if one joint decides that it is apart."""
+    """Return how a pair is treated, and the excess."""
     distances, touching = _compared(one, other, few, 0.0)
     if touching.mean() >= _ALWAYS:
         return "in_contact", 0.0
@@ -178,7 +178,7 @@ def _compared(
 
 
 def _one_joint_apart(one: PlacedSolid, other: PlacedSolid) -> bool:
-    """Whether a single joint moves them relative to each other, so that samples are dense."""
+    """Return whether a single joint moves them relative to each other."""
     if not (one.moves and other.moves):
         return max(one.solid.parent_joint, other.solid.parent_joint) == 0
     if one.arm != other.arm:
@@ -210,7 +210,7 @@ class PlacedSolid:
 
     Attributes:
         arm: index of the model that has it.
-        name: of the link, unique among all arms.
+        name: name of the link, unique among all arms.
         parent: name of the nearest link before it that has geometry; "" if there is none.
         solid: its geometry.
     """
@@ -222,7 +222,7 @@ class PlacedSolid:
 
     @property
     def moves(self) -> bool:
-        """Whether one of the joints moves it."""
+        """True if one of the joints moves it."""
         return self.solid.joint > 0
 
     def posed(self, poses: Sequence[Pose], sample: int) -> tuple[LinkSolid, Pose]:
@@ -332,7 +332,7 @@ def place_solids(
 def _is_one_robot(
     models: Sequence[Model], bases: Sequence[Pose], found: Sequence[tuple[int, LinkSolid]]
 ) -> bool:
-    """Whether the models are different joints of one file, whose fixed links coincide."""
+    """Return whether the models are different joints of one file, whose fixed links coincide."""
     shapes = [model.shapes for model in models]
     texts = {each.text if isinstance(each, LinkGeometry) else None for each in shapes}
     joints = [name for model in models for name in model.joint_names]

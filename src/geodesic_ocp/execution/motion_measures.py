@@ -113,9 +113,9 @@ def motion_measures(
 
     Args:
         robot: the arm, payload included.
-        trajectory: of its joints, evenly sampled.
+        trajectory: trajectory of its joints, evenly sampled.
         targets: rotations (k, 3, 3) and positions (k, 3) [m] of the hand at the k samples.
-        limits: of the joints.
+        limits: limits of the joints.
         gravity: acceleration of free fall in the axes of the robot's base (3,) [m/s^2].
         elbow_offsets: where the elbow is beside the line from shoulder to hand at the samples, of
             the robot and of the person, (k, 3) each, in lengths of the arm.
@@ -169,7 +169,7 @@ def measures_table(measures: Mapping[str, MotionMeasures]) -> DataFrame:
 
 
 def _root_mean_square(values: Array) -> float:
-    """Of the norm of the rows (k, n)."""
+    """Return the root mean square of the norms of the rows (k, n)."""
     return float(np.sqrt(np.mean(np.sum(values**2, axis=1))))
 
 
@@ -196,12 +196,12 @@ def compare_with_tracking(
         robot: the arm, payload included.
         trajectory: evenly sampled.
         recorded: times in the recording to which its k samples correspond (k,) [s].
-        poses: of the hand, mapped from the person, as a function of times in the recording.
-        limits: of the joints.
+        poses: poses of the hand, mapped from the person, as a function of times in the recording.
+        limits: limits of the joints.
         gravity: acceleration of free fall in the axes of the robot's base (3,) [m/s^2].
-        elbow_offsets: of the robot and of the person, in lengths of the arm.
-        turning, placing: of inverse kinematics, see `track_within_limits`.
-        name: of the trajectory.
+        elbow_offsets: elbow offsets of the robot and of the person, in lengths of the arm.
+        turning, placing: settings of inverse kinematics, see `track_within_limits`.
+        name: name of the trajectory.
 
     Raises:
         ValueError: uneven samples, or arguments of the wrong shape.

@@ -26,7 +26,7 @@ _MEET = 1e-6  # [rad or m]; successive paths meet, and end within the limits, up
 
 
 def check_arms(arms: Sequence[ArmPaths]) -> None:
-    """That the paths meet within limits, at edges that all arms share at both ends.
+    """Check that the paths meet within limits, at edges that all arms share at both ends.
 
     Raises:
         ValueError: they do not, or gravity alone makes a configuration too heavy to hold.
@@ -58,7 +58,7 @@ def check_arms(arms: Sequence[ArmPaths]) -> None:
 
 
 def _check_ends(name: str, arm: ArmPaths) -> None:
-    """That paths meet within the limits, where the arm can be held against gravity."""
+    """Check that paths meet within the limits, where the arm can be held against gravity."""
     robot, ends = arm.robot, arm.ends
     for number, (before, after) in enumerate(pairwise(arm.paths), 1):
         gap = float(np.abs(before(1.0) - after(0.0)).max())
@@ -93,7 +93,7 @@ def attainable(
     """Clearances without the distances that given configurations violate, and a sentence on these.
 
     Args:
-        arms: with their paths.
+        arms: arms with their paths.
         clearances: distances to be kept.
         exact: whether the configurations at the ends of the paths are given.
 
@@ -154,16 +154,16 @@ class PlannedTrajectory(ShortRepr):
     """The motion of all arms in time: a cubic spline, with continuous accelerations.
 
     Attributes:
-        arms: with their paths and limits.
+        arms: arms with their paths and limits.
         edges: times (m + 1,) [s] in the recording at which any arm's path begins or ends.
         robot_edges: times (m + 1,) [s] of the same events in this trajectory.
-        splines: of the joints of every arm.
-        usage: of every arm, the largest fractions of its limits.
-        path_deviation: of every arm, the distances from each of its paths.
+        splines: splines of the joints of every arm.
+        usage: usage of every arm, the largest fractions of its limits.
+        path_deviation: path deviation of every arm, the distances from each of its paths.
         least_distances: smallest distances (m,) [m] of each clearance that was asked for.
         success: whether all limits are kept everywhere.
         status: in words.
-        iterations: of Ipopt, in all rounds.
+        iterations: iterations of Ipopt, in all rounds.
         seconds: computing time.
         rest: whether it begins and ends at rest.
     """
@@ -184,7 +184,7 @@ class PlannedTrajectory(ShortRepr):
 
     @property
     def duration(self) -> float:
-        """Of the trajectory [s]."""
+        """Duration of the trajectory [s]."""
         return float(self.robot_edges[-1])
 
     @property
@@ -194,7 +194,7 @@ class PlannedTrajectory(ShortRepr):
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Of all arms, with the number of the arm in front if two arms share a name."""
+        """Joint names of all arms, after the number of the arm if two arms share a name."""
         return joint_names(self.arms)
 
     def robot_time(self, recording_times: ArrayLike) -> Array:
@@ -290,11 +290,12 @@ def plan_trajectory(
             times.
         rest: whether the trajectory begins and ends at rest; otherwise its speed there is near the
             person's.
-        tolerance: of the hand's pose at the ends of paths [m], [rad]; None: the configurations
-            there are met exactly.
+        tolerance: tolerance of the hand's pose at the ends of paths [m], [rad]; None: the
+            configurations there are met exactly.
         clearances: distances to keep.
-        deviation_weight: of the squared distance from the paths against the time. At 1, a distance
-            of 0.1 rad that is kept up all the time costs as much as doubling the time.
+        deviation_weight: deviation weight of the squared distance from the paths against the time.
+            At 1, a distance of 0.1 rad that is kept up all the time costs as much as doubling the
+            time.
         progress: called in every round; there are at most fifteen, and three as a rule.
         throw: raise if no trajectory within the limits is found; otherwise return the last attempt,
             whose `success` is False.

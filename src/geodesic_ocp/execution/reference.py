@@ -21,8 +21,9 @@ class KnotStates:
     """Values of a program's variables.
 
     Attributes:
-        durations: of the intervals (m,) [s].
-        positions, velocities, accelerations: of every arm, (knots, n) each.
+        durations: durations of the intervals (m,) [s].
+        positions, velocities, accelerations: positions, velocities and accelerations of every arm,
+            (knots, n) each.
     """
 
     durations: Array
@@ -43,8 +44,8 @@ class Knots:
     """Knots that divide the intervals between edges into pieces of equal durations.
 
     Attributes:
-        edges: of all arms (m + 1,) in the recording's time [s].
-        pieces: of every interval (m,).
+        edges: edges of all arms (m + 1,) in the recording's time [s].
+        pieces: pieces of every interval (m,).
     """
 
     edges: Array
@@ -109,7 +110,7 @@ class Reference:
     """Points of an arm's paths, one for every knot.
 
     Attributes:
-        positions: of the paths (k, n).
+        positions: positions of the paths (k, n).
         tangents: derivatives of the paths by s there (k, n); zero where the arm rests, and where
             a deviation along the path would lead beyond its end.
     """
@@ -142,8 +143,8 @@ class Course:
     """The paths of one arm over the knots.
 
     Attributes:
-        arm: with its paths.
-        knots: of the trajectory.
+        arm: arm with its paths.
+        knots: knots of the trajectory.
     """
 
     arm: ArmPaths
@@ -156,7 +157,7 @@ class Course:
 
     @cached_property
     def resting(self) -> NDArray[np.bool_]:
-        """Whether the arm rests on each of its paths, (k,)."""
+        """True if the arm rests on each of its paths, (k,)."""
         moved = [np.ptp(path.nodes, axis=0).max() for path in self.arm.paths]
         return np.array(moved) <= _STILL
 
@@ -235,7 +236,7 @@ class Course:
         return np.minimum(both * _ratio(durations, lengths)[:, None], 3.0)
 
     def _cosines(self) -> Array:
-        """Of the angles between successive paths in the metric, at least zero, (k - 1,)."""
+        """Cosines of the angles between successive paths in the metric, at least zero, (k - 1,)."""
         found = []
         for before, after in pairwise(self.arm.paths):
             metric = self.arm.robot.mass_matrix(after(0.0))

@@ -44,7 +44,7 @@ class Replay:
         model: the robot as its controller knows it.
         reference: the trajectory (k samples, n joints), sampled at the rate of the controller.
         motion: the simulated motion at the same times, with velocities.
-        torques: that the controller exerts, within the limits (k, n) [N m or N].
+        torques: torques that the controller exerts, within the limits (k, n) [N m or N].
         torque_limits: largest magnitudes (n,) [N m or N]; infinite for none.
         contacts: pairs of links whose geometry overlaps, deepest first; None if they were not
             looked for or the robot has no geometry.
@@ -197,9 +197,9 @@ def replay(
         controller: "computed torque" (inverse dynamics of the reference's acceleration and of the
             errors) or "pd" (errors and gravity alone).
         frequency: natural frequency of the controller, critically damped [Hz].
-        limits: of the joints, of which the torques count; None: `joint_limits(model)`.
+        limits: limits of the joints, of which the torques count; None: `joint_limits(model)`.
         gravity: acceleration of free fall in the axes of the model's base (3,) [m/s^2].
-        rate: of the controller and the simulation [Hz].
+        rate: rate of the controller and the simulation [Hz].
         contacts: whether to look for links that touch, every 0.01 s, with the geometry of the
             MJCF, or with the capsules of `Model.bodies`, which are larger than the links.
 

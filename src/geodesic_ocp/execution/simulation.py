@@ -36,7 +36,7 @@ class SimulatedRobot(ShortRepr):
 
     Attributes:
         mujoco: the module.
-        model: of MuJoCo; its contacts have no effect.
+        model: model of MuJoCo; its contacts have no effect.
         positions: index in its configuration of each joint of the Model, (n,).
         velocities: index in its velocity of each joint, (n,).
         links: name of the link of each of its geoms.
@@ -62,7 +62,7 @@ def simulated_robot(
             couplings and contacts are left out.
         model: the joints that move, by name.
         gravity: acceleration of free fall in the axes of the Model's base (3,) [m/s^2].
-        timestep: of the simulation [s].
+        timestep: timestep of the simulation [s].
 
     Raises:
         ValueError: the robot lacks a joint, MuJoCo cannot read it, or its hand moves otherwise than
@@ -249,7 +249,7 @@ class Contact:
     Attributes:
         first, second: names of the links.
         depth: largest depth by which their geometry overlaps [m].
-        share: of the samples in which it does, from 0 to 1.
+        share: share of the samples in which it does, from 0 to 1.
         capsules: whether it is the capsules around the links, which are larger than the links.
     """
 

@@ -73,18 +73,19 @@ def track_within_limits(
         time: increasing times (k,) [s], of which a function `poses` needs the first and last only.
         poses: rotations (m, 3, 3) and positions (m, 3) [m] of the hand as a function of m times,
             or the two arrays at the k times.
-        limits: of the joints; infinite where there are none.
-        rate: of the controller and of the trajectory [Hz].
+        limits: limits of the joints; infinite where there are none.
+        rate: rate of the controller and of the trajectory [Hz].
         posture: configuration (n,) preferred by a redundant arm; None: the start.
-        posture_weight: of the speeds towards it [m or rad of the hand per unit of a joint].
+        posture_weight: posture weight of the speeds towards it [m or rad of the hand per unit of a
+            joint].
         posture_gain: [1/s].
         smoothing: weight of changes of the speeds [s]; like `gain`, the default is the best in hand
             errors and jerk of a few values on recorded motions.
-        gain: of the pose error [1/s], at most the rate.
+        gain: gain of the pose error [1/s], at most the rate.
         damping: as `posture_weight`, of the speeds.
         turning, placing: whether it tracks rotations, and positions.
-        solver: of the problem of a step in place of DAQP; from q, w, the speeds towards the posture
-            and those of the step before, damping^2 + |e|^2, and the bounds, it gives v.
+        solver: solver of the problem of a step in place of DAQP; from q, w, the speeds towards the
+            posture and those of the step before, damping^2 + |e|^2, and the bounds, it gives v.
 
     Returns:
         Samples at the rate from time 0. Velocities are central differences of the positions, and
@@ -193,8 +194,8 @@ def speed_bounds(
     manipulators", IEEE Robotics and Automation Letters 3, 2018; here for steps of constant speed.)
 
     Args:
-        model: of the joints.
-        limits: of their speeds and accelerations.
+        model: model of the joints.
+        limits: limits of their speeds and accelerations.
         step: [s].
         q: configuration at the beginning of the step (n,).
         previous: speed in the step before (n,).

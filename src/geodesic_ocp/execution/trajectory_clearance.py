@@ -33,13 +33,13 @@ _ABSOLUTE = 1e-4  # [m]
 
 @dataclass(frozen=True)
 class ClosestApproach:
-    """Where two links are closest.
+    """Closest approach of two links.
 
     Attributes:
         one, other: names of the links.
         distance: between them [m]; 0 if they touch or overlap.
         sample: index of the configuration.
-        time: of the sample [s]; None if the trajectory has no times.
+        time: time of the sample [s]; None if the trajectory has no times.
     """
 
     one: str
@@ -51,7 +51,7 @@ class ClosestApproach:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ClearanceReport(ShortRepr):
-    """How close the links of robots come to each other over a trajectory.
+    """Distances between the links of robots over a trajectory.
 
     Attributes:
         closest: the closest pairs of links, the closest first.
@@ -81,7 +81,7 @@ class ClearanceReport(ShortRepr):
 
     @property
     def time(self) -> float | None:
-        """When they come closest [s]; None if it is not known."""
+        """Time at which they come closest [s]; None if it is not known."""
         return self.closest[0].time if self.closest else None
 
     def table(self) -> DataFrame:
@@ -113,8 +113,9 @@ def trajectory_clearance(
 
     Args:
         arms: a model, or several.
-        trajectory: of the joints of all arms, one after the other, or configurations (k, N).
-        placements: of the bases of the arms, see `link_pairs`.
+        trajectory: trajectory of the joints of all arms, one after the other, or configurations (k,
+            N).
+        placements: placements of the bases of the arms, see `link_pairs`.
         pairs: the result of `link_pairs` for these arms; None: found here.
         closest: number of pairs to report.
 
@@ -162,7 +163,7 @@ def _closest(
 
     Args:
         one, other: the links.
-        poses: of all joints, see `PlacedSolids.joint_poses`.
+        poses: poses of all joints, see `PlacedSolids.joint_poses`.
         bounds: lower bounds (k,) [m].
         least: distance of other pairs [m].
     """

@@ -48,11 +48,11 @@ class WatchedArm:
     """Limits of one arm.
 
     Attributes:
-        pieces: by the kind of limit ("jerk", "velocity", "position"), numbers of pieces and joints
-            (k, 2).
+        pieces: pieces by kind of limit ("jerk", "velocity", "position"): numbers (k, 2) of pieces
+            and joints.
         torques: numbers of the knots at which torques are limited (k,).
-        torque_shares: of the limits that torques may reach at the knots, (knots, n); less than all
-            where a torque is larger between the knots.
+        torque_shares: torque shares of the limits that torques may reach at the knots, (knots, n);
+            less than all where a torque is larger between the knots.
     """
 
     pieces: Mapping[str, Indices]
@@ -98,8 +98,8 @@ class ArmCheck:
     """Shares of an arm's limits in every piece of its spline.
 
     Attributes:
-        arm: with its limits.
-        spline: of its joints.
+        arm: arm with its limits.
+        spline: spline of its joints.
         position_bounds: (n,) each [rad or m].
     """
 
@@ -149,7 +149,7 @@ class ArmCheck:
 
     @property
     def worst(self) -> tuple[float, str]:
-        """By how much the worst limit is exceeded, relative or [rad or m], and a clause on it."""
+        """Return the worst excess over a limit, relative or [rad or m], and a clause on it."""
         largest = self.largest
         kind = max(largest, key=lambda name: float(largest[name].max()))
         joint = int(largest[kind].argmax())
@@ -186,9 +186,9 @@ class TrajectoryProgram:
     """The program for given knots.
 
     Attributes:
-        arms: with their paths and limits.
+        arms: arms with their paths and limits.
         knots: in time.
-        settings: of the trajectory.
+        settings: settings of the trajectory.
     """
 
     arms: Sequence[ArmPaths]
@@ -216,7 +216,7 @@ class TrajectoryProgram:
 
         Args:
             start: states at the knots.
-            references: of the arms.
+            references: references of the arms.
             watched: constraints.
             most: number of Ipopt's iterations.
         """
@@ -272,7 +272,7 @@ class TrajectoryProgram:
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
-        """Of the variables."""
+        """Bounds of the variables."""
         person = self.knots.person
         sides = [variable_bounds(course, self.settings) for course in self.courses]
         lower, upper = zip(*sides, strict=True)
@@ -317,8 +317,8 @@ def watched_at_first(
     """Jerks of joints that take longer than a piece to reach their accelerations, and no more.
 
     Args:
-        program: with its knots.
-        durations: of the intervals (m,) [s].
+        program: program with its knots.
+        durations: durations of the intervals (m,) [s].
         clearances: distances to be kept.
     """
     count, given = program.knots.count + 1, program.fixed_knots[:, None]
@@ -339,7 +339,7 @@ def tightened(watched: Watched, checks: Sequence[ArmCheck], distances: Sequence[
 
     Args:
         watched: those of the last round.
-        checks: of its result.
+        checks: checks of its result.
         distances: in every piece (pieces, samples, m) [m], of each clearance.
     """
     arms = [_arm(each, check) for each, check in zip(watched.arms, checks, strict=True)]
@@ -379,10 +379,10 @@ def _at_knots_of(
     The program will keep limits at knots: what values exceed them by in between is taken off.
 
     Args:
-        excess: of values over their limits (pieces, samples, m).
+        excess: excess of values over their limits (pieces, samples, m).
         near: excess of a value at a knot from which on its limit is minded there.
         kept: excess that the program allows at knots.
-        tolerance: of values between knots.
+        tolerance: tolerance of values between knots.
     """
     largest, at_knots = excess.max(axis=1), np.concatenate([excess[:, 0], excess[-1:, -1]])
     beyond = largest > tolerance
@@ -409,19 +409,19 @@ _ITERATIONS = (100, 100, 400, 400)
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryAttempt:
-    """What a round found.
+    """Outcome of a round.
 
     Attributes:
-        program: that was solved.
+        program: program that was solved.
         states: at its knots.
         watched: its constraints.
-        checks: of the arms, with their splines.
+        checks: checks of the arms, with their splines.
         distances: in every piece (pieces, samples, m) [m], of each clearance.
         excess: largest excess over a limit, relative or [rad or m].
-        change: of the duration in this round, relative.
+        change: change of the duration in this round, relative.
         solved: whether Ipopt found a solution.
         status: in words.
-        iterations: of Ipopt.
+        iterations: iterations of Ipopt.
     """
 
     program: TrajectoryProgram
@@ -437,22 +437,22 @@ class TrajectoryAttempt:
 
     @property
     def success(self) -> bool:
-        """Whether all limits are kept."""
+        """True if all limits are kept."""
         return self.solved and self.excess <= TOLERANCE
 
     @property
     def knots(self) -> Knots:
-        """In time."""
+        """Knots of the trajectory in time."""
         return self.program.knots
 
     @property
     def durations(self) -> Array:
-        """Of the intervals (m,) [s]."""
+        """Durations of the intervals (m,) [s]."""
         return self.states.durations
 
     @property
     def least_distances(self) -> tuple[Array, ...]:
-        """Of each clearance (m,) [m]."""
+        """Least distance of each clearance (m,) [m]."""
         return tuple(each.min(axis=(0, 1)) for each in self.distances)
 
 

@@ -27,13 +27,14 @@ from geodesic_ocp.ocp.pose_search import rotation_log
 
 @dataclass(frozen=True)
 class TrajectorySettings:
-    """What a trajectory has to meet, and how closely it stays near the paths.
+    """Terms of a trajectory's program: limits, boundary conditions, distance from the paths.
 
     Attributes:
         rest: whether it begins and ends at rest.
-        tolerance: of the hand's pose at the ends of paths [m], [rad]; None: the configuration is
-            met exactly.
-        deviation_weight: of the squared distance from the paths, relative to the default.
+        tolerance: tolerance of the hand's pose at the ends of paths [m], [rad]; None: the
+            configuration is met exactly.
+        deviation_weight: deviation weight of the squared distance from the paths, relative to the
+            default.
     """
 
     rest: bool = True
@@ -46,7 +47,7 @@ _OUTSIDE = 5e-7  # [rad or m]; lets a path touch its position limits
 
 
 def position_bounds(course: Course) -> tuple[Array, Array]:
-    """Of the joints (n,) [rad or m], just outside the limits, and beyond the ends of paths."""
+    """Return ranges of the joints (n,), just outside the limits, and beyond the ends of paths."""
     robot, ends = course.arm.robot, course.arm.ends
     lower = np.minimum(robot.lower, ends.min(axis=0)) - _OUTSIDE
     upper = np.maximum(robot.upper, ends.max(axis=0)) + _OUTSIDE
@@ -54,7 +55,7 @@ def position_bounds(course: Course) -> tuple[Array, Array]:
 
 
 def variable_bounds(course: Course, settings: TrajectorySettings) -> tuple[Array, Array]:
-    """Of positions, and of velocities and accelerations relative to their limits, (knots, 3, n)."""
+    """Return bounds of positions, scaled velocities and accelerations, (knots, 3, n)."""
     arm = course.arm
     upper = np.full((course.knots.count + 1, 3, arm.robot.dof), np.inf)
     for part, limit in ((1, arm.limits.velocity), (2, arm.limits.acceleration)):
@@ -107,13 +108,13 @@ class ArmTerms:
 
     @cached_property
     def units(self) -> Array:
-        """Of positions, velocities, accelerations and jerks (4, n): limits, if there are any."""
+        """Scales of positions, velocities, accelerations, jerks (4, n): the limits, if any."""
         limits = self.arm.limits
         found = np.array([np.ones(self.dof), limits.velocity, limits.acceleration, limits.jerk])
         return np.where(np.isfinite(found), found, _UNLIMITED)
 
     def indices(self, knots: Indices, parts: int = 3) -> Indices:
-        """Of the position, or also velocity and acceleration, at knots (k,): (k, parts n)."""
+        """Return indices of the position, or also its derivatives, at knots: (k, parts n)."""
         n = self.dof
         return np.asarray(self.first + 3 * n * knots[:, None] + np.arange(parts * n))
 
@@ -122,8 +123,8 @@ class ArmTerms:
 
         Args:
             reference: the points.
-            shares: of every knot in an integral over time (knots,).
-            weight: of the distances.
+            shares: shares of every knot in an integral over time (knots,).
+            weight: weight of the distances.
         """
         n, count = self.dof, shares.size
         z, p = ca.SX.sym("z", 3 * n), ca.SX.sym("p", n + n * n + 1)

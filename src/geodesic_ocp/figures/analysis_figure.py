@@ -76,7 +76,7 @@ def draw_overview(
 
     Args:
         figure: to draw in.
-        time: of the samples (k,) [s].
+        time: time of the samples (k,) [s].
         segments: (start, stop) samples of the segments, whose time spans are shaded.
         hands: positions (k, 3) [m] of the observed and the predicted hand.
         joints: label, observed (k,) and predicted (k,) values of each joint.
@@ -204,14 +204,14 @@ def draw_analysis(
 
     Args:
         figure: to draw in.
-        time: of the samples (k,) [s].
+        time: time of the samples (k,) [s].
         segments: (start, stop) samples of the segments.
         instants: samples at which the arms are drawn, see `strip_instants`.
         views: from where the arms are seen.
         arms: the observed and the predicted one at the instants.
-        hands: by name, positions (k, 3) [m] of the observed and the predicted hand.
-        joints: by prediction, error of the joints (k,) [rad] over time.
-        distances: of each hand by prediction, error of its position (k,) [m] over time.
+        hands: hands by name, positions (k, 3) [m] of the observed and the predicted hand.
+        joints: joints by prediction, error of the joints (k,) [rad] over time.
+        distances: distances of each hand by prediction, error of its position (k,) [m] over time.
         curve: draws the error against the number of synergies; None leaves that panel out.
     """
     several = len(hands) > 1
@@ -278,10 +278,10 @@ def draw_replay(
     """Three panels over time (k,) [s].
 
     Args:
-        time: of the samples.
-        joint_names, units: of the n joints.
-        error: of positions (k, n) [rad or m].
-        hand_errors: of position [m] and orientation [rad], (k,) each.
+        time: time of the samples.
+        joint_names, units: names and units of the n joints.
+        error: error of positions (k, n) [rad or m].
+        hand_errors: hand errors of position [m] and orientation [rad], (k,) each.
         torque_shares: torques over their limits (k, n).
     """
     figure = new_figure(9.0, 8.0)

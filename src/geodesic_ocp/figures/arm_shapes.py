@@ -37,7 +37,7 @@ class Shape:
         depth: how near to the observer it is.
         face: colour in it.
         edge: colour of its outline.
-        width: of its outline [pt].
+        width: width of its outline [pt].
         hatch: pattern in it.
     """
 
@@ -230,9 +230,9 @@ class Postures:
 
     Attributes:
         model: the model.
-        parts: of its links.
-        points: of each part in the model's base frame, (k, m, 3) [m], or (1, m, 3) if its link does
-            not move.
+        parts: parts of its links.
+        points: points of each part in the model's base frame, (k, m, 3) [m], or (1, m, 3) if its
+            link does not move.
         joints: origins of the frames of the moving links and of the hands, (k, j, 3) [m].
         hands: positions of the hands, (k, hands, 3) [m].
     """
@@ -251,7 +251,7 @@ class Postures:
 
     @classmethod
     def of(cls, model: Model, q: ArrayLike) -> Postures:
-        """Of a model in configurations q (k, n) [rad or m]."""
+        """Return the shapes of a model in configurations q (k, n) [rad or m]."""
         rows = np.atleast_2d(np.asarray(q, dtype=float))
         parts = convex_parts(model)
         poses = {part.link: model.frame_pose(part.link, rows) for part in parts if part.moves}
@@ -293,10 +293,10 @@ def posture_shapes(
     """The links of one of the configurations in a view.
 
     Args:
-        postures: of a model.
-        index: of the configuration.
+        postures: postures of a model.
+        index: index of the configuration.
         view: in which it is seen.
-        role: whose colour it has; links that do not move are grey.
+        role: role whose colour it has; links that do not move are grey.
         ink: how dark it is, from 0 to 1.
         still: whether links that do not move are drawn.
     """
@@ -341,7 +341,7 @@ def outline_of_all(shapes: list[Shape]) -> Array:
 
 
 def _inside(points: Array, outline: Array) -> Array:
-    """Whether points (k, 2) are inside a convex outline (m, 2) that is counter-clockwise."""
+    """Return whether points (k, 2) are inside a convex outline (m, 2) that is counter-clockwise."""
     sides = np.roll(outline, -1, axis=0) - outline
     offsets = points[:, None] - outline
     return np.asarray(np.all(sides[:, 0] * offsets[..., 1] > sides[:, 1] * offsets[..., 0], axis=1))
@@ -359,13 +359,13 @@ _TINY = 1e-12  # [m]
 def approach(
     model: Model, q: Array, obstacles: Sequence[Obstacle], links: Sequence[str] | None = None
 ) -> NearestPoints | None:
-    """Where the links' collision bodies come nearest to an obstacle in configurations q.
+    """Return where the links' collision bodies come nearest to an obstacle at configurations q.
 
     Args:
-        model: with collision bodies.
+        model: model with collision bodies.
         q: configurations (k, n) [rad or m].
-        obstacles: that the links keep clear of.
-        links: whose bodies count; None: all that move.
+        obstacles: obstacles that the links keep clear of.
+        links: links whose bodies count; None: all that move.
 
     Returns:
         None if there are no obstacles, or no collision bodies.

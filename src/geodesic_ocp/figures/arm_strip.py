@@ -43,11 +43,11 @@ _TARGET: dict[str, Any] = {"markersize": 6.0, "markeredgewidth": 1.2, "zorder": 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StripArm:
-    """What is drawn of a model in each figure of a strip.
+    """Shapes to be drawn of a model in each figure of a strip.
 
     Attributes:
         postures: at the instants.
-        role: whose colour it has.
+        role: role whose colour it has.
         label: for the legend.
         filled: whether its bodies are filled; otherwise they are dashed outlines on top.
     """
@@ -208,10 +208,10 @@ def draw_overlay(
     Args:
         axes: to draw in.
         view: along an axis of space.
-        postures: of the model.
+        postures: postures of the model.
         labels: beside the hand in each of them; "" for none.
-        obstacles: that do not move.
-        path: of the hand (m, 3) [m].
+        obstacles: obstacles that do not move.
+        path: path of the hand (m, 3) [m].
     """
     inks = np.linspace(_LIGHTEST, 1.0, len(postures))
     everywhere = []
@@ -289,8 +289,8 @@ def draw_close_up(
         model: the arm.
         q: its configuration (n,).
         points: the two points that are nearest, (2, 3) [m].
-        obstacles: that do not move.
-        links: whose collision bodies are drawn, dashed; None: of all that move.
+        obstacles: obstacles that do not move.
+        links: links whose collision bodies are drawn, dashed; None: of all that move.
         paths: lines (m, 3) [m], such as the path of the hand.
     """
     posture = Postures.of(model, q)
@@ -331,7 +331,7 @@ _TITLE: dict[str, Any] = {"loc": "left", "fontsize": "medium"}
 
 
 def moves_in_plane(model: Model, path: Path) -> bool:
-    """Whether the arm moves in the plane of two axes of space."""
+    """Return whether the arm moves in the plane of two axes of space."""
     return plane_of(Postures.of(model, path(np.linspace(0.0, 1.0, 5)))) is not None
 
 
@@ -347,10 +347,10 @@ def draw_path_arms(
 
     Args:
         axes: to draw in.
-        path: of the model.
+        path: path of the model.
         model: the arm.
-        obstacles: that do not move.
-        links: that keep clear of obstacles; None: all that move.
+        obstacles: obstacles that do not move.
+        links: links that keep clear of obstacles; None: all that move.
         close: where it is nearest to an obstacle is drawn here, too; removed if that is not known.
     """
     fine = path(np.linspace(0.0, 1.0, _SAMPLES))

@@ -1,4 +1,4 @@
-"""From where a motion is seen best."""
+"""Choice of the view from which a motion is seen best."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ def best_view(
 
     Args:
         postures: at some instants.
-        paths: of the hand and other points, (k, 3) [m]; the joints' by default.
-        obstacles: of which those that do not move count.
+        paths: paths of the hand and other points, (k, 3) [m]; the joints' by default.
+        obstacles: obstacles of which those that do not move count.
         nearest: directions (m, 3) of lines between points that come nearest, see `approach`.
         closest: the instant at which they do, when an overlap would hide most.
     """

@@ -81,11 +81,11 @@ def draw_path(
 
     Args:
         path: to be drawn.
-        title: of the figure.
+        title: title of the figure.
         draw_extra: draws additional items beside the path, such as obstacles.
         figure: to be cleared and drawn into; None: a new one.
         obstacles: drawn beside the arm.
-        links: of the arm that keep clear of obstacles; None: all that move.
+        links: links of the arm that keep clear of obstacles; None: all that move.
         arms: whether the arm is drawn at some instants, if the metric is that of a model.
     """
     model: Model | None = getattr(path.metric, "model", None)

@@ -56,14 +56,14 @@ def paper_style() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class StudyGroup:
-    """What is drawn of one method under one condition.
+    """Points and mean to be drawn of one method under one condition.
 
     Attributes:
-        label: of the method.
+        label: label of the method.
         condition: empty without conditions.
-        points: of the subjects.
-        mean: of the points; NaN of none.
-        interval: of the mean; None if there is none.
+        points: points of the subjects.
+        mean: mean of the points; NaN of none.
+        interval: interval of the mean; None if there is none.
         note: written at the right edge.
     """
 
@@ -82,9 +82,9 @@ def draw_groups(axes: Axes, groups: Sequence[StudyGroup], label: str) -> None:
     """Draw one row for each method, from the top: subjects as circles, mean and interval.
 
     Args:
-        axes: of matplotlib.
+        axes: axes of matplotlib.
         groups: in the order of their rows; those of equal labels share one.
-        label: of the horizontal axis, with the unit.
+        label: label of the horizontal axis, with the unit.
     """
     methods = list(dict.fromkeys(group.label for group in groups))
     conditions = list(dict.fromkeys(group.condition for group in groups))
@@ -147,7 +147,7 @@ def fit_scale(axes: Axes, groups: Sequence[StudyGroup]) -> None:
 
 
 def group_handles(conditions: Sequence[str], interval: str) -> list[Any]:
-    """What the marks mean, for a legend."""
+    """Return the entries of a legend that explain the marks."""
     from matplotlib.lines import Line2D
 
     circle = Line2D(
@@ -187,9 +187,9 @@ def draw_distributions(axes: Axes, values: Mapping[str, Sequence[Array]], label:
     The mean of the subjects' distributions counts every subject the same.
 
     Args:
-        axes: of matplotlib.
-        values: by condition, those of each subject, (k,) each; NaN are left out.
-        label: of the horizontal axis, with the unit.
+        axes: axes of matplotlib.
+        values: values by condition, those of each subject, (k,) each; NaN are left out.
+        label: label of the horizontal axis, with the unit.
     """
     finite = {c: [np.sort(x[np.isfinite(x)]) for x in each] for c, each in values.items()}
     known = {condition: [x for x in each if x.size] for condition, each in finite.items()}
@@ -249,9 +249,9 @@ def draw_trend(axes: Axes, x: Array, y: Array, labels: tuple[str, str]) -> None:
     Points are one image also in a vector file, which stays small.
 
     Args:
-        axes: of matplotlib.
+        axes: axes of matplotlib.
         x, y: numbers; pairs with a NaN are left out.
-        labels: of the two axes, with units.
+        labels: labels of the two axes, with units.
     """
     known = np.isfinite(x) & np.isfinite(y)
     x, y = x[known], y[known]
@@ -305,8 +305,8 @@ class Means(NamedTuple):
     Attributes:
         axis: label of the axis, with its unit.
         scale: from the table's unit to that of the axis.
-        table: by condition, if there are several, and method, with columns "mean" and the ends of
-            the interval as the last two.
+        table: table by condition, if there are several, and method, with columns "mean" and the
+            ends of the interval as the last two.
         points: the subjects' means (k,) of each row of the table.
     """
 
@@ -355,7 +355,7 @@ def differences_figure(
     """Draw paired differences of one measure, with their intervals and p-values.
 
     Args:
-        tests: by condition, if there are several, and method.
+        tests: tests by condition, if there are several, and method.
         points: differences of the subjects, (k,) for each test.
         against: label of the reference.
         axis: label of the measure's axis, with its unit.
@@ -390,8 +390,8 @@ def synergies_figure(groups: Mapping[str, Sequence[DataFrame]], unit: str) -> Fi
     """Draw cumulative distributions of the synergies' durations and lengths.
 
     Args:
-        groups: by condition, the synergies of each subject.
-        unit: of lengths; empty if it is not known.
+        groups: groups by condition, the synergies of each subject.
+        unit: unit of lengths; empty if it is not known.
     """
     figure = new_figure(WIDTH, 2.9)
     panels = figure.subplots(1, 2, sharey=True)

@@ -37,12 +37,12 @@ class View:
 
     @classmethod
     def of_axes(cls, columns: tuple[int, int]) -> View:
-        """With these two of the axes x, y and z to the right and up."""
+        """Return the view with these two of the axes x, y and z to the right and up."""
         return cls(np.eye(3)[columns[0]], np.eye(3)[columns[1]])
 
     @classmethod
     def around_z(cls, azimuth: float, elevation: float) -> View:
-        """By an observer at this azimuth from x to y and this elevation [deg], with z up."""
+        """Return the view of an observer at this azimuth from x to y and elevation [deg], z up."""
         around, above = np.deg2rad([azimuth, elevation])
         right = np.array([-np.sin(around), np.cos(around), 0.0])
         towards = [np.cos(around) * np.cos(above), np.sin(around) * np.cos(above), np.sin(above)]
@@ -61,7 +61,7 @@ class View:
 
     @property
     def name(self) -> str:
-        """From where it is seen."""
+        """The direction of view, in words."""
         if self.axis is not None:
             if self.axis == 2 and self.towards[2] > 0.0:
                 return "seen from above"
@@ -77,11 +77,11 @@ class View:
         return np.asarray(points) @ np.column_stack([self.right, self.up])
 
     def depth(self, points: ArrayLike) -> Array:
-        """How much nearer to the observer points (..., 3) are than the origin, (...) [m]."""
+        """Return how much nearer to the observer points (..., 3) are than the origin, (...) [m]."""
         return np.asarray(np.asarray(points) @ self.towards)
 
     def turned(self, rotation: ArrayLike) -> View:
-        """Of the same things after a rotation (3, 3)."""
+        """Return the view of the same things after a rotation (3, 3)."""
         turn = np.asarray(rotation)
         return View(turn @ self.right, turn @ self.up)
 

@@ -28,11 +28,11 @@ class ErrorProfile(ShortRepr):
     """Least errors at fixed values of one parameter, all others estimated anew at each.
 
     Attributes:
-        name, unit: of the parameter.
+        name, unit: name and unit of the parameter.
         values: increasing (k,).
         errors: root mean square error of each recording (k, recordings), in `error_unit`.
         error_unit: "rad" or "m".
-        estimate: of the parameter.
+        estimate: estimate of the parameter.
         recordings: their names.
     """
 
@@ -92,8 +92,8 @@ def error_profile(
     """Least error of a fit as a function of one parameter, with all others estimated anew.
 
     Args:
-        fit: whose recordings and cuts are used.
-        name: of the parameter; None: the first.
+        fit: fit whose recordings and cuts are used.
+        name: name of the parameter; None: the first.
         values: at which it is fixed; None: 13 from a tenth to ten times the estimate.
         progress: called with the current step, the amount done, and the total.
 

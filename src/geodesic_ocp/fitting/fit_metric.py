@@ -69,18 +69,19 @@ def fit_metric(
     0.05
 
     Args:
-        recordings: of one or more persons.
+        recordings: recordings of one or more persons.
         parameters: fields of the metric and their initial values; by default one joint inertia for
             all joints, relative to the arm's m r^2 (see `AdjustableKineticEnergy`).
         metric: gives the metric of a model, such as a class: a dataclass whose fields are the
             parameters, with a matrix(q) that takes CasADi expressions for them.
         measure: "joint", configurations [rad], or "position", the hand's positions [m].
-        segments: of each recording, (start, stop) sample indices; None: those of `segment` with the
-            initial values. Segments that hardly move are left out.
-        threshold, min_duration, hysteresis: of `segment` [rad], [s], [rad].
+        segments: segments of each recording, (start, stop) sample indices; None: those of `segment`
+            with the initial values. Segments that hardly move are left out.
+        threshold, min_duration, hysteresis: threshold, min duration and hysteresis of `segment`
+            [rad], [s], [rad].
         free_ends: whether the ends of the paths are estimated; by default they are as observed, as
             in `reconstruct`. Estimated ends are for noisy, unfiltered data.
-        degree: of the polynomials that represent the paths.
+        degree: degree of the polynomials that represent the paths.
         progress: called with the current step, the amount done, and the total.
 
     Returns:
@@ -202,9 +203,9 @@ def _undetermined(
     is more than half, so that a factor of 1.6 and more is within it.
 
     Args:
-        errors, matrix: of the parameters at no bound, and their covariance.
+        errors, matrix: errors and matrix of the parameters at no bound, and their covariance.
         relative: their values in units of their initial values.
-        names: of these parameters.
+        names: names of these parameters.
     """
     hessian = errors.hessians.sum(axis=0) * np.outer(relative, relative)
     finite = np.where(np.isfinite(matrix), matrix, 0.0) / np.outer(relative, relative)

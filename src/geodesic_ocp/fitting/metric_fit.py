@@ -33,7 +33,7 @@ class Estimate:
     """An estimated parameter.
 
     Attributes:
-        name: of the parameter.
+        name: name of the parameter.
         value: in `unit`.
         standard_error: from the Hessian of the errors; NaN at a bound, inf where the data do not
             determine the parameter.
@@ -57,11 +57,11 @@ class ConfidenceInterval(ShortRepr):
     """A confidence interval of a parameter.
 
     Attributes:
-        name: of the parameter.
+        name: name of the parameter.
         low, high: ends, in the parameter's unit; 0 or inf where resampled estimates leave the range
             of values that were tried; NaN for one of several parameters that is at its bound.
         confidence: such as 0.95.
-        unit: that was resampled, "recording" or "subject".
+        unit: unit that was resampled, "recording" or "subject".
         count: number of units.
     """
 
@@ -78,12 +78,12 @@ class MetricFit:
     """Parameters of a metric estimated from recordings.
 
     Attributes:
-        estimates: with standard errors from the Hessian.
+        estimates: estimates with standard errors from the Hessian.
         parameters: as given.
         undetermined: sentences on parameters, or combinations, that the data do not determine.
         program: the nonlinear program.
         outcome: its solution.
-        derivatives: of the recordings' least errors at the solution.
+        derivatives: derivatives of the recordings' least errors at the solution.
         family: gives the metric of a model, with the parameters as fields.
     """
 

@@ -151,7 +151,7 @@ class MetricProgram(ShortRepr):
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
-        """Of the variables, those of the parameters included."""
+        """Bounds of the variables, those of the parameters included."""
         n = self.parts[0].terms.dim
         lower, upper = np.full((2, sum(self.counts), self.num_x), np.inf)
         lower *= -1.0

@@ -25,7 +25,7 @@ class Parameter:
     'armature ?S?_joint'
 
     Attributes:
-        field: of the metric, such as "armature".
+        field: field of the metric, such as "armature".
         start: initial value, positive; it also sets the scale.
         lower, upper: bounds.
         joints: for a field with one entry a joint, patterns of the names of the joints that share

@@ -44,11 +44,11 @@ class SegmentTerms(ShortRepr):
     """Squared errors and geodesic equations of one segment.
 
     Attributes:
-        metric: with the symbols `theta` as parameters.
+        metric: metric with the symbols `theta` as parameters.
         theta: (p, 1).
-        model: whose hand is compared where the measure is "position".
+        model: model whose hand is compared where the measure is "position".
         measure: what is compared with the observation.
-        grid: of the nodes.
+        grid: grid of the nodes.
     """
 
     metric: Metric
@@ -112,10 +112,10 @@ class RecordingPart(ShortRepr):
     """The segments of one recording that are fitted.
 
     Attributes:
-        terms: of one segment.
+        terms: terms of one segment.
         recording: their motion.
         every: (start, stop) sample indices of all segments of the recording.
-        segments: of those that move.
+        segments: segments of those that move.
         nodes: (count, degree + 1, n), initial paths at the nodes of the grid.
         end_rates: (count, 2), initial rates of progress at the ends, per duration.
         samples: configurations (k, n) of all samples.
@@ -177,10 +177,10 @@ def observe(
     """The segments of a recording, with the metric's geodesics as initial paths.
 
     Args:
-        recording: with velocities.
-        metric: with the parameters' initial values.
+        recording: recording with velocities.
+        metric: metric with the parameters' initial values.
         segments: (start, stop) sample indices, which cover the motion.
-        terms: of the fit.
+        terms: terms of the fit.
 
     Raises:
         ValueError: the segments do not cover the motion, or none moves enough to be fitted.

@@ -78,10 +78,10 @@ class LeftOut:
     """Errors of one recording with parameters estimated from others.
 
     Attributes:
-        name: of the recording.
+        name: name of the recording.
         subject: its subject.
         values: estimates from the recordings that were not left out.
-        errors: of the geodesics with these parameters (`reconstruct`).
+        errors: errors of the geodesics with these parameters (`reconstruct`).
         straight_lines: errors of straight lines on the same segments.
     """
 
@@ -97,7 +97,7 @@ class CrossValidation(ShortRepr):
     """Errors of recordings that took no part in the estimation.
 
     Attributes:
-        unit: that was left out at a time, "recording" or "subject".
+        unit: unit that was left out at a time, "recording" or "subject".
         parameters: names.
         left_out: one for each recording.
     """
@@ -180,10 +180,10 @@ def bootstrap_fit(
 
     Args:
         fit: from several recordings.
-        count: of resamples.
+        count: number of resamples.
         by: "recording" or "subject".
-        confidence: of the intervals.
-        seed: of the random numbers.
+        confidence: confidence of the intervals.
+        seed: seed of the random numbers.
         curve: the profile of the only parameter (`error_profile`), if it is known already.
         progress: called with the current step, the amount done, and the total.
 

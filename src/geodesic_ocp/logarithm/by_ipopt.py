@@ -37,7 +37,7 @@ def find_by_ipopt(
     """The geodesic of locally minimal energy near a path, or near the straight line.
 
     Args:
-        metric: of the manifold; its tensor is not constant.
+        metric: metric of the manifold; its tensor is not constant.
         q0, q1: the ends (n,), not the same.
         guess: a path between them; None is the straight line.
         thorough: try every grid; else give up at the first failure.

@@ -105,7 +105,7 @@ class Levels:
 
 
 def _tables(grid: Grid, coarser: Grid | None) -> dict[str, Array]:
-    """What core/energy.h says of a level: quadrature, products of pairs of nodes, interpolation."""
+    """The constants of core/energy.h: quadrature, products of pairs of nodes, interpolation."""
     quadrature = grid.quadrature
     weights, values, slopes = quadrature.weights[0], quadrature.values, quadrature.slopes[0]
     b, a = np.tril_indices(grid.degree + 1)
@@ -163,7 +163,7 @@ def find_by_newton(
     """The geodesic of locally minimal energy near a path, or near the straight line.
 
     Args:
-        metric: of the manifold; its tensor is not constant, and its functions are compiled.
+        metric: metric of the manifold; its tensor is not constant, and its functions are compiled.
         q0, q1: the ends (n,), not the same.
         guess: a path between them; None is the straight line.
         thorough: where the first pass fails, try other coarse grids, the geodesic of the relaxed
@@ -374,7 +374,7 @@ def correct_velocity(
 
 
 def _survives_rounding(metric: Metric, q0: Array, q1: Array, velocity: Array, step: float) -> bool:
-    """Whether the geodesic meets the goal also from a velocity changed by a few roundings."""
+    """Return whether the geodesic meets the goal also after rounding of its velocity."""
     change = 4.0 * np.spacing(np.abs(velocity))
     try:
         ends = [_end_point(metric, q0, velocity + s * change, step) for s in (-1.0, 1.0)]

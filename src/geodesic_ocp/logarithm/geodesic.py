@@ -46,7 +46,7 @@ class Geodesic(Path):
 
     @cached_property
     def certificate(self) -> Certificate:
-        """How exact the path is as a geodesic, and whether it is locally minimizing."""
+        """The accuracy of the path as a geodesic, and whether it is locally minimizing."""
         return certify(self, self.velocity)
 
     def __repr__(self) -> str:
@@ -125,11 +125,11 @@ def geodesics(
     [2.236, 4.398, 8.343]
 
     Args:
-        metric: of the manifold.
+        metric: metric of the manifold.
         q0, q1: the ends (n,); paths may end whole periods away from q1, where the metric must be
             the same.
         num_starts: number of initial guesses, at least one.
-        seed: of the random numbers.
+        seed: seed of the random numbers.
         solver: see `log`.
 
     Raises:
@@ -169,7 +169,7 @@ def _sample_path(metric: Metric, found: ConnectingGeodesic) -> Geodesic:
     """The geodesic as a path on the coarsest grid that resolves its velocity."""
 
     def integrate(times: Array) -> tuple[Array, Array]:
-        """As accurately as possible, at least to 1e-9."""
+        """Compute the geodesic as accurately as possible, at least to 1e-9."""
         for tolerance in (CHECK_TOLERANCE, TOLERANCE):
             try:
                 return sample_geodesic(metric, found.q0, found.velocity, times, tolerance=tolerance)

@@ -40,9 +40,10 @@ class ToPose(ShortRepr):
         path: the geodesic; None where it is a single configuration.
         velocity: q'(0), (n,).
         configuration: at its end, (n,).
-        position_error, rotation_error: of the hand there [m], [rad]; zero for what was left free.
+        position_error, rotation_error: position error and rotation error of the hand there [m],
+            [rad]; zero for what was left free.
         energy: 1/2 |q'(0)|_G^2.
-        iterations: of the solver.
+        iterations: iterations of the solver.
         success: whether the solver converged: to a locally minimal pose error, which need not be
             zero.
         status: how it stopped, a sentence.
@@ -91,10 +92,10 @@ def geodesic_to_pose(
     array([ 0.2 ,  0.35, -0.1 ])
 
     Args:
-        model: whose hand it is; the metric is its kinetic energy.
+        model: model whose hand it is; the metric is its kinetic energy.
         start: configuration (n,) [rad or m].
-        position: of the hand, (3,) [m] in the base's frame; None leaves it free.
-        rotation: of the hand, (3, 3); None leaves it free.
+        position: position of the hand, (3,) [m] in the base's frame; None leaves it free.
+        rotation: rotation of the hand, (3, 3); None leaves it free.
         velocity: (n,) initial guess; zero by default.
         towards: configuration (n,) whose logarithm is the initial guess.
         weights: a [1/m] and b [1/rad].

@@ -129,7 +129,7 @@ def frechet_mean(metric: Metric, points: ArrayLike, weights: ArrayLike | None = 
     array([ 0.185,  0.102, -0.742,  1.445,  0.11 , -0.528,  0.187])
 
     Args:
-        metric: of the manifold.
+        metric: metric of the manifold.
         points: k points, at least one.
         weights: k positive numbers, of which only the ratios count; None: equal weights.
 
@@ -277,7 +277,7 @@ def as_solver(solver: str | None) -> str:
 
 
 def are_nearby(q0: Array, q1: Array) -> bool:
-    """Whether the geodesic between two points is nearly a straight line, and found as such."""
+    """Return whether the geodesic between two points is found as nearly a straight line."""
     return bool(np.abs(q1 - q0).max() <= _NEARBY * max(1.0, np.abs(q0).max()))
 
 

@@ -46,10 +46,10 @@ class PoseTarget:
     """A pose that the hand should reach from a configuration; zero weights leave it free.
 
     Attributes:
-        model: whose hand it is.
+        model: model whose hand it is.
         q0: initial configuration (n,).
-        position, rotation: of the hand (3,), (3, 3).
-        weights: of both (2,).
+        position, rotation: position and rotation of the hand (3,), (3, 3).
+        weights: weights of both (2,).
     """
 
     model: Model
@@ -60,7 +60,7 @@ class PoseTarget:
 
     @property
     def metric(self) -> KineticEnergy:
-        """Of the model, the same object for the same model."""
+        """Kinetic-energy metric of the model, the same object for the same model."""
         return metric_of(self.model)
 
     def end(self, velocity: Array, steps: int) -> Array:
@@ -147,7 +147,7 @@ def _solve_with_accurate_steps(
 
 
 def _solve(target: PoseTarget, velocity: Array, energy_weight: float, steps: int) -> Outcome:
-    """In x = (v, r), where r is the pose error divided by the root of the energy's weight."""
+    """Solve for x = (v, r), where r is the pose error over the root of the energy's weight."""
     tensor, root = target.metric.matrix(target.q0), np.sqrt(energy_weight)
     end = target.end(velocity, steps)
     # Where the guess is too fast for the number of steps, Ipopt will report it.

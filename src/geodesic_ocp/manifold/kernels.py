@@ -72,7 +72,7 @@ def integrate_by_scipy(
             velocity of the curve in parallel transport.
         start: (n,).
         times: increasing (k,).
-        tolerance: of a step.
+        tolerance: tolerance of a step.
         parameters: p at a time.
         max_steps: largest number of steps.
 
@@ -228,7 +228,7 @@ class Kernels(Library):
         return tensor
 
     def is_regular(self, q: Array) -> bool:
-        """Whether G(q) is certainly finite, symmetric and positive definite."""
+        """Return whether G(q) is certainly finite, symmetric and positive definite."""
         return bool(self._call("is_regular", q))
 
     def exp(self, q: Array, v: Array, step_tolerance: float, tolerance: float) -> Array | None:
@@ -280,7 +280,7 @@ class Kernels(Library):
             path: (k, n), nodes on the first level.
             levels: their tables.
             first: the level from which on results are corrected.
-            tolerances: of the result.
+            tolerances: tolerances of the result.
             added: (m, n), diagonals added to G for a continuation on the first level, if any.
 
         Returns:

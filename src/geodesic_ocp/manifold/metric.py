@@ -49,7 +49,7 @@ def as_metric(metric: Any) -> Metric:
 
 
 def has_compiled_code(metric: Any) -> bool:
-    """Whether the functions of this metric are compiled, or can be now."""
+    """Return whether the functions of this metric are compiled, or can be now."""
     return (
         isinstance(metric, Metric) and not metric.has_constant_tensor and metric.kernels.available()
     )

@@ -40,7 +40,7 @@ class MetricFunctions(ABC):
 
     @cached_property
     def has_constant_tensor(self) -> bool:
-        """Whether the expression of G(q) does not contain q.
+        """True if the expression of G(q) does not contain q.
 
         Then geodesics are straight lines at constant speed, and parallel transport leaves the
         components of a vector as they are: `exp`, `log` and the others use these closed forms.

@@ -123,7 +123,7 @@ class KineticEnergy(ModelMetric):
 
     @property
     def _has_mass_matrix(self) -> bool:
-        """Whether no subclass overrides `matrix`, so that the model's recursions apply."""
+        """True if no subclass overrides `matrix`, so that the model's recursions apply."""
         return type(self).matrix is KineticEnergy.matrix
 
 
@@ -195,7 +195,7 @@ class AdjustableKineticEnergy(ModelMetric):
     array([0.05, 0.05, 0.05, 0.05, 0.05, 0.05, 0.05])
 
     Attributes:
-        model: whose links move.
+        model: model whose links move.
         armature: joint inertia of every joint, (n,) or one number [kg m^2 or kg]; None: the
             model's.
         joint_inertia: further joint inertia relative to m r^2 (of prismatic joints, to m), (n,) or
@@ -360,7 +360,7 @@ def default_joint_inertia(model: Model) -> Array:
 
 
 def has_default_joint_inertia(model: Model) -> bool:
-    """Whether mass and reach of the model are positive and finite, as far as its joints need."""
+    """Return whether mass and reach of the model are positive and finite, as needed."""
     scale = inertia_scale(model)
     return bool(np.all(np.isfinite(scale) & (scale > 0.0)))
 

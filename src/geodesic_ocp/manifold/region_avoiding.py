@@ -189,7 +189,7 @@ class RegionAvoiding(Metric):
 
     @cached_property
     def relaxed(self) -> RegionAvoiding:
-        """With a margin ten times as large, whose geodesics turn less sharply at the boundary."""
+        """Return the metric with a margin ten times as large, whose geodesics turn less sharply."""
         margin: Any = _RELAXED * np.asarray(self.margin)
         return replace(self, margin=margin)
 
@@ -248,7 +248,7 @@ class RegionAvoiding(Metric):
         return self.metric.matrix(q) + self._barrier(q)
 
     def check_units(self, name: str, q: Array) -> None:
-        """Those of the given metric."""
+        """Check the units as the given metric does."""
         self.metric.check_units(name, q)
 
     def check_domain(self, name: str, q: Array) -> None:

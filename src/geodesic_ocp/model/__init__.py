@@ -1,4 +1,4 @@
-"""What moves: rigid bodies."""
+"""Models of what moves: rigid bodies, their joints, shapes and distances."""
 
 from lazy_loader import attach_stub
 

@@ -24,9 +24,10 @@ def joint_poses(model: Model, q: ca.SX, factors: ca.SX) -> list[tuple[ca.SX, ca.
     """Rotation (3, 3) and position (3, 1) [m] of every joint of `pin` in the base frame.
 
     Args:
-        model: of n joints; index 0 of the result is its base.
+        model: model of n joints; index 0 of the result is its base.
         q: configuration (n, 1).
-        factors: of the translation from the joint before (3, n + 1), column 0 without effect.
+        factors: factors of the translation from the joint before (3, n + 1), column 0 without
+            effect.
     """
     poses: list[Placement] = []
     for index, placement in enumerate(joint_placements(model.pin, q)):
@@ -68,8 +69,8 @@ def with_lengths(model: Model, factors: Array, bodies: Array) -> Model:
     """The model with other lengths, and the masses it has.
 
     Args:
-        model: of n joints.
-        factors: of the translation from the joint before, (n + 1, 3), row 0 without effect.
+        model: model of n joints.
+        factors: factors of the translation from the joint before, (n + 1, 3), row 0 without effect.
         bodies: for every joint a factor of the size of the body that it carries (n + 1,): of its
             centre of mass, its frames and its capsules; its inertia is multiplied by the square.
             Radii are divided by the root, so that capsules keep their volume.

@@ -168,7 +168,7 @@ class PersonArm:
         side: "right" or "left".
         joints: indices in `pin` of the joints that carry the three, at shoulder, elbow and wrist.
         bodies: the three capsules, each from its joint to the next or to the fingertips.
-        lengths: of the three [m].
+        lengths: lengths of the three [m].
     """
 
     side: Side

@@ -75,7 +75,7 @@ def segment_distances(start: Array, end: Array, other_start: Array, other_end: A
 
 
 def _fractions(a: Any, b: Any, e: Any, c: Any, f: Any, parallel: float = 0.0) -> tuple[Any, Any]:
-    """Where on two segments, from 0 to 1, they come closest: Ericson's s and t."""
+    """Return where on two segments, from 0 to 1, they come closest: Ericson's s and t."""
     s = _clipped_ratio(b * f - c * e, (1.0 + parallel) * a * e - b * b)
     t = _clipped_ratio(b * s + f, e)
     return _clipped_ratio(b * t - c, a), t
@@ -151,7 +151,7 @@ def clearance_constraints(
     """Path constraints that keep a model's collision bodies apart from obstacles and each other.
 
     Args:
-        model: with collision bodies (`Model.bodies`).
+        model: model with collision bodies (`Model.bodies`).
         q: symbols of the configuration (n, 1).
         obstacles, links, pairs: see `signed_distances`.
         margin: smallest distance allowed [m].
@@ -236,7 +236,7 @@ def _segment(model: Model, q: ca.SX, body: Body) -> LineSegment:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class NearestPoints(ShortRepr):
-    """Where two bodies come closest, in k configurations.
+    """Points at which two bodies come closest, in k configurations.
 
     Attributes:
         starts, ends: the points on the surface of either, (k, 3) [m] in the base frame.
@@ -284,7 +284,7 @@ def nearest_points(
 
 
 def has_symbols(obstacle: Obstacle) -> bool:
-    """Whether an obstacle is given by expressions in place of numbers."""
+    """Return whether an obstacle is given by expressions in place of numbers."""
     if isinstance(obstacle, HalfSpace):
         return is_symbolic(obstacle.point)
     body = as_capsule(obstacle)

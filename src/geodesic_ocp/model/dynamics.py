@@ -101,7 +101,7 @@ def _unless_larger(expression: ca.SX, built_in: ca.SX) -> ca.SX:
 
 
 def _numbered_depth_first(model: pin.Model) -> bool:
-    """Whether the joints of every subtree are numbered consecutively, as Pinocchio's crba requires.
+    """Return whether the joints of every subtree are numbered consecutively, as crba requires.
 
     Models from files are. In models built by hand, joints can be appended to an earlier branch;
     crba then omits entries of the matrix. The recursions over single bodies, computeKineticEnergy

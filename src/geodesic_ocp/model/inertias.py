@@ -168,9 +168,10 @@ def scale_inertias(
     """The model with every link's mass and rotational inertia multiplied; centres of mass stay.
 
     Args:
-        model: with n joints.
-        mass_factors: of the link behind each joint, (n,), in the order of the coordinates.
-        inertia_factors: of its rotational inertia about the centre of mass, (n,).
+        model: model with n joints.
+        mass_factors: mass factors of the link behind each joint, (n,), in the order of the
+            coordinates.
+        inertia_factors: inertia factors of its rotational inertia about the centre of mass, (n,).
     """
     scaled = model.pin.copy()
     for index in range(1, scaled.njoints):

@@ -17,9 +17,9 @@ class JointAxes(NamedTuple):
     """Axes of k joints in one configuration, in the base frame.
 
     Attributes:
-        names: of the joints.
+        names: names of the joints.
         coordinates: their indices in the configuration.
-        origins: of the joints (k, 3) [m].
+        origins: origins of the joints (k, 3) [m].
         directions: unit vectors (k, 3) along the axes.
         rotates: whether they are revolute (k,).
     """

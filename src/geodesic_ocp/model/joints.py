@@ -190,7 +190,7 @@ def max_reach(
     configurations, until a stretched chain is found, which nothing exceeds.
 
     Args:
-        model: with one coordinate per joint.
+        model: model with one coordinate per joint.
         frame: index of the frame.
         lower, upper: joint limits (n,) [rad or m]; an unlimited angle is restricted to one
             revolution, and an unlimited prismatic joint has infinite reach.

@@ -37,7 +37,7 @@ class LinkSolid:
         joint: index of the joint in `Model.pin`; 0 if the link does not move.
         parent: the nearest link before it that has geometry; "" if there is none or it is unknown.
         parent_joint: index of the joint before `joint`; -1 if the link does not move.
-        shapes: of coal, with their placements (pin.SE3).
+        shapes: shapes of coal, with their placements (pin.SE3).
         at_joint: placement of the link's frame (pin.SE3).
     """
 
@@ -185,7 +185,7 @@ def exact_distance(one: LinkSolid, pose: Pose, other: LinkSolid, other_pose: Pos
 def is_closer(
     one: LinkSolid, pose: Pose, other: LinkSolid, other_pose: Pose, margin: float = 0.0
 ) -> bool:
-    """Whether two links whose joints have these poses are closer than a margin [m], or touch."""
+    """Return whether two links, at these poses of their joints, are closer than a margin."""
     request = pin.coal.CollisionRequest()
     request.security_margin = margin
     for first, second in product(_placed(one, pose), _placed(other, other_pose)):

@@ -141,7 +141,7 @@ def _welded(mesh: Mesh, cell: float, largest: float) -> Mesh:
     """The mesh with one vertex in each cell, or place, without triangles that have lost area.
 
     Args:
-        mesh: of any size.
+        mesh: mesh of any size.
         cell: width of the cells, a share of the largest mesh; small meshes have smaller ones.
         largest: size of the largest mesh [m].
     """

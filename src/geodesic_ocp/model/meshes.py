@@ -75,7 +75,8 @@ def person_beside(model: Model) -> tuple[tuple[Mesh, ...], Array, Array] | None:
     mirror image of the one that the model has.
 
     Args:
-        model: of `human_arm`, or a right and a left one of `combine` with shoulders side by side.
+        model: model of `human_arm`, or a right and a left one of `combine` with shoulders side by
+            side.
 
     Returns:
         Meshes, and the rotation (3, 3) and position (3,) [m] of their common frame in the base

@@ -211,7 +211,7 @@ class Model:
         return self._functions.pose(frame_index(self.pin, frame), q)
 
     def moves(self, frame: str) -> bool:
-        """Whether any of the joints moves the frame.
+        """Return whether any of the joints moves the frame.
 
         Raises:
             ValueError: there is no such frame.

@@ -1,4 +1,4 @@
-"""What people look like: calm figures of wood, in the proportions of their models.
+"""The look of people: figures of wood, in the proportions of their models.
 
 The forms of the parts of a person are in proportion to the lengths and radii of its capsules.
 Axes are those of the joint that carries a part: x to the right, y forward, z up, with the arm

@@ -1,4 +1,4 @@
-"""What is found by optimization."""
+"""Optimal control problems: transcription, solution, certificates."""
 
 from lazy_loader import attach_stub
 

@@ -24,7 +24,7 @@ class Iterate:
     """An iterate of Ipopt.
 
     Attributes:
-        number: of the iteration; the initial guess is number zero.
+        number: number of the iteration; the initial guess is number zero.
         objective: energy and running cost.
         violation: largest violation of any condition at the nodes, in the condition's unit.
         path: the path.

@@ -29,7 +29,7 @@ class FinalIterate:
     """Primal and dual variables of an NLP where the solver stopped.
 
     Attributes:
-        path: of the iterate, in the problem's units.
+        path: path of the iterate, in the problem's units.
         transcription, units, p_values: the NLP, and the values of the problem's parameters.
         x, lam_x, lam_g: variables and multipliers in the NLP's units.
         fixed_x, fixed_g: where the lower bound equals the upper bound.
@@ -79,7 +79,7 @@ _TINY = 1e-300
 
 
 def stationarity_and_index(gradient: Array, hessian: Array) -> tuple[bool, int]:
-    """Whether a point is stationary, and the number of negative eigenvalues of the Hessian.
+    """Return whether a point is stationary, and the number of negative eigenvalues of the Hessian.
 
     A point is stationary if a Newton step would change the function by less than a small fraction:
     the gradient is measured in the scale of the Hessian.
@@ -134,7 +134,7 @@ def first_conjugate_point(path: Path) -> float:
 
 
 def _is_positive_definite(matrix: Array, width: int) -> bool:
-    """Whether a symmetric matrix with this bandwidth is positive definite."""
+    """Return whether a symmetric matrix with this bandwidth is positive definite."""
     size = len(matrix)
     band = np.zeros((min(width, size), size))
     for row in range(len(band)):
@@ -165,7 +165,7 @@ _DEPENDENT = 1e-10
 
 @dataclass(frozen=True, repr=False)
 class Certificate:
-    """What is known about a path.
+    """Certificate of a path: geodesic residuals, second-order conditions, multipliers.
 
     Attributes:
         endpoint_error: distance between the end of the path and the end of the geodesic with the
@@ -202,7 +202,7 @@ class Certificate:
 
     @property
     def locally_shortest(self) -> bool:
-        """Whether the path is locally minimizing among the paths that meet its conditions.
+        """True if the path is locally minimizing among the paths that meet its conditions.
 
         To second order, and for the sum of energy and cost if there is a running cost.
         """
@@ -313,7 +313,7 @@ def descent_direction(iterate: FinalIterate) -> Array | None:
 
 
 def _active(iterate: FinalIterate, jacobian: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Which bounds of x, and which constraints, exert a force."""
+    """Return which bounds of x, and which constraints, exert a force."""
     # Multiplier times gradient is the force of a condition, whatever the condition's unit.
     forces = np.abs(iterate.lam_g) * np.linalg.norm(jacobian, axis=1)
     at_bound = iterate.fixed_x | (np.abs(iterate.lam_x) > _ACTIVE)
@@ -338,7 +338,7 @@ def _reduced_hessian(
 
 
 def _is_first_order(iterate: FinalIterate, bounds: NodeBounds, jacobian: Array) -> bool:
-    """Whether forces balance, and multipliers have the sign of the bound at which the value is."""
+    """Return whether forces balance, and multipliers have the signs of their bounds."""
     balance = iterate.gradient() + iterate.lam_x + jacobian.T @ iterate.lam_g
     g = iterate.transcription.constraints(iterate.x, iterate.p)[0].full()[:, 0]
     length, q = iterate.units.length, iterate.path.nodes

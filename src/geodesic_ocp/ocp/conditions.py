@@ -84,7 +84,7 @@ class Conditions(ShortRepr):
 
     @property
     def only_ends(self) -> bool:
-        """Whether there are no conditions but those at the ends."""
+        """True if there are no conditions but those at the ends."""
         return not (self.bounds or self.along_q or self.along_qv or self.via)
 
     @property
@@ -115,9 +115,10 @@ class NodeBounds(ShortRepr):
     """Bounds of one problem on one grid.
 
     Attributes:
-        lower, upper: of the positions at the nodes, (size, n).
+        lower, upper: lower and upper of the positions at the nodes, (size, n).
         ends: values to which the first and the last node are fixed, (n,) each, NaN if free.
-        lower_g, upper_g: of the constraint functions, in the order of the transcription.
+        lower_g, upper_g: lower and upper g of the constraint functions, in the order of the
+            transcription.
     """
 
     lower: Array

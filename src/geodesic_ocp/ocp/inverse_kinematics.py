@@ -43,10 +43,10 @@ def inverse_kinematics(
     starts from several configurations and covers one revolution of joints with a larger range.
 
     Args:
-        model: whose hand (end-effector) is placed.
+        model: model whose hand (end-effector) is placed.
         near: configuration (n,) to stay near to [rad or m].
-        position: of the hand (3,) [m] in the base frame; None leaves it free.
-        rotation: of the hand (3, 3); None leaves it free.
+        position: position of the hand (3,) [m] in the base frame; None leaves it free.
+        rotation: rotation of the hand (3, 3); None leaves it free.
         limits: whether the joints stay within their limits.
         free: directions (3,) or (k, 3) in which the position is free.
         obstacles, links, pairs: collision bodies to keep apart, see `signed_distances`.

@@ -24,8 +24,8 @@ class Structure:
 
     Attributes:
         key: equal for problems that share one NLP; None if the NLP is not shared.
-        metric: of the manifold.
-        conditions: of the problem.
+        metric: metric of the manifold.
+        conditions: conditions of the problem.
     """
 
     key: Hashable
@@ -45,7 +45,7 @@ class ProblemDefinition(ShortRepr):
     """Everything about a problem that its NLP is built from.
 
     Attributes:
-        metric: of the manifold.
+        metric: metric of the manifold.
         conditions: boundary conditions, constraints and running cost.
         guess: initial guess, s (k,) -> positions (k, n), or None for the straight line.
         via_parameters: s of each via point; None if they are free.
@@ -86,11 +86,11 @@ class NLP(ShortRepr):
     """A nonlinear program whose variables x are the scaled positions at the grid's nodes.
 
     Attributes:
-        definition: of the problem.
+        definition: definition of the problem.
         transcription: functions of x and p: energy and cost with their derivatives, constraints.
-        grid: of the nodes.
+        grid: grid of the nodes.
         bounds: on the positions and the constraint functions.
-        units: of x and of the energy.
+        units: units of x and of the energy.
         nodes: positions (size, n) of the initial guess.
     """
 
@@ -167,8 +167,8 @@ def build_nlp(definition: ProblemDefinition, grid: Grid, guess: Path | None = No
     """The nonlinear program of a problem on a grid.
 
     Args:
-        definition: of the problem.
-        grid: of the nodes.
+        definition: definition of the problem.
+        grid: grid of the nodes.
         guess: initial guess; by default the problem's own, or the straight line.
 
     Raises:

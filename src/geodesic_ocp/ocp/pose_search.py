@@ -64,7 +64,7 @@ def search_simultaneously(
     """Configurations within bounds whose pose errors vanish, or are least nearby.
 
     Args:
-        pose_errors: of many configurations.
+        pose_errors: pose errors of many configurations.
         starts: configurations (k, n) to search from.
         near: configuration (n,) to come near to, in the directions that the pose leaves free; None:
             each search stays near its start.
@@ -146,7 +146,7 @@ class CollisionAvoidance(NamedTuple):
         pairs: Sequence[tuple[str, str]],
         margin: float,
     ) -> CollisionAvoidance:
-        """From arguments as users give them; ValueError if a pair or the margin is malformed."""
+        """Build from arguments as users give them; ValueError if a pair or margin is malformed."""
         links = None if links is None else tuple(links)
         return cls(tuple(obstacles), links, tuple(map(as_pair, pairs)), as_number("margin", margin))
 
@@ -157,7 +157,7 @@ class CollisionAvoidance(NamedTuple):
 
     @property
     def is_empty(self) -> bool:
-        """Whether nothing is kept apart."""
+        """True if nothing is kept apart."""
         return not (self.obstacles or self.pairs)
 
 

@@ -265,7 +265,7 @@ class Problem(ABC):
     a variable.
 
     Attributes:
-        metric: of the manifold.
+        metric: metric of the manifold.
         parameters: names of fields (numbers or arrays) that may change from one solve to the next
             without a new NLP: expressions are built with symbols in their place. All other fields
             must be equal, models and metrics identical objects.
@@ -318,7 +318,7 @@ class Problem(ABC):
         """Draw additional items into a figure of the path: the outlines of obstacles by default.
 
         Args:
-            axes: of the path in the plane of two coordinates, or of the hand's path.
+            axes: axes of the path in the plane of two coordinates, or of the hand's path.
             path: the path in the figure, not necessarily a solution.
             columns: indices of the two coordinates, or of the hand's x, y and z, on the axes.
         """
@@ -361,7 +361,8 @@ class Problem(ABC):
         """The nonlinear program of this problem on a grid, its own by default.
 
         Args:
-            grid: of the nodes; via points whose s is free lie where the guess has them, or evenly.
+            grid: grid of the nodes; via points whose s is free lie where the guess has them, or
+                evenly.
             guess: path or solution to start from.
         """
         definition = self.definition()

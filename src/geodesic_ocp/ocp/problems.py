@@ -92,7 +92,7 @@ class ConstrainedProblem(Problem):
 
     @property
     def constraint_key(self) -> tuple[Hashable, ...]:
-        """Which constraints there are, for `structure`; empty if there are none."""
+        """The constraints that there are, for `structure`; empty if there are none."""
         if not (self.limits or self.speed or self.obstacles or self.pairs):
             return ()
         bodies = (self.obstacles, self.links, self.pairs)
@@ -114,7 +114,7 @@ class PointToPoint(ShortRepr, ConstrainedProblem):
     """The geodesic between two configurations.
 
     Attributes:
-        metric: of the manifold.
+        metric: metric of the manifold.
         q0, q1: start and goal (n,) [rad or m].
         limits: whether the joints stay within the limits of the metric's model.
         speed: largest |dq_j / ds| [rad or m over the whole path], one for all coordinates or (n,);
@@ -183,10 +183,10 @@ class Reach(ShortRepr, ConstrainedProblem):
     configuration found by inverse kinematics. Start and pose can change without a new NLP.
 
     Attributes:
-        model: whose hand (end-effector) reaches; the metric is its kinetic energy.
+        model: model whose hand (end-effector) reaches; the metric is its kinetic energy.
         start: configuration (n,) [rad or m].
-        position: of the hand at the end, in the base frame, (3,) [m]; None leaves it free.
-        rotation: of the hand at the end, (3, 3); None leaves it free.
+        position: position of the hand at the end, in the base frame, (3,) [m]; None leaves it free.
+        rotation: rotation of the hand at the end, (3, 3); None leaves it free.
         free: directions in which the position is free, in the base's axes, (3,) or (k, 3): one
             direction makes the target a line, two a plane.
         through: positions (k, 3) [m] that the hand passes on its path, in this order.

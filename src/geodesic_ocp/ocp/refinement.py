@@ -91,7 +91,7 @@ def refine_where_violated(
 
     Args:
         solve_on: solves on a grid.
-        conditions: of the problem.
+        conditions: conditions of the problem.
         solution: on the first grid.
     """
     profile = violation_profile(conditions)
@@ -203,7 +203,7 @@ def _refine_from(
 
 
 def _coarse(path: Path, violations: tuple[Array, Array], tolerance: float) -> NDArray[np.bool_]:
-    """Which segments to halve, (segments,); all of them if none stands out."""
+    """Return which segments to halve, (segments,); all of them if none stands out."""
     worst = worst_by_segment(path, violations)
     unresolved = unresolved_energy(path)
     allowed = tolerance * path.energy / path.grid.segments
@@ -258,7 +258,7 @@ def with_optimal_via_points(
     """The solution with its via points at the optimal s.
 
     Args:
-        solution: with via points at any s.
+        solution: solution with via points at any s.
         solve_on: solves on another grid, from an initial guess.
     """
     tried: list[Array] = []

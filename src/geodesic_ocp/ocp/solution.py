@@ -36,8 +36,8 @@ class MeshIteration:
     """One solve of a mesh refinement.
 
     Attributes:
-        segments: of its grid.
-        iterations, seconds: of Ipopt.
+        segments: segments of its grid.
+        iterations, seconds: iterations and seconds of Ipopt.
         objective: the value reached.
         max_path_violation: largest violation of any condition anywhere on the path.
     """
@@ -56,10 +56,11 @@ class Stats:
     Attributes:
         success: whether the path is a local solution, to Ipopt's tolerance.
         status: how the solver stopped, a sentence.
-        iterations: of Ipopt; with several grids, on the last one (`mesh_history` has all).
+        iterations: iterations of Ipopt; with several grids, on the last one (`mesh_history` has
+            all).
         seconds: wall time of the solver, likewise.
         variables, constraints: sizes of the NLP, bounds not counted.
-        energy: of the path by the quadrature of its grid, 1/2 int |q'|_G^2 ds.
+        energy: energy of the path by the quadrature of its grid, 1/2 int |q'|_G^2 ds.
         objective: what was minimized, energy and running cost.
         max_node_violation: largest violation of any condition at the nodes, in its unit.
         worst_constraint: name of the condition with that violation.
@@ -128,7 +129,7 @@ def encoded_fields(problem: object) -> dict[str, Any]:
 
 
 def described_model(model: Model) -> dict[str, Any]:
-    """What must be equal for a model to be taken for the one that was saved."""
+    """Return what must be equal for a model to be taken for the one that was saved."""
     return {
         "name": model.name,
         "hand": model.hand,
@@ -218,7 +219,7 @@ class Solution:
 
     @cached_property
     def certificate(self) -> Certificate:
-        """How close the path is to a geodesic, and whether it is locally minimizing.
+        """The certificate: distance from a geodesic, and whether the path is locally minimizing.
 
         Under constraints: whether the energy decreases, to second order, in any direction in which
         the active conditions remain satisfied.

@@ -73,7 +73,7 @@ def solve(
 
     Args:
         problem: an instance of a subclass of Problem.
-        grid: of the nodes; the solution has this grid. None: the problem's own, refined where
+        grid: grid of the nodes; the solution has this grid. None: the problem's own, refined where
             conditions are violated between the nodes by more than 1e-4, each in its unit.
         guess: path or solution to start from, on any grid; by default the problem's guess, or the
             straight line. A solution is a warm start.
@@ -180,7 +180,7 @@ class _Solver:
         return self(grid, start, False)
 
     def _solve_from_coarse(self, grid: Grid) -> Solution:
-        """With a free end, polynomials of high degree easily converge to an oscillating path."""
+        """Solve on a coarse grid first, as with a free end high degrees tend to oscillate."""
         coarse = self(_COARSE, None, False)
         if coarse.stats.status == STOPPED:
             return coarse

@@ -58,7 +58,7 @@ class CompiledEnergy(Terms):
 
     Args:
         metric: G.
-        conditions: whose symbols are used.
+        conditions: conditions whose symbols are used.
         file: the library.
     """
 
@@ -94,7 +94,7 @@ class PathTerms:
     """All terms of a problem, which are the same on every grid.
 
     Attributes:
-        conditions: of the problem, whose symbols are used.
+        conditions: conditions of the problem, whose symbols are used.
         energy: integrand of energy and cost, in q and v.
         at_ends: conditions in q0, q1, v0, v1.
         at_nodes: in q.
@@ -147,8 +147,8 @@ class Transcription(ShortRepr):
     after the other of one segment after the other (`Conditions`, in its order).
 
     Attributes:
-        terms: of the problem.
-        grid: of the nodes, with equal segments.
+        terms: terms of the problem.
+        grid: grid of the nodes, with equal segments.
     """
 
     terms: PathTerms

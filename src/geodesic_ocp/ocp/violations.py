@@ -1,4 +1,4 @@
-"""How far a path violates a problem's conditions, at the nodes of its grid and between them."""
+"""Violations of a problem's conditions by a path, at the nodes and between them."""
 
 from __future__ import annotations
 
@@ -101,12 +101,12 @@ class Violation:
     """The largest violation of a condition.
 
     Attributes:
-        name: of the condition, as given by the problem, or its position in the problem's list.
+        name: name of the condition, as given by the problem, or its position in the problem's list.
         component: the row of the condition, in words: a joint, a coordinate, or a number.
-        value: of the expression there.
+        value: value of the expression there.
         limit: the violated bound or value.
         s: path parameter; None for a condition on both ends.
-        unit: of the coordinate, for joint limits of a model; None for other conditions.
+        unit: unit of the coordinate, for joint limits of a model; None for other conditions.
     """
 
     name: str

@@ -24,7 +24,7 @@ def read_markers(path: str | PathLike[str], *, up: Axis | None = None) -> Marker
     the file unless `up` is given; a marker that was not seen is NaN.
 
     Args:
-        path: of the file.
+        path: path of the file.
         up: the axis of the file that points upwards, such as "y" or "-z"; the space is turned so
             that it becomes z, which `fit_markers` needs. Formats leave it open: TRC files for
             OpenSim mostly have y up, c3d files z.

@@ -58,14 +58,14 @@ def read_motion(
     (840, ('LSx_joint', 'LSz_joint', 'LSy_joint'))
 
     Args:
-        path: of the file.
+        path: path of the file.
         joints: names of the joints to read, in the order of the result; all by default.
-        convention: of the joint angles of an OpenSim file, which may be the file of its model
-            (.osim), or of the skeleton of an AMC, BVH or .npz file; by default the known one that
-            fits the names in the file.
+        convention: convention of the joint angles of an OpenSim file, which may be the file of its
+            model (.osim), or of the skeleton of an AMC, BVH or .npz file; by default the known one
+            that fits the names in the file.
         skeleton: file (.asf) that belongs to an AMC file; by default the one beside it.
-        rate: of an AMC file [Hz], which does not contain it; 120 Hz by default.
-        unit: of lengths in a BVH or AMC file: "m", "cm", "mm", "in" or a number of metres.
+        rate: rate of an AMC file [Hz], which does not contain it; 120 Hz by default.
+        unit: unit of lengths in a BVH or AMC file: "m", "cm", "mm", "in" or a number of metres.
 
     Raises:
         RecordingError: the file is missing, of an unknown format, or malformed, or its angles look
@@ -100,7 +100,7 @@ def check_stated(file: Path, kind: str, names: Iterable[str]) -> None:
 
 
 def that_apply(file: Path, arguments: Mapping[str, Any]) -> dict[str, Any]:
-    """Those of the arguments of `read_recording` that apply to the format of the file.
+    """Return the arguments of `read_recording` that apply to the format of the file.
 
     For files of several formats; of a file that cannot be recognised, none.
     """
@@ -198,15 +198,15 @@ def read_recording(
     'climb, left'
 
     Args:
-        path: of the file, in any format of `read_motion`, or of markers (`read_markers`), to which
-            the motion is fitted, with the lengths of the arm (`fit_markers`).
+        path: path of the file, in any format of `read_motion`, or of markers (`read_markers`), to
+            which the motion is fitted, with the lengths of the arm (`fit_markers`).
         side: "right" or "left".
-        height: of the person [m]; by default that in the file, or of the markers, or 1.75 m.
-        mass: of the person [kg]; by default that in the file, or 70 kg.
+        height: height of the person [m]; by default that in the file, or of the markers, or 1.75 m.
+        mass: mass of the person [kg]; by default that in the file, or 70 kg.
         armature: joint inertia of every joint of the arm [kg m^2].
         resample: interpolate at this rate first [Hz], for samples that are not evenly spaced.
-        cutoff: of the filter [Hz], see `Motion.filtered`; chosen for each file by default.
-        duration: of the window of a Savitzky-Golay filter [s], instead of a cut-off.
+        cutoff: cutoff of the filter [Hz], see `Motion.filtered`; chosen for each file by default.
+        duration: duration of the window of a Savitzky-Golay filter [s], instead of a cut-off.
         unfiltered: take the motion as it is, with the velocities of a cubic spline; so are motions
             fitted to markers, which the fit has smoothed, unless a filter is given.
         convention, unit, rate, skeleton: where the file's format does not give them, see

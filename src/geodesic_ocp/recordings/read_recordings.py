@@ -138,10 +138,10 @@ def read_recordings(
             "data/**/*.c3d", one or several; of a folder, all files whose names end as those of
             recordings do: .xml, .csv, .amc, .bvh, .mot, .sto, .trc, .c3d, .npz.
         side: "right" or "left".
-        height: of all subjects [m]; by default that in the file, or 1.75 m.
-        mass: of all subjects [kg]; by default that in the file, or 70 kg.
-        cutoff: of the filter [Hz], see `Motion.filtered`; chosen for each file by default.
-        duration: of the window of a Savitzky-Golay filter [s], instead of a cut-off.
+        height: height of all subjects [m]; by default that in the file, or 1.75 m.
+        mass: mass of all subjects [kg]; by default that in the file, or 70 kg.
+        cutoff: cutoff of the filter [Hz], see `Motion.filtered`; chosen for each file by default.
+        duration: duration of the window of a Savitzky-Golay filter [s], instead of a cut-off.
         skip: leave out files that cannot be used, with a warning that names each.
         recursive: also take the files in the folders within a folder.
         convention, unit, rate, skeleton, up, marker_set: see `read_recording`; each is used for

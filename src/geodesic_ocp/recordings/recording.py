@@ -24,8 +24,8 @@ class Recording:
 
     Attributes:
         model: the arm, scaled to the person.
-        motion: of the model's joints, with velocities (`Motion.filtered`).
-        name: of the recording, such as the name of its file.
+        motion: motion of the model's joints, with velocities (`Motion.filtered`).
+        name: name of the recording, such as the name of its file.
         subject: identifies the person; recordings of equal subjects are not independent.
         fit: to markers, from which the motion was obtained; None for other recordings.
 
@@ -107,9 +107,9 @@ def ask_about_limits(model: Model, motion: Motion, name: str) -> None:
     """Give a RuntimeWarning if joints are beyond the model's limits for much of the recording.
 
     Args:
-        model: whose joints the motion has.
-        motion: of these joints.
-        name: of the recording, with which the warning begins.
+        model: model whose joints the motion has.
+        motion: motion of these joints.
+        name: name of the recording, with which the warning begins.
     """
     outside = np.maximum(model.lower - motion.q, motion.q - model.upper)
     found = []
@@ -138,8 +138,8 @@ def warn_of_gimbal_lock(motion: Motion, name: str) -> None:
     radians while the arm hardly moves.
 
     Args:
-        motion: of an arm of the Master Motor Map; of other joints nothing is said.
-        name: of the recording, with which the warning begins.
+        motion: motion of an arm of the Master Motor Map; of other joints nothing is said.
+        name: name of the recording, with which the warning begins.
     """
     for letter in "RL":
         x, z, y = (f"{letter}S{axis}_joint" for axis in "xzy")
@@ -164,7 +164,7 @@ def ask_about_degrees(name: str, q: Array) -> None:
     """Give a RuntimeWarning if angles q (k, n) [deg], as the file states, may be radians.
 
     Args:
-        name: of the recording, with which the warning begins.
+        name: name of the recording, with which the warning begins.
         q: (k, n) numbers of the file; without any sample nothing is asked.
     """
     if q.size and np.abs(q).max() <= 2.0 * np.pi and 0.1 < np.ptp(q, axis=0).max() <= _STILL:
@@ -177,7 +177,7 @@ def ask_about_degrees(name: str, q: Array) -> None:
 
 
 def _are_degrees(model: Model, q: Array, outside: Array) -> bool:
-    """Whether most samples are far outside the limits, and none would be if it were in degrees."""
+    """Return whether most samples are far outside the limits, but would not be in degrees."""
     angular = np.array(model.units) == "rad"
     if np.mean(np.any(outside[:, angular] > _FAR_OUTSIDE, axis=1)) < 0.5:
         return False  # a spike

@@ -57,7 +57,7 @@ class RetargetedArm(PairedArm):
         synergies: for each group the path with a time law of least acceleration, in the robot's
             time; the trajectory stays near them, and rounds the corners where they meet.
         trajectory: what the robot executes, at a uniform rate.
-        motion: that motion at the samples of the recording, in robot time.
+        motion: motion that motion at the samples of the recording, in robot time.
         out_of_reach: distance [m] and angle [rad] of the nearest pose, for poses out of reach, by
             number of the pose: 0 is the first pose, k the end of synergy k, counted from 1.
     """
@@ -134,7 +134,7 @@ class RetargetedArm(PairedArm):
 
     @cached_property
     def statistics(self) -> Mapping[str, MotionStatistics]:
-        """Of the "synergies", and of "ik", inverse kinematics in the same time."""
+        """Statistics of the "synergies", and of "ik", inverse kinematics in the same time."""
         return {"synergies": self._statistics(self.motion), "ik": self._statistics(self.tracked)}
 
     def _statistics(self, motion: Motion) -> MotionStatistics:
@@ -152,7 +152,7 @@ class RetargetedArm(PairedArm):
 
     @property
     def has_speed_limits(self) -> bool:
-        """Whether any joint has a speed limit."""
+        """True if any joint has a speed limit."""
         return bool(np.any(np.isfinite(self.limits.velocity)))
 
     @property

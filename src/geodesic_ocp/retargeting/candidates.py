@@ -44,7 +44,7 @@ class Candidates(ShortRepr):
 
     Attributes:
         q: the configurations.
-        errors: of their poses (k,) [m or rad]; zero for those that attain the pose.
+        errors: errors of their poses (k,) [m or rad]; zero for those that attain the pose.
     """
 
     q: Array
@@ -57,7 +57,7 @@ class Candidates(ShortRepr):
 
     @property
     def within_reach(self) -> bool:
-        """Whether any of them attains the pose."""
+        """True if any of them attains the pose."""
         return bool(self.errors.min() == 0.0)
 
     @property
@@ -72,7 +72,7 @@ class Candidates(ShortRepr):
         return np.where(self.errors == 0.0, 0.0, weights)
 
     def joined(self, other: Candidates, near_misses: float) -> Candidates:
-        """Those of both; if any attains the pose, without larger errors than `near_misses`."""
+        """Join candidates; if any attains the pose, drop those with errors beyond `near_misses`."""
         q = np.vstack([self.q, other.q])
         errors = np.concatenate([self.errors, other.errors])
         return _chosen(q, errors, near_misses, _MOST * _POSE_ROUNDS)
@@ -154,7 +154,7 @@ def shortest_path(
     """One node of each layer, with the least sum of costs.
 
     Args:
-        node_costs: of each layer, (k_i,).
+        node_costs: node costs of each layer, (k_i,).
         edge_costs: number i of a layer -> costs (k_i, k_i+1) of the edges to the next one.
 
     Returns:
@@ -230,8 +230,8 @@ def find_start(
     """The configurations at the waypoints from which the program starts.
 
     Args:
-        waypoints: of an arm.
-        weights: of the objective.
+        waypoints: waypoints of an arm.
+        weights: weights of the objective.
         layers: configurations at each waypoint, around which others are sought.
         distances: excess of distances over their bounds, see `own_distances`.
     """
@@ -282,7 +282,7 @@ def _best(
 
 
 def mass_matrices(waypoints: ArmWaypoints, q: Array) -> Array:
-    """Of many configurations, (k, n, n)."""
+    """Return the mass matrices of many configurations, (k, n, n)."""
     n = waypoints.arm.dof
     x = ca.SX.sym("q", n)
     function = ca.Function("matrix", [x], [waypoints.arm.mass_matrix(x)])
@@ -293,7 +293,7 @@ def mass_matrices(waypoints: ArmWaypoints, q: Array) -> Array:
 def node_costs(
     waypoints: ArmWaypoints, weights: ObjectiveWeights, number: int, candidates: Candidates
 ) -> Array:
-    """Of posture, likeness, torques of gravity, and poses that are missed, at a waypoint, (k,)."""
+    """Return the costs (k,) at a waypoint: posture, likeness, gravity torques, missed poses."""
     q, count = candidates.q, waypoints.count + 1
     missed = np.zeros((len(q), 6))
     missed[:, list(waypoints.rows)] = np.outer(candidates.missed, count * waypoints.row_weights**2)

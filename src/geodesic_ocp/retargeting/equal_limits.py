@@ -41,10 +41,10 @@ def compare_under_equal_limits(
     Args:
         planned: the motion of all arms.
         motion: the person's.
-        mapping: of its hand to the robot's.
+        mapping: mapping of its hand to the robot's.
         arm: number of the arm.
-        rate: of the samples and of inverse kinematics [Hz].
-        turning, placing: of inverse kinematics, see `track_within_limits`.
+        rate: rate of the samples and of inverse kinematics [Hz].
+        turning, placing: turning and placing of inverse kinematics, see `track_within_limits`.
 
     Returns:
         Measures by the name of the method, see `measures_table`.

@@ -91,9 +91,9 @@ def nearest_configurations(
     Args:
         arm: the robot.
         near: configuration (n,) from which they are sought.
-        pose: of the hand.
+        pose: pose of the hand.
         limits: whether joints stay within their limits.
-        weights: of errors in position [1/m] and orientation [1/rad].
+        weights: weights of errors in position [1/m] and orientation [1/rad].
         collisions: bodies that are kept apart.
         enough, settled, least: see `inverse_kinematics_solutions`.
 
@@ -135,7 +135,7 @@ def checked_start(robot: Model, given: ArrayLike, settings: RetargetingSettings)
 
 
 def is_beyond(robot: Model, pose: Pose) -> bool:
-    """Whether the hand's position is farther from the base than the hand ever is."""
+    """Return whether the hand's position is farther from the base than the hand ever is."""
     if pose.position is None:
         return False
     joint = robot.frame_pose(robot.joint_names[0], np.zeros(robot.dof))[1]
@@ -164,7 +164,7 @@ class PoseMapping(ShortRepr):
     def between(
         cls, model: Model, source: Alignment, target: Alignment, settings: RetargetingSettings
     ) -> PoseMapping:
-        """By default scaled by the ratio of the arms' lengths, and mirrored if the sides differ."""
+        """Map poses: scaled by the ratio of lengths by default, mirrored if sides differ."""
         mirror, scale = settings.mirror, settings.scale
         if mirror is None:
             mirror = None not in (source.side, target.side) and source.side != target.side
@@ -183,11 +183,11 @@ class PairedArm(ShortRepr):
     """A person's arm, and the robot that takes over its motion.
 
     Attributes:
-        analysis: of the person's motion.
+        analysis: analysis of the person's motion.
         robot: the arm.
         mapping: from the person's configurations to poses of the robot's hand.
-        limits: of its joints.
-        settings: of the retargeting.
+        limits: limits of its joints.
+        settings: settings of the retargeting.
         groups: how the person's synergies were dropped and merged.
         target_poses: rotations (k, 3, 3) and positions (k, 3) [m] of the hand, mapped from the
             person to the robot's base frame, at all samples.
@@ -211,7 +211,7 @@ class PairedArm(ShortRepr):
         limits: JointLimits,
         settings: RetargetingSettings,
     ) -> PairedArm:
-        """With the person's synergies merged and its poses mapped.
+        """Return the key poses of a motion, with synergies merged and poses mapped.
 
         Raises:
             ValueError: the lengths to drop and merge are out of range.
@@ -222,7 +222,7 @@ class PairedArm(ShortRepr):
 
     @property
     def gravity(self) -> Array:
-        """In the axes of the robot's base (3,) [m/s^2]."""
+        """Gravity in the axes of the robot's base (3,) [m/s^2]."""
         return np.asarray(-_GRAVITY * np.asarray(self.mapping.target.base)[:, 2])
 
     @property
@@ -244,7 +244,7 @@ class PairedArm(ShortRepr):
         return self.as_pose(*(each[sample] for each in self.target_poses))
 
     def as_pose(self, rotation: Array, position: Array) -> Pose:
-        """Of this rotation and position, without what the settings leave free."""
+        """Return the pose error at a rotation and position, but for what settings leave free."""
         weights = self.settings.orientation_weight, self.settings.position_weight
         return Pose(
             *(

@@ -71,7 +71,7 @@ def merge_synergies(
     Synergies at least as long as `merge` are never joined with each other.
 
     Args:
-        synergies: of one arm, one after the other.
+        synergies: synergies of one arm, one after the other.
         drop, merge: lengths in the synergies' metric; by default 3 % and 15 % of the longest one.
 
     Raises:

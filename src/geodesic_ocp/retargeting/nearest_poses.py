@@ -1,4 +1,4 @@
-"""How near the hand comes to each of many poses, found for all of them at once."""
+"""Configurations in which the hand comes nearest to many poses, found all at once."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class NearestPoses(NamedTuple):
 
     Attributes:
         q: configurations (k, n).
-        distances: of the hand from the targets (k,) [m].
+        distances: distances of the hand from the targets (k,) [m].
         angles: likewise (k,) [rad]; zero if the rotation is free.
     """
 

@@ -76,12 +76,13 @@ class ArmPart:
     """One arm with the grid of its paths, one after the other over the time in which it moves.
 
     Attributes:
-        waypoints: of the arm.
+        waypoints: waypoints of the arm.
         definition: its energy, limits and further conditions along its paths, as a problem.
         missed: weights of the squared errors of poses out of reach (m + 1,); zero for those within
             reach, which are equalities.
         grid: over the arm's own time from 0 to 1, in which rests are left out.
-        last_segments: of the movements, (m,): number of segments up to the end of each.
+        last_segments: last segments of the movements, (m,): number of segments up to the end of
+            each.
     """
 
     waypoints: ArmWaypoints
@@ -99,7 +100,7 @@ class ArmPart:
         segments: int,
         degree: int,
     ) -> ArmPart:
-        """With so many segments of equal duration for each movement."""
+        """Return a mesh with so many segments of equal duration for each movement."""
         edges = np.concatenate([[0.0], np.cumsum(waypoints.durations)])
         edges /= edges[-1]
         edges[-1] = 1.0
@@ -111,14 +112,14 @@ class ArmPart:
         return cls(waypoints, definition, missed, grid, last)
 
     def halved(self, coarse: NDArray[np.bool_]) -> ArmPart:
-        """With some of the segments (segments,) halved."""
+        """Return the mesh with some of the segments (segments,) halved."""
         every = np.cumsum(1 + coarse)
         last = tuple(int(every[number - 1]) for number in self.last_segments)
         return replace(self, grid=halved(self.grid, coarse), last_segments=last)
 
     @property
     def within_reach(self) -> tuple[bool, ...]:
-        """Which poses are equalities (m + 1,)."""
+        """Return which poses are equalities (m + 1,)."""
         return tuple((self.missed == 0.0).tolist())
 
     @property
@@ -143,7 +144,7 @@ class ArmPart:
 
     @cached_property
     def bounds(self) -> NodeBounds:
-        """Of the positions at the nodes, and of the conditions along the paths."""
+        """Return bounds of the positions at the nodes, and of conditions along the paths."""
         return NodeBounds.on_grid(self.definition.conditions, self.grid)
 
     def blocks(self, first: int, weights: ObjectiveWeights) -> list[Block]:
@@ -151,7 +152,7 @@ class ArmPart:
 
         Args:
             first: index of the first of the arm's variables.
-            weights: of the objective.
+            weights: weights of the objective.
         """
         # The objective is the action in its unit.
         units = Units(np.zeros(self.dof), 1.0, weights.action * self.moving_time)
@@ -172,7 +173,7 @@ class ArmPart:
 
         Args:
             first: index of the first of the arm's variables.
-            weights: of the objective.
+            weights: weights of the objective.
         """
         given, rows = self.waypoints, []
         count = given.count + 1
@@ -268,9 +269,9 @@ class MotionProgram:
     """The program of all arms.
 
     Attributes:
-        parts: of the arms.
+        parts: parts of the arms.
         edges: times (i + 1,) [s] in the recording between which time may be added.
-        weights: of the objective.
+        weights: weights of the objective.
         clearance: distances of links; None: none.
         rows: lower bounds [m] of those distances that are kept, by their number in the clearance
             and the time [s] in the recording.
@@ -284,7 +285,7 @@ class MotionProgram:
 
     @cached_property
     def offsets(self) -> list[int]:
-        """Where the variables of each arm begin, those of the added times, and the slack."""
+        """Indices at which the variables of each arm, of added times and of the slack begin."""
         sizes = [*(part.size for part in self.parts), len(self.edges) - 1]
         return [0, *np.cumsum(sizes).tolist()]
 
@@ -342,7 +343,7 @@ class MotionProgram:
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
-        """Of the variables."""
+        """Bounds of the variables."""
         bounds, count = [part.bounds for part in self.parts], self.size - self.offsets[-2]
         return (
             np.concatenate([*(each.lower.ravel() for each in bounds), np.zeros(count)]),

@@ -31,7 +31,7 @@ class Mounting:
 
     Attributes:
         alignment: the changed one.
-        factor: of positions, in addition to the present scale.
+        factor: factor of positions, in addition to the present scale.
         change: what is changed, in words; the factor apart.
         arguments: what to pass to `go.retargeting.align`, such as "shoulder=(0.1, 0, 0.3)"; empty
             if only the factor is changed.
@@ -47,7 +47,7 @@ class Mounting:
         return self.alignment.to_robot(rotations, positions, scale=self.factor)
 
     def sentence(self, scale: float | None) -> str:
-        """What to do, such as "Scale positions by 0.9 (scale=0.7)"."""
+        """Advice, such as "Scale positions by 0.9 (scale=0.7)"."""
         parts = []
         if self.change:
             parts.append(f"{self.change} (go.retargeting.align(robot, {self.arguments}))")
@@ -157,8 +157,8 @@ class Unreachable:
     """A pose out of reach.
 
     Attributes:
-        index: of the pose.
-        distance, angle: of the nearest pose within reach from it [m], [rad].
+        index: index of the pose.
+        distance, angle: distance and angle of the nearest pose within reach from it [m], [rad].
         beyond: what the pose is farther from the shoulder than the arm is long [m].
     """
 
@@ -170,7 +170,7 @@ class Unreachable:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Reachability(ShortRepr):
-    """Which of some poses a robot's hand attains.
+    """Reachability: which poses a robot's hand attains.
 
     Attributes:
         count: number of poses.
@@ -208,7 +208,7 @@ def reachability(
     *,
     scale: float | None = None,
 ) -> Reachability:
-    """Which hand poses a robot attains within its limits, and what mounting would help.
+    """Hand poses that a robot attains within its limits, and the mounting that would help.
 
     Mountings are tried around the given one: positions scaled down, the person's shoulder moved,
     and the base turned or tilted. The smallest change that brings all, or the most, poses within
@@ -216,9 +216,9 @@ def reachability(
 
     Args:
         robot: the arm.
-        alignment: with which the poses were mapped to it.
-        rotations: of the hand (k, 3, 3) in the robot's base; None leaves them free.
-        positions: of the hand (k, 3) [m].
+        alignment: alignment with which the poses were mapped to it.
+        rotations: rotations of the hand (k, 3, 3) in the robot's base; None leaves them free.
+        positions: positions of the hand (k, 3) [m].
         scale: factor of positions that they were mapped with; the advice then names a new one.
 
     Raises:
@@ -248,7 +248,7 @@ def reachability(
 
 
 def distances_beyond(alignment: Alignment, positions: ArrayLike) -> Array:
-    """What positions (k, 3) are farther from the shoulder than the arm is long (k,) [m]."""
+    """Return how much farther than the arm's length positions (k, 3) are from the shoulder [m]."""
     arm = np.asarray(positions, dtype=float) - np.asarray(alignment.shoulder)
     return np.asarray(np.maximum(np.linalg.norm(arm, axis=-1) - alignment.length, 0.0))
 

@@ -46,8 +46,8 @@ class Retargeting:
         planned: the trajectory in continuous time.
         paths: what the program over all synergies found; None for free geodesics.
         clearance: the distances that were to be kept; None: none are known.
-        rate: of `trajectory` [Hz].
-        settings: of the retargeting.
+        rate: rate of `trajectory` [Hz].
+        settings: settings of the retargeting.
         seconds: computing time.
     """
 
@@ -79,7 +79,7 @@ class Retargeting:
 
     @cached_property
     def trajectory(self) -> JointTrajectory:
-        """What the robot executes: all joints at a uniform rate, from rest to rest by default."""
+        """The robot's trajectory: all joints at a uniform rate, by default from rest to rest."""
         return JointTrajectory.side_by_side([arm.trajectory for arm in self.arms], self.joint_names)
 
     @cached_property
@@ -92,7 +92,7 @@ class Retargeting:
 
     @property
     def success(self) -> bool:
-        """Whether paths and trajectory were found, within the limits asked for, and no links touch.
+        """True if paths and trajectory were found, within the limits asked for, and no links touch.
 
         Free geodesics and `limits=False` ask for none; `check` tells of all.
         """
@@ -102,7 +102,7 @@ class Retargeting:
 
     @property
     def touches(self) -> bool:
-        """Whether links touch each other or an obstacle, where geometry is known."""
+        """True if links touch each other or an obstacle, where geometry is known."""
         least = self.check.clearance
         return least is not None and least < TOUCHING
 
@@ -130,7 +130,7 @@ class Retargeting:
 
     @cached_property
     def check(self) -> TrajectoryCheck:
-        """Whether the trajectory keeps all limits, is consistent, and no links touch."""
+        """True if the trajectory keeps all limits, is consistent, and no links touch."""
         robots = [arm.robot for arm in self.arms]
         limits = [arm.limits for arm in self.arms]
         gravities = [arm.gravity for arm in self.arms]

@@ -78,18 +78,19 @@ def retarget(
     only where these require it (`plan_trajectory`).
 
     Args:
-        analysis: of the person's motion (`analyse`).
+        analysis: analysis of the person's motion (`analyse`).
         robot: the arm.
-        alignment: of the robot's shoulder and hand with the person's; None: that of the known robot
-            (`go.retargeting.align`).
+        alignment: alignment of the robot's shoulder and hand with the person's; None: that of the
+            known robot (`go.retargeting.align`).
         person_alignment: likewise of the person's arm, if it is not a `human_arm`.
         start: configuration (n,) to begin in [rad or m]; None: among those with the first pose,
             the one from which the motion as a whole takes least energy and time.
-        limits: of the robot's joints; None: those of `joint_limits`.
-        rate: of the trajectory [Hz].
-        tolerance: of limits and poses on the paths, each in its unit, see `solve`.
+        limits: limits of the robot's joints; None: those of `joint_limits`.
+        rate: rate of the trajectory [Hz].
+        tolerance: tolerance of limits and poses on the paths, each in its unit, see `solve`.
         settings: everything else.
-        problem: whose paths they are; a subclass of `SynergyPaths` may add costs and constraints.
+        problem: problem whose paths they are; a subclass of `SynergyPaths` may add costs and
+            constraints.
         throw: raise if the paths or the trajectory are not found; else the last iterates are
             returned, and the result says so (`Retargeting.success`).
         progress: called with the current step, the amount done and the total.
@@ -147,7 +148,7 @@ def retarget_arms(
     not known to each other.
 
     Args:
-        analyses: of the arms, all of one recording, sample by sample.
+        analyses: analyses of the arms, all of one recording, sample by sample.
         robots: as many arms.
         alignments, person_alignments, starts, limits: as many, or None for the defaults; see
             `retarget`.
@@ -279,7 +280,7 @@ def _in_time(
 
 
 def _along_paths(pair: PairedArm, transfers: Sequence[Transfer]) -> ArmPaths:
-    """What the trajectory is planned from.
+    """Return the paths from which the trajectory is planned.
 
     Warns:
         UserWarning: a joint is too weak to hold the arm at the end of a synergy. It is allowed
@@ -352,7 +353,7 @@ def _warn_out_of_reach(pairs: Sequence[PairedArm], far: Sequence[OutOfReach]) ->
 
 
 def _mounting_advice(pair: PairedArm) -> str:
-    """What mounting of the robot would bring more poses within reach; empty if none would."""
+    """Return the mounting that would bring more poses within reach; empty if none would."""
     samples = [group.stop for group in pair.groups if group.kind != "rest"]
     poses = [pair.target(sample) for sample in (pair.groups[0].start, *samples)]
     if not pair.settings.constrained or poses[0].position is None:

@@ -22,7 +22,7 @@ _INSTANTS = 6
 
 
 def retargeting_strips(arm: RetargetedArm) -> list[Callable[[Axes], object]]:
-    """What draws the person, and what draws the robot, at evenly spaced samples.
+    """Return functions that draw the person and the robot at evenly spaced samples.
 
     Both are seen from the same side, if the alignments leave what is up as it is; otherwise each
     is seen from where most is seen. The hand's target is a cross.

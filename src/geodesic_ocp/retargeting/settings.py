@@ -1,4 +1,4 @@
-"""How synergies are retargeted, and the distances that the motion keeps."""
+"""Settings of retargeting, and the distances that the motion keeps."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ class RetargetingSettings(ShortRepr):
 
     @property
     def constrained(self) -> bool:
-        """Whether paths are constrained."""
+        """True if paths are constrained."""
         return self.formulation == "constrained"
 
     @property
@@ -150,7 +150,7 @@ class RetargetingSettings(ShortRepr):
 
     @property
     def within_limits(self) -> bool:
-        """Whether paths stay within the joints' limits."""
+        """True if paths stay within the joints' limits."""
         return self.limits and self.constrained
 
     @property
@@ -205,12 +205,12 @@ def _pairs(robots: tuple[Model, ...], margin: float) -> LinkPairs:
 
 
 def of_paths(clearance: Clearance) -> Clearance:
-    """With the bounds that paths keep."""
+    """Return the clearance with the bounds that paths keep."""
     return replace(clearance, lower=np.asarray(clearance.lower) + _MORE)
 
 
 def of_trajectory(clearance: Clearance, least: Array, kept: Sequence[int]) -> Clearance:
-    """With the bounds that a trajectory keeps near paths.
+    """Return the clearance with the bounds that a trajectory keeps near paths.
 
     Distances of capsules that are below their bounds along the paths, although those of the links
     are not, have none: they would only hold the trajectory to the paths.
@@ -227,7 +227,7 @@ def of_trajectory(clearance: Clearance, least: Array, kept: Sequence[int]) -> Cl
 
 
 def in_check(clearance: Clearance) -> Clearance:
-    """With the bounds that a check of the trajectory asks for: links must not touch."""
+    """Return the clearance with the bounds of a check of the trajectory: links must not touch."""
     return replace(clearance, lower=np.full(len(clearance.names), TOUCHING))
 
 

@@ -63,17 +63,17 @@ class PlannedPaths(ShortRepr):
     """The solution of `SynergyPaths`.
 
     Attributes:
-        problem: that was solved.
+        problem: problem that was solved.
         starts: configurations in which the arms begin.
-        paths: of the movements of each arm.
+        paths: paths of the movements of each arm.
         within_reach: which poses each arm attains, at its m + 1 waypoints: neither out of reach,
             nor with links too near each other.
         near_misses: which poses each arm misses on purpose, to avoid a detour.
         longer: time added to each interval between `edges`, relative.
         edges: times [s] in the recording at which a movement of any arm begins or ends.
-        action: of all paths at constant speed and in the person's time [J s].
-        iterations: of Ipopt, on all grids.
-        segments: of the last grids.
+        action: action of all paths at constant speed and in the person's time [J s].
+        iterations: iterations of Ipopt, on all grids.
+        segments: segments of the last grids.
         success: whether the program is solved.
         status: how Ipopt stopped, a sentence.
         kept: numbers of the distances that entered the program.
@@ -119,7 +119,7 @@ class SynergyPaths(ShortRepr, Problem):
             `first_candidates`.
         clearance: distances to be kept; None: none.
         stretch, posture, likeness: weights, see `RetargetingSettings`.
-        tolerance: of limits and constraints between the nodes, each in its unit.
+        tolerance: tolerance of limits and constraints between the nodes, each in its unit.
         progress: called with the current step, the amount done and the total.
     """
 
@@ -147,7 +147,7 @@ class SynergyPaths(ShortRepr, Problem):
 
     @property
     def metric(self) -> KineticEnergy:  # type: ignore[override]
-        """Of the arm."""
+        """Name of the arm."""
         return metric_of(self.model)
 
     @property
@@ -337,7 +337,7 @@ class _Rounds:
 
 
 def _coarse(part: ArmPart, nodes: Array, tolerance: float, resolved: float) -> NDArray[np.bool_]:
-    """Which segments to halve, (segments,)."""
+    """Return which segments to halve, (segments,)."""
     path = part.path(nodes)
     unresolved = unresolved_energy(path) / max(path.energy, _TINY)
     violated = worst_by_segment(path, violation_profile(part.definition.conditions)(path))

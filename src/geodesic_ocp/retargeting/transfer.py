@@ -55,11 +55,12 @@ class Transfer(ShortRepr):
     """A path of a robot to a target pose of its hand.
 
     Attributes:
-        path: of least energy under the constraints; of zero length if the arm rests.
+        path: path of least energy under the constraints; of zero length if the arm rests.
         pose: the target.
         within_reach: whether inverse kinematics found a configuration with that pose.
-        position_error, rotation_error: of the hand at the path's end [m], [rad].
-        iterations: of Ipopt, on all grids.
+        position_error, rotation_error: position error and rotation error of the hand at the path's
+            end [m], [rad].
+        iterations: iterations of Ipopt, on all grids.
         success: whether the solver found the path.
         status: how it stopped, a sentence.
     """
@@ -92,7 +93,7 @@ def unattained(
 def transfers_on(
     pair: PairedArm, paths: PlannedPaths, arm: int, out_of_reach: OutOfReach
 ) -> list[Transfer]:
-    """Those of the arm with this number in the program over all synergies."""
+    """Return the transfers of the arm with this number, from the program over all synergies."""
     each, q = iter(paths.paths[arm]), paths.starts[arm]
     within, missed = iter(paths.within_reach[arm][1:]), iter(paths.near_misses[arm][1:])
     found: list[Transfer] = []
@@ -132,7 +133,7 @@ class FreeGeodesics(ShortRepr):
 
     @classmethod
     def of(cls, pair: PairedArm, start: ArrayLike | None) -> FreeGeodesics:
-        """From a start, or else from a configuration with the first pose near the middle."""
+        """Begin at a start, or at a configuration with the first pose near the middle."""
         robot, settings = pair.robot, pair.settings
         placed = settings.within_limits, settings.pose_weights
         if start is None:
@@ -193,9 +194,9 @@ def to_pose(
     Args:
         robot: the arm.
         q: configuration (n,) to begin in.
-        pose: of the hand.
+        pose: pose of the hand.
         end: configuration (n,) with that pose, or with the nearest one.
-        settings: of the retargeting.
+        settings: settings of the retargeting.
     """
     metric = metric_of(robot)
     within_reach = max(pose.error(robot, end)) <= REACHED

@@ -34,7 +34,7 @@ _SHORTEST = 1e-4  # [m^2], squared distance from the shoulder to the wrist
 
 
 def has_elbow(model: Model, alignment: Alignment) -> bool:
-    """Whether the alignment names joints of the model as its elbow and its wrist."""
+    """Return whether the alignment names joints of the model as its elbow and its wrist."""
     names = alignment.elbow, alignment.wrist
     return all(name is not None and model.pin.existFrame(name) for name in names)
 
@@ -73,7 +73,7 @@ class ObjectiveWeights:
 
     Attributes:
         action: unit of the action [J s].
-        duration: of the recording's part [s].
+        duration: duration of the recording's part [s].
         stretch, posture, likeness: weights.
         detour: weight in the graph alone, of the squared distance of the hand from the person's
             halfway through the movements, mean over these.
@@ -100,9 +100,9 @@ def parameters(
     """The parameters of a waypoint.
 
     Args:
-        pose: of the hand.
+        pose: pose of the hand.
         missed: weights of the squared pose errors (6,); zero for a pose within reach.
-        offset: of the person's elbow (3,); None: not known.
+        offset: offset of the person's elbow (3,); None: not known.
         posture, likeness: weights of these terms.
     """
     position = np.zeros(3) if pose.position is None else pose.position
@@ -158,17 +158,17 @@ class ArmWaypoints(ShortRepr):
     Attributes:
         arm: the robot; its limits bound the paths.
         limited: whether they do.
-        alignment: with a person's arm.
+        alignment: alignment with a person's arm.
         begins, ends: times [s] in the recording at which the m movements begin and end, (m,) each;
             between two movements the arm rests.
-        poses: of the hand at the start and at the end of each movement, m + 1 of them.
+        poses: poses of the hand at the start and at the end of each movement, m + 1 of them.
         between: poses of the person's hand, mapped to the robot, halfway through each movement.
         start: configuration (n,) to begin in; None: any with the first pose.
-        limits: of the joints.
-        offsets: of the person's elbow at the waypoints (m + 1, 3), see `elbow_offset`; None: not
-            known.
+        limits: limits of the joints.
+        offsets: offsets of the person's elbow at the waypoints (m + 1, 3), see `elbow_offset`;
+            None: not known.
         near_misses: errors of poses [m], [rad] that are accepted to avoid a detour.
-        weights: of position and orientation errors [1/m], [1/rad], for poses out of reach.
+        weights: weights of position and orientation errors [1/m], [1/rad], for poses out of reach.
     """
 
     arm: Model
@@ -187,7 +187,7 @@ class ArmWaypoints(ShortRepr):
 
     @property
     def durations(self) -> Array:
-        """Of the movements (m,) [s]."""
+        """Durations of the movements (m,) [s]."""
         return np.asarray(self.ends - self.begins)
 
     @property
@@ -208,7 +208,7 @@ class ArmWaypoints(ShortRepr):
 
     @property
     def rows(self) -> tuple[int, ...]:
-        """Which of the six rows of the pose error count."""
+        """Return which of the six rows of the pose error count."""
         first = self.poses[0]
         place = () if first.position is None else (0, 1, 2)
         return (*place, *(() if first.rotation is None else (3, 4, 5)))
@@ -226,12 +226,12 @@ class ArmWaypoints(ShortRepr):
 
 
 def arm_waypoints(pair: PairedArm, start: ArrayLike | None, tolerance: float) -> ArmWaypoints:
-    """Those of a person's motion on a robot.
+    """Return the waypoints of a person's motion on a robot.
 
     Args:
         pair: person and robot.
         start: configuration (n,) to begin in; None: any with the first pose.
-        tolerance: of the paths' conditions.
+        tolerance: tolerance of the paths' conditions.
 
     Raises:
         ValueError: the start is out of range.

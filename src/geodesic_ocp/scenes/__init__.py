@@ -1,1 +1,1 @@
-"""What there is to see: scenes of arms in motion, told apart from how they are drawn."""
+"""Scenes of arms in motion, independent of how they are drawn."""

@@ -1,4 +1,4 @@
-"""Where the base of a robot is in a scene, so that its shoulder is the person's."""
+"""Return where a robot's base is in a scene, so that its shoulder is the person's."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from geodesic_ocp.scenes.scene import (
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BasePose:
-    """Where the base of a model is in a scene.
+    """Return where a model's base is in a scene.
 
     Attributes:
-        rotation: of the base (3, 3).
-        position: of its origin (3,) [m].
+        rotation: rotation of the base (3, 3).
+        position: position of its origin (3,) [m].
     """
 
     rotation: Array
@@ -64,7 +64,7 @@ def shoulder(arm: RetargetedArm, count: int) -> Array:
 
 
 def share_a_body(arms: Sequence[RetargetedArm]) -> bool:
-    """Whether the arms are those of one robot: same links, with shoulders at several places."""
+    """Return whether the arms are of one robot: same links, shoulders at several places."""
     frames = [{str(frame.name) for frame in arm.robot.pin.frames} for arm in arms]
     shoulders = np.array([np.asarray(arm.mapping.target.shoulder) for arm in arms])
     are_distinct = len(np.unique(shoulders.round(6), axis=0)) == len(arms)
@@ -72,7 +72,7 @@ def share_a_body(arms: Sequence[RetargetedArm]) -> bool:
 
 
 def mountings(arms: Sequence[RetargetedArm]) -> tuple[BasePose, ...]:
-    """Where each robot's base is: its axes along the person's, its shoulder at the person's.
+    """Return each robot's base: its axes along the person's, its shoulder at the person's.
 
     The arms of one robot keep their distance from each other, and their middle is the origin.
     """

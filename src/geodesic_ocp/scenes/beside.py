@@ -20,7 +20,7 @@ def beside(playbacks: Sequence[Playback], *, title: str = "") -> Playback:
 
     Args:
         playbacks: at least one.
-        title: of the whole; the titles of the playbacks by default.
+        title: title of the whole; the titles of the playbacks by default.
 
     Raises:
         ValueError: there are no playbacks.

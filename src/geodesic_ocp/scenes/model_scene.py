@@ -46,13 +46,13 @@ def joint_plots(
     """Plots of one number for each joint over time.
 
     Args:
-        model: whose joints they are.
-        time: of the samples (k,).
+        model: model whose joints they are.
+        time: time of the samples (k,).
         values: (k, n), in the order of `Model.joint_names`.
-        labels: of the axes, by the unit of the coordinate, "rad" or "m"; joints whose labels
+        labels: labels of the axes, by the unit of the coordinate, "rad" or "m"; joints whose labels
             differ are in different plots.
         marks: values of horizontal lines, which are limits.
-        title: of the plots, before the names of the groups if there are several.
+        title: title of the plots, before the names of the groups if there are several.
     """
     names = [short_name(name) for name in model.joint_names]
     plots = []
@@ -90,7 +90,7 @@ def joint_groups(model: Model) -> dict[str, list[int]]:
 
 
 def _moving(hands: Sequence[str]) -> str:
-    """What the joints that move these hands, and no others, are called."""
+    """Return the names of the joints that move these hands, and no others."""
     if len(hands) != 1:
         return "trunk" if hands else "other joints"
     arm, _, frame = hands[0].rpartition("/")
@@ -103,8 +103,8 @@ def hand_speed_plots(
     """The speeds of all hands: of one motion in one plot, of several motions in one for each hand.
 
     Args:
-        model: with the motions' joints, in this order.
-        motions: by name, with roles.
+        model: model with the motions' joints, in this order.
+        motions: motions by name, with roles.
         shown: indices of the samples that are drawn; all by default.
     """
     labels = hand_labels(model.hands)
@@ -135,12 +135,12 @@ def model_scene(
     """A model in motion, in axes of its base.
 
     Args:
-        model: whose links are shown, with the rest of the person if it is a person's.
-        time: of the configurations (k,) [s].
+        model: model whose links are shown, with the rest of the person if it is a person's.
+        time: time of the configurations (k,) [s].
         q: configurations (k, n) [rad or m].
-        title: of the pane; the model's name by default.
-        role: whose colour the paths of its hands have, and the arms of a person of whom the rest is
-            shown, too.
+        title: title of the pane; the model's name by default.
+        role: role whose colour the paths of its hands have, and the arms of a person of whom the
+            rest is shown, too.
         note: beside the title.
         joints: whether the joints have frames, too.
     """
@@ -168,7 +168,7 @@ def hand_trails(
 
     Args:
         model, q: see `model_scene`.
-        role: whose colour the paths have.
+        role: role whose colour the paths have.
         name: follows the name of the hand, for the legend.
         layer: name of the switch that shows the paths.
     """
@@ -195,7 +195,7 @@ def joint_frames(model: Model, q: Array) -> tuple[FrameTrack, ...]:
 
 
 def rest_of(model: Model) -> tuple[Actor, ...]:
-    """What belongs to the person of whom the model is a part, such as the trunk of an arm."""
+    """Return the parts of the person around the model, such as the trunk of an arm."""
     rest = rest_of_person(model)
     return () if rest is None else (rest,)
 
@@ -217,7 +217,7 @@ def shown_samples(time: Array) -> tuple[NDArray[np.int64], str]:
     (201, 'every 5th of 1001 samples is shown')
 
     Args:
-        time: of the samples (k,) [s], increasing.
+        time: time of the samples (k,) [s], increasing.
     """
     count = len(time)
     if count < 3:

@@ -86,8 +86,8 @@ def robots_playback(
 
     Args:
         robots: at least one.
-        playbacks: of each of them, with one scene, whose first actor is the robot.
-        title: of the whole; the titles of the playbacks by default.
+        playbacks: playbacks of each of them, with one scene, whose first actor is the robot.
+        title: title of the whole; the titles of the playbacks by default.
     """
     together = beside(playbacks, title=title)
     scenes = [playback.scenes[0] for playback in playbacks]
@@ -97,7 +97,7 @@ def robots_playback(
 
 
 def _are_one_body(robots: Sequence[Model], scenes: Sequence[Scene]) -> bool:
-    """Whether several models are arms of one robot.
+    """Return whether several models are arms of one robot.
 
     They have the same links, each moved by one of them at most, and what none of them moves is at
     the same place.
@@ -166,9 +166,9 @@ def motion_playback(motion: Motion, model: Model, *, title: str = "", note: str 
     Trail('hand', 840 points)
 
     Args:
-        motion: with the model's joints, by their names; others are left out.
-        model: that moves.
-        title: of the playback; the model's name by default.
+        motion: motion with the model's joints, by their names; others are left out.
+        model: model that moves.
+        title: title of the playback; the model's name by default.
         note: precedes the scene's own.
 
     Raises:
@@ -224,10 +224,10 @@ def model_playback(model: Model, q: ArrayLike | None = None, *, title: str = "")
     """A model in one configuration, or in several, one a second, with the frames of its joints.
 
     Args:
-        model: that is shown.
+        model: model that is shown.
         q: a configuration (n,) or several (k, n) [rad or m]; by default each joint at zero, or at
             the limit that is nearest to zero.
-        title: of the playback; the model's name by default.
+        title: title of the playback; the model's name by default.
 
     Raises:
         ValueError: q has another shape, is not finite, or seems to be in degrees.
@@ -274,12 +274,12 @@ def trajectory_playback(
     Speeds and torques are relative to their limits where those of all joints are known.
 
     Args:
-        trajectory: with the model's joints, by their names; others are left out.
-        model: that moves; it is turned so that z points upwards.
-        limits: of the model's joints; those of `joint_limits` by default.
+        trajectory: trajectory with the model's joints, by their names; others are left out.
+        model: model that moves; it is turned so that z points upwards.
+        limits: limits of the model's joints; those of `joint_limits` by default.
         gravity: acceleration of free fall in axes of the model's base (3,) [m/s^2]; the model's by
             default.
-        title: of the playback; the model's name by default.
+        title: title of the playback; the model's name by default.
 
     Raises:
         ValueError: the trajectory lacks joints of the model, or has a single sample or times that
@@ -347,9 +347,9 @@ def planned_playback(
     trajectory does not know where they stand.
 
     Args:
-        planned: by `plan_trajectory`, or that of a retargeting.
-        rate: of the samples [Hz].
-        title: of the playback; the names of the robots by default.
+        planned: trajectory of `plan_trajectory`, or of a retargeting.
+        rate: rate of the samples [Hz].
+        title: title of the playback; the names of the robots by default.
 
     Raises:
         ValueError: the rate is not positive.
@@ -395,8 +395,8 @@ def replay_playback(replay: Replay, *, title: str = "") -> Playback:
     """The simulated robot, and the trajectory that it follows as an overlay.
 
     Args:
-        replay: of a trajectory.
-        title: of the playback; the model's name by default.
+        replay: replay of a trajectory.
+        title: title of the playback; the model's name by default.
     """
     model = replay.model
     playback = motion_playback(replay.motion, model, title=title, note=replay.controller)

@@ -57,8 +57,8 @@ def coordinate_scene(metric: Metric, s: Array, q: Array) -> Scene:
     Coordinates are lengths along x, y and z, whatever they mean: angles on a sphere stay angles.
 
     Args:
-        metric: of the manifold, of dimension 1 to 3.
-        s: of the samples (k,).
+        metric: metric of the manifold, of dimension 1 to 3.
+        s: path parameters of the samples (k,).
         q: coordinates (k, n).
     """
     points = _in_space(q)
@@ -125,9 +125,9 @@ def path_playback(path: Path, model: Model | None = None, *, title: str = "") ->
     Playback('Geodesic: length 5', 1 scenes, 0 to 1)
 
     Args:
-        path: that is shown.
-        model: that moves; None: that of the path's metric, if it has one.
-        title: of the playback; by default what the path is, and its length.
+        path: path that is shown.
+        model: model that moves; None: that of the path's metric, if it has one.
+        title: title of the playback; by default what the path is, and its length.
 
     Raises:
         ValueError: the model has another number of joints, or none is given and there are more than
@@ -241,9 +241,9 @@ def solution_playback(
     Of a solve that failed the last iterate is shown, as the note of the scene says.
 
     Args:
-        solution: with its problem, whose `obstacles` are shown.
-        model: that moves; None: that of the problem's metric, if it has one.
-        title: of the playback; by default the problem's class, energy and length.
+        solution: solution with its problem, whose `obstacles` are shown.
+        model: model that moves; None: that of the problem's metric, if it has one.
+        title: title of the playback; by default the problem's class, energy and length.
 
     Raises:
         ValueError: see `path_playback`.

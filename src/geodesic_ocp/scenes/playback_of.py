@@ -44,7 +44,7 @@ _ANY_NUMBER = ("Retargeting",)  # that are shown together
 
 
 def playback_of(*items: Any, title: str = "") -> Playback:
-    """What there is to see of results; several are side by side.
+    """Playbacks of results; several are shown side by side.
 
     >>> import geodesic_ocp as go
     >>> playback_of(go.human_arm("right"), go.human_arm("left"))
@@ -58,7 +58,7 @@ def playback_of(*items: Any, title: str = "") -> Playback:
             which the `Markers` may follow; `Markers`; a `Model`, which a configuration may follow;
             a `Playback`; a list of these, or a dictionary whose keys are their titles. The model of
             a motion of a person's arms may be left out.
-        title: of the whole.
+        title: title of the whole.
 
     Raises:
         TypeError: something else is given.
@@ -98,7 +98,7 @@ def _groups(items: Iterable[Any]) -> list[_Group]:
 
 
 def _belongs(item: Any, before: Any) -> bool:
-    """Whether something belongs to the result before it."""
+    """Return whether something belongs to the result before it."""
     kind = _kind(item)
     if not kind or kind != _FOLLOWED_BY.get(_kind(before)):
         return False
@@ -110,7 +110,7 @@ def _belongs(item: Any, before: Any) -> bool:
 
 
 def _is_configuration(item: Any) -> bool:
-    """Whether something is a list of numbers, or of lists of numbers."""
+    """Return whether something is a list of numbers, or of lists of numbers."""
     listed = isinstance(item, (tuple, list)) and len(item) > 0
     return listed and all(isinstance(each, Real) or _is_configuration(each) for each in item)
 
@@ -149,7 +149,7 @@ def _playback(title: str, group: tuple[Any, ...]) -> Playback:
 
 
 def _hint(item: Any) -> str:
-    """What else to do with something that cannot be shown."""
+    """Return what else to do with something that cannot be shown."""
     if isinstance(item, (str, PathLike)):
         return (
             f": read the file first, as by read_recording, load_model or load_solution, or use "

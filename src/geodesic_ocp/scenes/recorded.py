@@ -58,8 +58,8 @@ def analysis_playback(analysis: Analysis, *, title: str = "") -> Playback:
     Every other prediction of the analysis is a layer that can be switched on.
 
     Args:
-        analysis: of a motion.
-        title: of the playback; the model's name and the number of synergies by default.
+        analysis: analysis of a motion.
+        title: title of the playback; the model's name and the number of synergies by default.
     """
     model, motion = analysis.model, analysis.motion
     shown, note = shown_samples(motion.time)
@@ -113,7 +113,7 @@ def _role(analysis: Analysis, method: str) -> Role:
 
 
 def _cuts(analysis: Analysis) -> tuple[PointCloud, ...]:
-    """Where the hands are at the cuts between synergies, and at both ends."""
+    """Return where the hands are at the cuts between synergies, and at both ends."""
     model = analysis.model
     samples = [analysis.segments[0][0], *(stop for _, stop in analysis.segments)]
     names = tuple(f"{time:.2f} s" for time in analysis.motion.time[samples])
@@ -180,7 +180,7 @@ def markers_playback(markers: Markers, *, title: str = "") -> Playback:
 
     Args:
         markers: in a space with z up.
-        title: of the playback; the name of the subject by default.
+        title: title of the playback; the name of the subject by default.
     """
     shown, note = shown_samples(markers.time)
     cloud = PointCloud("markers", markers.positions[shown], markers.names)
@@ -197,8 +197,9 @@ def marker_fit_playback(
 
     Args:
         fit: to markers.
-        markers: that were recorded, in the same space, to be shown beside those of the person.
-        title: of the playback; the model's name by default.
+        markers: markers that were recorded, in the same space, to be shown beside those of the
+            person.
+        title: title of the playback; the model's name by default.
 
     Raises:
         ValueError: the markers were not recorded at the times of the fit.
@@ -245,7 +246,7 @@ def _at_times_of(fit: MarkerFit, markers: Markers) -> Markers:
 
 
 def fitted_positions(fit: MarkerFit) -> Array:
-    """Where the markers are on the fitted person, (k, m, 3) [m], in the space of the markers.
+    """Return the markers on the fitted person, (k, m, 3) [m], in the space of the markers.
 
     Their distances from the recorded markers are the errors of the fit.
     """
@@ -285,7 +286,7 @@ def synergies_playback(synergies: Sequence[Synergy], model: Model | None = None)
 
     Args:
         synergies: in the order of their times, at least one; between them the arm rests.
-        model: with their joints; None: that of their metric.
+        model: model with their joints; None: that of their metric.
 
     Raises:
         ValueError: none is given, and the metric has none; or it has other joints.
@@ -313,9 +314,9 @@ def saved_synergies_playback(
 
     Args:
         saved: from a file.
-        model: with their joints.
+        model: model with their joints.
         observed: the motion from which they are, with velocities.
-        title: of the playback; the model's name by default.
+        title: title of the playback; the model's name by default.
 
     Raises:
         ValueError: the synergies, or the motion, lack joints of the model.

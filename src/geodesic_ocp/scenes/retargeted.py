@@ -1,4 +1,4 @@
-"""Where the base of a robot is in a scene, so that its shoulder is the person's."""
+"""Return where a robot's base is in a scene, so that its shoulder is the person's."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def robot_pane(retargeting: Retargeting, shown: Indices, *, start: float = 0.0) 
     Args:
         retargeting: result of `retarget`.
         shown: indices of the samples that are drawn.
-        start: of the motion in the playback's time [s].
+        start: start of the motion in the playback's time [s].
     """
     arms = retargeting.arms
     actors: list[Actor] = []
@@ -175,7 +175,7 @@ def person_pane(arms: Sequence[RetargetedArm], time: Array, shown: Indices) -> S
     If the times last longer than the recording, the note says so.
 
     Args:
-        arms: of a retargeting, of one arm of the person or of both.
+        arms: arms of a retargeting, of one arm of the person or of both.
         time: at which the samples are shown (k,) [s].
         shown: indices of the samples (k,).
     """
@@ -235,9 +235,10 @@ def retargeting_plots(
     Args:
         retargeting: result of `retarget`.
         shown: indices of the samples that are drawn.
-        start: of the motion in the playback's time [s].
+        start: start of the motion in the playback's time [s].
         name: whether titles name the robot, although there is only one.
-        number: of the retargeting among those of robots of this name; titles say it from 2 on.
+        number: number of the retargeting among those of robots of this name; titles say it from 2
+            on.
     """
     time = retargeting.motion.time
     several = name or len(retargeting.arms) > 1

@@ -31,11 +31,11 @@ class Actor:
     """A model that moves, or stands still, in a scene.
 
     Attributes:
-        name: of the model, for the legend.
-        meshes: of its links, each in the frame of its link.
-        rotations: of each link in the scene, (k, 3, 3), or (1, 3, 3) if it does not move.
-        positions: of each link in the scene, (k, 3) or (1, 3) [m].
-        role: whose colour it has; None: the colours of its meshes.
+        name: name of the model, for the legend.
+        meshes: meshes of its links, each in the frame of its link.
+        rotations: rotations of each link in the scene, (k, 3, 3), or (1, 3, 3) if it does not move.
+        positions: positions of each link in the scene, (k, 3) or (1, 3) [m].
+        role: role whose colour it has; None: the colours of its meshes.
         translucent: drawn as an overlay through which others are seen.
         layer: name of the switch that shows it; "" if it is always shown.
     """
@@ -68,10 +68,11 @@ def model_actor(
     """The links of a model in configurations q.
 
     Args:
-        model: whose links are shown.
+        model: model whose links are shown.
         q: configurations (k, n) [rad or m].
         name: the model's by default.
-        rotation, position: of the model's base in the scene, (3, 3) and (3,) [m].
+        rotation, position: rotation and position of the model's base in the scene, (3, 3) and (3,)
+            [m].
         role, translucent, layer: see `Actor`.
         hidden: links that are not drawn.
         shown: meshes; those of `meshes` by default.
@@ -112,8 +113,8 @@ class Trail:
 
     Attributes:
         name: for the legend.
-        points: of the line, (m, 3) [m].
-        role: whose colour it has.
+        points: points of the line, (m, 3) [m].
+        role: role whose colour it has.
         dot: positions (k, 3) [m] of the dot over time; None: no dot.
         layer: name of the switch that shows it.
     """
@@ -155,9 +156,9 @@ class FrameTrack:
     """A coordinate frame over time, drawn as three axes.
 
     Attributes:
-        name: of the frame.
+        name: name of the frame.
         rotations: in the scene, (k, 3, 3) or (1, 3, 3).
-        positions: of its origin, (k, 3) or (1, 3) [m].
+        positions: positions of its origin, (k, 3) or (1, 3) [m].
         layer: name of the switch that shows it.
     """
 
@@ -196,7 +197,7 @@ class Gap:
     """The distance between two bodies over time, drawn between their nearest points.
 
     Attributes:
-        name: of the two, as in the constraint.
+        name: name of the two, as in the constraint.
         starts, ends: nearest points, (k, 3) [m] each.
         distances: (k,) [m], negative where the bodies overlap.
         layer: name of the switch that shows it.
@@ -221,7 +222,7 @@ class PointCloud:
         positions: (k, m, 3), or (1, m, 3) if they do not move [m]; NaN where a point is not known.
         labels: names of the m points.
         layer: name of the switch that shows it.
-        role: whose colour it has; None: that of markers.
+        role: role whose colour it has; None: that of markers.
     """
 
     name: str
@@ -243,7 +244,7 @@ class Scene:
 
     Attributes:
         title: above the pane.
-        time: of the samples (k,), increasing; a single one if nothing moves.
+        time: time of the samples (k,), increasing; a single one if nothing moves.
         note: beside the title, in smaller type.
     """
 
@@ -298,7 +299,7 @@ class Span:
     Attributes:
         name: shown on the slider.
         start, stop: in the playback's time.
-        text: that describes it in full, such as "synergy 3 (0.42 s)".
+        text: text that describes it in full, such as "synergy 3 (0.42 s)".
     """
 
     name: str
@@ -315,7 +316,7 @@ class Curve:
         name: for the legend.
         time: (k,), increasing.
         values: (k,), in the unit of the plot.
-        role: whose colour and dashes it has; None: one of a series of line styles.
+        role: role whose colour and dashes it has; None: one of a series of line styles.
     """
 
     name: str
@@ -332,7 +333,7 @@ class Plot:
     """Curves over time, drawn below the scenes.
 
     Attributes:
-        label: of the vertical axis, with its unit in brackets, as "hand speed [m/s]".
+        label: label of the vertical axis, with its unit in brackets, as "hand speed [m/s]".
         curves: at least one.
         title: above the plot; usually what several plots of the same label differ in.
         marks: values of horizontal lines, such as limits.
@@ -354,7 +355,7 @@ class Playback:
     """Scenes side by side that are played together.
 
     Attributes:
-        title: of all.
+        title: title of all.
         scenes: one pane each.
         spans: rows of the slider by name, such as the synergies of "person" and "panda"; empty if
             nothing divides the time.

@@ -26,8 +26,8 @@ def carried(scene: Scene, rotations: Array, positions: Array) -> Scene:
 
     Args:
         scene: in axes of the frame, whose paths have a point for each sample.
-        rotations: of the frame, (k, 3, 3) or (1, 3, 3).
-        positions: of its origin, (k, 3) or (1, 3) [m].
+        rotations: rotations of the frame, (k, 3, 3) or (1, 3, 3).
+        positions: positions of its origin, (k, 3) or (1, 3) [m].
     """
 
     def moved(points: Array) -> Array:
@@ -90,10 +90,10 @@ def clearances(
     whose names differ in a number only, such as both ends of a capsule above a table, then of all.
 
     Args:
-        model: with collision bodies; without any, there are no clearances.
+        model: model with collision bodies; without any, there are no clearances.
         q: configurations (k, n) [rad or m].
         obstacles, links, pairs: see `signed_distances`; obstacles with symbols are left out.
-        names: of those that are wanted, as in the constraints; None, or if there are none of
+        names: names of those that are wanted, as in the constraints; None, or if there are none of
             these names: all.
         most: largest number of gaps.
     """
@@ -136,7 +136,7 @@ def mobility_ellipsoids(
     linear between them.
 
     Args:
-        model: whose hands are shown.
+        model: model whose hands are shown.
         q: configurations (k, n) [rad or m].
         metric: on the model's configurations; None: its kinetic energy.
     """
@@ -261,7 +261,7 @@ def carried_obstacles(model: Model, q: Array, obstacles: Sequence[Obstacle]) -> 
     """The obstacles that a link of the model carries, which move with it; None if there are none.
 
     Args:
-        model: that moves.
+        model: model that moves.
         q: configurations (k, n) [rad or m].
         obstacles: those without a link, or with symbols, are left out.
     """
@@ -279,9 +279,9 @@ def collision_bodies(model: Model, q: Array, links: Collection[str] | None = Non
     """The capsules and balls around the links, as an overlay; None if there are none.
 
     Args:
-        model: with collision bodies.
+        model: model with collision bodies.
         q: configurations (k, n) [rad or m].
-        links: whose bodies are shown; None: all.
+        links: links whose bodies are shown; None: all.
     """
     bodies = [body for body in model.bodies if links is None or body.link in links]
     if not bodies:
@@ -347,7 +347,8 @@ def rest_of_person(model: Model) -> Actor | None:
     See `person_beside`.
 
     Args:
-        model: of `human_arm`, or a right and a left one of `combine` with shoulders side by side.
+        model: model of `human_arm`, or a right and a left one of `combine` with shoulders side by
+            side.
 
     Returns:
         None for a model that is not one or both arms of a person, or that has a trunk.

@@ -109,8 +109,8 @@ def analyse_recording(
     """Analyse a recording, whose motion is filtered already, as the settings say.
 
     Args:
-        recording: with the armature of the settings.
-        settings: of the metric and the segments.
+        recording: recording with the armature of the settings.
+        settings: settings of the metric and the segments.
         metric: in place of that of the settings.
         progress: called with the current step, the amount done, and the total.
 

@@ -44,16 +44,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BatchResult:
-    """What became of many recordings (`analyse_recordings`).
+    """Result of the analysis of many recordings (`analyse_recordings`).
 
     Attributes:
-        folder: of the tables and results.
+        folder: folder of the tables and results.
         analysed: number of recordings that were analysed now.
         found: number of recordings with a result from before.
         failures: those without a result, each with its reason, in the order of the files.
         warned: those with a result whose analysis gave warnings.
-        seconds: that the run took.
-        files: of the tables and the summary.
+        seconds: seconds that the run took.
+        files: files of the tables and the summary.
         others: number of results in the folder that are not of these recordings, and in no table.
         notes: what the tables rest on, in sentences: subjects named after files, assumed heights.
     """
@@ -129,19 +129,19 @@ def analyse_recordings(
             `load_synergies`), recordings.csv, synergies.csv, failures.csv, the same as Parquet if
             pyarrow is installed, and summary.md. The tables hold the recordings of this call.
         side: which arm, or "both".
-        settings: of the analysis.
+        settings: settings of the analysis.
         jobs: number of processes, by default one for each core; with an executor the number of
             recordings that are submitted to it at a time, by default 64.
         executor: such as that of Dask, ``Client(...).get_executor()``, whose workers see the same
             files under the same names.
         recursive: also take the files in the folders within a folder.
-        subject_pattern: of the paths, without their suffix, such as "{subject}/{trial}" or
-            "{subject}_*_{trial}".
+        subject_pattern: subject pattern of the paths, without their suffix, such as
+            "{subject}/{trial}" or "{subject}_*_{trial}".
         subjects: CSV file with the columns file and subject, and, if known, trial, height [m] and
             mass [kg], instead of a pattern; file is the
             end of the recording's path, with or without its suffix.
-        time_limit: of a recording [s], after which its process is ended and it is left out; not
-            with an executor.
+        time_limit: time limit of a recording [s], after which its process is ended and it is left
+            out; not with an executor.
         tables_only: write the tables from the results that there are, without any analysis, also
             while another run works in the folder.
         progress: called with the current step, the amount done, and the total.

@@ -45,9 +45,9 @@ class MethodComparison:
         recordings, subjects: names, one for each recording.
         methods: names; the first cut the recordings, unless segments were given.
         segments: (start, stop) sample indices, a tuple for each recording.
-        observed: by method, what it receives of the recording at the ends of a segment, besides
-            its duration.
-        scores: by method, one for each recording; all NaN where the method failed.
+        observed: observed by method, what it receives of the recording at the ends of a segment,
+            besides its duration.
+        scores: scores by method, one for each recording; all NaN where the method failed.
         failures: (recording, method, reason) for each of these.
     """
 
@@ -254,14 +254,14 @@ def compare_methods(
 
     Args:
         recordings: one or more, see `read_recordings`.
-        metrics: by name, a metric or a function of a recording's model that returns one. By
+        metrics: metrics by name, a metric or a function of a recording's model that returns one. By
             default the kinetic energy with joint inertia (that of the model, if it has any, or
             else `default_joint_inertia`), the kinetic energy without it, the kinetic energy with
             joint inertia on the distal joints alone (`distal_inertia`; of `human_arm` only), and
             the Euclidean metric, whose geodesics are straight lines.
         segments: "same": every recording is cut by the first metric (`segment`), and all methods
             predict these segments; or the segments of each recording, which all methods predict.
-        threshold: of the segmentation [rad], see `segment`.
+        threshold: threshold of the segmentation [rad], see `segment`.
         progress: called with the current step, the amount done, and the total.
 
     Returns:

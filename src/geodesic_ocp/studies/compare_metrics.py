@@ -210,9 +210,9 @@ class MetricComparison:
     Attributes:
         model: the arm.
         motion: observed, filtered.
-        measure: that the cuts minimize.
-        curves: by metric, the errors with optimal cuts.
-        online: by metric, the errors with the cuts of the online rule, by threshold.
+        measure: measure that the cuts minimize.
+        curves: curves by metric, the errors with optimal cuts.
+        online: online by metric, the errors with the cuts of the online rule, by threshold.
     """
 
     model: Model
@@ -289,8 +289,8 @@ class MetricComparison:
         online rule.
 
         Args:
-            axes: of matplotlib.
-            measure: of the error; None is the one that the cuts minimize.
+            axes: axes of matplotlib.
+            measure: measure of the error; None is the one that the cuts minimize.
             max_count: largest number shown; None shows somewhat more than what is marked.
 
         Raises:
@@ -433,21 +433,22 @@ def compare_metrics(
     Args:
         model: the arm; its joints are selected from the motion by name.
         motion: the recording; filtered here (`Motion.filtered`) if it has no velocities.
-        metrics: by name, a metric or a function of the model that returns one; None compares the
-            kinetic energy with the model's or the default joint inertia (`default_joint_inertia`),
-            the kinetic energy of the links alone, and straight lines.
-        measure: that the cuts minimize: "joint" [rad], "position" or "orientation" of the hand.
+        metrics: metrics by name, a metric or a function of the model that returns one; None
+            compares the kinetic energy with the model's or the default joint inertia
+            (`default_joint_inertia`), the kinetic energy of the links alone, and straight lines.
+        measure: measure that the cuts minimize: "joint" [rad], "position" or "orientation" of the
+            hand.
         counts: numbers of segments; None takes all that are possible.
         refined: move the cuts by single samples, which takes about 0.2 s for each number and
             metric; otherwise they stay on the grid of candidates.
-        spacing: of the candidates [s].
-        max_duration: of a segment [s].
-        thresholds: of the online rule [rad].
+        spacing: spacing of the candidates [s].
+        max_duration: max duration of a segment [s].
+        thresholds: thresholds of the online rule [rad].
         noise: standard deviation of the noise in the coordinates, one number or (n,) [rad], for
             `MetricComparison.best_count`; None estimates it from the record of the filter.
-        cutoff: of the motion's filter [Hz], for the same; None takes the filter's. Where that is
-            not known, every sample counts as independent, so give it if the motion was filtered
-            elsewhere.
+        cutoff: cutoff of the motion's filter [Hz], for the same; None takes the filter's. Where
+            that is not known, every sample counts as independent, so give it if the motion was
+            filtered elsewhere.
         progress: called with what is done, the amount done, and the total.
 
     Raises:

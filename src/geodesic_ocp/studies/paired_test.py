@@ -18,7 +18,7 @@ _FEW = 10  # fewer pairs give a bootstrap interval that is narrower than its nam
 
 @dataclass(frozen=True, repr=False)
 class PairedTest:
-    """Whether the numbers of one method differ from those of another, pair by pair.
+    """Outcome of tests whether paired numbers of two methods differ.
 
     Attributes:
         pairs: number of pairs that are tested.
@@ -27,7 +27,7 @@ class PairedTest:
         mean_difference: mean of first minus second.
         interval: bootstrap confidence interval of it, (low, high); NaN with a single pair.
         interval_method: "BCa" or "percentile".
-        confidence: of the interval, and 1 minus the level that `note` refers to.
+        confidence: confidence of the interval, and 1 minus the level that `note` refers to.
         sign_p: two-sided p-value of the sign test; pairs that are equal count for nothing.
         wilcoxon_p: two-sided p-value of Wilcoxon's signed-rank test, likewise.
         smallest_p: the smallest p-value that either test can give with as many pairs that differ.
@@ -56,7 +56,7 @@ class PairedTest:
 
     @property
     def note(self) -> str:
-        """What limits the tests: too few pairs, or pairs left out; empty if nothing does."""
+        """The limits of the tests: too few pairs, or pairs left out; empty if there are none."""
         notes = []
         if self.left_out:
             notes.append(f"{self.left_out} pair{'s' * (self.left_out > 1)} left out (NaN)")
@@ -99,10 +99,10 @@ def paired_test(
     Args:
         a, b: k numbers each; pairs with a NaN are left out and counted.
         by: k labels; pairs of equal labels are averaged first, such as the recordings of a subject.
-        confidence: of the interval, in (0, 1).
+        confidence: confidence of the interval, in (0, 1).
         larger_is_better: whether a pair is won by the larger number, not, as errors are, by the
             smaller one.
-        seed: of the bootstrap.
+        seed: seed of the bootstrap.
 
     Raises:
         ValueError: a and b are not k numbers each, by has not k labels, no pair is left, or

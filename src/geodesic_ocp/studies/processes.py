@@ -106,7 +106,7 @@ def in_executor(
 
 
 def _is_of_the_folder(failure: BaseException) -> bool:
-    """Whether a result could not be written; lost connections of a cluster are OSErrors, too.
+    """Return whether a result could not be written, as opposed to a lost connection.
 
     Dask's own ones, such as CommClosedError, have no number of the system.
     """
@@ -242,7 +242,7 @@ def in_processes(
     Args:
         tasks: are taken as processes become free.
         jobs: number of processes.
-        folder: of the output, in which processes note what they are analysing.
+        folder: folder of the output, in which processes note what they are analysing.
 
     Raises:
         GeodesicOcpError: processes cannot be started.
@@ -338,7 +338,7 @@ class _Run:
         return {key: describe_end(code) for key, code in chosen.items()}
 
     def end(self) -> str:
-        """How the processes ended, in words."""
+        """Return how the processes ended, in words."""
         codes = set(self._executor.ended().values()) - {0}
         odd = codes - {-signal.SIGTERM} or codes
         return " or ".join(describe_end(code) for code in sorted(odd)) or "ended early"

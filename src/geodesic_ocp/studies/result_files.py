@@ -1,4 +1,4 @@
-"""What becomes of a recording of many, as small values that travel between processes."""
+"""Tasks and outcomes of many recordings, as small values that travel between processes."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ class RecordingTask:
     """A recording that is to be analysed.
 
     Attributes:
-        source: of the recording.
-        settings: of the analysis.
-        folder: of the output, absolute.
-        key: of the result, see `result_key`.
-        time_limit: of the process that analyses it [s], or None.
+        source: source of the recording.
+        settings: settings of the analysis.
+        folder: folder of the output, absolute.
+        key: key of the result, see `result_key`.
+        time_limit: time limit of the process that analyses it [s], or None.
     """
 
     source: RecordingSource
@@ -65,17 +65,17 @@ class RecordingTask:
 
 @dataclass(frozen=True, repr=False)
 class RecordingOutcome:
-    """What became of a recording.
+    """Outcome of the analysis of a recording.
 
     Attributes:
-        source: of the recording.
+        source: source of the recording.
         kind: "analysed" now, or "found" with a result from before; or why there is none: the
             "file" cannot be used, a "solver" failed, its "process" died, its motion is the "same"
             as another's, it is "missing" as nobody has analysed it yet, or another "error".
         text: the result, or the reason, in one sentence.
-        key: of the result; empty if there is none.
-        warnings: that the analysis gave.
-        seconds: that the analysis took.
+        key: key of the result; empty if there is none.
+        warnings: warnings that the analysis gave.
+        seconds: seconds that the analysis took.
     """
 
     source: RecordingSource
@@ -87,11 +87,11 @@ class RecordingOutcome:
 
     @property
     def success(self) -> bool:
-        """Whether there is a result."""
+        """True if there is a result."""
         return self.kind in ("analysed", "found")
 
     def __str__(self) -> str:
-        """As a line of text."""
+        """Return the outcome as a line of text."""
         return f"{self.source.name}: {self.text}"
 
     def __repr__(self) -> str:
@@ -259,7 +259,7 @@ def notes_of(rows: Sequence[Row], others: int) -> Iterator[str]:
     """Subjects named after files, assumed heights and masses, and results that are in no table.
 
     Args:
-        rows: of the table of recordings.
+        rows: rows of the table of recordings.
         others: number of results in the folder that are not of these recordings.
     """
     by_name = {str(row["recording"]): row for row in rows}

@@ -26,7 +26,7 @@ _FIELD = re.compile(r"\{(\w*)\}|(\*)")
 
 @dataclass(frozen=True)
 class SubjectEntry:
-    """What is known of a file: subject, trial, height [m] and mass [kg] of the person."""
+    """Known facts about a file: subject, trial, height [m] and mass [kg] of the person."""
 
     subject: str
     trial: str = ""
@@ -69,7 +69,7 @@ class SubjectPattern:
         self._expression = re.compile("(?:.*/)?" + "".join([*parts, re.escape(pattern[end:])]))
 
     def find(self, path: str) -> tuple[SubjectEntry, str]:
-        """What the pattern finds in a path, or why it does not."""
+        """Return what the pattern finds in a path, or why it does not match."""
         found = self._expression.fullmatch(str(PurePosixPath(path).with_suffix("")))
         if found is None:
             return SubjectEntry(""), f"its path does not match the pattern {self.pattern!r}"
@@ -81,8 +81,8 @@ class SubjectTable:
     """Entries by the path of the file, as far as the table gives it, with or without its suffix.
 
     Attributes:
-        path: of the table.
-        entries: by path.
+        path: path of the table.
+        entries: entries by path.
     """
 
     path: Path
@@ -147,15 +147,15 @@ class RecordingSource:
     """One side of a file that is to be analysed.
 
     Attributes:
-        path: of the file, absolute.
+        path: path of the file, absolute.
         file: relative to the deepest folder that holds all files that were given.
         side: "right" or "left".
-        subject: of the person; empty if the file is to tell.
+        subject: subject of the person; empty if the file is to tell.
         subject_from: where the subject is from, see `SubjectFrom`; empty if the file is to tell.
         fallback: the subject if the file does not tell.
         fallback_from: where the fallback is from.
         trial: the repetition.
-        height, mass: of the person [m], [kg]; None if the file is to tell.
+        height, mass: height and mass of the person [m], [kg]; None if the file is to tell.
         problem: why the recording cannot be analysed; empty if nothing is known against it.
     """
 
@@ -173,7 +173,7 @@ class RecordingSource:
 
     @property
     def name(self) -> str:
-        """Of the recording."""
+        """Name of the recording."""
         return f"{self.file}, {self.side}"
 
     def __repr__(self) -> str:
@@ -233,7 +233,7 @@ def recording_sources(
 
 
 def identity(source: RecordingSource, own_subject: str) -> dict[str, str]:
-    """What identifies a recording in the tables, with the subject that the file names."""
+    """Return what identifies a recording in the tables, with the subject that the file names."""
     subject, subject_from = source.subject, str(source.subject_from)
     if not subject:
         subject, subject_from = own_subject, "file"

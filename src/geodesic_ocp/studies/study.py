@@ -210,7 +210,7 @@ class StudyResult:
         return known
 
     def _known(self, measures: Iterable[str]) -> list[str]:
-        """Those of the measures that any recording has."""
+        """Return the measures that any recording has."""
         return [each for each in measures if self._rows[MEASURES[each].column].notna().any()]
 
     def means(self, *measures: str, confidence: float = 0.95, complete: bool = False) -> DataFrame:
@@ -220,7 +220,7 @@ class StudyResult:
             measures: "joint", "position", "orientation", these with "_unfiltered" (errors against
                 the unfiltered recording), "segments" or "segments_per_second"; by default errors of
                 joints and hand.
-            confidence: of the intervals by Student's t.
+            confidence: confidence of the intervals by Student's t.
             complete: only recordings in which no method lacks the measure, so that methods are
                 compared on the same recordings.
 
@@ -316,7 +316,8 @@ class StudyResult:
             measure: see `means`.
             against: a method, by key or label, or a condition; by default straight lines on the
                 same segments.
-            confidence, seed: of the bootstrap interval of the mean difference, see `paired_test`.
+            confidence, seed: confidence and seed of the bootstrap interval of the mean difference,
+                see `paired_test`.
 
         Raises:
             ValueError: an unknown measure, method or condition.
@@ -404,7 +405,7 @@ class StudyResult:
                     yield (condition, method), pairs.to_numpy(), [*(names - set(pairs.index))]
 
     def _reference(self, against: str | None) -> tuple[bool, str]:
-        """Whether others are compared with a method, not a condition, and its key."""
+        """Return whether the reference is a method, not a condition, and its key."""
         wanted = _LIKE_FOR_LIKE if against is None else against
         for key, label in self.methods.items():
             if wanted in (key, label):
@@ -476,7 +477,7 @@ class StudyResult:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What limits the study, in sentences: failures, one subject only, missing methods."""
+        """The limits of the study, in sentences: failures, one subject only, missing methods."""
         rows, notes = self._rows, []
         if len(self.failures):
             kinds = Counter(_KINDS.get(kind, "other error") for kind in self.failures["kind"])
@@ -545,7 +546,7 @@ class StudyResult:
         "durations": errors against duration, where there is a table of synergies.
 
         Args:
-            measure, against: of the differences, see `tests`.
+            measure, against: measure and against of the differences, see `tests`.
         """
         is_method, key = self._reference(against)
         tests = self.tests(measure, against)
@@ -583,7 +584,8 @@ class StudyResult:
 
         Args:
             folder: is created if it does not exist.
-            measure, against: of the tests and the figure of differences, see `tests`.
+            measure, against: measure and against of the tests and the figure of differences, see
+                `tests`.
 
         Raises:
             ValueError: as `tests`.
@@ -687,9 +689,9 @@ def study(
             "trial" or "side"; means and tests are then made for each.
         metadata: CSV file with a column file, the end of each recording's path, and others, such
             as condition, which are added to the table of recordings.
-        names: of the recordings, if the source is analyses; by default they are numbered.
+        names: names of the recordings, if the source is analyses; by default they are numbered.
         subjects: the persons, if the source is analyses; by default those of the motions.
-        conditions: of the recordings, if the source is analyses.
+        conditions: conditions of the recordings, if the source is analyses.
 
     Raises:
         RecordingError: a table is missing, cannot be read, is inconsistent, or the recordings were

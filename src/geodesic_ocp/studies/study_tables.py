@@ -331,8 +331,8 @@ def write_table(folder: str | PathLike[str], name: str, rows: Iterable[Row]) -> 
     """Write one of `TABLES` as CSV, and as Parquet with the extra; each file as a whole.
 
     Args:
-        folder: of the files, which exists.
-        name: of the table.
+        folder: folder of the files, which exists.
+        name: name of the table.
         rows: values by column; those that are left out are missing.
 
     Returns:
@@ -478,9 +478,9 @@ def analysis_tables(
 
     Args:
         analyses: one of each recording.
-        names: of the recordings; by default they are numbered.
+        names: names of the recordings; by default they are numbered.
         subjects: the persons; by default those of the motions.
-        conditions: of the recordings, column "condition".
+        conditions: conditions of the recordings, column "condition".
 
     Raises:
         ValueError: names, subjects or conditions are not one for each analysis, or names are equal.

@@ -1,4 +1,4 @@
-"""From a recorded motion to geodesic synergies.
+"""Geodesic synergies of a recorded motion.
 
 A geodesic synergy is a segment of a recorded motion that follows a geodesic of the kinetic-energy
 metric (Klein, Jaquier, Meixner, Asfour, "A Riemannian Take on Human Motion Analysis and

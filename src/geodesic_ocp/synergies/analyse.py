@@ -74,7 +74,7 @@ class Analysis:
         model: the arm, or a model with several hands, such as `human_upper_body`.
         motion: the observed motion, filtered.
         metric: in which the motion was cut and its synergies are geodesics.
-        threshold: of the segmentation [rad]; None if the segments were given.
+        threshold: threshold of the segmentation [rad]; None if the segments were given.
         segments: (start, stop) sample indices of the geodesic segmentation.
         synergies: one for each segment.
         predicted: the motion that the synergies predict.
@@ -116,7 +116,7 @@ class Analysis:
 
     @property
     def metric_name(self) -> str:
-        """What the metric is, in words; of a metric that has no words, its `repr`."""
+        """The metric in words; its `repr` if it has no description."""
         if isinstance(self.metric, AdjustableKineticEnergy):
             return self.metric.description
         name = _METRICS.get(method_of(self.metric), repr(self.metric))
@@ -152,7 +152,7 @@ class Analysis:
         return new_table(("method", "segments", "joints [rad]", *columns), rows, note)
 
     def labels(self) -> dict[str, str]:
-        """What tables and figures call the methods, by method."""
+        """Return the names of the methods in tables and figures, by method."""
         own = method_of(self.metric)
         straight = _METRICS["euclidean_same_segments"]
         name = _METRICS.get(own, self.metric.label or type(self.metric).__name__)
@@ -229,7 +229,7 @@ class Analysis:
 
         Args:
             folder: is made if there is none.
-            curve: of the figure, see `plot`.
+            curve: curve of the figure, see `plot`.
 
         Returns:
             The files' paths.
@@ -284,7 +284,7 @@ def analyse(
         model: the arm, or arms and trunk (`human_upper_body`, `combine`); its joints are selected
             from the motion by name. The base is taken to be at rest.
         motion: the recording; filtered here (`Motion.filtered`) if it has no velocities.
-        threshold: of the segmentation [rad], see `segment`.
+        threshold: threshold of the segmentation [rad], see `segment`.
         metric: in which the motion is cut and planned. None or "joint-inertia": the kinetic energy
             with the model's joint inertia (`Model.armature`), or, if the model has none, with the
             default one (`default_joint_inertia`). "kinetic": the kinetic energy without joint
@@ -292,7 +292,8 @@ def analyse(
             lines. Or any metric on the model's joints, such as `KineticEnergy(model)`.
         segments: (start, stop) sample indices from the first sample to the last, as found by
             `segment_optimal`, in place of those that `segment` finds.
-        rest, rest_duration, min_duration, hysteresis: of the segmentation, see `segment`.
+        rest, rest_duration, min_duration, hysteresis: rest, rest duration, min duration and
+            hysteresis of the segmentation, see `segment`.
         progress: called with the current step, the amount done, and the total.
 
     Raises:

@@ -44,10 +44,10 @@ def track_hand(
     role. All hands of the model are tracked at once.
 
     Args:
-        model: whose hands track; its joints must be the motion's.
+        model: model whose hands track; its joints must be the motion's.
         motion: observed.
-        gain: of the pose error [1/s].
-        damping: of the Jacobian's small singular values [m or rad per joint unit].
+        gain: gain of the pose error [1/s].
+        damping: damping of the Jacobian's small singular values [m or rad per joint unit].
 
     Returns:
         The controller's motion at the recording's sample times, with its velocities.
@@ -71,12 +71,13 @@ def _track_poses(
     limits.
 
     Args:
-        model: whose hands track.
+        model: model whose hands track.
         observed: motion whose first configuration is the start, and whose sample times are the
             result's; recordings at low sampling rates need many steps between two of them.
-        poses: of every hand, rotations (m, 3, 3) and positions (m, 3) [m] at m times; called once.
-        gain: of the pose error [1/s].
-        damping: of the Jacobian's small singular values [m or rad per joint unit].
+        poses: poses of every hand, rotations (m, 3, 3) and positions (m, 3) [m] at m times; called
+            once.
+        gain: gain of the pose error [1/s].
+        damping: damping of the Jacobian's small singular values [m or rad per joint unit].
     """
     gain, damping = as_positive("gain", gain, "1/s"), as_positive("damping", damping)
     time, start = observed.time, observed.q[0]
@@ -241,7 +242,7 @@ def minimum_jerk_hand(
         motion: observed, with velocities, of at least three samples.
         segments: (start, stop) sample indices, each starting where the one before stopped, from
             the first sample to the last.
-        gain, damping: of the controller, see `track_hand`.
+        gain, damping: gain and damping of the controller, see `track_hand`.
 
     Returns:
         The predicted motion at the recording's own times, with velocities.

@@ -64,17 +64,18 @@ def segment_optimal(
     (3, 0, 89)
 
     Args:
-        metric: of the motion's dimension.
-        motion: with velocities, see `Motion.filtered`.
+        metric: metric of the motion's dimension.
+        motion: motion with velocities, see `Motion.filtered`.
         count: number of segments.
         penalty: cost of a segment: the number of segments k minimizes (mean error of k segments) +
             penalty * k, in the unit of the measure, before the refinement.
         error: the smallest number of segments is taken whose mean error is at most this before the
             refinement, in the unit of the measure.
-        measure: of the error: "joint" [rad], "position" or "orientation" of the hand [m, rad].
-        model: whose hand is measured; None is the metric's, where it has one.
-        spacing: of the candidates [s].
-        max_duration: of a segment [s].
+        measure: measure of the error: "joint" [rad], "position" or "orientation" of the hand [m,
+            rad].
+        model: model whose hand is measured; None is the metric's, where it has one.
+        spacing: spacing of the candidates [s].
+        max_duration: max duration of a segment [s].
         progress: called with what is done, the number of segments planned, and the total.
 
     Returns:
@@ -135,12 +136,13 @@ def optimal_segmentations(
     [(0, 25), (25, 60)]
 
     Args:
-        metric: of the motion's dimension.
-        motion: with velocities, see `Motion.filtered`.
-        measure: of the error: "joint" [rad], "position" or "orientation" of the hand [m, rad].
-        model: whose hand is measured; None is the metric's, where it has one.
-        spacing: of the candidates [s].
-        max_duration: of a segment [s].
+        metric: metric of the motion's dimension.
+        motion: motion with velocities, see `Motion.filtered`.
+        measure: measure of the error: "joint" [rad], "position" or "orientation" of the hand [m,
+            rad].
+        model: model whose hand is measured; None is the metric's, where it has one.
+        spacing: spacing of the candidates [s].
+        max_duration: max duration of a segment [s].
         progress: called with what is done, the number of segments planned, and the total.
 
     Raises:
@@ -188,13 +190,13 @@ class OptimalSegmentations(ShortRepr):
     """The best cuts of a motion for every number of segments, from `optimal_segmentations`.
 
     Attributes:
-        metric: whose geodesics reconstruct the segments.
-        motion: that is cut.
+        metric: metric whose geodesics reconstruct the segments.
+        motion: motion that is cut.
         measure: "joint" [rad], "position" [m] or "orientation" [rad]: the error that is minimized.
         counts: numbers of segments (k,) that are possible.
         errors: least mean error (k,) of each, with cuts on the grid of candidates, in the unit of
             the measure.
-        max_duration: of a segment [s].
+        max_duration: max duration of a segment [s].
     """
 
     metric: Metric

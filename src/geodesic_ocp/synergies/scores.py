@@ -1,4 +1,4 @@
-"""How far a predicted motion is from the observed one."""
+"""Errors of a predicted motion against the observed one."""
 
 from __future__ import annotations
 
@@ -61,7 +61,8 @@ class MotionErrors(ShortRepr):
         joint: absolute error of a joint coordinate, over samples and joints [rad].
         position: distance between the hands [m]; the mean over the hands, if there are several.
         orientation: angle of the rotation between the hands [rad], likewise.
-        hands: of each hand, in the order of `Model.hands`; empty for a model with a single one.
+        hands: hands of each hand, in the order of `Model.hands`; empty for a model with a single
+            one.
 
     The base of a model that includes the trunk is the pelvis; of a hand relative to the pelvis, and
     in the room, the errors are the same.
@@ -118,7 +119,7 @@ def pose_differences(
 
 @dataclass(frozen=True, repr=False)
 class Scores(ShortRepr):
-    """How far a predicted motion is from the observed one, over its samples.
+    """Mean errors of a predicted motion against the observed one, over its samples.
 
     Attributes:
         joint_mean, joint_rms: absolute difference of a joint coordinate, mean and root mean square
@@ -184,8 +185,8 @@ def score(
     (0.083, 0.0)
 
     Args:
-        model: whose hand is compared, `Model.hand` of several; its joints are selected from the
-            motions by name.
+        model: model whose hand is compared, `Model.hand` of several; its joints are selected from
+            the motions by name.
         observed: the recorded motion.
         predicted: at the same times.
         segments: (start, stop) sample indices of the segments, each starting where the one before

@@ -1,4 +1,4 @@
-"""Where a recorded motion stops following a geodesic, and where it comes to rest.
+"""Segmentation of a recorded motion: where it leaves its geodesic, and where it rests.
 
 The rule compares velocities with a velocity that is parallel-transported along the observed motion.
 In a frame E(t) that is transported itself, E' = A E with A w = -G^-1 sum_jk Gamma_ijk q'_j w_k, a
@@ -78,14 +78,14 @@ def segment(
     [(0, 101), (101, 199)]
 
     Args:
-        metric: whose transport and angles are used, of the motion's dimension.
-        motion: with velocities, see `Motion.filtered`.
+        metric: metric whose transport and angles are used, of the motion's dimension.
+        motion: motion with velocities, see `Motion.filtered`.
         threshold: largest angle [rad], in (0, pi).
         rest: fraction of the largest speed below which the arm rests, in [0, 1); 0 for no rests.
-        rest_duration: of the shortest rest that is a segment [s].
-        min_duration: of the shortest segment [s], 0 for any; a rest, and a movement between two
-            rests, may be shorter.
-        hysteresis: by which the angle must exceed the threshold [rad], not negative.
+        rest_duration: rest duration of the shortest rest that is a segment [s].
+        min_duration: min duration of the shortest segment [s], 0 for any; a rest, and a movement
+            between two rests, may be shorter.
+        hysteresis: angle beyond the threshold that a change of direction must reach [rad].
 
     Returns:
         (start, stop) sample indices of every segment; each starts at the sample where the one
@@ -171,7 +171,7 @@ def _parallel_components(metric: Metric, times: Array, curve: Array, velocity: A
     """Components (m, n) of velocities (m, n) in an orthonormal frame, parallel along a curve.
 
     Args:
-        metric: of the curve.
+        metric: metric of the curve.
         times: (m,) [s].
         curve: positions and velocities (2 m - 1, 2 n) at the times and halfway between them.
         velocity: at the times.
@@ -256,7 +256,7 @@ class _Observed:
     def _crossing(
         self, reference: int, stop: int, threshold: float, hysteresis: float
     ) -> float | None:
-        """When the angle to the velocity at `reference` rises above the threshold for good.
+        """Return when the angle to the velocity at `reference` rises above the threshold for good.
 
         That is, without falling back below it before it exceeds threshold + hysteresis.
         """

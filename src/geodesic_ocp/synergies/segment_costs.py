@@ -1,4 +1,4 @@
-"""What segments of a motion cost, and the cuts whose segments cost least.
+"""Costs of segments of a motion, and the segmentation of least cost.
 
 A segment is predicted as by `reconstruct`, at the observed times and at a third of the cost: a
 geodesic has constant speed, so that the configuration at the distance s(t) is the one at the
@@ -48,10 +48,10 @@ class SegmentCosts:
     error that `synergies.motion_errors` gives for `synergies.reconstruct`.
 
     Args:
-        metric: of the geodesics.
-        motion: with velocities.
+        metric: metric of the geodesics.
+        motion: motion with velocities.
         measure: "joint" [rad], "position" [m] or "orientation" [rad].
-        model: whose hand is measured; None is the metric's, where it has one.
+        model: model whose hand is measured; None is the metric's, where it has one.
 
     Raises:
         ValueError: an unknown measure, a measure of the hand without a model, joints that the
@@ -114,7 +114,7 @@ class SegmentCosts:
             progress(len(self._predicted) - len(self._costs))
 
     def _rows(self, pair: Pair) -> Array | None:
-        """What a segment predicts; None where no geodesic is found or the metric is singular."""
+        """Predict a segment; None where no geodesic is found or the metric is singular."""
         try:
             return predict_segment(self.metric, self.motion, self._speed, *pair)
         except (NotConverged, IntegrationFailed, ValueError):
@@ -155,7 +155,7 @@ def predict_segment(metric: Metric, motion: Motion, speed: Array, start: int, st
     """Configurations (stop - start + 1, n) at the samples from start to stop.
 
     Args:
-        metric: whose geodesic connects the observed configurations at the two ends.
+        metric: metric whose geodesic connects the observed configurations at the two ends.
         motion: observed.
         speed: its speeds |q'|_G at the samples (k,).
         start, stop: indices of the first and the last sample.

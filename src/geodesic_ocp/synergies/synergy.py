@@ -43,7 +43,7 @@ class Synergy(ShortRepr):
 
     Attributes:
         start, stop: indices of its first and last sample in the recording.
-        start_time: of its first sample [s].
+        start_time: start time of its first sample [s].
         path: the geodesic between the observed configurations at its ends; of a robot, the path
             that brings the hand (end-effector) to its pose.
         law: distance along the path over time from the start.
@@ -143,7 +143,7 @@ def reconstruct(
     (840, 7)
 
     Args:
-        metric: of the motion's dimension.
+        metric: metric of the motion's dimension.
         motion: observed, with velocities.
         segments: (start, stop) sample indices, each starting where the one before stopped, from
             the first sample to the last.
@@ -180,7 +180,7 @@ def law_of_segment(motion: Motion, speed: Array, length: float, start: int, stop
     Args:
         motion: observed.
         speed: its speeds |q'|_G at the samples (k,), which the law takes at both ends.
-        length: of the path, in the metric.
+        length: length of the path, in the metric.
         start, stop: indices of the samples.
     """
     duration = float(motion.time[stop] - motion.time[start])
@@ -237,10 +237,10 @@ def save_synergies(
 
     Args:
         file: to write.
-        synergies: of one motion.
-        joint_names: of the coordinates.
-        model: whose name, and height if it is a person's, are written, by which `geodesic-ocp show`
-            knows what to draw.
+        synergies: synergies of one motion.
+        joint_names: names of the coordinates.
+        model: model whose name, and height if it is a person's, are written, by which `geodesic-ocp
+            show` knows what to draw.
     """
     record = {
         "format": FORMAT,
@@ -266,7 +266,7 @@ def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
 
     Args:
         file: the JSON file.
-        metric: of the paths, such as `Analysis.metric`; the file does not contain it.
+        metric: metric of the paths, such as `Analysis.metric`; the file does not contain it.
 
     Raises:
         RecordingError: the file is missing, is not such a file, or does not fit the metric, in
@@ -291,13 +291,13 @@ def load_synergies(file: str | FilePath, metric: Metric) -> tuple[Synergy, ...]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SavedSynergies(ShortRepr):
-    """What a file of `save_synergies` says without the metric.
+    """Contents of a file of `save_synergies` that need no metric.
 
     Attributes:
-        motion: that the synergies predict, at 100 Hz, without velocities.
+        motion: motion that the synergies predict, at 100 Hz, without velocities.
         spans: start and end of each synergy [s].
         model: name of the model; "" if the file does not say.
-        height: of the person [m]; None if the file does not say.
+        height: height of the person [m]; None if the file does not say.
     """
 
     motion: Motion
@@ -314,7 +314,7 @@ def read_saved_synergies(file: str | PathLike[str]) -> SavedSynergies:
     constraints have so nearly (to some mrad), as their grids are coarse.
 
     Args:
-        file: that `save_synergies` wrote.
+        file: file that `save_synergies` wrote.
 
     Raises:
         RecordingError: the file is missing, or is not such a file.

@@ -39,10 +39,11 @@ class MotionFilter(ShortRepr):
     Attributes:
         kind: "smoothing spline" or "Savitzky-Golay filter of order 2".
         cutoff: -3 dB point of the smoothing spline [Hz]; None for Savitzky-Golay.
-        duration: of the window of the Savitzky-Golay filter [s]; None for the smoothing spline.
+        duration: duration of the window of the Savitzky-Golay filter [s]; None for the smoothing
+            spline.
         chosen: whether the cut-off was chosen from the noise floor.
         noise: standard deviation of the noise of every joint before filtering (n,) [rad or m].
-        velocity_noise: that of the velocities after filtering (n,) [rad/s or m/s].
+        velocity_noise: velocity noise that of the velocities after filtering (n,) [rad/s or m/s].
     """
 
     kind: str
@@ -67,7 +68,7 @@ class MotionFilter(ShortRepr):
     _shown = ("kind", "cutoff", "duration", "noise")
 
     def __str__(self) -> str:
-        """As a sentence."""
+        """Return the description as a sentence."""
         low, high = (f"{1e3 * float(end):.2g}" for end in (self.noise.min(), self.noise.max()))
         noise = low if low == high else f"{low} to {high}"
         if self.cutoff is None:
@@ -95,7 +96,7 @@ def check_even(time: Array) -> None:
 
 
 def low_passed(time: Array, q: Array, cutoff: float | None) -> Filtered:
-    """By a smoothing spline; a cut-off of None is chosen from the noise floor.
+    """Filter by a smoothing spline; a cut-off of None is chosen from the noise floor.
 
     Raises:
         ValueError: fewer than three samples, or too few or too slow for this cut-off or for any.
@@ -135,7 +136,7 @@ def low_passed(time: Array, q: Array, cutoff: float | None) -> Filtered:
 
 
 def locally_fitted(time: Array, q: Array, window: int, order: int) -> Filtered:
-    """By a Savitzky-Golay filter: polynomials fitted to windows of samples.
+    """Filter by Savitzky and Golay: polynomials fitted to windows of samples.
 
     Each sample is in the middle of its polynomial's samples, except near the ends (Savitzky, Golay,
     Analytical Chemistry 36, 1964).
@@ -209,7 +210,7 @@ def _smoothing_spline(time: Array, values: Array, cutoff: float) -> scipy.interp
     x''' and x'''' vanish; parabolas stay as they are.
 
     Args:
-        time: of the samples (k,) [s], three or more.
+        time: time of the samples (k,) [s], three or more.
         values: y (k, n).
         cutoff: -3 dB point [Hz].
     """

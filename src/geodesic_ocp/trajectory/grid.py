@@ -27,7 +27,7 @@ class Grid(ShortRepr):
 
     Attributes:
         segments: number of segments.
-        degree: of the polynomials.
+        degree: degree of the polynomials.
         ends: breakpoints of the segments from 0 to 1, (segments + 1,); None: equal widths.
         via_segments: indices of the breakpoints at which a problem's via points lie.
 
@@ -208,7 +208,7 @@ def _interpolation(reference: _Reference, x: Array) -> Array:
 
 @lru_cache(maxsize=64)
 def interpolation_between(degree: int, finer: int, parts: int) -> tuple[Array, Array]:
-    """From values at the nodes of a segment on [-1, 1] to values and slopes within its parts.
+    """Return matrices from values at a segment's nodes to values and slopes within its parts.
 
     (parts * (finer + 1), degree + 1) each, at the nodes of degree `finer` in each of equal parts.
     """

@@ -36,8 +36,8 @@ class JointTrajectory(ShortRepr):
     Attributes:
         time: from the start (k,) [s].
         positions, velocities, accelerations: (k, n) [rad or m], per second, per second squared.
-        joint_names: of the n columns.
-        units: of the positions, "rad" or "m" for each joint; empty: all "rad".
+        joint_names: names of the n columns.
+        units: units of the positions, "rad" or "m" for each joint; empty: all "rad".
         efforts: torques or forces of the joints (k, n) [N m or N], or None.
 
     Raises:
@@ -133,7 +133,7 @@ class JointTrajectory(ShortRepr):
 
     @property
     def duration(self) -> float:
-        """From the first to the last sample [s]."""
+        """Time from the first to the last sample [s]."""
         return float(self.time[-1] - self.time[0])
 
     @property

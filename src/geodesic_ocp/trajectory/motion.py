@@ -32,7 +32,7 @@ class FrameMotion(ShortRepr):
 
     Attributes:
         rotations: from the frame to the surrounding space, (k, 3, 3).
-        positions: of the frame's origin in that space, (k, 3) [m].
+        positions: positions of the frame's origin in that space, (k, 3) [m].
 
     Raises:
         ValueError: shapes that do not match, values that are not finite, or a matrix that is not a
@@ -94,11 +94,11 @@ class Motion:
     Attributes:
         time: increasing times (k,) [s] of at least two samples.
         q: joint coordinates (k, n) [rad or m].
-        joint_names: of the n columns.
+        joint_names: names of the n columns.
         velocity: (k, n) [rad/s or m/s], or None before filtering.
         subject: the recorded person.
         unfiltered: coordinates before filtering (k, n), or None.
-        filter: by which the motion was filtered, and the noise of the recording; or None.
+        filter: filter by which the motion was filtered, and the noise of the recording; or None.
         trunk: pose of the thorax at the samples, its origin midway between the shoulders, in a
             space with z up; or None.
 
@@ -275,10 +275,10 @@ class Motion:
 
         Args:
             window: samples of a window of the Savitzky-Golay filter, odd.
-            order: of its polynomials.
+            order: order of its polynomials.
             cutoff: -3 dB point of the smoothing spline [Hz].
-            duration: of a window of the Savitzky-Golay filter [s]: the odd number of samples
-                nearest to it.
+            duration: duration of a window of the Savitzky-Golay filter [s]: the odd number of
+                samples nearest to it.
 
         Returns:
             The motion with velocities, with its coordinates before any filter as `unfiltered`, and

@@ -23,8 +23,8 @@ class Path:
     """A piecewise polynomial curve through the nodes of a grid.
 
     Attributes:
-        metric: of the manifold.
-        grid: of its nodes.
+        metric: metric of the manifold.
+        grid: grid of its nodes.
         nodes: positions at the grid's nodes, (grid.size, n).
 
     Raises:
@@ -74,7 +74,7 @@ class Path:
         return np.split(self.grid.interpolate(values, s), order + 1, axis=1)
 
     def _derivatives_at_nodes(self, order: int) -> list[Array]:
-        """By segment, (segments, degree + 1, n) each."""
+        """Return derivatives at the nodes by segment, (segments, degree + 1, n) each."""
         values = [self.grid.in_segments(self.nodes)]
         for _ in range(order):
             # The derivative of a constant is exactly zero, and short paths lose no digits.

@@ -90,7 +90,7 @@ class TimeLaw(ShortRepr):
 
     @cached_property
     def _spline(self) -> scipy.interpolate.PPoly:
-        """As `scipy.interpolate.CubicHermiteSpline`, at a fraction of the time."""
+        """The `scipy.interpolate.CubicHermiteSpline`, built in a fraction of its time."""
         h, start, stop = np.diff(self.knots), self.speeds[:-1], self.speeds[1:]
         chord = np.diff(self.positions) / h
         second, third = (3.0 * chord - 2.0 * start - stop) / h, (start + stop - 2.0 * chord) / h**2

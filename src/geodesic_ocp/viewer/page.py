@@ -38,7 +38,7 @@ def document(title: str, body: str) -> str:
     Browsers run no other scripts in it, those of the body included.
 
     Args:
-        title: of the page, as plain text; it is escaped. The body has its own heading.
+        title: title of the page, as plain text; it is escaped. The body has its own heading.
         body: HTML, such as `f"<h1>{html.escape(title)}</h1>{fragment(playback)}"`.
 
     Raises:

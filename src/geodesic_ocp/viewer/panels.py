@@ -29,7 +29,7 @@ class Layout:
     """Boxes [px] in a frame, from its upper left corner.
 
     Attributes:
-        width, height: of the frame, even.
+        width, height: width and height of the frame, even.
         unit: pixels in place of one of a frame of width 960; not below what can be read.
         panes, bars, plots: boxes; those of the panes are below their titles.
     """
@@ -201,7 +201,7 @@ class Panel:
 
     Attributes:
         playback: what is shown.
-        canvas: of the figure.
+        canvas: canvas of the figure.
         still: its static part.
         cursors, dots: lines in the plots and the values where they cross the curves.
         rows: for each bar its spans, the mark of the present one, and that one's name.

@@ -40,7 +40,7 @@ _INSTANTS = 24  # at which the space that is taken is looked at
 
 
 def is_shown(layer: str, layers: Collection[str]) -> bool:
-    """Whether a layer is among those that are asked for; the nameless one always is."""
+    """Return whether a layer is among those that are asked for; the nameless one always is."""
     return not layer or layer in layers
 
 
@@ -149,12 +149,12 @@ class Pane:
         scene: what is drawn.
         layers: those that are shown.
         parts: surfaces of the scene.
-        camera: with `SAMPLES` pixels per pixel of the picture, in either direction.
+        camera: camera with `SAMPLES` pixels per pixel of the picture, in either direction.
         floor: its height [m].
-        scale: of line widths [camera pixel].
+        scale: scale of line widths [camera pixel].
         backdrop: what is behind everything, (height, width, 3) of the camera.
         still: surfaces that do not move.
-        trails: that are shown, with their lines in the picture.
+        trails: trails that are shown, with their lines in the picture.
     """
 
     scene: Scene

@@ -23,7 +23,7 @@ class Part:
         triangles: (m, 3), indices of vertices, counter-clockwise seen from outside.
         colour: red, green and blue, from 0 to 1.
         alpha: how opaque it is, from 0 to 1.
-        matrices: of its motion x -> M x + p, (k, 3, 3) or (1, 3, 3).
+        matrices: matrices of its motion x -> M x + p, (k, 3, 3) or (1, 3, 3).
         positions: p, (k, 3) or (1, 3) [m].
         overlay: whether it is outlined, and others are seen through it.
         coloured: whether it has the colour of a role.
@@ -41,7 +41,7 @@ class Part:
 
     @property
     def still(self) -> bool:
-        """Whether it stays where it is."""
+        """True if it stays where it is."""
         return len(self.matrices) == 1 and len(self.positions) == 1
 
 

@@ -36,8 +36,8 @@ def draw_plot(
 
     Args:
         plot: what is drawn; every second span is shaded.
-        limits: of the time axis.
-        label: of the time axis.
+        limits: limits of the time axis.
+        label: label of the time axis.
     """
     with own_style(_STYLE), warnings.catch_warnings():
         # The browser, which draws the text, has other fonts.

@@ -148,8 +148,8 @@ def nearest_fragments(corners: Array, depths: Array, shape: tuple[int, int]) -> 
     polygon rasterization, 1988, for the edge functions E(x, y) = a x + b y + c.
 
     Args:
-        corners: of the triangles (n, 3, 2) [pixel]; those with negative area are seen too.
-        depths: of the corners (n, 3) [m]; triangles that come too near are left out.
+        corners: corners of the triangles (n, 3, 2) [pixel]; those with negative area are seen too.
+        depths: depths of the corners (n, 3) [m]; triangles that come too near are left out.
     """
     height, width = shape
     kept = np.flatnonzero(depths.min(axis=1, initial=np.inf) > NEAR)
@@ -262,7 +262,7 @@ def floor_picture(camera: Camera, centre: Array, radius: float) -> Array:
 def covered(
     points: Array, triangles: NDArray[np.int64], floor: float, camera: Camera
 ) -> NDArray[np.uint8]:
-    """Where triangles of points (v, 3), lit from above, shade the floor: 255, else 0; coarse."""
+    """Return where triangles of points (v, 3) shade the floor: 255, else 0; coarse."""
     flat = points.copy()
     flat[:, 2] = floor
     pixels, depths = camera.project(flat)
@@ -299,7 +299,7 @@ class Stroke:
 
     Attributes:
         fragments: pixels of the line.
-        fraction: of the length of the line [m] up to each of the pixels (p,), from 0 to 1.
+        fraction: fraction of the length of the line [m] up to each of the pixels (p,), from 0 to 1.
     """
 
     fragments: Fragments
@@ -310,9 +310,9 @@ def stroke(points: Array, camera: Camera, width: float, dashes: tuple[float, ...
     """Draw a line through points (m, 3) [m], of this width [pixel].
 
     Args:
-        points: of the line.
-        camera: that sees it.
-        width: of the line.
+        points: points of the line.
+        camera: camera that sees it.
+        width: width of the line.
         dashes: lengths of dashes and gaps in turns [pixel]; a solid line if there are none.
     """
     pixels, depths = camera.project(points)
@@ -395,7 +395,7 @@ class Still:
 
 
 def visible(parts: tuple[Part, ...], when: Moment, camera: Camera) -> Visible:
-    """What a camera sees of the outsides of parts."""
+    """The outsides of parts that a camera sees."""
     points, normals = placed(parts, when)
     triangles = joined(parts)
     counts = [len(part.triangles) for part in parts]
@@ -438,7 +438,7 @@ def joined(parts: tuple[Part, ...]) -> NDArray[np.int64]:
 
 
 def outline(pixels: NDArray[np.int64], shape: tuple[int, int], width: int) -> NDArray[np.bool_]:
-    """Which of the pixels (p,) of a region are this near to its edge [pixel]."""
+    """Return which of the pixels (p,) of a region are this near to its edge [pixel]."""
     region = np.zeros(shape, dtype=bool)
     region.reshape(-1)[pixels] = True
     inner = region.copy()

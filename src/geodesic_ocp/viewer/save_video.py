@@ -37,10 +37,10 @@ def frames(
 
     Args:
         playback: what is drawn.
-        instants: of the pictures, in the playback's time.
-        width: of the pictures [px], even.
+        instants: instants of the pictures, in the playback's time.
+        width: width of the pictures [px], even.
         layers: those that are shown.
-        turns: of the camera at each instant [rad]; None: it stands still.
+        turns: turns of the camera at each instant [rad]; None: it stands still.
     """
     scenes = playback.scenes
     # About half of a frame belongs to the panes.
@@ -239,8 +239,8 @@ def save_video(
     Args:
         playback: what is drawn.
         file: path, whose folder must exist.
-        rate: of the frames [1 / s]; at most 50 for .gif, 100 for .webp and 240 for .mp4.
-        width: of the frames [px], from 160 to 3840; an odd one is reduced by 1.
+        rate: rate of the frames [1 / s]; at most 50 for .gif, 100 for .webp and 240 for .mp4.
+        width: width of the frames [px], from 160 to 3840; an odd one is reduced by 1.
         speed: at 2, it takes half of the time.
         at: time of a picture, in the playback's; the middle by default.
         layers: those that are shown; all but `playback.hidden` by default.

@@ -34,7 +34,7 @@ class Viewer:
 
     Attributes:
         playback: what is shown.
-        height: of the frame in a notebook [px].
+        height: height of the frame in a notebook [px].
     """
 
     playback: Playback
@@ -69,13 +69,13 @@ class Viewer:
 
         Args:
             file: path, whose folder must exist.
-            rate: of the frames of a video or animation [1 / s].
-            width: of a video, animation or picture [px].
-            speed: of a video or animation; at 2 it takes half of the time.
+            rate: rate of the frames of a video or animation [1 / s].
+            width: width of a video, animation or picture [px].
+            speed: speed of a video or animation; at 2 it takes half of the time.
             at: time of a picture, in the playback's; the middle by default.
             layers: those that are shown, in a page at first; all but `playback.hidden` by default.
-            progress: of a video or animation: called with what is done, the number of frames drawn,
-                and the total.
+            progress: progress of a video or animation: called with what is done, the number of
+                frames drawn, and the total.
 
         Returns:
             Path of the file.
@@ -169,12 +169,12 @@ def show(
         items: a `Motion` or `JointTrajectory` followed by its `Model`, a `Path`, `Solution`,
             `Analysis`, `Retargeting`, `Model`, ...: see `playback_of`.
         file: to be written; its suffix says what it is.
-        title: of the whole.
+        title: title of the whole.
         layers: names of those that are shown at first, such as "hand path", "obstacles", "frames"
             or "mobility ellipsoids"; the others can be switched on. By default most are shown.
         open_browser: whether a browser shows the page; None: outside notebooks, if no file is
             written.
-        height: of the frame in a notebook [px].
+        height: height of the frame in a notebook [px].
 
     Returns:
         The viewer, whose `save` writes further files.
@@ -206,7 +206,7 @@ def _is_page(file: Path) -> bool:
 
 
 def _in_notebook() -> bool:
-    """Whether the value of a cell displays itself: IPython runs as the kernel of a notebook."""
+    """Return whether IPython runs as the kernel of a notebook, which displays values."""
     ipython = sys.modules.get("IPython")  # otherwise nobody has started it
     shell = ipython.get_ipython() if ipython is not None else None
     return any(kind.__name__ == "ZMQInteractiveShell" for kind in type(shell).__mro__)

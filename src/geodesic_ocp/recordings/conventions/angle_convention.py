@@ -38,7 +38,7 @@ class AxisRotation:
 
     Attributes:
         axis: "x", "y", "z", "-x", ... or three numbers, in axes that earlier rotations have turned.
-        column: of the table; None for a constant rotation.
+        column: column of the table; None for a constant rotation.
         sign: factor of the column's angle.
         offset: [deg].
         optional: whether a table without the column has the angle 0 there.
@@ -103,7 +103,7 @@ class SegmentRelation:
 
 @dataclass(frozen=True)
 class AngleConvention:
-    """Which rotations the columns of a table of joint angles stand for.
+    """Angle conventions: the rotations that columns of joint angles stand for.
 
     >>> from geodesic_ocp.recordings.conventions.angle_convention import (
     ...     AngleConvention, AxisRotation, SegmentRelation)
@@ -117,15 +117,15 @@ class AngleConvention:
     AngleConvention('mine': thorax, right upper arm)
 
     Attributes:
-        name: of the convention.
+        name: name of the convention.
         relations: parents before their children. Trunk segments ("pelvis", "abdomen", "thorax")
             whose columns the table lacks are upright, and are only what the arms refer to.
         source: where the convention is published.
         forward: axis of the neutral pose that points forward; those of ISB by default.
         up: axis that points up.
         position: columns of the position of the trunk's first segment in space [m], or none.
-        offsets: by segment, vectors in its axes that add up from there to the point midway between
-            the shoulders [m].
+        offsets: offsets by segment, vectors in its axes that add up from there to the point midway
+            between the shoulders [m].
 
     Raises:
         ValueError: a parent without a relation before it, a segment twice, or forward and up that

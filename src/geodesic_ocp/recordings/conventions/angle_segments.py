@@ -27,8 +27,8 @@ class ConvertedAngles:
     """Orientations of the segments of a table, and why other segments are left out.
 
     Attributes:
-        orientations: of the segments whose columns are there.
-        reasons: by segment that is left out.
+        orientations: orientations of the segments whose columns are there.
+        reasons: why segments are left out, by segment.
     """
 
     orientations: SegmentOrientations
@@ -48,9 +48,9 @@ def segments_of_angles(
     """The orientations of the segments whose columns are in the table.
 
     Args:
-        convention: of the angles.
+        convention: convention of the angles.
         time: (k,) [s].
-        columns: by name, (k,) [rad], positions [m].
+        columns: columns by name, (k,) [rad], positions [m].
         subject: the recorded person.
 
     Raises:
@@ -97,7 +97,7 @@ def segments_of_angles(
 
 
 def fits(convention: AngleConvention, names: set[str]) -> int:
-    """How many of these columns the convention needs; 0 if it gives no arm from them."""
+    """Return how many of these columns the convention needs; 0 if it gives no arm from them."""
     used = [set(each.columns) for each in convention.relations if set(each.columns) <= names]
     arms = any(
         relation.segment.endswith("upper arm")

@@ -68,8 +68,8 @@ def joint_angles(orientations: SegmentOrientations, joints: Sequence[str] | None
     branch: every sample continues the one before, and the first is within the limits where it can.
 
     Args:
-        orientations: of the segments; the elbow needs upper arm and forearm, the wrist also the
-            hand.
+        orientations: orientations of the segments; the elbow needs upper arm and forearm, the wrist
+            also the hand.
         joints: names of the joints, such as RSx_joint, LWy_joint or BTz_joint, in the order of the
             result; all that the segments give by default.
 

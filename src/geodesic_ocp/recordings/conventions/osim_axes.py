@@ -37,7 +37,7 @@ _ACROSS, _ALONG = 0.6, 0.8
 def turning_axes(
     model: OsimModel, zero: Mapping[str, Array], parent: str, child: str
 ) -> dict[str, Array]:
-    """By coordinate, the rotation vector (3,) of the child in the parent's axes per unit."""
+    """Return the rotation vector (3,) of the child per unit, by coordinate."""
     found = {}
     for name in model.independent(model.path(child, parent)):
         ends = []
@@ -99,7 +99,7 @@ class ArmAxes:
     """Points and axes within the bodies of one arm.
 
     Attributes:
-        bodies: of upper arm, forearm and (if the model has one) hand.
+        bodies: bodies of upper arm, forearm and (if the model has one) hand.
         upper: axes x right, y forward, z up of the upper arm, as columns in its body (3, 3).
         elbow: centre of the elbow in the upper arm's body (3,) [m].
         wrist: centre of the wrist in the forearm's body (3,) [m].
@@ -146,7 +146,7 @@ def arm_axes(
     """The axes of the arm with these bodies of upper arm, forearm and hand (or without a hand).
 
     Args:
-        model: of the arm.
+        model: model of the arm.
         bodies: names.
         side: "right" or "left".
         zero: coordinates of the model, one sample of zeros.

@@ -60,8 +60,8 @@ class OsimConvention:
 
     Attributes:
         model: file (.osim).
-        bodies: by segment ("pelvis", "abdomen", "thorax", "right upper arm", ...), the name of the
-            body; those without an entry are recognised by `BODY_NAMES`. The forearm's body is the
+        bodies: bodies by segment ("pelvis", "abdomen", "thorax", "right upper arm", ...), the
+            names of the bodies; those without an entry are recognised by `BODY_NAMES`. The forearm's body is the
             one that turns with the palm, the radius.
         neutral: coordinates [deg] of the person who stands upright, arms hanging, palms towards the
             body; those without an entry are 0. Without any entry, the rotation of the forearm in
@@ -317,11 +317,11 @@ def model_segments(
     thorax.
 
     Args:
-        file: of the table, for messages.
-        model: of the coordinates.
+        file: file of the table, for messages.
+        model: model of the coordinates.
         convention: which bodies are the segments.
         time: (k,) [s].
-        columns: by name, (k,) [rad or m].
+        columns: columns by name, (k,) [rad or m].
 
     Raises:
         RecordingError: the model has no arm, is not upright along y, has none of the table's

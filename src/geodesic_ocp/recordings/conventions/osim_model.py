@@ -64,7 +64,7 @@ class OsimJoint:
     position is the sum of the translations along axes of the parent frame.
 
     Attributes:
-        name: of the joint.
+        name: name of the joint.
         parent: frame in the parent body.
         child: frame in the child body.
         rotations: in their order.
@@ -105,11 +105,11 @@ class OsimModel:
     """A model's tree of bodies.
 
     Attributes:
-        file: that it is from, for messages.
+        file: file that it is from, for messages.
         bodies: names, without the ground.
-        joints: by the body that they carry.
-        coordinates: by name.
-        couplers: by dependent coordinate.
+        joints: joints by the body that they carry.
+        coordinates: coordinates by name.
+        couplers: couplers by dependent coordinate.
         gravity: (3,) [m/s^2] in axes of the ground.
     """
 
@@ -241,7 +241,7 @@ def simm_spline(x: Array, y: Array) -> OsimFunction:
 
 
 def _third_derivative(x: Array, y: Array) -> float:
-    """Of the cubic through four points."""
+    """Return the third derivative of the cubic through four points."""
     return float(
         6.0 * sum(y[i] / np.prod([x[i] - x[j] for j in range(4) if j != i]) for i in range(4))
     )
@@ -277,7 +277,7 @@ def text_of(element: ElementTree.Element, tag: str) -> str:
 
 
 def flag(element: ElementTree.Element, tag: str, default: bool = False) -> bool:
-    """Whether a child element says true."""
+    """Return whether a child element says true."""
     text = text_of(element, tag).lower()
     return text in ("true", "1") if text else default
 
@@ -388,7 +388,7 @@ def joint_of_set(
     """A joint of the JointSet, as in OpenSim 4.
 
     Args:
-        element: of the joint.
+        element: element of the joint.
         others: elements PhysicalOffsetFrame by name, outside of joints.
 
     Raises:
@@ -537,8 +537,8 @@ def body_poses(
     Coordinates without values follow their couplers, or have their default values.
 
     Args:
-        model: whose bodies.
-        values: by coordinate, (k,) [rad or m].
+        model: model whose bodies.
+        values: values by coordinate, (k,) [rad or m].
         bodies: names.
 
     Raises:

@@ -43,8 +43,8 @@ class SegmentOrientations:
 
     Attributes:
         time: increasing times (k,) [s].
-        rotations: by segment, from its axes to a space with z up, (k, 3, 3); a segment that the
-            recording does not have is left out.
+        rotations: rotations by segment, from its axes to a space with z up, (k, 3, 3); a segment
+            that the recording does not have is left out.
         trunk: pose of the thorax in that space, its origin midway between the shoulders; None if
             its position is not recorded.
         subject: the recorded person.

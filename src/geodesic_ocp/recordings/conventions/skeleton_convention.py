@@ -31,9 +31,9 @@ class SkeletonConvention:
     ('Torso',)
 
     Attributes:
-        name: of the convention, for messages.
-        joints: by segment ("pelvis", "abdomen", "thorax", "right upper arm", "right forearm",
-            "right hand" and the same on the left), the name of the joint or bone that carries it,
+        name: name of the convention, for messages.
+        joints: joints by segment ("pelvis", "abdomen", "thorax", "right upper arm", "right
+            forearm", "right hand" and the same on the left), the name of the joint or bone that carries it,
             or the names that it may have, the best first. Names are compared without regard to
             case, spaces, hyphens, underscores and a namespace in front of a colon.
         up: axis of the file, such as "+y", that points upwards in the rest pose; by default it is
@@ -42,10 +42,10 @@ class SkeletonConvention:
         space_up: vertical axis of the space in which the person moves; `up` by default.
         rest: the pose in which the person stands upright with straight arms: "zero" (all joint
             angles are zero) or "first frame".
-        twist: by segment of the arms, how far its axes are turned about its long axis in the rest
-            pose, against those of `neutral_frames` [deg].
-        unit: of lengths in the file: "m", "cm", "mm", "in", or metres per unit; None if the file
-            or its format says it, or if it is not known.
+        twist: twist by segment of the arms, how far its axes are turned about its long axis in the
+            rest pose, against those of `neutral_frames` [deg].
+        unit: unit of lengths in the file: "m", "cm", "mm", "in", or metres per unit; None if the
+            file or its format says it, or if it is not known.
 
     Raises:
         ValueError: a segment, axis, rest pose or unit of another name.

@@ -26,9 +26,9 @@ class Skeleton:
     """A tree of joints in its rest pose, in which the frames of all joints are parallel.
 
     Attributes:
-        names: of the n joints, parents before their children; empty at the ends of limbs.
+        names: names of the n joints, parents before their children; empty at the ends of limbs.
         parents: index of each joint's parent; -1 for the root.
-        offsets: of each joint from its parent in the rest pose, (n, 3), in the file's unit.
+        offsets: offsets of each joint from its parent in the rest pose, (n, 3), in the file's unit.
         hinges: unit axis (3,) in the rest pose, by index, of joints that turn about one axis only.
     """
 
@@ -235,9 +235,9 @@ def body_axes(
 
     Args:
         file: for messages.
-        convention: with up and forward, or without.
+        convention: convention with up and forward, or without.
         segments: joint by segment.
-        positions: of all joints in the rest pose, (n, 3).
+        positions: positions of all joints in the rest pose, (n, 3).
 
     Raises:
         RecordingError: the rest pose does not show these axes.
@@ -405,8 +405,8 @@ def skeleton_segments(
 
     Args:
         file: for messages.
-        motion: of the skeleton.
-        convention: of names and axes; the known one that fits best by default.
+        motion: motion of the skeleton.
+        convention: convention of names and axes; the known one that fits best by default.
         unit: metres per unit of length; without it, or with one arm only, the trunk's pose is not
             known.
         subject: the recorded person.

@@ -37,7 +37,7 @@ Lines = list[tuple[int, list[str]]]  # number of the line and its words
 
 @dataclass
 class AcclaimBone:
-    """What the file says of a bone, and the line on which it begins."""
+    """A bone's description in the file, and the line on which it begins."""
 
     line: int
     name: str = ""
@@ -205,11 +205,11 @@ class AcclaimSkeleton:
 
     Attributes:
         skeleton: one joint a bone, at its start; the first is "root".
-        dofs: by bone, the numbers that a motion gives, such as ("rx", "rz"); bones without any
-            are left out.
-        orders: by bone, in which order the rotations are applied: "XYZ" turns about x first, so
-            that M = Rz Ry Rx.
-        frames: by bone, the axes C (3, 3) about which it turns: its rotation is C M C'.
+        dofs: degrees of freedom by bone, the numbers that a motion gives, such as ("rx", "rz");
+            bones without any are left out.
+        orders: orders by bone, in which order the rotations are applied: "XYZ" turns about x first,
+            so that M = Rz Ry Rx.
+        frames: frames by bone, the axes C (3, 3) about which it turns: its rotation is C M C'.
         unit: metres per unit of length, or None if the file states none.
         angle: radians per unit of angle, or None.
     """
@@ -317,7 +317,7 @@ def read_amc(
         rate: frames per second [Hz]; by default that of the file's line ':samples-per-second', or
             else 120 Hz, that of the CMU database.
         convention: which bones carry which segments; the known one that fits best by default.
-        unit: of lengths, "m", "cm", "mm", "in" or metres; by default that of the skeleton.
+        unit: unit of lengths, "m", "cm", "mm", "in" or metres; by default that of the skeleton.
 
     Raises:
         RecordingError: there is no skeleton, either file is malformed, or the frames do not give

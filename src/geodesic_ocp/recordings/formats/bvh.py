@@ -192,7 +192,7 @@ def read_bvh(
     Args:
         file: the .bvh.
         convention: which joints carry which segments; the known one that fits best by default.
-        unit: of lengths, "m", "cm", "mm", "in" or metres; the format has none, and without it
+        unit: unit of lengths, "m", "cm", "mm", "in" or metres; the format has none, and without it
             there is no pose of the trunk.
 
     Raises:

@@ -36,16 +36,16 @@ _SATURATED = 65535  # of a frame number in the header, in longer files
 
 @dataclass(frozen=True)
 class C3dHeader:
-    """What describes the frames of a c3d file.
+    """Description of the frames of a c3d file.
 
     Attributes:
-        order: of bytes, "<" or ">".
+        order: order of bytes, "<" or ">".
         is_dec: whether floats are those of DEC.
         points: number of points in every frame.
         analog: number of analog samples in every frame.
         first, last: numbers of the first frame and of the last.
-        scale: of integer coordinates; negative if coordinates are floats.
-        rate: of frames [Hz].
+        scale: scale of integer coordinates; negative if coordinates are floats.
+        rate: rate of frames [Hz].
         data: byte at which the frames begin.
         parameters: numbers or strings by group and name, in capitals.
     """

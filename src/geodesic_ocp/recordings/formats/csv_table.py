@@ -35,7 +35,7 @@ def finite_number(where: str, name: str, text: str) -> float:
 
     Args:
         where: the file and the line.
-        name: of the column.
+        name: name of the column.
         text: in the cell.
 
     Raises:
@@ -59,10 +59,10 @@ class CsvText:
 
     Attributes:
         file: from which it was read.
-        scale: of its unit, to radians or metres.
+        scale: scale of its unit, to radians or metres.
         subject: the person that its notes describe.
         header: names of the columns.
-        lines: of the rows, as text.
+        lines: lines of the rows, as text.
         start: number of lines before them.
     """
 
@@ -77,7 +77,7 @@ class CsvText:
         """Numbers in these columns (k, n), in this order; the others may contain anything.
 
         Args:
-            names: of the columns.
+            names: names of the columns.
             blank: what an empty cell, or one with nan, stands for; None refuses it.
 
         Raises:
@@ -145,7 +145,7 @@ def read_csv_text(file: Path, units: dict[str, float], examples: tuple[str, str]
 
 
 def _hint(line: str, header: Sequence[str]) -> str:
-    """What may be wrong with a header, as the end of a message."""
+    """Return what may be wrong with a header, as the end of a message."""
     if {";", "\t"} & set(line):
         return "; separate columns by commas, and write decimals with a point"
     like = next((name for name in header if re.match(r"time\b|t\b|zeit\b", name, re.I)), None)

@@ -52,8 +52,8 @@ def thorax_motion(root: FrameMotion, angles: Array, height: float) -> FrameMotio
 
     Args:
         root: poses of the pelvis.
-        angles: of `TRUNK_JOINTS` (k, 6) [rad].
-        height: of the person [m].
+        angles: angles of `TRUNK_JOINTS` (k, 6) [rad].
+        height: height of the person [m].
     """
     rotation = scipy.spatial.transform.Rotation
     lengths = trunk()

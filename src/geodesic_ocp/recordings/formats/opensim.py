@@ -55,7 +55,7 @@ class CoordinateTable:
 
     Attributes:
         time: (k,) [s].
-        names: of the n coordinates.
+        names: names of the n coordinates.
         values: (k, n) [rad, or m for translations].
     """
 
@@ -68,7 +68,7 @@ class CoordinateTable:
 
 
 def is_translation(name: str) -> bool:
-    """Whether a coordinate of this name is a length, such as pelvis_tx or box_transX."""
+    """Return whether a coordinate of this name is a length, such as pelvis_tx or box_transX."""
     return _TRANSLATION.search(name) is not None
 
 

@@ -85,7 +85,7 @@ def _without_comments(lines: list[str]) -> list[str]:
 
 
 def _is_acclaim(lines: list[str]) -> bool:
-    """Whether it is a motion (.amc), or the skeleton (.asf) that belongs to one."""
+    """Return whether it is a motion (.amc), or the skeleton (.asf) that belongs to one."""
     words = (":version", ":root", ":bonedata", ":units", ":fully-specified", ":degrees", ":radians")
     first = _without_comments(lines)[:1]
     if lines[0].lower().startswith("#!oml:") or first[:1] == ["1"]:

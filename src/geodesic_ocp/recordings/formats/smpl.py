@@ -134,7 +134,7 @@ def _arrays(file: Path) -> dict[str, Array]:
 
 
 def _needed(file: Path, names: list[str]) -> list[str]:
-    """Of the names of arrays, those of the poses and of the rate."""
+    """Return the names of the arrays of poses and of the rate."""
     rate = [name for name in _RATES if name in names][:1]
     parts = "poses" not in names and set(_PARTS) <= set(names)
     poses = [*_PARTS] if parts else ["poses"]

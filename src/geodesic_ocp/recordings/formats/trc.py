@@ -122,7 +122,7 @@ def _markers(file: Path, lines: list[str]) -> dict[str, int]:
 
 
 def _is_axes(cells: list[str]) -> bool:
-    """Whether this is the line X1, Y1, Z1, ..."""
+    """Return whether this is the line X1, Y1, Z1, ..."""
     return all(re.fullmatch(r"[XYZ]\d+", cell) for cell in cells if cell)
 
 

@@ -31,7 +31,7 @@ _SIDES = {"right": "R", "left": "L"}
 
 @dataclass(frozen=True, eq=False)
 class Attachment:
-    """Where a point is fixed: index of the joint, and rotation and origin of its segment on it.
+    """Return where a point is fixed: its joint's index, its segment's rotation and origin.
 
     Index 0 is the base of the model, -1 the thorax that carries an arm's base.
     """
@@ -66,7 +66,7 @@ class MarkedBody:
         return found[0] if len(found) == 1 else None
 
     def base(self, lengths: Any) -> Any:
-        """From the root to the model's base (3,) [m], for lengths relative to the model's."""
+        """Return the vector from the root to the model's base (3,) [m], for relative lengths."""
         if self.lone_side is None or self.height is None:
             return np.zeros(3)
         across = trunk().half_width * self.height * (1.0 if self.lone_side == "right" else -1.0)
@@ -119,7 +119,7 @@ class MarkedBody:
         return factors
 
     def attachment(self, segment: str) -> Attachment:
-        """Where a segment, or a frame or joint of the model, is.
+        """Return the place of a segment, or of a frame or joint of the model.
 
         Raises:
             ValueError: the model has none of that name.
@@ -139,7 +139,7 @@ class MarkedBody:
         raise ValueError(f"the model {self.model.name!r} has no segment or frame {segment!r}")
 
     def has(self, segment: str) -> bool:
-        """Whether markers on this segment can be fitted."""
+        """Return whether markers on this segment can be fitted."""
         try:
             self.attachment(segment)
         except ValueError:

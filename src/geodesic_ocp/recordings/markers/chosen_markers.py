@@ -1,4 +1,4 @@
-"""What a fit starts from: settings, markers and where they belong, and how tall the person is."""
+"""The input of a fit: settings, markers and their places, and the person's height."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ class ChosenMarkers:
         set_name: name of the marker set.
         names: in the recording (m,).
         observed: their positions (k, m, 3) [m], NaN where missing.
-        segments: that they are fixed to.
+        segments: segments that they are fixed to.
         places: on these segments, at the height of the body's model (m, 3) [m].
-        uncertainty: of the places (m,) [m].
+        uncertainty: uncertainty of the places (m,) [m].
         left_out: names of the recording that are not used.
     """
 
@@ -141,7 +141,7 @@ def standing_height(positions: Markers) -> float | None:
 
 @dataclass(frozen=True)
 class KnownHeight:
-    """What is known of the person's height before the fit.
+    """Return what is known of the person's height before the fit.
 
     Attributes:
         factor: from the model's height to the person's.

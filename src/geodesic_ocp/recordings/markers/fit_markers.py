@@ -56,7 +56,7 @@ class FrameSearch:
     The shared variables are zero.
 
     Attributes:
-        problem: of the fit.
+        problem: problem of the fit.
         outlier: [m], see `fit_markers`.
     """
 
@@ -139,11 +139,11 @@ class FittedVariables:
     """Values of a fit's variables.
 
     Attributes:
-        problem: that they solve.
-        z: of the frames (k, nz).
+        problem: problem that they solve.
+        z: variables of the frames (k, nz).
         shared: (ns,).
         loose: joints that the markers do not determine (n,).
-        iterations: of Ipopt, in all.
+        iterations: iterations of Ipopt, in all.
     """
 
     problem: FitProblem
@@ -269,8 +269,8 @@ def fit_markers(
 
     Args:
         model: `human_arm`, `human_upper_body`, or any model with points on its frames.
-        positions: of markers or joints, in a space with z up (see `up`), or for base="fixed" in the
-            axes and from the origin of the model's base.
+        positions: positions of markers or joints, in a space with z up (see `up`), or for
+            base="fixed" in the axes and from the origin of the model's base.
         marker_set: where the markers are, or a JSON or TOML file with the attributes of a
             `MarkerSet`; None: of the Master Motor Map's set, that of Plug-in Gait, centres of
             joints ("right elbow"), and frames of the model by name, the one that most names of the
@@ -280,10 +280,10 @@ def fit_markers(
         estimate: any of "lengths" (of upper arm, forearm and shoulders, and the body height if it
             is not known) and "offsets" (of markers from their places), which stay near those of
             model and marker set.
-        height: of the person [m], to which the model is scaled; None: that of the recording's
-            subject, if it is known; else, if lengths are estimated, from markers of head and feet
-            of a person who stands (names of the Master Motor Map and Plug-in Gait), or from the
-            lengths of the segments; else that of the model.
+        height: height of the person [m], to which the model is scaled; None: that of the
+            recording's subject, if it is known; else, if lengths are estimated, from markers of
+            head and feet of a person who stands (names of the Master Motor Map and Plug-in Gait),
+            or from the lengths of the segments; else that of the model.
         limits: whether joints keep their limits.
         noise: expected error of the markers [m].
         acceleration, jerk: expected root mean squares [rad/s^2], [rad/s^3].

@@ -81,18 +81,18 @@ class FitProgram:
 
 @dataclass(frozen=True, eq=False)
 class FitProblem:
-    """What is sought, and from which markers.
+    """The unknowns of a fit, and the markers that it uses.
 
     The variables of a frame are the root's position [m] and angles about z, y and x, if it moves,
     and the joints of the model. Shared are lengths, in units of their spread, and offsets relative
     to the marker set's, in units of the marker's uncertainty.
 
     Attributes:
-        body: with its root.
+        body: body with its root.
         chosen: the m markers.
         known: what is known of the height.
-        settings: of the fit.
-        axes: of the space in which the root's angles are taken (3, 3).
+        settings: settings of the fit.
+        axes: axes of the space in which the root's angles are taken (3, 3).
     """
 
     body: MarkedBody
@@ -103,7 +103,7 @@ class FitProblem:
 
     @property
     def moves(self) -> bool:
-        """Whether the root moves."""
+        """True if the root moves."""
         return self.settings.base == "free"
 
     @property
@@ -123,7 +123,7 @@ class FitProblem:
 
     @cached_property
     def _sought(self) -> NDArray[np.bool_]:
-        """Which of the lengths are estimated: those between markers, and a height not known."""
+        """Which lengths are estimated: those between markers, and an unknown height."""
         segments = self.chosen.segments
         on_arm = [each.startswith(("right", "left")) for each in segments]
         found = {"height": self.known.spread > 0.0, SHOULDERS: any(on_arm) and not all(on_arm)}
@@ -135,7 +135,7 @@ class FitProblem:
 
     @cached_property
     def _spreads(self) -> Array:
-        """Of all lengths and of all offsets, marker after marker; zero where they are not sought.
+        """Spreads of lengths and of offsets, marker after marker; zero where not sought.
 
         The others are the shared variables.
         """

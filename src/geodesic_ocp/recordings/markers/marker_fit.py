@@ -87,19 +87,19 @@ class MarkerFit:
     """A motion that was fitted to markers, and how well it fits.
 
     Attributes:
-        motion: of the model's joints, with the pose of the thorax if it is known, and the subject
-            with the height.
-        model: with the lengths of the person.
+        motion: motion of the model's joints, with the pose of the thorax if it is known, and the
+            subject with the height.
+        model: model with the lengths of the person.
         base: pose of the model's base in the space of the markers; None if it is fixed.
-        names: of the m markers that were fitted.
-        segments: that they are fixed to.
+        names: names of the m markers that were fitted.
+        segments: segments that they are fixed to.
         errors: distances of markers from their fitted positions (k, m) [m]; NaN where missing.
-        weights: that the markers kept, from 1 to 0 (k, m); NaN where missing.
+        weights: weights that the markers kept, from 1 to 0 (k, m); NaN where missing.
         lost: spans of time in which markers lost their weight.
         offsets: on the segments [m], by marker, for the model's lengths.
-        lengths: of segments [m] by name; "shoulder half width" is half the distance between the
-            shoulders.
-        height: of the person [m], or None for a model that is not of a person.
+        lengths: lengths of segments [m] by name; "shoulder half width" is half the distance between
+            the shoulders.
+        height: height of the person [m], or None for a model that is not of a person.
         height_from: where the height was taken from, in words.
         undetermined: joints that the markers do not determine for at least half of the time, where
             smoothness and limits choose.
@@ -108,8 +108,8 @@ class MarkerFit:
             are not determined.
         marker_set: name of the marker set.
         left_out: markers of the recording that were not used.
-        seconds: that the fit took.
-        iterations: of Ipopt.
+        seconds: seconds that the fit took.
+        iterations: iterations of Ipopt.
     """
 
     motion: Motion
@@ -263,12 +263,12 @@ _PART = 0.3  # of a joint in such a motion of unit length
 def undetermined_joints(
     problem: FitProblem, z: Array, shared: Array, seen: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Which joints (n,) can move, alone or along with others, without moving the markers.
+    """Return which joints (n,) can move, alone or with others, without moving the markers.
 
     Joints that do so in at least half of the frames, of which up to 50 are considered.
 
     Args:
-        problem: of the fit.
+        problem: problem of the fit.
         z: variables of the frames (k, nz).
         shared: variables of all frames (ns,).
         seen: which markers are (k, m).
@@ -293,11 +293,11 @@ def constant_errors(
     considered.
 
     Args:
-        problem: of the fit.
+        problem: problem of the fit.
         time: (k,) [s].
         z: variables of the frames (k, nz).
         shared: variables of all frames (ns,).
-        weights: of the markers (k, m); NaN where missing.
+        weights: weights of the markers (k, m); NaN where missing.
     """
     noise, estimated = problem.settings.noise, problem.settings.offsets
     if not estimated:

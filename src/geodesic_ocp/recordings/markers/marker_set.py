@@ -1,4 +1,4 @@
-"""Where markers are fixed to the segments of a person or the frames of a model."""
+"""Marker sets: where markers are fixed to a person's segments or a model's frames."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ class MarkerSet:
     >>> watch = go.recordings.MarkerSet("watch", {"dial": dial}, unit="m")
 
     Attributes:
-        name: of the set.
+        name: name of the set.
         places: segment and offset (3,) by marker.
-        unit: of the offsets: "height" for fractions of the person's height, or "m".
+        unit: unit of the offsets: "height" for fractions of the person's height, or "m".
         uncertainty: how far a marker may be from its place, as a standard deviation [m], one for
             all or by marker (0 where it is not named); offsets of markers that are certain are not
             estimated.

@@ -18,7 +18,7 @@ class Markers:
 
     Attributes:
         time: increasing times (k,) [s] of at least two samples.
-        names: of the m markers.
+        names: names of the m markers.
         positions: (k, m, 3) [m]; NaN where a marker is missing.
         subject: the recorded person.
 

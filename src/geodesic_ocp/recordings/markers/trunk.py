@@ -22,7 +22,7 @@ def _in_three(points: Array) -> NDArray[np.int64]:
 
 
 def _aligned(places: Array, points: Array) -> tuple[Array, ...]:
-    """How the points of frames (k, m, 3) follow from their places on a rigid body (m, 3).
+    """Fit rigid motions to the points of frames (k, m, 3) from places on a body (m, 3).
 
     By least squares (Kabsch, Acta Crystallographica A 32, 1976).
 
@@ -52,7 +52,7 @@ def rigid_errors(places: Array, points: Array) -> tuple[float, float]:
     Medians over up to 200 frames with three points or more, infinite without any.
 
     Args:
-        places: of the points on the body (m, 3) [m].
+        places: places of the points on the body (m, 3) [m].
         points: observed (k, m, 3) [m], NaN where missing.
     """
     rows = _in_three(points)
@@ -82,7 +82,7 @@ def rigid_poses(places: Array, observed: Array, time: Array) -> tuple[Array, Arr
     By least squares in every frame with three points seen or more, in the others interpolated.
 
     Args:
-        places: of the points on the body (m, 3) [m].
+        places: places of the points on the body (m, 3) [m].
         observed: (k, m, 3) [m], NaN where missing.
         time: (k,) [s].
 

@@ -35,7 +35,7 @@ class KnownAlignment:
     Attributes:
         joint: at the shoulder, with all joints at zero or at the limit nearest to zero.
         base, hand: columns of the rotations of `Alignment`.
-        side: of the body.
+        side: side of the body.
         elbow, wrist: joints.
     """
 
@@ -171,7 +171,7 @@ def propose_alignment(robot: Model, *, side: Side | None = None) -> Alignment:
 
     Args:
         robot: the arm.
-        side: of the body; None: where the shoulder is, or right for a single arm.
+        side: side of the body; None: where the shoulder is, or right for a single arm.
 
     Raises:
         ValueError: fewer than two revolute joints, or an unknown side.

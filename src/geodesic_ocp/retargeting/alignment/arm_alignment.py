@@ -1,4 +1,4 @@
-"""How the arms of a person and of a robot correspond."""
+"""Alignment: how the arms of a person and of a robot correspond."""
 
 from __future__ import annotations
 
@@ -114,8 +114,8 @@ class Alignment(ShortRepr):
         hand: rotation (3, 3) whose columns are the axes of the robot's hand in those of the
             person's: x to the right and y backward of the hanging hand with the palm to the body,
             z along the fingers.
-        length: of the robot's arm: the largest distance of the hand from that position [m].
-        side: of the body, "right" or "left"; recordings of the other side are mirrored. None:
+        length: length of the robot's arm: the largest distance of the hand from that position [m].
+        side: side of the body, "right" or "left"; recordings of the other side are mirrored. None:
             either side.
         elbow: name of the joint that bends the arm between upper arm and forearm; None: not known.
         wrist: name of the joint whose origin is the centre of the wrist; None: not known.

@@ -26,7 +26,7 @@ class BaseAxes(NamedTuple):
 
     Attributes:
         rotation: (3, 3), its columns are right, forward and up in the base frame.
-        side: of the body.
+        side: side of the body.
         reason: what they were taken from, a sentence.
     """
 

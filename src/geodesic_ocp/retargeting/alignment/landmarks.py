@@ -22,7 +22,7 @@ _NUM_RANDOM, _NUM_STARTS = 256, 5
 
 @dataclass(frozen=True, eq=False)
 class Landmarks:
-    """Where the joints of an arm are.
+    """Landmarks: where the joints of an arm are.
 
     Attributes:
         home: configuration (n,): zero, or the nearest to it within the limits.
@@ -204,6 +204,6 @@ def _elbow_and_wrist(
 
 
 def _bends(axes: JointAxes, number: int, elbow: int, hand: Array) -> bool:
-    """Whether the axis is across the arm, rather than along it."""
+    """Return whether the axis is across the arm, rather than along it."""
     along = hand - axes.origins[elbow]
     return bool(abs(along @ axes.directions[number]) < np.sqrt(0.5) * np.linalg.norm(along))
