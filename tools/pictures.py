@@ -1,21 +1,31 @@
-"""Make the animations and the figure of the documentation: docs/show.gif, reach.gif, panda.png.
+"""Make the pictures of the documentation: docs/show.gif, reach.gif, panda.png, and two of evidence.
 
 Usage:  python tools/pictures.py [--out FOLDER] [show.gif] [reach.gif] [panda.png]
+        python tools/pictures.py --recordings FILE:SIDE [FILE:SIDE ...] -- scores.png inertia.png
 
 show.gif is the bundled recording beside its retargeting on the Panda, in which poses may be missed
 by up to 4 cm or 0.04 rad where attaining them takes a detour; panda.png the figure of the same with
 the default settings; reach.gif the reach past a lamp of the README. It needs the extras robots and
 viewer, and takes about a minute. The same files follow from the same versions of the packages.
+scores.png has the errors of all methods relative to straight lines, inertia.png those of geodesics
+by their joint inertia, on the given recordings and the bundled one.
 """
 
 from __future__ import annotations
 
 import argparse
+import textwrap
+from collections.abc import Callable
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.stats import gmean
+
 import geodesic_ocp as go
+from geodesic_ocp.figures.styles import new_figure
 from geodesic_ocp.scenes.playback_of import playback_of
 from geodesic_ocp.viewer.save_video import save_video
 
@@ -28,17 +38,93 @@ DPI = 150.0
 def main() -> None:
     """Run the command line."""
     makers = {"show.gif": make_show, "reach.gif": make_reach, "panda.png": make_figure}
+    figures = {"scores.png": draw_scores, "inertia.png": draw_inertia}
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--out", type=Path, default=DOCS, help="folder (default: docs)")
-    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(makers))
+    parser.add_argument("--recordings", nargs="+", default=[], metavar="FILE:SIDE")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join([*makers, *figures]))
     options = parser.parse_args()
-    unknown = [name for name in options.names if name not in makers]
+    unknown = [name for name in options.names if name not in {**makers, **figures}]
     if unknown:
-        parser.error(f"{unknown[0]} must be one of {', '.join(makers)}")
+        parser.error(f"{unknown[0]} must be one of {', '.join([*makers, *figures])}")
     for name in options.names or makers:
         path = options.out / name
-        makers[name](path)
+        if name in makers:
+            makers[name](path)
+        else:
+            figure = new_figure(7.5, 3.4)
+            figures[name](figure, read(options.recordings))
+            figure.savefig(path, dpi=DPI)
         print(f"{path}: {path.stat().st_size / 1e6:.2f} MB")
+
+
+MEASURES = {
+    "joint_mean": "joints",
+    "position_mean": "hand position",
+    "rotation_angle": "orientation",
+}
+LINES = "straight lines"
+
+
+def read(recordings: list[str]) -> list[go.recordings.Recording]:
+    """The given recordings and the bundled one."""
+    sources = [*recordings, f"{files('geodesic_ocp') / 'data' / 'climb.csv'}:left"]
+    parts = [text.rpartition(":") for text in sources]
+    return [
+        each
+        for path, _, side in parts
+        for each in go.recordings.read_recordings(path, "left" if side == "left" else "right")
+    ]
+
+
+def draw_scores(figure: Figure, recordings: list[go.recordings.Recording]) -> None:
+    """Errors of the methods relative to straight lines, a point for each recording."""
+    comparison = go.studies.compare_methods(recordings)
+    methods = [name for name in comparison.methods if name != LINES]
+    places = np.arange(len(methods))[::-1]
+    panels = figure.subplots(1, 3, sharey=True)
+    for axes, (measure, label) in zip(panels, MEASURES.items(), strict=True):
+        table = comparison.by_recording(measure)
+        ratios = table[methods].div(table[LINES], axis=0)
+        axes.plot(ratios.T.to_numpy(), places, "o", color="0.55", fillstyle="none", markersize=4.0)
+        axes.plot(ratios.apply(gmean), places, "D", color="#1f3a5f", markersize=5.0)
+        axes.axvline(1.0, color="0.3", linewidth=0.8, linestyle="--")
+        axes.set(xscale="log", xlabel=f"error of {label}\n/ that of straight lines")
+        axes.set_xticks([0.25, 0.5, 1.0, 2.0, 4.0], ["¼", "½", "1", "2", "4"])
+        axes.minorticks_off()
+    panels[0].set_yticks(places, [textwrap.fill(name, 24) for name in methods])
+
+
+def draw_inertia(figure: Figure, recordings: list[go.recordings.Recording]) -> None:
+    """Errors of geodesics relative to straight lines, by joint inertia, a line for each recording."""
+    default = 0.03
+    shares = (default, 0.0, 0.003, 0.006, 0.012, 0.06, 0.12, 0.25, 0.5)  # the first cuts
+
+    def metric(share: float) -> Callable[[go.Model], go.Metric]:
+        def of(arm: go.Model) -> go.Metric:
+            inertia = share / default * go.manifold.default_joint_inertia(arm)
+            return go.KineticEnergy(arm.with_armature(inertia))
+
+        return of
+
+    metrics = {str(share): metric(share) for share in shares}
+    comparison = go.studies.compare_methods(
+        recordings, metrics | {LINES: lambda arm: go.Euclidean(arm.dof)}
+    )
+    panels = figure.subplots(1, 3, sharey=True)
+    for axes, (measure, label) in zip(panels, MEASURES.items(), strict=True):
+        table = comparison.by_recording(measure)
+        ratios = table[[str(share) for share in sorted(shares)]].div(table[LINES], axis=0).T
+        x = np.maximum(sorted(shares), 0.0015)
+        axes.plot(x, ratios, color="0.7", linewidth=0.8)
+        axes.plot(x, ratios.apply(gmean, axis=1), "o-", color="#1f3a5f", markersize=3.5)
+        axes.axhline(1.0, color="0.3", linewidth=0.8, linestyle="--")
+        axes.axvline(default, color="#d98c1f", linewidth=0.8, linestyle=":")
+        axes.set(xscale="log", yscale="log", xlabel="joint inertia $a/(m r^2)$", title=label)
+        axes.set_xticks([0.0015, 0.01, default, 0.1, 0.5], ["0", "0.01", "0.03", "0.1", "0.5"])
+        axes.set_yticks([0.5, 1.0, 2.0, 4.0], ["½", "1", "2", "4"])
+        axes.minorticks_off()
+    panels[0].set_ylabel("error / that of straight lines")
 
 
 def make_show(path: Path) -> None:
