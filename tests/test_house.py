@@ -14,7 +14,7 @@ SOURCE = Path(__file__).resolve().parents[1] / "src" / "geodesic_ocp"
 PACKAGE = SOURCE.name
 # From the ground up: a module imports from its own layer and from those before it.
 LAYERS = [
-    ("errors", "progress", "arrays", "latex", "table", "records"),
+    ("errors", "progress", "arrays", "tables", "records"),
     ("ipopt", "compiled"),
     ("cells", "blocks"),
     ("model",),

@@ -19,7 +19,7 @@ from geodesic_ocp.cli.terminal import check_folder, print_written, printed_warni
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.model.human import human_arm
-from geodesic_ocp.recordings.formats.csv_table import save_motion
+from geodesic_ocp.recordings.formats.delimited import save_motion
 from geodesic_ocp.recordings.markers.marker_fit import MarkerFit
 from geodesic_ocp.recordings.read_recording import read_motion, stature_of
 from geodesic_ocp.recordings.recording import Recording

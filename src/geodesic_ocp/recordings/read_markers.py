@@ -6,7 +6,7 @@ from os import PathLike
 from pathlib import Path
 
 from geodesic_ocp.errors import RecordingError
-from geodesic_ocp.recordings.formats.recognise import FORMATS, MARKERS, recognise
+from geodesic_ocp.recordings.formats.recognise import FORMATS, recognise
 from geodesic_ocp.recordings.markers.markers import (
     Axis,
     Markers,
@@ -40,27 +40,10 @@ def read_markers(path: str | PathLike[str], *, up: Axis | None = None) -> Marker
         as_axis(up)
     with named_failures(file):
         kind = recognise(file)
-        if kind not in MARKERS:
+        if FORMATS[kind].content != "markers":
             raise RecordingError(
-                f"{file}: {FORMATS[kind]} has no markers; read it with go.read_motion"
+                f"{file}: {FORMATS[kind].label} has no markers; read it with go.read_motion"
             )
-        markers = _read(kind, file)
+        markers: Markers = FORMATS[kind].read(file)
         check_plausible_size(markers)
     return markers if up is None else with_z_up(markers, up)
-
-
-def _read(kind: str, file: Path) -> Markers:
-    """Each reader is imported when it is needed."""
-    if kind == "c3d":
-        from geodesic_ocp.recordings.formats.c3d import read_c3d
-
-        return read_c3d(file)
-    if kind == "trc":
-        from geodesic_ocp.recordings.formats.trc import read_trc
-
-        return read_trc(file)
-    from geodesic_ocp.recordings.formats.trc import (
-        read_marker_table,
-    )
-
-    return read_marker_table(file)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from os import PathLike
@@ -20,7 +20,8 @@ from geodesic_ocp.model.human import (
     human_arm,
 )
 from geodesic_ocp.model.model import Model
-from geodesic_ocp.recordings.formats.recognise import FORMATS, MARKERS, recognise
+from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
+from geodesic_ocp.recordings.formats.recognise import FORMATS, recognise
 from geodesic_ocp.recordings.markers.marker_fit import DOUBTFUL, MarkerFit
 from geodesic_ocp.recordings.markers.marker_set import MarkerSet
 from geodesic_ocp.recordings.markers.markers import Axis, as_axis
@@ -78,25 +79,29 @@ def read_motion(
         raise ValueError(f"joints must be a sequence of names or None, got {joints!r}")
     with named_failures(file):
         kind = recognise(file)
-    if kind in MARKERS:
+    if FORMATS[kind].content == "markers":
         raise RecordingError(
-            f"{file}: {FORMATS[kind]} has markers, not joint angles; read it with "
+            f"{file}: {FORMATS[kind].label} has markers, not joint angles; read it with "
             "go.recordings.read_markers, and compute angles with go.recordings.fit_markers"
         )
-    reader, _ = _READERS[kind]
     arguments = {"convention": convention, "skeleton": skeleton, "rate": rate, "unit": unit}
     given = {name: value for name, value in arguments.items() if value is not None}
     check_stated(file, kind, given)
     with named_failures(file):
-        return reader(file, joints, **given)
+        if FORMATS[kind].content == "segments":
+            return joint_angles(FORMATS[kind].read(file, **given), joints)
+        motion: Motion = FORMATS[kind].read(file, joints, **given)
+        if kind != "opensim":  # whose tables state the unit of the angles
+            check_radians(motion.joint_names, motion.q)
+        return motion
 
 
 def check_stated(file: Path, kind: str, names: Iterable[str]) -> None:
     """Raise ValueError if arguments of these names do not apply to files of this format."""
     for name in names:
-        if name not in _stated(kind):
-            others = [FORMATS[each] for each in FORMATS if name in _stated(each)]
-            raise ValueError(f"{name} is for {' and '.join(others)}; {file} is {FORMATS[kind]}")
+        if name not in FORMATS[kind].arguments:
+            others = " and ".join(e.label for e in FORMATS.values() if name in e.arguments)
+            raise ValueError(f"{name} is for {others}; {file} is {FORMATS[kind].label}")
 
 
 def that_apply(file: Path, arguments: Mapping[str, Any]) -> dict[str, Any]:
@@ -108,68 +113,7 @@ def that_apply(file: Path, arguments: Mapping[str, Any]) -> dict[str, Any]:
         kind = recognise(file)
     except (RecordingError, OSError):
         return {}
-    return {name: value for name, value in arguments.items() if name in _stated(kind)}
-
-
-def _stated(kind: str) -> tuple[str, ...]:
-    return ("up", "marker_set") if kind in MARKERS else _READERS[kind][1]
-
-
-# Readers are imported when a file of their format is read.
-
-
-def _mmm(file: Path, joints: Sequence[str] | None) -> Motion:
-    from geodesic_ocp.recordings.formats.mmm import read_mmm
-
-    motion = read_mmm(file, joints)
-    check_radians(motion.joint_names, motion.q)
-    return motion
-
-
-def _table(file: Path, joints: Sequence[str] | None) -> Motion:
-    from geodesic_ocp.recordings.formats.csv_table import read_table
-
-    motion = read_table(file, joints)
-    check_radians(motion.joint_names, motion.q)
-    return motion
-
-
-def _amc(file: Path, joints: Sequence[str] | None, **given: Any) -> Motion:
-    from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
-    from geodesic_ocp.recordings.formats.amc import read_amc
-
-    return joint_angles(read_amc(file, **given), joints)
-
-
-def _bvh(file: Path, joints: Sequence[str] | None, **given: Any) -> Motion:
-    from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
-    from geodesic_ocp.recordings.formats.bvh import read_bvh
-
-    return joint_angles(read_bvh(file, **given), joints)
-
-
-def _opensim(file: Path, joints: Sequence[str] | None, **given: Any) -> Motion:
-    from geodesic_ocp.recordings.formats.opensim import read_opensim
-
-    return read_opensim(file, joints, **given)
-
-
-def _smpl(file: Path, joints: Sequence[str] | None, **given: Any) -> Motion:
-    from geodesic_ocp.recordings.conventions.joint_angles import joint_angles
-    from geodesic_ocp.recordings.formats.smpl import read_smpl
-
-    return joint_angles(read_smpl(file, **given), joints)
-
-
-# By format, the reader and the arguments of `read_motion` that apply to it.
-_READERS: dict[str, tuple[Callable[..., Motion], tuple[str, ...]]] = {
-    "mmm": (_mmm, ()),
-    "table": (_table, ()),
-    "amc": (_amc, ("convention", "skeleton", "rate", "unit")),
-    "bvh": (_bvh, ("convention", "unit")),
-    "opensim": (_opensim, ("convention",)),
-    "smpl": (_smpl, ("convention",)),
-}
+    return {name: value for name, value in arguments.items() if name in FORMATS[kind].arguments}
 
 
 def read_recording(
@@ -239,7 +183,7 @@ def read_recording(
     check_stated(
         file, kind, [name for name, each in (stated | of_markers).items() if each is not None]
     )
-    if kind in MARKERS:
+    if FORMATS[kind].content == "markers":
         fit = _from_markers(file, side, height, mass, armature, of_markers)
         arm, motion = fit.model, fit.motion
     else:

@@ -10,7 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import geodesic_ocp as go
-from geodesic_ocp.recordings.formats.opensim import is_translation, read_coordinates, read_opensim
+from geodesic_ocp.recordings.formats.delimited import is_translation, read_coordinates
+from geodesic_ocp.recordings.formats.opensim import read_opensim
 
 TABS = """Coordinates
 version=1

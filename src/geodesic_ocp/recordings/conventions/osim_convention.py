@@ -61,8 +61,8 @@ class OsimConvention:
     Attributes:
         model: file (.osim).
         bodies: bodies by segment ("pelvis", "abdomen", "thorax", "right upper arm", ...), the
-            names of the bodies; those without an entry are recognised by `BODY_NAMES`. The forearm's body is the
-            one that turns with the palm, the radius.
+            names of the bodies; those without an entry are recognised by `BODY_NAMES`. The
+            forearm's body is the one that turns with the palm, the radius.
         neutral: coordinates [deg] of the person who stands upright, arms hanging, palms towards the
             body; those without an entry are 0. Without any entry, the rotation of the forearm in
             that pose is the one in which the axis of wrist flexion points forward.

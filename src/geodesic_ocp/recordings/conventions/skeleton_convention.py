@@ -33,9 +33,9 @@ class SkeletonConvention:
     Attributes:
         name: name of the convention, for messages.
         joints: joints by segment ("pelvis", "abdomen", "thorax", "right upper arm", "right
-            forearm", "right hand" and the same on the left), the name of the joint or bone that carries it,
-            or the names that it may have, the best first. Names are compared without regard to
-            case, spaces, hyphens, underscores and a namespace in front of a colon.
+            forearm", "right hand" and the same on the left): the name of the joint or bone that
+            carries it, or the names that it may have, the best first. Names are compared without
+            regard to case, spaces, hyphens, underscores and a namespace in front of a colon.
         up: axis of the file, such as "+y", that points upwards in the rest pose; by default it is
             found from the rest pose.
         forward: axis that points forward there; found from the rest pose by default.

@@ -1,30 +1,18 @@
-"""Formats of recordings, told by the content of a file."""
+"""The catalogue of formats of recordings, recognized by the content of a file."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from typing import Any, Literal
 
 from geodesic_ocp.errors import RecordingError
 from geodesic_ocp.recordings.units import LENGTHS
 
 _HEAD = 1 << 16  # bytes from which a format is told
-
-#: Name of every format that is read, as messages call it.
-FORMATS = {
-    "mmm": "MMM XML",
-    "table": "a table (CSV)",
-    "amc": "ASF/AMC",
-    "bvh": "BVH",
-    "opensim": "OpenSim .mot and .sto",
-    "smpl": "AMASS-style .npz",
-    "trc": "TRC",
-    "c3d": "c3d",
-    "marker table": "a table of markers (CSV)",
-}
-#: Formats of marker positions; the others have joint angles or segment orientations.
-MARKERS = ("trc", "c3d", "marker table")
 
 # What other files begin with.
 _OTHERS = (
@@ -65,12 +53,12 @@ def recognise(file: Path) -> str:
     if head[1:2] == b"\x50" and b"\0" in head[:512] and not head.startswith(others):
         return "c3d"
     lines = [line.strip() for line in _text(head).splitlines() if line.strip()]
-    for name, is_format in _RECOGNISERS:
-        if lines and is_format(lines):
+    for name, each in FORMATS.items():
+        if lines and each.is_format(lines):
             return name
     raise RecordingError(
         f"{file}: is not a recording in a known format: it looks like {_other(head, lines)}. "
-        f"These are read: {', '.join(FORMATS.values())}"
+        f"These are read: {', '.join(each.label for each in FORMATS.values())}"
     )
 
 
@@ -127,15 +115,79 @@ def _columns(lines: list[str]) -> set[str]:
     return {name.strip(" \t\"'") for name in re.split(r"[,;\t]", first)}
 
 
-_RECOGNISERS: tuple[tuple[str, Callable[[list[str]], bool]], ...] = (
-    ("mmm", lambda lines: lines[0].startswith("<")),
-    ("trc", lambda lines: lines[0].lower().startswith("pathfiletype")),
-    ("bvh", lambda lines: lines[0].split()[0].upper() == "HIERARCHY"),
-    ("opensim", _is_opensim),
-    ("amc", _is_acclaim),
-    ("marker table", _is_marker_table),
-    ("table", _is_table),
-)
+def _never(lines: list[str]) -> bool:
+    """Return False: the format is told by its first bytes."""
+    del lines
+    return False
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of recordings.
+
+    Attributes:
+        label: name in messages.
+        content: "angles" (a Motion), "segments" (SegmentOrientations) or "markers" (Markers).
+        module, function: the reader, imported when a file of the format is read.
+        is_format: whether the lines of a text file, stripped and not empty, are of the format.
+        arguments: arguments of `read_recording` that apply to it.
+    """
+
+    label: str
+    content: Literal["angles", "segments", "markers"]
+    module: str
+    function: str
+    is_format: Callable[[list[str]], bool]
+    arguments: tuple[str, ...] = ()
+
+    def read(self, file: Path, *args: Any, **kwargs: Any) -> Any:
+        """Read a file of this format."""
+        module = import_module(f"geodesic_ocp.recordings.formats.{self.module}")
+        return getattr(module, self.function)(file, *args, **kwargs)
+
+
+_SKELETON = ("convention", "skeleton", "rate", "unit")
+_MARKERS = ("up", "marker_set")
+#: Every format that is read; a text file is of the first that recognises it.
+FORMATS: dict[str, Format] = {
+    "mmm": Format("MMM XML", "angles", "mmm", "read_mmm", lambda lines: lines[0].startswith("<")),
+    "trc": Format(
+        "TRC",
+        "markers",
+        "delimited",
+        "read_trc",
+        lambda lines: lines[0].lower().startswith("pathfiletype"),
+        _MARKERS,
+    ),
+    "amc": Format("ASF/AMC", "segments", "amc", "read_amc", _is_acclaim, _SKELETON),
+    "bvh": Format(
+        "BVH",
+        "segments",
+        "bvh",
+        "read_bvh",
+        lambda lines: lines[0].split()[0].upper() == "HIERARCHY",
+        ("convention", "unit"),
+    ),
+    "opensim": Format(
+        "OpenSim .mot and .sto",
+        "angles",
+        "opensim",
+        "read_opensim",
+        _is_opensim,
+        ("convention",),
+    ),
+    "marker table": Format(
+        "a table of markers (CSV)",
+        "markers",
+        "delimited",
+        "read_marker_table",
+        _is_marker_table,
+        _MARKERS,
+    ),
+    "table": Format("a table (CSV)", "angles", "delimited", "read_table", _is_table),
+    "c3d": Format("c3d", "markers", "c3d", "read_c3d", _never, _MARKERS),
+    "smpl": Format("AMASS-style .npz", "segments", "smpl", "read_smpl", _never, ("convention",)),
+}
 
 
 def _other(head: bytes, lines: list[str]) -> str:

@@ -13,7 +13,7 @@ _LARGEST = 1e9
 
 
 def read_lines(file: Path) -> list[str]:
-    """The lines of a text file, without their ends; bytes that are not text are replaced.
+    """Return the lines of a text file, without their ends: UTF-8, UTF-16 or Latin 1.
 
     Raises:
         RecordingError: the file cannot be read.
@@ -22,8 +22,13 @@ def read_lines(file: Path) -> list[str]:
         content = file.read_bytes()
     except OSError as failure:
         raise RecordingError(f"{file}: cannot be read: {failure.strerror}") from None
-    encoding = "utf-16" if content.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"
-    text = content.decode(encoding, errors="replace")
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        text = content.decode("utf-16", errors="replace")
+    else:
+        try:
+            text = content.decode("utf-8-sig")
+        except UnicodeDecodeError:  # older programs write names in Latin 1
+            text = content.decode("latin-1")
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
@@ -45,7 +50,3 @@ def numbers(file: Path, line: int, what: str, words: Sequence[str], count: int) 
         if not math.isfinite(value) or abs(value) > _LARGEST:
             raise RecordingError(f"{file}: line {line}: {what} has the value {value:g}")
     return values
-
-
-#: Radians in a unit of angle, by its name in lower case.
-#: Metres in a unit of length, by its name in lower case.

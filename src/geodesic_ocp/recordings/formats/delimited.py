@@ -1,0 +1,446 @@
+"""Delimited tables of recordings: joint angles and markers (CSV), TRC, and OpenSim's .mot and .sto.
+
+A table of joint angles or of markers (CSV) begins with notes, of which `unit` is required (rad or
+deg, or m, cm or mm), while `height` [m], `mass` [kg] and `subject` are optional::
+
+    # unit: mm
+    # height: 1.78
+    time,RSHO_x,RSHO_y,RSHO_z,...
+
+A TRC file, of Motion Analysis, begins with five lines: line 2 names the entries of line 3, among
+them Units; line 4 names the markers after Frame# and Time, one in three columns; line 5 names the
+coordinates X1, Y1, Z1. A marker is missing where its three cells are empty or nan, in TRC also
+where they are exactly zero.
+
+OpenSim's tables have a header of lines key=value that ends with endheader, then the names of the
+columns. `inDegrees` is about rotations; translations are in metres. In the state files of OpenSim
+4, of the columns /jointset/shoulder/elv_angle/value and .../speed the first is the coordinate
+elv_angle and the second is not read. Counts in the headers of TRC and OpenSim, which programs that
+edit such files often leave as they were, are compared with a warning. Time is in seconds.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from geodesic_ocp.arrays import Array
+from geodesic_ocp.errors import RecordingError
+from geodesic_ocp.recordings.formats.text_lines import read_lines
+from geodesic_ocp.recordings.markers.markers import Markers
+from geodesic_ocp.recordings.recording import ask_about_degrees, check_radians
+from geodesic_ocp.recordings.units import ANGLES, LENGTHS
+from geodesic_ocp.records import write_file
+from geodesic_ocp.tables import new_table
+from geodesic_ocp.trajectory.motion import Motion, Subject
+
+_MISSING = ("", "nan", "-nan")
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Cells of a table as text.
+
+    Attributes:
+        file: from which they were read.
+        names: names of the columns.
+        cells: one list of as many entries for each row.
+        lines: number of the line of each row.
+    """
+
+    file: Path
+    names: tuple[str, ...]
+    cells: list[list[str]]
+    lines: list[int]
+
+    def columns(self, names: Sequence[str], *, missing: bool = False) -> Array:
+        """Return numbers in these columns (k, n), in this order; others may contain anything.
+
+        Args:
+            names: names of the columns.
+            missing: read empty cells and nan as NaN; otherwise they are refused.
+
+        Raises:
+            RecordingError: an entry is not a finite number; the message names the line.
+        """
+        return self.at([self.names.index(name) for name in names], missing=missing)
+
+    def at(self, indices: Sequence[int], *, missing: bool = False) -> Array:
+        """Return numbers in the columns with these indices (k, n), see `columns`."""
+        rows = [
+            [
+                math.nan
+                if missing and row[index].lower() in _MISSING
+                else _finite_number(f"{self.file}: line {line}", self.names[index], row[index])
+                for index in indices
+            ]
+            for row, line in zip(self.cells, self.lines, strict=True)
+        ]
+        return np.array(rows, dtype=float).reshape(len(rows), len(indices))
+
+
+def _finite_number(where: str, name: str, text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        raise RecordingError(f"{where}: {name} is not a number: {text[:40]!r}") from None
+    if not math.isfinite(number):
+        raise RecordingError(f"{where}: {name} is {number}")
+    return number
+
+
+def _split(line: str, separator: str | None) -> list[str]:
+    """Return the entries of a line; a separator of None is any white space."""
+    entries = (
+        line.split() if separator is None else next(csv.reader([line], delimiter=separator), [])
+    )
+    return [entry.strip() for entry in entries]
+
+
+def _read_rows(
+    file: Path,
+    lines: Sequence[str],
+    start: int,
+    names: Sequence[str],
+    separator: str | None,
+    expected: str = "the header {}",
+) -> Rows:
+    """Return the rows that follow `start` lines; empty ones are left out.
+
+    Raises:
+        RecordingError: a row of another length than the names; the message names the line.
+    """
+    found = Rows(file, tuple(names), [], [])
+    for number, line in enumerate(lines[start:], start + 1):
+        if line.strip(" \t" if separator == "," else " ,\t"):
+            entries = _split(line, separator)
+            if separator != ",":  # lines of programs often end with separators
+                while len(entries) > len(names) and not entries[-1]:
+                    entries.pop()
+            if len(entries) != len(names):
+                count = expected.format(len(names))
+                raise RecordingError(f"{file}: line {number} has {len(entries)} entries, {count}")
+            found.cells.append(entries)
+            found.lines.append(number)
+    return found
+
+
+def _check_names(where: str, names: Sequence[str]) -> None:
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise RecordingError(f"{where} names {', '.join(twice)} more than once")
+
+
+def _compare(file: Path, header: Mapping[str, str], key: str, what: str, found: int) -> None:
+    if key in header and header[key] != str(found):
+        warnings.warn(
+            f"{file}: its header says {header[key][:40]} {what}, it has {found}; these are read",
+            RuntimeWarning,
+            stacklevel=4,
+        )
+
+
+def _read_csv(
+    file: Path, units: Mapping[str, float], examples: tuple[str, str]
+) -> tuple[Rows, float, Subject]:
+    """Return the rows of a table with notes, the scale of its unit, and the person.
+
+    Args:
+        file: to read.
+        units: radians or metres by the name of a unit.
+        examples: units that messages name.
+
+    Raises:
+        RecordingError: no unit or header, notes that contradict each other or are not positive
+            numbers, or a name that occurs twice; the message names the line.
+        UnicodeDecodeError, csv.Error: the file is not text in UTF-8, or not a table.
+    """
+    lines = file.read_text(encoding="utf-8-sig").splitlines()
+    notes: dict[str, str] = {}
+    first = 0
+    while first < len(lines) and (lines[first].startswith("#") or not lines[first].strip()):
+        key, colon, value = lines[first].lstrip("# ").partition(":")
+        key, value = key.strip().lower(), value.strip().rstrip(",; \t")
+        known = key in ("unit", "height", "mass", "subject")
+        if colon and notes.setdefault(key, value) != value and known:
+            raise RecordingError(
+                f"{file}: line {first + 1} gives the {key} again, with another value"
+            )
+        first += 1
+    if first == len(lines):
+        raise RecordingError(f"{file}: has no header with the names of columns")
+    unit = notes.get("unit", "")
+    if unit.lower() not in units:
+        raise RecordingError(
+            f"{file}: a line '# unit: {examples[0]}' or '# unit: {examples[1]}' must precede the "
+            f"header{f', not {unit[:40]!r}' if unit else ''}"
+        )
+    names = _split(lines[first], ",")
+    if "time" not in names or len(names) < 2:
+        raise RecordingError(
+            f"{file}: line {first + 1} must be a header with 'time' and names of columns, "
+            f"is {lines[first][:60]!r}" + _hint(lines[first], names)
+        )
+    _check_names(f"{file}: the header", names)
+    height, mass = (_positive_number(file, notes, key) for key in ("height", "mass"))
+    subject = Subject(height, mass, notes.get("subject", ""))
+    return _read_rows(file, lines, first + 1, names, ","), units[unit.lower()], subject
+
+
+def _hint(line: str, names: Sequence[str]) -> str:
+    """Return what may be wrong with a header, as the end of a message."""
+    if {";", "\t"} & set(line):
+        return "; separate columns by commas, and write decimals with a point"
+    like = next((name for name in names if re.match(r"time\b|t\b|zeit\b", name, re.I)), None)
+    return f"; if {like!r} is the time in seconds, name it time" if like is not None else ""
+
+
+def _positive_number(file: Path, notes: Mapping[str, str], key: str) -> float | None:
+    if key not in notes:
+        return None
+    try:
+        number = float(notes[key])
+    except ValueError:
+        number = np.nan
+    if not np.isfinite(number) or number <= 0.0:
+        raise RecordingError(f"{file}: '# {key}: {notes[key][:40]}' must be a positive number")
+    return number
+
+
+def read_table(file: Path, joints: Sequence[str] | None = None) -> Motion:
+    """Read the motion of these joints, or of all, from a table of joint angles.
+
+    Raises:
+        RecordingError: no unit or header, a missing joint, a row of the wrong length, or an entry
+            that is not a finite number; the message names the line.
+    """
+    rows, scale, subject = _read_csv(file, ANGLES, ("rad", "deg"))
+    others = [name for name in rows.names if name != "time"]
+    wanted = list(joints) if joints is not None else others
+    if missing := [name for name in wanted if name not in others]:
+        raise RecordingError(
+            f"{file}: there is no joint {', '.join(missing)}; there are {', '.join(others)}"
+        )
+    values = rows.columns(["time", *wanted])
+    if scale != 1.0:
+        ask_about_degrees(str(file), values[:, 1:])
+    try:
+        return Motion(values[:, 0], scale * values[:, 1:], tuple(wanted), subject=subject)
+    except ValueError as failure:
+        raise RecordingError(f"{file}: {failure}") from None
+
+
+def save_motion(path: str | PathLike[str], motion: Motion) -> Path:
+    """Write a motion as the table (CSV) that `read_motion` reads, with all digits.
+
+    Time in s, joint coordinates in rad or m, and what is known of the subject. Velocities, the
+    coordinates before filtering, and the pose of the trunk are not written.
+
+    Raises:
+        ValueError: the name of the file does not end in .csv.
+        OSError: the file cannot be written.
+    """
+    file = Path(path)
+    if file.suffix.lower() != ".csv":
+        raise ValueError(f"path must end in .csv, got {file.name!r}")
+    subject = motion.subject
+    notes = {"unit": "rad", "height": subject.height, "mass": subject.mass}
+    lines = [f"# {key}: {value}" for key, value in notes.items() if value is not None]
+    if subject.name:
+        lines.append(f"# subject: {' '.join(subject.name.split())}")
+    rows = np.column_stack([motion.time, motion.q]).tolist()
+    table = new_table(("time", *motion.joint_names), rows).to_csv()
+    return write_file(file, "\n".join([*lines, table]))
+
+
+def read_marker_table(file: Path) -> Markers:
+    """Read all markers in a table; columns that are not of a marker are left out.
+
+    Raises:
+        RecordingError: no unit, header or marker, a row of the wrong length, or an entry that is
+            not a finite number; the message names the line.
+    """
+    rows, scale, subject = _read_csv(file, LENGTHS, ("mm", "m"))
+    names = [name.removesuffix("_x") for name in rows.names if name.endswith("_x")]
+    names = [name for name in names if {f"{name}_y", f"{name}_z"} <= set(rows.names)]
+    if not names:
+        raise RecordingError(f"{file}: the header names no marker by NAME_x, NAME_y, NAME_z")
+    positions = rows.columns([f"{name}_{axis}" for name in names for axis in "xyz"], missing=True)
+    return _markers(file, rows.columns(["time"]), names, scale * positions, subject)
+
+
+def _markers(
+    file: Path, time: Array, names: Sequence[str], positions: Array, subject: Subject
+) -> Markers:
+    try:
+        shape = (len(time), len(names), 3)
+        return Markers(time[:, 0], tuple(names), positions.reshape(shape), subject)
+    except ValueError as failure:
+        raise RecordingError(f"{file}: {failure}") from None
+
+
+def read_trc(file: Path) -> Markers:
+    """Read all markers of a TRC file that have a name.
+
+    Raises:
+        RecordingError: the header is incomplete or its unit unknown, or a row is too short, too
+            long or not of numbers; the message names the line.
+    """
+    lines = "\n".join(read_lines(file)).splitlines()
+    if len(lines) < 5:
+        raise RecordingError(f"{file}: is cut off after {len(lines)} lines, within the header")
+    keys, values, cells = (_split(line, _trc_separator(line)) for line in lines[1:4])
+    header = dict(zip(keys, values, strict=False))
+    unit = header.get("Units", "")
+    if unit.lower() not in LENGTHS:
+        raise RecordingError(f"{file}: line 3 must give Units m, cm or mm, not {unit[:40]!r}")
+    if len(cells) < 3 or cells[0].lower().rstrip("#") != "frame" or cells[1].lower() != "time":
+        raise RecordingError(
+            f"{file}: line 4 must name Frame#, Time and the markers, is {lines[3][:60]!r}"
+        )
+    named = [(index, name) for index, name in enumerate(cells) if index >= 2 and name]
+    names = [name for _, name in named]
+    if not named:
+        raise RecordingError(f"{file}: line 4 names no markers")
+    _check_names(f"{file}: line 4", names)
+    apart = all((index - 2) % 3 == 0 for index, _ in named) and len(cells) > len(names) + 2
+    if not apart and any(index != place for place, (index, _) in enumerate(named, start=2)):
+        raise RecordingError(f"{file}: line 4: the names of markers must be three columns apart")
+    starts = [index if apart else 2 + 3 * place for place, (index, _) in enumerate(named)]
+    columns = ["frame", "the time", *(max(starts) + 1) * [""]]
+    for name, index in zip(names, starts, strict=True):
+        columns[index : index + 3] = 3 * [name]
+    first = 4
+    while first < len(lines) and _is_axes(lines[first]):
+        first += 1
+    expected = f"{{}} are needed for frame, time and {len(names)} markers"
+    separator = _trc_separator(lines[first]) if first < len(lines) else None
+    rows = _read_rows(file, lines, first, columns, separator, expected)
+    _compare(file, header, "NumFrames", "frames", len(rows.cells))
+    _compare(file, header, "NumMarkers", "markers", len(names))
+    indices = [index + k for index in starts for k in range(3)]
+    positions = rows.at(indices, missing=True).reshape(-1, len(names), 3)
+    some = np.isnan(positions).any(axis=2) & ~np.isnan(positions).all(axis=2)
+    for row, marker in np.argwhere(some)[:1].tolist():
+        where = f"{file}: line {rows.lines[row]}"
+        raise RecordingError(f"{where}: {names[marker]} has some of its three coordinates only")
+    positions[np.all(positions == 0.0, axis=2)] = np.nan
+    return _markers(file, rows.at([1]), names, LENGTHS[unit.lower()] * positions, Subject())
+
+
+def _trc_separator(line: str) -> str | None:
+    return "\t" if "\t" in line else None
+
+
+def _is_axes(line: str) -> bool:
+    """Return whether this is the line X1, Y1, Z1, ..., or an empty one."""
+    return all(re.fullmatch(r"[XYZ]\d+", cell) for cell in line.split())
+
+
+_TRANSLATION = re.compile(r"(_t|_?trans_?)[xyz]$", re.IGNORECASE)
+_STATE = re.compile(r"/jointset/[^/]+/(?P<coordinate>[^/]+)/(?P<kind>value|speed)$")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CoordinateTable:
+    """Joint coordinates over time.
+
+    Attributes:
+        time: (k,) [s].
+        names: names of the n coordinates.
+        values: (k, n) [rad, or m for translations].
+    """
+
+    time: Array
+    names: tuple[str, ...]
+    values: Array
+
+    def __repr__(self) -> str:
+        return f"CoordinateTable({len(self.time)} samples of {len(self.names)} coordinates)"
+
+
+def is_translation(name: str) -> bool:
+    """Return whether a coordinate of this name is a length, such as pelvis_tx or box_transX."""
+    return _TRANSLATION.search(name) is not None
+
+
+def read_coordinates(file: Path, translations: Iterable[str] = ()) -> CoordinateTable:
+    """Read all coordinates of a .mot or .sto file.
+
+    A header whose nRows or nColumns is not what follows gives a RuntimeWarning.
+
+    Args:
+        file: to read.
+        translations: names of coordinates in metres, beside those that `is_translation` knows.
+
+    Raises:
+        RecordingError: no header, no unit of the angles, or a broken row; names the line.
+        ValueError: angles that should be in radians look like degrees.
+    """
+    lines = file.read_text(encoding="utf-8-sig").splitlines()
+    header, first = _opensim_header(file, lines)
+    factor = _radians(file, header)
+    while first < len(lines) and not lines[first].strip(" ,\t"):
+        first += 1
+    if first == len(lines):
+        raise RecordingError(f"{file}: no line with the names of columns follows endheader")
+    separator = next((each for each in "\t," if each in lines[first]), None)
+    labels = _split(lines[first].rstrip(" ,\t"), separator)
+    if labels[0].lower() != "time" or len(labels) < 2:
+        raise RecordingError(
+            f"{file}: line {first + 1} must name the columns, time first, is {lines[first][:60]!r}"
+        )
+    if not all(labels):
+        raise RecordingError(f"{file}: line {first + 1}: column {labels.index('') + 1} has no name")
+    states = [_STATE.search(label) for label in labels]
+    is_coordinate = [state is None or state["kind"] == "value" for state in states]
+    if any(states):  # a file of states also has muscles' states, which are no coordinates
+        is_coordinate = [state is not None and state["kind"] == "value" for state in states]
+    kept = [k for k, each in enumerate(is_coordinate) if k and each]
+    names = [labels[k] if (state := states[k]) is None else state["coordinate"] for k in kept]
+    _check_names(f"{file}: line {first + 1}", names)
+    rows = _read_rows(file, lines, first + 1, labels, separator, "the names of columns {}")
+    _compare(file, header, "nrows", "rows", len(rows.cells))
+    _compare(file, header, "ncolumns", "columns", len(labels))
+    values = rows.at(range(len(labels)))
+    lengths = np.array([is_translation(name) or name in translations for name in names])
+    kept_values = values[:, kept].reshape(len(values), len(names))
+    if factor == 1.0:
+        angles = [name for name, length in zip(names, lengths, strict=True) if not length]
+        check_radians(angles, kept_values[:, ~lengths])
+    else:
+        ask_about_degrees(str(file), kept_values[:, ~lengths])
+    return CoordinateTable(values[:, 0], tuple(names), kept_values * np.where(lengths, 1.0, factor))
+
+
+def _opensim_header(file: Path, lines: Sequence[str]) -> tuple[dict[str, str], int]:
+    """Return keys (in lower case) and values before endheader, and the index after it."""
+    header: dict[str, str] = {}
+    for number, line in enumerate(lines):
+        text = line.strip(" ,\t")
+        if text.lower() == "endheader":
+            return header, number + 1
+        key, equals, value = text.partition("=")
+        if equals:
+            header[key.strip().lower()] = value.strip()
+    raise RecordingError(f"{file}: no line 'endheader' ends the header")
+
+
+def _radians(file: Path, header: Mapping[str, str]) -> float:
+    kind = header.get("datatype", "double").lower()
+    if kind != "double":
+        raise RecordingError(
+            f"{file}: its DataType is {kind}; joint coordinates are of type double"
+        )
+    degrees = header.get("indegrees", "").lower()
+    if degrees not in ("yes", "no"):
+        given = f", not 'inDegrees={degrees}'" if degrees else ""
+        raise RecordingError(f"{file}: its header must have inDegrees=yes or inDegrees=no{given}")
+    return np.pi / 180.0 if degrees == "yes" else 1.0
