@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import replace
 from typing import Any
 
@@ -239,17 +237,6 @@ def test_the_camera_is_between_those_of_the_parts() -> None:
     assert over_the_back % 360.0 == pytest.approx(260.0)
     with pytest.raises(ValueError, match="at least one playback"):
         beside([])
-
-
-@pytest.mark.slow
-def test_nothing_is_imported_before_it_is_needed() -> None:
-    code = (
-        "import sys, geodesic_ocp.scenes.playback_of\n"
-        "heavy = ('retargeting', 'synergies', 'recordings', 'execution')\n"
-        "print([m for m in sys.modules if m.startswith(tuple('geodesic_ocp.' + h for h in heavy))])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
 
 
 @pytest.mark.slow
