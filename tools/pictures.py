@@ -96,7 +96,7 @@ def draw_scores(figure: Figure, recordings: list[go.recordings.Recording]) -> No
 
 
 def draw_inertia(figure: Figure, recordings: list[go.recordings.Recording]) -> None:
-    """Errors of geodesics relative to straight lines, by joint inertia, a line for each recording."""
+    """Errors of geodesics relative to straight lines by joint inertia, a line a recording."""
     default = 0.03
     shares = (default, 0.0, 0.003, 0.006, 0.012, 0.06, 0.12, 0.25, 0.5)  # the first cuts
 

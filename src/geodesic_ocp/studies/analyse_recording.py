@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 import json
 import multiprocessing
-import os
 import signal
 import tempfile
 import threading
@@ -133,7 +132,6 @@ def analyse_recording(
     )
 
 
-RUNNING = "running"  # folder of files that name the recording of each process
 _PROBES = 8  # samples by which equal motions are recognised
 
 # Warnings cannot be told apart between threads: an executor of threads analyses one at a time.
@@ -146,14 +144,11 @@ def run_task(task: RecordingTask) -> RecordingOutcome:
     Raises:
         OSError: the result cannot be written.
     """
-    note = task.folder / RUNNING / str(os.getpid())
     with _one_at_a_time:
-        note.write_text(task.key, encoding="utf-8")
         try:
             with time_limit(task.time_limit):
                 return _analysed(task)
         finally:
-            note.unlink(missing_ok=True)
             gc.collect()  # models and compiled functions refer to each other
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
@@ -18,7 +17,7 @@ from geodesic_ocp.arrays import as_positive
 from geodesic_ocp.model.anthropometry import Side
 from geodesic_ocp.progress import Progress, no_progress, shows_progress
 from geodesic_ocp.records import write_file
-from geodesic_ocp.studies.analyse_recording import RUNNING, outcome_of
+from geodesic_ocp.studies.analyse_recording import outcome_of
 from geodesic_ocp.studies.analysis_settings import AnalysisSettings
 from geodesic_ocp.studies.processes import in_executor, in_processes, usable_cores
 from geodesic_ocp.studies.result_files import (
@@ -176,7 +175,7 @@ def analyse_recordings(
     outcomes = _Outcomes(len(sources), progress or no_progress, finished)
     tasks = _tasks(sources, settings, folder, time_limit, outcomes)
     with nullcontext() if tables_only else _alone_in(folder):
-        with closing(_run(tasks, folder, jobs, executor, tables_only)) as run:
+        with closing(_run(tasks, jobs, executor, tables_only)) as run:
             for outcome in run:
                 outcomes.add(outcome)
         collected, kept = collect(folder, [outcomes.found[source.name] for source in sources])
@@ -197,7 +196,6 @@ def analyse_recordings(
 
 def _run(
     tasks: Iterator[RecordingTask],
-    folder: Path,
     jobs: int | None,
     executor: Executor | None,
     tables_only: bool,
@@ -207,26 +205,23 @@ def _run(
         for task in tasks:
             yield RecordingOutcome(task.source, "missing", "is not analysed yet")
     elif executor is None:
-        yield from in_processes(tasks, jobs or usable_cores(), folder)
+        yield from in_processes(tasks, jobs or usable_cores())
     else:
         yield from in_executor(executor, tasks, jobs or _WINDOW)
 
 
 @contextmanager
 def _alone_in(folder: Path) -> Iterator[None]:
-    """Let this run alone work in the folder, without what earlier ones have left there."""
+    """Let this run alone work in the folder, without what killed processes have left there."""
     with locked(folder):
         _clean(folder)
-        (folder / RUNNING).mkdir()
         yield
         _clean(folder)
 
 
 def _clean(folder: Path) -> None:
-    """Remove what processes that were killed have left."""
     for file in unfinished(folder):
         file.unlink(missing_ok=True)
-    shutil.rmtree(folder / RUNNING, ignore_errors=True)
 
 
 class _Outcomes:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import sys
 import threading
-from collections import deque
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Iterator
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
@@ -20,12 +20,11 @@ from concurrent.futures import (
 from contextlib import contextmanager, suppress
 from itertools import islice
 from multiprocessing import connection
-from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
 from geodesic_ocp.errors import GeodesicOcpError
-from geodesic_ocp.studies.analyse_recording import RUNNING, run_task
+from geodesic_ocp.studies.analyse_recording import run_task
 from geodesic_ocp.studies.result_files import RecordingOutcome, RecordingTask
 
 Finished = tuple[RecordingTask, "Future[RecordingOutcome]"]
@@ -158,45 +157,14 @@ def usable_cores() -> int:
 
 
 _UNLIKELY_PARENT = "500"  # the system's choice when memory is short falls on these processes
-
-
-class WorkerProcesses(Executor):
-    """Processes with one thread each, which end with the process that started them."""
-
-    def __init__(self, jobs: int) -> None:
-        self._others = {each.pid for each in multiprocessing.active_children()}
-        self._found: dict[int, BaseProcess] = {}
-        context = multiprocessing.get_context("spawn")
-        self._pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_start)
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Submit a call; a process is started for it if none is free."""
-        with one_thread():
-            future = self._pool.submit(fn, *args, **kwargs)
-        for process in multiprocessing.active_children():
-            if process.pid is not None and process.pid not in self._others:
-                self._found[process.pid] = process
-        return future
-
-    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Wait for the processes to end."""
-        self._pool.shutdown(wait, cancel_futures=cancel_futures)
-
-    def kill(self) -> None:
-        """End all processes at once."""
-        for process in self._found.values():
-            with suppress(ValueError):  # it is closed
-                process.kill()
-        self._pool.shutdown(wait=True, cancel_futures=True)
-
-    def ended(self) -> dict[int, int]:
-        """Exit codes by process, of those that have ended; negative numbers are signals."""
-        codes = {pid: process.exitcode for pid, process in self._found.items()}
-        return {pid: code for pid, code in codes.items() if code is not None}
+_AHEAD = 2  # tasks submitted for each process
+# Recordings after which a process is replaced, so that its memory stays bounded.
+_RENEWAL: dict[str, Any] = {"max_tasks_per_child": 100} if sys.version_info >= (3, 11) else {}
+_CONTEXT = multiprocessing.get_context("spawn")
 
 
 def describe_end(code: int) -> str:
-    """An exit code in words, after "its process"."""
+    """Return an exit code in words, after "its process"."""
     if code >= 0:
         return f"ended with exit code {code}"
     name = signal.Signals(-code).name if -code in set(signal.Signals) else f"signal {-code}"
@@ -222,123 +190,86 @@ def _end_with(parent: Any) -> None:
     os._exit(1)
 
 
-# Recordings after which the processes are replaced, so that their memory stays bounded.
-_RENEWAL = 100
-_AHEAD = 2  # tasks submitted for each process
-# Times in a row that processes may die without any outcome, and without a recording to name.
-_ATTEMPTS = 3
-_TOO_LONG = describe_end(-signal.SIGALRM)
+@contextmanager
+def _pool(jobs: int) -> Iterator[Executor]:
+    """Processes with one thread each, which are killed if the body raises."""
+    others = set(multiprocessing.active_children())
+    with one_thread():
+        pool = ProcessPoolExecutor(jobs, mp_context=_CONTEXT, initializer=_start, **_RENEWAL)
+        try:
+            yield pool
+        except BaseException:
+            for process in set(multiprocessing.active_children()) - others:
+                with suppress(ValueError):  # it is closed
+                    process.kill()
+            raise
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
 
 
-def in_processes(
-    tasks: Iterator[RecordingTask], jobs: int, folder: Path
-) -> Iterator[RecordingOutcome]:
+def in_processes(tasks: Iterator[RecordingTask], jobs: int) -> Iterator[RecordingOutcome]:
     """Outcomes from `jobs` processes, each with one thread.
 
-    If a process dies, its recording is analysed once more, alone, and fails if that dies as well.
-    If it cannot be told whose process died, this is done with all that were being analysed. What
-    took longer than its time limit is not analysed again.
+    If a process dies, the recordings that were being analysed are analysed once more, one after the
+    other, each in a process of its own, and fail if that dies as well.
 
     Args:
         tasks: are taken as processes become free.
         jobs: number of processes.
-        folder: folder of the output, in which processes note what they are analysing.
 
     Raises:
         GeodesicOcpError: processes cannot be started.
         OSError: a result cannot be written.
     """
-    upcoming, idle = _Upcoming(tasks), 0
-    while (first := next(upcoming, None)) is not None:
-        upcoming.put_back([first])
-        run = _Run(jobs, folder)
-        lost = yield from run.outcomes(islice(upcoming, _RENEWAL * jobs))
-        suspects = run.suspects()
-        upcoming.put_back([task for task in lost if task.key not in suspects])
-        for task in lost:
-            if suspects.get(task.key) == _TOO_LONG:
-                yield RecordingOutcome(task.source, "process", _TOO_LONG)
-            elif task.key in suspects:
-                yield from _alone(task, folder, suspects[task.key])
-        idle = idle + 1 if lost and not suspects and not run.count else 0
-        if idle == _ATTEMPTS:
-            raise GeodesicOcpError(
-                f"processes cannot be started: each {run.end()}. In a script, the call must stand "
-                'under if __name__ == "__main__":'
-            )
-
-
-def _alone(task: RecordingTask, folder: Path, first: str) -> Iterator[RecordingOutcome]:
-    """A recording once more, in a process of its own."""
-    run = _Run(1, folder)
-    if (yield from run.outcomes(iter([task]))):
-        run.suspects()  # removes the note
-        text = f"its process {first}; analysed again, alone, it {run.end()}"
-        yield RecordingOutcome(task.source, "process", text)
-
-
-class _Upcoming:
-    """Tasks, with those first that were put back."""
-
-    def __init__(self, tasks: Iterator[RecordingTask]) -> None:
-        self._tasks = tasks
-        self._first: deque[RecordingTask] = deque()
-
-    def __iter__(self) -> Iterator[RecordingTask]:
-        return self
-
-    def __next__(self) -> RecordingTask:
-        return self._first.popleft() if self._first else next(self._tasks)
-
-    def put_back(self, tasks: list[RecordingTask]) -> None:
-        self._first.extend(tasks)
-
-
-class _Run:
-    """One set of processes, from their start to their end."""
-
-    def __init__(self, jobs: int, folder: Path) -> None:
-        self.count = 0  # of outcomes
-        self._jobs, self._notes = jobs, folder / RUNNING
-        self._executor = WorkerProcesses(jobs)
-
-    def outcomes(
-        self, tasks: Iterator[RecordingTask]
-    ) -> Generator[RecordingOutcome, None, list[RecordingTask]]:
-        """Outcomes of the tasks; returns the tasks that were lost as a process died."""
+    lost: list[RecordingTask] | None = None
+    while lost is None or lost:
         lost = []
-        try:
-            for task, future in completed(self._executor, tasks, _AHEAD * self._jobs):
-                failure = failure_of(future)
-                if isinstance(failure, BrokenExecutor):
+        with _pool(jobs) as pool:
+            for task, future in completed(pool, tasks, _AHEAD * jobs):
+                if isinstance(failure_of(future), BrokenExecutor):
                     lost.append(task)
-                    continue
-                self.count += 1
-                yield future.result()
-            self._executor.shutdown()
-        except BaseException:
-            self._executor.kill()
-            raise
-        return lost
+                else:
+                    yield future.result()
+        for task in lost:
+            yield _alone(task)
 
-    def suspects(self) -> dict[str, str]:
-        """Keys of the recordings whose processes died, with how; removes the notes.
 
-        When one process dies, the executor ends the others by SIGTERM. If none died otherwise, it
-        cannot be told which was the first.
-        """
-        codes, found = self._executor.ended(), {}
-        for pid, code in codes.items():
-            note = self._notes / str(pid)
-            if note.is_file():
-                found[pid] = note.read_text(encoding="utf-8"), code
-                note.unlink()
-        others = {key: code for key, code in found.values() if code != -signal.SIGTERM}
-        chosen = others or dict(found.values())
-        return {key: describe_end(code) for key, code in chosen.items()}
+def _alone(task: RecordingTask) -> RecordingOutcome:
+    """Analyse a recording in a process of its own."""
+    receiver, sender = _CONTEXT.Pipe(duplex=False)
+    process = _CONTEXT.Process(target=_send_outcome, args=(sender, task))
+    with one_thread():
+        process.start()
+    sender.close()
+    found: list[Any] = []
+    try:
+        with suppress(EOFError):
+            while True:
+                found.append(receiver.recv())
+    except BaseException:
+        process.kill()
+        raise
+    finally:
+        process.join()
+    end = describe_end(process.exitcode or 0)
+    if not found:
+        raise GeodesicOcpError(
+            f"processes cannot be started: each {end}. In a script, the call must stand "
+            'under if __name__ == "__main__":'
+        )
+    if len(found) == 1:
+        text = end if process.exitcode == -signal.SIGALRM else f"its process {end}, twice"
+        return RecordingOutcome(task.source, "process", text)
+    if isinstance(found[1], BaseException):
+        raise found[1]
+    outcome: RecordingOutcome = found[1]
+    return outcome
 
-    def end(self) -> str:
-        """Return how the processes ended, in words."""
-        codes = set(self._executor.ended().values()) - {0}
-        odd = codes - {-signal.SIGTERM} or codes
-        return " or ".join(describe_end(code) for code in sorted(odd)) or "ended early"
+
+def _send_outcome(sender: Any, task: RecordingTask) -> None:
+    _start()
+    sender.send("started")
+    try:
+        sender.send(run_task(task))
+    except OSError as failure:  # the result cannot be written
+        sender.send(failure)
