@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
+import sys
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import geodesic_ocp as go
 
@@ -35,8 +37,32 @@ def _public_bases(app: Sphinx, name: str, obj: type, options: object, bases: lis
     bases[:] = next(([each] for each in obj.__mro__[1:] if each in public), bases)
 
 
+_BACK = re.compile(r"(generated/([\w.]+?)(?:_class)?\.html)#([\w.]+)")
+
+
+def _back_links(
+    app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: object
+) -> None:
+    """Let the links of source pages lead to the names on the pages of the reference.
+
+    Sphinx takes one prefix for all names of a module, some of which are in namespaces.
+    """
+    del app, template, doctree
+    if page.startswith("_modules/"):
+
+        def corrected(match: re.Match[str]) -> str:
+            file, name, anchor = match.groups()
+            _, _, member = anchor.partition(f".{name.rpartition('.')[2]}")
+            return f"{file}#{name}{member}"
+
+        context["body"] = _BACK.sub(corrected, context["body"])
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Show public bases."""
     app.setup_extension("sphinx.ext.autodoc")
+    for name in ("baselines", "distances"):  # modules of folders, by their public names
+        sys.modules[f"geodesic_ocp.{name}"] = getattr(go, name)
     app.connect("autodoc-process-bases", _public_bases)
+    app.connect("html-page-context", _back_links)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
