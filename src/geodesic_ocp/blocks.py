@@ -22,7 +22,7 @@ import scipy.sparse
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.cells import Cells, Indices, as_dm
 from geodesic_ocp.compiled.library import Library
-from geodesic_ocp.ipopt import Ipopt, Outcome
+from geodesic_ocp.ipopt import Ipopt, Outcome, Relay
 
 Start = TypeVar("Start")
 Found = TypeVar("Found")
@@ -313,7 +313,7 @@ class BlockProgram:
             x0=np.clip(x, lower, upper), lbx=lower, ubx=upper, lbg=lower_g, ubg=upper_g
         )
 
-    def solver(self, options: Mapping[str, Any], relay: ca.Callback | None = None) -> Ipopt:
+    def solver(self, options: Mapping[str, Any], relay: Relay | None = None) -> Ipopt:
         """Ipopt for this program; the relay is called in every iteration."""
         derivatives = {name: self.functions[name] for name in ("grad_f", "jac_g", "hess_lag")}
         return Ipopt(self.functions["nlp"], derivatives, options, relay)

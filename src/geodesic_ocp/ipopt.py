@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -64,6 +64,60 @@ class Outcome(ShortRepr):
     _shown = ("status", "iterations", "objective")
 
 
+class Relay(ca.Callback):
+    """Passes the number and the values of every iterate to a function, whose True stops Ipopt.
+
+    Args:
+        size_x, size_g, size_p: numbers of variables, constraint functions and parameters.
+        receive: the function; the values are those of nlpsol's outputs.
+
+    Attributes:
+        failure: exception that the function raised, which CasADi would turn into a warning.
+        stopped: whether it stopped Ipopt.
+    """
+
+    def __init__(
+        self,
+        size_x: int,
+        size_g: int,
+        size_p: int,
+        receive: Callable[[int, dict[str, ca.DM]], object],
+    ) -> None:
+        super().__init__()
+        self._receive, self._number = receive, 0
+        self.failure: BaseException | None = None
+        self.stopped = False
+        sizes = (size_x, 1, size_g, size_x, size_g, size_p)
+        self._sizes = dict(zip(ca.nlpsol_out(), sizes, strict=True))
+        self.construct("iteration_callback", {})
+
+    def get_n_in(self) -> int:
+        """Number of inputs: as many as a solver has outputs."""
+        return int(ca.nlpsol_n_out())
+
+    def get_n_out(self) -> int:
+        """Number of outputs: whether to stop."""
+        return 1
+
+    def get_name_in(self, index: int) -> str:
+        """Name of the solver's output of that index."""
+        return str(ca.nlpsol_out(index))
+
+    def get_sparsity_in(self, index: int) -> ca.Sparsity:
+        """Dense columns of the program's sizes."""
+        return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(index)])
+
+    def eval(self, arguments: Sequence[ca.DM]) -> list[int]:
+        """Return [1] to stop Ipopt, else [0]."""
+        try:
+            answer = self._receive(self._number, dict(zip(self._sizes, arguments, strict=True)))
+            self.stopped = isinstance(answer, (bool, np.bool_)) and bool(answer)
+        except BaseException as error:
+            self.failure, self.stopped = error, True
+        self._number += 1
+        return [int(self.stopped)]
+
+
 @dataclass(frozen=True, eq=False)
 class Ipopt:
     """A nonlinear program with Ipopt, to be called with numerical arguments.
@@ -72,7 +126,7 @@ class Ipopt:
         nlp: dictionary of CasADi expressions or a function; x, p -> f, g.
         derivatives: functions for nlpsol's options grad_f and hess_lag, if not CasADi's own.
         options: options of Ipopt by name, which override the package's.
-        relay: CasADi callback for every iteration.
+        relay: callback for every iteration.
 
     Raises:
         ValueError: there is no such option, or its value is of another type.
@@ -81,7 +135,7 @@ class Ipopt:
     nlp: Any
     derivatives: Mapping[str, ca.Function] = field(default_factory=dict)
     options: Mapping[str, Any] = field(default_factory=dict)
-    relay: ca.Callback | None = None
+    relay: Relay | None = None
     _solver: ca.Function = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -118,10 +172,12 @@ class Ipopt:
             if isinstance(error.__cause__, KeyboardInterrupt):
                 raise KeyboardInterrupt from error
             raise
+        if self.relay is not None and self.relay.failure is not None:
+            raise self.relay.failure
         seconds = time.perf_counter() - start
         stats = self._solver.stats()
         word = stats["return_status"]
-        if word in _INTERRUPTED and not getattr(self.relay, "stopped", False):
+        if word in _INTERRUPTED and (self.relay is None or not self.relay.stopped):
             raise KeyboardInterrupt
         status = _SENTENCES.get(word, f"Ipopt stopped: {word.replace('_', ' ').lower()}")
         arrays = [result[name].full()[:, 0] for name in ("x", "g", "lam_x", "lam_g")]

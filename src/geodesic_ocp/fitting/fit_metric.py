@@ -125,10 +125,9 @@ def fit_metric(
             cuts = segments[number]
         parts.append(observe(recording, initial, cuts, terms[id(model)]))
     program = MetricProgram(tuple(parts), start, lower, upper, free_ends)
-    report("fitting the metric", 0, 1)
-    fit = solve_program(program, chosen, metric)
-    report("fitting the metric", 1, 1)
-    return fit
+    return solve_program(
+        program, chosen, metric, report=lambda k: report("fitting the metric: iterations", k, 0)
+    )
 
 
 def solve_program(
@@ -136,13 +135,14 @@ def solve_program(
     parameters: tuple[Parameter, ...],
     metric: Callable[[Model], Metric],
     near: Outcome | None = None,
+    report: Callable[[int], object] | None = None,
 ) -> MetricFit:
-    """The fit of a program with equal weights of its recordings, from a start if it is given.
+    """Return the fit of a program with equal weights of its recordings, from a start if given.
 
     Raises:
         NotConverged: Ipopt did not find a solution.
     """
-    outcome = program.solve(np.ones(len(program.parts)), near)
+    outcome = program.solve(np.ones(len(program.parts)), near, report=report)
     if not outcome.success:
         raise NotConverged(f"the metric was not fitted: {outcome.status}", outcome)
     derivatives = program.least_errors(outcome)

@@ -13,9 +13,10 @@ Hatz, Schloeder, Bock, "Estimating parameters in optimal control problems", SIAM
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -25,7 +26,7 @@ from geodesic_ocp.arrays import Array, ShortRepr
 from geodesic_ocp.blocks import Block, BlockProgram, Terms
 from geodesic_ocp.cells import Indices
 from geodesic_ocp.fitting.recording_part import MAX_END_RATE, RecordingPart
-from geodesic_ocp.ipopt import Ipopt, Outcome
+from geodesic_ocp.ipopt import Ipopt, Outcome, Relay
 
 # Weight of the squared logarithm of each parameter relative to its initial value: negligible where
 # the data determine it, it keeps combinations that they do not determine near these values.
@@ -133,12 +134,26 @@ class MetricProgram(ShortRepr):
         return np.asarray(2.0 * self._errors(z).full()[:, 0])
 
     @cached_property
+    def _listeners(self) -> list[Callable[[int], object]]:
+        """What is called with the number of every iteration."""
+        return []
+
+    def _solver(self, options: dict[str, Any]) -> Ipopt:
+        def tell(number: int, values: object) -> None:
+            del values
+            for each in self._listeners:
+                each(number)
+
+        program, size_p = self.program, len(self.parts)
+        return program.solver(options, Relay(program.size, program.size_g, size_p, tell))
+
+    @cached_property
     def _cold_solver(self) -> Ipopt:
-        return self.program.solver(_IPOPT)
+        return self._solver(_IPOPT)
 
     @cached_property
     def _warm_solver(self) -> Ipopt:
-        return self.program.solver({**_IPOPT, **_WARM})
+        return self._solver({**_IPOPT, **_WARM})
 
     @cached_property
     def guess(self) -> Array:
@@ -166,7 +181,11 @@ class MetricProgram(ShortRepr):
         )
 
     def solve(
-        self, weights: Array, near: Outcome | None = None, fixed: dict[int, float] | None = None
+        self,
+        weights: Array,
+        near: Outcome | None = None,
+        fixed: dict[int, float] | None = None,
+        report: Callable[[int], object] | None = None,
     ) -> Outcome:
         """The solution for weights of the recordings.
 
@@ -174,7 +193,9 @@ class MetricProgram(ShortRepr):
             weights: (recordings,).
             near: a solution for other weights, values or recordings from which to start.
             fixed: values of parameters that are not estimated, by index.
+            report: called with the number of every iteration.
         """
+        self._listeners[:] = [] if report is None else [report]
         lower, upper = (bound.copy() for bound in self.bounds)
         start = (self.guess if near is None else near.x).copy()
         for index, value in (fixed or {}).items():
@@ -189,8 +210,8 @@ class MetricProgram(ShortRepr):
         if outcome.success or near is not None or fixed is not None:
             return outcome
         # From poor initial values: first the paths alone, then the parameters as well.
-        paths = self.solve(weights, fixed=dict(enumerate(self.start.tolist())))
-        return self.solve(weights, paths) if paths.success else outcome
+        paths = self.solve(weights, fixed=dict(enumerate(self.start.tolist())), report=report)
+        return self.solve(weights, paths, report=report) if paths.success else outcome
 
     def start_of(self, chosen: Sequence[int], solution: Outcome) -> Outcome:
         """The part of a solution that belongs to some of the recordings, by index."""

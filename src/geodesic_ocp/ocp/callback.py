@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import casadi as ca
-import numpy as np
 
 from geodesic_ocp.figures.path_figure import draw_path
+from geodesic_ocp.ipopt import Relay
 from geodesic_ocp.ocp.nlp import NLP
 from geodesic_ocp.ocp.problem import Problem
 from geodesic_ocp.trajectory.path import Path
@@ -39,49 +39,19 @@ class Iterate:
 Callback: TypeAlias = Callable[[Iterate], object]
 
 
-class IterationCallback(ca.Callback):
-    """Passes every iterate from CasADi to a function, and keeps any exception that it raises."""
+class IterationCallback(Relay):
+    """Passes every iterate to a function, as a path."""
 
     def __init__(self, nlp: NLP, callback: Callback) -> None:
-        super().__init__()
-        self._nlp, self._callback, self._number = nlp, callback, 0
-        self.failure: BaseException | None = None
-        self.stopped = False
-        x, g = nlp.bounds.lower.size, nlp.bounds.lower_g.size
-        self._sizes = dict(
-            zip(ca.nlpsol_out(), (x, 1, g, x, g, nlp.transcription.size_p), strict=True)
-        )
-        self.construct("iteration_callback", {})
+        self._nlp, self._callback = nlp, callback
+        sizes = nlp.bounds.lower.size, nlp.bounds.lower_g.size, nlp.transcription.size_p
+        super().__init__(*sizes, self._pass_on)
 
-    def get_n_in(self) -> int:
-        """Number of inputs: as many as a solver has outputs."""
-        return int(ca.nlpsol_n_out())
-
-    def get_n_out(self) -> int:
-        """Number of outputs: whether to stop."""
-        return 1
-
-    def get_name_in(self, index: int) -> str:
-        """Name of the solver's output of that index."""
-        return str(ca.nlpsol_out(index))
-
-    def get_sparsity_in(self, index: int) -> ca.Sparsity:
-        """Dense columns of the NLP's sizes."""
-        return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(index)])
-
-    def eval(self, arguments: Sequence[ca.DM]) -> list[int]:
-        """[1] to stop Ipopt, else [0]."""
-        values = dict(zip(self._sizes, arguments, strict=True))
+    def _pass_on(self, number: int, values: dict[str, ca.DM]) -> object:
         path = self._nlp.path(values["x"].full()[:, 0])
         violation, _ = self._nlp.bounds.worst(path.nodes, values["g"].full()[:, 0])
         objective = float(values["f"]) * self._nlp.units.scale
-        try:
-            answer = self._callback(Iterate(self._number, objective, violation, path))
-            self.stopped = isinstance(answer, (bool, np.bool_)) and bool(answer)
-        except BaseException as error:  # CasADi would turn it into a warning
-            self.failure, self.stopped = error, True
-        self._number += 1
-        return [int(self.stopped)]
+        return self._callback(Iterate(number, objective, violation, path))
 
 
 class LivePlot:

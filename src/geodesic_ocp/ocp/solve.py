@@ -8,11 +8,9 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, TypeAlias
 
-import casadi as ca
-
 from geodesic_ocp.arrays import Array
 from geodesic_ocp.errors import NotConverged
-from geodesic_ocp.ipopt import NO_VALUE, NOT_FINITE, STOPPED, Ipopt, Outcome
+from geodesic_ocp.ipopt import NO_VALUE, NOT_FINITE, STOPPED, Ipopt, Outcome, Relay
 from geodesic_ocp.ocp.callback import Callback, IterationCallback
 from geodesic_ocp.ocp.certificate import FinalIterate, descent_direction
 from geodesic_ocp.ocp.nlp import NLP, ProblemDefinition, Structure, build_nlp
@@ -215,8 +213,6 @@ class _Solver:
         if self.callback is not None:
             relay = IterationCallback(nlp, self.callback)
             outcome = _ipopt(nlp.transcription, settings, relay)(**values)
-            if relay.failure is not None:
-                raise relay.failure
         elif self.definition.key is not None:
             shape = nlp.transcription.grid
             outcome = shared_ipopt(self.definition.structure, shape, settings)(**values)
@@ -254,9 +250,7 @@ def _scaled_multipliers(nlp: NLP, before: Solution) -> dict[str, Array]:
     return {"lam_x0": lam_x, "lam_g0": old.lam_g * energies}
 
 
-def _ipopt(
-    transcription: Transcription, settings: Settings, relay: ca.Callback | None = None
-) -> Ipopt:
+def _ipopt(transcription: Transcription, settings: Settings, relay: Relay | None = None) -> Ipopt:
     return transcription.program.solver(dict(settings), relay)
 
 
