@@ -113,6 +113,10 @@ def test_fields_of_the_wrong_type_are_named(capsys: pytest.CaptureFixture[str]) 
         ("import nothing_of_that_name\n", "cannot be run: ModuleNotFoundError"),
         ("from geodesic_ocp import PointToPoint\n", "defines no problem"),
         ("x = 1\nx = {}['a']\n", "line 2 cannot be run: KeyError: 'a'"),
+        (
+            "import geodesic_ocp as go\nclass Mine(go.Problem):\n    metric = None\n",
+            "defines no problem: Mine must define boundary",
+        ),
         ("import sys\nsys.exit(0)\n", "line 2 cannot be run: SystemExit"),
     ],
 )

@@ -98,16 +98,19 @@ def problem_classes(file: str | Path) -> list[type[Problem]]:
         where = f", line {own[-1].lineno}" if own else ""
         reason = f"{type(error).__name__}: {error}"
         raise ValueError(f"{path}{where} cannot be run: {reason}") from error
-    classes = [
+    derived = [
         value
         for value in vars(module).values()
         if inspect.isclass(value)
         and issubclass(value, Problem)
         and value.__module__ == module.__name__
-        and not inspect.isabstract(value)
     ]
-    if not classes:
+    if not derived:
         raise ValueError(f"{path} defines no problem: none of its classes derives from go.Problem")
+    classes = [each for each in derived if not inspect.isabstract(each)]
+    if not classes:
+        lacking = ", ".join(sorted(derived[0].__abstractmethods__))
+        raise ValueError(f"{path} defines no problem: {derived[0].__name__} must define {lacking}")
     return classes
 
 

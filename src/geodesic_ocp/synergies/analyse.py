@@ -309,6 +309,9 @@ def analyse(
     report = progress or no_progress
     if isinstance(model, Motion):
         raise ValueError("the model comes first, then the motion: analyse(model, motion)")
+    if not hasattr(motion, "select"):
+        name = type(motion).__name__
+        raise ValueError(f"motion must be a Motion, as from go.read_motion, got {name}")
     motion = motion.select(as_model(model).joint_names)
     check_plausible(model, motion)
     metric = as_analysis_metric(metric, model)
