@@ -55,7 +55,7 @@ def as_vector(name: str, value: ArrayLike, size: int) -> Array:
 
 
 def as_rotation(name: str, value: Any) -> Array:
-    """The value as a rotation matrix (3, 3); ValueError names the argument otherwise."""
+    """Return the value as a rotation matrix (3, 3); ValueError names the argument otherwise."""
     try:
         matrix = real_array(value)
     except (TypeError, ValueError):
@@ -70,7 +70,7 @@ def as_rotation(name: str, value: Any) -> Array:
 
 
 def as_number(name: str, value: object) -> float:
-    """The value as a finite float; ValueError names the argument otherwise."""
+    """Return the value as a finite float; ValueError names the argument otherwise."""
     try:
         number = float(value) if np.ndim(value) == 0 else np.nan  # type: ignore[arg-type]
     except (TypeError, ValueError):
@@ -81,7 +81,7 @@ def as_number(name: str, value: object) -> float:
 
 
 def as_positive(name: str, value: float, unit: str = "") -> float:
-    """The value as a positive finite float; ValueError names the argument otherwise."""
+    """Return the value as a positive finite float; ValueError names the argument otherwise."""
     try:
         number = float(value)
     except (TypeError, ValueError):

@@ -75,7 +75,7 @@ class Terms:
         return self._function("hessian", factors, [ca.vec(hessian.nz[:])])
 
     def mapped(self, name: str, count: int, arguments: Sequence[Any]) -> list[Any]:
-        """Outputs of one of these functions for so many instances, one column each."""
+        """Return outputs of one of these functions for so many instances, one column each."""
         compiled = None if name == "value" else self._compiled.get(name)
         function = compiled or getattr(self, name)
         return list(function.map(count).call(list(arguments)))
@@ -180,7 +180,7 @@ class Block:
         return rows[order], columns[order], entries[order]
 
     def arguments(self, x: ca.MX | ca.DM) -> list[ca.MX | ca.DM]:
-        """Variables and parameters of all instances, one column each."""
+        """Return variables and parameters of all instances, one column each."""
         rows, columns, entries = self._matrix
         if isinstance(self.places, np.ndarray):
             z = x[columns.tolist()]
@@ -197,11 +197,11 @@ class Block:
         return [z, values]
 
     def objective(self, x: ca.MX) -> ca.MX:
-        """The weighted sum of the objective of all instances."""
+        """Return the weighted sum of the objective of all instances."""
         return _weighted(self, self.terms.mapped("value", self.count, self.arguments(x))[0])
 
     def spread(self, at: Indices, values: ca.MX) -> tuple[Indices, Indices, Array, ca.MX]:
-        """Entries of all instances by their variables, as entries by x.
+        """Return entries of all instances by their variables, as entries by x.
 
         Args:
             at: the variable of each entry of an instance.
@@ -217,7 +217,7 @@ class Block:
         return number, self._matrix[1][entry], self._matrix[2][entry], ca.vec(values)
 
     def _of_instances(self, at: Indices) -> Indices:
-        """Rows of the matrix A for some of the variables of every instance, in order."""
+        """Return rows of the matrix A for some of the variables of every instance, in order."""
         return np.asarray((self.terms.size * np.arange(self.num_places)[:, None] + at).ravel())
 
     def _summed(self, values: ca.MX) -> ca.MX:
@@ -237,7 +237,7 @@ class Block:
         return number, starts[rows][number] + within
 
     def curvature(self, values: ca.MX) -> _Entries:
-        """The Hessian by x from the entries of those of all instances, one column each."""
+        """Return the Hessian by x from the entries of those of all instances, one column each."""
         first, second = pattern = self.terms.hessian_entries
         values = self._summed(values)
         if self.units is not None:
@@ -300,7 +300,7 @@ class BlockProgram:
         return _joined(lower), _joined(upper)
 
     def solve(self, x: Array, bounds: tuple[Array, Array], options: Mapping[str, Any]) -> Outcome:
-        """The solution by Ipopt from x, within bounds of the variables.
+        """Return the solution by Ipopt from x, within bounds of the variables.
 
         Args:
             x: (size,).
@@ -314,7 +314,7 @@ class BlockProgram:
         )
 
     def solver(self, options: Mapping[str, Any], relay: Relay | None = None) -> Ipopt:
-        """Ipopt for this program; the relay is called in every iteration."""
+        """Return Ipopt for this program; the relay is called in every iteration."""
         derivatives = {name: self.functions[name] for name in ("grad_f", "jac_g", "hess_lag")}
         return Ipopt(self.functions["nlp"], derivatives, options, relay)
 
@@ -392,14 +392,14 @@ class BlockProgram:
 
 
 def single_block(terms: Terms, options: Mapping[str, Any] | None = None) -> Ipopt:
-    """Ipopt for a program of one instance, whose variables and parameters are its own."""
+    """Return Ipopt for a program of one instance, whose variables and parameters are its own."""
     p = ca.MX.sym("p", terms.size_p)
     block = Block(terms, np.arange(terms.size)[None, :], p.T)
     return BlockProgram(terms.size, [block], p).solver(options or {})
 
 
 def _columns(values: Array | ca.MX | ca.DM) -> ca.MX | ca.DM:
-    """Numbers of instances (instances, m), one column each."""
+    """Return numbers of instances (instances, m), one column each."""
     if isinstance(values, (ca.MX, ca.DM)):
         return values.T
     return ca.DM(np.atleast_2d(np.transpose(values)))
@@ -419,7 +419,7 @@ def _triplets(pattern: ca.Sparsity) -> tuple[Indices, Indices]:
 
 
 def _assembled(shape: tuple[int, int], parts: Sequence[_Entries]) -> ca.MX:
-    """Sparse matrix with the entries added up in their places."""
+    """Return sparse matrix with the entries added up in their places."""
     if not parts:
         return ca.MX(*shape)
     rows = np.concatenate([part.row for part in parts])

@@ -58,7 +58,7 @@ class Cells:
     def hessians(
         self, pattern: tuple[Indices, Indices], entries: ca.MX
     ) -> tuple[Indices, Indices, ca.MX]:
-        """Rows, columns and entries of the sums of A_k' H_k A_k, their upper triangles.
+        """Return rows, columns and entries of the sums of A_k' H_k A_k, their upper triangles.
 
         Args:
             pattern: rows and columns of the entries of an H_k, its upper triangle.
@@ -169,7 +169,7 @@ def _halves(
 
 
 def as_dm(matrix: Any) -> ca.DM:
-    """A sparse matrix of SciPy as one of CasADi."""
+    """Return a sparse matrix of SciPy as one of CasADi."""
     matrix = scipy.sparse.csc_array(matrix)
     matrix.sum_duplicates()
     rows, columns = matrix.shape

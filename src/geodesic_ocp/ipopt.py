@@ -92,19 +92,19 @@ class Relay(ca.Callback):
         self.construct("iteration_callback", {})
 
     def get_n_in(self) -> int:
-        """Number of inputs: as many as a solver has outputs."""
+        """Return number of inputs: as many as a solver has outputs."""
         return int(ca.nlpsol_n_out())
 
     def get_n_out(self) -> int:
-        """Number of outputs: whether to stop."""
+        """Return number of outputs: whether to stop."""
         return 1
 
     def get_name_in(self, index: int) -> str:
-        """Name of the solver's output of that index."""
+        """Return name of the solver's output of that index."""
         return str(ca.nlpsol_out(index))
 
     def get_sparsity_in(self, index: int) -> ca.Sparsity:
-        """Dense columns of the program's sizes."""
+        """Return dense columns of the program's sizes."""
         return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(index)])
 
     def eval(self, arguments: Sequence[ca.DM]) -> list[int]:

@@ -92,7 +92,7 @@ def read_json_or_toml(file: Path, what: str, hint: str = "") -> Any:
 
 
 def parse_json(text: str, not_finite: Callable[[str], Any] = float) -> Any:
-    """The value of a JSON text.
+    """Return the value of a JSON text.
 
     Args:
         text: the JSON.
@@ -117,7 +117,7 @@ def _finite(digits: str) -> float:
 
 
 def convert(record: object, kind: type[Converted], file: str | PathLike[str]) -> Converted:
-    """A dataclass, with the types of its annotations, from the value of a JSON text.
+    """Return a dataclass, with the types of its annotations, from the value of a JSON text.
 
     Numbers that are not finite are the texts "inf", "-inf" and "nan"; unknown fields are ignored.
 
@@ -131,7 +131,7 @@ def convert(record: object, kind: type[Converted], file: str | PathLike[str]) ->
 
 @contextmanager
 def decoding(file: str | PathLike[str]) -> Iterator[None]:
-    """Errors by what a file holds become a RecordingError that names it.
+    """Yield errors by what a file holds become a RecordingError that names it.
 
     Raises:
         RecordingError: any such error.
@@ -148,7 +148,7 @@ _Numbers = float | list[float | list[float | list[float]]]
 
 
 def _array_from_lists(kind: Any, value: object) -> NDArray[Any]:
-    """An array, whose annotation is NDArray."""
+    """Return an array, whose annotation is NDArray."""
     try:
         entries = msgspec.convert(value, _Numbers, strict=False)
     except msgspec.ValidationError as failure:  # the place in the array is not that in the file
@@ -162,7 +162,7 @@ def _array_from_lists(kind: Any, value: object) -> NDArray[Any]:
 def read_arrays(
     file: Path, choose: Callable[[list[str]], Iterable[str]] = iter
 ) -> dict[str, NDArray[Any]]:
-    """Arrays in a NumPy archive (.npz), without Python objects.
+    """Return arrays in a NumPy archive (.npz), without Python objects.
 
     Args:
         file: to read.
@@ -239,7 +239,7 @@ def write_record(file: str | PathLike[str], record: Mapping[str, Any]) -> Path:
 
 
 def as_json(value: Any) -> Any:
-    """Nested lists and numbers; numbers that are not finite by name."""
+    """Return nested lists and numbers; numbers that are not finite by name."""
     if isinstance(value, Mapping):
         return {key: as_json(each) for key, each in value.items()}
     if isinstance(value, (np.ndarray, np.generic)):

@@ -1,4 +1,4 @@
-"""The metrics of known geodesics, from their descriptions in a table.
+"""Known geodesics: metrics from their descriptions in a table, and checks against them.
 
 The project's own is made by tools/known_geodesics.py, which shares no code with the package.
 """
@@ -50,7 +50,7 @@ class HalfPlane(Metric):
     dim = 2
 
     def matrix(self, q: Any) -> Any:
-        """The identity divided by y^2, (2, 2)."""
+        """Return the identity divided by y^2, (2, 2)."""
         return type(q).eye(2) / q[1] ** 2
 
 
@@ -87,7 +87,7 @@ class SurfaceOfRevolution(Metric):
 
 
 def cylinder(radius: float) -> SurfaceOfRevolution:
-    """The cylinder of a radius [m]; u is the height [m]."""
+    """Return the cylinder of a radius [m]; u is the height [m]."""
     return SurfaceOfRevolution(lambda u: radius, lambda u: 1.0)
 
 
@@ -102,7 +102,7 @@ def torus(major: float, minor: float) -> SurfaceOfRevolution:
 
 
 def catenoid(neck: float) -> SurfaceOfRevolution:
-    """The catenoid r = neck cosh(z / neck) [m]; u is the height z [m]."""
+    """Return the catenoid r = neck cosh(z / neck) [m]; u is the height z [m]."""
     return SurfaceOfRevolution(lambda u: neck * ca.cosh(u / neck), lambda u: ca.cosh(u / neck))
 
 
@@ -206,7 +206,7 @@ def check_description(description: object) -> dict[str, Any]:
 
 
 def metric_of(description: Mapping[str, Any], backend: str | None = None) -> Metric:
-    """The metric of a description as in the table of known geodesics.
+    """Return the metric of a description as in the table of known geodesics.
 
     Args:
         description: its kind and the kind's fields; lengths in m, masses in kg.
@@ -278,7 +278,7 @@ class KnownGeodesic:
 
 
 def read_known_geodesics(file: str | PathLike[str] | None = None) -> tuple[KnownGeodesic, ...]:
-    """The known geodesics of a table in JSON, by default those that come with the package.
+    """Return the known geodesics of a table in JSON, by default those that come with the package.
 
     Files that a metric is read from are meant in the table's folder.
 
@@ -421,7 +421,7 @@ class Check:
 
 
 def check_geodesic(known: KnownGeodesic, backend: str | None = None) -> list[Check]:
-    """Exponential map, length, points on the way and logarithm against one known geodesic.
+    """Return Exponential map, length, points on the way and logarithm against one known geodesic.
 
     `exp` is called with the entry's tolerance for it as its own. What raises is reported as failed.
 
@@ -483,7 +483,7 @@ def _apart(found: ArrayLike, expected: ArrayLike) -> float:
 def check_known_geodesics(
     known: Iterable[KnownGeodesic], backends: Sequence[str]
 ) -> tuple[Check, ...]:
-    """All checks of known geodesics; those of a model's metric once for every back end."""
+    """Return all checks of known geodesics; those of a model's metric once for every back end."""
     return tuple(
         check
         for entry in known
@@ -493,7 +493,7 @@ def check_known_geodesics(
 
 
 def table_of(checks: Iterable[Check]) -> DataFrame:
-    """Checks as a table."""
+    """Return checks as a table."""
     return new_table(
         ("name", "quantity", "back end", "error", "tolerance", "verdict"),
         tuple(

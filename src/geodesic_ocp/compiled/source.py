@@ -58,7 +58,7 @@ STAGE_TIMES = np.append(DOP853.C[:STAGES], 1.0)
 
 @lru_cache(maxsize=1)
 def core_text() -> str:
-    """The core, with the coefficients of its integrator."""
+    """Return the core, with the coefficients of its integrator."""
     tables = {"RK_A": RK_A, "RK_B": RK_B, "RK_E5": DOP853.E5, "RK_E3": DOP853.E3}
     return "\n".join([*(_constant(*item) for item in tables.items()), *map(_read, _CORE)])
 

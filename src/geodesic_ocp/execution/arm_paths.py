@@ -41,7 +41,7 @@ class ArmPaths(ShortRepr):
 
 
 def joint_names(arms: Sequence[ArmPaths]) -> tuple[str, ...]:
-    """Joint names of all arms, after the number of the arm if two arms share a name."""
+    """Return joint names of all arms, after the number of the arm if two arms share a name."""
     names = [name for arm in arms for name in arm.robot.joint_names]
     if len(set(names)) == len(names):
         return tuple(names)

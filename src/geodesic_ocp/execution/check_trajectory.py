@@ -70,7 +70,7 @@ class TrajectoryCheck:
         return "\n".join([text(self.table()), "", *(self.violations or ("all conditions hold",))])
 
     def table(self) -> DataFrame:
-        """Largest magnitudes and fractions of limits, by joint."""
+        """Return largest magnitudes and fractions of limits, by joint."""
         columns = {"joint": self.joint_names, "position [limit]": self.usage["position"].tolist()}
         for name, unit in UNITS.items():
             columns[f"{name} [{unit}]"] = self.largest[name].tolist()
@@ -168,7 +168,7 @@ def check_trajectory(
 
 
 def of_joints(trajectory: JointTrajectory, joints: Sequence[str]) -> JointTrajectory:
-    """The trajectory of these joints, found by name, without torques.
+    """Return the trajectory of these joints, found by name, without torques.
 
     Names may differ by prefixes that end in a slash.
 
@@ -195,7 +195,7 @@ def of_joints(trajectory: JointTrajectory, joints: Sequence[str]) -> JointTrajec
 
 
 def _in_order(trajectory: JointTrajectory, models: Sequence[Model]) -> JointTrajectory:
-    """The trajectory with the joints in the order of the models, and of no others."""
+    """Return the trajectory with the joints in the order of the models, and of no others."""
     names = [name for model in models for name in model.joint_names]
     units = [unit for model in models for unit in model.units]
     moved = trajectory.joint_names
@@ -211,7 +211,7 @@ def _in_order(trajectory: JointTrajectory, models: Sequence[Model]) -> JointTraj
 
 
 def _torques(trajectory: JointTrajectory, models: Sequence[Model], gravity: ArrayLike) -> Array:
-    """Inverse dynamics of all models at the samples (k, n) [N m or N]."""
+    """Return inverse dynamics of all models at the samples (k, n) [N m or N]."""
     falls = np.array(gravity, dtype=float)
     if falls.shape not in ((3,), (len(models), 3)) or not np.all(np.isfinite(falls)):
         raise ValueError(f"gravity must be 3 numbers, or 3 for each robot, got {gravity!r}")
@@ -251,7 +251,7 @@ def sample_consistency(trajectory: JointTrajectory) -> dict[str, tuple[Array, Ar
 
 
 def _time_faults(trajectory: JointTrajectory, uniform: bool) -> Iterator[str]:
-    """Times that do not increase or are not evenly spaced."""
+    """Yield times that do not increase or are not evenly spaced."""
     steps = np.diff(trajectory.time)
     if not steps.size:
         yield "the trajectory has one sample only"
@@ -269,7 +269,7 @@ def _time_faults(trajectory: JointTrajectory, uniform: bool) -> Iterator[str]:
 
 
 def _worst(excess: Array) -> Iterator[tuple[int, int]]:
-    """Column and row of the largest number of each column (m, n) that has a positive one."""
+    """Yield column and row of the largest number of each column (m, n) that has a positive one."""
     for column in np.flatnonzero(np.max(excess, axis=0, initial=0.0) > 0.0).tolist():
         yield column, int(np.argmax(excess[:, column]))
 
@@ -291,7 +291,7 @@ def _contradictions(
 
 
 def _beyond_positions(trajectory: JointTrajectory, lower: Array, upper: Array) -> Iterator[str]:
-    """Joints that leave their range of positions."""
+    """Yield joints that leave their range of positions."""
     q = trajectory.positions
     for joint, k in _worst(np.maximum(lower - q, q - upper) - ROUNDING[0]):
         yield (
@@ -304,7 +304,7 @@ def _beyond_positions(trajectory: JointTrajectory, lower: Array, upper: Array) -
 def _magnitudes(
     trajectory: JointTrajectory, torques: Array, rest: bool
 ) -> dict[str, tuple[Array, Array]]:
-    """Times (m,) and magnitudes (m, n) of velocity, acceleration, jerk and torque.
+    """Return times (m,) and magnitudes (m, n) of velocity, acceleration, jerk and torque.
 
     Samples, and means over steps, which the true largest magnitudes are not below; less what
     rounding in a file may add. At ends at rest, an acceleration is a jump from zero.
@@ -334,7 +334,7 @@ def _magnitudes(
 def _beyond(
     trajectory: JointTrajectory, kind: str, at: Array, sizes: Array, limits: Array, slack: float
 ) -> Iterator[str]:
-    """Joints whose magnitudes (m, n) at instants (m,) exceed their limits (n,)."""
+    """Yield joints whose magnitudes (m, n) at instants (m,) exceed their limits (n,)."""
     for joint, k in _worst(sizes - (1.0 + slack) * limits):
         unit = UNITS[kind].split(", ")[trajectory.units[joint] == "m"]
         mean = kind == "jerk" or k >= len(trajectory.time)
@@ -346,7 +346,7 @@ def _beyond(
 
 
 def _unrest(trajectory: JointTrajectory) -> Iterator[str]:
-    """Joints that move at the first or the last sample."""
+    """Yield joints that move at the first or the last sample."""
     for k, end in ((0, "begins"), (-1, "ends")):
         speeds = np.abs(trajectory.velocities[k])
         for joint in np.flatnonzero(speeds > ROUNDING[1]).tolist():

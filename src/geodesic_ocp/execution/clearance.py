@@ -60,7 +60,7 @@ class Clearance(ShortRepr):
         return int(self.function.size1_in(0))
 
     def row(self, index: int) -> ca.Function:
-        """One distance alone, as a function of (N,) with none of the others' operations.
+        """Return one distance alone, as a function of (N,) with none of the others' operations.
 
         Raises:
             ValueError: there is no such distance.
@@ -133,7 +133,7 @@ def keep_clear(
 
 
 def _segments(placed: PlacedSolids, q: ca.SX) -> dict[str, list[tuple[LineSegment, float]]]:
-    """Segments and radii of the capsules of each link in the common base frame."""
+    """Return segments and radii of the capsules of each link in the common base frame."""
     chains = []
     columns = np.cumsum([0, *(model.dof for model in placed.models)]).tolist()
     own_q = ca.vertsplit(q, columns)
@@ -157,7 +157,7 @@ def _pairs(
     placements: Sequence[Any] | None,
     margin: float,
 ) -> tuple[PlacedSolids, Sequence[tuple[str, str]], Sequence[float]]:
-    """The links of the arms, the pairs to be kept apart, and the excess of each."""
+    """Return the links of the arms, the pairs to be kept apart, and the excess of each."""
     if pairs is None or isinstance(pairs, LinkPairs):
         found = pairs_of(arms, placements, pairs, margin)
         return found.solids, found.constrained, found.excess
@@ -213,7 +213,7 @@ class ActiveRows(ShortRepr):
 
 
 def active_rows(clearance: Clearance, q: ArrayLike, margin: float = 0.0) -> ActiveRows:
-    """The distances that are too small at configurations q (k, N).
+    """Return the distances that are too small at configurations q (k, N).
 
     A path is planned without constraints first, checked at many points, and planned again with
     those distances alone that are too small, at the points where they are.
@@ -245,7 +245,7 @@ def active_rows(clearance: Clearance, q: ArrayLike, margin: float = 0.0) -> Acti
 
 
 def least_distances(clearance: Clearance, q: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Least of each distance (m,) [m] over configurations q (k, N), and where it is (m,).
+    """Return least of each distance (m,) [m] over configurations q (k, N), and where it is (m,).
 
     It is that of the exact geometry where the function is below its bound.
     """

@@ -72,7 +72,7 @@ class JointLimits(ShortRepr):
             object.__setattr__(self, name, values)
 
     def table(self, model: Model | None = None) -> DataFrame:
-        """The numbers by joint, named if the model is given, with their sources below."""
+        """Return the numbers by joint, named if the model is given, with their sources below."""
         numbered = [str(k + 1) for k in range(self.velocity.size)]
         columns = [getattr(self, name).tolist() for name in QUANTITIES]
         names = model.joint_names if model else numbered
@@ -172,7 +172,7 @@ def joint_limits(
 
 
 def _given(name: str, value: ArrayLike | Mapping[str, float] | None, model: Model) -> Array:
-    """The given numbers (n,), 0 where there is none."""
+    """Return the given numbers (n,), 0 where there is none."""
     found = np.zeros(model.dof)
     if value is None:
         return found
@@ -197,7 +197,7 @@ def _given(name: str, value: ArrayLike | Mapping[str, float] | None, model: Mode
 
 
 def _summary(origins: Sequence[str], joints: Sequence[str]) -> str:
-    """One sentence; with the joints where they differ."""
+    """Return one sentence; with the joints where they differ."""
     named: dict[str, list[str]] = {}
     for origin, joint in zip(origins, joints, strict=True):
         named.setdefault(origin, []).append(joint)

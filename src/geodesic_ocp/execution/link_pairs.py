@@ -78,7 +78,7 @@ def link_pairs(
     margin: float = MARGIN,
     samples: int = SAMPLES,
 ) -> LinkPairs:
-    """The pairs of links of one or several arms that have to be kept apart.
+    """Return the pairs of links of one or several arms that have to be kept apart.
 
     Links that move relative to each other, except neighbours in the chain and those that touch in
     95 % of the sampled configurations. Links that do not move, such as a torso, count as far as the
@@ -123,7 +123,7 @@ def pairs_of(
     pairs: LinkPairs | None,
     margin: float = MARGIN,
 ) -> LinkPairs:
-    """The given pairs, or those that `link_pairs` finds.
+    """Return the given pairs, or those that `link_pairs` finds.
 
     Raises:
         ValueError: the pairs are those of other models.
@@ -169,7 +169,7 @@ def _kind(
 def _compared(
     one: PlacedSolid, other: PlacedSolid, poses: Sequence[Pose], margin: float
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Distances (k,) [m] of the capsules, and where the links are closer than the margin."""
+    """Return distances (k,) [m] of the capsules, and where the links are closer than the margin."""
     distances = capsule_distances(one, other, poses).min(axis=0)
     close = np.zeros(len(distances), dtype=bool)
     for k in np.flatnonzero(distances <= margin).tolist():
@@ -188,7 +188,7 @@ def _one_joint_apart(one: PlacedSolid, other: PlacedSolid) -> bool:
 
 
 def sampled_configurations(models: Sequence[Model], count: int) -> Array:
-    """Configurations (count, N) within the limits of all joints, evenly spread.
+    """Return configurations (count, N) within the limits of all joints, evenly spread.
 
     Unlimited joints take one revolution, or 1 m to either side.
     """
@@ -226,7 +226,7 @@ class PlacedSolid:
         return self.solid.joint > 0
 
     def posed(self, poses: Sequence[Pose], sample: int) -> tuple[LinkSolid, Pose]:
-        """The link with the pose of the joint that carries it, at one sample."""
+        """Return the link with the pose of the joint that carries it, at one sample."""
         joint, (rotations, positions) = self.solid.joint, poses[self.arm]
         return self.solid, (rotations[sample, joint], positions[sample, joint])
 
@@ -270,7 +270,7 @@ class PlacedSolids:
 def place_solids(
     arms: Model | Sequence[Model], placements: Sequence[Any] | None = None
 ) -> PlacedSolids:
-    """The links of arms, placed as in `combine`.
+    """Return the links of arms, placed as in `combine`.
 
     Args:
         arms: a model, or several.
@@ -381,7 +381,7 @@ def capsule_distances(one: PlacedSolid, other: PlacedSolid, poses: Sequence[Pose
 
 
 def _placed_capsules(each: PlacedSolid, poses: Sequence[Pose]) -> tuple[Array, Array, Array]:
-    """Ends (c, k, 3) of the segments of a link's capsules, and radii (c,)."""
+    """Return ends (c, k, 3) of the segments of a link's capsules, and radii (c,)."""
     rotation, position = (part[:, each.solid.joint] for part in poses[each.arm])
     capsules = each.solid.capsules
     ends = np.array([[capsule.start, capsule.end] for capsule in capsules])

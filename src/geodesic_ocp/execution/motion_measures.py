@@ -107,7 +107,7 @@ def motion_measures(
     gravity: ArrayLike = (0.0, 0.0, -9.81),
     elbow_offsets: tuple[Array, Array] | None = None,
 ) -> MotionMeasures:
-    """Measures of a trajectory whose hand should pass targets.
+    """Return measures of a trajectory whose hand should pass targets.
 
     Jerk depends on the rate of the samples: compare trajectories of one rate.
 
@@ -158,7 +158,7 @@ def motion_measures(
 
 
 def measures_table(measures: Mapping[str, MotionMeasures]) -> DataFrame:
-    """One row for each motion by its name."""
+    """Return one row for each motion by its name."""
     rows = []
     for name, each in measures.items():
         values = [getattr(each, attribute) for attribute in _COLUMNS.values()]

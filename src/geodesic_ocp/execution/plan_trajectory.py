@@ -198,7 +198,7 @@ class PlannedTrajectory(ShortRepr):
         return joint_names(self.arms)
 
     def robot_time(self, recording_times: ArrayLike) -> Array:
-        """Times in the trajectory, from 0, for times of the recording [s]."""
+        """Return times in the trajectory, from 0, for times of the recording [s]."""
         times = np.asarray(recording_times, dtype=float)
         return np.asarray(np.interp(times, self.edges, self.robot_edges))
 
@@ -263,7 +263,7 @@ def path_deviations(arm: ArmPaths, spline: JointSpline, ends: Array) -> tuple[Pa
 
 
 def _farthest(points: Array, curve: Array) -> float:
-    """Largest distance of points (k, d) from a polygon through (m, d)."""
+    """Return largest distance of points (k, d) from a polygon through (m, d)."""
     return float(np.linalg.norm(points - nearest_on_path(points, curve), axis=1).max())
 
 

@@ -83,18 +83,18 @@ class Knots:
         return np.concatenate([[0], np.cumsum(self.pieces)])
 
     def of(self, edges: Array) -> np.ndarray:
-        """Numbers of the knots at some of the edges, by their times."""
+        """Return numbers of the knots at some of the edges, by their times."""
         nearest = np.abs(self.edges[:, None] - edges).argmin(axis=0)
         return np.asarray(self.at_edges[nearest])
 
     def times(self, durations: Array) -> Array:
-        """Times of the knots (count + 1,) for durations (m,) of the intervals [s]."""
+        """Return times of the knots (count + 1,) for durations (m,) of the intervals [s]."""
         steps = durations[self.interval] * self.fraction
         return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def union_of_edges(arms: Sequence[ArmPaths]) -> Array:
-    """Times (m + 1,) in the recording at which any arm's path begins or ends [s]."""
+    """Return times (m + 1,) in the recording at which any arm's path begins or ends [s]."""
     edges = np.unique(np.concatenate([arm.edges for arm in arms]))
     return np.asarray(edges[np.concatenate([[True], np.diff(edges) > SAME])])
 
@@ -119,7 +119,7 @@ class Reference:
     tangents: Array
 
     def weights(self, arm: ArmPaths) -> Array:
-        """Matrices (k, n, n) whose quadratic forms are squared distances from the paths.
+        """Return matrices (k, n, n) whose quadratic forms are squared distances from the paths.
 
         In the metric G + a I relative to its mean diagonal, almost none along the path.
         """
@@ -259,7 +259,7 @@ class JointSpline(ShortRepr):
 
     @classmethod
     def through(cls, time: Array, positions: Array, ends: Array) -> JointSpline:
-        """Through positions (k + 1, n) at times (k + 1,) [s], with end velocities (2, n)."""
+        """Return through positions (k + 1, n) at times (k + 1,) [s], with end velocities (2, n)."""
         return cls(CubicSpline(time, positions, bc_type=((1, ends[0]), (1, ends[1]))))
 
     @property
@@ -268,12 +268,12 @@ class JointSpline(ShortRepr):
         return float(self.curve.x[-1])
 
     def __call__(self, time: Array) -> tuple[Array, Array, Array, Array]:
-        """Positions, velocities, accelerations and jerks at times within the spline (m,)."""
+        """Return positions, velocities, accelerations and jerks at times within the spline (m,)."""
         q, v, a, j = (self.curve(time, order) for order in range(4))
         return q, v, a, j
 
     def within_pieces(self, count: int) -> Array:
-        """Evenly spaced times in every piece, both ends included, (k, count)."""
+        """Return evenly spaced times in every piece, both ends included, (k, count)."""
         return np.asarray(np.linspace(self.curve.x[:-1], self.curve.x[1:], count, axis=1))
 
     @cached_property
@@ -306,7 +306,7 @@ _CORNERS = 3.0  # times the limit that accelerations may have in corners, which 
 def through(
     references: Sequence[Reference], knots: Knots, durations: Array, rest: bool
 ) -> KnotStates:
-    """Cubic splines through the references for durations of the intervals."""
+    """Return cubic splines through the references for durations of the intervals."""
     time = knots.times(durations)
     ends = "clamped" if rest else "natural"
     splines = [CubicSpline(time, each.positions, bc_type=ends) for each in references]
@@ -321,7 +321,7 @@ def through(
 def stretched(
     arms: Sequence[ArmPaths], references: Sequence[Reference], knots: Knots, rest: bool
 ) -> Array:
-    """Durations (m,) of the intervals in which the references nearly keep the limits [s]."""
+    """Return durations (m,) of the intervals in which the references nearly keep the limits [s]."""
     durations = knots.person
     for _ in range(_ROUNDS):
         guess = through(references, knots, durations, rest)

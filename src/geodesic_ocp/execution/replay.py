@@ -109,7 +109,7 @@ class Replay:
         return np.asarray(np.mean(np.abs(self.torques) >= _SATURATED * self.torque_limits, axis=0))
 
     def table(self) -> DataFrame:
-        """Errors and torques of each joint; hand and contacts below."""
+        """Return errors and torques of each joint; hand and contacts below."""
         columns = {
             "joint": self.model.joint_names,
             "largest error [mrad, mm]": (1e3 * self.largest_error).tolist(),

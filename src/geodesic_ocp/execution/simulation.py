@@ -54,7 +54,7 @@ class SimulatedRobot(ShortRepr):
 def simulated_robot(
     robot: Model | str | PathLike[str], model: Model, gravity: Array, timestep: float = 1e-3
 ) -> SimulatedRobot:
-    """The robot in MuJoCo.
+    """Return the robot in MuJoCo.
 
     Args:
         robot: a Model, an MJCF file or its text, or the name of one in MuJoCo Menagerie. Joints of
@@ -133,7 +133,7 @@ def _check_joints(present: Any, model: Model, name: str) -> None:
 
 
 def _base_rotation(found: SimulatedRobot, model: Model) -> Array:
-    """Rotation from the axes of the Model's base to those of the file's world.
+    """Return rotation from the axes of the Model's base to those of the file's world.
 
     Found from the orientation of the hand, if the file has it; otherwise they are the same.
     """
@@ -159,7 +159,7 @@ def _base_rotation(found: SimulatedRobot, model: Model) -> Array:
 def make_controller(
     kind: Controller, model: Model, gravity: Array, frequency: float, postures: Array
 ) -> Torques:
-    """The controller as a function of the state and the reference.
+    """Return the controller as a function of the state and the reference.
 
     With the error e of positions and w = 2 pi frequency:
     - computed torque: M(q) (a + 2 w e' + w^2 e) + C(q, v) v + g(q), so that e'' + 2 w e' + w^2 e is
@@ -206,7 +206,7 @@ def make_controller(
 def simulate(
     robot: SimulatedRobot, reference: JointTrajectory, controller: Torques, largest: Array
 ) -> tuple[Array, Array, Array]:
-    """Positions, velocities and torques (k, n) of a robot that follows the reference.
+    """Return positions, velocities and torques (k, n) of a robot that follows the reference.
 
     The robot starts in the state of the first sample. Torques are constant for one step of the
     simulation, which is that of the reference.
@@ -265,7 +265,7 @@ class Contact:
 
 
 def find_contacts(robot: SimulatedRobot, postures: Array) -> tuple[Contact, ...]:
-    """Pairs of links whose geometry overlaps in the configurations (k, n), deepest first.
+    """Return pairs of links whose geometry overlaps in the configurations (k, n), deepest first.
 
     Neighbours in the chain are left out, as MuJoCo does, and pairs that the file excludes.
     """

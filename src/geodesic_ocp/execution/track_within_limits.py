@@ -186,7 +186,7 @@ def _tracking(model: Model, rows: tuple[int, ...]) -> ca.Function:
 def speed_bounds(
     model: Model, limits: JointLimits, step: float, q: Array, previous: Array, left: int
 ) -> tuple[Array, Array]:
-    """Least and largest constant speed (n,) over a step, q_next = q + step v.
+    """Return least and largest constant speed (n,) over a step, q_next = q + step v.
 
     Between them there is always a speed, at which there is one again, and so on: the joint can
     brake before the end of its range, and come to rest in the steps that are left. (Viability: Del
@@ -210,7 +210,7 @@ def speed_bounds(
 
 
 def _braking(room: Array, change: Array, step: float) -> Array:
-    """Largest speed v (n,) towards a limit at the distance `room` (n,).
+    """Return largest speed v (n,) towards a limit at the distance `room` (n,).
 
     The distance step (v + (v - c) + (v - 2 c) + ...) until the joint stands, with the change c of
     speed per step, is the largest of step ((k + 1) v - c k (k + 1) / 2) over k = 0, 1, ...
@@ -224,7 +224,7 @@ def _braking(room: Array, change: Array, step: float) -> Array:
 
 
 def box_least_squares(hessian: Array, gradient: Array, lower: Array, upper: Array) -> Array:
-    """The x (n,) that minimizes x' H x / 2 + g' x subject to lower <= x <= upper.
+    """Return the x (n,) that minimizes x' H x / 2 + g' x subject to lower <= x <= upper.
 
     By DAQP (Arnström, Bemporad, Axehill, "A dual active-set solver for embedded quadratic
     programming using recursive LDL' updates", IEEE Trans. Automatic Control 67, 2022).

@@ -85,7 +85,7 @@ class ClearanceReport(ShortRepr):
         return self.closest[0].time if self.closest else None
 
     def table(self) -> DataFrame:
-        """The closest pairs, with what is not known as a note."""
+        """Return the closest pairs, with what is not known as a note."""
         rows = []
         for each in self.closest:
             when = each.sample if each.time is None else each.time
@@ -106,7 +106,7 @@ def trajectory_clearance(
     pairs: LinkPairs | None = None,
     closest: int = _SHOWN,
 ) -> ClearanceReport:
-    """The closest pairs of links at the samples of a trajectory, by their exact geometry.
+    """Return the closest pairs of links at the samples of a trajectory, by their exact geometry.
 
     Distances between meshes are computed by coal only where the capsules around the links, and how
     far they have moved since a sample whose distance is known, leave room for a closer approach.
@@ -157,7 +157,7 @@ def trajectory_clearance(
 def _closest(
     one: PlacedSolid, other: PlacedSolid, poses: Sequence[Pose], bounds: Array, least: float
 ) -> tuple[float, int]:
-    """Least distance [m] of two links and the sample at which they have it.
+    """Return least distance [m] of two links and the sample at which they have it.
 
     It is accurate to 5 %, and to 1 % if it may be less than those of other pairs.
 

@@ -158,7 +158,7 @@ class ArmCheck:
 
 
 def distances_in_pieces(clearance: Clearance, splines: Sequence[JointSpline]) -> Array:
-    """Distances at evenly spaced times in every piece, (pieces, samples, m) [m]."""
+    """Return distances at evenly spaced times in every piece, (pieces, samples, m) [m]."""
     times = splines[0].within_pieces(_FEW)
     q = np.hstack([spline(times.ravel())[0] for spline in splines])
     found = evaluate(clearance.function.map(len(q)), q.T).T
@@ -212,7 +212,7 @@ class TrajectoryProgram:
     def solve(
         self, start: KnotStates, references: Sequence[Reference], watched: Watched, most: int
     ) -> Outcome:
-        """The solution near references, with the limits that are to be minded.
+        """Return the solution near references, with the limits that are to be minded.
 
         Args:
             start: states at the knots.
@@ -227,7 +227,7 @@ class TrajectoryProgram:
     def _blocks(
         self, durations: Array, references: Sequence[Reference], watched: Watched
     ) -> list[Block]:
-        """Integrals over time are by the trapezoidal rule for these durations (m,)."""
+        """Return integrals over time are by the trapezoidal rule for these durations (m,)."""
         knots, settings = self.knots, self.settings
         total = float(knots.person.sum())
         steps = durations[knots.interval] * knots.fraction
@@ -252,7 +252,7 @@ class TrajectoryProgram:
         return blocks
 
     def _distance(self, kept: WatchedDistances, index: int) -> Block:
-        """One distance at some of the knots."""
+        """Return one distance at some of the knots."""
         knots, q = kept.knots[index], ca.SX.sym("q", kept.clearance.dof)
         distance = kept.clearance.row(index)(q)
         columns = np.hstack([terms.indices(knots, 1) for terms in self.terms])
@@ -288,14 +288,14 @@ class TrajectoryProgram:
         return np.asarray(np.all(lower == upper, axis=1))
 
     def as_x(self, states: KnotStates) -> Array:
-        """Vector of the variables."""
+        """Return vector of the variables."""
         states_of = states.positions, states.velocities, states.accelerations
         pairs = zip(self.terms, *states_of, strict=True)
         arms = [(np.stack(own, axis=1) / terms.units[:3]).ravel() for terms, *own in pairs]
         return np.concatenate([states.durations, *arms])
 
     def states(self, x: Array) -> KnotStates:
-        """Values of the variables from their vector."""
+        """Return values of the variables from their vector."""
         found = []
         for terms in self.terms:
             size = 3 * terms.dof * (self.knots.count + 1)
@@ -335,7 +335,7 @@ def watched_at_first(
 
 
 def tightened(watched: Watched, checks: Sequence[ArmCheck], distances: Sequence[Array]) -> Watched:
-    """The constraints of the next round.
+    """Return the constraints of the next round.
 
     Args:
         watched: those of the last round.
@@ -362,7 +362,7 @@ def _arm(watched: WatchedArm, check: ArmCheck) -> WatchedArm:
 
 
 def _kept(watched: WatchedDistances, found: Array) -> WatchedDistances:
-    """Distances to keep from now on, given those that were found (pieces, samples, m)."""
+    """Return distances to keep from now on, given those that were found (pieces, samples, m)."""
     lack, knots = watched.clearance.lower - found, dict(watched.knots)
     close, more = _at_knots_of(lack, -_NEAR_DISTANCE, 0.0, TOLERANCE)
     for index in np.flatnonzero(lack.max(axis=(0, 1)) > TOLERANCE).tolist():
@@ -392,7 +392,7 @@ def _at_knots_of(
 
 
 def _at_both_ends(of_pieces: Array) -> Array:
-    """At the knots, the larger one of two successive pieces."""
+    """Return at the knots, the larger one of two successive pieces."""
     padded = np.pad(of_pieces, ((1, 1), (0, 0)))
     return np.maximum(padded[:-1], padded[1:])
 
@@ -462,7 +462,7 @@ def solve_in_rounds(
     clearances: Sequence[Clearance],
     progress: Callable[[int], object],
 ) -> TrajectoryAttempt:
-    """The trajectory within all limits, or the best attempt."""
+    """Return the trajectory within all limits, or the best attempt."""
     attempts: list[TrajectoryAttempt] = []
     for start, most in zip(_STARTS, _ITERATIONS, strict=True):
         attempts.append(_from_start(arms, settings, clearances, progress, start, most))
@@ -543,7 +543,7 @@ def _attempt(
 def _first_guess(
     arms: Sequence[ArmPaths], settings: TrajectorySettings, more: float, stops: bool
 ) -> tuple[TrajectoryProgram, KnotStates, list[Reference]]:
-    """The paths in time that is stretched until limits are nearly kept, times `more`."""
+    """Return the paths in time that is stretched until limits are nearly kept, times `more`."""
     edges = union_of_edges(arms)
     coarse = TrajectoryProgram(arms, Knots.spaced(edges, np.diff(edges)), settings)
     references = [course.as_recorded(settings.rest, stops) for course in coarse.courses]
@@ -557,7 +557,7 @@ def _first_guess(
 def _at_knots(
     program: TrajectoryProgram, checks: Sequence[ArmCheck], durations: Array
 ) -> KnotStates:
-    """States of splines at the knots of another program."""
+    """Return states of splines at the knots of another program."""
     time = program.knots.times(durations)
     states = [check.spline(time)[:3] for check in checks]
     return KnotStates(durations, *zip(*states, strict=True))
@@ -566,7 +566,7 @@ def _at_knots(
 def _worst(
     checks: Sequence[ArmCheck], clearances: Sequence[Clearance], distances: Sequence[Array]
 ) -> tuple[float, str]:
-    """Largest excess over a limit, relative or [rad or m], and a clause that names it."""
+    """Return largest excess over a limit, relative or [rad or m], and a clause that names it."""
     found = [check.worst for check in checks]
     for clearance, values in zip(clearances, distances, strict=True):
         lack = (clearance.lower - values).max(axis=(0, 1))
@@ -576,7 +576,7 @@ def _worst(
 
 
 def _splines(program: TrajectoryProgram, states: KnotStates) -> list[JointSpline]:
-    """Without the rounding that the program's equations leave at the knots."""
+    """Return without the rounding that the program's equations leave at the knots."""
     time = program.knots.times(states.durations)
     return [
         JointSpline.through(time, q, v[[0, -1]])

@@ -119,7 +119,7 @@ class ArmTerms:
         return np.asarray(self.first + 3 * n * knots[:, None] + np.arange(parts * n))
 
     def deviation(self, reference: Reference, shares: Array, weight: float) -> Block:
-        """Squared distances from points of the paths, and squared accelerations.
+        """Return squared distances from points of the paths, and squared accelerations.
 
         Args:
             reference: the points.
@@ -159,7 +159,7 @@ class ArmTerms:
         return Block(Terms(z, p, objective, equations), np.hstack(columns), values, -upper, upper)
 
     def between_knots(self, kind: str, pairs: Indices) -> Block:
-        """A limit between the knots, of one joint in one piece each.
+        """Return a limit between the knots, of one joint in one piece each.
 
         Args:
             kind: "jerk"; "velocity", the Bezier coefficient in the middle; "position", the two.
@@ -187,7 +187,7 @@ class ArmTerms:
         return Block(Terms(z, p, 0.0, rows[kind]), columns, values, lower, upper)
 
     def torques(self, knots: Indices, shares: Array) -> Block:
-        """Torques at some of the knots (k,), within shares (k, n) of their limits."""
+        """Return torques at some of the knots (k,), within shares (k, n) of their limits."""
         z, arm = ca.SX.sym("z", 3 * self.dof), self.arm
         q, v, a = ca.vertsplit(z, self.dof)
         _, speed, growth, _ = self.units
@@ -214,7 +214,7 @@ class ArmTerms:
         return Block(Terms(q, p, 0.0, errors), indices, values, -upper, upper)
 
     def end_speeds(self) -> Block:
-        """Squared differences of the velocities at both ends from the person's progress."""
+        """Return squared differences of the velocities at both ends from the person's progress."""
         n, arm, durations = self.dof, self.arm, np.diff(self.arm.edges)
         v, p = ca.SX.sym("v", n), ca.SX.sym("p", n)
         first, last = arm.paths[0](0.0, 1) / durations[0], arm.paths[-1](1.0, 1) / durations[-1]

@@ -140,7 +140,7 @@ def draw_hand_path(
 
 
 def widest_columns(values: Array, count: int) -> list[int]:
-    """Indices of the columns (k, m) with the largest range, in their own order."""
+    """Return indices of the columns (k, m) with the largest range, in their own order."""
     order = np.argsort(-np.ptp(values, axis=0), kind="stable")
     return sorted(int(column) for column in order[:count])
 
@@ -260,7 +260,7 @@ def draw_analysis(
 
 
 def _panels(grid: GridSpec, count: int) -> list[SubplotSpec]:
-    """Places for panels of equal height on the right, below the strip."""
+    """Return places for panels of equal height on the right, below the strip."""
     if count == grid.nrows - 1:
         return [grid[row, 1] for row in range(1, grid.nrows)]
     below = grid[1:, 1].subgridspec(count, 1)
@@ -275,7 +275,7 @@ def draw_replay(
     hand_errors: tuple[Array, Array],
     torque_shares: Array,
 ) -> Figure:
-    """Three panels over time (k,) [s].
+    """Return three panels over time (k,) [s].
 
     Args:
         time: time of the samples.

@@ -1,4 +1,4 @@
-"""Outlines, those behind drawn first: arms and obstacles seen from one side."""
+"""Arms and obstacles as outlines seen from one side, those behind drawn first."""
 
 from __future__ import annotations
 
@@ -52,13 +52,13 @@ class Shape:
         return f"Shape({len(self.outlines)} outlines at depth {self.depth:.3g})"
 
     def moved(self, shift: ArrayLike) -> Shape:
-        """The shape elsewhere in the figure."""
+        """Return the shape elsewhere in the figure."""
         outlines = tuple(outline + np.asarray(shift) for outline in self.outlines)
         return replace(self, outlines=outlines)
 
 
 def mixed(colour: str, white: float) -> Colour:
-    """A colour with this share of white."""
+    """Return a colour with this share of white."""
     from matplotlib.colors import to_rgb
 
     red, green, blue = (white + (1.0 - white) * each for each in to_rgb(colour))
@@ -132,7 +132,7 @@ class ConvexPart:
 
 @lru_cache(maxsize=16)  # a figure draws the same model at many instants, and is drawn again
 def convex_parts(model: Model) -> tuple[ConvexPart, ...]:
-    """Convex parts that together look like the links of a model, as given by `meshes`.
+    """Return convex parts that together look like the links of a model, as given by `meshes`.
 
     Beside one or both arms of a person, they show the rest of the person, which does not move.
     A link that is not convex is divided in the middle of its longest principal axis, and its halves
@@ -177,7 +177,7 @@ def _joined(parts: tuple[Mesh, ...]) -> list[Mesh]:
 
 
 def _divided(mesh: Mesh) -> list[Array]:
-    """Extreme points of the convex parts of a mesh."""
+    """Return extreme points of the convex parts of a mesh."""
     if not len(mesh.vertices):
         return []
     import trimesh  # takes longer to import than most figures take to draw
@@ -266,12 +266,12 @@ class Postures:
         return cls(model, parts, points, joints, hands)
 
     def still(self) -> list[Array]:
-        """Points (m, 3) of the parts that do not move."""
+        """Return points (m, 3) of the parts that do not move."""
         pairs = zip(self.parts, self.points, strict=True)
         return [points[0] for part, points in pairs if not part.moves]
 
     def moving(self) -> list[Array]:
-        """Points (k, m, 3) of the parts that move."""
+        """Return points (k, m, 3) of the parts that move."""
         pairs = zip(self.parts, self.points, strict=True)
         return [points for part, points in pairs if part.moves]
 
@@ -290,7 +290,7 @@ def posture_shapes(
     ink: float = 1.0,
     still: bool = True,
 ) -> list[Shape]:
-    """The links of one of the configurations in a view.
+    """Return the links of one of the configurations in a view.
 
     Args:
         postures: postures of a model.
@@ -321,7 +321,7 @@ def posture_shapes(
 
 
 def outline_of_all(shapes: list[Shape]) -> Array:
-    """The outline of the union of shapes as a line (m, 2), broken by NaN."""
+    """Return the outline of the union of shapes as a line (m, 2), broken by NaN."""
     outlines = [outline for shape in shapes for outline in shape.outlines]
     pieces = []
     for number, outline in enumerate(outlines):
@@ -348,7 +348,7 @@ def _inside(points: Array, outline: Array) -> Array:
 
 
 def _distinct(outline: Array) -> Array:
-    """An outline without repeated points."""
+    """Return an outline without repeated points."""
     return np.asarray(outline[np.any(outline != np.roll(outline, 1, axis=0), axis=1)])
 
 

@@ -62,7 +62,7 @@ class StripArm:
 
 
 def strip_instants(segments: Sequence[tuple[int, int]], count: int) -> list[int]:
-    """Samples halfway between cuts, of the segments at `count` evenly spaced times.
+    """Return samples halfway between cuts, of the segments at `count` evenly spaced times.
 
     At the cuts a prediction agrees with the observation by construction.
     """
@@ -158,7 +158,7 @@ def _row(
     obstacles: Sequence[Obstacle],
     paths: Sequence[Array],
 ) -> tuple[list[list[Shape]], Array, Array]:
-    """Shapes of each figure, and the corners (2,) of a box around all of them."""
+    """Return shapes of each figure, and the corners (2,) of a box around all of them."""
     bodies = [each for each in obstacles if not isinstance(each, HalfSpace)]
     fixed = [shape for body in bodies if (shape := obstacle_shape(body, view)) is not None]
     columns = []
@@ -250,7 +250,7 @@ def draw_overlay(
 
 
 def _apart(labels: Sequence[str], hands: Array, least: float) -> list[tuple[str, Array]]:
-    """The labels, without those too near to others; the first and the last are kept."""
+    """Return the labels, without those too near to others; the first and the last are kept."""
     order = [0, len(labels) - 1, *range(1, len(labels) - 1)]
     kept: list[int] = []
     for index in order:
@@ -316,7 +316,7 @@ def draw_close_up(
 
 
 def _outline(model: Model, body: Body, q: Array, view: View) -> Array:
-    """Outline (m, 2) of a body that is fixed to a link."""
+    """Return outline (m, 2) of a body that is fixed to a link."""
     assert body.link is not None
     rotation, position = model.frame_pose(body.link, q)
     capsule = as_capsule(body)
@@ -381,7 +381,7 @@ def draw_path_arms(
 
 
 def _instants(near: NearestPoints | None) -> tuple[Array, list[str], int | None]:
-    """Values of s, what is written below each, and which is that of the nearest approach."""
+    """Return values of s, what is written below each, and which is that of the nearest approach."""
     s = np.linspace(0.0, 1.0, _INSTANTS)
     if near is None:
         return s, [f"s = {each:.1g}" for each in s], None
@@ -394,5 +394,5 @@ def _instants(near: NearestPoints | None) -> tuple[Array, list[str], int | None]
 
 
 def _millimetres(near: NearestPoints) -> str:
-    """The least distance."""
+    """Return the least distance."""
     return f"{round(1000.0 * float(near.distances.min()))} mm".replace("-", "\u2212")

@@ -44,7 +44,7 @@ def best_view(
     nearest: Array | None = None,
     closest: int | None = None,
 ) -> View:
-    """The view, with z up, that shows most of a motion, and its distance from obstacles.
+    """Return the view, with z up, that shows most of a motion, and its distance from obstacles.
 
     Convex bodies that are apart appear apart in every view across the line between their nearest
     points. What counts is the extent of the path in the figure, overlaps of arm and obstacles, and
@@ -72,7 +72,7 @@ def best_view(
 
 
 def across(view: View, postures: Postures) -> View:
-    """The view at a right angle to a view with z up from which the hands are hidden less."""
+    """Return the view at a right angle to a view with z up from which the hands are hidden less."""
     x, y, _ = view.towards
     azimuth = float(np.rad2deg(np.arctan2(y, x)))
     views = [View.around_z(azimuth + turn, 0.0) for turn in (90.0, -90.0)]
@@ -108,7 +108,7 @@ def _worth(
 
 
 def _hidden(view: View, postures: Postures) -> float:
-    """Share of the joints that move, hands included, that are behind bodies that do not."""
+    """Return share of the joints that move, hands included, that are behind bodies that do not."""
     moves = np.any(np.ptp(postures.joints, axis=0) > _SEEN, axis=-1)
     if not np.any(moves):
         return 0.0
@@ -122,7 +122,7 @@ def _hidden(view: View, postures: Postures) -> float:
 
 
 def _overlaps(view: View, postures: Postures, body: Capsule) -> Array:
-    """Overlaps (k,) of an obstacle and the moving bodies, relative to its diameter."""
+    """Return overlaps (k,) of an obstacle and the moving bodies, relative to its diameter."""
     ends = view.plane(np.array([body.start, body.end])) @ _ROUGH.T
     nearest = ends.min(axis=0) - body.radius  # of the obstacle, by direction
     overlaps = []

@@ -54,7 +54,7 @@ def draw_obstacle(
 def obstacle_shape(
     obstacle: Obstacle, view: View, box: tuple[Array, Array] | None = None
 ) -> Shape | None:
-    """The outline of a stationary obstacle in a view; None if it is not drawn.
+    """Return the outline of a stationary obstacle in a view; None if it is not drawn.
 
     Args:
         obstacle: those that move with a link are not drawn.
@@ -76,7 +76,7 @@ def obstacle_shape(
 
 
 def _behind(low: Array, high: Array, point: Array, normal: Array) -> Array:
-    """The corners (m, 2) of the part of a box that is behind a line."""
+    """Return the corners (m, 2) of the part of a box that is behind a line."""
     corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
     heights = (corners - point) @ normal
     found = []

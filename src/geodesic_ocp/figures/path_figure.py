@@ -127,7 +127,7 @@ def draw_path(
 
 
 def _names(path: Path) -> tuple[list[str], str]:
-    """Names of the coordinates, and their unit or units."""
+    """Return names of the coordinates, and their unit or units."""
     names = path.metric.joint_names or [f"q[{index}]" for index in range(path.metric.dim)]
     model = getattr(path.metric, "model", None)
     units = "" if model is None else f" [{' or '.join(dict.fromkeys(model.units))}]"

@@ -163,7 +163,7 @@ def group_handles(conditions: Sequence[str], interval: str) -> list[Any]:
 
 
 def _wrapped(label: str) -> str:
-    """The label in as few lines as there must be, of about equal lengths."""
+    """Return the label in as few lines as there must be, of about equal lengths."""
     lines = len(textwrap.wrap(label, _LETTERS, break_on_hyphens=False))
     widths = range(max(1, len(label) // max(lines, 1)), _LETTERS + 1)
     found = (textwrap.wrap(label, width, break_on_hyphens=False) for width in widths)
@@ -171,7 +171,7 @@ def _wrapped(label: str) -> str:
 
 
 def _spread(count: int) -> Array:
-    """Offsets in [-1, 1] that part neighbours, the same every time."""
+    """Return offsets in [-1, 1] that part neighbours, the same every time."""
     golden = (np.sqrt(5.0) - 1.0) / 2.0
     return np.asarray(2.0 * ((0.5 + golden * np.arange(count)) % 1.0) - 1.0)
 
@@ -235,7 +235,7 @@ def draw_distributions(axes: Axes, values: Mapping[str, Sequence[Array]], label:
 
 
 def _cumulative(ordered: Array, grid: Array) -> Array:
-    """Share of the values that do not exceed each point of the grid."""
+    """Return share of the values that do not exceed each point of the grid."""
     return np.searchsorted(ordered, grid, side="right") / ordered.size
 
 
@@ -317,7 +317,7 @@ class Means(NamedTuple):
 
 
 def _key(index: Any) -> tuple[str, str]:
-    """Condition and method of a row; the condition is empty if there are none."""
+    """Return condition and method of a row; the condition is empty if there are none."""
     return index if isinstance(index, tuple) else ("", index)
 
 

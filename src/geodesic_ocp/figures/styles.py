@@ -84,7 +84,7 @@ def added_style(settings: dict[Any, Any]) -> Iterator[None]:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure of this size [inch], which adjusts its layout to its contents."""
+    """Return an empty figure of this size [inch], which adjusts its layout to its contents."""
     # Importing matplotlib takes longer than many computations: only what draws imports it.
     from matplotlib.figure import Figure
 

@@ -73,7 +73,7 @@ class View:
         return f"seen from azimuth {azimuth}{above}"
 
     def plane(self, points: ArrayLike) -> Array:
-        """Points (..., 3) [m] in the plane, (..., 2) [m]."""
+        """Return points (..., 3) [m] in the plane, (..., 2) [m]."""
         return np.asarray(points) @ np.column_stack([self.right, self.up])
 
     def depth(self, points: ArrayLike) -> Array:

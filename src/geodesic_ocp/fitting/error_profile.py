@@ -51,7 +51,7 @@ class ErrorProfile(ShortRepr):
         return np.asarray(np.sqrt(np.mean(self.errors**2, axis=1)))
 
     def table(self) -> DataFrame:
-        """Value, mean error, and the error of every recording."""
+        """Return value, mean error, and the error of every recording."""
         unit = f" [{self.unit}]" if self.unit else ""
         header = (f"{self.name}{unit}", f"rms error [{self.error_unit}]", *self.recordings)
         rows = zip(self.values.tolist(), self.mean.tolist(), self.errors.tolist(), strict=True)
@@ -75,7 +75,7 @@ class ErrorProfile(ShortRepr):
         axes.legend()
 
     def plot(self) -> Figure:
-        """The curves in a new figure."""
+        """Return the curves in a new figure."""
         figure = new_figure(6.5, 4.2)
         self.draw(figure.add_subplot())
         return figure
@@ -89,7 +89,7 @@ def error_profile(
     *,
     progress: Progress | None = None,
 ) -> ErrorProfile:
-    """Least error of a fit as a function of one parameter, with all others estimated anew.
+    """Return least error of a fit as a function of one parameter, with all others estimated anew.
 
     Args:
         fit: fit whose recordings and cuts are used.

@@ -163,7 +163,7 @@ def solve_program(
 
 
 def _covariance(program: MetricProgram, errors: LeastErrors) -> Array:
-    """Covariance of parameters that are at no bound, in units of their initial values.
+    """Return covariance of parameters that are at no bound, in units of their initial values.
 
     H^-1 (sum_r s_r^2 / k_r H_r) H^-1 with the Hessians H_r of the recordings' least errors, their
     sum H, the variance s_r^2 of an error and the number k_r of independent samples: the errors of
@@ -197,7 +197,7 @@ def _covariance(program: MetricProgram, errors: LeastErrors) -> Array:
 def _undetermined(
     errors: LeastErrors, matrix: Array, relative: Array, names: Sequence[str]
 ) -> tuple[str, ...]:
-    """Sentences on combinations of parameters that the data do not determine.
+    """Return sentences on combinations of parameters that the data do not determine.
 
     The eigenvectors of the Hessian by the parameters' logarithms along which one standard deviation
     is more than half, so that a factor of 1.6 and more is within it.

@@ -129,16 +129,16 @@ class MetricFit:
         return self.root_mean_squares(2.0 * self.derivatives.values)
 
     def root_mean_squares(self, squares: Array) -> Array:
-        """Root mean square errors from the program's mean squares."""
+        """Return root mean square errors from the program's mean squares."""
         entries = self.program.parts[0].terms.dim if self.error_unit == "rad" else 1
         return np.asarray(DEVIATION * np.sqrt(squares / entries))
 
     def metric(self, model: Model) -> Metric:
-        """The metric of a model with the estimated parameters."""
+        """Return the metric of a model with the estimated parameters."""
         return with_parameters(self.family(model), self.parameters, list(self.values.values()))
 
     def table(self, intervals: tuple[ConfidenceInterval, ...] = ()) -> DataFrame:
-        """Estimates, standard errors, and bootstrap intervals if given (`bootstrap_fit`)."""
+        """Return estimates, standard errors, and bootstrap intervals if given (`bootstrap_fit`)."""
         header: tuple[str, ...] = ("parameter", "unit", "estimate", "standard error")
         rows: list[tuple[str | int | float, ...]] = []
         for each in self.estimates:
@@ -192,7 +192,7 @@ def save_metric(
 
 
 def _fixed_fields(fit: MetricFit) -> dict[str, Any]:
-    """Fields of the metric that are not estimated, where they are not the defaults."""
+    """Return fields of the metric that are not estimated, where they are not the defaults."""
     estimated = {each.field for each in fit.parameters}
     found: list[dict[str, Any]] = []
     for recording in fit.recordings:
@@ -230,7 +230,7 @@ class _MetricRecord:
 
 
 def load_metric(path: str | PathLike[str], model: Model) -> AdjustableKineticEnergy:
-    """The metric of a model with the parameters in a JSON file (`save_metric`).
+    """Return the metric of a model with the parameters in a JSON file (`save_metric`).
 
     Raises:
         RecordingError: the file is missing or not of this format, its metric is a user's own class,

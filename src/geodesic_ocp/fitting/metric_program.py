@@ -61,7 +61,7 @@ class LeastErrors(ShortRepr):
     hessians: Array
 
     def of_parameters(self, chosen: Indices) -> LeastErrors:
-        """The derivatives by some of the parameters, by index."""
+        """Return the derivatives by some of the parameters, by index."""
         hessians = self.hessians[:, chosen][:, :, chosen]
         return LeastErrors(self.values, self.gradients[:, chosen], hessians)
 
@@ -130,7 +130,7 @@ class MetricProgram(ShortRepr):
         return ca.Function("errors", [z], [ca.vertcat(*errors)])
 
     def mean_squares(self, z: Array) -> Array:
-        """Mean squared error of each recording, (recordings,), in units of the deviation."""
+        """Return mean squared error of each recording, (recordings,), in units of the deviation."""
         return np.asarray(2.0 * self._errors(z).full()[:, 0])
 
     @cached_property
@@ -187,7 +187,7 @@ class MetricProgram(ShortRepr):
         fixed: dict[int, float] | None = None,
         report: Callable[[int], object] | None = None,
     ) -> Outcome:
-        """The solution for weights of the recordings.
+        """Return the solution for weights of the recordings.
 
         Args:
             weights: (recordings,).
@@ -214,7 +214,7 @@ class MetricProgram(ShortRepr):
         return self.solve(weights, paths, report=report) if paths.success else outcome
 
     def start_of(self, chosen: Sequence[int], solution: Outcome) -> Outcome:
-        """The part of a solution that belongs to some of the recordings, by index."""
+        """Return the part of a solution that belongs to some of the recordings, by index."""
         segments = np.concatenate([np.flatnonzero(self._owners == index) for index in chosen])
 
         def of_variables(values: Array) -> Array:
@@ -226,7 +226,7 @@ class MetricProgram(ShortRepr):
         return replace(solution, x=x, lam_x=lam_x, lam_g=lam_g)
 
     def least_errors(self, solution: Outcome) -> LeastErrors:
-        """Derivatives by the parameters at the solution for equal weights of all recordings.
+        """Return derivatives by the parameters at the solution for equal weights of all recordings.
 
         By the implicit function theorem, segment by segment.
         """
@@ -268,7 +268,7 @@ class MetricProgram(ShortRepr):
 
 @lru_cache(maxsize=1)
 def _change() -> Terms:
-    """Squared logarithm of a relative value y; smooth at y = 0 as well."""
+    """Return squared logarithm of a relative value y; smooth at y = 0 as well."""
     y = ca.SX.sym("y")
     value = (ca.log((y**2 + _NEGLIGIBLE**2) / (1 + _NEGLIGIBLE**2)) / 2) ** 2
     return Terms(y, objective=value)

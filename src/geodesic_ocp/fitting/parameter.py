@@ -61,7 +61,7 @@ JOINT_INERTIA = Parameter("joint_inertia", 0.03, lower=1e-5, upper=100.0)
 
 
 def as_parameters(parameters: Any) -> tuple[Parameter, ...]:
-    """The argument as a tuple; ValueError if it is empty or two parameters share a name."""
+    """Return the argument as a tuple; ValueError if it is empty or two parameters share a name."""
     listed = (parameters,) if isinstance(parameters, Parameter) else tuple(parameters)
     if not listed or not all(isinstance(each, Parameter) for each in listed):
         raise ValueError(f"parameters must be one or more fitting.Parameter, got {parameters!r}")
@@ -72,7 +72,7 @@ def as_parameters(parameters: Any) -> tuple[Parameter, ...]:
 
 
 def with_parameters(metric: Metric, parameters: Sequence[Parameter], values: Any) -> Metric:
-    """The metric with these values, numbers or CasADi expressions, of its parameters.
+    """Return the metric with these values, numbers or CasADi expressions, of its parameters.
 
     Raises:
         ValueError: the metric is not a dataclass, it has no such field, or no joint matches.

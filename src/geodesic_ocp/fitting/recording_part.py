@@ -98,7 +98,7 @@ class SegmentTerms(ShortRepr):
         return Terms(x, ca.vertcat(u, observed), ca.sumsqr(predicted - observed) / 2)
 
     def _interpolation(self, s: ca.SX) -> ca.SX:
-        """Values (nodes, 1) at s of the Lagrange polynomials of the nodes."""
+        """Return values (nodes, 1) at s of the Lagrange polynomials of the nodes."""
         degree, z = self.grid.degree, 2 * s - 1
         inverse = np.linalg.inv(legendre.legvander(2.0 * self.grid.nodes - 1.0, degree))
         values = [ca.SX(1), z]
@@ -142,7 +142,7 @@ class RecordingPart(ShortRepr):
         return len(self.segments)
 
     def errors(self, first: int, weight: ca.MX | float) -> Block:
-        """Half the mean squared error of the samples, relative, with a weight.
+        """Return half the mean squared error of the samples, relative, with a weight.
 
         Args:
             first: index of the first of the variables.
@@ -174,7 +174,7 @@ class RecordingPart(ShortRepr):
 def observe(
     recording: Recording, metric: Metric, segments: Sequence[tuple[int, int]], terms: SegmentTerms
 ) -> RecordingPart:
-    """The segments of a recording, with the metric's geodesics as initial paths.
+    """Return the segments of a recording, with the metric's geodesics as initial paths.
 
     Args:
         recording: recording with velocities.

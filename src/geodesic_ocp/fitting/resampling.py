@@ -46,7 +46,7 @@ def separate_fits(
 
 
 def _units(fit: MetricFit, by: str) -> dict[str, list[int]]:
-    """Indices of the recordings of each recording or subject, by its label."""
+    """Return indices of the recordings of each recording or subject, by its label."""
     labels = [each.subject for each in fit.recordings]
     if by == "recording":
         names = [each.name or "recording" for each in fit.recordings]
@@ -63,7 +63,7 @@ def _units(fit: MetricFit, by: str) -> dict[str, list[int]]:
 
 
 def refit(fit: MetricFit, chosen: Sequence[int]) -> MetricFit:
-    """The fit of some of its recordings, by index, on the same segments.
+    """Return the fit of some of its recordings, by index, on the same segments.
 
     Raises:
         NotConverged: Ipopt did not find a solution.
@@ -110,7 +110,7 @@ class CrossValidation(ShortRepr):
         return markdown(self.table())
 
     def table(self) -> DataFrame:
-        """Estimates without the recording, its errors, and those of straight lines."""
+        """Return estimates without the recording, its errors, and those of straight lines."""
         kinds = ("joints [rad]", "hand [m]", "hand [rad]")
         header = ("left out", *self.parameters, *kinds, *(f"lines: {kind}" for kind in kinds))
         rows: list[tuple[str | int | float, ...]] = []
@@ -170,7 +170,7 @@ def bootstrap_fit(
     curve: ErrorProfile | None = None,
     progress: Progress | None = None,
 ) -> tuple[ConfidenceInterval, ...]:
-    """Percentile intervals of estimates from resampled recordings or subjects.
+    """Return percentile intervals of estimates from resampled recordings or subjects.
 
     Recordings, or subjects with all their recordings, are drawn with replacement (Efron and
     Tibshirani, "An Introduction to the Bootstrap", 1993, chapters 13 and 6.4). With one parameter
@@ -229,7 +229,7 @@ def _on_profile(curve: ErrorProfile, weights: Array) -> Array:
 
 
 def _newton_steps(fit: MetricFit, weights: Array) -> Array:
-    """Estimates (count, p) after one Newton step from the solution."""
+    """Return estimates (count, p) after one Newton step from the solution."""
     derivatives, values = fit.derivatives, np.array(list(fit.values.values()))
     relative = values / fit.program.start
     free = np.flatnonzero([not each.at_bound for each in fit.estimates])

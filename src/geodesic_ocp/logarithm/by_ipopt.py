@@ -34,7 +34,7 @@ _one_at_a_time = threading.RLock()
 def find_by_ipopt(
     metric: Metric, q0: Array, q1: Array, guess: Path | None, *, thorough: bool = True
 ) -> ConnectingGeodesic:
-    """The geodesic of locally minimal energy near a path, or near the straight line.
+    """Return the geodesic of locally minimal energy near a path, or near the straight line.
 
     Args:
         metric: metric of the manifold; its tensor is not constant.

@@ -120,7 +120,7 @@ def _tables(grid: Grid, coarser: Grid | None) -> dict[str, Array]:
 
 
 def _levels(first: int, *grids: tuple[int, int]) -> Levels:
-    """Levels of grids given by (segments, degree)."""
+    """Return levels of grids given by (segments, degree)."""
     return Levels(first, tuple(Grid(*each) for each in grids))
 
 
@@ -160,7 +160,7 @@ class Attempt(NamedTuple):
 def find_by_newton(
     metric: Metric, q0: Array, q1: Array, guess: Path | None, *, thorough: bool = True
 ) -> ConnectingGeodesic:
-    """The geodesic of locally minimal energy near a path, or near the straight line.
+    """Return the geodesic of locally minimal energy near a path, or near the straight line.
 
     Args:
         metric: metric of the manifold; its tensor is not constant, and its functions are compiled.
@@ -221,7 +221,7 @@ def _attempts(
 
 
 def _back(metric: Metric, q0: Array, q1: Array, guess: Path | None) -> Attempt:
-    """The geodesic from q1 to q0, traversed backwards."""
+    """Return the geodesic from q1 to q0, traversed backwards."""
     back = _pass(metric, q1, q0, _LEVELS, _start(_LEVELS, q0, q1, guess)[::-1])
     result = back._replace(nodes=back.nodes[::-1], velocity=None)
     if back.velocity is None:
@@ -234,7 +234,7 @@ def _back(metric: Metric, q0: Array, q1: Array, guess: Path | None) -> Attempt:
 
 
 def _start(levels: Levels, q0: Array, q1: Array, guess: Path | None) -> Array:
-    """Nodes on the first level of the guess, or of the straight line."""
+    """Return nodes on the first level of the guess, or of the straight line."""
     s = levels.grids[0].nodes
     if guess is None:
         return np.asarray(q0 + s[:, None] * (q1 - q0))
@@ -246,7 +246,7 @@ def _start(levels: Levels, q0: Array, q1: Array, guess: Path | None) -> Array:
 def _pass(
     metric: Metric, q0: Array, q1: Array, levels: Levels, x: Array, added: Array | None = None
 ) -> Attempt:
-    """All levels from coarse to fine, from nodes x on the first."""
+    """Return all levels from coarse to fine, from nodes x on the first."""
     velocity, nodes, status, statistics = metric.kernels.log_map(
         q0,
         q1,
@@ -272,7 +272,7 @@ def check_straight_line(metric: Metric, q0: Array, q1: Array, guess: Path | None
 
 
 def likely_cause(metric: Metric, nodes: Array) -> str:
-    """A singularity that the last path (k, n) passes, or what else the cause may be."""
+    """Return a singularity that the last path (k, n) passes, or what else the cause may be."""
     finite = nodes[np.all(np.isfinite(nodes), axis=1)]
     for sample in finite:
         if cause := metric.near_singularity(sample):
@@ -291,7 +291,7 @@ def likely_cause(metric: Metric, nodes: Array) -> str:
 
 
 def find_by_shooting(metric: Metric, q0: Array, q1: Array, velocity: Array) -> ConnectingGeodesic:
-    """The geodesic that shooting finds from an initial velocity, of minimal energy or not.
+    """Return the geodesic that shooting finds from an initial velocity, of minimal energy or not.
 
     Raises:
         NotConverged: Newton's method found no geodesic that ends at q1.
@@ -303,7 +303,7 @@ def find_by_shooting(metric: Metric, q0: Array, q1: Array, velocity: Array) -> C
 
 
 def _shoot(metric: Metric, q0: Array, q1: Array, velocity: Array) -> ConnectingGeodesic:
-    """Newton's method with step halving."""
+    """Return Newton's method with step halving."""
     for _ in range(_MAX_SHOTS):
         end, jacobian = exp_with_derivative(
             metric, q0, velocity, _COARSE_TOLERANCE, max_steps=MAX_STEPS
@@ -391,7 +391,7 @@ def _end_point(metric: Metric, q0: Array, velocity: Array, tolerance: float) -> 
 
 
 def _update(inverse: Array, difference: Array, change: Array) -> Array:
-    """Broyden's second update of the inverse derivative."""
+    """Return broyden's second update of the inverse derivative."""
     along, row = inverse @ difference, change @ inverse
     product = float(change @ along)
     if abs(product) <= 0.1 * float(change @ change):
@@ -400,7 +400,7 @@ def _update(inverse: Array, difference: Array, change: Array) -> Array:
 
 
 def wanted_error(q0: Array, q1: Array) -> float:
-    """Endpoint error at which corrections of a geodesic from q0 to q1 end [rad or m].
+    """Return endpoint error at which corrections of a geodesic from q0 to q1 end [rad or m].
 
     Short geodesics are corrected down to rounding: their direction counts, too.
     """

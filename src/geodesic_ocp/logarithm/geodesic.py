@@ -75,7 +75,7 @@ def geodesic(
     seed: int = 0,
     solver: str | None = None,
 ) -> Geodesic:
-    """The geodesic of `log` as a path from q0 to q1 at constant speed.
+    """Return the geodesic of `log` as a path from q0 to q1 at constant speed.
 
     Its nodes are sampled from the integrated geodesic, on a grid fine enough that the velocity of
     the path is accurate to 1e-6.
@@ -150,7 +150,7 @@ def geodesics(
 
 
 def geodesic_from_velocity(metric: Metric, q0: ArrayLike, v0: ArrayLike) -> Geodesic:
-    """The geodesic that starts at q0 (n,) with velocity v0 (n,), as a path up to Exp_q0(v0).
+    """Return the geodesic that starts at q0 (n,) with velocity v0 (n,), as a path up to Exp_q0(v0).
 
     Raises:
         ValueError: wrong shapes, numbers that are not finite, or v0 is zero.
@@ -166,7 +166,7 @@ def geodesic_from_velocity(metric: Metric, q0: ArrayLike, v0: ArrayLike) -> Geod
 
 
 def _sample_path(metric: Metric, found: ConnectingGeodesic) -> Geodesic:
-    """The geodesic as a path on the coarsest grid that resolves its velocity."""
+    """Return the geodesic as a path on the coarsest grid that resolves its velocity."""
 
     def integrate(times: Array) -> tuple[Array, Array]:
         """Compute the geodesic as accurately as possible, at least to 1e-9."""

@@ -143,7 +143,7 @@ def geodesic_to_pose(
 
 
 def _as_result(target: PoseTarget, found: ShootingResult, given: Array) -> ToPose:
-    """The result with its path, and with the errors of what was given."""
+    """Return the result with its path, and with the errors of what was given."""
     velocity, iterations, success, status = found
     path, configuration = None, target.q0
     if np.any(velocity):

@@ -64,7 +64,7 @@ def log(
     seed: int = 0,
     solver: str | None = None,
 ) -> Array:
-    """Log_q0(q1): the velocity v0 (n,) with Exp_q0(v0) = q1.
+    """Return Log_q0(q1): the velocity v0 (n,) with Exp_q0(v0) = q1.
 
     Where several geodesics connect the two points, the shortest of those found from `num_starts`
     initial guesses, of which the first is the straight line; see `geodesics`. The end point
@@ -102,7 +102,7 @@ def distance(
     seed: int = 0,
     solver: str | None = None,
 ) -> Any:
-    """Length |Log_q0(q1)| of the geodesic of `log`, a float; for k pairs an array (k,).
+    """Return length |Log_q0(q1)| of the geodesic of `log`, a float; for k pairs an array (k,).
 
     >>> import geodesic_ocp as go
     >>> go.distance(go.Euclidean(2), [0.0, 0.0], [3.0, 4.0])
@@ -113,7 +113,7 @@ def distance(
 
 
 def frechet_mean(metric: Metric, points: ArrayLike, weights: ArrayLike | None = None) -> Array:
-    """Fréchet mean (n,) of k points (k, n): the x that minimizes sum_i w_i d(x, x_i)^2.
+    """Return fréchet mean (n,) of k points (k, n): the x that minimizes sum_i w_i d(x, x_i)^2.
 
     Its first-order condition is sum_i w_i Log_x(x_i) = 0 (Karcher, "Riemannian center of mass and
     mollifier smoothing", 1977). The gradient descent along that sum starts from the mean of the
@@ -182,7 +182,7 @@ def find_geodesics(
     seed: int,
     solver: str | None = None,
 ) -> list[ConnectingGeodesic]:
-    """The distinct geodesics found from `num_starts` initial guesses, shortest first.
+    """Return the distinct geodesics found from `num_starts` initial guesses, shortest first.
 
     Raises:
         ValueError: wrong points, num_starts is not a positive integer, seed is not a non-negative
@@ -244,7 +244,7 @@ def find_geodesics(
 def find_from_path(
     metric: Metric, q0: Array, q1: Array, guess: Path | None, solver: str, *, thorough: bool = True
 ) -> ConnectingGeodesic:
-    """The geodesic of locally minimal energy near a path, or near the straight line.
+    """Return the geodesic of locally minimal energy near a path, or near the straight line.
 
     Raises:
         NotConverged: none was found, or it does not end at q1 when integrated forward.
@@ -268,7 +268,7 @@ def find_from_path(
 
 
 def as_solver(solver: str | None) -> str:
-    """The argument, the environment variable, or "newton"; ValueError if it is no solver."""
+    """Return the argument, the environment variable, or "newton"; ValueError if it is no solver."""
     name = solver or os.environ.get(ENVIRONMENT_VARIABLE) or SOLVERS[0]
     if name not in SOLVERS:
         where = "solver" if solver else ENVIRONMENT_VARIABLE
@@ -300,7 +300,7 @@ def _velocity_to_nearby(metric: Metric, q0: Array, q1: Array) -> Array | None:
 
 
 def _displacement(metric: Metric, q0: Array, v0: Array, steps: int) -> Array:
-    """Exp_q0(v0) - q0 (n,), by steps of the classical Runge-Kutta method."""
+    """Return Exp_q0(v0) - q0 (n,), by steps of the classical Runge-Kutta method."""
     x, v, h = np.zeros_like(v0), v0, 1.0 / steps
     for _ in range(steps):
         a1 = metric.acceleration(q0 + x, v)
@@ -312,7 +312,7 @@ def _displacement(metric: Metric, q0: Array, v0: Array, steps: int) -> Array:
 
 
 def _periodic_goals(metric: Metric, q0: Array, q1: Array) -> list[Array]:
-    """The goal, then goals whole periods away, sorted by the straight line's length at q0.
+    """Return the goal, then goals whole periods away, sorted by the straight line's length at q0.
 
     Raises:
         ValueError: the metric's periods are wrong.

@@ -68,7 +68,7 @@ class PoseTarget:
         return np.asarray(_exp_function(self.model, steps)(self.q0, velocity).full()[:, 0])
 
     def pose_error(self, q: Array) -> Array:
-        """Weighted position and rotation vector (6,) from the hand at q to the target."""
+        """Return weighted position and rotation vector (6,) from the hand at q to the target."""
         pose = self.model.hand_pose(q)
         error = pose_error_function()(*pose, self.position, self.rotation, self.weights)
         return np.asarray(error.full()[:, 0])
@@ -105,7 +105,7 @@ def shoot(target: PoseTarget, velocity: Array, energy_weight: float) -> Shooting
 
 @lru_cache(maxsize=1)
 def pose_error_function() -> ca.Function:
-    """Pose, target pose and weights (2,) -> weighted difference (6,), in the base frame."""
+    """Return pose, target pose and weights (2,) -> weighted difference (6,), in the base frame."""
     rotation, target_rotation = ca.SX.sym("R", 3, 3), ca.SX.sym("R1", 3, 3)
     position, target_position = ca.SX.sym("p", 3), ca.SX.sym("p1", 3)
     weights = ca.SX.sym("w", 2)
@@ -192,7 +192,7 @@ def _exp_function(model: Model, steps: int) -> ca.Function:
 
 
 def descend_transported_gradient(target: PoseTarget, velocity: Array) -> ShootingResult:
-    """Steps along the transported gradient, halved until they decrease the pose error."""
+    """Return steps along the transported gradient, halved until they decrease the pose error."""
     metric, q0, v = target.metric, target.q0, velocity
     end = exp(metric, q0, v)
     error = target.pose_error(end)

@@ -32,7 +32,7 @@ class ParametricCurve(Protocol):
 def parallel_transport(
     metric: Metric, path_or_motion: ParametricCurve, v: ArrayLike, *, tolerance: float = 1e-9
 ) -> Array:
-    """Parallel-transport a vector v (n,) from the start of a curve to its end, (n,).
+    """Return parallel-transport a vector v (n,) from the start of a curve to its end, (n,).
 
     sum_j g_ij w'_j + sum_jk Gamma_ijk gamma'_j w_k = 0, w(0) = v. Norms and angles are preserved,
     to `tolerance` relative to |v|. The curve is a Path, or a Motion, whose samples are interpolated
@@ -81,7 +81,7 @@ def parallel_transport(
 def _by_scipy(
     metric: Metric, curve: ParametricCurve, vector: Array, stops: Array, tolerance: float
 ) -> Array:
-    """The vector transported along all stops, with adaptive steps of this tolerance."""
+    """Return the vector transported along all stops, with adaptive steps of this tolerance."""
     for start, stop in pairwise(stops):
 
         def along(t: float, start: float = start, stop: float = stop) -> Array:
@@ -96,7 +96,7 @@ def _by_scipy(
 
 
 def _states(curve: ParametricCurve, times: Array, start: ArrayLike, stop: ArrayLike) -> Array:
-    """Positions and velocities (k, 2 n) at times (k,) between start and stop.
+    """Return positions and velocities (k, 2 n) at times (k,) between start and stop.
 
     One-sided at the ends, to exclude the derivative of the adjacent piece.
     """
@@ -108,7 +108,7 @@ def _states(curve: ParametricCurve, times: Array, start: ArrayLike, stop: ArrayL
 def _compiled(
     metric: Metric, curve: ParametricCurve, vector: Array, stops: Array, tolerance: float
 ) -> Array:
-    """The same, with equal steps between two stops, as many as each piece needs."""
+    """Return the same, with equal steps between two stops, as many as each piece needs."""
     counts = np.ones(len(stops) - 1, dtype=int)
     while True:
         piece = np.repeat(np.arange(counts.size), counts)
@@ -141,7 +141,7 @@ _PARALLEL = 1e-12
 def riemann_curvature(
     metric: Metric, q: ArrayLike, u: ArrayLike, v: ArrayLike, w: ArrayLike, z: ArrayLike
 ) -> float:
-    """Riemann curvature tensor <R(u, v) w, z> at q for four tangent vectors (n,).
+    """Return Riemann curvature tensor <R(u, v) w, z> at q for four tangent vectors (n,).
 
     R(u, v) w = D_u D_v w - D_v D_u w - D_[u, v] w with the Levi-Civita connection D, so that
     <R(u, v) v, u> is positive on a sphere (do Carmo, "Riemannian Geometry" (1992), chapter 4, uses

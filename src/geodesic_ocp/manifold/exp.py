@@ -68,7 +68,7 @@ def exp(metric: Metric, q: Any, v: Any, *, tolerance: float = 1e-9) -> Array:
 def sample_geodesic(
     metric: Metric, q: Any, v: Any, times: ArrayLike, *, tolerance: float = 1e-9
 ) -> tuple[Array, Array]:
-    """Positions and velocities, (k, n) each, of the geodesic of `exp` at k increasing times.
+    """Return positions and velocities, (k, n) each, of the geodesic of `exp` at k increasing times.
 
     The geodesic starts at times[0], and every position is within the tolerance.
 
@@ -105,7 +105,7 @@ def sample_geodesic(
 
 
 def _step_tolerance(tolerance: float) -> float:
-    """Initial tolerance of a step for this tolerance of the end point."""
+    """Return initial tolerance of a step for this tolerance of the end point."""
     return max(_STEP_FRACTION * tolerance, _SMALLEST)
 
 
@@ -161,7 +161,7 @@ def integrate_geodesic(
 def exp_with_derivative(
     metric: Metric, q: Array, v: Array, step_tolerance: float, *, max_steps: int
 ) -> tuple[Array, Array]:
-    """Exp_q(v), (n,), and its derivative with respect to v, (n, n).
+    """Return Exp_q(v), (n,), and its derivative with respect to v, (n, n).
 
     Column j is the Jacobi field J with J(0) = 0 and J'(0) = e_j at time 1. If the derivative is
     singular, Exp_q(v) is conjugate to q along the geodesic. By SciPy, the geodesic equation is

@@ -35,7 +35,7 @@ class _IntegrationRecord(ctypes.Structure):
 def _failure(
     too_many: bool, record: _IntegrationRecord, times: Array, tolerance: float, y: Array
 ) -> IntegrationFailed:
-    """The exception for an integration over `times` that stopped early, at state y.
+    """Return the exception for an integration over `times` that stopped early, at state y.
 
     Either there were too many steps, or the last step was too small.
     """
@@ -62,7 +62,7 @@ def integrate_by_scipy(
     parameters: Callable[[float], Array] | None = None,
     max_steps: int = 20_000,
 ) -> Array:
-    """The solution of y' = f(y) or y' = f(y, p(t)) from y(times[0]) = start.
+    """Return the solution of y' = f(y) or y' = f(y, p(t)) from y(times[0]) = start.
 
     The estimated error of every step is at most `tolerance`, absolute for components below one and
     relative above.
@@ -206,14 +206,14 @@ class Kernels(Library):
         return result
 
     def _memory(self, size: int) -> Array:
-        """A work vector of this thread."""
+        """Return a work vector of this thread."""
         memory: Array = getattr(self._scratch, "memory", np.empty(0))
         if memory.size < size:
             memory = self._scratch.memory = np.empty(size)
         return memory
 
     def integrate(self, start: Array, times: Array, tolerance: float, max_steps: int) -> Array:
-        """States (len(times), 2 n) of the geodesic equation, like `integrate_by_scipy`."""
+        """Return states (len(times), 2 n) of the geodesic equation, like `integrate_by_scipy`."""
         states, record = np.empty((times.size, start.size)), _IntegrationRecord()
         arguments = start, c_int(times.size), times, tolerance, c_long(max_steps), states
         status = self._call("integrate_geodesic", *arguments, byref(record))
@@ -222,7 +222,7 @@ class Kernels(Library):
         return states
 
     def matrix(self, q: Array) -> Array:
-        """The metric tensor (n, n) at q (n,)."""
+        """Return the metric tensor (n, n) at q (n,)."""
         tensor = np.empty((self._dim, self._dim))
         self._call("tensor_at", q, tensor)
         return tensor
@@ -232,13 +232,13 @@ class Kernels(Library):
         return bool(self._call("is_regular", q))
 
     def exp(self, q: Array, v: Array, step_tolerance: float, tolerance: float) -> Array | None:
-        """Exp_q(v); None where it needs a closer look, see core/exp_map.h."""
+        """Return Exp_q(v); None where it needs a closer look, see core/exp_map.h."""
         state = np.empty(2 * self._dim)
         doubtful = self._call("exp_map", q, v, step_tolerance, tolerance, state)
         return None if doubtful else state[: self._dim]
 
     def speeds(self, q: Array, velocity: Array) -> Array:
-        """Speeds (k,) of velocities (k, n) at positions (k, n)."""
+        """Return speeds (k,) of velocities (k, n) at positions (k, n)."""
         result = np.empty(len(q))
         rows = [np.ascontiguousarray(each, dtype=float) for each in (q, velocity)]
         self._call("speeds_at", c_long(len(q)), *rows, result)
@@ -305,7 +305,7 @@ class Kernels(Library):
 
 
 def _c_value(argument: Any) -> Any:
-    """Arrays as pointers and floats as doubles; what is of a type of C already, as it is."""
+    """Return arrays as pointers and floats as doubles; what is of a type of C already, as it is."""
     if isinstance(argument, np.ndarray):
         assert argument.flags.c_contiguous
         assert argument.dtype == np.float64

@@ -38,7 +38,7 @@ _FRACTION = 0.1
 
 
 def as_metric(metric: Any) -> Metric:
-    """The argument, if it is a metric with a dimension; ValueError otherwise."""
+    """Return the argument, if it is a metric with a dimension; ValueError otherwise."""
     if not isinstance(metric, Metric):
         hint = "; use go.KineticEnergy(model)" if isinstance(metric, Model) else ""
         raise ValueError(f"metric must be an instance of a Metric class, got {metric!r}{hint}")
@@ -66,7 +66,7 @@ def speeds_at(metric: Metric, q: Array, velocity: Array) -> Array:
 
 
 def _also_numeric(matrix: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """The symbolic matrix(q) of a subclass, extended to take and return NumPy arrays."""
+    """Return the symbolic matrix(q) of a subclass, extended to take and return NumPy arrays."""
 
     @functools.wraps(matrix)
     def wrapped(self: Metric, q: Any) -> Any:
@@ -120,7 +120,7 @@ class Metric(MetricFunctions):
         return [as_vector(name, value, self.dim) for name, value in vectors.items()]
 
     def point(self, name: str, q: Any) -> Array:
-        """The argument `name` as a point (n,) at which the metric is valid.
+        """Return the argument `name` as a point (n,) at which the metric is valid.
 
         Raises:
             ValueError: not n finite numbers, or G(q) is not finite, symmetric or positive definite,
@@ -199,14 +199,14 @@ class Metric(MetricFunctions):
     # -- the geometry --------------------------------------------------------------------------
 
     def inner(self, q: Any, u: Any, v: Any) -> Any:
-        """Inner product <u, v>_q = u' G(q) v of two tangent vectors (n,) at q."""
+        """Return inner product <u, v>_q = u' G(q) v of two tangent vectors (n,) at q."""
         q, u, v = self._checked(q=q, u=u, v=v)
         if is_symbolic(q, u, v):
             return ca.dot(u, self._matrix_function(q) @ v)
         return float(u @ self.matrix(q) @ v)
 
     def norm(self, q: Any, v: Any) -> Any:
-        """Norm |v|_q = sqrt(<v, v>_q).
+        """Return norm |v|_q = sqrt(<v, v>_q).
 
         Raises:
             ValueError: the metric is not defined or not positive definite at q.
@@ -219,7 +219,7 @@ class Metric(MetricFunctions):
         return float(np.sqrt(squared))
 
     def angle(self, q: Any, u: Any, v: Any) -> Any:
-        """Angle between two tangent vectors (n,) at q, in [0, pi] [rad].
+        """Return angle between two tangent vectors (n,) at q, in [0, pi] [rad].
 
         Computed from the sum and difference of the unit vectors, which is accurate also for small
         angles (Kahan, "How Futile are Mindless Assessments of Roundoff", 2006).
@@ -243,7 +243,7 @@ class Metric(MetricFunctions):
         return float(2.0 * np.arctan2(norm(unit_u - unit_v), norm(unit_u + unit_v)))
 
     def christoffel(self, q: Any) -> Any:
-        """Christoffel symbols of the first kind, (n, n, n): entry [i, j, k] is Gamma_ijk.
+        """Return Christoffel symbols of the first kind, (n, n, n): entry [i, j, k] is Gamma_ijk.
 
         For symbolic q, a list of n CasADi matrices, the i-th with entries [j, k].
         """
@@ -259,7 +259,7 @@ class Metric(MetricFunctions):
         return 0.5 * (slope + slope.transpose(0, 2, 1) - slope.transpose(2, 0, 1))
 
     def acceleration(self, q: Any, v: Any) -> Any:
-        """Acceleration q'' (n,) of the geodesic through q with velocity v (n,).
+        """Return acceleration q'' (n,) of the geodesic through q with velocity v (n,).
 
         sum_j g_ij q''_j + sum_jk Gamma_ijk v_j v_k = 0.
         """

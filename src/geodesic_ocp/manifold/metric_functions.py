@@ -20,7 +20,7 @@ class MetricFunctions(ABC):
 
     @abstractmethod
     def matrix(self, q: Any) -> Any:
-        """Metric tensor G(q), (n, n), symmetric and positive definite."""
+        """Return metric tensor G(q), (n, n), symmetric and positive definite."""
 
     @cached_property
     def _matrix_function(self) -> ca.Function:
@@ -56,7 +56,7 @@ class MetricFunctions(ABC):
         return ca.Function("dG", [q], [ca.densify(ca.cse(derivative))])
 
     def _energy(self, q: ca.SX, v: ca.SX) -> ca.SX:
-        """Half of the squared norm, v' G(q) v / 2, for symbols q and v."""
+        """Return half of the squared norm, v' G(q) v / 2, for symbols q and v."""
         # Not through a function of q, as the parameters of a metric may be symbols as well.
         tensor = as_expression(f"{type(self).__name__}.matrix(q)", self.matrix(q))
         return ca.dot(v, tensor @ v) / 2
@@ -78,7 +78,7 @@ class MetricFunctions(ABC):
         )
 
     def _transport_rate(self, q: ca.SX, u: ca.SX, v: ca.SX) -> ca.SX:
-        """Derivative of v transported along u: -G^-1 sum_jk Gamma_ijk u_j v_k, (n, 1)."""
+        """Return derivative of v transported along u: -G^-1 sum_jk Gamma_ijk u_j v_k, (n, 1)."""
         # L D L' without pivoting: G is positive definite, and the graph stays small.
         factors, upper, permutation = ca.ldl(self._matrix_function(q), False)
         force = self._christoffel_force(q, u, v)
@@ -130,11 +130,11 @@ class MetricFunctions(ABC):
         q, u, v, w, z = (ca.SX.sym(name, self.dim) for name in ("q", "u", "v", "w", "z"))
 
         def second(a: ca.SX, b: ca.SX, c: ca.SX, d: ca.SX) -> ca.SX:
-            """Second derivative of <c, d> along a and b."""
+            """Return second derivative of <c, d> along a and b."""
             return ca.jtimes(ca.jtimes(ca.dot(c, self._matrix_function(q) @ d), q, a), q, b)
 
         def product(a: ca.SX, b: ca.SX, c: ca.SX, d: ca.SX) -> ca.SX:
-            """C(a, b)' G^-1 C(c, d)."""
+            """Return c(a, b)' G^-1 C(c, d)."""
             return -ca.dot(self._christoffel_force(q, a, b), self._transport_rate(q, c, d))
 
         linear = second(w, u, z, v) + second(z, v, w, u) - second(z, u, w, v) - second(w, v, z, u)

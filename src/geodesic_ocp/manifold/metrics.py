@@ -40,7 +40,7 @@ class Euclidean(Metric):
         as_metric(self)
 
     def matrix(self, q: Any) -> Any:
-        """The identity (n, n)."""
+        """Return the identity (n, n)."""
         return type(q).eye(self.dim)
 
 
@@ -105,11 +105,11 @@ class KineticEnergy(ModelMetric):
     """
 
     def matrix(self, q: Any) -> Any:
-        """Mass-inertia matrix G(q), (n, n)."""
+        """Return mass-inertia matrix G(q), (n, n)."""
         return self.model.mass_matrix(q)
 
     def _energy(self, q: ca.SX, v: ca.SX) -> ca.SX:
-        """Kinetic energy v' G(q) v / 2 [J], summed over the bodies."""
+        """Return kinetic energy v' G(q) v / 2 [J], summed over the bodies."""
         if not self._has_mass_matrix:
             return super()._energy(q, v)
         return ca.SX(self.model.kinetic_energy(q, v))
@@ -129,7 +129,7 @@ class KineticEnergy(ModelMetric):
 
 @lru_cache(maxsize=32)
 def metric_of(model: Model) -> KineticEnergy:
-    """The kinetic-energy metric of a model, whose functions are built once."""
+    """Return the kinetic-energy metric of a model, whose functions are built once."""
     return KineticEnergy(model)
 
 
@@ -157,7 +157,7 @@ class JacobiMetric(ModelMetric):
             raise ValueError(f"energy must be finite [J], got {self.energy}")
 
     def matrix(self, q: Any) -> Any:
-        """Metric tensor (E - V(q)) G(q), (n, n); NaN where V(q) >= E."""
+        """Return metric tensor (E - V(q)) G(q), (n, n); NaN where V(q) >= E."""
         kinetic = self.energy - self.model.potential_energy(q)
         # NaN stops a solver there, where negative squared lengths would attract it.
         return ca.if_else(kinetic > 0, kinetic, np.nan) * self.model.mass_matrix(q)
@@ -286,14 +286,14 @@ class AdjustableKineticEnergy(ModelMetric):
         return KineticEnergy(model.with_armature(np.array(self.armature, dtype=float) + added))
 
     def matrix(self, q: Any) -> Any:
-        """Metric tensor G(q), (n, n) [kg m^2 for revolute, kg for prismatic joints]."""
+        """Return metric tensor G(q), (n, n) [kg m^2 for revolute, kg for prismatic joints]."""
         if self.adjusted is not None:
             return self.adjusted.matrix(q)
         v = ca.SX.sym("v", self.dim)
         return ca.cse(ca.hessian(self._energy(q, v), v)[0])
 
     def _energy(self, q: ca.SX, v: ca.SX) -> ca.SX:
-        """Kinetic energy v' G(q) v / 2 [J]."""
+        """Return kinetic energy v' G(q) v / 2 [J]."""
         if self.adjusted is not None:
             return self.adjusted._energy(q, v)
         energies = link_energies(self.model.pin, q, v)
@@ -316,7 +316,7 @@ class AdjustableKineticEnergy(ModelMetric):
 
 
 def _range(values: tuple[Any, ...]) -> str:
-    """The least and the largest number; all values if one is an expression."""
+    """Return the least and the largest number; all values if one is an expression."""
     if any(isinstance(entry, ca.SX) for entry in values):
         return ", ".join(dict.fromkeys(map(str, values)))
     low, high = f"{min(values):.3g}", f"{max(values):.3g}"
@@ -336,7 +336,7 @@ USUAL_METRICS: Mapping[str, Callable[[Model], Metric]] = {
 
 
 def default_joint_inertia(model: Model) -> Array:
-    """Joint inertia (n,) that `analyse` assumes of an arm [kg m^2, kg for prismatic joints].
+    """Return joint inertia (n,) that `analyse` assumes of an arm [kg m^2, kg for prismatic joints].
 
     a = 0.03 m r^2 for revolute and 0.03 m for prismatic joints, with the moving mass m and the
     reach r of the model. The geodesics of G(q) + diag(a) depend on the ratio of a and G only, so
@@ -371,7 +371,7 @@ def with_joint_inertia(model: Model) -> Model:
 
 
 def as_analysis_metric(metric: Metric | str | None, model: Model) -> Metric:
-    """The metric of an analysis, from its name or None, which is "joint-inertia".
+    """Return the metric of an analysis, from its name or None, which is "joint-inertia".
 
     Raises:
         ValueError: an unknown name, no metric, or one of another dimension or of other joints.
@@ -392,7 +392,7 @@ def as_analysis_metric(metric: Metric | str | None, model: Model) -> Metric:
 
 
 def compared_metrics(metric: Metric, model: Model) -> dict[str, Metric]:
-    """The metrics whose geodesics on the same segments are shown beside those of `metric`.
+    """Return the metrics whose geodesics on the same segments are shown beside those of `metric`.
 
     By method: "kinetic_energy", without joint inertia; "joint_inertia", with the model's or the
     default one; "euclidean_same_segments". The metric itself is left out.

@@ -38,7 +38,7 @@ class Region:
 
 
 def joint_limit_region(model: Model) -> Region:
-    """The region within the finite joint limits of a model: q_j - lower_j and upper_j - q_j.
+    """Return the region within the finite joint limits of a model: q_j - lower_j and upper_j - q_j.
 
     The limits of continuous joints are ignored if they are at least one revolution apart.
 
@@ -61,7 +61,7 @@ def joint_limit_region(model: Model) -> Region:
 
 
 def region_of_functions(functions: Callable[[ca.SX], Any], dim: int) -> Region:
-    """The region where all of a user's functions, q (n, 1) -> column or list, are positive.
+    """Return the region where all of a user's functions, q (n, 1) -> column or list, are positive.
 
     Raises:
         ValueError: a function is not a CasADi scalar, or does not depend on q alone.
@@ -244,7 +244,7 @@ class RegionAvoiding(Metric):
         return ca.Function("barrier", [q], [ca.densify(scaled.T @ scaled)])
 
     def matrix(self, q: Any) -> Any:
-        """Metric tensor G + sum_i w_i (margin_i / h_i)^2 grad h_i grad h_i', (n, n)."""
+        """Return metric tensor G + sum_i w_i (margin_i / h_i)^2 grad h_i grad h_i', (n, n)."""
         return self.metric.matrix(q) + self._barrier(q)
 
     def check_units(self, name: str, q: Array) -> None:

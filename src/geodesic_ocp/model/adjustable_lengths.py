@@ -21,7 +21,7 @@ from geodesic_ocp.model.rigid_body import Placement, constant, joint_placements
 
 
 def joint_poses(model: Model, q: ca.SX, factors: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
-    """Rotation (3, 3) and position (3, 1) [m] of every joint of `pin` in the base frame.
+    """Return rotation (3, 3) and position (3, 1) [m] of every joint of `pin` in the base frame.
 
     Args:
         model: model of n joints; index 0 of the result is its base.
@@ -39,7 +39,7 @@ def joint_poses(model: Model, q: ca.SX, factors: ca.SX) -> list[tuple[ca.SX, ca.
 
 
 def joint_index(model: Model, name: str) -> int:
-    """Index in `pin` of the joint of that name.
+    """Return index in `pin` of the joint of that name.
 
     Raises:
         ValueError: there is no such joint.
@@ -50,7 +50,7 @@ def joint_index(model: Model, name: str) -> int:
 
 
 def joint_offset(model: Model, index: int) -> Array:
-    """Translation (3,) [m] from the joint before to this one."""
+    """Return translation (3,) [m] from the joint before to this one."""
     return np.array(model.pin.jointPlacements[index].translation)
 
 
@@ -66,7 +66,7 @@ def frame_place(model: Model, frame: str) -> tuple[int, Array, Array]:
 
 
 def with_lengths(model: Model, factors: Array, bodies: Array) -> Model:
-    """The model with other lengths, and the masses it has.
+    """Return the model with other lengths, and the masses it has.
 
     Args:
         model: model of n joints.

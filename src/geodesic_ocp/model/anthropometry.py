@@ -63,7 +63,7 @@ class Trunk:
 
 
 def anthropometry(side: Side, table: TableName, sex: Sex | None) -> Anthropometry:
-    """The values of a table for one arm.
+    """Return the values of a table for one arm.
 
     Raises:
         ValueError: an unknown table or sex, a missing sex for the table of de Leva, or a sex for
@@ -97,7 +97,7 @@ def _winter(side: Side) -> Anthropometry:
 
 
 def trunk() -> Trunk:
-    """Trunk, neck and head of the reference model of the Master Motor Map.
+    """Return trunk, neck and head of the reference model of the Master Motor Map.
 
     In the source the y offset of the centres of mass is 3e-11: rounding, set to zero.
     """
@@ -145,7 +145,7 @@ _DE_LEVA: dict[str, tuple[float, _Rows]] = {
 
 
 def _de_leva(stature: float, rows: _Rows) -> Anthropometry:
-    """The mean lengths, in proportion to stature.
+    """Return the mean lengths, in proportion to stature.
 
     The sagittal axis points from back to front in the anatomical position, with the palm forward.
     Here the palm faces the body: the sagittal axis of hand and forearm is x, that of the upper arm,
@@ -193,7 +193,7 @@ class PersonTrunk:
 
 
 def person_arms(model: Model) -> tuple[PersonArm, ...]:
-    """The arms of people in a model, right ones first.
+    """Return the arms of people in a model, right ones first.
 
     An arm has links "right upper arm", "right forearm" and "right hand" (or left; a prefix that
     ends in "/" is ignored), seven joints in a row, and a capsule along each of the links that ends
@@ -225,12 +225,12 @@ def person_trunks(model: Model) -> tuple[PersonTrunk, ...]:
 
 
 def shoulder_joint(model: Model, arm: PersonArm) -> str:
-    """Name of the first joint of an arm."""
+    """Return name of the first joint of an arm."""
     return str(model.pin.names[_above(model, arm.joints[0], 2)])
 
 
 def _arm(model: Model, side: Side, bodies: tuple[Capsule, ...]) -> PersonArm | None:
-    """The arm of these capsules; None if they are not along a chain of seven joints."""
+    """Return the arm of these capsules; None if they are not along a chain of seven joints."""
     shoulder, elbow, wrist = (model.joint_of(str(body.link)) for body in bodies)
     # Elbow and wrist have two coordinates each, of which the second carries the segment.
     above = [_above(model, joint, 2) for joint in (shoulder, elbow, wrist)]
@@ -251,7 +251,7 @@ def _arm(model: Model, side: Side, bodies: tuple[Capsule, ...]) -> PersonArm | N
 
 
 def _capsules(model: Model, part: str) -> list[Capsule]:
-    """The capsules on links of this name, if a link has one only."""
+    """Return the capsules on links of this name, if a link has one only."""
     if not any(str(frame.name).rpartition("/")[2] == part for frame in model.pin.frames):
         return []
     try:
@@ -263,7 +263,7 @@ def _capsules(model: Model, part: str) -> list[Capsule]:
 
 
 def _above(model: Model, joint: int, count: int) -> int:
-    """The joint that is this many joints before another; 0 for the base."""
+    """Return the joint that is this many joints before another; 0 for the base."""
     for _ in range(count):
         joint = int(model.pin.parents[joint])
     return joint

@@ -69,7 +69,7 @@ def combine(*models: Model, placements: Sequence[Any] | None = None) -> Model:
 
 
 def _bodies(models: Sequence[Model], names: Sequence[Mapping[str, str]]) -> tuple[Body, ...]:
-    """The bodies of all models, with the new names of their links."""
+    """Return the bodies of all models, with the new names of their links."""
     return tuple(
         replace(body, link=new[str(body.link)], name=new.get(body.name, body.name))
         for model, new in zip(models, names, strict=True)
@@ -80,7 +80,7 @@ def _bodies(models: Sequence[Model], names: Sequence[Mapping[str, str]]) -> tupl
 def base_placements(
     given: Sequence[Any] | None, count: int, of: str
 ) -> tuple[tuple[Array, Array], ...]:
-    """Rotation (3, 3) and position (3,) [m] of each base in the common one.
+    """Return rotation (3, 3) and position (3,) [m] of each base in the common one.
 
     Args:
         given: positions, or pairs of rotation and position; None: all bases coincide.

@@ -44,7 +44,7 @@ class LineSegment:
 def line_segment(
     capsule: Capsule, rotation: ca.SX | None = None, position: ca.SX | None = None
 ) -> LineSegment:
-    """The segment of a capsule, moved by a rotation (3, 3) and a translation (3, 1) [m]."""
+    """Return the segment of a capsule, moved by a rotation (3, 3) and a translation (3, 1) [m]."""
     start, along = ca.SX(capsule.start), ca.SX(capsule.end) - ca.SX(capsule.start)
     square = ca.sumsqr(along)  # a simpler expression before the rotation
     if rotation is not None and position is not None:
@@ -53,13 +53,13 @@ def line_segment(
 
 
 def segment_distance(one: LineSegment, other: LineSegment) -> ca.SX:
-    """Distance between two segments."""
+    """Return distance between two segments."""
     here, there = _closest_points(one, other)
     return ca.SX(ca.sqrt(ca.sumsqr(here - there) + _TOUCHING))
 
 
 def _closest_points(one: LineSegment, other: LineSegment) -> tuple[ca.SX, ca.SX]:
-    """The points (3, 1) at which two segments come closest, from the start of the other."""
+    """Return the points (3, 1) at which two segments come closest, from the start of the other."""
     between, u, w = one.start - other.start, one.along, other.along
     c, f = ca.dot(u, between), ca.dot(w, between)
     s, t = _fractions(one.square, ca.dot(u, w), other.square, c, f, _PARALLEL)
@@ -170,7 +170,7 @@ def bodies_apart(
     links: Sequence[str] | None,
     pairs: Sequence[tuple[str, str]],
 ) -> list[tuple[str, Body, Obstacle]]:
-    """Pairs of a body and an obstacle or body whose distance counts, each with a name.
+    """Return pairs of a body and an obstacle or body whose distance counts, each with a name.
 
     The arguments and errors are those of `signed_distances`; names may occur more than once.
     """
@@ -197,7 +197,7 @@ def bodies_apart(
 
 
 def as_pair(pair: Any) -> tuple[str, str]:
-    """The value as a pair of two links; ValueError otherwise."""
+    """Return the value as a pair of two links; ValueError otherwise."""
     if not isinstance(pair, (list, tuple)) or len(pair) != 2 or pair[0] == pair[1]:
         raise ValueError(f"pairs must be a list of pairs of two different links, got {pair!r}")
     return pair[0], pair[1]
@@ -224,7 +224,7 @@ def _bodies_of_links(model: Model, links: Sequence[str], argument: str) -> list[
 
 
 def half_space_distances(segment: LineSegment, radius: float, obstacle: HalfSpace) -> list[ca.SX]:
-    """Distances [m] of the ends of a capsule from a half-space."""
+    """Return distances [m] of the ends of a capsule from a half-space."""
     normal, point = ca.DM(obstacle.normal), ca.SX(obstacle.point)
     return [ca.dot(normal, end - point) - radius for end in segment.ends]
 

@@ -88,14 +88,14 @@ class _PinocchioCasadi:
 
 
 def _bare(model: pin.Model) -> pin.Model:
-    """A copy without gravity, and without armature, which Pinocchio omits for any axis."""
+    """Return a copy without gravity, and without armature, which Pinocchio omits for any axis."""
     copy = model.copy()
     copy.gravity, copy.armature = pin.Motion.Zero(), np.zeros(model.nv)
     return copy
 
 
 def _unless_larger(expression: ca.SX, built_in: ca.SX) -> ca.SX:
-    """Pinocchio's expression, or the built-in one if that saves more than a tenth of it."""
+    """Return Pinocchio's expression, or the built-in one if that saves more than a tenth of it."""
     own = ca.SX(ca.cse(ca.densify(expression)))
     return own if ca.n_nodes(own) <= 1.1 * ca.n_nodes(built_in) else built_in
 
@@ -112,7 +112,7 @@ def _numbered_depth_first(model: pin.Model) -> bool:
 
 @lru_cache(maxsize=1)
 def _pinocchio_casadi() -> ModuleType | str:
-    """The module, or the reason why it cannot be imported."""
+    """Return the module, or the reason why it cannot be imported."""
     with warnings.catch_warnings():
         # Both modules of Pinocchio register the same converter, about which Boost.Python warns.
         warnings.filterwarnings("ignore", "to-Python converter", RuntimeWarning)
@@ -126,7 +126,7 @@ def _pinocchio_casadi() -> ModuleType | str:
 
 
 def why_unavailable(name: str) -> str:
-    """Why a back end cannot be used here; empty if it can."""
+    """Return why a back end cannot be used here; empty if it can."""
     if name == "built-in":
         return ""
     found = _pinocchio_casadi()
@@ -164,11 +164,11 @@ class SymbolicFunctions:
     _built: dict[str, ca.Function] = field(default_factory=dict, init=False, repr=False)
 
     def value(self, name: str, **vectors: Any) -> Any:
-        """An algorithm of the back end at q (n,), or at q and v; symbolic if they are."""
+        """Return an algorithm of the back end at q (n,), or at q and v; symbolic if they are."""
         return evaluate(self._function(name, vectors), *self._checked(**vectors))
 
     def inverse_dynamics(self, q: Any, v: Any, a: Any, gravity: Any) -> Any:
-        """Joint forces at one state, (n,) each, or at several, (k, n) each."""
+        """Return joint forces at one state, (n,) each, or at several, (k, n) each."""
         function = self._function("inverse_dynamics", ("q", "v", "a", "gravity"))
         if is_symbolic(q, v, a, gravity):
             return function(q, v, a, gravity)
@@ -181,7 +181,7 @@ class SymbolicFunctions:
         return evaluate(function.map(len(q)), *rows, np.tile(fall, (len(q), 1)).T).T
 
     def jacobian(self, frame: int, q: Any) -> Any:
-        """Jacobian (6, n) of a frame: linear, then angular velocity, in base frame axes."""
+        """Return Jacobian (6, n) of a frame: linear, then angular velocity, in base frame axes."""
         key = f"jacobian_{frame}"
         if key not in self._built:
             x = ca.SX.sym("q", self.pin.nv)
@@ -218,7 +218,7 @@ class SymbolicFunctions:
         return self._built[key]
 
     def _rows(self, name: str, values: Any, count: int) -> Array:
-        """Values (k, n) as columns (n, k)."""
+        """Return values (k, n) as columns (n, k)."""
         rows = np.asarray(values, dtype=float)
         if rows.shape != (count, self.pin.nv) or not np.all(np.isfinite(rows)):
             wanted = f"(k, {self.pin.nv}) with k = {count}"

@@ -64,7 +64,7 @@ _TABLES = (("winter", None), ("de_leva", "male"), ("de_leva", "female"))
 
 
 def as_stature(height: float, mass: float) -> tuple[float, float]:
-    """Body height [m] and mass [kg] as floats; ValueError if they are not plausible."""
+    """Return body height [m] and mass [kg] as floats; ValueError if they are not plausible."""
     height = as_positive("height", height, "m")
     mass = as_positive("mass", mass, "kg")
     if height > _MAX_HEIGHT or mass > _MAX_MASS:
@@ -86,7 +86,7 @@ def human_arm(
     armature: ArrayLike | Mapping[str, float] = 0.0,
     backend: str | None = None,
 ) -> Model:
-    """A human arm with shoulder (x, z, y), elbow (x, z) and wrist (x, y).
+    """Return a human arm with shoulder (x, z, y), elbow (x, z) and wrist (x, y).
 
     The base frame is at the shoulder: x to the person's right, y forward, z up; at q = 0 the arm
     hangs down with the palm towards the body. The hand (end-effector) frame "hand" is at the tool
@@ -184,7 +184,7 @@ def _add_joint(model: pin.Model, parent: int, placement: pin.SE3, name: str) -> 
 
 
 def _inertia(segment: Segment, height: float, mass: float) -> pin.Inertia:
-    """The inertia of a segment of a person of this height [m] and mass [kg]."""
+    """Return the inertia of a segment of a person of this height [m] and mass [kg]."""
     moments = mass * height**2 * np.diag(segment.inertia)
     return pin.Inertia(mass * segment.mass, height * np.array(segment.centre), moments)
 
@@ -201,7 +201,7 @@ def human_upper_body(
     armature: ArrayLike | Mapping[str, float] = 0.0,
     backend: str | None = None,
 ) -> Model:
-    """A human trunk with six degrees of freedom and both arms with seven each.
+    """Return a human trunk with six degrees of freedom and both arms with seven each.
 
     The base frame is at the pelvis: x to the person's right, y forward, z up; at q = 0 the person
     stands upright, and the arms hang down with the palms towards the body. The lumbar joint BP
@@ -273,7 +273,7 @@ def human_upper_body(
 
 
 def stature(model: Model) -> float | None:
-    """Body height [m] of a model with the joints of `human_arm`; None for other models.
+    """Return body height [m] of a model with the joints of `human_arm`; None for other models.
 
     It is read from the lengths of upper arm and forearm, by the anthropometric table whose
     proportion of the two is nearest.

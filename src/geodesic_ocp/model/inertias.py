@@ -67,12 +67,12 @@ def check_inertias(model: pin.Model) -> None:
 
 
 def _carried_masses(model: pin.Model) -> Array:
-    """Mass [kg] that each joint moves: its own link and all later links."""
+    """Return mass [kg] that each joint moves: its own link and all later links."""
     return np.array([sum(model.inertias[each].mass for each in tree) for tree in model.subtrees])
 
 
 def _link_of(model: pin.Model, index: int) -> str:
-    """Name of the link at the joint, or of the joint if the link has none."""
+    """Return name of the link at the joint, or of the joint if the link has none."""
     for frame in model.frames:
         at_joint = frame.parentJoint == index and frame.placement.isIdentity(_ROUNDING)
         if at_joint and frame.type == pin.FrameType.BODY:
@@ -125,7 +125,7 @@ _KNOWN = {
 
 
 def robot_armature(model: Model) -> RobotArmature:
-    """Joint inertia of the robot: its model's, the known one, or a default.
+    """Return joint inertia of the robot: its model's, the known one, or a default.
 
     A model with armature on any joint keeps its own on all joints. Otherwise known robots get
     values whose source is named, and all other joints 0.05 kg m^2; prismatic ones the mass that has
@@ -213,7 +213,7 @@ def inertia_scale(model: Model) -> Array:
 
 
 def _hands_behind(model: Model, joint: int) -> tuple[int, ...]:
-    """Frames of the hands that a joint moves."""
+    """Return frames of the hands that a joint moves."""
     frames = [frame_index(model.pin, hand) for hand in model.hands]
     return tuple(
         frame

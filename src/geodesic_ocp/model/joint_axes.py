@@ -32,7 +32,7 @@ class JointAxes(NamedTuple):
 
 
 def joint_axes(model: Model, q: ArrayLike) -> JointAxes:
-    """Axes of the joints that move the hand, from the base to the hand, at q (n,)."""
+    """Return axes of the joints that move the hand, from the base to the hand, at q (n,)."""
     data = model.pin.createData()
     pin.forwardKinematics(model.pin, data, np.asarray(q, dtype=float))
     chain = list(model.pin.supports[model.joint_of(model.hand)])[1:]
@@ -52,7 +52,7 @@ def joint_axes(model: Model, q: ArrayLike) -> JointAxes:
 
 
 def upward(model: Model) -> Array:
-    """The direction (3,) against gravity in the base frame; z if there is no gravity."""
+    """Return the direction (3,) against gravity in the base frame; z if there is no gravity."""
     gravity = np.array(model.pin.gravity.linear, dtype=float)
     size = float(np.linalg.norm(gravity))
     return -gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])

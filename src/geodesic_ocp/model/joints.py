@@ -43,7 +43,7 @@ def motion_subspace(model: pin.Model, index: int) -> Array:
 
 
 def configuration(model: pin.Model, q: Array) -> Array:
-    """Pinocchio's configuration vector (nq,) for the joint coordinates q (nv,).
+    """Return Pinocchio's configuration vector (nq,) for the joint coordinates q (nv,).
 
     They differ for continuous joints, which Pinocchio stores as cosine and sine of the angle.
     """
@@ -55,7 +55,7 @@ def configuration(model: pin.Model, q: Array) -> Array:
 
 
 def with_distinct_frames(*models: pin.Model) -> tuple[list[pin.Model], dict[str, str]]:
-    """Copies whose frames have unique names, as Pinocchio requires when it edits models.
+    """Return copies whose frames have unique names, as Pinocchio requires when it edits models.
 
     With them the original names by the new ones, for `restore_frames`.
     """
@@ -77,7 +77,7 @@ def restore_frames(model: pin.Model, original: Mapping[str, str]) -> None:
 
 
 def with_joint_frames(model: pin.Model) -> pin.Model:
-    """The same model, in which each joint that carried no frame now has one of its own name.
+    """Return the same model, in which each joint that carried no frame now has one of its own name.
 
     Where another frame has that name, "(joint)" follows it.
     """
@@ -93,7 +93,7 @@ def with_joint_frames(model: pin.Model) -> pin.Model:
 
 
 def frame_index(model: pin.Model, name: str) -> int:
-    """Index of the frame of that name; the link's, if a link and a joint share the name."""
+    """Return index of the frame of that name; the link's, if a link and a joint share the name."""
     named = [number for number, frame in enumerate(model.frames) if frame.name == name]
     if not named:
         raise ValueError(f"the model has no frame {name!r}")
@@ -102,7 +102,7 @@ def frame_index(model: pin.Model, name: str) -> int:
 
 
 def without_noise(placement: pin.SE3) -> pin.SE3:
-    """The placement with rounding errors in its rotation set to zero, for small graphs.
+    """Return the placement with rounding errors in its rotation set to zero, for small graphs.
 
     Angles such as pi / 2 leave entries of 1e-16, which would spread through every product.
     """
@@ -116,7 +116,7 @@ def joint_values(
     current: Array,
     joint_names: Sequence[str],
 ) -> Array:
-    """Numbers of the joints (n,), some by name, with the current ones where none is given.
+    """Return numbers of the joints (n,), some by name, with the current ones where none is given.
 
     Raises:
         ValueError: an unknown joint, or not n numbers; names the argument.
@@ -139,7 +139,7 @@ def joint_values(
 
 
 def continuous_joints(model: pin.Model) -> tuple[str, ...]:
-    """Names of the joints that Pinocchio stores as cosine and sine of their angle."""
+    """Return names of the joints that Pinocchio stores as cosine and sine of their angle."""
     joints = zip(model.names, model.joints, strict=True)
     return tuple(str(name) for name, joint in joints if (joint.nq, joint.nv) == (2, 1))
 
@@ -184,7 +184,7 @@ def joint_along(axis: Array, kind: str = "revolute") -> Any:
 def max_reach(
     model: pin.Model, frame: int, lower: Array, upper: Array, joint: int | None = None
 ) -> float:
-    """Largest distance [m] found between a frame and a joint.
+    """Return largest distance [m] found between a frame and a joint.
 
     Minimizes -|p(q) - p_joint(q)|^2 within the joint limits from the best of many random
     configurations, until a stretched chain is found, which nothing exceeds.

@@ -67,7 +67,7 @@ def _fitted(vertices: bytes) -> tuple[Point, Point, float]:
 
 
 def distances_to_segment(points: Array, start: Array, end: Array) -> Array:
-    """Distances (k,) of points (k, 3) to a segment."""
+    """Return distances (k,) of points (k, 3) to a segment."""
     along = end - start
     fraction = (points - start) @ along / max(float(along @ along), np.finfo(float).tiny)
     nearest = start + np.clip(fraction, 0.0, 1.0)[:, None] * along
@@ -75,7 +75,7 @@ def distances_to_segment(points: Array, start: Array, end: Array) -> Array:
 
 
 def hull_vertices(cloud: Array) -> Array:
-    """The points (k, 3) at the corners of the convex hull of points."""
+    """Return the points (k, 3) at the corners of the convex hull of points."""
     try:
         return np.asarray(cloud[scipy.spatial.ConvexHull(cloud).vertices])
     except scipy.spatial.QhullError:  # flat, or fewer than four points
@@ -112,7 +112,7 @@ class LinkGeometry:
     folder: Path | None
 
     def __call__(self) -> tuple[Body, ...]:
-        """Capsules and spheres in the frames of the links.
+        """Return capsules and spheres in the frames of the links.
 
         Raises:
             ValueError: see `collision`.
@@ -120,7 +120,7 @@ class LinkGeometry:
         return tuple(enclosing_body(*part) for part in self.collision())
 
     def collision(self) -> list[tuple[Any, pin.SE3, str]]:
-        """Shapes of coal, each with its placement in the frame of a link, and the link.
+        """Return shapes of coal, each with its placement in the frame of a link, and the link.
 
         Floors are left out.
 
@@ -144,7 +144,7 @@ class LinkGeometry:
         return [(each.geometry, at_link, link) for each, at_link, link in found]
 
     def visual(self) -> Iterator[tuple[pin.GeometryObject, pin.SE3, str]]:
-        """Visual geometry, each with its placement in the frame of a link, and the link.
+        """Yield visual geometry, each with its placement in the frame of a link, and the link.
 
         Raises:
             Exception: of any type, from Pinocchio: a mesh is missing or cannot be read.
@@ -198,7 +198,7 @@ class LinkGeometry:
 
 
 def _capsule(link: str, shape: ET.Element, capsule: ET.Element) -> Capsule:
-    """A capsule of a URDF: along z, centred at its origin; the length excludes the caps."""
+    """Return a capsule of a URDF: along z, centred at its origin; the length excludes the caps."""
     origin = shape.find("origin")
     position, angles = (
         np.array(["0", "0", "0"] if origin is None else origin.get(key, "0 0 0").split(), float)
@@ -212,7 +212,7 @@ def _capsule(link: str, shape: ET.Element, capsule: ET.Element) -> Capsule:
 def _shapes_of_urdf(
     root: ET.Element, tag: str = "collision"
 ) -> list[tuple[ET.Element, ET.Element]]:
-    """Links of a URDF and their collision or visual shapes; empty for other formats."""
+    """Return links of a URDF and their collision or visual shapes; empty for other formats."""
     links = root.findall("link") if root.tag == "robot" else []
     return [(link, shape) for link in links for shape in link.findall(tag)]
 
@@ -231,7 +231,7 @@ def enclosing_body(shape: Any, placement: pin.SE3, link: str) -> Body:
 
 
 def shape_of(body: Body) -> tuple[Any, pin.SE3, str]:
-    """A ball or capsule as a shape of coal with its placement and link."""
+    """Return a ball or capsule as a shape of coal with its placement and link."""
     capsule = as_capsule(body)
     start, end = np.array(capsule.start), np.array(capsule.end)
     length, middle = float(np.linalg.norm(end - start)), (start + end) / 2.0
@@ -242,7 +242,7 @@ def shape_of(body: Body) -> tuple[Any, pin.SE3, str]:
 
 
 def turn_to(direction: Array) -> Array:
-    """A rotation (3, 3) of the z axis to a direction (3,), of any length but zero."""
+    """Return a rotation (3, 3) of the z axis to a direction (3,), of any length but zero."""
     turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), direction)
     return np.array(turn.matrix())
 

@@ -72,7 +72,7 @@ class LinkSolid:
         )
 
     def least_distance(self, point: Array) -> float:
-        """A lower bound of its distance [m] from a point in the frame of the joint."""
+        """Return a lower bound of its distance [m] from a point in the frame of the joint."""
         return min(
             float(np.linalg.norm(placement.translation - point)) - _radius(shape)
             for shape, placement in self.shapes
@@ -80,7 +80,7 @@ class LinkSolid:
 
 
 def link_solids(model: Model) -> tuple[LinkSolid, ...]:
-    """The collision geometry of all links of a model; empty if it has none.
+    """Return the collision geometry of all links of a model; empty if it has none.
 
     Raises:
         ValueError: the geometry in the file of the model cannot be read, or is of an unknown type.
@@ -104,7 +104,7 @@ def link_solids(model: Model) -> tuple[LinkSolid, ...]:
 
 
 def reach_bound(model: Model, solids: Sequence[LinkSolid]) -> tuple[Array, float]:
-    """Centre (3,) and radius [m] of a ball in the base frame that moving links never leave.
+    """Return centre (3,) and radius [m] of a ball in the base frame that moving links never leave.
 
     The radius is the length of the chain of joints with the last link's extent.
     """
@@ -126,7 +126,7 @@ def reach_bound(model: Model, solids: Sequence[LinkSolid]) -> tuple[Array, float
 
 
 def _parent(model: pin.Model, link: str, known: Container[str]) -> str:
-    """The nearest frame before a link that is known; "" if there is none."""
+    """Return the nearest frame before a link that is known; "" if there is none."""
     index = frame_index(model, link)
     while (index := int(model.frames[index].parentFrame)) > 0:
         if (name := str(model.frames[index].name)) in known:
@@ -135,7 +135,7 @@ def _parent(model: pin.Model, link: str, known: Container[str]) -> str:
 
 
 def _convex_if_it_is(shape: Any) -> Any:
-    """The convex body of a closed mesh no vertex of which lies in front of a triangle."""
+    """Return the convex body of a closed mesh no vertex of which lies in front of a triangle."""
     triangles, points = triangles_of(shape), points_of(shape)
     if triangles is None or points is None or len(triangles) != 2 * len(points) - 4:  # Euler
         return shape
@@ -150,7 +150,7 @@ def _convex_if_it_is(shape: Any) -> Any:
 
 
 def _radius(shape: Any) -> float:
-    """Radius [m] of a ball about the shape's origin that contains it."""
+    """Return radius [m] of a ball about the shape's origin that contains it."""
     if type(shape).__name__ in ("Capsule", "Sphere"):
         return float(shape.radius + getattr(shape, "halfLength", 0.0))
     points = points_of(shape)

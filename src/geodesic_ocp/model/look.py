@@ -62,7 +62,7 @@ class Mesh(ShortRepr):
 
 
 def simplified(found: Sequence[Mesh], matters: Sequence[bool], count: int) -> list[Mesh]:
-    """The meshes with about `count` triangles together, without those that are degenerate.
+    """Return the meshes with about `count` triangles together, without those that are degenerate.
 
     Coincident vertices become one. While there are too many triangles, vertices in cells of a grid
     become one, in ever larger cells (vertex clustering: Rossignac and Borrel, 1993), and edges are
@@ -87,7 +87,7 @@ def _total(meshes: Sequence[Mesh]) -> int:
 
 
 def _collapsed(meshes: list[Mesh], scales: list[float], count: int) -> list[Mesh]:
-    """All at once, side by side, for errors to be compared across meshes."""
+    """Return all at once, side by side, for errors to be compared across meshes."""
     import fast_simplification
 
     middles = [mesh.vertices.sum(axis=0) / max(len(mesh.vertices), 1) for mesh in meshes]
@@ -117,13 +117,13 @@ def _collapsed(meshes: list[Mesh], scales: list[float], count: int) -> list[Mesh
 
 
 def _used(vertices: Array, triangles: Indices) -> Surface:
-    """The vertices of triangles alone."""
+    """Return the vertices of triangles alone."""
     used, corners = np.unique(triangles, return_inverse=True)
     return vertices[used], corners.reshape(-1, 3).astype(np.int64)
 
 
 def _within(points: Array, before: Array, whose: Indices) -> Array:
-    """Points inside the boxes around the vertices that they replace.
+    """Return points inside the boxes around the vertices that they replace.
 
     The point of least error is far from them where surfaces are nearly flat, which makes spikes.
     """
@@ -167,14 +167,14 @@ def _welded(mesh: Mesh, cell: float, largest: float) -> Mesh:
 
 
 def box(half_sides: ArrayLike) -> Surface:
-    """A box around the origin with these half lengths of its sides (3,)."""
+    """Return a box around the origin with these half lengths of its sides (3,)."""
     import trimesh
 
     return _of_trimesh(trimesh.creation.box(2.0 * np.asarray(half_sides, dtype=float)))
 
 
 def ellipsoid(radii: ArrayLike) -> Surface:
-    """An ellipsoid around the origin with semi-axes (3,), or a ball of this radius."""
+    """Return an ellipsoid around the origin with semi-axes (3,), or a ball of this radius."""
     angles = np.linspace(-np.pi / 2.0, np.pi / 2.0, SIDES // 2 + 1)
     vertices, triangles = revolved(np.column_stack([np.cos(angles), np.sin(angles)]))
     return vertices * np.asarray(radii, dtype=float), triangles
@@ -188,7 +188,7 @@ def cylinder(radius: float, half_length: float, top: float = 1.0) -> Surface:
 
 
 def strut(start: Array, end: Array, radii: float | tuple[float, float]) -> Surface:
-    """A capsule from start to end (3,), whose round ends may have different radii."""
+    """Return a capsule from start to end (3,), whose round ends may have different radii."""
     length = float(np.linalg.norm(end - start))
     first, last = (radii, radii) if isinstance(radii, (int, float)) else radii
     if length <= abs(last - first):  # one ball holds the other, or both are one
@@ -216,7 +216,7 @@ def revolved(profile: ArrayLike, sides: int = SIDES) -> Surface:
 
 
 def loft(sections: ArrayLike, caps: tuple[float, float], roundness: float = 2.0) -> Surface:
-    """A smooth form along z through sections, with rounded ends.
+    """Return a smooth form along z through sections, with rounded ends.
 
     Args:
         sections: rows (k, 5) of z, increasing; centre x and y; half width along x and half depth
@@ -243,14 +243,14 @@ def loft(sections: ArrayLike, caps: tuple[float, float], roundness: float = 2.0)
 
 
 def hull(points: Array) -> Surface:
-    """The convex hull of points (k, 3)."""
+    """Return the convex hull of points (k, 3)."""
     import trimesh
 
     return _of_trimesh(trimesh.convex.convex_hull(points))
 
 
 def moved(surface: Surface, rotation: Array, position: Array) -> Surface:
-    """The surface turned by a rotation (3, 3), then shifted."""
+    """Return the surface turned by a rotation (3, 3), then shifted."""
     vertices, triangles = surface
     return vertices @ rotation.T + position, triangles
 
@@ -260,7 +260,7 @@ def _of_trimesh(mesh: Any) -> Surface:
 
 
 def visual_geometry(links: LinkGeometry) -> Iterator[Mesh]:
-    """Meshes of the visual geometry, not yet simplified.
+    """Yield meshes of the visual geometry, not yet simplified.
 
     Raises:
         Exception: of any type, from Pinocchio: a mesh is missing or cannot be read.
@@ -275,14 +275,14 @@ def visual_geometry(links: LinkGeometry) -> Iterator[Mesh]:
 
 
 def body_mesh(body: Body) -> Mesh:
-    """A capsule or a ball as a mesh."""
+    """Return a capsule or a ball as a mesh."""
     capsule = as_capsule(body)
     start, end = np.array(capsule.start), np.array(capsule.end)
     return Mesh(str(body.link), *strut(start, end, capsule.radius), GREY)
 
 
 def _surface(shape: Any) -> Surface:
-    """Surface of a shape of coal in its own frame; vertices of a mesh are already scaled."""
+    """Return surface of a shape of coal in its own frame; vertices of a mesh are already scaled."""
     kind = type(shape).__name__
     if kind == "Box":
         return box(shape.halfSide)
@@ -301,7 +301,7 @@ def _surface(shape: Any) -> Surface:
 
 
 def chain_ends(model: Model) -> list[int]:
-    """Indices in `pin` of the hand frames and of the farthest frame of every other chain."""
+    """Return indices in `pin` of the hand frames and of the farthest frame of every other chain."""
     ends, frames = [frame_index(model.pin, hand) for hand in model.hands], list(model.pin.frames)
     for joint in sorted(set(range(1, model.pin.njoints)) - set(model.pin.parents)):
         attached = [index for index, frame in enumerate(frames) if frame.parentJoint == joint]
@@ -312,7 +312,7 @@ def chain_ends(model: Model) -> list[int]:
 
 
 def kinematic_chain(model: Model, drawn: Collection[int] = ()) -> Iterator[Mesh]:
-    """Meshes of the links that have no geometry of their own.
+    """Yield meshes of the links that have no geometry of their own.
 
     A revolute joint is a cylinder along its axis, a prismatic one a box on a rail as long as its
     limits allow; joints that coincide share a ball. Struts go from a joint to the next ones and, at
@@ -355,7 +355,7 @@ def _struts(model: Model) -> list[tuple[int, int, Array]]:
 
 
 def _extent(model: Model) -> float:
-    """Length [m] of the longest chain of struts, with the ranges of prismatic joints."""
+    """Return length [m] of the longest chain of struts, with the ranges of prismatic joints."""
     far = np.zeros(model.pin.njoints)
     for joint in range(1, model.pin.njoints):
         parent = int(model.pin.parents[joint])
@@ -368,7 +368,7 @@ def _extent(model: Model) -> float:
 
 
 def _travel(model: Model, joint: int) -> tuple[float, float]:
-    """Lower and upper limit [m] of a prismatic joint, 0 where there is none."""
+    """Return lower and upper limit [m] of a prismatic joint, 0 where there is none."""
     if _rotates(model, joint):
         return 0.0, 0.0
     limits = model.lower[joint - 1], model.upper[joint - 1]
@@ -395,7 +395,7 @@ def _places(model: Model, extent: float) -> list[list[int]]:
 
 
 def _joint(model: Model, joints: list[int], radius: float, extent: float) -> Iterator[Mesh]:
-    """The joints at one place."""
+    """Yield the joints at one place."""
     first, rotates = joints[0], _rotates(model, joints[0])
     twist = motion_subspace(model.pin, first)
     turn = turn_to(twist[3:] if rotates else twist[:3])
@@ -416,7 +416,7 @@ def _joint(model: Model, joints: list[int], radius: float, extent: float) -> Ite
 
 
 def _mesh(model: Model, joint: int, surface: Surface, colour: Colour) -> Iterator[Mesh]:
-    """A surface in axes of a joint as a mesh of a frame that the joint carries, or none."""
+    """Yield a surface in axes of a joint as a mesh of a frame that the joint carries, or none."""
     frames = [
         frame
         for index, frame in enumerate(model.pin.frames)

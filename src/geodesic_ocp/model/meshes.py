@@ -27,7 +27,7 @@ _OPPOSITE = {"right": "left", "left": "right"}
 
 
 def meshes(model: Model) -> tuple[Mesh, ...]:
-    """Triangle meshes of the links of a model, for display only.
+    """Return triangle meshes of the links of a model, for display only.
 
     They show the visual geometry of the URDF or MJCF file from which the model was loaded; if there
     is none, or with a warning if it cannot be read, its collision bodies. Of a person (`human_arm`,
@@ -125,7 +125,7 @@ def _mass(arm: PersonArm, height: float) -> float:
 
 
 def _at_rest(model: Model, frame: str) -> tuple[Array, Array]:
-    """Rotation and position of a frame at q = 0, where axes are those of the base."""
+    """Return rotation and position of a frame at q = 0, where axes are those of the base."""
     data, index = model.pin.createData(), frame_index(model.pin, frame)
     pin.forwardKinematics(model.pin, data, np.zeros(model.dof))  # far faster than a symbolic one
     place = pin.updateFramePlacement(model.pin, data, index)
@@ -133,13 +133,13 @@ def _at_rest(model: Model, frame: str) -> tuple[Array, Array]:
 
 
 def _placed(mesh: Mesh, model: Model, origin: tuple[Array, Array]) -> Mesh:
-    """The mesh at q = 0 in the axes of an origin in the base frame of the model."""
+    """Return the mesh at q = 0 in the axes of an origin in the base frame of the model."""
     rotation, position = _at_rest(model, mesh.link)
     points = mesh.vertices @ rotation.T + position
     return replace(mesh, vertices=(points - origin[1]) @ origin[0])
 
 
 def _mirrored(mesh: Mesh, side: str) -> Mesh:
-    """The mesh on the other side of the sagittal plane."""
+    """Return the mesh on the other side of the sagittal plane."""
     link = mesh.link.replace(side, _OPPOSITE[side]) if side in mesh.link else f"other {mesh.link}"
     return Mesh(link, *mirrored((mesh.vertices, mesh.triangles)), mesh.colour)

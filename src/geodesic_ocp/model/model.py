@@ -124,7 +124,7 @@ class Model:
         return self._per_joint(self.pin.upperPositionLimit)
 
     def _per_joint(self, values: Array) -> Array:
-        """A copy that cannot be written to; the largest floats stand for infinity."""
+        """Return a copy that cannot be written to; the largest floats stand for infinity."""
         huge = np.abs(values) >= np.finfo(float).max
         copy = np.where(huge, np.copysign(np.inf, values), values)
         copy.flags.writeable = False
@@ -140,7 +140,7 @@ class Model:
         return self._per_joint(self.pin.armature)
 
     def describe_armature(self) -> str:
-        """The range of the joint inertia in words; "" if there is none."""
+        """Return the range of the joint inertia in words; "" if there is none."""
         if not self.armature.any():
             return ""
         low, high = self.armature.min(), self.armature.max()
@@ -179,12 +179,12 @@ class Model:
         return self._functions.value("mass_matrix", q=q)
 
     def kinetic_energy(self, q: Any, v: Any) -> Any:
-        """Kinetic energy v' G(q) v / 2 [J] at the joint velocities v (n,) [rad/s or m/s]."""
+        """Return kinetic energy v' G(q) v / 2 [J] at the joint velocities v (n,) [rad/s or m/s]."""
         energy = self._functions.value("kinetic_energy", q=q, v=v)
         return energy if is_symbolic(q, v) else float(energy[0, 0])
 
     def coriolis_force(self, q: Any, v: Any) -> Any:
-        """Coriolis and centrifugal forces C(q, v) v, (n,) [N m or N], gravity excluded."""
+        """Return Coriolis and centrifugal forces C(q, v) v, (n,) [N m or N], gravity excluded."""
         force = self._functions.value("coriolis_force", q=q, v=v)
         return force if is_symbolic(q, v) else force[:, 0]
 
@@ -196,14 +196,14 @@ class Model:
         return self._functions.inverse_dynamics(q, v, a, gravity)
 
     def hand_pose(self, q: Any) -> Any:
-        """Rotation (3, 3) and position (3,) [m] of the hand frame in the base frame.
+        """Return rotation (3, 3) and position (3,) [m] of the hand frame in the base frame.
 
         For k configurations (k, n): rotations (k, 3, 3) and positions (k, 3).
         """
         return self._functions.pose(self._hand_id, q)
 
     def frame_pose(self, frame: str, q: Any) -> Any:
-        """Pose of any frame of `pin`, in the form of `hand_pose`.
+        """Return pose of any frame of `pin`, in the form of `hand_pose`.
 
         Raises:
             ValueError: there is no such frame.
@@ -219,7 +219,7 @@ class Model:
         return self.joint_of(frame) > 0
 
     def joint_of(self, frame: str) -> int:
-        """Index in `pin` of the joint that carries a frame; 0 for a fixed frame.
+        """Return index in `pin` of the joint that carries a frame; 0 for a fixed frame.
 
         Raises:
             ValueError: there is no such frame.
@@ -231,14 +231,14 @@ class Model:
         return self._functions.jacobian(self._hand_id, q)
 
     def potential_energy(self, q: Any) -> Any:
-        """Gravitational potential energy V(q) [J], zero at the height of the base."""
+        """Return gravitational potential energy V(q) [J], zero at the height of the base."""
         energy = self._functions.value("potential_energy", q=q)
         return energy if is_symbolic(q) else float(energy[0, 0])
 
     def with_payload(
         self, mass: float, position: ArrayLike = (0.0, 0.0, 0.0), inertia: ArrayLike | None = None
     ) -> Model:
-        """The model with an object rigidly attached to the hand.
+        """Return the model with an object rigidly attached to the hand.
 
         Args:
             mass: mass of the object [kg].
@@ -261,7 +261,7 @@ class Model:
         return replace(self, pin=loaded)
 
     def with_armature(self, value: ArrayLike | Mapping[str, float]) -> Model:
-        """The model with another joint inertia a, so that its mass matrix is G(q) + diag(a).
+        """Return the model with another joint inertia a, so that its mass matrix is G(q) + diag(a).
 
         It replaces the joint inertia that the model has; G(q) is that of the bodies alone.
 
@@ -290,7 +290,7 @@ class Model:
         lower: ArrayLike | Mapping[str, float] | None = None,
         upper: ArrayLike | Mapping[str, float] | None = None,
     ) -> Model:
-        """The model with other joint limits [rad or m]: n numbers, or some by joint name.
+        """Return the model with other joint limits [rad or m]: n numbers, or some by joint name.
 
         Raises:
             ValueError: wrong shapes or names, not numbers, or a lower limit above the upper one.
@@ -314,7 +314,7 @@ class Model:
         return replace(self, hand=hand, hands=hands)
 
     def with_bodies(self, *bodies: Body) -> Model:
-        """The model with these capsules and spheres, each with a link, as collision bodies.
+        """Return the model with these capsules and spheres, each with a link, as collision bodies.
 
         Raises:
             ValueError: a body has no link, or its link is not a frame of the model.
@@ -327,7 +327,7 @@ class Model:
 
 
 def as_model(model: Any) -> Model:
-    """The argument, if it is a model; ValueError otherwise."""
+    """Return the argument, if it is a model; ValueError otherwise."""
     if not isinstance(model, Model):
         hint = "; use its attribute model" if hasattr(model, "model") else ""
         raise ValueError(f"model must be a Model, got {model!r}{hint}")
@@ -335,7 +335,7 @@ def as_model(model: Any) -> Model:
 
 
 def hand_labels(hands: Sequence[str]) -> tuple[str, ...]:
-    """Names of the hands for tables and figures.
+    """Return names of the hands for tables and figures.
 
     A single one is "hand". Several are called as their frames; where `combine` has put the name of
     an arm before that of the frame, as in "human left arm/hand", its side takes that place.
@@ -355,7 +355,7 @@ def hand_labels(hands: Sequence[str]) -> tuple[str, ...]:
 
 
 def _as_hands(model: pin.Model, hand: str, hands: Sequence[str]) -> tuple[str, ...]:
-    """Names of the hand frames, `hand` alone if there are no others.
+    """Return names of the hand frames, `hand` alone if there are no others.
 
     Raises:
         ValueError: one of them is no frame of the model or occurs twice, or `hand` is missing.
@@ -371,7 +371,7 @@ def _as_hands(model: pin.Model, hand: str, hands: Sequence[str]) -> tuple[str, .
 
 
 def _body_inertia(mass: float, centre: Array, inertia: ArrayLike | None) -> pin.Inertia:
-    """Spatial inertia from mass [kg], centre (3,) [m] and inertia about it (3, 3) [kg m^2].
+    """Return spatial inertia from mass [kg], centre (3,) [m] and inertia about it (3, 3) [kg m^2].
 
     Raises:
         ValueError: the inertia is not symmetric, or has a negative principal moment.

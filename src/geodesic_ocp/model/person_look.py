@@ -136,27 +136,27 @@ def _trunk(model: Model, trunk: PersonTrunk) -> Iterator[Mesh]:
 
 
 def mirrored(surface: Surface) -> Surface:
-    """The surface on the other side of the sagittal plane."""
+    """Return the surface on the other side of the sagittal plane."""
     vertices, triangles = surface
     return vertices * [-1.0, 1.0, 1.0], triangles[:, ::-1]
 
 
 def _upper_arm(length: float, radius: float) -> tuple[list[Surface], list[Surface]]:
-    """Limb, and balls at shoulder and elbow."""
+    """Return limb, and balls at shoulder and elbow."""
     limb = loft(_scaled(_UPPER_ARM, length, radius), (0.5 * radius, 0.8 * radius))
     elbow, triangles = ellipsoid(0.86 * radius)
     return [limb], [ellipsoid(1.2 * radius), (elbow - [0.0, 0.0, length], triangles)]
 
 
 def _forearm(length: float, radius: float) -> tuple[list[Surface], list[Surface]]:
-    """Limb, and a ball at the wrist."""
+    """Return limb, and a ball at the wrist."""
     limb = loft(_scaled(_FOREARM, length, radius), (0.4 * radius, 0.8 * radius))
     wrist, triangles = ellipsoid(radius * np.array([0.62, 0.72, 0.62]))
     return [limb], [(wrist - [0.0, 0.0, length], triangles)]
 
 
 def _hand(length: float, radius: float) -> tuple[list[Surface], list[Surface]]:
-    """Palm with fingers, and the thumb, of a right hand."""
+    """Return palm with fingers, and the thumb, of a right hand."""
     rows = np.array(_PALM) * [length, length, length, radius, length]
     palm = loft(rows, (0.09 * length, 0.1 * length))
     bends = length * np.array(_THUMB)
@@ -166,7 +166,7 @@ def _hand(length: float, radius: float) -> tuple[list[Surface], list[Surface]]:
 
 
 def _head(body: Capsule) -> tuple[Surface, Surface]:
-    """Head from chin to crown, and neck; heights [m] are above the shoulders."""
+    """Return head from chin to crown, and neck; heights [m] are above the shoulders."""
     low, height, radius = body.start[2], body.end[2] - body.start[2], body.radius
     rows = np.add(_scaled(_HEAD, height, radius), [low, 0.0, 0.0, 0.0, 0.0])
     ends = [np.array([0.0, y * radius, low + z * height]) for z, y in _NECK]

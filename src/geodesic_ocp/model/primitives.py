@@ -103,7 +103,7 @@ def _check_radius(body: Body) -> None:
 
 
 def _point(name: str, value: Any) -> Point:
-    """The value as three numbers; symbolic expressions are returned unchanged."""
+    """Return the value as three numbers; symbolic expressions are returned unchanged."""
     if isinstance(value, ca.SX):
         if value.shape != (3, 1):
             raise ValueError(f"{name} must have shape (3, 1), got {value.shape}")
@@ -113,7 +113,7 @@ def _point(name: str, value: Any) -> Point:
 
 
 def as_capsule(body: Body) -> Capsule:
-    """The body as a capsule; a ball becomes a capsule of length zero."""
+    """Return the body as a capsule; a ball becomes a capsule of length zero."""
     if isinstance(body, Capsule):
         return body
     return Capsule(body.centre, body.centre, body.radius, body.link, body.name)

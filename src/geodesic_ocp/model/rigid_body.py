@@ -19,7 +19,7 @@ from geodesic_ocp.model.joints import motion_subspace, without_noise
 
 
 def constant(matrix: Array) -> ca.SX:
-    """Numbers as an expression."""
+    """Return numbers as an expression."""
     return ca.SX(np.asarray(matrix, dtype=float))
 
 
@@ -36,13 +36,13 @@ class Placement:
 
 
 def constant_placement(placement: pin.SE3) -> Placement:
-    """A fixed placement, without rounding errors in its rotation."""
+    """Return a fixed placement, without rounding errors in its rotation."""
     clean = without_noise(placement)
     return Placement(constant(clean.rotation), constant(clean.translation))
 
 
 def joint_placements(model: pin.Model, q: ca.SX) -> list[Placement]:
-    """Placement of every joint relative to its parent; index 0 is the universe."""
+    """Return placement of every joint relative to its parent; index 0 is the universe."""
     placements = [constant_placement(pin.SE3.Identity())]
     for index in range(1, model.njoints):
         fixed = without_noise(model.jointPlacements[index])
@@ -52,7 +52,7 @@ def joint_placements(model: pin.Model, q: ca.SX) -> list[Placement]:
 
 
 def _moved(fixed: pin.SE3, subspace: Array, q: ca.SX) -> Placement:
-    """A fixed placement times exp(S q) for a constant twist S = (linear, angular)."""
+    """Return a fixed placement times exp(S q) for a constant twist S = (linear, angular)."""
     linear, angular = subspace[:3], subspace[3:]
     start, origin = fixed.rotation, constant(fixed.translation)
     rate = float(np.linalg.norm(angular))
@@ -108,7 +108,7 @@ class _Inertia:
         return _Inertia(self.mass + other.mass, first, second)
 
     def in_parent(self, placement: Placement) -> _Inertia:
-        """The same inertia in the parent frame, with the second moment about its origin."""
+        """Return the same inertia in the parent frame, with the second moment about its origin."""
         first = placement.rotation @ self.first
         arm, moment = ca.skew(placement.translation), ca.skew(first)
         second = placement.rotation @ self.second @ placement.rotation.T
@@ -125,13 +125,13 @@ def _body_inertia(inertia: pin.Inertia) -> _Inertia:
 
 
 def _axis(model: pin.Model, index: int) -> tuple[ca.SX, ca.SX]:
-    """Linear and angular part, (3, 1) each, of a joint's motion subspace."""
+    """Return linear and angular part, (3, 1) each, of a joint's motion subspace."""
     subspace = motion_subspace(model, index)
     return constant(subspace[:3]), constant(subspace[3:])
 
 
 def mass_matrix(model: pin.Model, q: ca.SX) -> ca.SX:
-    """Joint-space mass-inertia matrix (nv, nv) at the joint coordinates q (nv, 1)."""
+    """Return joint-space mass-inertia matrix (nv, nv) at the joint coordinates q (nv, 1)."""
     placements = joint_placements(model, q)
     composite = [_body_inertia(inertia) for inertia in model.inertias]
     # Wrenches (force, torque) that accelerate the composite bodies of descendants, one column for
@@ -161,7 +161,7 @@ def mass_matrix(model: pin.Model, q: ca.SX) -> ca.SX:
 
 
 def kinetic_energy(model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
-    """Kinetic energy v' G(q) v / 2, (1, 1) [J], at joint velocities v (nv, 1).
+    """Return kinetic energy v' G(q) v / 2, (1, 1) [J], at joint velocities v (nv, 1).
 
     Summed over the links, with their velocities in body coordinates; armature is included.
     """
@@ -170,12 +170,12 @@ def kinetic_energy(model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
 
 
 def coriolis_force(model: pin.Model, q: ca.SX, v: ca.SX) -> ca.SX:
-    """Coriolis and centrifugal forces C(q, v) v, (nv, 1), at joint velocities v (nv, 1)."""
+    """Return Coriolis and centrifugal forces C(q, v) v, (nv, 1), at joint velocities v (nv, 1)."""
     return inverse_dynamics(model, q, v, ca.SX.zeros(model.nv), ca.SX.zeros(3))
 
 
 def inverse_dynamics(model: pin.Model, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX) -> ca.SX:
-    """Joint forces G(q) a + C(q, v) v + g(q), (nv, 1), armature included.
+    """Return joint forces G(q) a + C(q, v) v + g(q), (nv, 1), armature included.
 
     At joint accelerations a (nv, 1) and with free fall at `gravity` (3, 1) in base axes: recursive
     Newton-Euler algorithm, in which gravity accelerates the base against free fall. Linear
@@ -220,7 +220,7 @@ def inverse_dynamics(model: pin.Model, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca
 
 
 def frame_pose(model: pin.Model, q: ca.SX, frame: int) -> tuple[ca.SX, ca.SX]:
-    """Rotation (3, 3) and position (3, 1) [m] of a frame in the base frame."""
+    """Return rotation (3, 3) and position (3, 1) [m] of a frame in the base frame."""
     placements = joint_placements(model, q)
     pose = constant_placement(model.frames[frame].placement)
     joint = model.frames[frame].parentJoint
@@ -231,7 +231,7 @@ def frame_pose(model: pin.Model, q: ca.SX, frame: int) -> tuple[ca.SX, ca.SX]:
 
 
 def potential_energy(model: pin.Model, q: ca.SX) -> ca.SX:
-    """Gravitational potential energy (1, 1) [J], zero at the height of the base."""
+    """Return gravitational potential energy (1, 1) [J], zero at the height of the base."""
     gravity, energy = constant(model.gravity.linear), ca.SX(1, 1)
     poses = joint_placements(model, q)
     for index in range(1, model.njoints):

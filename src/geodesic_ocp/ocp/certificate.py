@@ -55,16 +55,16 @@ class FinalIterate:
         return self.units.parameters(self.path.grid, self.p_values)
 
     def gradient(self) -> Array:
-        """Gradient of the objective."""
+        """Return gradient of the objective."""
         _, gradient = self.transcription.objective(self.x, self.p)
         return np.asarray(gradient.full()[:, 0])
 
     def hessian(self) -> Array:
-        """Hessian of the Lagrangian."""
+        """Return Hessian of the Lagrangian."""
         return self.transcription.full_hessian(self.x, self.p, self.lam_g)
 
     def constraint_jacobian(self) -> Array:
-        """Jacobian of the constraint functions."""
+        """Return Jacobian of the constraint functions."""
         return np.asarray(self.transcription.constraints(self.x, self.p)[1].full())
 
 
@@ -99,7 +99,7 @@ def stationarity_and_index(gradient: Array, hessian: Array) -> tuple[bool, int]:
 
 
 def energy_derivatives(path: Path, end: float = 1.0) -> tuple[Array, Array]:
-    """Gradient and Hessian of the energy, relative to it, of the path from s = 0 to s = end.
+    """Return gradient and Hessian of the energy, relative to it, of the path from s = 0 to s = end.
 
     The derivatives are those by the inner nodes.
     """
@@ -147,7 +147,7 @@ def _is_positive_definite(matrix: Array, width: int) -> bool:
 
 
 def _cholesky(matrix: Array) -> Array | None:
-    """Cholesky factor, or None if the matrix is not positive definite."""
+    """Return cholesky factor, or None if the matrix is not positive definite."""
     try:
         return np.asarray(np.linalg.cholesky(matrix))
     except np.linalg.LinAlgError:
@@ -235,7 +235,7 @@ class Certificate:
 
 
 def certify(path: Path, velocity: ArrayLike | None = None) -> Certificate:
-    """The certificate of a path between fixed ends as a geodesic of its metric.
+    """Return the certificate of a path between fixed ends as a geodesic of its metric.
 
     Args:
         path: any path; `stationary` tells whether it is a geodesic, as far as its nodes resolve it.
@@ -260,7 +260,7 @@ def certify(path: Path, velocity: ArrayLike | None = None) -> Certificate:
 
 
 def certify_iterate(iterate: FinalIterate, bounds: NodeBounds) -> Certificate:
-    """The certificate of a solution among the paths that meet the problem's conditions."""
+    """Return the certificate of a solution among the paths that meet the problem's conditions."""
     path, n = iterate.path, iterate.path.metric.dim
     has_cost = not iterate.energy_only
     momentum = -iterate.gradient()[:n] * iterate.units.scale / iterate.units.length
@@ -300,7 +300,7 @@ def certify_iterate(iterate: FinalIterate, bounds: NodeBounds) -> Certificate:
 
 
 def descent_direction(iterate: FinalIterate) -> Array | None:
-    """Change of x, largest entry 1, along which the objective decreases to second order.
+    """Return change of x, largest entry 1, along which the objective decreases to second order.
 
     Active conditions remain satisfied to first order. None: there is no such direction.
     """
@@ -354,7 +354,7 @@ def _is_first_order(iterate: FinalIterate, bounds: NodeBounds, jacobian: Array) 
 
 
 def _endpoint_error(path: Path, velocity: Array) -> float:
-    """Distance of the geodesic with this initial velocity from the path's end."""
+    """Return distance of the geodesic with this initial velocity from the path's end."""
     extent = float(np.ptp(path.nodes, axis=0).max())
     try:
         arrival = exp(path.metric, path.nodes[0], velocity, tolerance=1e-9 * max(1.0, extent))

@@ -95,7 +95,7 @@ class Conditions(ShortRepr):
 
 
 def stacked(conditions: Sequence[Condition]) -> ca.SX:
-    """All expressions in one column; (0, 1) if there are none."""
+    """Return all expressions in one column; (0, 1) if there are none."""
     return ca.vertcat(ca.SX(0, 1), *(condition.expression for condition in conditions))
 
 
@@ -134,7 +134,7 @@ class NodeBounds(ShortRepr):
     def on_grid(
         cls, conditions: Conditions, grid: Grid, joint_names: Sequence[str] | None = None
     ) -> NodeBounds:
-        """The bounds of these conditions on the grid.
+        """Return the bounds of these conditions on the grid.
 
         Raises:
             ValueError: a fixed end lies outside the problem's own bounds.

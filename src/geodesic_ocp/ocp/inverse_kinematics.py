@@ -136,7 +136,7 @@ def nearest_configuration(
     limits: bool,
     collisions: CollisionAvoidance,
 ) -> Array:
-    """The configuration (n,) whose hand pose is nearest to one that may be out of reach.
+    """Return the configuration (n,) whose hand pose is nearest to one that may be out of reach.
 
     min (a |p - position|)^2 + (b angle)^2 with weights (a, b) [1/m], [1/rad], from several starts;
     the angle is that of the rotation between the two poses.

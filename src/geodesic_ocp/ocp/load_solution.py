@@ -126,7 +126,7 @@ def _saved_problem(record: dict[str, Any], path: FilePath) -> Problem:
 
 
 def _imported_class(module: str, name: str) -> type[Problem] | None:
-    """The imported problem class of that name: of that module, or of a file of that name.
+    """Return the imported problem class of that name: of that module, or of a file of that name.
 
     A file is `around_disc` or `problems.around_disc`, depending on how it was run.
     """

@@ -33,7 +33,7 @@ class Structure:
     conditions: Conditions = field(compare=False)
 
     def transcription(self, grid: Grid) -> Transcription:
-        """The NLP on all grids of this shape, built once for all problems with this key."""
+        """Return the NLP on all grids of this shape, built once for all problems with this key."""
         even = replace(grid, ends=None)
         if self.key is None:
             return Transcription(_unshared_terms(self.metric, self.conditions), even)
@@ -154,7 +154,7 @@ class NLP(ShortRepr):
         return names
 
     def path(self, x: Array) -> Path:
-        """The path of a value of the variables (size * n,)."""
+        """Return the path of a value of the variables (size * n,)."""
         nodes = np.nan_to_num(np.asarray(x, dtype=float)).reshape(self.grid.size, -1)
         positions = self.units.positions(nodes)
         # Fixed coordinates keep their exact value instead of a rounded, scaled one.
@@ -164,7 +164,7 @@ class NLP(ShortRepr):
 
 
 def build_nlp(definition: ProblemDefinition, grid: Grid, guess: Path | None = None) -> NLP:
-    """The nonlinear program of a problem on a grid.
+    """Return the nonlinear program of a problem on a grid.
 
     Args:
         definition: definition of the problem.

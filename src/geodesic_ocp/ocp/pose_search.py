@@ -61,7 +61,7 @@ def search_simultaneously(
     enough: int,
     settled: float = _SETTLED,
 ) -> Found:
-    """Configurations within bounds whose pose errors vanish, or are least nearby.
+    """Return configurations within bounds whose pose errors vanish, or are least nearby.
 
     Args:
         pose_errors: pose errors of many configurations.
@@ -202,13 +202,13 @@ def rotation_log(rotation: ca.SX) -> ca.SX:
 def pose_difference(
     rotation: Array, position: Array, target_rotation: Array, target_position: Array
 ) -> tuple[float, float]:
-    """Distance [m] and angle [rad] between two poses, given as (3, 3) and (3,) each."""
+    """Return distance [m] and angle [rad] between two poses, given as (3, 3) and (3,) each."""
     vector = rotation_vector(target_rotation.T @ rotation)
     return float(np.linalg.norm(position - target_position)), float(np.linalg.norm(vector))
 
 
 def as_directions(name: str, given: ArrayLike | None) -> Array:
-    """Unit directions (k, 3) from None, one direction (3,) or several (k, 3).
+    """Return unit directions (k, 3) from None, one direction (3,) or several (k, 3).
 
     Raises:
         ValueError: wrong shapes, a zero vector, or directions that span all of space.
@@ -254,7 +254,7 @@ _EXACT = 1e-9  # pose error [m] and [rad] of the simultaneous search
 
 
 def search_bounds(model: Model, start: Array, limits: bool) -> tuple[Array, Array, Array]:
-    """Bounds (n,) of a search for configurations, and the start clipped to the limits.
+    """Return bounds (n,) of a search for configurations, and the start clipped to the limits.
 
     Joints with a range above one revolution are searched over one revolution, which covers all
     poses without winding up: half a revolution to either side, shifted to lie within the limits.
@@ -310,7 +310,7 @@ class PoseSearch:
         rotation: ArrayLike | None,
         collisions: CollisionAvoidance,
     ) -> PoseSearch:
-        """The search for a pose as users give it; ValueError if it is malformed."""
+        """Return the search for a pose as users give it; ValueError if it is malformed."""
         if position is None and rotation is None:
             raise ValueError(f"{caller} needs a position, a rotation or both")
         rows = [*range(3)] if position is not None else []
@@ -332,7 +332,7 @@ class PoseSearch:
         return axes, np.where(held, 0.0, np.inf)
 
     def bounds(self, limits: bool) -> tuple[Array, Array]:
-        """Lower and upper bounds (n,) of the search."""
+        """Return lower and upper bounds (n,) of the search."""
         lower, upper, _ = search_bounds(self.model, self.near, limits)
         return lower, upper
 
@@ -422,7 +422,7 @@ class PoseSearch:
         stay: float,
         bound: Array,
     ) -> Iterator[SearchOutcome]:
-        """Outcomes of Ipopt from one start after the other.
+        """Yield outcomes of Ipopt from one start after the other.
 
         min stay |q - near|^2 / 2 + |weights e|^2 / 2 over q and the pose errors e, |e| <= bound,
         with position errors in the given axes (3, 3).
@@ -450,7 +450,7 @@ class PoseSearch:
 
 @lru_cache(maxsize=32)
 def _pose_errors(model: Model, rows: tuple[int, ...]) -> ca.Function:
-    """The pose errors (q, p) -> e; p: near, position, rotation, axes, stay, weights."""
+    """Return the pose errors (q, p) -> e; p: near, position, rotation, axes, stay, weights."""
     n = model.dof
     q, p = ca.SX.sym("q", n), ca.SX.sym("p", n + 22 + len(rows))
     position, rotation, axes = ca.vertsplit(p[n : n + 21], [0, 3, 12, 21])
@@ -464,7 +464,7 @@ def _pose_errors(model: Model, rows: tuple[int, ...]) -> ca.Function:
 
 @lru_cache(maxsize=32)
 def errors_and_twists(model: Model, rows: tuple[int, ...]) -> ca.Function:
-    """Pose errors, and how they change with the joints.
+    """Return pose errors, and how they change with the joints.
 
     The derivative of the rotation vector is replaced by the angular velocity in the hand's axes,
     which it approaches as the error vanishes, and which changes its length in the same way.
@@ -481,7 +481,7 @@ def errors_and_twists(model: Model, rows: tuple[int, ...]) -> ca.Function:
 
 @lru_cache(maxsize=256)
 def _error_function(model: Model, rows: tuple[int, ...], count: int) -> ca.Function:
-    """Pose errors (m, count) and their Jacobians, side by side, of many configurations."""
+    """Return pose errors (m, count) and their Jacobians, side by side, of many configurations."""
     function = errors_and_twists(model, rows)
     return function.map("pose_errors", "serial", count, [1], [])
 
@@ -490,7 +490,7 @@ def _error_function(model: Model, rows: tuple[int, ...], count: int) -> ca.Funct
 def _program(
     model: Model, rows: tuple[int, ...], bodies: tuple[Any, Any, Any]
 ) -> tuple[Ipopt, ca.Function]:
-    """The program in x = (q, e), and the pose errors e (q, p); then come the distances."""
+    """Return the program in x = (q, e), and the pose errors e (q, p); then come the distances."""
     n, count = model.dof, len(rows)
     function = _pose_errors(model, rows)
     q, e, p = ca.SX.sym("q", n), ca.SX.sym("e", count), ca.SX.sym("p", function.size1_in(1))

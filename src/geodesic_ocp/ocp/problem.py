@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def drawn_obstacles(problem: Any) -> tuple[Obstacle, ...]:
-    """The obstacles of a problem, which are drawn.
+    """Return the obstacles of a problem, which are drawn.
 
     A class may have an attribute `obstacles` that holds something else: then a warning says that
     nothing is drawn, and there are none.
@@ -76,7 +76,7 @@ def key_of(value: object) -> Hashable:
 
 
 def parse_conditions(problem: Any) -> Conditions:
-    """The conditions of a `Problem`; each of its methods is called once.
+    """Return the conditions of a `Problem`; each of its methods is called once.
 
     The parameter has no type, as `Problem` is built on this function.
 
@@ -137,12 +137,12 @@ class _Parameters:
     values: Array
 
     def equality(self, label: str, entry: Sequence[Any], symbols: ca.SX) -> Condition:
-        """The condition of an entry (expression, value[, name])."""
+        """Return the condition of an entry (expression, value[, name])."""
         expression, value, name = _parts(entry, label, "expression, value")
         return self._condition(name, value, expression, value, symbols)
 
     def inequality(self, label: str, entry: Sequence[Any], symbols: ca.SX) -> Condition:
-        """The condition of an entry (lower, expression, upper[, name])."""
+        """Return the condition of an entry (lower, expression, upper[, name])."""
         lower, expression, upper, name = _parts(entry, label, "lower, expression, upper")
         return self._condition(name, lower, expression, upper, symbols)
 
@@ -163,7 +163,7 @@ class _Parameters:
         return Condition(name, column, limits[0], limits[1], _bare_symbols(column, symbols))
 
     def _numbers(self, name: str, limit: Any) -> Array:
-        """A bound as numbers, with the parameters at their values."""
+        """Return a bound as numbers, with the parameters at their values."""
         if not _has_symbols(limit):
             try:
                 return real_array(limit)
@@ -190,7 +190,7 @@ def _has_symbols(limit: Any) -> bool:
 
 
 def _with_symbols(problem: Any) -> tuple[Any, _Parameters]:
-    """The problem with symbols in place of its parameters, and these symbols."""
+    """Return the problem with symbols in place of its parameters, and these symbols."""
     if not problem.parameters:
         return problem, _Parameters(ca.SX(0, 1), np.zeros(0))
     symbolic, symbols, numbers = copy.copy(problem), [], []
@@ -210,14 +210,14 @@ def _with_symbols(problem: Any) -> tuple[Any, _Parameters]:
 
 
 def _listed(what: str, entries: Any) -> list[tuple[str, Any]]:
-    """Entries with labels such as "boundary[0]"."""
+    """Return entries with labels such as "boundary[0]"."""
     if not isinstance(entries, (list, tuple)):
         raise ValueError(f"{what} must give a list of conditions, got {entries!r}")
     return [(f"{what}[{index}]", entry) for index, entry in enumerate(entries)]
 
 
 def _parts(entry: Sequence[Any], label: str, form: str) -> list[Any]:
-    """The entry's parts; its label stands in for a name that is not given."""
+    """Return the entry's parts; its label stands in for a name that is not given."""
     count = form.count(",") + 1
     if not isinstance(entry, (tuple, list)) or len(entry) not in (count, count + 1):
         raise ValueError(f"{label} must be ({form}[, name]), got {entry!r}")
@@ -232,7 +232,7 @@ def _expression(name: str, expression: Any) -> ca.SX:
 
 
 def _bare_symbols(column: ca.SX, symbols: ca.SX) -> tuple[int, ...] | None:
-    """Indices (m,) of the symbols that the rows are, or None if a row is anything else."""
+    """Return indices (m,) of the symbols that the rows are, or None if a row is anything else."""
     index = []
     known = {symbol.element_hash(): number for number, symbol in enumerate(ca.vertsplit(symbols))}
     for entry in ca.vertsplit(column):
@@ -287,7 +287,7 @@ class Problem(ABC):
 
     @abstractmethod
     def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Equality]:
-        """Equalities (expression, value[, name]) in the path's ends q0 and q1, (n, 1) each.
+        """Return equalities (expression, value[, name]) in the path's ends q0 and q1, (n, 1) each.
 
         A method with four arguments, boundary(self, q0, q1, v0, v1), also receives v = q'(s) at
         both ends. Without conditions on them the velocities at the ends are optimal. A prescribed
@@ -296,7 +296,7 @@ class Problem(ABC):
         """
 
     def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Inequality]:
-        """Bounds (lower, expression, upper[, name]) along the path in q and v = q'(s)."""
+        """Return bounds (lower, expression, upper[, name]) along the path in q and v = q'(s)."""
         return ()
 
     def via(self, q: ca.SX) -> Sequence[Sequence[Equality]]:
@@ -340,7 +340,7 @@ class Problem(ABC):
         return _default_grid(parse_conditions(self))
 
     def definition(self) -> ProblemDefinition:
-        """Everything that the NLP is built from.
+        """Return everything that the NLP is built from.
 
         Raises:
             ValueError: the problem is malformed.
@@ -358,7 +358,7 @@ class Problem(ABC):
         )
 
     def nlp(self, grid: Grid | None = None, guess: Path | HasPath | None = None) -> NLP:
-        """The nonlinear program of this problem on a grid, its own by default.
+        """Return the nonlinear program of this problem on a grid, its own by default.
 
         Args:
             grid: grid of the nodes; via points whose s is free lie where the guess has them, or
@@ -384,14 +384,14 @@ class Problem(ABC):
         return tuple(key_of(value) for value in (self.metric, *others))
 
     def solved(self) -> Any:
-        """The result of a class that has a program of its own, with `success` and `status`.
+        """Return the result of a class that has a program of its own, with `success` and `status`.
 
         Other classes leave this method alone: `solve` transcribes them.
         """
         return None
 
     def exact(self, s: Array) -> Array | None:
-        """The solution in closed form at s, (len(s), n), or None if it is not known."""
+        """Return the solution in closed form at s, (len(s), n), or None if it is not known."""
         return None
 
     @property

@@ -74,7 +74,7 @@ class ConstrainedProblem(Problem):
         return getattr(self.metric, "model", None)
 
     def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Inequality]:
-        """The requested constraints on joint limits, speed and distances."""
+        """Return the requested constraints on joint limits, speed and distances."""
         conditions: list[Inequality] = []
         model = self._model
         if self.limits and model is not None:
@@ -147,7 +147,7 @@ class PointToPoint(ShortRepr, ConstrainedProblem):
         self.check_path_constraints()
 
     def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Equality]:
-        """Both ends."""
+        """Return both ends."""
         return [(q0, self.q0, "start"), (q1, self.q1, "goal")]
 
     @property
@@ -158,7 +158,7 @@ class PointToPoint(ShortRepr, ConstrainedProblem):
 
 
 def geodesic_structure(metric: Metric) -> Structure:
-    """The structure shared by every unconstrained `PointToPoint` in the metric."""
+    """Return the structure shared by every unconstrained `PointToPoint` in the metric."""
     conditions = _FixedEnds(metric).definition().conditions
     return Structure((PointToPoint, key_of(metric)), metric, conditions)
 
@@ -246,7 +246,7 @@ class Reach(ShortRepr, ConstrainedProblem):
         return (self.model, *self.parameters, free, *via, *self.constraint_key)
 
     def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Equality]:
-        """The start, and the pose of the hand at the end."""
+        """Return the start, and the pose of the hand at the end."""
         rotation, position = self.model.hand_pose(q1)
         target: dict[str, Any] = {name: getattr(self, name) for name in self.parameters}
         conditions: list[Equality] = [(q0, self.start, "start")]
@@ -260,7 +260,7 @@ class Reach(ShortRepr, ConstrainedProblem):
         return conditions
 
     def via(self, q: ca.SX) -> Sequence[Sequence[Equality]]:
-        """The position of the hand at each via point."""
+        """Return the position of the hand at each via point."""
         given: Any = self.through  # numbers, or symbols in their place
         points = ca.SX(given)
         _, position = self.model.hand_pose(q)
@@ -293,5 +293,5 @@ class Reach(ShortRepr, ConstrainedProblem):
 
 
 def _rows(points: Any) -> list[Any]:
-    """A list of points from (k, 3), or from one (3,)."""
+    """Return a list of points from (k, 3), or from one (3,)."""
     return [points] if len(points) and np.ndim(points[0]) == 0 else list(points)

@@ -42,13 +42,13 @@ class SolveOn(Protocol):
     """Solves on a grid from an initial guess; `near` tells that the guess is nearly a solution."""
 
     def __call__(self, grid: Grid, guess: Path | None, near: bool) -> Solution:
-        """The solution, or the last iterate."""
+        """Return the solution, or the last iterate."""
 
 
 def refine(
     solve_on: SolveOn, profile: ViolationProfile, grid: Grid, tolerance: float, guess: Path | None
 ) -> Solution:
-    """The solution on a grid fine enough for the tolerance.
+    """Return the solution on a grid fine enough for the tolerance.
 
     Coarse grids admit spurious solutions that jump through obstacles from node to node, from which
     refinement diverges. The search then restarts from polynomials of low degree, which oscillate
@@ -119,7 +119,7 @@ def meeting_conditions(solution: Solution, advice: str) -> Solution:
 
 
 def _failed(solution: Solution, status: str) -> Solution:
-    """The solution as the last iterate of a solve that failed."""
+    """Return the solution as the last iterate of a solve that failed."""
     stats = replace(solution.stats, success=False, status=status)
     return replace(solution, stats=stats, iterate=replace(solution.iterate, success=False))
 
@@ -213,7 +213,7 @@ def _coarse(path: Path, violations: tuple[Array, Array], tolerance: float) -> ND
 
 
 def worst_by_segment(path: Path, violations: tuple[Array, Array]) -> Array:
-    """Largest violation in each segment, (segments,)."""
+    """Return largest violation in each segment, (segments,)."""
     s, amounts = violations
     segment = np.searchsorted(path.breakpoints, s, side="right") - 1
     worst = np.zeros(path.grid.segments)
@@ -222,7 +222,7 @@ def worst_by_segment(path: Path, violations: tuple[Array, Array]) -> Array:
 
 
 def unresolved_energy(path: Path) -> Array:
-    """Energy (segments,) of the last term of each segment's polynomial velocity."""
+    """Return energy (segments,) of the last term of each segment's polynomial velocity."""
     grid = path.grid
     values = grid.in_segments(path.nodes)
     slopes = grid.differentiation @ (values - values[:, :1])
@@ -239,7 +239,7 @@ def unresolved_energy(path: Path) -> Array:
 
 
 def halved(grid: Grid, coarse: NDArray[np.bool_]) -> Grid:
-    """The grid with some of its segments halved."""
+    """Return the grid with some of its segments halved."""
     ends = grid.breakpoints
     middle = (ends[:-1] + ends[1:])[coarse] / 2.0
     every = np.sort(np.concatenate([ends, middle]))
@@ -255,7 +255,7 @@ _CONVERGED = 1e-5  # in s; the error of the energy is its square
 def with_optimal_via_points(
     solution: Solution, solve_on: Callable[[Grid, Path], Solution]
 ) -> Solution:
-    """The solution with its via points at the optimal s.
+    """Return the solution with its via points at the optimal s.
 
     Args:
         solution: solution with via points at any s.
@@ -298,7 +298,7 @@ def _coincident(path: Path) -> str:
 
 
 def _next(tried: list[Array], residuals: list[Array]) -> Array:
-    """Via parameters at which the residual, extrapolated linearly, would be zero."""
+    """Return via parameters at which the residual, extrapolated linearly, would be zero."""
     plain = tried[-1] + residuals[-1]
     if len(tried) == 1:
         return plain
@@ -310,13 +310,13 @@ def _next(tried: list[Array], residuals: list[Array]) -> Array:
 
 
 def _balanced_via_s(path: Path) -> Array:
-    """Via parameters at which the mean square speed of all pieces would be equal."""
+    """Return via parameters at which the mean square speed of all pieces would be equal."""
     lengths = _lengths(path)
     return np.asarray(np.cumsum(lengths)[:-1] / lengths.sum())
 
 
 def _lengths(path: Path) -> Array:
-    """Lengths of the pieces between via points, from their mean square speeds."""
+    """Return lengths of the pieces between via points, from their mean square speeds."""
     grid = path.grid
     energies = (grid.quadrature.weights * path.speeds_at_quadrature_points**2).sum(axis=1)
     pieces = np.split(energies, grid.via_segments)

@@ -104,7 +104,7 @@ _DATACLASSES = {kind.__name__: kind for kind in (Ball, Capsule, HalfSpace)}
 
 
 def encoded_fields(problem: object) -> dict[str, Any]:
-    """The fields of a dataclass as JSON values.
+    """Return the fields of a dataclass as JSON values.
 
     Returns:
         "fields", values by name; "models", descriptions of models, which are not saved themselves;
@@ -140,7 +140,7 @@ def described_model(model: Model) -> dict[str, Any]:
 
 
 def encoded(value: Any) -> Any:
-    """A JSON value from which `decoded` restores the value.
+    """Return a JSON value from which `decoded` restores the value.
 
     Raises:
         TypeError: a value that JSON cannot hold.
@@ -164,7 +164,7 @@ def encoded(value: Any) -> Any:
 
 
 def decoded(value: Any) -> Any:
-    """The value from which `encoded` made a JSON value."""
+    """Return the value from which `encoded` made a JSON value."""
     if not isinstance(value, dict):
         return value
     if "array" in value:
@@ -270,11 +270,11 @@ class Solution:
         return write_record(file, self.record())
 
     def resample(self, count: int, by: str = "length") -> Array:
-        """Positions (count, n) along the path; see `Path.resample`."""
+        """Return positions (count, n) along the path; see `Path.resample`."""
         return self.path.resample(count, by)
 
     def to_motion(self, timing: float | TimeLaw, rate: float = 100.0) -> Motion:
-        """The path as a motion in time, with velocities.
+        """Return the path as a motion in time, with velocities.
 
         Args:
             timing: duration [s] of a motion from rest to rest with the least squared acceleration
@@ -317,7 +317,7 @@ ITERATE_ARRAYS = ("p_values", "x", "lam_x", "lam_g", "fixed_x", "fixed_g")
 
 
 def with_effort_of(before: Stats, solution: Solution) -> Solution:
-    """The solution with the iterations and seconds of a preceding solve added to its own."""
+    """Return the solution with the iterations and seconds of a preceding solve added to its own."""
     stats = solution.stats
     iterations, seconds = stats.iterations + before.iterations, stats.seconds + before.seconds
     return replace(solution, stats=replace(stats, iterations=iterations, seconds=seconds))
@@ -327,7 +327,7 @@ _LISTED = 3  # violations in a message
 
 
 def describe_failure(solution: Solution) -> str:
-    """Why there is no solution, which conditions are violated, and what to try."""
+    """Return why there is no solution, which conditions are violated, and what to try."""
     stats = solution.stats
     large = [each for each in solution.violations if each.amount > NEGLIGIBLE][:_LISTED]
     violated = f": {'; '.join(map(str, large))}" if large else ""

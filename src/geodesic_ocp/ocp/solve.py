@@ -62,7 +62,7 @@ def solve(
     callback: Callback | None = None,
     ipopt: Mapping[str, Any] | None = None,
 ) -> Solution:
-    """The path of least energy under the problem's conditions, a local solution.
+    """Return the path of least energy under the problem's conditions, a local solution.
 
     A saddle point, as from a symmetric guess, is left in a direction in which the energy decreases;
     where that leads nowhere, the saddle point is the solution, and its status says so.
@@ -159,7 +159,7 @@ class _Solver:
     before: Solution | None
 
     def __call__(self, grid: Grid, guess: Path | None, near: bool) -> Solution:
-        """The solution or last iterate on a grid; near: the guess is nearly a solution."""
+        """Return the solution or last iterate on a grid; near: the guess is nearly a solution."""
         has_free_end = bool(self.definition.conditions.ends)
         if guess is None and has_free_end and grid.degree > _STIFF:
             return self._solve_from_coarse(grid)
@@ -202,7 +202,7 @@ class _Solver:
         usual: Mapping[str, Any],
         multipliers: Mapping[str, Array] = MappingProxyType({}),
     ) -> Solution:
-        """The solution of the NLP from given multipliers, or the last iterate."""
+        """Return the solution of the NLP from given multipliers, or the last iterate."""
         values = {**nlp.values, **multipliers}
         given = {**FILTER, **usual, **self.ipopt}
         settings = tuple(sorted(given.items()))

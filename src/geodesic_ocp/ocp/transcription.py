@@ -39,15 +39,15 @@ class Units:
     scale: float
 
     def parameters(self, grid: Grid, values: Array | tuple[()] = ()) -> Array:
-        """The NLP's parameters p, (n + 2 + k + segments,), with those of the problem."""
+        """Return the NLP's parameters p, (n + 2 + k + segments,), with those of the problem."""
         return np.concatenate([[self.scale, self.length], self.origin, values, grid.widths])
 
     def scaled(self, q: Array) -> Array:
-        """Scaled positions for positions (k, n)."""
+        """Return scaled positions for positions (k, n)."""
         return np.asarray((q - self.origin) / self.length)
 
     def positions(self, y: Array) -> Array:
-        """Positions (k, n) for scaled ones."""
+        """Return positions (k, n) for scaled ones."""
         return np.asarray(self.origin + self.length * y)
 
 
@@ -79,7 +79,7 @@ class CompiledEnergy(Terms):
         return row, column
 
     def mapped(self, name: str, count: int, arguments: Sequence[Any]) -> list[ca.MX]:
-        """Outputs of one of the functions for so many instances, one column each."""
+        """Return outputs of one of the functions for so many instances, one column each."""
         if name == "gradient":
             return list(self._gradient.map(count).call(arguments[:1]))
         if name == "hessian":
@@ -111,7 +111,7 @@ class PathTerms:
 
     @classmethod
     def of(cls, metric: Metric, conditions: Conditions) -> PathTerms:
-        """The terms for least energy in the metric under these conditions.
+        """Return the terms for least energy in the metric under these conditions.
 
         Derivatives of the energy are compiled where that is possible and there is no running cost.
         """
@@ -177,7 +177,7 @@ class Transcription(ShortRepr):
         return BlockProgram(self.dim * self.grid.size, list(self.blocks(p)), p)
 
     def blocks(self, p: ca.MX | ca.DM, first: int = 0) -> list[Block]:
-        """Energy and conditions, with p in the place of the parameters.
+        """Return energy and conditions, with p in the place of the parameters.
 
         Args:
             p: parameters, (size_p, 1).
@@ -200,7 +200,7 @@ class Transcription(ShortRepr):
             return Block(each, places, shared, None, None, weights, units)
 
         def states(each: Terms, rows: Array, weights: ca.MX | None = None) -> Block:
-            """Positions and velocities at points of all segments."""
+            """Return positions and velocities at points of all segments."""
             every = ca.DM.ones(len(rows) * grid.segments, 1)
             of_slopes = ca.vec(ca.DM.ones(len(rows), 1) @ slope.T) @ one
             units = every @ ca.horzcat(origin.T, zero), ca.horzcat(every @ one * length, of_slopes)
@@ -274,13 +274,13 @@ class Transcription(ShortRepr):
         return self.program.functions["hess_lag"]
 
     def energy(self, grid: Grid, nodes: Array, values: Array | tuple[()] = ()) -> float:
-        """Energy and cost of the path through nodes (size, n) of a grid of this shape."""
+        """Return energy and cost of the path through nodes (size, n) of a grid of this shape."""
         units = Units(nodes[0], 1.0, 1.0)
         p = units.parameters(grid, values)
         return float(self.value(units.scaled(nodes).ravel(), p)[0])
 
     def full_hessian(self, x: Array, p: Array, lam_g: Array) -> Array:
-        """Symmetric Hessian of the Lagrangian with lam_f = 1, as a matrix."""
+        """Return symmetric Hessian of the Lagrangian with lam_f = 1, as a matrix."""
         upper = evaluate(self.hessian, x, p, 1.0, lam_g)
         return np.asarray(np.triu(upper) + np.triu(upper, 1).T)
 

@@ -37,7 +37,7 @@ class PathSamples:
         self._function = ca.Function("along", [c.q, c.v, c.p], [stacked(self._functions)])
 
     def __call__(self, path: Path) -> tuple[Array, list[tuple[Condition, Array]]]:
-        """Parameters s (k,), and for each path constraint its values (m, k) there."""
+        """Return parameters s (k,), and for each path constraint its values (m, k) there."""
         s = sample_parameters(path)
         found = self._values(path, s)
         for _ in range(_REFINEMENTS):
@@ -61,7 +61,7 @@ class PathSamples:
 
 
 def sample_parameters(path: Path) -> Array:
-    """Parameters s (k,) at the nodes and between them; one-sided at interior breakpoints."""
+    """Return parameters s (k,) at the nodes and between them; one-sided at interior breakpoints."""
     nodes = path.grid.nodes
     steps = np.arange(_PER_NODE) / _PER_NODE
     between = (nodes[:-1, None] + np.diff(nodes)[:, None] * steps).ravel()
@@ -137,7 +137,7 @@ class Violation:
 def find_violations(
     conditions: Conditions, path: Path, joint_names: Sequence[str] | None
 ) -> tuple[Violation, ...]:
-    """The largest violation of every violated condition, the worst first.
+    """Return the largest violation of every violated condition, the worst first.
 
     Path constraints are evaluated at the nodes and between them.
     """
@@ -150,7 +150,7 @@ def find_violations(
 
 
 def violations_at(conditions: Conditions, q: Array, s: float) -> tuple[Violation, ...]:
-    """Violations of the path constraints in q, except bounds, at one configuration (n,)."""
+    """Return violations of the path constraints in q, except bounds, at one configuration (n,)."""
     found: list[Violation] = []
     for condition in conditions.along_q:
         function = ca.Function("condition", [conditions.q, conditions.p], [condition.expression])
@@ -160,7 +160,7 @@ def violations_at(conditions: Conditions, q: Array, s: float) -> tuple[Violation
 
 
 def violation_profile(conditions: Conditions) -> ViolationProfile:
-    """A function that gives the largest violation of the path constraints along a path."""
+    """Return a function that gives the largest violation of the path constraints along a path."""
     samples = PathSamples(conditions)
 
     def profile(path: Path) -> tuple[Array, Array]:
@@ -226,7 +226,7 @@ def _worst(
     joint_names: Sequence[str] | None,
     units: Sequence[str] | None = None,
 ) -> Iterator[Violation]:
-    """The largest violation of a condition's values (m, k), if any; NaN counts as infinite.
+    """Yield the largest violation of a condition's values (m, k), if any; NaN counts as infinite.
 
     Units (n,) are given for limits of coordinates.
     """

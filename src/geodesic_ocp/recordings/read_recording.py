@@ -252,7 +252,7 @@ def _arm(side: Side, height: float, mass: float, armature: float) -> Model:
 def stature_of(
     subject: Subject, height: float | None = None, mass: float | None = None
 ) -> tuple[float, float]:
-    """Height [m] and mass [kg] of a person: those given, or the file's, or the defaults."""
+    """Return height [m] and mass [kg] of a person: those given, or the file's, or the defaults."""
     height = height if height is not None else subject.height
     mass = mass if mass is not None else subject.mass
     return (
@@ -268,7 +268,7 @@ def with_velocity(
     *,
     unfiltered: bool = False,
 ) -> Motion:
-    """The motion with velocities: filtered, or as it is, with those of a cubic spline."""
+    """Return the motion with velocities: filtered, or as it is, with those of a cubic spline."""
     if unfiltered:
         return replace(motion, velocity=motion(motion.time, 1))
     return motion.filtered(cutoff=cutoff, duration=duration)

@@ -1,4 +1,4 @@
-"""The files of recordings in folders and of patterns."""
+"""Recordings in folders and of patterns."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _RESULTS = (
 def recording_files(
     paths: str | PathLike[str] | Iterable[str | PathLike[str]], *, recursive: bool = False
 ) -> list[Path]:
-    """The files that paths name: files, folders, and patterns such as "data/**/*.c3d".
+    """Return the files that paths name: files, folders, and patterns such as "data/**/*.c3d".
 
     Args:
         paths: one or several. Of a folder all files whose names end as those of recordings do

@@ -163,7 +163,7 @@ class RetargetedArm(PairedArm):
 
 
 def _of_joints(trajectory: JointTrajectory, columns: slice, robot: Model) -> JointTrajectory:
-    """The trajectory of one arm, whose joints have these columns."""
+    """Return the trajectory of one arm, whose joints have these columns."""
     return JointTrajectory(
         trajectory.time,
         trajectory.positions[:, columns],
@@ -178,7 +178,7 @@ def _of_joints(trajectory: JointTrajectory, columns: slice, robot: Model) -> Joi
 def _timed(
     pair: PairedArm, transfers: Sequence[Transfer], planned: PlannedTrajectory, number: int
 ) -> tuple[Synergy, ...]:
-    """The robot's synergies: paths with time laws of least acceleration.
+    """Return the robot's synergies: paths with time laws of least acceleration.
 
     Durations and speeds at the ends are those of the trajectory; `number` is that of this arm in
     it.

@@ -52,7 +52,7 @@ class Candidates(ShortRepr):
 
     @classmethod
     def attaining(cls, *configurations: Array) -> Candidates:
-        """Configurations with the pose."""
+        """Return configurations with the pose."""
         return cls(np.array(configurations), np.zeros(len(configurations)))
 
     @property
@@ -97,7 +97,7 @@ def first_candidates(waypoints: ArmWaypoints) -> list[Candidates]:
 
 
 def _reached(layer: Candidates, waypoints: ArmWaypoints, pose: Pose) -> Candidates:
-    """The candidates, after a more thorough search for a pose that none of them attains."""
+    """Return the candidates, after a more thorough search for a pose that none of them attains."""
     arm, near = waypoints.arm, layer.q[0]
     if layer.within_reach or is_beyond(arm, pose):
         return layer
@@ -111,7 +111,7 @@ def _reached(layer: Candidates, waypoints: ArmWaypoints, pose: Pose) -> Candidat
 
 
 def candidates_near(waypoints: ArmWaypoints, number: int, starts: Array) -> Candidates:
-    """Configurations at one waypoint, each near one of the starts (k, n)."""
+    """Return configurations at one waypoint, each near one of the starts (k, n)."""
     search = _search(waypoints, number, starts[0])
     arm = waypoints.arm
     if waypoints.limited:
@@ -151,7 +151,7 @@ def _search(waypoints: ArmWaypoints, number: int, near: Array) -> PoseSearch:
 def shortest_path(
     node_costs: Sequence[Array], edge_costs: Callable[[int], Array]
 ) -> tuple[list[int], float]:
-    """One node of each layer, with the least sum of costs.
+    """Return one node of each layer, with the least sum of costs.
 
     Args:
         node_costs: node costs of each layer, (k_i,).
@@ -192,14 +192,14 @@ class StartConfigurations(ShortRepr):
 
 
 def least_action(waypoints: ArmWaypoints, layers: Sequence[Candidates]) -> float:
-    """Action [J s] of the straight lines between those candidates for which it is least."""
+    """Return action [J s] of the straight lines between those candidates for which it is least."""
     return _best(waypoints, ObjectiveWeights(1.0, 1.0, 0.0, 0.0, 0.0, 0.0), layers).cost
 
 
 def own_distances(
     clearance: Clearance | None, arms: Sequence[ArmWaypoints], number: int
 ) -> ca.Function | None:
-    """Excess of distances over their bounds (m,), of those that depend on one arm alone.
+    """Return excess of distances over their bounds (m,), of those that depend on one arm alone.
 
     A function of the joints of this arm; None if there are none.
     """
@@ -227,7 +227,7 @@ def find_start(
     layers: Sequence[Candidates],
     distances: ca.Function | None = None,
 ) -> StartConfigurations:
-    """The configurations at the waypoints from which the program starts.
+    """Return the configurations at the waypoints from which the program starts.
 
     Args:
         waypoints: waypoints of an arm.

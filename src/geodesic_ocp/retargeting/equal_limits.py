@@ -33,7 +33,7 @@ def compare_under_equal_limits(
     turning: bool = True,
     placing: bool = True,
 ) -> dict[str, MotionMeasures]:
-    """Measures of an arm's planned motion, and of inverse kinematics of the person's hand.
+    """Return measures of an arm's planned motion, and of inverse kinematics of the person's hand.
 
     The person's time at a time of the robot is interpolated between the ends of synergies, monotone
     and without jumps of its rate (Fritsch, Carlson, SIAM J. Numerical Analysis 17, 1980).
@@ -74,7 +74,7 @@ def compare_under_equal_limits(
 def _elbow_offsets(
     mapping: PoseMapping, motion: Motion, planned: PlannedTrajectory, arm: int
 ) -> ElbowOffsets | None:
-    """Offsets of the elbows of the robot and of the person, if both are known."""
+    """Return offsets of the elbows of the robot and of the person, if both are known."""
     robot = planned.arms[arm].robot
     if not (has_elbow(robot, mapping.target) and has_elbow(mapping.model, mapping.source)):
         return None

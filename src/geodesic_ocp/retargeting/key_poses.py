@@ -43,7 +43,7 @@ class Pose(ShortRepr):
     position: Array | None
 
     def reached_by(self, model: Model, q: Array) -> Pose:
-        """The pose of the hand at q, with the same parts left free."""
+        """Return the pose of the hand at q, with the same parts left free."""
         rotation, position = model.hand_pose(q)
         return Pose(
             None if self.rotation is None else rotation,
@@ -86,7 +86,7 @@ def nearest_configurations(
     settled: float = _SETTLED,
     least: int = 1,
 ) -> list[Array]:
-    """Configurations (n,) with a pose, the nearest first, or the one with the nearest pose.
+    """Return configurations (n,) with a pose, the nearest first, or the one with the nearest pose.
 
     Args:
         arm: the robot.
@@ -110,7 +110,7 @@ def nearest_configurations(
 
 
 def checked_start(robot: Model, given: ArrayLike, settings: RetargetingSettings) -> Array:
-    """The configuration (n,) to begin in.
+    """Return the configuration (n,) to begin in.
 
     Raises:
         ValueError: it is outside the limits, or too close to a collision body.
@@ -173,7 +173,7 @@ class PoseMapping(ShortRepr):
         return cls(model, source, target, float(scale), bool(mirror))
 
     def __call__(self, q: Array) -> tuple[Array, Array]:
-        """Rotations (k, 3, 3) and positions (k, 3) [m] in the robot's base, for q (k, n)."""
+        """Return rotations (k, 3, 3) and positions (k, 3) [m] in the robot's base, for q (k, n)."""
         rotation, position = self.source.to_person(*self.model.hand_pose(q))
         return self.target.to_robot(rotation, position, scale=self.scale, mirror=self.mirror)
 
@@ -240,7 +240,7 @@ class PairedArm(ShortRepr):
         return self.robot.with_limits(-infinite, infinite)
 
     def target(self, sample: int) -> Pose:
-        """The pose of the hand at a sample of the recording."""
+        """Return the pose of the hand at a sample of the recording."""
         return self.as_pose(*(each[sample] for each in self.target_poses))
 
     def as_pose(self, rotation: Array, position: Array) -> Pose:

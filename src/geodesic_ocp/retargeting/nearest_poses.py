@@ -33,7 +33,7 @@ class NearestPoses(NamedTuple):
 def nearest_poses(
     robot: Model, rotations: Array | None, positions: Array, starts: Array, steps: int
 ) -> NearestPoses:
-    """Configurations within the limits whose hand poses are nearest to k targets.
+    """Return configurations within the limits whose hand poses are nearest to k targets.
 
     Levenberg-Marquardt steps on |p - position|^2 + angle^2 ([m], [rad]) from m starts for each
     target, on all of them at once; the best of each is kept.
@@ -86,7 +86,7 @@ def search_range(robot: Model) -> tuple[Array, Array]:
 
 
 def _errors(robot: Model, rows: tuple[int, ...], q: Array, poses: Array) -> tuple[Array, Array]:
-    """Pose errors (k, rows) and Jacobians (k, rows, n)."""
+    """Return pose errors (k, rows) and Jacobians (k, rows, n)."""
     count, n = q.shape
     errors, jacobians = np.empty((count, len(rows))), np.empty((count, len(rows), n))
     width = _FEW if count <= _FEW else _MANY

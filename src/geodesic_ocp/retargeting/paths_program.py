@@ -48,7 +48,7 @@ def own_time(part: ArmPart, times: Array) -> Array:
 
 
 def positions_at(parts: Sequence[ArmPart], nodes: Sequence[Array], times: Array) -> Array:
-    """Joints of all arms (k, N) at times (k,) [s] in the recording."""
+    """Return joints of all arms (k, N) at times (k,) [s] in the recording."""
     found = [
         part.path(each)(own_time(part, times)) for part, each in zip(parts, nodes, strict=True)
     ]
@@ -56,7 +56,7 @@ def positions_at(parts: Sequence[ArmPart], nodes: Sequence[Array], times: Array)
 
 
 def place_at(parts: Sequence[ArmPart], size: int, time: float) -> scipy.sparse.coo_array:
-    """The matrix (N, size) from the program's variables to all joints at one time [s]."""
+    """Return the matrix (N, size) from the program's variables to all joints at one time [s]."""
     blocks = []
     for part in parts:
         grid = part.grid
@@ -148,7 +148,7 @@ class ArmPart:
         return NodeBounds.on_grid(self.definition.conditions, self.grid)
 
     def blocks(self, first: int, weights: ObjectiveWeights) -> list[Block]:
-        """Energy and conditions along the paths, poses and postures at the waypoints.
+        """Return energy and conditions along the paths, poses and postures at the waypoints.
 
         Args:
             first: index of the first of the arm's variables.
@@ -169,7 +169,7 @@ class ArmPart:
         return [*found, self.waypoint_block(first, weights)]
 
     def waypoint_block(self, first: int, weights: ObjectiveWeights) -> Block:
-        """Poses and postures at the waypoints.
+        """Return poses and postures at the waypoints.
 
         Args:
             first: index of the first of the arm's variables.
@@ -231,11 +231,11 @@ class ArmPart:
         )
 
     def path(self, nodes: Array) -> Path:
-        """The whole path through the nodes (size, n)."""
+        """Return the whole path through the nodes (size, n)."""
         return Path(metric_of(self.waypoints.arm), self.grid, nodes)
 
     def paths(self, nodes: Array) -> list[Path]:
-        """The path of each movement."""
+        """Return the path of each movement."""
         grid, found, first = self.grid, [], 0
         for last in self.last_segments:
             ends = grid.breakpoints[first : last + 1]
@@ -366,11 +366,11 @@ class MotionProgram:
         return x
 
     def solve(self, start: Array, near: bool = False) -> Outcome:
-        """Ipopt's result from a start; `near` tells that it is nearly a solution."""
+        """Return Ipopt's result from a start; `near` tells that it is nearly a solution."""
         return self.program.solve(start, self.bounds, _NEAR if near else _IPOPT)
 
     def split(self, x: Array) -> tuple[list[Array], Array]:
-        """Positions at the nodes of each arm (size, n), and the relative times added."""
+        """Return positions at the nodes of each arm (size, n), and the relative times added."""
         pairs = zip(self.parts, self.offsets, strict=False)
         nodes = [x[at : at + part.size].reshape(-1, part.dof) for part, at in pairs]
         return nodes, np.maximum(x[self.offsets[-2] : self.offsets[-1]], 0.0)
@@ -378,20 +378,20 @@ class MotionProgram:
 
 @lru_cache(maxsize=1)
 def _linear() -> Terms:
-    """A variable times its weight, in the objective."""
+    """Return a variable times its weight, in the objective."""
     x, weight = ca.SX.sym("x"), ca.SX.sym("weight")
     return Terms(x, weight, weight * x)
 
 
 @lru_cache(maxsize=1)
 def _identity() -> Terms:
-    """A bounded sum of variables."""
+    """Return a bounded sum of variables."""
     x = ca.SX.sym("x")
     return Terms(x, constraints=x)
 
 
 @lru_cache(maxsize=256)
 def _distance(clearance: Clearance, number: int) -> Terms:
-    """A distance and its slack."""
+    """Return a distance and its slack."""
     q, slack = ca.SX.sym("q", clearance.dof), ca.SX.sym("slack")
     return Terms(ca.vertcat(q, slack), constraints=clearance.row(number)(q) + slack)

@@ -47,7 +47,7 @@ class Mounting:
         return self.alignment.to_robot(rotations, positions, scale=self.factor)
 
     def sentence(self, scale: float | None) -> str:
-        """Advice, such as "Scale positions by 0.9 (scale=0.7)"."""
+        """Return advice, such as "Scale positions by 0.9 (scale=0.7)"."""
         parts = []
         if self.change:
             parts.append(f"{self.change} (go.retargeting.align(robot, {self.arguments}))")
@@ -59,7 +59,7 @@ class Mounting:
 
 
 def mountings(alignment: Alignment, missed: Array) -> Iterator[Mounting]:
-    """Mountings to try, the smaller changes first.
+    """Yield mountings to try, the smaller changes first.
 
     Args:
         alignment: the present one.
@@ -81,7 +81,7 @@ def mountings(alignment: Alignment, missed: Array) -> Iterator[Mounting]:
 
 
 def _towards(alignment: Alignment, missed: Array) -> Iterator[Mounting]:
-    """The person's shoulder moved so that poses out of reach come nearer to the robot."""
+    """Yield the person's shoulder moved so that poses out of reach come nearer to the robot."""
     size = float(np.linalg.norm(missed))
     if size > 0.0:
         for part in (_SHIFTS[0] / 2.0, *_SHIFTS):
@@ -89,7 +89,7 @@ def _towards(alignment: Alignment, missed: Array) -> Iterator[Mounting]:
 
 
 def _shifted(alignment: Alignment) -> Iterator[Mounting]:
-    """The person's shoulder elsewhere on the robot, along one axis."""
+    """Yield the person's shoulder elsewhere on the robot, along one axis."""
     base = np.asarray(alignment.base)
     for part in _SHIFTS:
         for axis in base.T:
@@ -114,7 +114,7 @@ def _moved(alignment: Alignment, shift: Array) -> Mounting:
 
 
 def _turned(alignment: Alignment) -> Iterator[Mounting]:
-    """The robot's base turned about the person's vertical, or tilted."""
+    """Yield the robot's base turned about the person's vertical, or tilted."""
     base = np.asarray(alignment.base)
     for axis, degrees, verb in (
         (2, _TURNS, "turn the robot's base about the vertical"),
@@ -134,7 +134,7 @@ def _turned(alignment: Alignment) -> Iterator[Mounting]:
 
 
 def _rotation(axis: int, angle: float) -> Array:
-    """Rotation (3, 3) about a coordinate axis."""
+    """Return rotation (3, 3) about a coordinate axis."""
     one, other = (axis + 1) % 3, (axis + 2) % 3
     rotation = np.eye(3)
     rotation[one, one] = rotation[other, other] = np.cos(angle)
@@ -192,7 +192,7 @@ class Reachability(ShortRepr):
         return self.advice or f"all {self.count} poses are within reach"
 
     def table(self) -> DataFrame:
-        """The poses out of reach."""
+        """Return the poses out of reach."""
         header = ("pose", "distance [m]", "angle [rad]", "beyond the arm's length [m]")
         rows = tuple(
             (str(each.index), each.distance, each.angle, each.beyond) for each in self.unreachable
@@ -208,7 +208,7 @@ def reachability(
     *,
     scale: float | None = None,
 ) -> Reachability:
-    """Hand poses that a robot attains within its limits, and the mounting that would help.
+    """Return hand poses that a robot attains within its limits, and the mounting that would help.
 
     Mountings are tried around the given one: positions scaled down, the person's shoulder moved,
     and the base turned or tilted. The smallest change that brings all, or the most, poses within
@@ -267,7 +267,7 @@ def _as_poses(rotations: ArrayLike | None, positions: ArrayLike) -> tuple[Array 
 
 
 def _random_starts(robot: Model, count: int) -> Array:
-    """Configurations (k, m, n): the middle of the limits, and random ones."""
+    """Return configurations (k, m, n): the middle of the limits, and random ones."""
     lower, upper = search_range(robot)
     random = np.random.default_rng(0).uniform(lower, upper, (_STARTS, robot.dof))
     random[0] = (lower + upper) / 2.0
@@ -285,7 +285,7 @@ def _best(
     positions: Array,
     found: NearestPoses,
 ) -> tuple[Mounting | None, int]:
-    """The mounting with the most poses within reach, and their number."""
+    """Return the mounting with the most poses within reach, and their number."""
     # Poses as far from reach as possible decide; the others are nearly always kept.
     order = np.argsort(-(found.distances + found.angles), kind="stable")[:_MOST_POSES]
     person = alignment.to_person(

@@ -144,7 +144,7 @@ class Retargeting:
         )
 
     def comparison(self, arm: int = 0) -> DataFrame:
-        """Beside inverse kinematics under the same limits, in this time and in the person's.
+        """Return beside inverse kinematics under the same limits, in this time and in the person's.
 
         Energy, torque, smoothness, likeness to the person, errors of the hand, and the time that it
         takes (`compare_under_equal_limits`).
@@ -303,7 +303,7 @@ class Retargeting:
 
 
 def _span(indices: tuple[int, ...]) -> str:
-    """Numbers, from 1, of indices as text: "3", "3-5", "3, 5", or "-" for none."""
+    """Return numbers, from 1, of indices as text: "3", "3-5", "3, 5", or "-" for none."""
     parts: list[str] = []
     first = last = None
     for number in (*(index + 1 for index in indices), None):
@@ -382,7 +382,7 @@ def _of_arm(arm: RetargetedArm) -> Iterator[str]:
 
 
 def _lengths(rotations: Array, positions: Array) -> tuple[float, ...]:
-    """Lengths of the hand's path in position [m] and in orientation [rad]."""
+    """Return lengths of the hand's path in position [m] and in orientation [rad]."""
     steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     turns = np.linalg.norm(
         rotation_vector(rotations[1:] @ rotations[:-1].transpose(0, 2, 1)), axis=-1

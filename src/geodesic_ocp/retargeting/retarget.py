@@ -206,7 +206,7 @@ def _paired(
     limits: Any,
     settings: RetargetingSettings,
 ) -> list[PairedArm]:
-    """Persons' arms and robots, from the arguments of `retarget_arms`."""
+    """Return persons' arms and robots, from the arguments of `retarget_arms`."""
     analyses = _checked_list("analyses", analyses, Analysis)
     robots = _checked_list("robots", robots, Model)
     if len(analyses) != len(robots):
@@ -230,7 +230,7 @@ def _paired(
 
 
 def _limits(robot: Model, given: JointLimits | None, settings: RetargetingSettings) -> JointLimits:
-    """The given limits, those of the robot, or none at all."""
+    """Return the given limits, those of the robot, or none at all."""
     if given is not None and (
         not isinstance(given, JointLimits) or given.velocity.size != robot.dof
     ):
@@ -249,7 +249,7 @@ def _in_time(
     throw: bool,
     report: Progress,
 ) -> PlannedTrajectory:
-    """The trajectory along the paths; without distances if it cannot keep them.
+    """Return the trajectory along the paths; without distances if it cannot keep them.
 
     Warns:
         UserWarning: it does not keep them.
@@ -321,7 +321,7 @@ def _one_each(name: str, given: Any, count: int) -> list[Any]:
 
 
 def _alignments(name: str, given: Any, models: Sequence[Model]) -> list[Alignment]:
-    """One for each model, by default the model's own."""
+    """Return one for each model, by default the model's own."""
     found = _one_each(name, given, len(models))
     for each in found:
         if each is not None and not isinstance(each, Alignment):

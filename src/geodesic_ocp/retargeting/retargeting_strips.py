@@ -61,7 +61,7 @@ def retargeting_strips(arm: RetargetedArm) -> list[Callable[[Axes], object]]:
 
 
 def _of_person(view: View, mapping: PoseMapping) -> View:
-    """The view of a person from where a robot is seen, in a mirror if left is right."""
+    """Return the view of a person from where a robot is seen, in a mirror if left is right."""
     source, target = np.asarray(mapping.source.base), np.asarray(mapping.target.base)
     mirror = np.diag([-1.0 if mapping.mirror else 1.0, 1.0, 1.0])  # in the person's axes
     from_robot = source @ mirror @ target.T

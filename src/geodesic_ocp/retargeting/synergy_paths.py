@@ -158,12 +158,12 @@ class SynergyPaths(ShortRepr, Problem):
         return key_of(self.metric) if is_plain else None
 
     def boundary(self, q0: ca.SX, q1: ca.SX) -> Sequence[Equality]:
-        """The configuration to begin in, if one is given."""
+        """Return the configuration to begin in, if one is given."""
         start = self.arms[0].start
         return [] if start is None else [(q0, start, "start")]
 
     def constraints(self, q: ca.SX, v: ca.SX) -> Sequence[Inequality]:
-        """Limits of the joints."""
+        """Return limits of the joints."""
         given = self.arms[0]
         if not given.limited:
             return []
@@ -173,7 +173,7 @@ class SynergyPaths(ShortRepr, Problem):
         return [(lower, q, upper, "joint limits")]
 
     def solved(self) -> PlannedPaths:
-        """The best solution, from straight lines between configurations with the poses.
+        """Return the best solution, from straight lines between configurations with the poses.
 
         These are the shortest path through the candidates of each arm. If links cannot be moved
         apart from there, it is tried from the shortest path that keeps distances.
@@ -402,7 +402,7 @@ def _yielding(clearance: Clearance, iterate: _Iterate) -> list[Array] | None:
 
 
 def _positions(iterate: _Iterate) -> tuple[Array, Array]:
-    """Instants (k,) [s] within the movements, and the joints of all arms there (k, N)."""
+    """Return instants (k,) [s] within the movements, and the joints of all arms there (k, N)."""
     instants = np.unique(
         np.concatenate(
             [
@@ -443,7 +443,7 @@ def _too_near(
 def _lacking_distances(
     clearance: Clearance | None, iterate: _Iterate
 ) -> tuple[tuple[str, float, float], ...]:
-    """Distances below their bounds, the worst first: name, amount [m], time [s]."""
+    """Return distances below their bounds, the worst first: name, amount [m], time [s]."""
     if clearance is None:
         return ()
     instants, q = _positions(iterate)
@@ -458,7 +458,7 @@ def _lacking_distances(
 
 
 def _least_distances(clearance: Clearance | None, iterate: _Iterate) -> Array:
-    """Least distances (m,) along the paths."""
+    """Return least distances (m,) along the paths."""
     if clearance is None:
         return np.zeros(0)
     _, q = _positions(iterate)

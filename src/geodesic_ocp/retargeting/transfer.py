@@ -79,7 +79,7 @@ class Transfer(ShortRepr):
 def unattained(
     pair: PairedArm, waypoints: ArmWaypoints, layers: Sequence[Candidates]
 ) -> OutOfReach:
-    """Poses that none of the candidates at the waypoints attains."""
+    """Return poses that none of the candidates at the waypoints attains."""
     numbers = [k for k, group in enumerate(pair.groups, 1) if group.kind != "rest"]
     found = {}
     for number, pose, layer in zip((0, *numbers), waypoints.poses, layers, strict=False):
@@ -163,7 +163,7 @@ class FreeGeodesics(ShortRepr):
         return {number: error for number, error in errors.items() if max(error) > REACHED}
 
     def transfers(self, throw: bool, progress: Progress) -> list[Transfer]:
-        """A geodesic to each pose from where the previous one ended.
+        """Return a geodesic to each pose from where the previous one ended.
 
         Args:
             throw: raise if one is not found; else the arm rests and continues with the next pose.
@@ -258,17 +258,17 @@ def _distinct(configurations: Sequence[Array]) -> list[Array]:
 
 
 def _line_energy(arm: Model, q0: Array, q1: Array) -> float:
-    """Energy of the straight line, with the mass matrix at three of its points."""
+    """Return energy of the straight line, with the mass matrix at three of its points."""
     matrices = [arm.mass_matrix(q0 + s * (q1 - q0)) for s in (0.0, 0.5, 1.0)]
     return float((q1 - q0) @ np.mean(matrices, axis=0) @ (q1 - q0))
 
 
 def _at_rest(robot: Model, q: Array) -> Transfer:
-    """The arm stays at a configuration (n,)."""
+    """Return the arm stays at a configuration (n,)."""
     metric, here = metric_of(robot), Pose(*robot.hand_pose(q))
     return Transfer(line(metric, q, q), here, True, 0.0, 0.0, 0, True, "the arm rests")
 
 
 def line(metric: Metric, q0: Array, q1: Array) -> Path:
-    """The straight line between two configurations."""
+    """Return the straight line between two configurations."""
     return Path(metric, Grid(1, 2), np.array([q0, (q0 + q1) / 2.0, q1]))

@@ -40,7 +40,7 @@ def has_elbow(model: Model, alignment: Alignment) -> bool:
 
 
 def elbow_offset(model: Model, alignment: Alignment, q: Any) -> ca.SX:
-    """Offset (3, 1) of the elbow in the axes of the base, in lengths of the arm."""
+    """Return offset (3, 1) of the elbow in the axes of the base, in lengths of the arm."""
     shoulder = ca.DM(np.asarray(alignment.shoulder))
     _, elbow = model.frame_pose(str(alignment.elbow), q)
     _, wrist = model.frame_pose(str(alignment.wrist), q)
@@ -51,7 +51,7 @@ def elbow_offset(model: Model, alignment: Alignment, q: Any) -> ca.SX:
 
 
 def mapped_offsets(mapping: PoseMapping, q: Array) -> Array:
-    """The person's elbow offsets (k, 3), in the axes of the robot's base, at q (k, n)."""
+    """Return the person's elbow offsets (k, 3), in the axes of the robot's base, at q (k, n)."""
     source, target = mapping.source, mapping.target
     symbol = ca.SX.sym("q", mapping.model.dof)
     function = ca.Function("offset", [symbol], [elbow_offset(mapping.model, source, symbol)])
@@ -97,7 +97,7 @@ NUM_PARAMETERS = 12 + 6 + 3 + 2
 def parameters(
     pose: Pose, missed: Array, offset: Array | None, posture: float, likeness: float
 ) -> Array:
-    """The parameters of a waypoint.
+    """Return the parameters of a waypoint.
 
     Args:
         pose: pose of the hand.
@@ -119,7 +119,7 @@ def parameters(
 def limited_torques(
     arm: Model, alignment: Alignment, q: ca.SX, torque: tuple[float, ...]
 ) -> list[tuple[int, ca.SX]]:
-    """Torques that hold the arm still, of the joints with a limit, by their numbers."""
+    """Return torques that hold the arm still, of the joints with a limit, by their numbers."""
     limited = np.flatnonzero(np.isfinite(torque)).tolist()
     if not limited:
         return []

@@ -1,4 +1,4 @@
-"""Return where a robot's base is in a scene, so that its shoulder is the person's."""
+"""Scenes of alignments: robots beside a person, placed so that shoulders coincide."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ class BasePose:
         return f"BasePose(at {self.position.round(3).tolist()} m)"
 
     def points(self, positions: Array) -> Array:
-        """Points (..., 3) [m] of the base frame, in the scene."""
+        """Return points (..., 3) [m] of the base frame, in the scene."""
         return np.asarray(positions @ self.rotation.T + self.position)
 
     def rotations(self, rotations: Array) -> Array:
-        """Rotations (..., 3, 3) of the base frame, in the scene."""
+        """Return rotations (..., 3, 3) of the base frame, in the scene."""
         return np.asarray(self.rotation @ rotations)
 
 
@@ -165,7 +165,7 @@ def alignment_playback(aligned: Alignment, robot: Model) -> Playback:
 
 
 def _postures(person: Model) -> tuple[Array, Array]:
-    """Times (k,) [s], and configurations (k, n) that pause at each of the postures."""
+    """Return times (k,) [s], and configurations (k, n) that pause at each of the postures."""
     key = np.zeros((len(_POSTURES), person.dof))
     key[:, [0, 3]] = list(_POSTURES.values())
     count = int(_SECONDS * _RATE)
@@ -198,7 +198,7 @@ def _followed(robot: Model, rotations: Array, positions: Array) -> Array:
 
 
 def _scaled(person: Model, q: Array, scale: float) -> Actor:
-    """The person's arm in the size of the robot's, with the shoulder at the origin."""
+    """Return the person's arm in the size of the robot's, with the shoulder at the origin."""
     actor = model_actor(person, q, name=_SCALED, role="observed", translucent=True, layer=_SCALED)
     return replace(
         actor,

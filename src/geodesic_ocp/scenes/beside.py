@@ -12,7 +12,7 @@ from geodesic_ocp.scenes.scene import PARAMETER, SECONDS, Curve, Playback, Plot,
 
 
 def beside(playbacks: Sequence[Playback], *, title: str = "") -> Playback:
-    """Several playbacks as one, whose panes are side by side and are played together.
+    """Return several playbacks as one, whose panes are side by side and are played together.
 
     Spans and plots carry the titles of their playbacks; equal titles are numbered. Times are those
     of the playbacks. Where some are over time and others over a path parameter, these take as long
@@ -55,14 +55,14 @@ def beside(playbacks: Sequence[Playback], *, title: str = "") -> Playback:
 
 
 def _between(azimuths: Sequence[float]) -> float:
-    """The mean of directions [deg], as that of unit vectors: that of 170 and -170 is 180."""
+    """Return the mean of directions [deg], as that of unit vectors: that of 170 and -170 is 180."""
     angles = np.radians(azimuths)
     mean = np.degrees(np.arctan2(np.sin(angles).mean(), np.cos(angles).mean()))
     return round(float(mean), 9)
 
 
 def _hidden(playbacks: Sequence[Playback]) -> tuple[str, ...]:
-    """The layers that are hidden wherever there are such."""
+    """Return the layers that are hidden wherever there are such."""
     shown = set[str]()
     for playback in playbacks:
         layers = {layer for scene in playback.scenes for layer in scene.layers}
@@ -83,7 +83,7 @@ def _titled(titles: Sequence[str], playbacks: Sequence[Playback]) -> tuple[Scene
 
 
 def _numbered(titles: Sequence[str]) -> list[str]:
-    """Titles that differ: equal ones get numbers."""
+    """Return titles that differ: equal ones get numbers."""
     counts, seen, found = Counter(titles), Counter[str](), []
     for title in titles:
         seen[title] += 1
@@ -111,7 +111,7 @@ def _in_one_time(playbacks: Sequence[Playback]) -> list[Playback]:
 
 
 def _stretched(playback: Playback, begin: float, end: float) -> Playback:
-    """A playback over a path parameter, as one over the time from `begin` to `end` [s]."""
+    """Return a playback over a path parameter, as one over the time from `begin` to `end` [s]."""
     first, last = playback.range
     rate = (end - begin) / (last - first) if last > first else 0.0
 

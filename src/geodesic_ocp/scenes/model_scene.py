@@ -1,4 +1,4 @@
-"""Plots of the joints and the hands of a model over time."""
+"""Scenes of a model in motion, with plots of its joints and hands."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def joint_plots(
     marks: tuple[float, ...] = (),
     title: str = "",
 ) -> tuple[Plot, ...]:
-    """Plots of one number for each joint over time.
+    """Return plots of one number for each joint over time.
 
     Args:
         model: model whose joints they are.
@@ -66,12 +66,12 @@ def joint_plots(
 
 
 def short_name(joint: str) -> str:
-    """The name of a joint without "_joint" at its end."""
+    """Return the name of a joint without "_joint" at its end."""
     return joint.removesuffix("_joint") or joint
 
 
 def joint_groups(model: Model) -> dict[str, list[int]]:
-    """Columns of the configuration by what the joints move; of up to 8 joints, all under "".
+    """Return columns of the configuration by what the joints move; of up to 8 joints, all under "".
 
     >>> import geodesic_ocp as go
     >>> {name: len(group) for name, group in joint_groups(go.human_upper_body()).items()}
@@ -132,7 +132,7 @@ def model_scene(
     note: str = "",
     joints: bool = False,
 ) -> Scene:
-    """A model in motion, in axes of its base.
+    """Return a model in motion, in axes of its base.
 
     Args:
         model: model whose links are shown, with the rest of the person if it is a person's.
@@ -164,7 +164,7 @@ def model_scene(
 def hand_trails(
     model: Model, q: Array, role: Role, *, name: str = "", layer: str = "hand path"
 ) -> tuple[Trail, ...]:
-    """The path of every hand, with a dot.
+    """Return the path of every hand, with a dot.
 
     Args:
         model, q: see `model_scene`.
@@ -184,12 +184,12 @@ def hand_trails(
 
 
 def hand_frames(model: Model, q: Array) -> tuple[FrameTrack, ...]:
-    """The frames of all hands."""
+    """Return the frames of all hands."""
     return tuple(FrameTrack(hand, *model.frame_pose(hand, q)) for hand in model.hands)
 
 
 def joint_frames(model: Model, q: Array) -> tuple[FrameTrack, ...]:
-    """The frames of all joints."""
+    """Return the frames of all joints."""
     known = [name for name in model.joint_names if model.pin.existFrame(name)]
     return tuple(FrameTrack(name, *model.frame_pose(name, q)) for name in known)
 
@@ -206,7 +206,7 @@ _ROUNDED = 1.01  # time stamps are rounded, and a rate of 200.1 Hz is one of 200
 
 
 def shown_samples(time: Array) -> tuple[NDArray[np.int64], str]:
-    """Indices of the samples that are shown, and a note if these are not all.
+    """Return indices of the samples that are shown, and a note if these are not all.
 
     Every n-th sample and the last one, as they are, not interpolated: at most about 200 per second
     and 12000 altogether.

@@ -1,4 +1,4 @@
-"""The body that a recorded motion is a motion of, where its joints tell."""
+"""Scenes of motions and trajectories, on the model or the body to which their joints belong."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def _are_one_body(robots: Sequence[Model], scenes: Sequence[Scene]) -> bool:
 
 
 def _in_one_body(robots: Sequence[Model], scenes: Sequence[Scene]) -> Scene:
-    """One scene of the arms of a robot; what none of them moves is shown with the first."""
+    """Return one scene of the arms of a robot; what none of them moves is shown with the first."""
     actors = []
     for number, (robot, scene) in enumerate(zip(robots, scenes, strict=True)):
         others = [*robots[:number], *robots[number + 1 :]]
@@ -153,7 +153,7 @@ _NOT_FILTERED = "speed of the recorded motion, without filtering"
 
 
 def motion_playback(motion: Motion, model: Model, *, title: str = "", note: str = "") -> Playback:
-    """A model that follows a motion: the path of the hand, joint angles and hand speed.
+    """Return a model that follows a motion: the path of the hand, joint angles and hand speed.
 
     It is shown in axes of the model's base: the arm of a person moves relative to the trunk. Of
     more than 200 samples per second or 12000 altogether every n-th is shown, which the note of the
@@ -190,7 +190,7 @@ def motion_playback(motion: Motion, model: Model, *, title: str = "", note: str 
 
 
 def of_joints(motion: Motion, model: Model) -> Motion:
-    """The motion of the model's joints.
+    """Return the motion of the model's joints.
 
     Raises:
         ValueError: the motion lacks some, or its angles seem to be degrees.
@@ -209,7 +209,7 @@ def of_joints(motion: Motion, model: Model) -> Motion:
 
 
 def viewed_from(model: Model) -> float:
-    """Azimuth of the camera [deg] from which the hands of a model are seen best."""
+    """Return azimuth of the camera [deg] from which the hands of a model are seen best."""
     sides = {side for hand in model.hands for side in ("left", "right") if side in hand}
     names = {name[:1] for name in model.joint_names if name.endswith("Sx_joint")}
     if names == {"L"} or (not names and sides == {"left"}):
@@ -341,7 +341,7 @@ def _shares(
 def planned_playback(
     planned: PlannedTrajectory, *, rate: float = 100.0, title: str = ""
 ) -> Playback:
-    """The motion of all arms of a planned trajectory, and the times of the paths of each.
+    """Return the motion of all arms of a planned trajectory, and the times of the paths of each.
 
     The arms of one robot are in one pane; others have a pane each, in axes of their base, as a
     trajectory does not know where they stand.
@@ -375,7 +375,7 @@ def planned_playback(
 
 
 def _path_spans(planned: PlannedTrajectory, number: int) -> tuple[Span, ...]:
-    """Spans of the paths of an arm, numbered from 1; of those on which it moves."""
+    """Return spans of the paths of an arm, numbered from 1; of those on which it moves."""
     arm = planned.arms[number]
     edges = planned.robot_time(arm.edges)
     spans = []
@@ -392,7 +392,7 @@ _ERRORS = {"rad": "joint errors [rad]", "m": "prismatic joint errors [m]"}
 
 
 def replay_playback(replay: Replay, *, title: str = "") -> Playback:
-    """The simulated robot, and the trajectory that it follows as an overlay.
+    """Return the simulated robot, and the trajectory that it follows as an overlay.
 
     Args:
         replay: replay of a trajectory.

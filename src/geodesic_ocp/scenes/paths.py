@@ -1,4 +1,4 @@
-"""Curves in the space of their coordinates, and from where curves in a plane are seen."""
+"""Scenes of paths and solutions: arms, or curves in the space of their coordinates."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ _ABOVE = 89.0  # [deg]: looking straight down, a camera could turn about itself
 
 
 def coordinate_scene(metric: Metric, s: Array, q: Array) -> Scene:
-    """A curve of up to three coordinates, with unit balls of the metric along it.
+    """Return a curve of up to three coordinates, with unit balls of the metric along it.
 
     Coordinates are lengths along x, y and z, whatever they mean: angles on a sphere stay angles.
 
@@ -102,7 +102,7 @@ def seen_from(points: Array) -> tuple[float, float] | None:
 
 
 def _in_space(q: Array) -> Array:
-    """Coordinates (k, n) as points (k, 3): zero in the axes that are not there."""
+    """Return coordinates (k, n) as points (k, 3): zero in the axes that are not there."""
     return np.pad(q, ((0, 0), (0, 3 - q.shape[1])))
 
 
@@ -114,7 +114,7 @@ _IN_SPACE = 3  # coordinates of a curve that can be seen without a model
 
 
 def path_playback(path: Path, model: Model | None = None, *, title: str = "") -> Playback:
-    """A model that moves along a path or geodesic, over the path parameter s.
+    """Return a model that moves along a path or geodesic, over the path parameter s.
 
     With the path of the hand, via points, mobility ellipsoids of the path's metric, coordinates
     with the limits that they reach, and the speed. Without a model a path of up to three
@@ -184,13 +184,13 @@ def model_of(path: Path, model: Model | None = None) -> Model | None:
 
 
 def _samples(path: Path) -> Array:
-    """Evenly spaced s from 0 to 1, and the breakpoints, where the path may have corners."""
+    """Return evenly spaced s from 0 to 1, and the breakpoints, where the path may have corners."""
     s = np.union1d(np.linspace(0.0, 1.0, _SAMPLES), path.breakpoints)
     return np.asarray(s[np.append(np.diff(s) > _SAME, True)])
 
 
 def _hands_at_via_points(path: Path, model: Model) -> Array:
-    """Positions (m, 3) [m] of the hands at the via points, one hand after the other."""
+    """Return positions (m, 3) [m] of the hands at the via points, one hand after the other."""
     nodes = path.nodes[path.grid.via_nodes]
     if not len(nodes):
         return np.zeros((0, 3))

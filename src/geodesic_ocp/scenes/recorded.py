@@ -1,4 +1,4 @@
-"""The analysis of a motion, to be looked at: the observed arm and the predicted one."""
+"""Scenes of recordings: analyses, synergies, markers and fits to markers."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ _ROLES: tuple[Role, ...] = get_args(Role)[1:]
 
 
 def analysis_playback(analysis: Analysis, *, title: str = "") -> Playback:
-    """The observed arm, the arm that the synergies predict, and errors over time.
+    """Return the observed arm, the arm that the synergies predict, and errors over time.
 
     Every other prediction of the analysis is a layer that can be switched on.
 
@@ -125,7 +125,7 @@ def _cuts(analysis: Analysis) -> tuple[PointCloud, ...]:
 
 
 def synergy_spans(synergies: Sequence[Synergy]) -> tuple[Span, ...]:
-    """Spans of synergies, numbered from 1."""
+    """Return spans of synergies, numbered from 1."""
     spans = []
     for number, synergy in enumerate(synergies, 1):
         start, stop = synergy.start_time, synergy.start_time + synergy.duration
@@ -176,7 +176,7 @@ _SAME = 1e-6  # [s] between a sample of the markers and that of the fit
 
 
 def markers_playback(markers: Markers, *, title: str = "") -> Playback:
-    """Markers alone, as points.
+    """Return markers alone, as points.
 
     Args:
         markers: in a space with z up.
@@ -193,7 +193,7 @@ def markers_playback(markers: Markers, *, title: str = "") -> Playback:
 def marker_fit_playback(
     fit: MarkerFit, markers: Markers | None = None, *, title: str = ""
 ) -> Playback:
-    """The person that was fitted to markers, with the markers where they are on the person.
+    """Return the person that was fitted to markers, with the markers where they are on the person.
 
     Args:
         fit: to markers.
@@ -235,7 +235,7 @@ def marker_fit_playback(
 
 
 def _at_times_of(fit: MarkerFit, markers: Markers) -> Markers:
-    """The markers, if they were recorded at the times of the fit; ValueError otherwise."""
+    """Return the markers, if they were recorded at the times of the fit; ValueError otherwise."""
     time = fit.motion.time
     if len(markers) != len(time) or np.abs(markers.time - time).max() > _SAME:
         raise ValueError(
@@ -272,7 +272,7 @@ def fitted_positions(fit: MarkerFit) -> Array:
 
 
 def _heading(base: FrameMotion) -> float:
-    """Direction [deg] in which the y axis of a frame points on average: 0 is y, 90 is x."""
+    """Return direction [deg] in which the y axis of a frame points on average: 0 is y, 90 is x."""
     x, y, _ = base.rotations[:, :, 1].mean(axis=0)
     return float(np.rad2deg(np.arctan2(x, y)))
 
@@ -282,7 +282,7 @@ _RATE = 100.0  # [Hz]
 
 
 def synergies_playback(synergies: Sequence[Synergy], model: Model | None = None) -> Playback:
-    """The motion that synergies predict, one after the other.
+    """Return the motion that synergies predict, one after the other.
 
     Args:
         synergies: in the order of their times, at least one; between them the arm rests.
@@ -310,7 +310,7 @@ def synergies_playback(synergies: Sequence[Synergy], model: Model | None = None)
 def saved_synergies_playback(
     saved: SavedSynergies, model: Model, observed: Motion | None = None, *, title: str = ""
 ) -> Playback:
-    """The motion that synergies predict, as an overlay of the observed one if that is given.
+    """Return the motion that synergies predict, as an overlay of the observed one if that is given.
 
     Args:
         saved: from a file.

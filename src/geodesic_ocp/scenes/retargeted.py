@@ -1,4 +1,4 @@
-"""Return where a robot's base is in a scene, so that its shoulder is the person's."""
+"""Scenes of retargetings: the person and the robots side by side."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ LONGER = 1.005  # times the person's time, from which it is said
 
 
 def robot_pane(retargeting: Retargeting, shown: Indices, *, start: float = 0.0) -> Scene:
-    """The robots in motion, with the paths of their hands and of the person's.
+    """Return the robots in motion, with the paths of their hands and of the person's.
 
     Mobility ellipsoids are those of the metric in which the paths were planned, clearances those
     from obstacles.
@@ -113,14 +113,14 @@ def robot_pane(retargeting: Retargeting, shown: Indices, *, start: float = 0.0) 
 
 
 def robot_title(arms: Sequence[RetargetedArm]) -> str:
-    """Names of the robots, each once."""
+    """Return names of the robots, each once."""
     return " and ".join(dict.fromkeys(arm.robot.name for arm in arms))
 
 
 def _actors(
     arm: RetargetedArm, placed: BasePose, shown: Indices, hidden: frozenset[str]
 ) -> list[Actor]:
-    """The robot as it moves, and what moves of it by inverse kinematics."""
+    """Return the robot as it moves, and what moves of it by inverse kinematics."""
     robot, parts = arm.robot, meshes(arm.robot)
     still = frozenset(part.link for part in parts if not robot.moves(part.link))
 
@@ -157,7 +157,7 @@ def _obstacles(obstacles: Sequence[Obstacle], placed: BasePose, points: Array) -
 def _gaps(
     arm: RetargetedArm, q: Array, retargeting: Retargeting, placed: BasePose, which: str
 ) -> Iterator[Gap]:
-    """Distances of the links from obstacles, in the scene."""
+    """Yield distances of the links from obstacles, in the scene."""
     obstacles, links, _, _ = retargeting.settings.collisions
     for gap in clearances(arm.robot, q, obstacles, links=links) if obstacles else ():
         starts, ends = placed.points(gap.starts), placed.points(gap.ends)
@@ -170,7 +170,7 @@ def _note(retargeting: Retargeting) -> str:
 
 
 def person_pane(arms: Sequence[RetargetedArm], time: Array, shown: Indices) -> Scene:
-    """The person in motion, as recorded, with the path of the hand.
+    """Return the person in motion, as recorded, with the path of the hand.
 
     If the times last longer than the recording, the note says so.
 
@@ -193,7 +193,7 @@ def person_pane(arms: Sequence[RetargetedArm], time: Array, shown: Indices) -> S
 
 
 def observed(arms: Sequence[RetargetedArm]) -> tuple[Analysis, ...]:
-    """The analyses of the person's motion, each once."""
+    """Return the analyses of the person's motion, each once."""
     return tuple({id(arm.analysis): arm.analysis for arm in arms}.values())
 
 
@@ -208,7 +208,7 @@ def _slowed(arms: Sequence[RetargetedArm], time: Array) -> str:
 
 
 def _whole(arms: Sequence[RetargetedArm], analyses: Sequence[Analysis]) -> tuple[Model, Array]:
-    """One arm, or both as one model, and its configurations (k, n)."""
+    """Return one arm, or both as one model, and its configurations (k, n)."""
     if len(analyses) == 1:
         return analyses[0].model, analyses[0].motion.q
     placed = {id(arm.analysis): shoulder(arm, len(analyses)) for arm in arms}
@@ -230,7 +230,7 @@ def retargeting_plots(
     name: bool = False,
     number: int = 1,
 ) -> tuple[Plot, ...]:
-    """Distance of the hand from the person's, its speed, joints, and shares of speed limits.
+    """Return distance of the hand from the person's, its speed, joints, and shares of speed limits.
 
     Args:
         retargeting: result of `retarget`.
@@ -293,7 +293,7 @@ _HIDDEN = (*Playback.hidden, BASELINE)
 
 
 def retargeting_playback(retargeting: Retargeting, *, person: bool = True) -> Playback:
-    """A person and a robot that moves like the person, in the robot's time.
+    """Return a person and a robot that moves like the person, in the robot's time.
 
     The robot's shoulder is where the person's is, and its base is turned as the alignment says. In
     its pane are the path of its hand, that of the person's hand, mapped to the robot, and, to be
@@ -322,7 +322,7 @@ def retargeting_playback(retargeting: Retargeting, *, person: bool = True) -> Pl
 
 
 def retargetings_playback(retargetings: Sequence[Retargeting]) -> Playback:
-    """Several robots that move like one person, or like several, each person shown once.
+    """Return several robots that move like one person, or like several, each person shown once.
 
     All begin at the same time. If the robots take different times, the person takes the time of the
     recording, and each robot its own. Panes and plots of equal title are numbered.
@@ -374,7 +374,7 @@ def retargetings_playback(retargetings: Sequence[Retargeting]) -> Playback:
 
 
 def _common_time(robots: Sequence[Retargeting]) -> Array:
-    """Times (k,) of the person's samples: those of the robots if they agree, from zero."""
+    """Return times (k,) of the person's samples: those of the robots if they agree, from zero."""
     times = [each.motion.time - each.motion.time[0] for each in robots]
     if all(np.abs(time - times[0]).max() <= _SAME_TIME for time in times):
         return np.asarray(times[0])
@@ -383,7 +383,7 @@ def _common_time(robots: Sequence[Retargeting]) -> Array:
 
 
 def _spans_of_person(retargeting: Retargeting, time: Array) -> dict[str, tuple[Span, ...]]:
-    """The person's synergies, in a row for each arm, numbered from 1.
+    """Return the person's synergies, in a row for each arm, numbered from 1.
 
     They are where they are at these times of the samples (k,) [s]; their texts say how long they
     took the person.
@@ -424,7 +424,7 @@ def _span(number: int, group: SynergyGroup, time: Array) -> Span:
 def _distinct(
     rows: dict[str, tuple[Span, ...]], others: dict[str, tuple[Span, ...]]
 ) -> dict[str, tuple[Span, ...]]:
-    """The rows, with numbers after the names that are taken."""
+    """Return the rows, with numbers after the names that are taken."""
     found: dict[str, tuple[Span, ...]] = {}
     for name, spans in rows.items():
         names = (name, *(f"{name} ({number})" for number in range(2, len(others) + 3)))

@@ -1,4 +1,4 @@
-"""Actor: a model in motion in a scene."""
+"""Elements of a scene: actors, trails, solids, frames, spans and plots."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def model_actor(
     hidden: Collection[str] = (),
     shown: tuple[Mesh, ...] | None = None,
 ) -> Actor:
-    """The links of a model in configurations q.
+    """Return the links of a model in configurations q.
 
     Args:
         model: model whose links are shown.
@@ -93,7 +93,7 @@ _UNKNOWN = "\N{REPLACEMENT CHARACTER}"
 
 
 def plain_text(text: str) -> str:
-    """The text on one line, without what cannot be printed.
+    """Return the text on one line, without what cannot be printed.
 
     Names of joints and files may contain anything. Control characters, NUL and line breaks among
     them, and characters that change the direction of writing become spaces; bytes that are no UTF-8
@@ -394,7 +394,7 @@ class Playback:
         return tuple(dict.fromkeys(name for scene in self.scenes for name in scene.layers))
 
     def showing(self, layers: Collection[str]) -> Playback:
-        """The same with these layers shown at first, and all others hidden.
+        """Return the same with these layers shown at first, and all others hidden.
 
         Raises:
             ValueError: there is no such layer.

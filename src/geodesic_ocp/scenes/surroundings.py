@@ -1,4 +1,4 @@
-"""A scene that is carried by a frame, such as an arm by the thorax of a person who walks."""
+"""Surroundings of an actor: a moving base, obstacles, clearances and mobility ellipsoids."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from geodesic_ocp.scenes.scene import Actor, EllipsoidTrack, Gap, Scene, Solid, 
 
 
 def carried(scene: Scene, rotations: Array, positions: Array) -> Scene:
-    """The actors, paths, frames and ellipsoids of a scene in a frame that is at these poses.
+    """Return the actors, paths, frames and ellipsoids of a scene in a frame that is at these poses.
 
     Args:
         scene: in axes of the frame, whose paths have a point for each sample.
@@ -84,7 +84,7 @@ def clearances(
     names: Collection[str] | None = None,
     most: int = MOST,
 ) -> tuple[Gap, ...]:
-    """Nearest points and distances between bodies over time, in the model's base frame.
+    """Return nearest points and distances between bodies over time, in the model's base frame.
 
     Of many, the ones that come closest are kept, in the order of the constraints: first of those
     whose names differ in a number only, such as both ends of a capsule above a table, then of all.
@@ -160,7 +160,7 @@ def mobility_ellipsoids(
 def scaled_ellipsoids(
     tracks: Sequence[tuple[str, Array, Array]], size: float
 ) -> tuple[EllipsoidTrack, ...]:
-    """Ellipsoids by name, centres (k, 3) and matrices (k, 3, 3), to one scale.
+    """Return ellipsoids by name, centres (k, 3) and matrices (k, 3, 3), to one scale.
 
     The eigenvalues of the matrices, which are symmetric, are the squares of the semi-axes. The
     longest semi-axis of all has this size [m], or all of three times the median (see
@@ -187,7 +187,7 @@ def longest_drawn(squares: Array) -> float:
 
 
 def inverse_tensors(metric: Metric, q: Array) -> Array:
-    """G(q)^-1 (k, n, n) at q (k, n), or zero where the tensor is not positive definite."""
+    """Return g(q)^-1 (k, n, n) at q (k, n), or zero where the tensor is not positive definite."""
     x = ca.SX.sym("q", metric.dim)
     tensor = as_expression(f"{type(metric).__name__}.matrix(q)", metric.matrix(x))
     tensors = np.nan_to_num(_values(x, tensor, q))
@@ -198,7 +198,7 @@ def inverse_tensors(metric: Metric, q: Array) -> Array:
 
 
 def _values(x: ca.SX, expression: ca.SX, q: Array) -> Array:
-    """Values (k, a, b) of a matrix (a, b) in x at the rows of q (k, n)."""
+    """Return values (k, a, b) of a matrix (a, b) in x at the rows of q (k, n)."""
     matrix = ca.densify(expression)
     function = ca.Function("matrices", [x], [matrix], {"cse": True})
     found = np.asarray(evaluate(function.map(len(q)), q.T))
@@ -206,7 +206,7 @@ def _values(x: ca.SX, expression: ca.SX, q: Array) -> Array:
 
 
 def _roots(images: Array, flat: float) -> Array:
-    """Symmetric square roots (k, 3, 3), which map the unit ball onto the ellipsoids.
+    """Return symmetric square roots (k, 3, 3), which map the unit ball onto the ellipsoids.
 
     Their eigenvalues, which are the semi-axes, are kept between `flat` and 1. Unlike semi-axes in
     columns, they change continuously also where two semi-axes are equally long.
@@ -233,7 +233,7 @@ _CORNERS = np.array(np.meshgrid((0.0, 1.0), (0.0, 1.0), (0.0, 1.0))).reshape(3, 
 
 
 def obstacle_solids(obstacles: Sequence[Obstacle], low: Array, high: Array) -> tuple[Solid, ...]:
-    """The obstacles that do not move; those with symbols in place of numbers are left out.
+    """Return the obstacles that do not move; those with symbols in place of numbers are left out.
 
     Args:
         obstacles: in the base frame of the scene.
@@ -276,7 +276,7 @@ def carried_obstacles(model: Model, q: Array, obstacles: Sequence[Obstacle]) -> 
 
 
 def collision_bodies(model: Model, q: Array, links: Collection[str] | None = None) -> Actor | None:
-    """The capsules and balls around the links, as an overlay; None if there are none.
+    """Return the capsules and balls around the links, as an overlay; None if there are none.
 
     Args:
         model: model with collision bodies.
@@ -300,7 +300,7 @@ def _mesh(body: Body) -> Mesh:
 
 
 def _surface(body: Body, subdivisions: int = _ROUND) -> tuple[Array, Indices]:
-    """Vertices (k, 3) [m] and triangles (m, 3) of a ball or capsule."""
+    """Return vertices (k, 3) [m] and triangles (m, 3) of a ball or capsule."""
     from trimesh import creation
 
     capsule = as_capsule(body)

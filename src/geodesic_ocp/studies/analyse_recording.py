@@ -1,4 +1,4 @@
-"""A limit of the time that a recording may take in a process."""
+"""The analysis of one recording of many, in a process of its own or in this one."""
 
 from __future__ import annotations
 
@@ -186,7 +186,7 @@ def _failed(task: RecordingTask, kind: OutcomeKind, failure: Exception) -> Recor
 
 
 def _result(task: RecordingTask) -> tuple[dict[str, Any], str]:
-    """The record of the result and the text of the synergies' file."""
+    """Return the record of the result and the text of the synergies' file."""
     source, settings = task.source, task.settings
     height, mass = stature(settings, source)
     recording = read_by_settings(source.path, source.side, settings, height, mass, one_of_many=True)
@@ -221,7 +221,7 @@ def _probes(motion: Motion) -> list[Any]:
 
 
 def outcome_of(source: RecordingSource, key: str, record: dict[str, Any]) -> RecordingOutcome:
-    """The outcome of a recording that has a result."""
+    """Return the outcome of a recording that has a result."""
     own = record["recordings"][0]
     text = (
         f"{own['segments']} synergies, joints to {own['joint_error_rad']:.3f} rad, hand to "

@@ -84,11 +84,11 @@ class BatchResult:
         return ", ".join(parts)
 
     def recordings(self) -> DataFrame:
-        """Rows of recordings.csv, one for each recording and method."""
+        """Return rows of recordings.csv, one for each recording and method."""
         return read_table(self.folder / "recordings.csv", "recordings")
 
     def synergies(self) -> DataFrame:
-        """Rows of synergies.csv, one for each synergy."""
+        """Return rows of synergies.csv, one for each synergy."""
         return read_table(self.folder / "synergies.csv", "synergies")
 
 
@@ -200,7 +200,7 @@ def _run(
     executor: Executor | None,
     tables_only: bool,
 ) -> Generator[RecordingOutcome, None, None]:
-    """Outcomes of the tasks; processes have ended when this is closed."""
+    """Yield outcomes of the tasks; processes have ended when this is closed."""
     if tables_only:
         for task in tasks:
             yield RecordingOutcome(task.source, "missing", "is not analysed yet")
@@ -251,7 +251,7 @@ def _tasks(
     time_limit: float | None,
     outcomes: _Outcomes,
 ) -> Iterator[RecordingTask]:
-    """The recordings that are to be analysed; outcomes of the others are added on the way."""
+    """Yield the recordings that are to be analysed; outcomes of the others are added on the way."""
     known = results_by_key(folder)
     first: dict[str, str] = {}  # names of recordings by key
     for source in sources:

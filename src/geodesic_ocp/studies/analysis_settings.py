@@ -130,7 +130,7 @@ class AnalysisSettings(RecordingSettings):
         return found
 
     def files(self) -> dict[str, Path]:
-        """The files that settings name, by setting."""
+        """Return the files that settings name, by setting."""
         found = {}
         if self.metric not in METRIC_NAMES:
             found["metric"] = Path(self.metric)
@@ -141,12 +141,12 @@ class AnalysisSettings(RecordingSettings):
         return found
 
     def digest(self) -> str:
-        """Eight hexadecimal digits that are the same for the same settings."""
+        """Return eight hexadecimal digits that are the same for the same settings."""
         text = json.dumps(self.record(), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:8]
 
     def metric_of(self, model: Model) -> Metric:
-        """The metric on a model, which has the armature of the settings.
+        """Return the metric on a model, which has the armature of the settings.
 
         Raises:
             RecordingError: the metric's file is not one, or does not fit the model.
@@ -162,7 +162,7 @@ class AnalysisSettings(RecordingSettings):
     def segments_of(
         self, metric: Metric, motion: Motion, model: Model, progress: Progress | None = None
     ) -> list[tuple[int, int]] | None:
-        """The optimal segments of a filtered motion; None for those of the online rule."""
+        """Return the optimal segments of a filtered motion; None for those of the online rule."""
         if self.segments == "online":
             return None
         return segment_optimal(

@@ -71,7 +71,7 @@ class MethodComparison:
         return markdown(self.table())
 
     def values(self, score: str = "joint_mean") -> Array:
-        """One score of every recording and method, (recordings, methods).
+        """Return one score of every recording and method, (recordings, methods).
 
         Raises:
             ValueError: there is no such score.
@@ -82,7 +82,7 @@ class MethodComparison:
         return np.array(columns, dtype=float).T
 
     def table(self, *scores: str) -> DataFrame:
-        """Means over the recordings on which no method failed.
+        """Return means over the recordings on which no method failed.
 
         Args:
             scores: names of attributes of `Scores`; by default joints, hand, path and area.
@@ -103,7 +103,7 @@ class MethodComparison:
         return new_table((*header, *(SCORES[score] for score in shown)), tuple(rows))
 
     def by_recording(self, score: str = "joint_mean") -> DataFrame:
-        """One score of every recording (row) and method (column).
+        """Return one score of every recording (row) and method (column).
 
         Raises:
             ValueError: there is no such score.
@@ -124,7 +124,7 @@ class MethodComparison:
         confidence: float = 0.95,
         seed: int = 0,
     ) -> dict[str, PairedTest]:
-        """Paired tests of every method against one of them, over subjects or recordings.
+        """Return paired tests of every method against one of them, over subjects or recordings.
 
         A method wins a pair if its score is better: lower, but higher for the correlation of the
         speed profiles. P-values are of single tests, not corrected for their number.
@@ -204,7 +204,7 @@ class MethodComparison:
 
 
 def _means(values: Array) -> Array:
-    """Means of the columns; NaN of none."""
+    """Return means of the columns; NaN of none."""
     return values.mean(axis=0) if len(values) else np.full(values.shape[1], np.nan)
 
 
@@ -333,7 +333,7 @@ _UNKNOWN = Scores(**{each.name: float("nan") for each in fields(Scores)})
 
 
 def _cut(metric: Metric, recording: Recording, threshold: float) -> _Segments:
-    """The segments of a recording; errors name it."""
+    """Return the segments of a recording; errors name it."""
     try:
         return segment(metric, recording.motion, threshold)
     except ValueError as failure:
@@ -346,7 +346,7 @@ def _cut(metric: Metric, recording: Recording, threshold: float) -> _Segments:
 def _given_segments(
     recordings: Sequence[Recording], segments: str | Sequence[_Segments]
 ) -> list[_Segments]:
-    """The segments that are given, for each recording; none if they are "same"."""
+    """Return the segments that are given, for each recording; none if they are "same"."""
     if isinstance(segments, str):
         if segments != "same":
             raise ValueError(f"segments must be 'same' or those of each recording: {segments!r}")

@@ -1,4 +1,4 @@
-"""The metrics of a comparison, by name."""
+"""Errors of metrics against the number of segments, each metric with its own best cuts."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ MetricOrFunction = Metric | Callable[[Model], Metric]
 
 
 def as_named_metrics(metrics: Mapping[str, MetricOrFunction]) -> dict[str, MetricOrFunction]:
-    """The metrics by name, checked.
+    """Return the metrics by name, checked.
 
     Raises:
         ValueError: there is none, they have no names, or one is neither a metric nor a function.
@@ -63,7 +63,7 @@ def as_named_metrics(metrics: Mapping[str, MetricOrFunction]) -> dict[str, Metri
 
 
 def metric_of(name: str, given: MetricOrFunction, model: Model) -> Metric:
-    """The metric of a model.
+    """Return the metric of a model.
 
     Raises:
         ValueError: a function has not returned a metric, or it is of other joints.
@@ -254,7 +254,7 @@ class MetricComparison:
         return int(curve.counts[np.argmin(curve.criterion)])
 
     def table(self, counts: Sequence[int] | None = None) -> DataFrame:
-        """Mean errors of every metric: optimal cuts, then those of the online rule.
+        """Return mean errors of every metric: optimal cuts, then those of the online rule.
 
         Args:
             counts: numbers of segments; None shows 4, 8, ..., 24 and the number worth having.
@@ -308,7 +308,7 @@ class MetricComparison:
         draw_error_curves(axes, curves, points, measure, max_count)
 
     def plot(self) -> Figure:
-        """Error against number of segments in all three measures."""
+        """Return error against number of segments in all three measures."""
         figure = new_figure(12.0, 4.6)
         panels = figure.subplots(1, 3)
         for axes, measure in zip(panels, _MEASURES, strict=True):
@@ -350,7 +350,7 @@ _NORMAL_MEDIAN = 0.6745  # median of the absolute value of a standard normal var
 def bayesian_information(
     residuals: Array, segments: int, noise: Array, independent_samples: float
 ) -> float:
-    """BIC of a motion that is reconstructed from segments; the smallest of several is best.
+    """Return BIC of a motion that is reconstructed from segments; the smallest of several is best.
 
     M sum_j (log s_j^2 + mean(r_j^2) / s_j^2) + k (n + 2) log(M n)
 
@@ -375,7 +375,7 @@ def bayesian_information(
 
 
 def noise_left(motion: Motion, noise: ArrayLike | None, frequency: float) -> Array:
-    """Standard deviations (n,) of the noise in the coordinates: as given, or estimated.
+    """Return standard deviations (n,) of the noise in the coordinates: as given, or estimated.
 
     White noise of standard deviation sigma before a filter of bandwidth f leaves
     sigma sqrt(2 f / rate). Without a record of the filter, sigma comes from second differences of
@@ -518,7 +518,7 @@ def _curve(
 def _online(
     model: Model, metric: Metric, motion: Motion, thresholds: Sequence[float], name: str
 ) -> tuple[OnlineErrors, ...]:
-    """Errors with the cuts of the online rule, for the thresholds at which it succeeds."""
+    """Return errors with the cuts of the online rule, for the thresholds at which it succeeds."""
     points = []
     for threshold in thresholds:
         try:

@@ -154,7 +154,7 @@ def _pairs(count: int) -> str:
 
 
 def _numbers(name: str, value: ArrayLike) -> Array:
-    """A copy as floats (k,), k > 0; ValueError names the argument otherwise."""
+    """Return a copy as floats (k,), k > 0; ValueError names the argument otherwise."""
     try:
         array = np.array(value, dtype=float)
     except (TypeError, ValueError):
@@ -165,7 +165,7 @@ def _numbers(name: str, value: ArrayLike) -> Array:
 
 
 def _bootstrap(values: Array, confidence: float, seed: int) -> tuple[tuple[float, float], str]:
-    """Confidence interval of the mean, and by which method."""
+    """Return confidence interval of the mean, and by which method."""
     if values.size < 2:
         return (float("nan"), float("nan")), "none"
     for method in ("BCa", "percentile"):

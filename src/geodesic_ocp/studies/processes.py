@@ -1,4 +1,4 @@
-"""Tasks through any executor, a bounded number of them at a time."""
+"""Many recordings through an executor, or through processes that may die."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Finished = tuple[RecordingTask, "Future[RecordingOutcome]"]
 def completed(
     executor: Executor, tasks: Iterator[RecordingTask], window: int
 ) -> Iterator[Finished]:
-    """Tasks with their futures as they are done; at most `window` are submitted and not done.
+    """Yield tasks with their futures as they are done; at most `window` are submitted and not done.
 
     Without order. After an executor has broken, no more tasks are taken.
     """
@@ -61,7 +61,7 @@ def completed(
 
 
 def failure_of(future: Future[RecordingOutcome]) -> BaseException | None:
-    """The exception of a future that is done; also if a cluster has cancelled it."""
+    """Return the exception of a future that is done; also if a cluster has cancelled it."""
     try:
         return future.exception()
     except CancelledError as failure:
@@ -71,7 +71,7 @@ def failure_of(future: Future[RecordingOutcome]) -> BaseException | None:
 def in_executor(
     executor: Executor, tasks: Iterator[RecordingTask], window: int
 ) -> Iterator[RecordingOutcome]:
-    """Outcomes through an executor of the user's, such as Dask's.
+    """Yield outcomes through an executor of the user's, such as Dask's.
 
     A recording whose process dies is analysed once more, after all others and alone.
 
@@ -150,7 +150,7 @@ def one_thread() -> Iterator[None]:
 
 
 def usable_cores() -> int:
-    """Cores that this process may use."""
+    """Return cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -192,7 +192,7 @@ def _end_with(parent: Any) -> None:
 
 @contextmanager
 def _pool(jobs: int) -> Iterator[Executor]:
-    """Processes with one thread each, which are killed if the body raises."""
+    """Yield processes with one thread each, which are killed if the body raises."""
     others = set(multiprocessing.active_children())
     with one_thread():
         pool = ProcessPoolExecutor(jobs, mp_context=_CONTEXT, initializer=_start, **_RENEWAL)
@@ -208,7 +208,7 @@ def _pool(jobs: int) -> Iterator[Executor]:
 
 
 def in_processes(tasks: Iterator[RecordingTask], jobs: int) -> Iterator[RecordingOutcome]:
-    """Outcomes from `jobs` processes, each with one thread.
+    """Yield outcomes from `jobs` processes, each with one thread.
 
     If a process dies, the recordings that were being analysed are analysed once more, one after the
     other, each in a process of its own, and fail if that dies as well.

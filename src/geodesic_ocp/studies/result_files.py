@@ -1,4 +1,4 @@
-"""Tasks and outcomes of many recordings, as small values that travel between processes."""
+"""Results of recordings as files: tasks, outcomes, keys, and the tables made from them."""
 
 from __future__ import annotations
 
@@ -154,13 +154,13 @@ def result_key(source: RecordingSource, settings: AnalysisSettings) -> str:
 
 
 def result_name(source: RecordingSource, key: str) -> str:
-    """Name of the file of a result."""
+    """Return name of the file of a result."""
     stem = re.sub(r"[^\w.-]+", "_", source.path.stem)[:100]
     return f"{stem}-{source.side}-{key}.json"
 
 
 def results_by_key(folder: Path) -> dict[str, Path]:
-    """The files of results in the output folder, by key; none is opened."""
+    """Return the files of results in the output folder, by key; none is opened."""
     found = {}
     for name in sorted(os.listdir(folder / RESULTS)) if (folder / RESULTS).is_dir() else ():
         if match := _KEY.search(name):
@@ -169,7 +169,7 @@ def results_by_key(folder: Path) -> dict[str, Path]:
 
 
 def read_result(path: Path) -> dict[str, Any] | None:
-    """The record of a result; None if the file is missing, damaged or of another version."""
+    """Return the record of a result; None if the file is missing, damaged or of another version."""
     try:
         record = read_record(path, FORMAT, VERSION, "a result")
         rows = convert(record, _Result, path).recordings
@@ -181,7 +181,7 @@ def read_result(path: Path) -> dict[str, Any] | None:
 
 
 def unfinished(folder: Path) -> Iterator[Path]:
-    """Temporary files that processes which were killed left among the results."""
+    """Yield temporary files that processes which were killed left among the results."""
     yield from (folder / RESULTS).glob(f"{TEMPORARY}*")
 
 
@@ -315,7 +315,7 @@ class CollectedResults:
 def collect(
     folder: Path, outcomes: Sequence[RecordingOutcome]
 ) -> tuple[CollectedResults, list[RecordingOutcome]]:
-    """Rows of all results, and outcomes in which one of several equal motions is kept."""
+    """Return rows of all results, and outcomes in which one of several equal motions is kept."""
     collected, kept, paths = CollectedResults(), [], results_by_key(folder)
     for outcome in outcomes:
         record = read_result(paths[outcome.key]) if outcome.key in paths else None
@@ -330,7 +330,7 @@ def collect(
 
 
 def other_results(folder: Path, outcomes: Iterable[RecordingOutcome]) -> int:
-    """Number of results in the folder that belong to none of these recordings."""
+    """Return number of results in the folder that belong to none of these recordings."""
     return len(set(results_by_key(folder)) - {outcome.key for outcome in outcomes})
 
 

@@ -1,4 +1,4 @@
-"""Subjects and trials from patterns of file names, and from a table of the files."""
+"""The recordings of a study: files, subjects and trials, from patterns or a table."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ class SubjectTable:
         return cls(file, entries)
 
     def find(self, file: str) -> tuple[SubjectEntry, str]:
-        """The entry whose path is the end of this one, or why there is none.
+        """Return the entry whose path is the end of this one, or why there is none.
 
         The longest path counts, and of two as long the one with the suffix.
         """
@@ -188,7 +188,7 @@ def recording_sources(
     pattern: str | None = None,
     table: str | PathLike[str] | None = None,
 ) -> list[RecordingSource]:
-    """The sources of all files, each with its subject and trial.
+    """Return the sources of all files, each with its subject and trial.
 
     A subject is, in this order, that of the table, of the pattern, of the file, the name of the
     file's folder if files of several folders are given, or the file's name. A trial is that of the
@@ -252,7 +252,7 @@ def identity(source: RecordingSource, own_subject: str) -> dict[str, str]:
 def stature(
     settings: AnalysisSettings, source: RecordingSource
 ) -> tuple[float | None, float | None]:
-    """Height [m] and mass [kg] by the settings or the table of subjects; None if unknown."""
+    """Return height [m] and mass [kg] by the settings or the table of subjects; None if unknown."""
     return (
         source.height if settings.height is None else settings.height,
         source.mass if settings.mass is None else settings.mass,
@@ -260,7 +260,7 @@ def stature(
 
 
 def person_row(recording: Recording, settings: AnalysisSettings, source: RecordingSource) -> Row:
-    """Height and mass of the model, what they rest on, and the errors of markers."""
+    """Return height and mass of the model, what they rest on, and the errors of markers."""
     subject, fit = recording.motion.subject, recording.fit
     height, mass = stature_of(subject, *stature(settings, source))
     row: Row = {"height_m": height, "mass_kg": mass}

@@ -195,7 +195,7 @@ class StudyResult:
         return {key: f"{name} ({key})" if count[name] > 1 else name for key, name in labels.items()}
 
     def _values(self, measure: str) -> DataFrame:
-        """The rows that have a measure, in the column `value`.
+        """Return the rows that have a measure, in the column `value`.
 
         Raises:
             ValueError: an unknown measure, or one that the table does not have.
@@ -214,7 +214,7 @@ class StudyResult:
         return [each for each in measures if self._rows[MEASURES[each].column].notna().any()]
 
     def means(self, *measures: str, confidence: float = 0.95, complete: bool = False) -> DataFrame:
-        """Mean over subjects of the subjects' means, of every method under every condition.
+        """Return mean over subjects of the subjects' means, of every method under every condition.
 
         Args:
             measures: "joint", "position", "orientation", these with "_unfiltered" (errors against
@@ -275,12 +275,12 @@ class StudyResult:
         return self._by_condition(_plain(table).rename(index=self.methods, level="method"))
 
     def _by_condition(self, table: DataFrame) -> DataFrame:
-        """The table without the level of the condition if there is only one."""
+        """Return the table without the level of the condition if there is only one."""
         named = table.rename_axis(index={"condition": self.by or "condition"})
         return named if self.by else named.droplevel("condition")
 
     def by_subject(self, measure: str = "joint") -> DataFrame:
-        """Mean over the recordings of each subject (row), of every method (column).
+        """Return mean over the recordings of each subject (row), of every method (column).
 
         Raises:
             ValueError: an unknown measure, or one that the tables do not have.
@@ -417,7 +417,7 @@ class StudyResult:
         raise ValueError(f"against must be one of {known}, got {against!r}")
 
     def synergy_statistics(self) -> DataFrame:
-        """Numbers, durations and lengths of the synergies of each subject, by condition.
+        """Return numbers, durations and lengths of the synergies of each subject, by condition.
 
         Segments at rest count as synergies. Quartiles are over all synergies of a subject; the last
         row of several subjects has the means over them.
@@ -527,7 +527,7 @@ class StudyResult:
         return []
 
     def plot(self) -> Figure:
-        """Errors of joints and hand by method, with subjects as points."""
+        """Return errors of joints and hand by method, with subjects as points."""
         with paper_style():
             return errors_figure([self._drawn(each) for each in self._known(_SHOWN)])
 
@@ -539,7 +539,7 @@ class StudyResult:
         return Means(MEASURES[measure].axis, MEASURES[measure].scale, table, points)
 
     def figures(self, measure: str = "joint", against: str | None = None) -> dict[str, Figure]:
-        """The figures of a paper, by name.
+        """Return the figures of a paper, by name.
 
         "errors": means of joints and hand by method with subjects as points; "differences": paired
         differences from `against`; "synergies": distributions of durations and lengths, and
@@ -624,7 +624,7 @@ class StudyResult:
 
 
 def _plain(table: DataFrame) -> DataFrame:
-    """The table with an index of names, in their order, without categories."""
+    """Return the table with an index of names, in their order, without categories."""
     from pandas import MultiIndex
 
     levels = [table.index.get_level_values(name).astype(object) for name in table.index.names]
@@ -637,25 +637,25 @@ def _named(measure: str) -> str:
 
 
 def _subjects(rows: DataFrame) -> Series:
-    """The person; where the recording names none, its file, or else the recording itself."""
+    """Return the person; where the recording names none, its file, or else the recording itself."""
     named = rows["subject"].where(rows["subject"] != "", rows["file"])
     return named.where(named != "", rows["recording"])
 
 
 def _conditions(rows: DataFrame, by: str | None) -> Series:
-    """The condition of each row; empty without conditions."""
+    """Return the condition of each row; empty without conditions."""
     if by is None:
         return rows["recording"].map(lambda _: "")
     return rows[by].where(rows[by] != "", "not given")
 
 
 def _labels(rows: DataFrame) -> Series:
-    """The label of each row's method."""
+    """Return the label of each row's method."""
     return rows["method_label"].where(rows["method_label"] != "", rows["method"])
 
 
 def _subject_means(rows: DataFrame, keys: list[str]) -> Series:
-    """Mean over the recordings of each subject that has any."""
+    """Return mean over the recordings of each subject that has any."""
     return rows.groupby([*keys, "subject"], observed=True)["value"].mean()
 
 

@@ -125,12 +125,12 @@ def _controller(model: Model) -> ca.Function:
 
 
 def _twist(pose: tuple[ca.SX, ca.SX], target: tuple[ca.SX, ca.SX]) -> ca.SX:
-    """Translation and rotation vector (6,) from one pose to the other, in the base frame."""
+    """Return translation and rotation vector (6,) from one pose to the other, in the base frame."""
     return ca.vertcat(target[1] - pose[1], rotation_log(target[0] @ pose[0].T))
 
 
 def minimum_acceleration(motion: Motion, segments: Sequence[tuple[int, int]]) -> Motion:
-    """The motion that minimizes int |q''|^2 dt on every segment, between the observed ends.
+    """Return the motion that minimizes int |q''|^2 dt on every segment, between the observed ends.
 
     With configurations and velocities given at both ends it is a cubic in every joint. A geodesic
     receives less: two configurations and two speeds, but not the directions of the velocities.
@@ -158,7 +158,7 @@ def minimum_acceleration(motion: Motion, segments: Sequence[tuple[int, int]]) ->
 
 
 def minimum_jerk(motion: Motion, segments: Sequence[tuple[int, int]]) -> Motion:
-    """The motion that minimizes int |q'''|^2 dt on every segment, between the observed ends.
+    """Return the motion that minimizes int |q'''|^2 dt on every segment, between the observed ends.
 
     With configurations, velocities and accelerations given at both ends it is a quintic in every
     joint (Flash and Hogan, J. Neuroscience 5, 1985, for a hand that starts and ends at rest).
@@ -203,7 +203,7 @@ def rates(motion: Motion, values: Array) -> Array:
 def _polynomials(
     motion: Motion, segments: Sequence[tuple[int, int]], derivatives: Sequence[Array]
 ) -> Motion:
-    """Polynomials on the segments with these derivatives, (k, n) each, at their ends."""
+    """Return polynomials on the segments with these derivatives, (k, n) each, at their ends."""
     edges = [0, *(stop for _, stop in as_segments(motion, segments))]
     at_edges = np.stack([values[edges] for values in derivatives], axis=1)
     curve = scipy.interpolate.BPoly.from_derivatives(motion.time[edges], at_edges)
@@ -299,7 +299,7 @@ def _hand_motion(time: Array, rotations: Array, places: Array, turns: Array) -> 
 def distal_inertia(
     model: Model, joints: Sequence[str] | None = None, *, armature: float | None = None
 ) -> KineticEnergy:
-    """The kinetic energy with joint inertia on the distal joints alone, as a control.
+    """Return the kinetic energy with joint inertia on the distal joints alone, as a control.
 
     The kinetic energy makes rotations of the forearm and the wrist nearly cost-free. If making
     them costly were all that joint inertia does, G + diag(a) with a on these joints alone would
@@ -338,5 +338,5 @@ def distal_inertia(
 
 
 def distal_joints(model: Model) -> list[str]:
-    """Forearm rotation and wrist of `human_arm`; none of other models."""
+    """Return forearm rotation and wrist of `human_arm`; none of other models."""
     return [name for name in model.joint_names if name[1:] in _FOREARM_AND_WRIST]

@@ -113,7 +113,7 @@ def optimal_segmentations(
     max_duration: float = 2.0,
     progress: Progress | None = None,
 ) -> OptimalSegmentations:
-    """The cuts that minimize the reconstruction error, for every number of segments.
+    """Return the cuts that minimize the reconstruction error, for every number of segments.
 
     For k segments, the cuts c_0 = 0 < c_1 < ... < c_k at the last sample minimize
 
@@ -224,7 +224,7 @@ class OptimalSegmentations(ShortRepr):
         return list(pairwise(self._cuts(count, refined)[0]))
 
     def error(self, count: int, *, refined: bool = True) -> float:
-        """Mean error of `segments(count)`, in the unit of the measure. Raises likewise."""
+        """Return mean error of `segments(count)`, in the unit of the measure. Raises likewise."""
         return self._cuts(count, refined)[1] / len(self.motion)
 
     def predicted(self, count: int, *, refined: bool = True) -> Motion:
@@ -237,7 +237,7 @@ class OptimalSegmentations(ShortRepr):
         return Motion(seen.time, q, seen.joint_names, subject=seen.subject)
 
     def count_for(self, *, penalty: float | None = None, error: float | None = None) -> int:
-        """The number of segments that a penalty or a largest error selects on the grid.
+        """Return the number of segments that a penalty or a largest error selects on the grid.
 
         Args:
             penalty: the number minimizes the mean error + penalty * number; in the unit of the
@@ -285,7 +285,7 @@ class OptimalSegmentations(ShortRepr):
         return self._refined[count]
 
     def _costs_within(self, pairs: list[tuple[int, int]]) -> list[float]:
-        """Costs of segments; those that last longer than allowed have none."""
+        """Return costs of segments; those that last longer than allowed have none."""
         time, longest = self.motion.time, self.max_duration * (1.0 + _SLACK)
         allowed = [pair for pair in pairs if time[pair[1]] - time[pair[0]] <= longest]
         costs = dict(zip(allowed, self._costs(allowed), strict=True))
@@ -293,7 +293,7 @@ class OptimalSegmentations(ShortRepr):
 
 
 def _candidates(time: Array, spacing: float) -> NDArray[np.int64]:
-    """Indices of the samples nearest to evenly spaced times, both ends included."""
+    """Return indices of the samples nearest to evenly spaced times, both ends included."""
     count = max(1, round(float(time[-1] - time[0]) / spacing))
     wanted = np.linspace(time[0], time[-1], count + 1)
     return np.unique(np.searchsorted((time[1:] + time[:-1]) / 2.0, wanted))

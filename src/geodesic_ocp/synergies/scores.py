@@ -75,7 +75,7 @@ class MotionErrors(ShortRepr):
 
 
 def motion_errors(model: Model, observed: Motion, predicted: Motion) -> MotionErrors:
-    """Mean errors of a predicted motion against the observed one, sample by sample.
+    """Return mean errors of a predicted motion against the observed one, sample by sample.
 
     >>> import geodesic_ocp as go
     >>> import numpy as np
@@ -103,7 +103,7 @@ def motion_errors(model: Model, observed: Motion, predicted: Motion) -> MotionEr
 
 
 def pose_errors(poses: tuple[Array, Array], targets: tuple[Array, Array]) -> MotionErrors:
-    """Mean errors of k hand poses, (k, 3, 3) and (k, 3) each; the joint error is zero."""
+    """Return mean errors of k hand poses, (k, 3, 3) and (k, 3) each; the joint error is zero."""
     distances, angles = pose_differences(poses, targets)
     return MotionErrors(0.0, float(np.mean(distances)), float(np.mean(angles)))
 
@@ -154,7 +154,7 @@ class Scores(ShortRepr):
         return self.rotation_angle / 2.0
 
     def table(self) -> DataFrame:
-        """All scores, one a row."""
+        """Return all scores, one a row."""
         rows = tuple((label, float(getattr(self, name))) for name, label in SCORES.items())
         return new_table(("score", "value"), rows)
 
@@ -221,7 +221,7 @@ def score(
 
 
 def _comparable(model: Model, observed: Motion, predicted: Motion) -> tuple[Motion, Motion]:
-    """The joints of the model of two motions with the same sample times."""
+    """Return the joints of the model of two motions with the same sample times."""
     observed, predicted = (motion.select(model.joint_names) for motion in (observed, predicted))
     if not np.array_equal(observed.time, predicted.time):
         raise ValueError("the observed and the predicted motion must have the same sample times")
@@ -229,7 +229,7 @@ def _comparable(model: Model, observed: Motion, predicted: Motion) -> tuple[Moti
 
 
 def action(metric: Metric, motion: Motion) -> float:
-    """The action int 1/2 |q'|_G^2 dt of a motion, along the chords between its samples.
+    """Return the action int 1/2 |q'|_G^2 dt of a motion, along the chords between its samples.
 
     With the kinetic-energy metric it is the mean kinetic energy times the duration [J s].
 
@@ -292,7 +292,7 @@ def nearest_on_path(points: Array, path: Array) -> Array:
 
 
 def hand_twists(model: Model, motion: Motion) -> Array:
-    """Linear [m/s] and angular [rad/s] velocities (k, 6) of the hand, J(q) q', in base axes.
+    """Return linear [m/s] and angular [rad/s] velocities (k, 6) of the hand, J(q) q', in base axes.
 
     q' is the motion's velocity, or the derivative of the spline through its samples if it has none.
     """
@@ -302,7 +302,7 @@ def hand_twists(model: Model, motion: Motion) -> Array:
 
 
 def hand_speeds(model: Model, motion: Motion) -> Array:
-    """Speeds (k,) of the hand's position [m/s]."""
+    """Return speeds (k,) of the hand's position [m/s]."""
     return np.asarray(np.linalg.norm(hand_twists(model, motion)[:, :3], axis=1))
 
 
@@ -313,7 +313,7 @@ def _twist(model: Model) -> ca.Function:
 
 
 def _nearest(observed: Array, predicted: Array, segments: Sequence[tuple[int, int]]) -> Array:
-    """Points (k, n) of the predicted path nearest to the samples, within the same segment.
+    """Return points (k, n) of the predicted path nearest to the samples, within the same segment.
 
     A sample that two segments share belongs to the one that starts there.
     """
@@ -329,7 +329,7 @@ def _rms(values: Array) -> float:
 
 
 def _correlation(first: Array, second: Array) -> float:
-    """Pearson's correlation coefficient; NaN if one of them is constant up to rounding."""
+    """Return Pearson's correlation coefficient; NaN if one of them is constant up to rounding."""
     if any(np.ptp(values) <= 1e-12 * np.abs(values).max() for values in (first, second)):
         return float("nan")
     return float(np.corrcoef(first, second)[0, 1])

@@ -111,7 +111,7 @@ def segment(
 
 
 def observed_velocity(motion: Motion) -> Array:
-    """The motion's velocities (k, n); ValueError if it has none."""
+    """Return the motion's velocities (k, n); ValueError if it has none."""
     if motion.velocity is None:
         raise ValueError("the motion has no velocities; use motion.filtered()")
     return motion.velocity
@@ -206,7 +206,7 @@ class _Observed:
     state: NDArray[np.uint8]
 
     def cuts(self, threshold: float, hysteresis: float, duration: float) -> list[float]:
-        """Times of the cuts, the ends of the motion and of long rests included."""
+        """Return times of the cuts, the ends of the motion and of long rests included."""
         resting = self.state == IN_LONG_REST
         inner = np.flatnonzero(np.diff(resting[:-1])) + 1
         cuts: list[float] = []
@@ -224,7 +224,7 @@ class _Observed:
     def _cuts_within(
         self, start: int, stop: int, threshold: float, hysteresis: float, duration: float
     ) -> list[float]:
-        """Cuts in a stretch between long rests."""
+        """Return cuts in a stretch between long rests."""
         cuts: list[float] = []
         last = begin = float(self.times[start])
         first = start
@@ -292,7 +292,7 @@ def _states(times: Array, speed: Array, level: float, rest_duration: float) -> n
 
 
 def _rest_level(metric: Metric, motion: Motion, speed: Array, rest: float) -> float:
-    """Speed up to which the motion rests, which depends on the noise that the filter left.
+    """Return speed up to which the motion rests, which depends on the noise that the filter left.
 
     With noise of standard deviations sigma_i of the joints' velocities, independent of each other,
     the mean square of its speed |q'|_G is sum_i G_ii sigma_i^2.
@@ -309,12 +309,12 @@ def _rest_level(metric: Metric, motion: Motion, speed: Array, rest: float) -> fl
 
 
 def _parts(motion: Motion) -> int:
-    """Parts of every step between two samples, so that none is longer than 5 ms."""
+    """Return parts of every step between two samples, so that none is longer than 5 ms."""
     return max(1, int(np.ceil(np.diff(motion.time).max() / _LONGEST - 0.01)))
 
 
 def _nearest_samples(motion: Motion, times: Sequence[float]) -> list[int]:
-    """The samples nearest to these times, in order and without repetition."""
+    """Return the samples nearest to these times, in order and without repetition."""
     middles = 0.5 * (motion.time[:-1] + motion.time[1:])
     samples: list[int] = np.unique(np.searchsorted(middles, times)).tolist()
     return samples
@@ -328,7 +328,7 @@ def _times_between(motion: Motion, parts: int) -> Array:
 
 
 def _velocity_between(motion: Motion, times: Array) -> Array:
-    """Velocities (m, n) at these times from those of the samples.
+    """Return velocities (m, n) at these times from those of the samples.
 
     A filtered motion has no high frequencies, and a cubic spline through its velocities follows it
     closely. Other velocities may jump from one sample to the next: they are interpolated linearly.
@@ -341,7 +341,7 @@ def _velocity_between(motion: Motion, times: Array) -> Array:
 
 
 def as_threshold(threshold: float) -> float:
-    """The argument as an angle in (0, pi) [rad]; ValueError if it is not."""
+    """Return the argument as an angle in (0, pi) [rad]; ValueError if it is not."""
     threshold = as_positive("threshold", threshold, "rad")
     if threshold >= np.pi:
         raise ValueError(f"threshold must be below pi rad, got {threshold:g} (in degrees?)")
@@ -387,7 +387,7 @@ def segment_zero_velocity(
 
 
 def _zero_crossings(time: Array, velocity: Array) -> list[float]:
-    """Times at which one joint's velocity changes its sign, by linear interpolation."""
+    """Return times at which one joint's velocity changes its sign, by linear interpolation."""
     nonzero = np.flatnonzero(velocity)
     changes = np.flatnonzero(np.diff(np.sign(velocity[nonzero])))
     before, after = nonzero[changes], nonzero[changes + 1]

@@ -81,7 +81,7 @@ class SegmentCosts:
     def __call__(
         self, segments: Sequence[Pair], progress: Callable[[int], object] | None = None
     ) -> list[float]:
-        """Costs of segments, inf where no geodesic is found."""
+        """Return costs of segments, inf where no geodesic is found."""
         if new := sorted({pair for pair in segments if pair not in self._costs}):
             self._plan(new, progress or (lambda done: None))
             self._measure(new)
@@ -131,7 +131,7 @@ class SegmentCosts:
             self._costs.update(zip(found, totals, strict=True))
 
     def _errors(self, samples: np.ndarray, q: Array) -> Array:
-        """Errors (k,) of configurations (k, n) that are predicted for these samples."""
+        """Return errors (k,) of configurations (k, n) that are predicted for these samples."""
         if self.measure == "joint":
             return np.asarray(np.mean(np.abs(q - self.motion.q[samples]), axis=1))
         differences = [
@@ -141,7 +141,7 @@ class SegmentCosts:
         return np.asarray(np.mean(differences, axis=0)[0 if self.measure == "position" else 1])
 
     def _hand_poses(self, q: Array) -> list[tuple[Array, Array]]:
-        """Poses of each hand in many configurations of the motion's joints."""
+        """Return poses of each hand in many configurations of the motion's joints."""
         blocks = np.split(q[:, self._columns], range(_ROWS, len(q), _ROWS))
         hands = []
         for hand in self._model.hands:
@@ -152,7 +152,7 @@ class SegmentCosts:
 
 
 def predict_segment(metric: Metric, motion: Motion, speed: Array, start: int, stop: int) -> Array:
-    """Configurations (stop - start + 1, n) at the samples from start to stop.
+    """Return configurations (stop - start + 1, n) at the samples from start to stop.
 
     Args:
         metric: metric whose geodesic connects the observed configurations at the two ends.

@@ -79,7 +79,7 @@ class Synergy(ShortRepr):
         return result[0] if np.ndim(t) == 0 else result
 
     def states(self, t: Array, order: int = 2) -> tuple[Array, ...]:
-        """Configurations, velocities and accelerations, (k, n) each, at times t (k,) [s].
+        """Return configurations, velocities and accelerations, (k, n) each, at times t (k,) [s].
 
         Derivatives above the given order are left out.
         """
@@ -87,7 +87,7 @@ class Synergy(ShortRepr):
 
 
 def as_segments(motion: Motion, segments: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """The (start, stop) sample indices as integers.
+    """Return the (start, stop) sample indices as integers.
 
     Raises:
         ValueError: they are not pairs, do not cover the motion without gaps, or one does not end
@@ -175,7 +175,7 @@ def reconstruct(
 
 
 def law_of_segment(motion: Motion, speed: Array, length: float, start: int, stop: int) -> TimeLaw:
-    """The time law over a path of this length between two samples.
+    """Return the time law over a path of this length between two samples.
 
     Args:
         motion: observed.
@@ -199,7 +199,7 @@ class _PathRecord:
     ends: tuple[float, ...] | None = None
 
     def path(self, metric: Metric) -> Path:
-        """The path itself, whose metric the file does not contain."""
+        """Return the path itself, whose metric the file does not contain."""
         return Path(metric, Grid(self.segments, self.degree, self.ends), self.nodes)
 
 
@@ -307,7 +307,7 @@ class SavedSynergies(ShortRepr):
 
 
 def read_saved_synergies(file: str | PathLike[str]) -> SavedSynergies:
-    """The motion that the synergies in a file predict.
+    """Return the motion that the synergies in a file predict.
 
     A geodesic has a constant speed in its metric, so the fraction of its length that a synergy has
     covered is the parameter of its path, and the metric is not needed. Paths of a robot under

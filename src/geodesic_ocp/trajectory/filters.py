@@ -61,7 +61,7 @@ class MotionFilter(ShortRepr):
         return _BANDWIDTH_OF_WINDOW / float(self.duration or np.inf)
 
     def select(self, columns: list[int]) -> MotionFilter:
-        """The filter of these joints."""
+        """Return the filter of these joints."""
         noise, velocity_noise = self.noise[columns], self.velocity_noise[columns]
         return replace(self, noise=noise, velocity_noise=velocity_noise)
 
@@ -171,7 +171,7 @@ def locally_fitted(time: Array, q: Array, window: int, order: int) -> Filtered:
 
 
 def window_of(duration: float, rate: float, order: int) -> int:
-    """The odd number of samples nearest to a duration [s] at this rate [Hz].
+    """Return the odd number of samples nearest to a duration [s] at this rate [Hz].
 
     Raises:
         ValueError: the duration is not positive, or has too few samples for this order.
@@ -188,7 +188,7 @@ def window_of(duration: float, rate: float, order: int) -> int:
 
 
 def without_aliases(q: Array, rate: float, new_rate: float) -> Array:
-    """Samples q (k, n), taken at `rate`, without what `new_rate` [Hz] could not represent.
+    """Return samples q (k, n), taken at `rate`, without what `new_rate` [Hz] could not represent.
 
     A Butterworth filter of order 8 runs forwards and backwards; it halves the amplitude at 0.9
     times half the new rate. The ends are continued by point reflection.

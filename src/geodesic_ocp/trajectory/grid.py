@@ -58,7 +58,7 @@ class Grid(ShortRepr):
             object.__setattr__(self, name, value)
 
     def with_via_points(self, via_s: Sequence[float]) -> Grid:
-        """The grid with via points at these s, increasing between 0 and 1.
+        """Return the grid with via points at these s, increasing between 0 and 1.
 
         The segments are distributed in proportion to the distances between via points, at least
         two each, and have equal widths between two of them.
@@ -76,7 +76,7 @@ class Grid(ShortRepr):
         return Grid(len(ends) - 1, self.degree, tuple(ends.tolist()), inner)
 
     def with_via_points_at(self, via_s: Sequence[float]) -> Grid:
-        """The grid with its via points at other s; the segments between them are scaled."""
+        """Return the grid with its via points at other s; the segments between them are scaled."""
         old = [0.0, *self.breakpoints[list(self.via_segments)], 1.0]
         ends = np.interp(self.breakpoints, old, [0.0, *via_s, 1.0])
         return replace(self, ends=tuple(ends.tolist()))
@@ -198,7 +198,7 @@ class _Reference:
 
 
 def _interpolation(reference: _Reference, x: Array) -> Array:
-    """Barycentric interpolation from the nodes to x (k,) in [-1, 1]: (k, degree + 1)."""
+    """Return Barycentric interpolation from the nodes to x (k,) in [-1, 1]: (k, degree + 1)."""
     distance = x[:, None] - reference.nodes
     on_node = distance == 0.0
     terms = reference.barycentric / np.where(on_node, 1.0, distance)

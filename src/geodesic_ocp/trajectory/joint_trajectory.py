@@ -199,7 +199,7 @@ class JointTrajectory(ShortRepr):
         return text.getvalue()
 
     def json(self) -> str:
-        """JSON with the fields of the ROS 2 message trajectory_msgs/msg/JointTrajectory.
+        """Return JSON with the fields of the ROS 2 message trajectory_msgs/msg/JointTrajectory.
 
         The message has no units: controllers take rad and m.
         """
@@ -216,7 +216,7 @@ class JointTrajectory(ShortRepr):
         return json.dumps(message, indent=1)
 
     def npz(self) -> bytes:
-        """A NumPy archive (.npz) of plain arrays, read by `numpy.load`.
+        """Return a NumPy archive (.npz) of plain arrays, read by `numpy.load`.
 
         `time` (k,) [s]; `position`, `velocity`, `acceleration` (k, n); `effort` (k, n) if there is
         any; `joint_names` and `units` (n,) of text; `rate` [Hz], NaN for uneven samples.

@@ -66,7 +66,7 @@ class FrameMotion(ShortRepr):
         return len(self.positions)
 
     def interpolated(self, time: Array, at: Array) -> FrameMotion:
-        """The poses at other times, from those at `time`.
+        """Return the poses at other times, from those at `time`.
 
         Positions by cubic spline, rotations along the shortest rotation between two samples; before
         the first sample and after the last the pose is theirs.
@@ -187,7 +187,7 @@ class Motion:
         return self.time
 
     def __call__(self, s: ArrayLike, order: int = 0) -> Array:
-        """Coordinates at times s [s], or a derivative: the cubic spline through the samples.
+        """Return coordinates at times s [s], or a derivative: the cubic spline through the samples.
 
         Raises:
             ValueError: s lies outside the recording.
@@ -203,7 +203,7 @@ class Motion:
     # -- other motions from this one -----------------------------------------------------------
 
     def select(self, joints: Sequence[str]) -> Motion:
-        """The motion of these joints, in this order.
+        """Return the motion of these joints, in this order.
 
         Raises:
             ValueError: the motion lacks a joint.
@@ -222,7 +222,7 @@ class Motion:
         return replace(self, **chosen, joint_names=tuple(joints), filter=used)
 
     def resampled(self, rate: float) -> Motion:
-        """The motion at `rate` evenly spaced samples per second [Hz], by cubic spline.
+        """Return the motion at `rate` evenly spaced samples per second [Hz], by cubic spline.
 
         To a lower rate, what the new samples cannot represent is filtered out first (zero-phase
         Butterworth filter, half the amplitude at 0.9 times half the new rate), as what lies above
@@ -252,7 +252,7 @@ class Motion:
         cutoff: float | None = None,
         duration: float | None = None,
     ) -> Motion:
-        """Positions and velocities without noise, by a zero-phase filter.
+        """Return positions and velocities without noise, by a zero-phase filter.
 
         Without arguments, a smoothing spline whose cut-off frequency is chosen from the noise floor
         of the recording, between 3 and 12 Hz: the one that minimizes the expected error of the

@@ -143,7 +143,7 @@ class Path:
         return float(0.5 * np.sum(fine.weights * speeds**2))
 
     def at_length(self, lengths: ArrayLike) -> Array:
-        """Path parameters s (k,) at which the arc length from the start has the values (k,).
+        """Return path parameters s (k,) at which the arc length from the start has the values (k,).
 
         Raises:
             ValueError: a length below zero or above the path's length.
@@ -183,7 +183,7 @@ class Path:
         return fine, values * (self.length / max(before[-1], _TINY))
 
     def resample(self, count: int, by: str = "length") -> Array:
-        """Evenly spaced positions (count, n) from one end to the other.
+        """Return evenly spaced positions (count, n) from one end to the other.
 
         Args:
             count: number of positions, at least two.

@@ -117,7 +117,7 @@ def _from_table(path: Path) -> _Content:
 
 
 def _numbers(lines: list[str], start: int, columns: int) -> Array:
-    """Entries of the rows below the header; lines that start with # are left out."""
+    """Return entries of the rows below the header; lines that start with # are left out."""
     table = []
     for number, row in enumerate(csv.reader(lines[start:]), start=start + 1):
         if row and not row[0].startswith("#"):
@@ -135,7 +135,7 @@ def _numbers(lines: list[str], start: int, columns: int) -> Array:
 def _trajectory(
     time: Array, arrays: dict[str, Array], names: tuple[str, ...], units: tuple[str, ...]
 ) -> JointTrajectory:
-    """The trajectory, with derivatives of splines for those that are missing."""
+    """Return the trajectory, with derivatives of splines for those that are missing."""
     positions, velocities = arrays["position"], arrays.get("velocity")
     accelerations, efforts = arrays.get("acceleration"), arrays.get("effort")
     if velocities is None or accelerations is None:

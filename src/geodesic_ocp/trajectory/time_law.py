@@ -114,7 +114,7 @@ def time_law(
     monotone: bool = False,
     max_speed: float | None = None,
 ) -> TimeLaw:
-    """The minimum-acceleration s(t) over a length in a duration, with given end speeds.
+    """Return the minimum-acceleration s(t) over a length in a duration, with given end speeds.
 
     Args:
         length: l >= 0, in the metric's unit.
@@ -184,7 +184,7 @@ def _speed_range(length: float, start: float, end: float) -> tuple[float, float]
 def _with_pause(
     failure: str, length: float, start: float, end: float
 ) -> tuple[Array, Array, Array]:
-    """Knots, positions and speeds over a unit of time: brake to rest, pause, accelerate.
+    """Return knots, positions and speeds over a unit of time: brake to rest, pause, accelerate.
 
     Raises:
         ValueError: the length is too short, in the words of `failure`.
@@ -208,7 +208,7 @@ _SAME = 1e-6  # of lengths, relative
 
 
 def motion_along(path: Path, timing: float | TimeLaw, rate: float = 100.0) -> Motion:
-    """The motion along a path under a time law, or from rest to rest in a duration [s].
+    """Return the motion along a path under a time law, or from rest to rest in a duration [s].
 
     Raises:
         ValueError: a duration or rate that is not positive, a path of zero length, or a time law

@@ -33,7 +33,7 @@ _POLICY = (
 
 
 def document(title: str, body: str) -> str:
-    """A complete page with a stylesheet and the scripts that `fragment`s in its body need.
+    """Return a complete page with a stylesheet and the scripts that `fragment`s in its body need.
 
     Browsers run no other scripts in it, those of the body included.
 
@@ -69,13 +69,13 @@ def document(title: str, body: str) -> str:
 
 
 def _source(script: str) -> str:
-    """A script, as a policy names it, https://www.w3.org/TR/CSP3/."""
+    """Return a script, as a policy names it, https://www.w3.org/TR/CSP3/."""
     digest = hashlib.sha256(script.encode()).digest()
     return f"'sha256-{base64.b64encode(digest).decode('ascii')}'"
 
 
 def _library() -> str:
-    """Meshcat's JavaScript with the licences of what it contains."""
+    """Return meshcat's JavaScript with the licences of what it contains."""
     found = find_spec("meshcat")  # importing it would import its web server
     if found is None or found.origin is None:
         raise ImportError("the viewer needs meshcat: pip install 'geodesic_ocp[viewer]'")
@@ -113,7 +113,7 @@ def extremes(scene: Scene) -> Array:
 
 
 def _extreme(points: Array, directions: Array) -> Array:
-    """The points among (k, 3) that are farthest in one of the directions (m, 3)."""
+    """Return the points among (k, 3) that are farthest in one of the directions (m, 3)."""
     if not len(points):
         return points
     farthest: Array = points[np.unique(np.argmax(points @ directions.T, axis=0))]
@@ -133,7 +133,7 @@ _UNKNOWN = -32768
 
 
 def packed(values: ArrayLike) -> dict[str, Any]:
-    """Columns of (..., n) numbers, each in 65535 steps between its extremes; NaN stays NaN.
+    """Return columns of (..., n) numbers, each in 65535 steps between its extremes; NaN stays NaN.
 
     A motion within 2 m is stored to 0.02 mm.
     """
@@ -151,7 +151,7 @@ def packed(values: ArrayLike) -> dict[str, Any]:
 
 
 def encoded(array: NDArray[Any]) -> str:
-    """The bytes of an array in base64."""
+    """Return the bytes of an array in base64."""
     return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode("ascii")
 
 
@@ -161,7 +161,7 @@ Shapes = dict[tuple[bytes, bytes], int]  # numbers of the meshes that were met s
 
 
 def described(playback: Playback) -> dict[str, Any]:
-    """Everything that is drawn in three dimensions, and the spans; see scripts/page.js."""
+    """Return everything that is drawn in three dimensions, and the spans; see scripts/page.js."""
     shapes: Shapes = {}
     bodies: list[dict[str, Any]] = []
     scenes = [_scene(scene, shapes, bodies) for scene in playback.scenes]
@@ -184,7 +184,7 @@ def described(playback: Playback) -> dict[str, Any]:
 
 
 def _plain(data: Any) -> Any:
-    """The same with all texts, most of which are names from files, as `plain_text`."""
+    """Return the same with all texts, most of which are names from files, as `plain_text`."""
     if isinstance(data, str):
         return plain_text(data)
     if isinstance(data, dict):
@@ -193,7 +193,7 @@ def _plain(data: Any) -> Any:
 
 
 def _look(role: str, style: Mapping[str, Any]) -> dict[str, Any]:
-    """Colours of lines and bodies, and lengths of dash and gap in widths of the line."""
+    """Return colours of lines and bodies, and lengths of dash and gap in widths of the line."""
     line = style.get("linestyle")
     body = [round(each, 4) for each in role_tint(role)]
     return {"colour": style["color"], "body": body, "dash": line[1] if line else None}
@@ -267,7 +267,7 @@ def _actor(actor: Actor, shapes: Shapes, bodies: list[dict[str, Any]]) -> dict[s
 
 
 def _body(vertices: Array, triangles: Any, shapes: Shapes, bodies: list[dict[str, Any]]) -> int:
-    """Number of a body, which is stored once however often it is shown.
+    """Return number of a body, which is stored once however often it is shown.
 
     Its faces share vertices where it looks smooth.
     """
@@ -288,7 +288,7 @@ def _body(vertices: Array, triangles: Any, shapes: Shapes, bodies: list[dict[str
 
 
 def _poses(rotations: Array, positions: Array) -> dict[str, Any]:
-    """Positions, and unit quaternions (x, y, z, w) whose signs do not jump."""
+    """Return positions, and unit quaternions (x, y, z, w) whose signs do not jump."""
     turns = Rotation.from_matrix(rotations).as_quat()
     flips = np.where(np.sum(turns[1:] * turns[:-1], axis=1) < 0.0, -1.0, 1.0)
     turns[1:] *= np.cumprod(flips)[:, None]
@@ -304,7 +304,7 @@ def _trail(trail: Trail) -> dict[str, Any]:
 
 
 def _even(points: Array) -> Array:
-    """Points at even distances along a line, which rests and detours do not crowd."""
+    """Return points at even distances along a line, which rests and detours do not crowd."""
     known = points[np.isfinite(points).all(axis=1)]
     if len(known) < 2:
         return known
@@ -315,7 +315,7 @@ def _even(points: Array) -> Array:
 
 
 def fragment(playback: Playback) -> str:
-    """HTML of panes, playback bar and plots, to be put into the body of a `document`.
+    """Return HTML of panes, playback bar and plots, to be put into the body of a `document`.
 
     It may stand there several times, among other HTML; it has no heading of its own.
     """

@@ -1,4 +1,4 @@
-"""Layout: where in the frame the panes, the bars and the plots are."""
+"""The frame of a video: the places of panes, bars and plots, and what Matplotlib draws there."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def layout(playback: Playback, width: int, aspect: float) -> Layout:
 
 
 def heading(playback: Playback) -> str:
-    """The title above all panes: none if that of a single pane says the same."""
+    """Return the title above all panes: none if that of a single pane says the same."""
     only = playback.scenes[0].title if len(playback.scenes) == 1 else ""
     return "" if playback.title == only else playback.title
 
@@ -104,7 +104,7 @@ _LEAST_OF_TITLE = 3  # letters
 
 
 def chart_frame(box: Box, plot: Plot, unit: float) -> tuple[float, float, float, float]:
-    """The frame of the axes in the box of a plot, with room for labels and legend."""
+    """Return the frame of the axes in the box of a plot, with room for labels and legend."""
     left, top, width, height = box
     above = 24 * unit + _columns(plot, width / unit - 60)[1] * _ROW * unit
     return left + 46 * unit, top + above, width - 60 * unit, height - above - 38 * unit
@@ -155,7 +155,7 @@ def shorten(text: Any, width: float) -> None:
 
 
 def _columns(plot: Plot, width: float) -> tuple[int, int]:
-    """Columns and rows of the legend in this width [px of 960]; none for a single curve."""
+    """Return columns and rows of the legend in this width [px of 960]; none for a single curve."""
     if not 1 < len(plot.curves) <= MOST_NAMED:
         return 0, 0
     longest = max(len(plain_text(curve.name)) for curve in plot.curves)
@@ -166,7 +166,7 @@ def _columns(plot: Plot, width: float) -> tuple[int, int]:
 
 
 def _cut(name: str, letters: int) -> str:
-    """A name, of which the middle is left out where it is longer."""
+    """Return a name, of which the middle is left out where it is longer."""
     if len(name) <= letters:
         return name
     return f"{name[: (letters - 1) // 2]}…{name[len(name) - letters // 2 :]}"
@@ -292,7 +292,7 @@ def _place_name(name: Any, mark: Any) -> None:
 
 
 def clock_text(playback: Playback, instant: float) -> str:
-    """The time as it is shown below the panes."""
+    """Return the time as it is shown below the panes."""
     if playback.time_label == PARAMETER:
         return f"s = {instant:.2f}"
     unit = playback.time_label.partition("[")[2].partition("]")[0]

@@ -1,4 +1,4 @@
-"""Part: a rigid or stretched surface of a scene over time, ready to be drawn."""
+"""The panes of a video: scenes drawn from one camera."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def is_shown(layer: str, layers: Collection[str]) -> bool:
 
 
 def scene_parts(scene: Scene, layers: Collection[str], pixels: float = _PIXELS) -> tuple[Part, ...]:
-    """Surfaces of the actors, obstacles and ellipsoids of a scene.
+    """Return surfaces of the actors, obstacles and ellipsoids of a scene.
 
     They have about 12000 triangles in a large pane, fewer in one of fewer pixels.
     """
@@ -82,7 +82,7 @@ def scene_parts(scene: Scene, layers: Collection[str], pixels: float = _PIXELS) 
 
 
 def role_tint(role: str) -> Colour:
-    """The colour of a role, slightly lighter than in plots."""
+    """Return the colour of a role, slightly lighter than in plots."""
     from matplotlib.colors import to_rgb
 
     red, green, blue = (1.0 - _TINT) * np.array(to_rgb(ROLES[role]["color"])) + _TINT
@@ -90,7 +90,7 @@ def role_tint(role: str) -> Colour:
 
 
 def scene_points(scene: Scene, parts: tuple[Part, ...], layers: Collection[str]) -> Array:
-    """Points (m, 3) [m] that span the space in which the scene takes place."""
+    """Return points (m, 3) [m] that span the space in which the scene takes place."""
     points = [trail.points for trail in scene.trails if is_shown(trail.layer, layers)]
     points += [
         cloud.positions.reshape(-1, 3) for cloud in scene.clouds if is_shown(cloud.layer, layers)
@@ -109,7 +109,7 @@ def scene_points(scene: Scene, parts: tuple[Part, ...], layers: Collection[str])
 
 
 def _extremes(points: Array) -> Array:
-    """The points (k, 3) that are farthest in each of 26 directions."""
+    """Return the points (k, 3) that are farthest in each of 26 directions."""
     steps = np.array(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3)).reshape(3, -1)
     chosen: Array = points[np.unique((points @ steps).argmax(axis=0))]
     return chosen
@@ -168,7 +168,7 @@ class Pane:
     trails: tuple[tuple[Trail, Stroke], ...]
 
     def picture(self, instant: float) -> NDArray[np.uint8]:
-        """The scene at an instant, (height, width, 3)."""
+        """Return the scene at an instant, (height, width, 3)."""
         from PIL import Image
 
         when = moment(self.scene.time, instant)
@@ -261,7 +261,7 @@ class Pane:
                         draw_disc(picture, place, 2.2 * self.scale, colour, 1.0)
 
     def _unhidden(self, line: Stroke, closeness: Single) -> Array:
-        """Opacity of the pixels of a line: less where a surface is before it."""
+        """Return opacity of the pixels of a line: less where a surface is before it."""
         seen = line.fragments
         return np.where(seen.closeness >= closeness[seen.pixels], 1.0, _HIDDEN)
 
@@ -295,7 +295,7 @@ def pane(
 
 
 def _groups(parts: tuple[Part, ...]) -> list[tuple[Part, ...]]:
-    """Parts through which others are seen: those of one colour and opacity together."""
+    """Return parts through which others are seen: those of one colour and opacity together."""
     groups: dict[object, list[Part]] = {}
     for part in parts:
         if part.alpha < 1.0:
@@ -304,7 +304,7 @@ def _groups(parts: tuple[Part, ...]) -> list[tuple[Part, ...]]:
 
 
 def role_colour(role: str) -> tuple[float, float, float]:
-    """Red, green and blue, from 0 to 1, of a role."""
+    """Return red, green and blue, from 0 to 1, of a role."""
     from matplotlib.colors import to_rgb
 
     return to_rgb(ROLES[role]["color"])

@@ -1,4 +1,4 @@
-"""Part: a rigid or stretched surface of a scene over time, ready to be drawn."""
+"""Parts: rigid or stretched surfaces of a scene over time, ready to be drawn."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Part:
 def smooth_surface(
     vertices: Array, triangles: NDArray[np.int64], most: int
 ) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Vertices, normals and triangles of a surface of about `most` triangles, edges kept."""
+    """Return vertices, normals and triangles of a surface of about `most` triangles, edges kept."""
     import fast_simplification
     import trimesh
 
@@ -77,7 +77,7 @@ class Moment:
     weight: float
 
     def of(self, samples: Array) -> Array:
-        """The value of samples (k, ...) there; a single one is constant."""
+        """Return the value of samples (k, ...) there; a single one is constant."""
         if len(samples) == 1 or self.before == self.after:
             sample: Array = samples[min(self.before, len(samples) - 1)]
             return sample
@@ -87,7 +87,7 @@ class Moment:
 
 
 def moment(time: Array, instant: float) -> Moment:
-    """The instant, or the end of the time (k,) that is nearest to it."""
+    """Return the instant, or the end of the time (k,) that is nearest to it."""
     after = int(np.clip(np.searchsorted(time, instant), 0, len(time) - 1))
     if after == 0 or instant >= time[-1]:
         return Moment(after, after, 0.0)

@@ -1,4 +1,4 @@
-"""Camera: a perspective view of a scene."""
+"""Rendering: a perspective camera, a depth buffer, light, shadows and strokes."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Camera:
     shape: tuple[int, int]
 
     def project(self, points: Array) -> tuple[Array, Array]:
-        """Pixels (..., 2) and depths (...,) [m] of points (..., 3) [m]."""
+        """Return pixels (..., 2) and depths (...,) [m] of points (..., 3) [m]."""
         seen = (points - self.eye) @ self.axes.T
         depth = seen[..., 2]
         scale = self.focal / np.maximum(depth, NEAR)
@@ -45,7 +45,7 @@ class Camera:
         return pixels + self.middle, depth
 
     def coarser(self, factor: int) -> Camera:
-        """The same view with one pixel in place of factor^2."""
+        """Return the same view with one pixel in place of factor^2."""
         height, width = self.shape
         shape = height // factor, width // factor
         return Camera(self.eye, self.axes, self.focal / factor, self.middle / factor, shape)
@@ -59,7 +59,7 @@ def cameras(
     around: bool = False,
     elevation: float | None = None,
 ) -> list[Camera]:
-    """Cameras that see all points (m, 3) [m] of each scene, all at the same scale.
+    """Return cameras that see all points (m, 3) [m] of each scene, all at the same scale.
 
     They look from azimuth and elevation [deg], see `Playback`; the lowest points are equally high
     in all. With `around`, everything is seen from any azimuth.
@@ -95,7 +95,7 @@ def cameras(
 
 
 def turned(camera: Camera, target: Array, angle: float) -> Camera:
-    """The camera moved around a vertical axis through the target (3,) by an angle [rad]."""
+    """Return the camera moved around a vertical axis through the target (3,) by an angle [rad]."""
     cos, sin = np.cos(angle), np.sin(angle)
     turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     eye = target + turn @ (camera.eye - target)
@@ -111,7 +111,7 @@ def _axes(azimuth: float, elevation: float) -> Array:
 
 
 def _around(points: Array, target: Array) -> Array:
-    """Points on circles that the given ones describe about a vertical axis."""
+    """Return points on circles that the given ones describe about a vertical axis."""
     radius = np.linalg.norm((points - target)[:, :2], axis=1)
     angles = np.arange(0.0, 2.0 * np.pi, np.pi / 8.0)
     ring = np.column_stack([np.cos(angles), np.sin(angles)])
@@ -142,7 +142,7 @@ class Fragments:
 
 
 def nearest_fragments(corners: Array, depths: Array, shape: tuple[int, int]) -> Fragments:
-    """The nearest of the triangles in each pixel of a picture of this height and width.
+    """Return the nearest of the triangles in each pixel of a picture of this height and width.
 
     A pixel belongs to the triangles that contain its centre, see Pineda, A parallel algorithm for
     polygon rasterization, 1988, for the edge functions E(x, y) = a x + b y + c.
@@ -198,7 +198,7 @@ def nearest_fragments(corners: Array, depths: Array, shape: tuple[int, int]) -> 
 def _counted(
     first: NDArray[np.int64], counts: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Owner and value of first[i], first[i] + 1, ... (counts[i] values) of all i."""
+    """Return owner and value of first[i], first[i] + 1, ... (counts[i] values) of all i."""
     owner = np.repeat(np.arange(len(counts)), counts)
     ends = np.cumsum(counts)
     return owner, np.arange(len(owner)) + np.repeat(first - ends + counts, counts)
@@ -218,7 +218,7 @@ _SHADOW, _COARSE, _BLUR = 0.15, 4, 3.0  # darkness; scale and radius [coarse pix
 
 
 def lit(colours: Single, normals: Single, camera: Camera) -> Single:
-    """Colours (p, 3) of surfaces with these colours and normals (p, 3), not of unit length.
+    """Return colours (p, 3) of surfaces with these colours and normals (p, 3), not of unit length.
 
     Lambert, Photometria, 1760, for two lights and a sky; Blinn, 1977, for the highlight.
     """
@@ -237,7 +237,7 @@ def lit(colours: Single, normals: Single, camera: Camera) -> Single:
 
 
 def floor_picture(camera: Camera, centre: Array, radius: float) -> Array:
-    """A grid on the floor (height, width, 3) around its centre (3,) [m], fading to paper."""
+    """Return a grid on the floor (height, width, 3) around its centre (3,) [m], fading to paper."""
     height, width = camera.shape
     x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     rays = np.stack(
@@ -340,7 +340,7 @@ def stroke(points: Array, camera: Camera, width: float, dashes: tuple[float, ...
 
 
 def length_fractions(points: Array) -> Array:
-    """Lengths of a line up to each of its points (m, 3), relative to the whole."""
+    """Return lengths of a line up to each of its points (m, 3), relative to the whole."""
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
     total = np.concatenate([[0.0], np.cumsum(lengths)])
     fractions: Array = total / max(float(total[-1]), 1e-12)
@@ -348,7 +348,7 @@ def length_fractions(points: Array) -> Array:
 
 
 def dashes_of(style: dict[str, Any], scale: float) -> tuple[float, ...]:
-    """Dashes of a matplotlib line style, in units of its width, scaled."""
+    """Return dashes of a matplotlib line style, in units of its width, scaled."""
     pattern = style.get("linestyle", "-")
     return () if isinstance(pattern, str) else tuple(scale * each for each in pattern[1])
 
@@ -395,7 +395,7 @@ class Still:
 
 
 def visible(parts: tuple[Part, ...], when: Moment, camera: Camera) -> Visible:
-    """The outsides of parts that a camera sees."""
+    """Return the outsides of parts that a camera sees."""
     points, normals = placed(parts, when)
     triangles = joined(parts)
     counts = [len(part.triangles) for part in parts]
@@ -417,7 +417,7 @@ def visible(parts: tuple[Part, ...], when: Moment, camera: Camera) -> Visible:
 
 
 def still_surfaces(parts: tuple[Part, ...], floor: float, camera: Camera) -> Still:
-    """The opaque parts that do not move, above a floor at this height [m]."""
+    """Return the opaque parts that do not move, above a floor at this height [m]."""
     chosen = tuple(part for part in parts if part.still and part.alpha == 1.0)
     start = Moment(0, 0, 0.0)
     if not chosen:
@@ -430,7 +430,7 @@ def still_surfaces(parts: tuple[Part, ...], floor: float, camera: Camera) -> Sti
 
 
 def joined(parts: tuple[Part, ...]) -> NDArray[np.int64]:
-    """Triangles (m, 3) of all parts, as indices into the vertices of all."""
+    """Return triangles (m, 3) of all parts, as indices into the vertices of all."""
     sizes = np.cumsum([0, *(len(part.vertices) for part in parts)])
     return np.concatenate(
         [part.triangles + first for part, first in zip(parts, sizes[:-1], strict=True)]

@@ -70,7 +70,7 @@ def _sentences(retargeting: Retargeting) -> str:
 
 
 def _picture(retargeting: Retargeting) -> str:
-    """The figure as a data URL."""
+    """Return the figure as a data URL."""
     data = io.BytesIO()
     retargeting.plot().savefig(data, format="png", dpi=110)
     return f"data:image/png;base64,{base64.b64encode(data.getvalue()).decode()}"

@@ -1,4 +1,4 @@
-"""Frames of a video: pictures of a playback at given times."""
+"""Videos and animations of playbacks: frames, GIF, WebP and MP4."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def frames(
     layers: Collection[str],
     turns: Sequence[float] | None = None,
 ) -> Iterator[Frame]:
-    """Pictures of a playback.
+    """Yield pictures of a playback.
 
     Args:
         playback: what is drawn.
@@ -131,7 +131,7 @@ def write_gif(
 
 
 def _extent(there: NDArray[np.bool_]) -> tuple[int, int]:
-    """First and last place, plus one, that is there; one place if there is none."""
+    """Return first and last place, plus one, that is there; one place if there is none."""
     found = np.flatnonzero(there)
     return (int(found[0]), int(found[-1]) + 1) if len(found) else (0, 1)
 
@@ -196,7 +196,7 @@ def write_mp4(file: Path, pictures: Iterable[Frame], rate: float) -> None:
 
 
 def ffmpeg() -> str:
-    """Path of the program ffmpeg.
+    """Return path of the program ffmpeg.
 
     Raises:
         ImportError: there is none.
@@ -310,7 +310,7 @@ def save_video(
 
 
 def frame_times(playback: Playback, rate: float, speed: float) -> list[float]:
-    """Times of the frames, in the playback's; the last is its end."""
+    """Return times of the frames, in the playback's; the last is its end."""
     start, stop = playback.range
     if start == stop:
         return [start] * max(2, round(_TURN * rate / speed))
@@ -320,7 +320,7 @@ def frame_times(playback: Playback, rate: float, speed: float) -> list[float]:
 
 
 def _durations(count: int, rate: float, step: int) -> list[int]:
-    """Times [ms] for which frames stay, multiples of step, that add up to count / rate."""
+    """Return times [ms] for which frames stay, multiples of step, that add up to count / rate."""
     ends = np.round(np.arange(count + 1) * 1000.0 / rate / step).astype(int) * step
     durations: list[int] = np.diff(ends).tolist()
     return durations

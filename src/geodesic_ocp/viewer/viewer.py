@@ -44,7 +44,7 @@ class Viewer:
         return f"Viewer({self.playback!r})"
 
     def html(self) -> str:
-        """A self-contained page, which opens from disk without a network.
+        """Return a self-contained page, which opens from disk without a network.
 
         Raises:
             ImportError: Meshcat, whose copy of three.js draws the scenes, is not installed.
@@ -131,7 +131,7 @@ class Viewer:
 
 
 def _ascii(text: str) -> str:
-    """Text for an attribute, the same whatever encoding the document around it has."""
+    """Return text for an attribute, the same whatever encoding the document around it has."""
     return html.escape(text).encode("ascii", "xmlcharrefreplace").decode("ascii")
 
 

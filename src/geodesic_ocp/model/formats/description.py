@@ -106,7 +106,7 @@ _LIMIT_TOLERANCE = 1e-6  # [rad or m]: limits in files are rounded
 def lock_joints(
     description: Description, moving: Sequence[str], configuration: Mapping[str, float]
 ) -> pin.Model:
-    """The model with all joints locked except those in `moving`.
+    """Return the model with all joints locked except those in `moving`.
 
     Raises:
         ValueError: a moving joint does not have one degree of freedom of its own, a locked joint
@@ -147,7 +147,7 @@ def lock_joints(
 def _locked_configuration(
     description: Description, moving: Sequence[str], configuration: Mapping[str, float]
 ) -> Array:
-    """Pinocchio's configuration (nq,) of the locked joints; the others are neutral."""
+    """Return Pinocchio's configuration (nq,) of the locked joints; the others are neutral."""
     model = description.pin
     q: Array = pin.neutral(model)
     limits = np.column_stack([model.lowerPositionLimit, model.upperPositionLimit])
@@ -190,7 +190,7 @@ def _locked_configuration(
 
 
 def change_base(model: pin.Model, base: str) -> pin.Model:
-    """The model, including gravity, expressed in another fixed frame.
+    """Return the model, including gravity, expressed in another fixed frame.
 
     Raises:
         ValueError: the frame moves with one of the joints.

@@ -136,7 +136,7 @@ def _limit_unlimited(model: pin.Model) -> tuple[str, ...]:
 def _read(
     source: object, hand: str | None, base: str | None, height: float | None, mass: float | None
 ) -> tuple[Description, str | None, str | None]:
-    """The description, and the hand and base, which have defaults for known robots."""
+    """Return the description, and the hand and base, which have defaults for known robots."""
     if isinstance(source, pin.Model):
         if height is not None or mass is not None:
             raise ValueError("height and mass scale MMM models, but source is a pin.Model")
@@ -183,7 +183,7 @@ def _frames(model: pin.Model) -> list[str]:
 
 
 def _known(names: Iterable[str], wanted: str = "") -> str:
-    """The names; if there are many, those similar to the wanted one, or the last ones."""
+    """Return the names; if there are many, those similar to the wanted one, or the last ones."""
     names = list(names)
     if len(names) <= 40:
         return ", ".join(names)
@@ -194,7 +194,7 @@ def _known(names: Iterable[str], wanted: str = "") -> str:
 def _moving(
     model: pin.Model, hand: int, base: int | None, joints: Sequence[str] | None
 ) -> tuple[str, ...]:
-    """Names of the moving joints: the given ones, or those between base and hand."""
+    """Return names of the moving joints: the given ones, or those between base and hand."""
     if joints is None:
         chain = list(model.supports[model.frames[hand].parentJoint])[1:]
         if base is not None and (root := model.frames[base].parentJoint) > 0:
@@ -265,7 +265,7 @@ def _summary(name: str, model: Model) -> Iterator[str]:
 
 
 def last_link(description: Description) -> str:
-    """The link moved by the most joints, none of which mimics another or is mimicked."""
+    """Return the link moved by the most joints, none of which mimics another or is mimicked."""
     model, mimics = description.pin, description.mimics
     coupled = {*mimics, *(mimic.leader for mimic in mimics.values())}
     links = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]

@@ -37,7 +37,7 @@ _Defaults = dict[str, dict[str, dict[str, str]]]  # class -> tag -> attribute ->
 def mjcf_text(
     model: Model, gravity: ArrayLike | None = None, torque: ArrayLike | None = None
 ) -> str:
-    """The model as the text of an MJCF file, in the axes of its base.
+    """Return the model as the text of an MJCF file, in the axes of its base.
 
     Every joint with the links that move with it is a body with its inertia, armature and limits;
     continuous joints have no limits. The links and the hand are sites, `Model.bodies` are geoms of
@@ -86,7 +86,7 @@ def mjcf_text(
 
 
 def _torque_ranges(model: Model, torque: ArrayLike | None) -> Array:
-    """Smallest and largest torque of each joint, (n, 2)."""
+    """Return smallest and largest torque of each joint, (n, 2)."""
     if torque is None:
         return np.column_stack([model.pin.lowerEffortLimit, model.pin.upperEffortLimit])
     largest = np.array(torque, dtype=float)
@@ -96,7 +96,7 @@ def _torque_ranges(model: Model, torque: ArrayLike | None) -> Array:
 
 
 def _body_names(native: pin.Model) -> dict[int, str]:
-    """A unique name for the body of each joint: that of its link, or of the joint."""
+    """Return a unique name for the body of each joint: that of its link, or of the joint."""
     names: dict[int, str] = {}
     for frame in native.frames:
         name = str(frame.name)
@@ -156,7 +156,7 @@ def _text(values: ArrayLike) -> str:
 def mjcf_model(
     root: ET.Element, name: str, folder: Path | None
 ) -> tuple[pin.Model, dict[str, Mimic], tuple[str, ...], str]:
-    """The model, its mimic joints (joint equalities), warnings, and the rewritten text.
+    """Return the model, its mimic joints (joint equalities), warnings, and the rewritten text.
 
     Args:
         root: the element <mujoco>; it is modified.
@@ -330,7 +330,7 @@ def _rewrite(root: ET.Element, name: str) -> None:
 
 
 def _numbers(text: str, count: int, location: str) -> list[float]:
-    """The numbers in a text: as many as the count, any if it is 0."""
+    """Return the numbers in a text: as many as the count, any if it is 0."""
     try:
         numbers = [float(number) for number in text.split()]
     except ValueError:

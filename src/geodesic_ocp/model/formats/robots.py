@@ -29,7 +29,7 @@ _UNLIMITED = (-np.inf, np.inf)
 
 
 def effort_limits(root: ET.Element, name: str) -> dict[str, Array]:
-    """Smallest and largest torque [N m] or force [N] of each driven joint, by its name.
+    """Return smallest and largest torque [N m] or force [N] of each driven joint, by its name.
 
     That of an actuator lies within its force range, and that of a motor within its control range
     times its gain, each times its gear ratio; the actuators of a joint add up. The joint's own
@@ -64,7 +64,7 @@ def effort_limits(root: ET.Element, name: str) -> dict[str, Array]:
 
 
 def _force_range(actuator: ET.Element, automatic: bool, location: str) -> Array:
-    """Smallest and largest force of the actuator, before its gear."""
+    """Return smallest and largest force of the actuator, before its gear."""
     limits = _range(actuator, "force", automatic, location)
     kinds = actuator.get("gaintype", "fixed"), actuator.get("biastype", "none")
     general = actuator.tag == "general" and kinds == ("fixed", "none")
@@ -78,7 +78,7 @@ def _force_range(actuator: ET.Element, automatic: bool, location: str) -> Array:
 
 
 def _range(element: ET.Element, kind: str, automatic: bool, location: str) -> Array:
-    """The range of the attribute `kind`range, infinite if it is not limited."""
+    """Return the range of the attribute `kind`range, infinite if it is not limited."""
     given, limited = element.get(f"{kind}range"), element.get(f"{kind}limited", "auto")
     if given is None or limited == "false" or (limited == "auto" and not automatic):
         return np.array(_UNLIMITED)
@@ -92,7 +92,7 @@ def _range(element: ET.Element, kind: str, automatic: bool, location: str) -> Ar
 
 
 def _first(element: ET.Element, key: str, location: str) -> float:
-    """The first number of the attribute, 1 by default."""
+    """Return the first number of the attribute, 1 by default."""
     given = element.get(key, "1").split()
     try:
         return float(given[0])
@@ -101,7 +101,7 @@ def _first(element: ET.Element, key: str, location: str) -> float:
 
 
 def urdf_armature(root: ET.Element, name: str) -> dict[str, float]:
-    """Joint inertias [kg m^2 or kg] that a URDF states, by joint name.
+    """Return joint inertias [kg m^2 or kg] that a URDF states, by joint name.
 
     They are `<dynamics armature="..."/>` of a joint, or `<drake:rotor_inertia value="..."/>` and
     `<drake:gear_ratio value="..."/>` (default 1) of the actuators of its transmission, which are
@@ -172,7 +172,7 @@ def _root(file: Path) -> ET.Element | None:
 
 
 def _local(tag: str) -> str:
-    """The tag without its namespace."""
+    """Return the tag without its namespace."""
     return tag.rsplit("}", 1)[-1]
 
 
@@ -228,7 +228,7 @@ ROBOTS = {
 
 
 def folder(package: str) -> Path | None:
-    """The folder of robots of a package; None if the package is not installed."""
+    """Return the folder of robots of a package; None if the package is not installed."""
     if package == _ARMAR:
         candidates = [each / "description" / "urdf" for each in _package_folders(_ARMAR)]
     else:
@@ -248,7 +248,7 @@ def _package_folders(package: str) -> list[Path]:
 
 
 def described() -> dict[str, Path]:
-    """All URDF files of the installed packages, by name without suffix."""
+    """Return all URDF files of the installed packages, by name without suffix."""
     found: dict[str, Path] = {}
     for package in (_EXAMPLE, _ARMAR):
         if (root := folder(package)) is not None:
@@ -258,7 +258,7 @@ def described() -> dict[str, Path]:
 
 
 def on_demand() -> tuple[str, ...]:
-    """Names that robot_descriptions knows; it downloads the files on first use."""
+    """Return names that robot_descriptions knows; it downloads the files on first use."""
     folders = _package_folders(_ON_DEMAND)
     files = [file for each in folders for file in sorted(each.glob("*_description.py"))]
     stems = (file.stem for file in files if not file.name.startswith("_"))
@@ -266,7 +266,7 @@ def on_demand() -> tuple[str, ...]:
 
 
 def locate(name: str) -> Path | None:
-    """The file with the robot of that name; None if no installed package knows it.
+    """Return the file with the robot of that name; None if no installed package knows it.
 
     "menagerie/NAME" is a robot of MuJoCo Menagerie: the package mujoco-menagerie downloads it on
     first use, or takes it from the folder in the environment variable MENAGERIE_ROOT.

@@ -35,7 +35,7 @@ _ROTATION = 1e-3  # numbers are printed with six digits
 
 
 def simox_model(root: ET.Element, name: str, height: float | None, mass: float | None) -> pin.Model:
-    """The model with all joints of the file; every node becomes a frame with its name.
+    """Return the model with all joints of the file; every node becomes a frame with its name.
 
     Args:
         root: the element <Robot>.
@@ -189,7 +189,7 @@ def _transform(transform: ET.Element | None, units: _Units) -> pin.SE3:
 
 
 def _rows(matrix: ET.Element, size: int) -> Array:
-    """The first three rows of a matrix, (3, size)."""
+    """Return the first three rows of a matrix, (3, size)."""
     columns = [f"c{number}" for number in range(1, size + 1)]
     rows = {row.tag: _numbers(row, columns) for row in matrix}
     needed = [f"row{number}" for number in range(1, 4)]
@@ -199,7 +199,7 @@ def _rows(matrix: ET.Element, size: int) -> Array:
 
 
 def _rotation(rows: Array) -> Array:
-    """The rotation closest to a printed matrix."""
+    """Return the rotation closest to a printed matrix."""
     if np.allclose(rows @ rows.T, np.eye(3), rtol=0.0, atol=1e-14) and np.linalg.det(rows) > 0:
         return rows
     left, stretch, right = np.linalg.svd(rows)

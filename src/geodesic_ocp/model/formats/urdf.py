@@ -28,7 +28,7 @@ class Mimic:
 
 
 def apply_mimics(mimics: Mapping[str, Mimic], values: Mapping[str, float]) -> dict[str, float]:
-    """The values of all joints, with those of mimic joints computed from their leaders.
+    """Return the values of all joints, with those of mimic joints computed from their leaders.
 
     Args:
         mimics: mimic joints by name; a leader may itself mimic another joint.
@@ -53,7 +53,7 @@ def apply_mimics(mimics: Mapping[str, Mimic], values: Mapping[str, float]) -> di
 def urdf_model(
     root: ET.Element, text: str, name: str
 ) -> tuple[pin.Model, dict[str, Mimic], tuple[str, ...], str]:
-    """The model, its mimic joints, warnings, and the repaired text.
+    """Return the model, its mimic joints, warnings, and the repaired text.
 
     Raises:
         ValueError: Pinocchio cannot read it, or a joint is invalid; names the location, if known.
@@ -115,7 +115,7 @@ def _nonzero(text: str) -> bool:
 
 
 def _zero_range_warnings(joints: list[ET.Element], name: str) -> Iterator[str]:
-    """Warnings about joints whose limits are both zero, usually because they were omitted."""
+    """Yield warnings about joints whose limits are both zero, usually because they were omitted."""
     for joint in joints:
         limit = joint.find("limit")
         if joint.get("type") in ("revolute", "prismatic") and joint.find("mimic") is None:

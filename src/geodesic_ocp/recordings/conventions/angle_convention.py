@@ -18,7 +18,7 @@ _TURNS_BACK = (-1.0, -1.0, 1.0)  # of an axis mirrored at the plane x-y
 
 
 def direction(axis: str | tuple[float, float, float]) -> Array:
-    """Unit vector (3,) of an axis: "x", "-y", ... or three numbers; ValueError otherwise."""
+    """Return unit vector (3,) of an axis: "x", "-y", ... or three numbers; ValueError otherwise."""
     if isinstance(axis, str):
         if axis not in AXES:
             raise ValueError(f"axis must be one of {', '.join(AXES)} or 3 numbers, got {axis!r}")
@@ -182,7 +182,7 @@ class AngleConvention:
 
 
 def mirrored(relation: SegmentRelation) -> SegmentRelation:
-    """The relation of the left side with the same angles as on the right: mirrored at x-y.
+    """Return the relation of the left side with the same angles as on the right: mirrored at x-y.
 
     Rotations about z (right) keep their sign, those about x (forward) and y (up) change it. Of the
     names, "right" becomes "left" and the end "_r" of a column "_l".
@@ -209,7 +209,7 @@ Stated = TypeVar("Stated", bound=Any)
 
 
 def from_record(kind: type[Stated], file: Path, required: str, what: str) -> Stated:
-    """The dataclass of this kind whose attributes are the keys of a JSON or TOML file.
+    """Return the dataclass of this kind whose attributes are the keys of a JSON or TOML file.
 
     Args:
         kind: has the attribute `name`, for which the name of the file stands in.

@@ -45,7 +45,7 @@ def segments_of_angles(
     columns: Mapping[str, Array],
     subject: Subject | None = None,
 ) -> ConvertedAngles:
-    """The orientations of the segments whose columns are in the table.
+    """Return the orientations of the segments whose columns are in the table.
 
     Args:
         convention: convention of the angles.

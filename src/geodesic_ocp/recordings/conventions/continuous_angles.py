@@ -27,7 +27,7 @@ def axis_rotation(axis: str, angles: ArrayLike) -> Array:
 
 
 def successive_rotations(axes: str, angles: Array) -> Array:
-    """The product R_axes[0](angles[:, 0]) R_axes[1](angles[:, 1]) ...: (k, 3, 3)."""
+    """Return the product R_axes[0](angles[:, 0]) R_axes[1](angles[:, 1]) ...: (k, 3, 3)."""
     product = np.broadcast_to(np.eye(3), (len(angles), 3, 3))
     for axis, column in zip(axes, angles.T, strict=True):
         product = product @ axis_rotation(axis, column)
@@ -79,12 +79,12 @@ def continuous_angles(
 
 
 def _turn(angle: Array) -> Array:
-    """The angle without whole turns, in [-pi, pi)."""
+    """Return the angle without whole turns, in [-pi, pi)."""
     return (angle + np.pi) % (2.0 * np.pi) - np.pi
 
 
 def _nearest_turn(angles: Array, lower: Array, upper: Array) -> Array:
-    """The angles plus the whole turns that bring them nearest to the limits."""
+    """Return the angles plus the whole turns that bring them nearest to the limits."""
     turns = angles + 2.0 * np.pi * np.arange(-2, 3)[:, None]
     outside = np.maximum(0.0, np.maximum(lower - turns, turns - upper))
     # of several without violation, the one nearest to zero
@@ -101,7 +101,7 @@ def _locked(
     axes: tuple[int, int, int],
     sign: float,
 ) -> Array:
-    """The angles at all samples: those at `free` samples are given, the others are locked.
+    """Return the angles at all samples: those at `free` samples are given, the others are locked.
 
     At b = +-pi/2, R = R_i(a + s c) R_j(b), with s = +-1 the sign of b times that of the axes.
     """

@@ -1,4 +1,4 @@
-"""Angles of three successive rotations about different axes, continuous over time.
+"""Joint angles of the human arm and trunk from the orientations of segments.
 
 With the upper arm U, the forearm F and the hand H relative to the thorax, and the joints of
 `human_arm`,
@@ -60,7 +60,7 @@ _AXIAL_WEIGHT = 0.5
 
 
 def joint_angles(orientations: SegmentOrientations, joints: Sequence[str] | None = None) -> Motion:
-    """The joint angles of arms and trunk with these orientations of the segments.
+    """Return the joint angles of arms and trunk with these orientations of the segments.
 
     The shoulders' angles are relative to the thorax. Trunk: pelvis to abdomen is BPx, BPz, BPy,
     abdomen to thorax BTx, BTz, BTy; without the abdomen's orientation each takes half of the

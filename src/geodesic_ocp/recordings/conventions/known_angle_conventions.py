@@ -31,7 +31,7 @@ _PALM_INWARDS = AxisRotation("y", offset=-90.0)
 
 
 def _along(axis: Axis) -> AxisRotation:
-    """The smallest rotation of y into an axis: of the forearm into the axis of pronation."""
+    """Return the smallest rotation of y into an axis: of the forearm into the axis of pronation."""
     across = np.cross([0.0, 1.0, 0.0], direction(axis))
     angle = float(np.degrees(np.arcsin(np.linalg.norm(across))))
     return AxisRotation((across[0], across[1], across[2]), offset=angle)

@@ -59,7 +59,7 @@ def _cosines(turning: Mapping[str, Array], along: Array) -> dict[str, float]:
 
 
 def turning_across(turning: Mapping[str, Array], along: Array) -> list[str]:
-    """The coordinates that turn about axes across a long axis (3,)."""
+    """Return the coordinates that turn about axes across a long axis (3,)."""
     return [name for name, cosine in _cosines(turning, along).items() if cosine < _ACROSS]
 
 
@@ -71,7 +71,7 @@ def turning_along(turning: Mapping[str, Array], along: Array) -> str | None:
 
 
 def flexion_among(model: OsimModel, names: Sequence[str]) -> str | None:
-    """The coordinate with "flex" in its name, or the one of the largest range."""
+    """Return the coordinate with "flex" in its name, or the one of the largest range."""
     named = [name for name in names if "flex" in name.lower()]
     if len(named) == 1:
         return named[0]
@@ -115,7 +115,7 @@ class ArmAxes:
     hand: Array | None = None
 
     def rotations(self, poses: Mapping[str, tuple[Array, Array]]) -> tuple[Array, ...]:
-        """Axes (k, 3, 3) of upper arm, forearm and hand as columns in axes of the ground."""
+        """Return axes (k, 3, 3) of upper arm, forearm and hand as columns in axes of the ground."""
         humerus, at = poses[self.bodies[0]]
         radius, to = poses[self.bodies[1]]
         along = (at + humerus @ self.elbow) - (to + radius @ self.wrist)
@@ -199,7 +199,7 @@ def arm_axes(
 def _wrist_in_upper_arm(
     model: OsimModel, pose: Mapping[str, Array], humerus: str, radius: str, wrist: Array
 ) -> Array:
-    """The centre of the wrist (3,) in the upper arm's body."""
+    """Return the centre of the wrist (3,) in the upper arm's body."""
     poses = body_poses(model, pose, (humerus, radius))
     (rotation, origin), (turned, place) = ((r[0], p[0]) for r, p in poses.values())
     result: Array = rotation.T @ (place + turned @ wrist - origin)
@@ -219,7 +219,7 @@ def _nearest_point(hinge: Array, axis: Array, start: Array, end: Array) -> Array
 
 
 def _wrist(model: OsimModel, bodies: tuple[str, ...]) -> Array:
-    """Centre of the first joint after the forearm, towards the hand if there is one."""
+    """Return centre of the first joint after the forearm, towards the hand if there is one."""
     radius = bodies[1]
     if len(bodies) > 2:
         return model.path(bodies[2], radius)[0].parent.position
@@ -281,7 +281,7 @@ def _elbow_in_forearm(model: OsimModel, arm: ArmAxes, zero: Mapping[str, Array])
 def _facing(
     model: OsimModel, arm: ArmAxes, zero: Mapping[str, Array], rotating: str, side: str
 ) -> float:
-    """The forearm's rotation [rad] at which its y axis is the upper arm's."""
+    """Return the forearm's rotation [rad] at which its y axis is the upper arm's."""
 
     def away(angle: float) -> float:
         poses = body_poses(model, {**zero, rotating: np.array([angle])}, arm.bodies)

@@ -228,7 +228,7 @@ SIDES = ("right", "left")
 
 
 def named_bodies(model: OsimModel, convention: OsimConvention) -> dict[str, str]:
-    """The body of each segment that the model has.
+    """Return the body of each segment that the model has.
 
     Raises:
         RecordingError: there is no thorax or no arm, two bodies have names of one segment, or the
@@ -278,12 +278,12 @@ def named_bodies(model: OsimModel, convention: OsimConvention) -> dict[str, str]
 
 
 def zero_coordinates(model: OsimModel) -> Mapping[str, Array]:
-    """All independent coordinates zero, one sample."""
+    """Return all independent coordinates zero, one sample."""
     return {name: np.zeros(1) for name in model.coordinates if name not in model.couplers}
 
 
 def _single_side(model: OsimModel, thorax: str, zero: Mapping[str, Array]) -> str | None:
-    """The side of the only upper arm if its name has none: z points right in the thorax."""
+    """Return the side of the only upper arm if its name has none: z points right in the thorax."""
     bodies = [body for body in model.bodies if body.lower() in BODY_NAMES["upper arm"]]
     if len(bodies) != 1:
         return None
@@ -307,7 +307,7 @@ def model_segments(
     time: Array,
     columns: Mapping[str, Array],
 ) -> ConvertedAngles:
-    """The orientations of the segments by forward kinematics of the model.
+    """Return the orientations of the segments by forward kinematics of the model.
 
     Pelvis and thorax have the axes of their bodies (x forward, y up, z right), arms those of
     `arm_axes`. A segment is left out if the table has none of the unlocked coordinates between it
@@ -376,7 +376,7 @@ def _arms(
     zero: Mapping[str, Array],
     neutral: Mapping[str, float],
 ) -> tuple[dict[str, ArmAxes], dict[str, str]]:
-    """The axes of the arms by side, and by upper arm why those of others are not known.
+    """Return the axes of the arms by side, and by upper arm why those of others are not known.
 
     Raises:
         RecordingError: those of no arm are known.
@@ -398,7 +398,7 @@ def _arms(
 
 
 def _values(file: Path, model: OsimModel, columns: Mapping[str, Array]) -> dict[str, Array]:
-    """The columns that are coordinates of the model.
+    """Return the columns that are coordinates of the model.
 
     Raises:
         RecordingError: none is.
@@ -440,7 +440,7 @@ def _list(names: Sequence[str] | Mapping[str, object]) -> str:
 
 
 def _radians(model: OsimModel, convention: OsimConvention) -> dict[str, float]:
-    """The coordinates of the neutral pose [rad, or m for translations].
+    """Return the coordinates of the neutral pose [rad, or m for translations].
 
     Raises:
         RecordingError: the model has no such coordinate.
@@ -459,7 +459,7 @@ def _radians(model: OsimModel, convention: OsimConvention) -> dict[str, float]:
 
 
 def _unlocked(model: OsimModel, start: str, body: str) -> tuple[str, ...]:
-    """The unlocked independent coordinates of all joints between two bodies."""
+    """Return the unlocked independent coordinates of all joints between two bodies."""
     ways = [model.path(each) for each in (start, body)]
     joints = tuple(
         joint for joint in (*ways[0], *ways[1]) if (joint in ways[0]) != (joint in ways[1])
@@ -471,7 +471,7 @@ def _unlocked(model: OsimModel, start: str, body: str) -> tuple[str, ...]:
 def _middle_of_shoulders(
     model: OsimModel, bodies: Mapping[str, str], zero: Mapping[str, Array]
 ) -> Array:
-    """The point midway between the shoulders in the thorax (3,), all coordinates zero.
+    """Return the point midway between the shoulders in the thorax (3,), all coordinates zero.
 
     Of one shoulder only it is the point beside it in the plane x-y of the thorax.
 

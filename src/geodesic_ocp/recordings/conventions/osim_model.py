@@ -121,7 +121,7 @@ class OsimModel:
     gravity: Array = field(default_factory=lambda: np.zeros(3))
 
     def path(self, body: str, start: str = GROUND) -> tuple[OsimJoint, ...]:
-        """The joints from a body that carries another one (or the ground) to that other one.
+        """Return the joints from a body that carries another one (or the ground) to that other one.
 
         Raises:
             RecordingError: there is no such way, or one of its joints cannot be computed.
@@ -192,7 +192,7 @@ _BEYOND = 0.01  # of the spline's width
 
 
 def simm_spline(x: Array, y: Array) -> OsimFunction:
-    """The interpolating cubic spline through (x, y).
+    """Return the interpolating cubic spline through (x, y).
 
     It is not the natural spline: at either end its third derivative is that of the cubic through
     the four points there (Forsythe, Malcolm and Moler, Computer Methods for Mathematical
@@ -252,7 +252,7 @@ _NARROWEST = 1e-9  # between two points of a spline
 
 
 def model_element(file: Path) -> ElementTree.Element:
-    """The element Model of the file.
+    """Return the element Model of the file.
 
     Raises:
         RecordingError: the file is missing, is no XML, defines entities, or is not an OpenSim model
@@ -272,7 +272,7 @@ def model_element(file: Path) -> ElementTree.Element:
 
 
 def text_of(element: ElementTree.Element, tag: str) -> str:
-    """Text of a child element without blanks around it; "" without such a child."""
+    """Return text of a child element without blanks around it; "" without such a child."""
     return (element.findtext(tag) or "").strip()
 
 
@@ -285,7 +285,7 @@ def flag(element: ElementTree.Element, tag: str, default: bool = False) -> bool:
 def numbers(
     element: ElementTree.Element, tag: str, size: int | None = None, default: Array | None = None
 ) -> Array:
-    """The numbers of a child element; without it the default.
+    """Return the numbers of a child element; without it the default.
 
     Raises:
         RecordingError: it is missing without a default, or does not have `size` usable numbers.
@@ -308,7 +308,7 @@ def numbers(
 
 
 def read_function(element: ElementTree.Element, count: int) -> OsimFunction:
-    """The function of `count` coordinates in an element such as LinearFunction.
+    """Return the function of `count` coordinates in an element such as LinearFunction.
 
     Raises:
         RecordingError: a function that is not known, or numbers that it cannot have.
@@ -366,7 +366,7 @@ _SHORTEST_AXIS = 1e-6
 
 
 def joint_of_body(body: str, element: ElementTree.Element) -> OsimJoint:
-    """The joint within the element Body of this name, as in OpenSim 3.
+    """Return the joint within the element Body of this name, as in OpenSim 3.
 
     Raises:
         RecordingError: an element is missing or malformed; names it.
@@ -385,7 +385,7 @@ def joint_of_body(body: str, element: ElementTree.Element) -> OsimJoint:
 def joint_of_set(
     element: ElementTree.Element, others: Mapping[str, ElementTree.Element]
 ) -> OsimJoint:
-    """A joint of the JointSet, as in OpenSim 4.
+    """Return a joint of the JointSet, as in OpenSim 4.
 
     Args:
         element: element of the joint.
@@ -404,7 +404,7 @@ def _children(element: ElementTree.Element, path: str) -> list[ElementTree.Eleme
 
 
 def coordinates_of(element: ElementTree.Element) -> list[OsimCoordinate]:
-    """The coordinates of a joint in either layout; a malformed range counts as none."""
+    """Return the coordinates of a joint in either layout; a malformed range counts as none."""
     found = []
     for each in (*_children(element, "CoordinateSet/objects"), *_children(element, "coordinates")):
         try:
@@ -432,7 +432,7 @@ def _frame(
     frames: Mapping[str, ElementTree.Element],
     others: Mapping[str, ElementTree.Element],
 ) -> OffsetFrame:
-    """The pose in its body of the frame to which the socket is connected."""
+    """Return the pose in its body of the frame to which the socket is connected."""
     path = _socket(element, socket)
     rotation, position = np.eye(3), np.zeros(3)
     for _ in range(len(frames) + len(others) + 1):
@@ -532,7 +532,7 @@ def _spatial_transform(
 def body_poses(
     model: OsimModel, values: Mapping[str, Array], bodies: Iterable[str]
 ) -> dict[str, tuple[Array, Array]]:
-    """Rotations (k, 3, 3) to the ground and positions (k, 3) [m] of bodies.
+    """Return rotations (k, 3, 3) to the ground and positions (k, 3) [m] of bodies.
 
     Coordinates without values follow their couplers, or have their default values.
 
@@ -576,7 +576,7 @@ def _complete(model: OsimModel, name: str, values: dict[str, Array], count: int)
 def _moved(
     joint: OsimJoint, values: Mapping[str, Array], rotation: Array, position: Array
 ) -> tuple[Array, Array]:
-    """The pose of the child body from that of the parent body."""
+    """Return the pose of the child body from that of the parent body."""
     count = len(position)
 
     def amount(axis: OsimAxis) -> Array:

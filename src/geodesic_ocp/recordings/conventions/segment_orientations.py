@@ -104,7 +104,7 @@ class SegmentOrientations:
 
 
 def segment_orientations(motion: Motion) -> SegmentOrientations:
-    """The orientations of the segments of a motion of the Master Motor Map's joints.
+    """Return the orientations of the segments of a motion of the Master Motor Map's joints.
 
     Thorax: that of `motion.trunk`, or upright. Upper arms, forearms and hands follow where the
     motion has all angles from the thorax to them, abdomen and pelvis with the trunk's joints. It

@@ -100,7 +100,7 @@ def _names(segment: str, given: object) -> tuple[str, ...]:
 
 
 def metres_per_unit(unit: str | float) -> float:
-    """Metres per unit of length, from its name or as it is given.
+    """Return metres per unit of length, from its name or as it is given.
 
     Raises:
         ValueError: an unknown name, or a number that is not positive.

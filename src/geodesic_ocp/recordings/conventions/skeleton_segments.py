@@ -38,7 +38,7 @@ class Skeleton:
     hinges: Mapping[int, Array] = field(default_factory=dict)
 
     def path(self, joint: int) -> list[int]:
-        """Indices of the joints from the root to this one."""
+        """Return indices of the joints from the root to this one."""
         path = []
         while joint >= 0:
             path.append(joint)
@@ -163,7 +163,7 @@ def _listed(skeleton: Skeleton) -> str:
 
 
 def _plain(name: str) -> str:
-    """The name as it is compared: no namespace, case, spaces, hyphens or underscores."""
+    """Return the name as it is compared: no namespace, case, spaces, hyphens or underscores."""
     letters = name.rpartition(":")[2].lower()
     return "".join(letter for letter in letters if letter not in " -_\t")
 
@@ -219,7 +219,7 @@ _ELBOW = 0.5
 
 
 def axis_vector(axis: str) -> Array:
-    """Unit vector (3,) of an axis such as "-y"."""
+    """Return unit vector (3,) of an axis such as "-y"."""
     vector: Array = np.eye(3)["xyz".index(axis[1])] * (1.0 if axis[0] == "+" else -1.0)
     return vector
 
@@ -227,7 +227,7 @@ def axis_vector(axis: str) -> Array:
 def body_axes(
     file: Path, convention: SkeletonConvention, segments: dict[str, int], positions: Array
 ) -> Array:
-    """Axes of the body in the rest pose, as columns (3, 3): x right, y forward, z up.
+    """Return axes of the body in the rest pose, as columns (3, 3): x right, y forward, z up.
 
     Those of the convention, or those found from the rest pose: up is the axis of the file that
     points from the pelvis to the shoulders, right the one from the left shoulder to the right. In
@@ -274,7 +274,7 @@ def _length(file: Path, what: str, vector: Array) -> float:
 
 
 def _axis_along(file: Path, what: str, vector: Array) -> Array:
-    """The axis of the file within 30 degrees of the vector."""
+    """Return the axis of the file within 30 degrees of the vector."""
     direction = vector / _length(file, what, vector)
     largest = int(np.argmax(np.abs(direction)))
     if abs(direction[largest]) < _ALONG:
@@ -299,7 +299,7 @@ def neutral_frames(
     body: Array,
     positions: Array,
 ) -> dict[str, Array]:
-    """Axes of the arms' segments in the rest pose, (3, 3) as columns in axes of the body.
+    """Return axes of the arms' segments in the rest pose, (3, 3) as columns in axes of the body.
 
     Upper arm: the shortest rotation takes the hanging arm (-z, palm towards the body) to the
     direction of the bone; in a T pose this is pure abduction, and the palms face down. The forearm
@@ -361,7 +361,7 @@ def neutral_frames(
 
 
 def _bone(start: int, end: int | None, skeleton: Skeleton, positions: Array) -> Array:
-    """Direction (3,) from one joint towards another, or towards its first child.
+    """Return direction (3,) from one joint towards another, or towards its first child.
 
     It is that to the first joint on the way that is elsewhere; zero if there is none.
     """
@@ -375,7 +375,7 @@ def _bone(start: int, end: int | None, skeleton: Skeleton, positions: Array) -> 
 
 
 def _shortest(start: Array, end: Array) -> Array:
-    """Matrix (3, 3) of the smallest rotation that takes one direction to another."""
+    """Return matrix (3, 3) of the smallest rotation that takes one direction to another."""
     axis = np.cross(start, end)
     sine, cosine = np.linalg.norm(axis), start @ end
     vector = axis * (np.arctan2(sine, cosine) / sine) if sine > 0.0 else np.zeros(3)
@@ -396,7 +396,7 @@ def skeleton_segments(
     subject: Subject | None = None,
     space_up: str | None = None,
 ) -> SegmentOrientations:
-    """The orientations of the segments, relative to those in the rest pose.
+    """Return the orientations of the segments, relative to those in the rest pose.
 
     The rotation of a segment is W R(t) R(rest)' B N, with the rotations R of its joint in the
     file's space, the body's axes B in the rest pose, the segment's axes N there, and W from the
@@ -448,7 +448,7 @@ def skeleton_segments(
 
 
 def _rest_pose(motion: SkeletonMotion, convention: SkeletonConvention) -> tuple[Array, Array]:
-    """Rotations (n, 3, 3) and positions (n, 3) of all joints in the rest pose."""
+    """Return rotations (n, 3, 3) and positions (n, 3) of all joints in the rest pose."""
     skeleton, zero = motion.skeleton, convention.rest == "zero"
 
     def rotation(joint: int) -> Array:
@@ -465,7 +465,7 @@ def _rest_pose(motion: SkeletonMotion, convention: SkeletonConvention) -> tuple[
 
 
 def _space(file: Path, stated: str | None, usual: Array, body: Array, thorax: Array) -> Array:
-    """Rotation (3, 3) from the file's space to one with z up.
+    """Return rotation (3, 3) from the file's space to one with z up.
 
     Its horizontal axes are those of the body in the rest pose, if that has the same vertical axis.
 

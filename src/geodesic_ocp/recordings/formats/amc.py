@@ -1,4 +1,4 @@
-"""The sections of an ASF file, and the bones in them; errors name the line (RecordingError)."""
+"""ASF/AMC, Acclaim's skeletons and motions; errors name the line (RecordingError)."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class AcclaimBone:
 
 
 def read_sections(file: Path, lines: list[str]) -> dict[str, Lines]:
-    """Lines by section; what stands after the section's own word is its first line."""
+    """Return lines by section; what stands after the section's own word is its first line."""
     sections: dict[str, Lines] = {}
     current: Lines | None = None
     for number, line in enumerate(lines, start=1):
@@ -93,7 +93,7 @@ def read_units(file: Path, lines: Lines) -> tuple[float | None, float | None]:
 
 
 def read_root(file: Path, lines: Lines) -> AcclaimBone:
-    """The root, as a bone of no length that can also be moved."""
+    """Return the root, as a bone of no length that can also be moved."""
     bone = AcclaimBone(lines[0][0] if lines else 0, "root", [0.0, 1.0, 0.0], 0.0, [0.0] * 3)
     for number, words in lines:
         key, given = words[0].lower(), words[1:]
@@ -129,7 +129,7 @@ def _order(file: Path, line: int, words: list[str]) -> str:
 
 
 def read_bones(file: Path, lines: Lines) -> list[AcclaimBone]:
-    """The bones in the order of the file."""
+    """Return the bones in the order of the file."""
     bones: list[AcclaimBone] = []
     bone: AcclaimBone | None = None
     for number, words in lines:
@@ -167,7 +167,7 @@ def read_bones(file: Path, lines: Lines) -> list[AcclaimBone]:
 
 
 def _checked(file: Path, bone: AcclaimBone) -> AcclaimBone:
-    """The bone, if all is known of it."""
+    """Return the bone, if all is known of it."""
     for what, given in (
         ("name", bone.name),
         ("direction", math.hypot(*bone.direction) > _SHORTEST),
@@ -184,7 +184,7 @@ def _checked(file: Path, bone: AcclaimBone) -> AcclaimBone:
 def read_parents(
     file: Path, lines: Lines, bones: Mapping[str, AcclaimBone]
 ) -> dict[str, tuple[str, int]]:
-    """The parent of each bone but the root, and the line that says so."""
+    """Return the parent of each bone but the root, and the line that says so."""
     parents: dict[str, tuple[str, int]] = {}
     for number, words in lines:
         if words[0].lower() in ("begin", "end"):
@@ -361,7 +361,7 @@ def read_amc(
 
 
 def _skeleton(file: Path, given: str | PathLike[str] | None) -> Path:
-    """The skeleton's file."""
+    """Return the skeleton's file."""
     if given is not None:
         return Path(given)
     try:
@@ -383,7 +383,7 @@ def _skeleton(file: Path, given: str | PathLike[str] | None) -> Path:
 
 
 def _header(file: Path, lines: list[str]) -> tuple[int, float | None, float | None]:
-    """Index of the first line of frames, unit of angles [rad] and rate [Hz], if stated."""
+    """Return index of the first line of frames, unit of angles [rad] and rate [Hz], if stated."""
     angle, rate = None, None
     for index, line in enumerate(lines):
         words = line.partition("#")[0].lower().split()
@@ -410,7 +410,7 @@ def _header(file: Path, lines: list[str]) -> tuple[int, float | None, float | No
 
 
 def _frames(file: Path, lines: list[str], start: int, acclaim: AcclaimSkeleton) -> dict[str, Array]:
-    """Numbers (k, dofs) by bone; every frame gives every bone once."""
+    """Return numbers (k, dofs) by bone; every frame gives every bone once."""
     dofs = acclaim.dofs
     rows: dict[str, list[list[float]]] = {name: [] for name in dofs}
     frame, frame_line, count = 0, 0, 0

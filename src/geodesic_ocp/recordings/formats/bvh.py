@@ -1,4 +1,4 @@
-"""The hierarchy of joints in a BVH file."""
+"""BVH: a hierarchy of joints and its motion."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class BvhJoint:
     first: int = 0
 
     def columns(self, what: str) -> tuple[str, list[int]]:
-        """Axes of the channels of a kind, "rotation" or "position", and their columns."""
+        """Return axes of the channels of a kind, "rotation" or "position", and their columns."""
         channels = [(i, name) for i, name in enumerate(self.channels or ()) if name.endswith(what)]
         return "".join(name[0] for _, name in channels), [self.first + i for i, _ in channels]
 
@@ -135,7 +135,7 @@ def read_hierarchy(file: Path, lines: list[str]) -> BvhHierarchy:
 
 
 def _channels(file: Path, line: int, words: list[str]) -> tuple[tuple[str, ...], list[str]]:
-    """Names of the channels in lower case, and the words after them."""
+    """Return names of the channels in lower case, and the words after them."""
     count = words[0] if words else ""
     if not (count.isdecimal() and len(count) == 1 and int(count) <= len(_CHANNELS)):
         raise RecordingError(f"{file}: line {line}: CHANNELS needs a number up to 6, has {count!r}")
@@ -239,7 +239,7 @@ def read_bvh(
 
 
 def _motion(file: Path, lines: list[str], tree: BvhHierarchy) -> tuple[float, Array]:
-    """Duration of a frame [s], and the values (k, columns) of all channels."""
+    """Return duration of a frame [s], and the values (k, columns) of all channels."""
     stated: dict[str, tuple[int, float]] = {}
     values: list[float] = []
     for number, line in enumerate(lines[tree.end + 1 :], start=tree.end + 2):

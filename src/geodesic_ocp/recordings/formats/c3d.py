@@ -1,4 +1,4 @@
-"""C3dHeader: the numbers at the beginning of a c3d file, and its parameters.
+"""c3d: positions of markers in binary files.
 
 The layout is that of "The C3D File Format User Guide" (Motion Lab Systems): blocks of 512 bytes; a
 header of 16-bit words; then groups and parameters, each with its name and the offset of the next.
@@ -62,12 +62,12 @@ class C3dHeader:
     parameters: Mapping[tuple[str, str], Array | list[str]]
 
     def strings(self, group: str, name: str) -> list[str]:
-        """Strings of a parameter, without blanks around them; none if it has none."""
+        """Return strings of a parameter, without blanks around them; none if it has none."""
         values = self.parameters.get((group, name))
         return [value.strip(" \0") for value in values] if isinstance(values, list) else []
 
     def numbers(self, group: str, name: str, count: int = 1) -> Array | None:
-        """At least `count` numbers of a parameter, or None."""
+        """Return at least `count` numbers of a parameter, or None."""
         values = self.parameters.get((group, name))
         return None if values is None or isinstance(values, list) or len(values) < count else values
 
@@ -87,7 +87,7 @@ class C3dHeader:
 
 
 def read_c3d_header(file: Path, content: bytes) -> C3dHeader:
-    """The header and the parameters of a c3d file.
+    """Return the header and the parameters of a c3d file.
 
     Raises:
         RecordingError: the file is cut off, or its header or parameters contradict themselves.
@@ -249,12 +249,12 @@ def _check_counts(file: Path, header: C3dHeader, size: int) -> None:
 
 
 def _frame_size(header: C3dHeader) -> int:
-    """Bytes of a frame."""
+    """Return bytes of a frame."""
     return (4 * header.points + header.analog) * (4 if header.scale < 0.0 else 2)
 
 
 def _points(header: C3dHeader, content: bytes) -> Array:
-    """Coordinates in the unit of the file, and residual, of every point (frames, points, 4).
+    """Return coordinates in the unit of the file, and residual, of every point (frames, points, 4).
 
     The residual, with the mask of cameras in its other byte, is only compared with zero.
     """
@@ -272,7 +272,7 @@ def _points(header: C3dHeader, content: bytes) -> Array:
 
 
 def _labels(header: C3dHeader) -> list[str]:
-    """Labels of the points; beyond 255 they continue in LABELS2, LABELS3, ..."""
+    """Return labels of the points; beyond 255 they continue in LABELS2, LABELS3, ..."""
     numbers = [
         int(name[6:])
         for group, name in header.parameters

@@ -1,4 +1,4 @@
-"""The pose of the thorax in recordings of the Master Motor Map.
+"""MMM XML of the Master Motor Map, legacy and version 2.0: joint angles and the trunk.
 
 A recording has the pose of the root, which is the pelvis: RootPosition [mm] and RootRotation, roll,
 pitch and yaw [rad] about fixed axes. The joints of the trunk lead from there to the thorax, in the
@@ -35,7 +35,7 @@ _MILLIMETRE = 1e-3  # [m]
 
 
 def root_motion(positions: Array, angles: Array) -> FrameMotion:
-    """The poses of the pelvis from RootPosition [mm] and RootRotation [rad], (k, 3) each.
+    """Return the poses of the pelvis from RootPosition [mm] and RootRotation [rad], (k, 3) each.
 
     Raises:
         ValueError: a pose is not finite.
@@ -48,7 +48,7 @@ def root_motion(positions: Array, angles: Array) -> FrameMotion:
 
 
 def thorax_motion(root: FrameMotion, angles: Array, height: float) -> FrameMotion:
-    """The poses of the thorax, its origin midway between the shoulders.
+    """Return the poses of the thorax, its origin midway between the shoulders.
 
     Args:
         root: poses of the pelvis.
@@ -67,7 +67,7 @@ def thorax_motion(root: FrameMotion, angles: Array, height: float) -> FrameMotio
 
 
 def xml_root(file: Path) -> ElementTree.Element:
-    """The root element of an XML file without entities.
+    """Return the root element of an XML file without entities.
 
     Raises:
         RecordingError: the XML is broken, or defines entities, which can expand to more than memory
@@ -139,7 +139,7 @@ class _Source:
 
 
 def _sources(motion: ElementTree.Element) -> list[_Source]:
-    """The single source of the legacy layout, or every kinematic sensor of version 2.0."""
+    """Return the single source of the legacy layout, or every kinematic sensor of version 2.0."""
     sensors = motion.findall("Sensors/Sensor[@type='Kinematic']")
     if not sensors:
         frames = [

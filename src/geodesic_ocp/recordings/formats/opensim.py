@@ -112,7 +112,7 @@ def _motion(
 
 
 def _fitting(names: Sequence[str]) -> AngleConvention | None:
-    """The built-in convention that uses most of these columns."""
+    """Return the built-in convention that uses most of these columns."""
     best = max(ANGLE_CONVENTIONS.values(), key=lambda each: fits(each, set(names)))
     return best if fits(best, set(names)) else None
 

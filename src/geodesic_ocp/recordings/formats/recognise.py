@@ -89,7 +89,7 @@ def _is_opensim(lines: list[str]) -> bool:
 
 
 def _notes(lines: list[str]) -> list[re.Match[str]]:
-    """The notes of a table, `# key: value`."""
+    """Return the notes of a table, `# key: value`."""
     found = (re.match(r"#\s*(unit|height|mass|subject)\s*:\s*(\S*)", line, re.I) for line in lines)
     return [note for note in found if note]
 
@@ -110,7 +110,7 @@ def _is_marker_table(lines: list[str]) -> bool:
 
 
 def _columns(lines: list[str]) -> set[str]:
-    """Names in the first line without #, if it is divided into columns."""
+    """Return names in the first line without #, if it is divided into columns."""
     first = (_without_comments(lines) or [""])[0]
     return {name.strip(" \t\"'") for name in re.split(r"[,;\t]", first)}
 

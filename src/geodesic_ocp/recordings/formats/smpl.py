@@ -111,7 +111,7 @@ def read_smpl(
 
 
 def _arrays(file: Path) -> dict[str, Array]:
-    """The arrays "poses" and "rate" as floats."""
+    """Return the arrays "poses" and "rate" as floats."""
     arrays = {}
     for key, array in read_arrays(file, partial(_needed, file)).items():
         name = "rate" if key in _RATES else key

@@ -106,7 +106,7 @@ class MarkedBody:
         return bool(self.model.pin.existJointName(joint))
 
     def factors(self, lengths: ca.SX) -> ca.SX:
-        """Factors of the joints' translations (3, n + 1) from those of the lengths."""
+        """Return factors of the joints' translations (3, n + 1) from those of the lengths."""
         count = self.model.pin.njoints
         if not self.lengths:
             return ca.SX.ones(3, count)
@@ -154,7 +154,7 @@ class MarkedBody:
     def points(
         self, q: ca.SX, lengths: ca.SX, attachments: list[Attachment], offsets: ca.SX
     ) -> ca.SX:
-        """Positions (3, m) [m], relative to the root, of points at offsets (3, m) [m].
+        """Return positions (3, m) [m], relative to the root, of points at offsets (3, m) [m].
 
         The lengths are relative to those of the model; offsets are those at the model's height.
         """
@@ -171,7 +171,7 @@ class MarkedBody:
         return positions
 
     def scaled(self, lengths: Array) -> Model:
-        """The model with these lengths, relative to those that it has."""
+        """Return the model with these lengths, relative to those that it has."""
         if not self.lengths or np.all(lengths == 1.0):
             return self.model
         factors = ca.evalf(self.factors(ca.SX(lengths))).full().T

@@ -87,7 +87,7 @@ def choose_markers(
     names = tuple(np.array(positions.names)[~unseen].tolist())
 
     def on_body(used: MarkerSet) -> dict[str, str]:
-        """Markers of the set on this body by their names in the recording."""
+        """Return markers of the set on this body by their names in the recording."""
         found = used.matching(names)
         return {name: each for name, each in found.items() if body.has(used.places[each][0])}
 
@@ -112,7 +112,7 @@ def choose_markers(
 
 
 def _frames(body: MarkedBody) -> MarkerSet:
-    """The frames of the model as points that may be recorded by their names."""
+    """Return the frames of the model as points that may be recorded by their names."""
     frames = [str(frame.name) for frame in list(body.model.pin.frames)[1:]]
     places = {frame: (frame, (0.0, 0.0, 0.0)) for frame in frames}
     return MarkerSet("frames of the model", places, "m", 0.0)

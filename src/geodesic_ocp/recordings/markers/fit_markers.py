@@ -1,4 +1,4 @@
-"""The solution of a fit: frame after frame, and then from coarse to fine."""
+"""fit_markers: joint angles from markers, frame after frame and then for all samples."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class FrameSearch:
         return z, best / float(seen.sum())
 
     def anew(self, z: Array, observed: Array, seed: int = 0) -> tuple[Array, float]:
-        """The best angles from many starts within the limits."""
+        """Return the best angles from many starts within the limits."""
         random, first = np.random.default_rng(seed), self.problem.first_joint
         low, high = np.clip(self.problem.limits[:, first:], -np.pi, np.pi)
         found = []
@@ -154,7 +154,7 @@ class FittedVariables:
 
 
 def solve_fit(problem: FitProblem, time: Array, ipopt: dict[str, Any] | None) -> FittedVariables:
-    """The solution for the observed positions of the chosen markers.
+    """Return the solution for the observed positions of the chosen markers.
 
     Frames are first fitted one after the other, every 0.05 s; then at these times together, with a
     wide loss and with the one that is asked for, and at last at all times.
@@ -194,7 +194,7 @@ def solve_fit(problem: FitProblem, time: Array, ipopt: dict[str, Any] | None) ->
 
 
 def _coarse(time: Array) -> NDArray[np.int64]:
-    """Indices of samples about 0.05 s apart, the first and the last among them."""
+    """Return indices of samples about 0.05 s apart, the first and the last among them."""
     wanted = np.linspace(time[0], time[-1], int((time[-1] - time[0]) / _COARSE_STEP) + 2)
     found = np.unique(np.clip(np.searchsorted(time, wanted), 0, time.size - 1))
     return found if 4 <= found.size < 0.6 * time.size else np.arange(time.size)
@@ -242,7 +242,7 @@ def fit_markers(
     up: Axis | None = None,
     ipopt: dict[str, Any] | None = None,
 ) -> MarkerFit:
-    """Joint angles whose markers are near the recorded ones, of the whole recording at once.
+    """Return joint angles whose markers are near the recorded ones, of the whole recording at once.
 
     They minimize, over the motion of joints and base, lengths of segments and offsets of markers,
     the mean over time of
@@ -350,7 +350,7 @@ def _check_times(time: Array) -> None:
 
 
 def _marker_fit(fitted: FittedVariables, positions: Markers, seconds: float) -> MarkerFit:
-    """The motion, lengths, errors and lost markers from the variables of the program."""
+    """Return the motion, lengths, errors and lost markers from the variables of the program."""
     problem, body, chosen = fitted.problem, fitted.problem.body, fitted.problem.chosen
     found, offsets = (ca.DM(each).full() for each in problem.shared_values(ca.DM(fitted.shared)))
     lengths, time, q = found[:, 0], positions.time, fitted.z[:, problem.first_joint :]

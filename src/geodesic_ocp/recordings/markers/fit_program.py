@@ -164,7 +164,7 @@ class FitProblem:
         return z, shared, points
 
     def _root_rotation(self, angles: ca.SX) -> ca.SX:
-        """Rotation of the root from its angles about z, y and x, in this order."""
+        """Return rotation of the root from its angles about z, y and x, in this order."""
         rotation = ca.SX(self.axes)
         for angle, axis in zip(ca.vertsplit(angles), (2, 1, 0), strict=True):
             turn, (i, j) = ca.SX.eye(3), ((axis + 1) % 3, (axis + 2) % 3)
@@ -175,12 +175,12 @@ class FitProblem:
         return rotation
 
     def root_rotations(self, angles: Array) -> Array:
-        """Rotations (k, 3, 3) of the root from its angles (k, 3)."""
+        """Return rotations (k, 3, 3) of the root from its angles (k, 3)."""
         turns = scipy.spatial.transform.Rotation.from_euler("ZYX", angles)
         return np.asarray(self.axes @ turns.as_matrix())
 
     def root_angles(self, rotations: Array) -> Array:
-        """Angles (k, 3) of rotations (k, 3, 3) over time, without jumps."""
+        """Return angles (k, 3) of rotations (k, 3, 3) over time, without jumps."""
         own = scipy.spatial.transform.Rotation.from_matrix(self.axes.T @ rotations)
         return np.unwrap(own.as_euler("ZYX"), axis=0)
 
@@ -226,7 +226,7 @@ class FitProblem:
         return limits
 
     def program(self, time: Array, observed: Array, loose: NDArray[np.bool_]) -> FitProgram:
-        """The program for observed positions (k, m, 3) [m], NaN where missing.
+        """Return the program for observed positions (k, m, 3) [m], NaN where missing.
 
         `loose` (n,) says which joints the markers do not determine.
         """

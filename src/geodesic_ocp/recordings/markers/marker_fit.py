@@ -65,7 +65,7 @@ class LostMarker:
 def lost_markers(
     time: Array, names: tuple[str, ...], observed: Array, predicted: Array, weights: Array
 ) -> tuple[LostMarker, ...]:
-    """All spans of all markers; observed and predicted (k, m, 3) [m], weights (k, m)."""
+    """Return all spans of all markers; observed and predicted (k, m, 3) [m], weights (k, m)."""
     found = []
     for column, name in enumerate(names):
         seen = np.flatnonzero(~np.isnan(weights[:, column]))
@@ -132,7 +132,7 @@ class MarkerFit:
     iterations: int
 
     def table(self) -> DataFrame:
-        """Errors of every marker, and the share of time in which it is missing or lost."""
+        """Return errors of every marker, and the share of time in which it is missing or lost."""
         missing = np.isnan(self.errors)
         lost = np.where(missing, np.nan, self.weights < _LOST)
         columns = {
@@ -286,7 +286,7 @@ def undetermined_joints(
 def constant_errors(
     problem: FitProblem, time: Array, z: Array, shared: Array, weights: Array
 ) -> Array:
-    """Standard deviations [rad] of the mean over time of the joints' errors (n,).
+    """Return standard deviations [rad] of the mean over time of the joints' errors (n,).
 
     They follow, to first order, from the uncertainty of the places of markers in the marker set:
     as it is where offsets are not estimated, else as the fit leaves it. Up to 50 frames are

@@ -65,12 +65,12 @@ class MarkerSet:
             as_not_negative(f"uncertainty of {marker}", value)
 
     def uncertainty_of(self, marker: str) -> float:
-        """Standard deviation [m] of a marker's distance from its place."""
+        """Return standard deviation [m] of a marker's distance from its place."""
         given = self.uncertainty
         return float(given.get(marker, 0.0) if isinstance(given, Mapping) else given)
 
     def matching(self, names: tuple[str, ...]) -> dict[str, str]:
-        """Markers of this set by the names of a recording that mean them.
+        """Return markers of this set by the names of a recording that mean them.
 
         Case, spaces, underscores and what precedes a colon (the subject in many c3d files) do not
         count.
@@ -110,7 +110,7 @@ def as_marker_set(given: MarkerSet | str | PathLike[str] | None) -> MarkerSet | 
 
 
 def _mirrored(places: Mapping[str, Place]) -> dict[str, Place]:
-    """The places of the left side from those of the right."""
+    """Return the places of the left side from those of the right."""
     return {
         re.sub("^R", "L", marker.replace("right", "left")): (
             segment.replace("right", "left"),

@@ -84,14 +84,14 @@ _TURNS: dict[Axis, tuple[int, int, int]] = {
 
 
 def as_axis(up: str) -> Axis:
-    """An axis by its name; ValueError if it is none."""
+    """Return an axis by its name; ValueError if it is none."""
     if up not in get_args(Axis):
         raise ValueError(f"up must be one of {', '.join(get_args(Axis))}, got {up!r}")
     return cast(Axis, up)
 
 
 def with_z_up(markers: Markers, up: Axis) -> Markers:
-    """The markers in a space that is turned so that its axis `up`, such as "y", becomes z.
+    """Return the markers in a space that is turned so that its axis `up`, such as "y", becomes z.
 
     Raises:
         ValueError: `up` is not an axis.
@@ -101,7 +101,7 @@ def with_z_up(markers: Markers, up: Axis) -> Markers:
 
 
 def evenly(count: int, most: int) -> NDArray[np.int64]:
-    """Indices of up to so many of `count` rows, the first and the last among them."""
+    """Return indices of up to so many of `count` rows, the first and the last among them."""
     return np.unique(np.linspace(0, count - 1, most).round().astype(np.int64))
 
 

@@ -17,7 +17,7 @@ _BETTER = 0.5  # share of their distances from a rigid trunk, below which marker
 
 
 def _in_three(points: Array) -> NDArray[np.int64]:
-    """Indices of the frames in which three points or more are seen."""
+    """Return indices of the frames in which three points or more are seen."""
     return np.flatnonzero(np.sum(~np.isnan(points[:, :, 0]), axis=1) >= 3)
 
 
@@ -47,7 +47,7 @@ def _aligned(places: Array, points: Array) -> tuple[Array, ...]:
 
 
 def rigid_errors(places: Array, points: Array) -> tuple[float, float]:
-    """Root mean square distances [m] from a rigid body and from its mirror image.
+    """Return root mean square distances [m] from a rigid body and from its mirror image.
 
     Medians over up to 200 frames with three points or more, infinite without any.
 
@@ -64,7 +64,7 @@ def rigid_errors(places: Array, points: Array) -> tuple[float, float]:
 
 
 def without_stray(places: Array, points: Array) -> NDArray[np.int64]:
-    """Indices of the points but for one, if the others then are nearer to a rigid body.
+    """Return indices of the points but for one, if the others then are nearer to a rigid body.
 
     Args:
         places, points: see `rigid_errors`.

@@ -101,7 +101,7 @@ _ACROSS = 0.02  # largest cosine of the angle between two axes; smaller ones are
 
 
 def read_alignment(file: str | PathLike[str]) -> Alignment:
-    """The alignment in a JSON file that `Alignment.save` or `geodesic-ocp align` wrote.
+    """Return the alignment in a JSON file that `Alignment.save` or `geodesic-ocp align` wrote.
 
     Raises:
         RecordingError: the file is missing, or of another format; a field is missing, unknown or
@@ -130,7 +130,7 @@ def read_alignment(file: str | PathLike[str]) -> Alignment:
 
 
 def _axes(field: str, record: Any, names: tuple[str, ...]) -> list[Array]:
-    """Two unit vectors (3,) at right angles."""
+    """Return two unit vectors (3,) at right angles."""
     if not isinstance(record, dict) or set(record) != set(names):
         raise ValueError(f"{field} must have the entries {' and '.join(names)}, got {record!r}")
     first, second = (read_direction(f"{field}: {name}", record[name]) for name in names)
@@ -157,7 +157,7 @@ class Proposal:
 
 
 def propose_alignment(robot: Model, *, side: Side | None = None) -> Alignment:
-    """An alignment of a robot's arm with a person's, from the chain of its joints alone.
+    """Return an alignment of a robot's arm with a person's, from the chain of its joints alone.
 
     The shoulder is where the axes of the first joints of the arm meet; joints of a torso before
     them do not count. The hand reaches away from the centre of the wrist, and a single arm is
@@ -207,7 +207,7 @@ def proposal(robot: Model, side: Side | None = None) -> Proposal:
 
 
 def _rounded(point: Array) -> Array:
-    """Without rounding errors, as it is to be read in a file."""
+    """Return without rounding errors, as it is to be read in a file."""
     return np.round(point, 9) + 0.0
 
 
@@ -215,7 +215,7 @@ _HUMAN: dict[str, Side] = {"human right arm": "right", "human left arm": "left"}
 
 
 def align(robot: Model, **changes: Any) -> Alignment:
-    """The default alignment of a robot or of a person's arm, with some fields changed.
+    """Return the default alignment of a robot or of a person's arm, with some fields changed.
 
     Robots that `load_model` offers by name (panda, talos-left-arm, ...) are known by the name of
     the model; of them, single arms (panda, xarm7, ur5) are assumed to be mounted as a right
@@ -254,7 +254,7 @@ def align(robot: Model, **changes: Any) -> Alignment:
 
 
 def known_alignment(robot: Model) -> Alignment | None:
-    """The alignment of a known robot or of a person's arm, by the name of the model."""
+    """Return the alignment of a known robot or of a person's arm, by the name of the model."""
     name, _, _ = robot.name.partition(" with ")  # a payload
     known = KNOWN.get(name)
     if name in _HUMAN:

@@ -115,7 +115,7 @@ def alignment_figure(robot: Model, aligned: Alignment, person: Model) -> Figure:
 
 
 def _marks(robot: Model, aligned: Alignment, q: Array) -> dict[str, tuple[Array, str]]:
-    """Points in the person's axes, with their markers."""
+    """Return points in the person's axes, with their markers."""
     base, shoulder = np.asarray(aligned.base), np.asarray(aligned.shoulder)
     marks = {"shoulder": (np.zeros(3), "o"), "base": (-shoulder @ base, "s")}
     for label, joint, marker in (("elbow", aligned.elbow, "D"), ("wrist", aligned.wrist, "^")):
@@ -125,7 +125,7 @@ def _marks(robot: Model, aligned: Alignment, q: Array) -> dict[str, tuple[Array,
 
 
 def _draw_arrow(axes: Axes, view: View, start: Array, way: Array, style: dict[str, Any]) -> Array:
-    """An arrow, or a circle if it is seen end-on; returns its ends in the plane (2, 2)."""
+    """Return an arrow, or a circle if it is seen end-on; returns its ends in the plane (2, 2)."""
     ends = view.plane(np.array([start, start + way]))
     if np.linalg.norm(ends[1] - ends[0]) < _END_ON * np.linalg.norm(way):
         circle = {"color": style["markerfacecolor"], "markeredgecolor": style["color"]}
@@ -141,7 +141,7 @@ def _draw_arrow(axes: Axes, view: View, start: Array, way: Array, style: dict[st
 
 
 def _set_limits(panels: Any, corners: list[Array]) -> Array:
-    """Panels of one size around the points (k, 2) of each row; half of it (2,) [m]."""
+    """Return panels of one size around the points (k, 2) of each row; half of it (2,) [m]."""
     lows = np.array([np.nanmin(points, axis=0) for points in corners]) - _MARGIN
     highs = np.array([np.nanmax(points, axis=0) for points in corners]) + _MARGIN
     half = (highs - lows).max(axis=0) / 2.0
@@ -164,7 +164,7 @@ def _add_legend(figure: Figure, axes: Axes, name: str) -> None:
 
 
 def alignment_table(robot: Model, aligned: Alignment) -> DataFrame:
-    """Shoulder, axes, length, side, elbow and wrist of an alignment, in words."""
+    """Return shoulder, axes, length, side, elbow and wrist of an alignment, in words."""
     base, hand = np.asarray(aligned.base), np.asarray(aligned.hand)
     across = {"right": "back of the hand", "left": "palm"}.get(aligned.side or "", "hand's right")
     position = ", ".join(f"{entry:.3f}" for entry in np.asarray(aligned.shoulder) + 0.0)

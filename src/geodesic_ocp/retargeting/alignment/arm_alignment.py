@@ -21,7 +21,7 @@ from geodesic_ocp.records import write_file
 
 
 def arm_length(model: Model, joint: str) -> float:
-    """Largest distance [m] of the hand from a joint, within the limits.
+    """Return largest distance [m] of the hand from a joint, within the limits.
 
     Raises:
         ValueError: there is no such joint.
@@ -52,7 +52,7 @@ def axis_name(direction: ArrayLike, frame: str) -> str:
 
 
 def direction_record(direction: Array) -> str | list[float]:
-    """A unit vector (3,) for a file: "+x" if it is an axis, otherwise its components."""
+    """Return a unit vector (3,) for a file: "+x" if it is an axis, otherwise its components."""
     for name, axis in _AXES.items():
         if np.abs(axis - direction).max() <= _EXACT:
             return name
@@ -60,7 +60,7 @@ def direction_record(direction: Array) -> str | list[float]:
 
 
 def read_direction(field: str, record: Any) -> Array:
-    """A unit vector (3,) from `direction_record`, or from three numbers of any length.
+    """Return a unit vector (3,) from `direction_record`, or from three numbers of any length.
 
     Raises:
         ValueError: it is neither; the message names the field.
@@ -175,7 +175,7 @@ class Alignment(ShortRepr):
     def to_robot(
         self, rotation: Array, position: Array, *, scale: float, mirror: bool = False
     ) -> tuple[Array, Array]:
-        """Poses of the robot's hand from poses of a person's hand.
+        """Return poses of the robot's hand from poses of a person's hand.
 
         Args:
             rotation: (..., 3, 3) of the person's hand.

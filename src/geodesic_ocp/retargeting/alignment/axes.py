@@ -36,7 +36,7 @@ class BaseAxes(NamedTuple):
 
 
 def base_axes(robot: Model, found: Landmarks, side: Side | None) -> BaseAxes:
-    """A person's axes on the base of a robot.
+    """Return a person's axes on the base of a robot.
 
     An arm whose shoulder is beside the base's origin, or behind joints of a torso, belongs to a
     body that stands upright: x forward and y left (ROS REP 103), or x to the right, if the shoulder
@@ -137,7 +137,7 @@ class HandAxes(NamedTuple):
 
 
 def hand_axes(robot: Model, found: Landmarks, base: Array, side: Side) -> HandAxes:
-    """Axes of the hand from the directions of the last two joints.
+    """Return axes of the hand from the directions of the last two joints.
 
     The hand reaches from the centre of the wrist to the origin of its frame. The normal of the palm
     is the axis of the second last joint if the last one rolls, as a gripper opens, and otherwise
@@ -211,7 +211,7 @@ def _nearest_axis(direction: Array, excluded: Array | None = None) -> Array:
 
 
 def _across(direction: Array, normal: Array) -> Array:
-    """The unit vector at right angles to the normal next to a direction."""
+    """Return the unit vector at right angles to the normal next to a direction."""
     for each in (direction, *np.eye(3)):
         across = each - normal * (normal @ each)
         if np.linalg.norm(across) > 0.1:

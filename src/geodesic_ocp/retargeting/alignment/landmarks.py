@@ -50,7 +50,7 @@ class Landmarks:
 
 
 def landmarks(robot: Model) -> Landmarks:
-    """Shoulder, elbow and wrist of an arm.
+    """Return shoulder, elbow and wrist of an arm.
 
     The arm is the last seven revolute joints, or fewer. Its shoulder is where the axes of its first
     three joints meet, or of the next three, else where those of two of the first three do. The
@@ -108,7 +108,7 @@ def nearest_point(origins: Array, directions: Array) -> tuple[Array, float]:
 
 
 def wrist_centre(axes: JointAxes, hand: Array) -> Array:
-    """The point (3,) of the last revolute axis that is nearest to the axis before it.
+    """Return the point (3,) of the last revolute axis that is nearest to the axis before it.
 
     The point nearest to the hand, if the two are parallel. It is fixed in the hand.
     """
@@ -136,7 +136,7 @@ def _shoulder(axes: JointAxes, arm: list[int], chain: float) -> tuple[Array, tup
 
 
 def _spread(axes: JointAxes, group: Sequence[int]) -> float:
-    """The largest sine of an angle between two of the axes."""
+    """Return the largest sine of an angle between two of the axes."""
     return max(
         float(np.linalg.norm(np.cross(axes.directions[one], axes.directions[other])))
         for one, other in combinations(group, 2)
@@ -144,7 +144,7 @@ def _spread(axes: JointAxes, group: Sequence[int]) -> float:
 
 
 def _stretched(robot: Model, home: Array, held: list[int], shoulder: Array) -> tuple[Array, float]:
-    """The configuration with the hand farthest from the shoulder, and that distance [m]."""
+    """Return the configuration with the hand farthest from the shoulder, and that distance [m]."""
     low = np.where(np.isfinite(robot.lower), np.maximum(robot.lower, -np.pi), -np.pi)
     high = np.where(np.isfinite(robot.upper), np.minimum(robot.upper, np.pi), np.pi)
     low, high = np.minimum(low, robot.upper), np.maximum(high, robot.lower)
@@ -175,7 +175,7 @@ def _stretched(robot: Model, home: Array, held: list[int], shoulder: Array) -> t
 def _elbow_and_wrist(
     robot: Model, q: Array, arm: list[int], shoulder: Array, length: float
 ) -> tuple[int | None, int | None]:
-    """Numbers of the joints in the chain."""
+    """Return numbers of the joints in the chain."""
     axes = joint_axes(robot, q)
     _, hand = robot.hand_pose(q)
 
