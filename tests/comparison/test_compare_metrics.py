@@ -50,13 +50,13 @@ def test_every_metric_has_its_own_optimal_cuts_and_their_errors_in_all_measures(
             metric, motion, measure="position", model=arm, spacing=0.1
         )
         curve = comparison.curves[name]
-        assert curve.counts.tolist() == found.counts.tolist() == list(range(1, 10))
-        assert curve.position == pytest.approx(found.errors, rel=1e-6)
-        assert list(curve.segments[4]) == found.segments(5, refined=False)
-        predicted = go.synergies.reconstruct(metric, motion, curve.segments[4]).predicted
+        assert curve.index.tolist() == found.counts.tolist() == list(range(1, 10))
+        assert curve["position"].tolist() == pytest.approx(found.errors, rel=1e-6)
+        assert list(curve["cuts"][5]) == found.segments(5, refined=False)
+        predicted = go.synergies.reconstruct(metric, motion, curve["cuts"][5]).predicted
         errors = go.synergies.motion_errors(arm, motion, predicted)
-        assert curve.joint[4] == pytest.approx(errors.joint, rel=1e-6)
-        assert curve.orientation[4] == pytest.approx(errors.orientation, rel=1e-6)
+        assert curve["joint"][5] == pytest.approx(errors.joint, rel=1e-6)
+        assert curve["orientation"][5] == pytest.approx(errors.orientation, rel=1e-6)
 
 
 def test_the_online_rule_is_a_point_with_its_own_cuts(
@@ -70,8 +70,9 @@ def test_the_online_rule_is_a_point_with_its_own_cuts(
         errors = go.synergies.motion_errors(
             arm, motion, go.synergies.reconstruct(metric, motion, segments).predicted
         )
-        (point,) = comparison.online[name]
-        assert (point.threshold, point.count, point.errors) == (0.6, len(segments), errors)
+        ((threshold, *found),) = comparison.online[name].itertuples()
+        expected = [len(segments), errors.joint, errors.position, errors.orientation]
+        assert (threshold, found) == (0.6, expected)
 
 
 def test_chosen_counts_can_be_refined(
@@ -80,8 +81,8 @@ def test_chosen_counts_can_be_refined(
     lines = {"lines": go.Euclidean(7)}
     options = {**OPTIONS, "measure": "position", "counts": [4, 3], "refined": True}
     refined = go.studies.compare_metrics(arm, motion, lines, **options).curves["lines"]
-    assert refined.counts.tolist() == [3, 4]
-    assert np.all(refined.position <= comparison.curves["lines"].position[2:4])
+    assert refined.index.tolist() == [3, 4]
+    assert np.all(refined["position"] <= comparison.curves["lines"]["position"][[3, 4]])
     with pytest.raises(ValueError, match="count must be 1 to 9"):
         go.studies.compare_metrics(arm, motion, lines, **{**options, "counts": [10]})
 
@@ -164,7 +165,7 @@ def test_without_metrics_three_are_compared(arm: go.Model, motion: go.Motion) ->
     assert list(dict.fromkeys(seen)) == [f"{name}: planning segments" for name in names]
     stiff = go.KineticEnergy(arm.with_armature(go.manifold.default_joint_inertia(arm)))
     by_hand = go.synergies.optimal_segmentations(stiff, motion, spacing=0.1)
-    assert result.curves[names[0]].joint == pytest.approx(by_hand.errors, rel=1e-6)
+    assert result.curves[names[0]]["joint"].tolist() == pytest.approx(by_hand.errors, rel=1e-6)
 
 
 @pytest.mark.slow
@@ -175,7 +176,7 @@ def test_table_figure_and_files(comparison: go.studies.MetricComparison, tmp_pat
         ("lines", "optimal", 2),
         ("lines", "optimal", 5),
     ]
-    assert rows_of_table(table)[0][4] == comparison.curves["G"].position[1]
+    assert rows_of_table(table)[0][4] == comparison.curves["G"]["position"][2]
     with pytest.raises(ValueError, match=r"counts \[11\] are not among those compared"):
         comparison.table([11])
     best = [row for row in rows_of_table(comparison.table()) if "BIC" in str(row[1])]
@@ -191,7 +192,7 @@ def test_table_figure_and_files(comparison: go.studies.MetricComparison, tmp_pat
     labels = [text.get_text() for text in axes.get_legend().get_texts()]
     assert labels == ["G", "lines", "least BIC", "online rule"]
     curve = axes.get_lines()[0]
-    assert curve.get_ydata() == pytest.approx(comparison.curves["G"].position)
+    assert curve.get_ydata() == pytest.approx(comparison.curves["G"]["position"].to_numpy())
     with pytest.raises(ValueError, match="measure must be one of joint, position, orientation"):
         comparison.draw(axes, "hand")
 
@@ -221,7 +222,7 @@ def test_functions_of_the_model_are_metrics(
 ) -> None:
     given = {"lines": lambda model: go.Euclidean(model.dof)}
     found = go.studies.compare_metrics(arm, motion, given, measure="position", **OPTIONS)
-    assert np.array_equal(found.curves["lines"].joint, comparison.curves["lines"].joint)
+    assert found.curves["lines"]["joint"].equals(comparison.curves["lines"]["joint"])
 
 
 @pytest.mark.slow
@@ -247,6 +248,6 @@ def test_joint_inertia_explains_recordings_better_than_straight_lines(
         arm, motion, metrics, counts=counts, spacing=0.1, thresholds=[]
     )
     inertia, links, lines = comparison.curves.values()
-    assert np.all(inertia.joint < lines.joint)
-    assert np.all(inertia.position < lines.position)
-    assert np.all(links.joint > lines.joint)
+    assert np.all(inertia["joint"] < lines["joint"])
+    assert np.all(inertia["position"] < lines["position"])
+    assert np.all(links["joint"] > lines["joint"])

@@ -23,7 +23,7 @@ from geodesic_ocp.synergies.optimal_segmentations import (
     OptimalSegmentations,
     optimal_segmentations,
 )
-from geodesic_ocp.synergies.scores import MotionErrors, motion_errors
+from geodesic_ocp.synergies.scores import motion_errors
 from geodesic_ocp.synergies.segment import segment
 from geodesic_ocp.synergies.segment_costs import Measure
 from geodesic_ocp.synergies.synergy import reconstruct
@@ -33,7 +33,7 @@ from geodesic_ocp.trajectory.motion import Motion, bandwidth
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from pandas import DataFrame
+    from pandas import DataFrame, Series
 
 
 # A metric, or a function of a model that returns one.
@@ -86,8 +86,8 @@ _LEAST_SHOWN, _BEYOND = 24, 1.25  # numbers of segments, and a factor beyond the
 
 def draw_error_curves(
     axes: Axes,
-    curves: Mapping[str, tuple[np.ndarray, Array, int]],
-    points: Mapping[str, Sequence[tuple[int, float]]],
+    curves: Mapping[str, tuple[Series, int]],
+    points: Mapping[str, Series],
     measure: str,
     max_count: int | None,
 ) -> None:
@@ -95,30 +95,27 @@ def draw_error_curves(
 
     Args:
         axes: to draw into.
-        curves: numbers of segments (k,), errors (k,), and the best number.
-        points: (number of segments, error) by name.
+        curves: errors by the number of segments, and the best number.
+        points: errors by the number of segments.
         measure: for the label of the axis.
         max_count: largest number shown.
     """
-    marked = [best for *_, best in curves.values()]
-    marked += [count for found in points.values() for count, _ in found]
-    largest = max(int(counts[-1]) for counts, *_ in curves.values())
+    marked = [best for _, best in curves.values()]
+    marked += [count for found in points.values() for count in found.index]
+    largest = max(int(errors.index[-1]) for errors, _ in curves.values())
     if max_count is None:
         max_count = min(largest, max(_LEAST_SHOWN, int(_BEYOND * max(marked, default=0))))
     visible: list[float] = []
-    for (name, (counts, errors, best)), style in zip(
-        curves.items(), _styles(len(curves)), strict=True
-    ):
+    for (name, (errors, best)), style in zip(curves.items(), _styles(len(curves)), strict=True):
         mark, line = style["marker"], {**style, "marker": "none"}
-        few = {"marker": mark, "markersize": 4.0} if len(counts) <= 12 else {}
-        shown = counts <= max_count
-        axes.plot(counts[shown], errors[shown], **{**line, **few}, label=name)
+        few = {"marker": mark, "markersize": 4.0} if len(errors) <= 12 else {}
+        shown, hollow = (each[each.index <= max_count] for each in (errors, points[name]))
+        axes.plot(shown, **{**line, **few}, label=name)
         at = {"color": style["color"], "linestyle": "none", "marker": mark, "zorder": 4}
-        axes.plot([best], errors[counts == best], markersize=8.0, **at)
-        hollow = [point for point in points.get(name, ()) if point[0] <= max_count]
-        if hollow:
-            axes.plot(*np.transpose(hollow), markersize=6.5, fillstyle="none", **at)
-        visible += [*errors[shown], *(error for _, error in hollow)]
+        axes.plot([best], [errors[best]], markersize=8.0, **at)
+        if len(hollow):
+            axes.plot(hollow, markersize=6.5, fillstyle="none", **at)
+        visible += [*shown, *hollow]
     axes.set_yscale("log")
     positive = [error for error in visible if error > 0.0]
     if positive:
@@ -129,7 +126,7 @@ def draw_error_curves(
     axes.grid(which="both", color="0.9", linewidth=0.6)
     axes.set_axisbelow(True)
     _plain_ticks(axes)
-    _add_legend(axes, any(points.values()))
+    _add_legend(axes, any(len(each) for each in points.values()))
 
 
 def _styles(count: int) -> list[dict[str, Any]]:
@@ -169,40 +166,6 @@ _SHOWN = (4, 8, 12, 16, 20, 24)  # of many numbers of segments
 _HEADER = ("metric", "cuts", "segments", "joints [rad]", "hand [m]", "hand [rad]")
 
 
-@dataclass(frozen=True, eq=False)
-class ErrorCurve:
-    """Mean errors of one metric with optimal cuts, by the number of segments.
-
-    Attributes:
-        counts: numbers of segments (k,).
-        joint, position, orientation: mean errors (k,) [rad, m, rad].
-        criterion: Bayesian information criterion (k,).
-        segments: (start, stop) sample indices, a tuple for each number.
-    """
-
-    counts: np.ndarray
-    joint: Array
-    position: Array
-    orientation: Array
-    criterion: Array
-    segments: tuple[tuple[tuple[int, int], ...], ...]
-
-    def __repr__(self) -> str:
-        return (
-            f"ErrorCurve({self.counts[0]} to {self.counts[-1]} segments, joint error "
-            f"{self.joint[0]:.3g} to {self.joint[-1]:.3g})"
-        )
-
-
-@dataclass(frozen=True)
-class OnlineErrors:
-    """Mean errors with the cuts of the online rule: its threshold [rad] and its segments."""
-
-    threshold: float
-    count: int
-    errors: MotionErrors
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class MetricComparison:
     """Errors of several metrics, each with its own optimal cuts, from `compare_metrics`.
@@ -211,15 +174,18 @@ class MetricComparison:
         model: the arm.
         motion: observed, filtered.
         measure: measure that the cuts minimize.
-        curves: curves by metric, the errors with optimal cuts.
-        online: online by metric, the errors with the cuts of the online rule, by threshold.
+        curves: tables by metric, indexed by the number of segments: mean errors with optimal cuts
+            in the columns joint, position and orientation [rad, m, rad], the Bayesian information
+            criterion, and the cuts as (start, stop) sample indices.
+        online: tables by metric, indexed by the threshold of the online rule [rad]: the number of
+            segments, and errors likewise.
     """
 
     model: Model
     motion: Motion
     measure: Measure
-    curves: Mapping[str, ErrorCurve]
-    online: Mapping[str, tuple[OnlineErrors, ...]]
+    curves: Mapping[str, DataFrame]
+    online: Mapping[str, DataFrame]
 
     def __repr__(self) -> str:
         names = list(self.curves)[:3]
@@ -250,8 +216,7 @@ class MetricComparison:
         """
         if name not in self.curves:
             raise ValueError(f"name must be one of {', '.join(self.curves)}, got {name!r}")
-        curve = self.curves[name]
-        return int(curve.counts[np.argmin(curve.criterion)])
+        return int(self.curves[name]["criterion"].idxmin())
 
     def table(self, counts: Sequence[int] | None = None) -> DataFrame:
         """Return mean errors of every metric: optimal cuts, then those of the online rule.
@@ -262,22 +227,19 @@ class MetricComparison:
         Raises:
             ValueError: a number of segments that was not compared.
         """
-        known = {int(count) for curve in self.curves.values() for count in curve.counts}
+        known = {int(count) for curve in self.curves.values() for count in curve.index}
         if missing := sorted(set(counts or ()) - known):
             raise ValueError(f"counts {missing} are not among those compared, {sorted(known)}")
-        rows: list[tuple[str | int | float, ...]] = []
+        rows = []
         for name, curve in self.curves.items():
             best = self.best_count(name)
             few = known if len(known) <= len(_SHOWN) else {*_SHOWN, best}
-            shown = few if counts is None else set(counts)
-            for index, count in enumerate(curve.counts.tolist()):
-                if count in shown:
-                    cuts = "optimal, least BIC" if count == best else "optimal"
-                    errors = [float(getattr(curve, measure)[index]) for measure in _MEASURES]
-                    rows.append((name, cuts, count, *errors))
-            for point in self.online[name]:
-                errors = [getattr(point.errors, measure) for measure in _MEASURES]
-                rows.append((name, f"online, {point.threshold:g} rad", point.count, *errors))
+            chosen = curve[curve.index.isin(few if counts is None else counts)]
+            for count, *errors in chosen[[*_MEASURES]].itertuples():
+                cuts = "optimal, least BIC" if count == best else "optimal"
+                rows.append((name, cuts, count, *errors))
+            for threshold, *found in self.online[name].itertuples():
+                rows.append((name, f"online, {threshold:g} rad", *found))
         return new_table(_HEADER, rows)
 
     def draw(
@@ -299,12 +261,8 @@ class MetricComparison:
         measure = self.measure if measure is None else measure
         if measure not in _MEASURES:
             raise ValueError(f"measure must be one of {', '.join(_MEASURES)}, got {measure!r}")
-        best = {name: self.best_count(name) for name in self.curves}
-        curves = {n: (c.counts, getattr(c, measure), best[n]) for n, c in self.curves.items()}
-        points = {
-            name: [(point.count, float(getattr(point.errors, measure))) for point in found]
-            for name, found in self.online.items()
-        }
+        curves = {n: (each[measure], self.best_count(n)) for n, each in self.curves.items()}
+        points = {n: each.set_index("segments")[measure] for n, each in self.online.items()}
         draw_error_curves(axes, curves, points, measure, max_count)
 
     def plot(self) -> Figure:
@@ -337,7 +295,7 @@ class MetricComparison:
         return write_together(folder, self._write)
 
     def _write(self, folder: FilePath) -> None:
-        known = {int(count) for curve in self.curves.values() for count in curve.counts}
+        known = {int(count) for curve in self.curves.values() for count in curve.index}
         self.table(sorted(known)).to_csv(folder / "table.csv")
         (folder / "table.md").write_text(markdown(self.table()), encoding="utf-8")
         save_figure(self.plot(), folder)
@@ -427,7 +385,7 @@ def compare_metrics(
     >>> part = go.Motion(motion.time[:90], motion.q[:90], motion.joint_names, motion.velocity[:90])
     >>> metrics = {"straight lines": go.Euclidean(7)}
     >>> comparison = go.studies.compare_metrics(arm, part, metrics, thresholds=[0.6], spacing=0.1)
-    >>> comparison.curves["straight lines"].counts.tolist()
+    >>> comparison.curves["straight lines"].index.tolist()
     [1, 2, 3, 4, 5, 6, 7]
 
     Args:
@@ -496,29 +454,28 @@ def _curve(
     refined: bool,
     noise: np.ndarray,
     frequency: float,
-) -> ErrorCurve:
+) -> DataFrame:
+    from pandas import DataFrame
+
     motion = found.motion
     independent = min(len(motion), max(1.0, 2.0 * frequency * motion.duration))
-    errors, criteria = [], []
+    rows = []
     for count in counts:
         predicted = found.predicted(count, refined=refined)
-        errors.append(motion_errors(model, motion, predicted))
-        criteria.append(bayesian_information(predicted.q - motion.q, count, noise, independent))
-    segments = tuple(tuple(found.segments(count, refined=refined)) for count in counts)
-    return ErrorCurve(
-        np.array(counts),
-        np.array([each.joint for each in errors]),
-        np.array([each.position for each in errors]),
-        np.array([each.orientation for each in errors]),
-        np.array(criteria),
-        segments,
-    )
+        errors = motion_errors(model, motion, predicted)
+        criterion = bayesian_information(predicted.q - motion.q, count, noise, independent)
+        cuts = tuple(found.segments(count, refined=refined))
+        rows.append((count, errors.joint, errors.position, errors.orientation, criterion, cuts))
+    columns = ["segments", *_MEASURES, "criterion", "cuts"]
+    return DataFrame(rows, columns=columns).set_index("segments")
 
 
 def _online(
     model: Model, metric: Metric, motion: Motion, thresholds: Sequence[float], name: str
-) -> tuple[OnlineErrors, ...]:
+) -> DataFrame:
     """Return errors with the cuts of the online rule, for the thresholds at which it succeeds."""
+    from pandas import DataFrame
+
     points = []
     for threshold in thresholds:
         try:
@@ -532,5 +489,7 @@ def _online(
             )
             continue
         errors = motion_errors(model, motion, predicted)
-        points.append(OnlineErrors(float(threshold), len(segments), errors))
-    return tuple(points)
+        found = (errors.joint, errors.position, errors.orientation)
+        points.append((float(threshold), len(segments), *found))
+    columns = ["threshold", "segments", *_MEASURES]
+    return DataFrame(points, columns=columns).set_index("threshold")
