@@ -209,8 +209,8 @@ def draw_analysis(
         instants: samples at which the arms are drawn, see `strip_instants`.
         views: from where the arms are seen.
         arms: the observed and the predicted one at the instants.
-        hands: hands by name, positions (k, 3) [m] of the observed and the predicted hand.
-        joints: joints by prediction, error of the joints (k,) [rad] over time.
+        hands: positions (k, 3) [m] of the observed and the predicted hand, by name.
+        joints: errors of the joints (k,) [rad] over time, by prediction.
         distances: distances of each hand by prediction, error of its position (k,) [m] over time.
         curve: draws the error against the number of synergies; None leaves that panel out.
     """

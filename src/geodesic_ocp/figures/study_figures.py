@@ -188,7 +188,7 @@ def draw_distributions(axes: Axes, values: Mapping[str, Sequence[Array]], label:
 
     Args:
         axes: axes of matplotlib.
-        values: values by condition, those of each subject, (k,) each; NaN are left out.
+        values: values of each subject, (k,) each, by condition; NaN are left out.
         label: label of the horizontal axis, with the unit.
     """
     finite = {c: [np.sort(x[np.isfinite(x)]) for x in each] for c, each in values.items()}
@@ -355,7 +355,7 @@ def differences_figure(
     """Draw paired differences of one measure, with their intervals and p-values.
 
     Args:
-        tests: tests by condition, if there are several, and method.
+        tests: tests, indexed by condition (if there are several) and method.
         points: differences of the subjects, (k,) for each test.
         against: label of the reference.
         axis: label of the measure's axis, with its unit.
@@ -390,7 +390,7 @@ def synergies_figure(groups: Mapping[str, Sequence[DataFrame]], unit: str) -> Fi
     """Draw cumulative distributions of the synergies' durations and lengths.
 
     Args:
-        groups: groups by condition, the synergies of each subject.
+        groups: the synergies of each subject, by condition.
         unit: unit of lengths; empty if it is not known.
     """
     figure = new_figure(WIDTH, 2.9)

@@ -57,7 +57,7 @@ class RetargetedArm(PairedArm):
         synergies: for each group the path with a time law of least acceleration, in the robot's
             time; the trajectory stays near them, and rounds the corners where they meet.
         trajectory: what the robot executes, at a uniform rate.
-        motion: motion that motion at the samples of the recording, in robot time.
+        motion: the motion at the samples of the recording, in robot time.
         out_of_reach: distance [m] and angle [rad] of the nearest pose, for poses out of reach, by
             number of the pose: 0 is the first pose, k the end of synergy k, counted from 1.
     """

@@ -299,7 +299,7 @@ class Span:
     Attributes:
         name: shown on the slider.
         start, stop: in the playback's time.
-        text: text that describes it in full, such as "synergy 3 (0.42 s)".
+        text: full description, such as "synergy 3 (0.42 s)".
     """
 
     name: str

@@ -45,8 +45,7 @@ class MethodComparison:
         recordings, subjects: names, one for each recording.
         methods: names; the first cut the recordings, unless segments were given.
         segments: (start, stop) sample indices, a tuple for each recording.
-        observed: observed by method, what it receives of the recording at the ends of a segment,
-            besides its duration.
+        observed: data at the ends of a segment that each method receives, besides its duration.
         scores: scores by method, one for each recording; all NaN where the method failed.
         failures: (recording, method, reason) for each of these.
     """

@@ -98,7 +98,7 @@ class Motion:
         velocity: (k, n) [rad/s or m/s], or None before filtering.
         subject: the recorded person.
         unfiltered: coordinates before filtering (k, n), or None.
-        filter: filter by which the motion was filtered, and the noise of the recording; or None.
+        filter: the filter that was applied, and the noise of the recording; or None.
         trunk: pose of the thorax at the samples, its origin midway between the shoulders, in a
             space with z up; or None.
 

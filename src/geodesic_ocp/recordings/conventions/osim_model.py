@@ -537,7 +537,7 @@ def body_poses(
     Coordinates without values follow their couplers, or have their default values.
 
     Args:
-        model: model whose bodies.
+        model: model of the bodies.
         values: values by coordinate, (k,) [rad or m].
         bodies: names.
 

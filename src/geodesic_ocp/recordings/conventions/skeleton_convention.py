@@ -42,7 +42,7 @@ class SkeletonConvention:
         space_up: vertical axis of the space in which the person moves; `up` by default.
         rest: the pose in which the person stands upright with straight arms: "zero" (all joint
             angles are zero) or "first frame".
-        twist: twist by segment of the arms, how far its axes are turned about its long axis in the
+        twist: angle by which the axes of an arm segment are turned about its long axis in the
             rest pose, against those of `neutral_frames` [deg].
         unit: unit of lengths in the file: "m", "cm", "mm", "in", or metres per unit; None if the
             file or its format says it, or if it is not known.

@@ -235,7 +235,7 @@ def body_axes(
 
     Args:
         file: for messages.
-        convention: convention with up and forward, or without.
+        convention: convention that may state up and forward.
         segments: joint by segment.
         positions: positions of all joints in the rest pose, (n, 3).
 

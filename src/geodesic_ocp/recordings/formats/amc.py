@@ -207,9 +207,9 @@ class AcclaimSkeleton:
         skeleton: one joint a bone, at its start; the first is "root".
         dofs: degrees of freedom by bone, the numbers that a motion gives, such as ("rx", "rz");
             bones without any are left out.
-        orders: orders by bone, in which order the rotations are applied: "XYZ" turns about x first,
+        orders: order of the rotations of each bone: "XYZ" turns about x first,
             so that M = Rz Ry Rx.
-        frames: frames by bone, the axes C (3, 3) about which it turns: its rotation is C M C'.
+        frames: axes C (3, 3) about which each bone turns: its rotation is C M C'.
         unit: metres per unit of length, or None if the file states none.
         angle: radians per unit of angle, or None.
     """
