@@ -43,7 +43,7 @@ class MotionFilter(ShortRepr):
             spline.
         chosen: whether the cut-off was chosen from the noise floor.
         noise: standard deviation of the noise of every joint before filtering (n,) [rad or m].
-        velocity_noise: velocity noise that of the velocities after filtering (n,) [rad/s or m/s].
+        velocity_noise: noise of the velocities after filtering (n,) [rad/s or m/s].
     """
 
     kind: str
